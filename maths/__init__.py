@@ -1,0 +1,1 @@
+"""Mathematics shared by systems and controllers: Lie groups and Gaussian beliefs."""

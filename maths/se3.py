@@ -1,0 +1,184 @@
+"""SE(3) as 4x4 homogeneous matrices, compiled: exponential, logarithm, adjoint and Jacobians.
+
+Tangent vectors are ordered rotation first, (omega [rad], rho [m]), as Drake orders spatial vectors.
+SciPy's `RigidTransform` has the same exponential and logarithm, and the tests compare against it;
+they are compiled here because the joint filters call them thousands of times per tick.
+
+Source: T. D. Barfoot, State Estimation for Robotics, 2017, chapter 7.
+"""
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+_SMALL = 1e-4  # Below this angle, [rad], series replace closed forms.
+
+
+@numba.njit(cache=True)
+def skew(v: Array) -> Array:
+    """The matrix (3, 3) with `skew(v) @ w == cross(v, w)`; `v` is (3,)."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+@numba.njit(cache=True)
+def so3_left_jacobian(omega: Array) -> Array:
+    """The matrix J (3, 3) with exp(omega + d) ~ exp(J d) exp(omega); `omega` is (3,) [rad]."""
+    angle = np.sqrt(omega @ omega)
+    K = skew(omega)
+    if angle < _SMALL:
+        return np.eye(3) + 0.5 * K + K @ K / 6.0
+    return (
+        np.eye(3)
+        + (1.0 - np.cos(angle)) / angle**2 * K
+        + (angle - np.sin(angle)) / angle**3 * (K @ K)
+    )
+
+
+@numba.njit(cache=True)
+def so3_left_jacobian_inverse(omega: Array) -> Array:
+    """The inverse (3, 3) of `so3_left_jacobian`, for angles below 2 pi."""
+    angle = np.sqrt(omega @ omega)
+    K = skew(omega)
+    if angle < _SMALL:
+        return np.eye(3) - 0.5 * K + K @ K / 12.0
+    half = 0.5 * angle
+    return np.eye(3) - 0.5 * K + (1.0 - half / np.tan(half)) / angle**2 * (K @ K)
+
+
+@numba.njit(cache=True)
+def so3_exp(omega: Array) -> Array:
+    """Rotation matrix (3, 3) of the rotation vector `omega` (3,) [rad]."""
+    angle = np.sqrt(omega @ omega)
+    K = skew(omega)
+    if angle < _SMALL:
+        return np.eye(3) + K + 0.5 * (K @ K)
+    return np.eye(3) + np.sin(angle) / angle * K + (1.0 - np.cos(angle)) / angle**2 * (K @ K)
+
+
+@numba.njit(cache=True)
+def so3_log(R: Array) -> Array:
+    """Rotation vector (3,) [rad] of the rotation matrix (3, 3), angle in [0, pi].
+
+    Goes through the quaternion, whose largest component is taken first, so that it is as accurate
+    near pi as near zero.
+    """
+    trace = R[0, 0] + R[1, 1] + R[2, 2]
+    w = 1.0 + trace
+    x = 1.0 + 2.0 * R[0, 0] - trace
+    y = 1.0 + 2.0 * R[1, 1] - trace
+    z = 1.0 + 2.0 * R[2, 2] - trace
+    if w >= x and w >= y and w >= z:
+        qw, qx, qy, qz = w, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    elif x >= y and x >= z:
+        qw, qx, qy, qz = R[2, 1] - R[1, 2], x, R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]
+    elif y >= z:
+        qw, qx, qy, qz = R[0, 2] - R[2, 0], R[0, 1] + R[1, 0], y, R[1, 2] + R[2, 1]
+    else:
+        qw, qx, qy, qz = R[1, 0] - R[0, 1], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], z
+    if qw < 0.0:
+        qw, qx, qy, qz = -qw, -qx, -qy, -qz
+    sine = np.sqrt(qx * qx + qy * qy + qz * qz)
+    scale = 2.0 / qw if sine < 1e-12 * qw else 2.0 * np.arctan2(sine, qw) / sine
+    return scale * np.array([qx, qy, qz])
+
+
+@numba.njit(cache=True)
+def exp(xi: Array) -> Array:
+    """Pose (4, 4) of the tangent vector `xi` (6,)."""
+    X = np.eye(4)
+    X[:3, :3] = so3_exp(xi[:3])
+    X[:3, 3] = so3_left_jacobian(xi[:3]) @ xi[3:]
+    return X
+
+
+@numba.njit(cache=True)
+def log(X: Array) -> Array:
+    """Tangent vector (6,) of the pose (4, 4); `exp(log(X)) == X`."""
+    xi = np.empty(6)
+    omega = so3_log(X[:3, :3])
+    xi[:3] = omega
+    xi[3:] = so3_left_jacobian_inverse(omega) @ np.ascontiguousarray(X[:3, 3])
+    return xi
+
+
+@numba.njit(cache=True)
+def inverse(X: Array) -> Array:
+    """X_BA (4, 4) of X_AB (4, 4)."""
+    Y = np.eye(4)
+    R = np.ascontiguousarray(X[:3, :3].T)
+    Y[:3, :3] = R
+    Y[:3, 3] = -(R @ np.ascontiguousarray(X[:3, 3]))
+    return Y
+
+
+@numba.njit(cache=True)
+def adjoint(X: Array) -> Array:
+    """Ad_X (6, 6) with `X @ exp(xi) == exp(adjoint(X) @ xi) @ X`."""
+    Ad = np.zeros((6, 6))
+    R = np.ascontiguousarray(X[:3, :3])
+    Ad[:3, :3] = R
+    Ad[3:, 3:] = R
+    Ad[3:, :3] = skew(X[:3, 3]) @ R
+    return Ad
+
+
+@numba.njit(cache=True)
+def _coupling(omega: Array, rho: Array) -> Array:
+    """The lower left block Q (3, 3) of the left Jacobian (Barfoot 2017, eq. 7.86)."""
+    angle = np.sqrt(omega @ omega)
+    W = skew(omega)
+    P = skew(rho)
+    WP, PW = W @ P, P @ W
+    WPW = WP @ W
+    if angle < 1e-2:
+        a2 = angle**2
+        c1 = 1.0 / 6.0 - a2 / 120.0
+        c2 = 1.0 / 24.0 - a2 / 720.0
+        c3 = 1.0 / 120.0 - a2 / 2520.0
+    else:
+        sine, cosine = np.sin(angle), np.cos(angle)
+        c1 = (angle - sine) / angle**3
+        c2 = (angle**2 + 2.0 * cosine - 2.0) / (2.0 * angle**4)
+        c3 = (2.0 * angle - 3.0 * sine + angle * cosine) / (2.0 * angle**5)
+    return (
+        0.5 * P
+        + c1 * (WP + PW + WPW)
+        + c2 * (W @ WP + PW @ W - 3.0 * WPW)
+        + c3 * (WPW @ W + W @ WPW)
+    )
+
+
+@numba.njit(cache=True)
+def left_jacobian(xi: Array) -> Array:
+    """J (6, 6) with exp(xi + d) ~ exp(J d) exp(xi); `xi` is (6,)."""
+    J = np.zeros((6, 6))
+    block = so3_left_jacobian(xi[:3])
+    J[:3, :3] = block
+    J[3:, 3:] = block
+    J[3:, :3] = _coupling(xi[:3], xi[3:])
+    return J
+
+
+@numba.njit(cache=True)
+def left_jacobian_inverse(xi: Array) -> Array:
+    """The inverse (6, 6) of `left_jacobian`, for angles below 2 pi."""
+    J = np.zeros((6, 6))
+    block = so3_left_jacobian_inverse(xi[:3])
+    J[:3, :3] = block
+    J[3:, 3:] = block
+    J[3:, :3] = -block @ _coupling(xi[:3], xi[3:]) @ block
+    return J
+
+
+@numba.njit(cache=True)
+def right_jacobian(xi: Array) -> Array:
+    """J (6, 6) with exp(xi + d) ~ exp(xi) exp(J d); `xi` is (6,)."""
+    return left_jacobian(-xi)
+
+
+@numba.njit(cache=True)
+def right_jacobian_inverse(xi: Array) -> Array:
+    """The inverse (6, 6) of `right_jacobian`, for angles below 2 pi."""
+    return left_jacobian_inverse(-xi)

@@ -1,0 +1,1 @@
+"""What perceives: simulated sensors and recursive filters. Nothing here knows the plant's truth."""

@@ -1,0 +1,48 @@
+"""The group laws of SE(3), near zero and near pi, against SciPy and finite differences."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import RigidTransform
+
+from maths import se3
+
+ANGLES = [0.0, 1e-9, 1e-5, 0.99e-4, 1.01e-4, 0.0099, 0.0101, 0.5, 2.0, np.pi - 1e-3, np.pi - 1e-7]
+
+
+def tangent(angle: float, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    axis = rng.normal(size=3)
+    return np.concatenate([angle * axis / np.linalg.norm(axis), rng.normal(size=3)])
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+@pytest.mark.parametrize("seed", range(3))
+def test_exp_agrees_with_scipy_and_log_inverts_it(angle: float, seed: int) -> None:
+    xi = tangent(angle, seed)
+    X = se3.exp(xi)
+    assert_allclose(X, RigidTransform.from_exp_coords(xi).as_matrix(), atol=1e-10)
+    assert_allclose(se3.log(X), xi, atol=2e-8)
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_jacobians_agree_with_finite_differences(angle: float) -> None:
+    xi = tangent(angle, 7)
+    h = 1e-6
+    X_inverse = se3.inverse(se3.exp(xi))
+    left, right = np.empty((6, 6)), np.empty((6, 6))
+    for i, d in enumerate(np.eye(6) * h):
+        plus, minus = se3.exp(xi + d), se3.exp(xi - d)
+        left[:, i] = (se3.log(plus @ X_inverse) - se3.log(minus @ X_inverse)) / (2 * h)
+        right[:, i] = (se3.log(X_inverse @ plus) - se3.log(X_inverse @ minus)) / (2 * h)
+    assert_allclose(se3.left_jacobian(xi), left, atol=2e-7)
+    assert_allclose(se3.right_jacobian(xi), right, atol=2e-7)
+    assert_allclose(se3.left_jacobian(xi) @ se3.left_jacobian_inverse(xi), np.eye(6), atol=1e-8)
+    assert_allclose(se3.right_jacobian(xi) @ se3.right_jacobian_inverse(xi), np.eye(6), atol=1e-8)
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_adjoint_moves_a_tangent_through_a_pose(angle: float) -> None:
+    X, xi = se3.exp(tangent(angle, 1)), tangent(0.3, 2)
+    assert_allclose(X @ se3.exp(xi), se3.exp(se3.adjoint(X) @ xi) @ X, atol=1e-9)
+    assert_allclose(X @ se3.inverse(X), np.eye(4), atol=1e-12)

@@ -75,6 +75,28 @@ class MotionBelief:
 
 
 @dataclass(kw_only=True)
+class EndEffectorBelief(MotionBelief):
+    """The end-effector's motion, with the part of its pose error that stays for an episode.
+
+    The pose error is white + offset_loading @ c, where c ~ N(0, I) is drawn once per episode (the
+    offset of the encoders); `covariance` holds the sum of both parts. Whoever uses displacements
+    needs them apart: the offset nearly cancels between two ticks, the white part does not.
+
+    Attributes:
+        offset_loading: (6, m), pose error in E per unit of each constant.
+    """
+
+    offset_loading: Array
+
+    @property
+    def white_covariance(self) -> Array:
+        """The covariance (12, 12) without the offset."""
+        white = self.covariance.copy()
+        white[:6, :6] -= self.offset_loading @ self.offset_loading.T
+        return white
+
+
+@dataclass(kw_only=True)
 class FeatureBelief:
     """N tracked point features; a feature keeps its id as long as it is tracked.
 
@@ -112,6 +134,17 @@ class BodyMotion:
     feature_ids: Ids
     p_BF: Array
     p_BF_covariance: Array
+
+
+@dataclass(kw_only=True)
+class InteractedBody(BodyMotion):
+    """The body in the hand, and what vision alone says about it at this tick.
+
+    Attributes:
+        seen: X_WB from the features alone, independent of proprioception; None in the dark.
+    """
+
+    seen: PoseBelief | None
 
 
 @dataclass(kw_only=True)

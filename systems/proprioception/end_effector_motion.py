@@ -1,0 +1,251 @@
+"""Where the end-effector is and how it moves, from joint encoders through forward kinematics."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import AbstractValue
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable
+from pydrake.systems.framework import Context
+
+from maths import se3
+from systems.port_values import EndEffectorBelief, SampleWindow
+from systems.proprioception.recursive_filter import RecursiveFilter, require_positive
+from systems.sensors.checks import require
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(kw_only=True)
+class EndEffectorMotionConfig:
+    period: float = 1.0 / 15.0  # Tick, [s].
+    position_noise: float = 1.0e-4  # Of one encoder sample, [rad].
+    velocity_noise: float = 5.0e-3  # Of one velocity sample, [rad/s].
+    joint_acceleration: float = 1.0  # Expected within a window, [rad/s^2].
+    angular_acceleration: float = 0.5  # White noise that drives the velocity, [rad/s^1.5].
+    linear_acceleration: float = 0.2  # The same for the translation, [m/s^1.5].
+    offset_rotation: float = float(np.deg2rad(3.0))  # Calibration offset of the pose, [rad].
+    offset_translation: float = 0.01  # The same for the translation, [m].
+    offset_damping: float = 0.05  # Keeps joint offsets small near singular postures, [-].
+
+
+def fit_joint_samples(
+    tau: Array, values: Array, config: EndEffectorMotionConfig
+) -> tuple[Array, Array, Array]:
+    """Joint positions and velocities at the tick, by least squares over a window.
+
+    Every joint follows q0 + v tau + a tau^2 / 2, where the acceleration has a zero-mean prior.
+
+    Args:
+        tau: Sample times (K,) relative to the tick, at most 0, [s]; K >= 1.
+        values: Samples (K, 2 n), positions [rad] then velocities [rad/s].
+
+    Returns:
+        q0 (n,), v (n,), and the covariance (2, 2) of both, the same for every joint.
+    """
+    n = values.shape[1] // 2
+    ones = np.ones_like(tau)
+    A_q = np.column_stack([ones, tau, 0.5 * tau**2])
+    A_v = np.column_stack([0.0 * tau, ones, tau])
+    w_q, w_v = config.position_noise**-2, config.velocity_noise**-2
+    normal = w_q * A_q.T @ A_q + w_v * A_v.T @ A_v
+    normal[2, 2] += config.joint_acceleration**-2
+    covariance = np.linalg.inv(normal)
+    fit = covariance @ (w_q * A_q.T @ values[:, :n] + w_v * A_v.T @ values[:, n:])
+    return fit[0], fit[1], covariance[:2, :2]
+
+
+def predict_motion(
+    X: Array, V: Array, covariance: Array, config: EndEffectorMotionConfig
+) -> tuple[Array, Array, Array]:
+    """One tick of constant velocity: X exp(V dt), V, and the covariance (12, 12) of both."""
+    dt = config.period
+    step = se3.exp(V * dt)
+    F = np.eye(12)
+    F[:6, :6] = se3.adjoint(se3.inverse(step))
+    F[:6, 6:] = dt * se3.right_jacobian(V * dt)
+    q = np.repeat([config.angular_acceleration**2, config.linear_acceleration**2], 3)
+    Q = np.zeros((12, 12))
+    Q[:6, :6] = np.diag(q * dt**3 / 3.0)
+    Q[:6, 6:] = Q[6:, :6] = np.diag(q * dt**2 / 2.0)
+    Q[6:, 6:] = np.diag(q * dt)
+    return X @ step, V, F @ covariance @ F.T + Q
+
+
+def correct_motion(
+    predicted: tuple[Array, Array, Array], X_measured: Array, V_measured: Array, R: Array
+) -> tuple[Array, Array, Array]:
+    """Kalman correction by a measured pose and velocity with covariance R (12, 12)."""
+    X, V, P = predicted
+    innovation = np.concatenate([se3.log(se3.inverse(X) @ X_measured), V_measured - V])
+    K = np.linalg.solve(P + R, P).T
+    correction = K @ innovation
+    remainder = np.eye(12) - K
+    posterior = remainder @ P @ remainder.T + K @ R @ K.T
+    return X @ se3.exp(correction[:6]), V + correction[6:], 0.5 * (posterior + posterior.T)
+
+
+def joint_offset_loading(J_E: Array, config: EndEffectorMotionConfig) -> Array:
+    """Joint offsets (n, 6) [rad] per unit constant that offset the pose as the calibration does.
+
+    The damped inverse of the Jacobian `J_E` (6, n) of the calibration posture, so that
+    `J_E @ result` is close to diag(offset_rotation, offset_translation).
+    """
+    scale = np.repeat([config.offset_rotation, config.offset_translation], 3)
+    gram = J_E @ J_E.T + config.offset_damping**2 * np.eye(6)
+    return J_E.T @ np.linalg.solve(gram, np.diag(scale))
+
+
+def with_offset(X: Array, V: Array, white: Array, loading: Array) -> EndEffectorBelief:
+    """The belief whose pose error is white noise plus `loading` (6, m) times constants."""
+    covariance = white.copy()
+    covariance[:6, :6] += loading @ loading.T
+    return EndEffectorBelief(X=X, V=V, covariance=covariance, offset_loading=loading)
+
+
+def predict_belief(belief: EndEffectorBelief, config: EndEffectorMotionConfig) -> EndEffectorBelief:
+    """The belief one tick later; the offset turns with the end-effector."""
+    X, V, white = predict_motion(belief.X, belief.V, belief.white_covariance, config)
+    turn = se3.adjoint(se3.inverse(X) @ belief.X)
+    return with_offset(X, V, white, turn @ belief.offset_loading)
+
+
+def estimate_belief(
+    belief: EndEffectorBelief,
+    X_measured: Array,
+    V_measured: Array,
+    R: Array,
+    loading: Array,
+    config: EndEffectorMotionConfig,
+) -> EndEffectorBelief:
+    """This tick's posterior from the last one, a measurement and the offset's loading here."""
+    predicted = predict_motion(belief.X, belief.V, belief.white_covariance, config)
+    return with_offset(*correct_motion(predicted, X_measured, V_measured, R), loading)
+
+
+@dataclass(kw_only=True)
+class EndEffectorState:
+    """The posterior, and the joint offsets per unit constant (n, m); None before the first data."""
+
+    belief: EndEffectorBelief
+    joint_loading: Array | None
+
+
+class EndEffectorMotion(RecursiveFilter):
+    """Recursive estimate of the end-effector's pose and velocity.
+
+    Prediction: X_t = X_{t-1} exp(V dt), V_t = V_{t-1}. Measurement: the window's encoder samples,
+    fitted to the tick's time, through forward kinematics and the Jacobian J_E of the robot's model
+    of itself. Its white part is the encoders' noise through J_E. The calibration error, 1 cm and 3
+    degrees, is an offset: the joints are off by constants of the episode, so it neither averages
+    away nor shows between ticks. It is kept out of the recursion and added to the output, where
+    `offset_loading` tells how much of the pose error each constant causes at this posture:
+    J_E(q) J_E(q_0)^+ diag(3 deg, 1 cm), q_0 being the first posture measured. (The velocity that
+    an offset turns, about 5 % of it, is not modelled.)
+
+    .. pydrake_system::
+
+        name: EndEffectorMotion
+        input_ports:
+        - joint_state_window
+        output_ports:
+        - end_effector_estimated
+        - end_effector_latest
+        - end_effector_predicted
+
+    - joint_state_window: `SampleWindow` of (2 n,) positions [rad] and velocities [rad/s].
+    - end_effector_estimated: `EndEffectorBelief`, posterior of this tick.
+    - end_effector_latest: `EndEffectorBelief`, posterior of the last tick, from the state alone.
+    - end_effector_predicted: `EndEffectorBelief`, one tick after the last, from the state alone.
+
+    Frames: W world, E nominal end-effector.
+
+    Source: Martín-Martín and Brock, "Cross-modal interpretation of multi-modal sensor streams in
+    interactive perception based on coupled recursion", IROS 2017, section IV-A.
+
+    Args:
+        plant: Finalized plant with the arm alone, the robot's knowledge of itself.
+        frame: Name of frame E in it.
+    """
+
+    def __init__(
+        self,
+        config: EndEffectorMotionConfig,
+        plant: MultibodyPlant,
+        frame: str = "end_effector",
+    ) -> None:
+        super().__init__()
+        self._check(config, plant, frame)
+        self._config = config
+        self._plant = plant
+        self._frame = plant.GetFrameByName(frame)
+        self._scratch = plant.CreateDefaultContext()  # Holds no state between two calls.
+        no_samples = SampleWindow(
+            times=np.zeros(0), values=np.zeros((0, 2 * plant.num_positions()))
+        )
+        self._window = self.DeclareAbstractInputPort(
+            "joint_state_window", AbstractValue.Make(no_samples)
+        )
+        unknown = EndEffectorBelief(
+            X=np.eye(4),
+            V=np.zeros(6),
+            covariance=100.0 * np.eye(12),
+            offset_loading=np.zeros((6, 6)),
+        )
+        initial = EndEffectorState(belief=unknown, joint_loading=None)
+        self._declare_recursion(initial, self._calc_motion, config.period)
+        self._declare_estimated("end_effector_estimated", lambda state: state.belief)
+        self._declare_latest("end_effector_latest", lambda state: state.belief)
+        self._declare_latest("end_effector_predicted", self._predict)
+
+    @staticmethod
+    def _check(config: EndEffectorMotionConfig, plant: MultibodyPlant, frame: str) -> None:
+        units = {
+            "period": "s",
+            "position_noise": "rad",
+            "velocity_noise": "rad/s",
+            "joint_acceleration": "rad/s^2",
+            "angular_acceleration": "rad/s^1.5",
+            "linear_acceleration": "m/s^1.5",
+            "offset_damping": "",
+        }
+        require_positive("EndEffectorMotion", config, units)
+        for name, unit in {"offset_rotation": "rad", "offset_translation": "m"}.items():
+            require(getattr(config, name) >= 0, "EndEffectorMotion", config, name, f">= 0 {unit}")
+        if not plant.is_finalized():
+            raise ValueError("EndEffectorMotion: the robot's model must be finalized")
+        if not plant.HasFrameNamed(frame):
+            raise ValueError(f"EndEffectorMotion: the robot's model has no frame named '{frame}'")
+
+    def _kinematics(self, joint_state: Array) -> tuple[Array, Array]:
+        """X_WE (4, 4) and J_E (6, n) at positions and velocities (2 n,)."""
+        self._plant.SetPositionsAndVelocities(self._scratch, joint_state)
+        J_E = self._plant.CalcJacobianSpatialVelocity(
+            self._scratch,
+            JacobianWrtVariable.kV,
+            self._frame,
+            np.zeros(3),
+            self._plant.world_frame(),
+            self._frame,
+        )
+        return self._frame.CalcPoseInWorld(self._scratch).GetAsMatrix4(), J_E
+
+    def _predict(self, state: EndEffectorState) -> EndEffectorBelief:
+        return predict_belief(state.belief, self._config)
+
+    def _calc_motion(self, context: Context, state: EndEffectorState) -> EndEffectorState:
+        window: SampleWindow = self._window.Eval(context)
+        if window.times.size == 0:
+            if state.joint_loading is None:
+                return state
+            return EndEffectorState(belief=self._predict(state), joint_loading=state.joint_loading)
+        tau = window.times - context.get_time()
+        q, v, covariance = fit_joint_samples(tau, window.values, self._config)
+        X_WE, J_E = self._kinematics(np.concatenate([q, v]))
+        joint_loading = state.joint_loading
+        if joint_loading is None:
+            joint_loading = joint_offset_loading(J_E, self._config)
+        R = np.kron(covariance, J_E @ J_E.T)
+        belief = estimate_belief(state.belief, X_WE, J_E @ v, R, J_E @ joint_loading, self._config)
+        return EndEffectorState(belief=belief, joint_loading=joint_loading)

@@ -1,0 +1,92 @@
+"""The anatomy of the proprioceptive filters: one posterior per tick, kept in the Context."""
+
+from collections.abc import Callable
+from typing import Any
+
+from pydrake.common.value import AbstractValue, Value
+from pydrake.systems.framework import (
+    Context,
+    DependencyTicket,
+    InputPort,
+    LeafSystem,
+    State,
+    ValueProducer,
+)
+
+from systems.sensors.checks import require
+
+
+def require_positive(system: str, config: object, units: dict[str, str]) -> None:
+    """Refuses a config whose named fields are not above zero; `units` maps field to unit."""
+    for field, unit in units.items():
+        require(getattr(config, field) > 0, system, config, field, f"> 0 {unit}".rstrip())
+
+
+class RecursiveFilter(LeafSystem):
+    """A system whose state is the posterior of the last tick.
+
+    The posterior of this tick is computed once, in a cache entry that depends on the state, the
+    time and the input ports. Estimated outputs project it, latest outputs project the stored one,
+    and the periodic update stores it; a forced update (`ExecuteForcedEvents`) does the same, for
+    those who tick a filter by hand. A subclass declares its inputs, calls `_declare_recursion`,
+    then declares its outputs in order.
+    """
+
+    def _declare_recursion(
+        self,
+        initial: object,
+        calc_posterior: Callable[[Context, Any], Any],
+        period: float,
+    ) -> None:
+        """Declares state, cache entry and update.
+
+        Args:
+            initial: The state before the first tick; never mutated.
+            calc_posterior: From the context and the stored state to this tick's state.
+        """
+        self._initial = initial
+        self._calc_posterior = calc_posterior
+        self._state_index = self.DeclareAbstractState(Value[object](initial))
+        inputs = [self.get_input_port(i) for i in range(self.num_input_ports())]
+        self._posterior = self._declare_cache("posterior", self._calc_cache, inputs)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._store)
+        self.DeclareForcedUnrestrictedUpdateEvent(self._store)
+
+    def _declare_cache(
+        self,
+        description: str,
+        calc: Callable[[Context, AbstractValue], None],
+        inputs: list[InputPort],
+    ) -> Any:
+        tickets: set[DependencyTicket] = {self.input_port_ticket(p.get_index()) for p in inputs}
+        tickets |= {self.time_ticket(), self.abstract_state_ticket(self._state_index)}
+        producer = ValueProducer(lambda: Value[object](None), calc)
+        return self.DeclareCacheEntry(description, producer, tickets)
+
+    def _declare_estimated(self, name: str, project: Callable[[Any], Any]) -> None:
+        """Declares an output that is a function of this tick's posterior."""
+        self.DeclareAbstractOutputPort(
+            name,
+            lambda: Value[object](project(self._initial)),
+            lambda context, value: value.set_value(project(self._posterior.Eval(context))),
+            {self._posterior.ticket()},
+        )
+
+    def _declare_latest(self, name: str, project: Callable[[Any], Any]) -> None:
+        """Declares an output that is a function of the last tick's posterior alone."""
+        self.DeclareAbstractOutputPort(
+            name,
+            lambda: Value[object](project(self._initial)),
+            lambda context, value: value.set_value(project(self._stored(context))),
+            {self.abstract_state_ticket(self._state_index)},
+        )
+
+    def _stored(self, context: Context) -> Any:
+        return context.get_abstract_state(self._state_index).get_value()
+
+    def _calc_cache(self, context: Context, value: AbstractValue) -> None:
+        value.set_value(self._calc_posterior(context, self._stored(context)))
+
+    def _store(self, context: Context, state: State) -> None:
+        posterior = self._posterior.Eval(context)
+        state.get_mutable_abstract_state(self._state_index).set_value(posterior)

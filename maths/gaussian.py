@@ -1,0 +1,52 @@
+"""Gaussian corrections, likelihoods and consistency, compiled.
+
+A measurement z of a state x with prior covariance P and Jacobian H has the innovation e, whose
+covariance is S = H P H^T + R.
+"""
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+@numba.njit(cache=True)
+def symmetric(P: Array) -> Array:
+    """The symmetric part (n, n) of `P`."""
+    return 0.5 * (P + P.T)
+
+
+@numba.njit(cache=True)
+def joseph_update(P: Array, H: Array, R: Array, e: Array) -> tuple[Array, Array]:
+    """One Kalman correction in Joseph form, symmetric and positive semidefinite at any gain.
+
+    Args:
+        P: Prior covariance (n, n).
+        H: Jacobian (m, n) of the predicted measurement.
+        R: Measurement covariance (m, m).
+        e: Innovation (m,), measured minus predicted.
+
+    Returns:
+        The correction K e (n,) and the posterior covariance (n, n).
+    """
+    PHt = P @ np.ascontiguousarray(H.T)
+    S = symmetric(H @ PHt + R)
+    K = np.ascontiguousarray(np.linalg.solve(S, np.ascontiguousarray(PHt.T)).T)
+    A = np.eye(P.shape[0]) - K @ H
+    posterior = A @ P @ np.ascontiguousarray(A.T) + K @ R @ np.ascontiguousarray(K.T)
+    return K @ e, symmetric(posterior)
+
+
+@numba.njit(cache=True)
+def nees(e: Array, P: Array) -> float:
+    """Normalised error squared e^T P^-1 e of the error `e` (n,) under its covariance (n, n)."""
+    return float(e @ np.linalg.solve(P, e))
+
+
+@numba.njit(cache=True)
+def log_likelihood(e: Array, S: Array) -> float:
+    """Log density of the innovation `e` (m,) under N(0, S), with S (m, m) positive definite."""
+    L = np.linalg.cholesky(S)
+    log_determinant = 2.0 * np.sum(np.log(np.diag(L)))
+    return -0.5 * (nees(e, S) + log_determinant + e.size * np.log(2.0 * np.pi))

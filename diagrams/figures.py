@@ -1,0 +1,289 @@
+"""Draws an episode: errors over time, the opening against the truth, and what the camera saw."""
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from diagrams import palette
+from diagrams.episode_record import EpisodeResult, FrameRecord, TickRecord, Truth
+from diagrams.joint_evaluation import JointSeries, joint_series, motion_start, select_joint
+from diagrams.joint_drawing import draw_joint, joint_color
+from systems.port_values import STATIC_BODY, FeatureBelief, JointType
+
+Array = npt.NDArray[np.float64]
+
+_UNIT = {JointType.PRISMATIC: (1000.0, "mm"), JointType.REVOLUTE: (180.0 / np.pi, "deg")}
+_MODALITY_WIDTH = {"vision": 1.6, "proprioception": 1.6, "crossmodal": 2.4}
+_STYLE = {
+    "font.size": 10,
+    "axes.titlesize": 10.5,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#E6E6E6",
+    "grid.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "axes.edgecolor": "#666666",
+    "xtick.color": "#444444",
+    "ytick.color": "#444444",
+    "legend.frameon": False,
+}
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Writes a figure as PNG, whatever the file's name ends with."""
+    FigureCanvasAgg(figure)
+    figure.savefig(path, format="png", dpi=130, facecolor="white")
+
+
+def _figure(width: float, height: float) -> Figure:
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def draw_errors(result: EpisodeResult) -> Figure:
+    """Error of the opening and of the axis, and the belief in the true type, over time."""
+    import matplotlib as mpl
+
+    truth = result.truth
+    scale, unit = _UNIT[truth.joint_type]
+    with mpl.rc_context(_STYLE):
+        figure = _figure(9.0, 8.0)
+        opening, axis, belief = figure.subplots(
+            3, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2, 2]}
+        )
+        all_series = _series(result)
+        for name, series in all_series.items():
+            color, width = palette.MODALITY[name], _MODALITY_WIDTH[name]
+            error, std = scale * series.error, scale * series.configuration_std
+            opening.plot(series.times, error, color=color, lw=width)
+            opening.fill_between(
+                series.times, error - 2 * std, error + 2 * std, color=color, alpha=0.16, lw=0
+            )
+            degrees = np.rad2deg(series.axis_error)
+            axis.plot(series.times, degrees, color=color, lw=width)
+            axis.plot(series.times, np.rad2deg(series.axis_std), color=color, lw=1.0, ls=":")
+            belief.plot(series.times, series.probability_true_type, color=color, lw=width)
+        opening.axhline(0.0, color=palette.TRUTH, lw=0.9)
+        opening.set_title("opening: estimate minus truth, with its 2σ band")
+        opening.set_ylabel(f"error [{unit}]")
+        axis.set_title("joint axis: angle to the true one (dotted: what the filter expects)")
+        axis.set_ylabel("angle [deg]")
+        belief.set_title(f"probability of the true joint type ({truth.joint_type})")
+        belief.set_ylim(-0.03, 1.05)
+        belief.set_xlabel("time [s]")
+        _limit_errors(opening, axis, all_series, scale)
+        for axes in (opening, axis, belief):
+            _mark_events(axes, result, label=axes is opening)
+        _limit_time(belief, result)
+        _legend(figure, list(all_series), with_truth=False)
+    return figure
+
+
+def draw_openings(result: EpisodeResult) -> Figure:
+    """The opening as each modality believes it, against the truth."""
+    import matplotlib as mpl
+
+    truth = result.truth
+    scale, unit = (100.0, "cm") if truth.joint_type == JointType.PRISMATIC else (180 / np.pi, "deg")
+    with mpl.rc_context(_STYLE):
+        figure = _figure(9.0, 4.2)
+        axes = figure.subplots()
+        for name, series in (all_series := _series(result)).items():
+            color = palette.MODALITY[name]
+            q, std = scale * series.configuration, scale * series.configuration_std
+            axes.fill_between(series.times, q - 2 * std, q + 2 * std, color=color, alpha=0.16, lw=0)
+            axes.plot(series.times, q, color=color, lw=_MODALITY_WIDTH[name])
+        axes.plot(truth.times, scale * truth.opening(), color=palette.TRUTH, lw=1.2, ls="--")
+        axes.set_title(f"{truth.joint_name}: estimated opening with its 2σ band")
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel(f"opening [{unit}]")
+        top = scale * float(np.max(np.abs(truth.opening()), initial=1e-3))
+        axes.set_ylim(-0.15 * top, 1.3 * top)
+        _mark_events(axes, result, label=True)
+        _limit_time(axes, result)
+        _legend(figure, list(all_series), with_truth=True)
+    return figure
+
+
+def _series(result: EpisodeResult) -> dict[str, JointSeries]:
+    return {
+        name: joint_series(record.ticks, result.truth)
+        for name, record in result.modalities.items()
+        if record.ticks
+    }
+
+
+def _limit_errors(
+    opening: Axes, axis: Axes, all_series: dict[str, JointSeries], scale: float
+) -> None:
+    """Shows the bulk of the errors: a lost modality must not flatten the others."""
+    errors = np.concatenate([np.zeros(1), *(s.error for s in all_series.values())])
+    angles = np.concatenate([np.zeros(1), *(s.axis_error for s in all_series.values())])
+    reach = scale * float(np.nanpercentile(np.abs(errors), 95)) * 1.5 + 1e-3
+    opening.set_ylim(-reach, reach)
+    axis.set_ylim(0.0, max(1.0, 1.3 * float(np.rad2deg(np.nanpercentile(angles, 95)))))
+
+
+def _limit_time(axes: Axes, result: EpisodeResult) -> None:
+    start = result.truth.grasp_time
+    begin = max(0.0, start - 1.0) if np.isfinite(start) and start < result.duration else 0.0
+    axes.set_xlim(begin, max(result.duration, begin + 1e-3))
+
+
+def _mark_events(axes: Axes, result: EpisodeResult, *, label: bool) -> None:
+    """Vertical lines where something happens, shades where the camera sees less."""
+    disturbances = result.scenario.disturbances
+    events = [("grasped", result.truth.grasp_time), ("moving", motion_start(result.truth))]
+    for name, time in events:
+        if time is not None and np.isfinite(time) and time < result.duration:
+            axes.axvline(time, color=palette.QUIET, lw=0.9, ls=(0, (4, 3)))
+            if label:
+                _note(axes, time, name)
+    spans = [("lights off", interval) for interval in disturbances.lights_off]
+    spans += [("camera covered", interval) for interval in disturbances.camera_covered]
+    for name, interval in spans:
+        if interval.start < result.duration:
+            end = min(interval.end, result.duration)
+            axes.axvspan(interval.start, end, color="#000000", alpha=0.06, lw=0)
+            axes.axvline(interval.start, color=palette.TRUTH, lw=1.1)
+            if label:
+                _note(axes, interval.start, name)
+
+
+def _note(axes: Axes, time: float, text: str) -> None:
+    axes.annotate(
+        text,
+        (time, 1.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(3, -3),
+        textcoords="offset points",
+        va="top",
+        fontsize=8.5,
+        color="#444444",
+    )
+
+
+def _legend(figure: Figure, modalities: list[str], *, with_truth: bool) -> None:
+    handles = [
+        Line2D(
+            [],
+            [],
+            color=palette.MODALITY[name],
+            lw=_MODALITY_WIDTH[name] + 0.6,
+            label=palette.MODALITY_LABEL[name],
+        )
+        for name in modalities
+    ]
+    if with_truth:
+        handles.append(Line2D([], [], color=palette.TRUTH, lw=1.2, ls="--", label="truth"))
+    figure.legend(handles=handles, loc="outside upper center", ncols=4)
+
+
+def draw_frames(result: EpisodeResult, modality: str | None = None) -> Figure | None:
+    """Camera images from start, middle and end of the motion with features and the joint.
+
+    Args:
+        modality: Whose belief is drawn; by default the cross-modal one where it exists.
+    """
+    import matplotlib as mpl
+
+    frames = _choose_frames(result.frames, result.truth)
+    if not frames or not result.modalities:
+        return None
+    if modality is None:
+        modality = "crossmodal" if "crossmodal" in result.modalities else next(iter(result.modalities))
+    height, width = frames[0].color.shape[:2]
+    with mpl.rc_context(_STYLE | {"axes.grid": False}):
+        figure = _figure(4.6 * len(frames), 4.6 * height / width + 0.55)
+        for axes, frame in zip(np.atleast_1d(figure.subplots(1, len(frames))), frames, strict=True):
+            _draw_frame(axes, frame, result, modality)
+        _frame_legend(figure, modality)
+    return figure
+
+
+def _choose_frames(frames: list[FrameRecord], truth: Truth) -> list[FrameRecord]:
+    """The images at the start of the motion, half way through it and at the end."""
+    if len(frames) <= 3:
+        return frames
+    times = np.array([frame.time for frame in frames])
+    start = motion_start(truth) if len(truth.times) else None
+    begin = times[0] if start is None else start
+    wanted = [begin, 0.5 * (begin + times[-1]), times[-1]]
+    chosen = sorted({int(np.argmin(np.abs(times - time))) for time in wanted})
+    return [frames[k] for k in chosen]
+
+
+def _draw_frame(axes: Axes, frame: FrameRecord, result: EpisodeResult, modality: str) -> None:
+    height, width = frame.color.shape[:2]
+    axes.imshow(frame.color, interpolation="none")
+    axes.set_axis_off()
+    axes.set_xlim(-0.5, width - 0.5)
+    axes.set_ylim(height - 0.5, -0.5)
+    tick = _tick_at(result.modalities[modality].ticks, frame.time)
+    features = frame.features.get(modality)
+    if features is not None and tick is not None:
+        colors = _feature_colors(features, tick)
+        axes.scatter(*features.uv.T, s=9, c=colors, edgecolors="#202020", linewidths=0.35)
+    if tick is None:
+        return
+    joint = select_joint(tick.joints)
+    if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
+        body = next((b for b in tick.bodies.bodies if b.body_id == joint.child_id), None)
+        draw_joint(axes, joint, body, result.camera)
+    _inset(axes, _caption(frame.time, joint, result.truth))
+
+
+def _caption(time: float, joint: object, truth: Truth) -> str:
+    from diagrams.run_report import describe_configuration
+
+    return f"t = {time:.1f} s\n{describe_configuration(joint, truth.axis_W)}"
+
+
+def _inset(axes: Axes, text: str) -> None:
+    axes.text(
+        0.025,
+        0.965,
+        text,
+        transform=axes.transAxes,
+        va="top",
+        fontsize=10,
+        color="white",
+        linespacing=1.35,
+        bbox={"boxstyle": "round,pad=0.35", "facecolor": "black", "alpha": 0.62, "lw": 0},
+    )
+
+
+def _tick_at(ticks: list[TickRecord], time: float) -> TickRecord | None:
+    if not ticks:
+        return None
+    times = np.array([tick.time for tick in ticks])
+    return ticks[int(np.argmin(np.abs(times - time)))]
+
+
+def _feature_colors(features: FeatureBelief, tick: TickRecord) -> list[str]:
+    owner = {
+        int(feature): body.body_id for body in tick.bodies.bodies for feature in body.feature_ids
+    }
+    return [palette.body_color(owner.get(int(i), STATIC_BODY)) for i in features.ids]
+
+
+def _frame_legend(figure: Figure, modality: str) -> None:
+    dot = {"marker": "o", "ls": "", "markeredgecolor": "#202020", "markeredgewidth": 0.4}
+    handles = [
+        Line2D([], [], color=palette.body_color(STATIC_BODY), label="resting features", **dot),
+        Line2D([], [], color=palette.body_color(1), label="features on the held body", **dot),
+        Line2D([], [], color=joint_color(JointType.PRISMATIC), lw=4, label="prismatic joint"),
+        Line2D([], [], color=joint_color(JointType.REVOLUTE), lw=4, label="revolute joint"),
+    ]
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=4,
+        title=f"as believed by {palette.MODALITY_LABEL[modality]}",
+    )

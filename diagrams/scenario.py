@@ -1,0 +1,203 @@
+"""A scenario: all that is chosen about an episode before it starts, read from YAML.
+
+The parts that configure one system are that system's own config; they are checked by that system.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from diagrams.yaml_schema import ScenarioError, apply_override, load_typed, read_yaml, suggestion
+
+SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
+MODEL_FOLDER = Path(__file__).parent.parent / "models"
+MODALITIES = ("vision", "proprioception", "crossmodal")
+
+
+@dataclass(kw_only=True)
+class Interval:
+    start: float = 0.0  # [s], since the episode began.
+    end: float = float("inf")  # [s]
+
+    def __contains__(self, time: float) -> bool:
+        return self.start <= time < self.end
+
+
+@dataclass(kw_only=True)
+class Disturbances:
+    """What goes wrong for the camera, and when."""
+
+    lights_off: list[Interval] = field(default_factory=list)
+    camera_covered: list[Interval] = field(default_factory=list)
+
+
+@dataclass(kw_only=True)
+class CameraView:
+    """Where the camera is and what it sees; its pose is known to the robot."""
+
+    width: int = 640  # [pixels]
+    height: int = 480  # [pixels]
+    horizontal_angle: float = 58.0  # Horizontal field of view, [deg].
+    position: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.6, 1.0]))  # p_WC, [m].
+    looking_at: np.ndarray = field(default_factory=lambda: np.array([0.8, 0.0, 0.4]))  # In W, [m].
+
+
+@dataclass(kw_only=True)
+class ObjectVariation:
+    """What the seed draws uniformly around the nominal object."""
+
+    position: np.ndarray = field(default_factory=lambda: np.zeros(3))  # Half ranges, [m].
+    yaw: float = 0.0  # Half range, [deg].
+    friction: float = 0.0  # Half range of the joint's friction, as a share of it.
+    textures: list[str] = field(default_factory=list)  # Names to choose from; empty: the model's.
+
+
+@dataclass(kw_only=True)
+class ObjectConfig:
+    """The articulated object and the joint of it that the robot explores."""
+
+    model: str = "sdf/chest.sdf"  # A path, relative to the scenario's folder or to models/.
+    joint: str = "drawer_slide"
+    handle_frame: str = "handle"
+    position: np.ndarray = field(default_factory=lambda: np.array([0.8, 0.0, 0.0]))  # In W, [m].
+    yaw: float = 0.0  # [deg]
+    variation: ObjectVariation = field(default_factory=ObjectVariation)
+
+
+@dataclass(kw_only=True)
+class Task:
+    opening: float = 0.2  # The joint's least travel for a success, [m or rad].
+
+
+@dataclass(kw_only=True)
+class Scenario:
+    """One kind of episode; with a seed, one episode."""
+
+    name: str = ""
+    description: str = ""
+    seed: int = 0
+    duration: float = 40.0  # Simulated time after which an episode ends at the latest, [s].
+    plant_time_step: float = 0.002  # [s]
+    network_period: float = 1.0 / 15.0  # [s]
+    modalities: list[str] = field(default_factory=lambda: list(MODALITIES))
+    object: ObjectConfig = field(default_factory=ObjectConfig)
+    camera: CameraView = field(default_factory=CameraView)
+    task: Task = field(default_factory=Task)
+    disturbances: Disturbances = field(default_factory=Disturbances)
+    versions: dict[str, str] = field(default_factory=dict)  # Written into a run's folder.
+
+
+def scenario_files() -> dict[str, Path]:
+    """The scenarios that come with the program, by name."""
+    return {path.stem: path for path in sorted(SCENARIO_FOLDER.glob("*.yaml"))}
+
+
+def find_scenario(name_or_path: str) -> Path:
+    """The file of a scenario given by its name or by its path."""
+    known = scenario_files()
+    if name_or_path in known:
+        return known[name_or_path]
+    path = Path(name_or_path)
+    if path.suffix in (".yaml", ".yml") or path.is_file():
+        return path
+    raise ScenarioError(f"unknown scenario '{name_or_path}'; {suggestion(name_or_path, known)}")
+
+
+def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
+    """Reads and checks a scenario.
+
+    Args:
+        overrides: Assignments `key.path=value` that replace what the file says.
+    """
+    path = find_scenario(name_or_path)
+    document = read_yaml(path)
+    for assignment in overrides:
+        apply_override(document, assignment)
+    scenario = load_typed(Scenario, document, str(path))
+    scenario.name = scenario.name or path.stem
+    scenario.object.model = str(_model_file(scenario.object.model, path))
+    check_scenario(scenario, str(path))
+    return scenario
+
+
+def _model_file(model: str, scenario_path: Path) -> Path:
+    candidates = [scenario_path.parent / model, MODEL_FOLDER / model]
+    for candidate in candidates:
+        if candidate.is_file():
+            return candidate.resolve()
+    places = " or ".join(str(candidate.parent) for candidate in candidates)
+    raise ScenarioError(
+        f"{scenario_path}: object.model = '{model}': there is no such file in {places}"
+    )
+
+
+def check_scenario(scenario: Scenario, source: str) -> None:
+    """Refuses values that no episode can have."""
+
+    def positive(key: str, value: float, unit: str) -> None:
+        if not 0 < value < float("inf"):
+            raise ScenarioError(f"{source}: {key} = {value!r} {unit}, but it must be > 0 {unit}")
+
+    positive("duration", scenario.duration, "s")
+    positive("plant_time_step", scenario.plant_time_step, "s")
+    positive("network_period", scenario.network_period, "s")
+    positive("task.opening", scenario.task.opening, "m or rad")
+    if scenario.seed < 0:
+        raise ScenarioError(f"{source}: seed = {scenario.seed}, but it must be >= 0")
+    _check_modalities(scenario.modalities, source)
+    _check_camera(scenario.camera, source)
+    _check_variation(scenario.object.variation, source)
+    for key in ("lights_off", "camera_covered"):
+        for index, interval in enumerate(getattr(scenario.disturbances, key)):
+            if not 0 <= interval.start < interval.end:
+                raise ScenarioError(
+                    f"{source}: disturbances.{key}.{index} = {interval.start:g} to"
+                    f" {interval.end:g} s, but it must be 0 <= start < end"
+                )
+
+
+def _check_modalities(modalities: Iterable[str], source: str) -> None:
+    names = list(modalities)
+    for name in names:
+        if name not in MODALITIES:
+            raise ScenarioError(
+                f"{source}: modalities: unknown modality '{name}'; {suggestion(name, MODALITIES)}"
+            )
+    if not names or len(set(names)) < len(names):
+        raise ScenarioError(f"{source}: modalities = {names}, but it must name each once, at least one")
+
+
+def _check_camera(camera: CameraView, source: str) -> None:
+    for key in ("width", "height"):
+        if not 16 <= getattr(camera, key) <= 4096:
+            raise ScenarioError(
+                f"{source}: camera.{key} = {getattr(camera, key)} pixels,"
+                " but it must be from 16 to 4096 pixels"
+            )
+    if not 0 < camera.horizontal_angle < 180:
+        raise ScenarioError(
+            f"{source}: camera.horizontal_angle = {camera.horizontal_angle!r} deg,"
+            " but it must be between 0 and 180 deg"
+        )
+    for key in ("position", "looking_at"):
+        _check_vector(f"camera.{key}", getattr(camera, key), source)
+    if np.allclose(camera.position, camera.looking_at):
+        raise ScenarioError(f"{source}: camera.looking_at must differ from camera.position")
+
+
+def _check_variation(variation: ObjectVariation, source: str) -> None:
+    _check_vector("object.variation.position", variation.position, source)
+    ranges = {"yaw": variation.yaw, "friction": variation.friction}
+    ranges["position"] = float(np.min(variation.position))
+    for key, value in ranges.items():
+        if not 0 <= value < float("inf"):
+            raise ScenarioError(
+                f"{source}: object.variation.{key} = {value!r}, but a half range must be >= 0"
+            )
+
+
+def _check_vector(key: str, value: np.ndarray, source: str) -> None:
+    if value.shape != (3,) or not np.all(np.isfinite(value)):
+        raise ScenarioError(f"{source}: {key} = {value.tolist()}, but it must be 3 numbers, [m]")

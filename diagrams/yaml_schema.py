@@ -1,0 +1,179 @@
+"""Reads YAML into config dataclasses and says in one line what is wrong with it."""
+
+import dataclasses
+import difflib
+import types
+import typing
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import yaml
+from pydrake.common.yaml import yaml_dump, yaml_load_typed
+
+T = TypeVar("T")
+
+
+class ScenarioError(Exception):
+    """What a user gave cannot be run; the message is one line that says what to change."""
+
+
+def one_line(error: BaseException | str) -> str:
+    """The message on one line, without runs of blanks."""
+    return " ".join(str(error).split())
+
+
+def suggestion(word: str, allowed: Iterable[str]) -> str:
+    """Says which of `allowed` was probably meant, and lists them all."""
+    names = sorted(allowed)
+    near = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
+    hint = f"did you mean '{near[0]}'? " if near else ""
+    return f"{hint}allowed: {', '.join(names) or 'none'}"
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """The mapping in a YAML file."""
+    try:
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ScenarioError(f"{path}: there is no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"{path}: cannot be read: {one_line(error)}") from None
+    except yaml.YAMLError as error:
+        raise ScenarioError(f"{path}: is not valid YAML: {_position(error)}") from None
+    if document is None:
+        return {}
+    if not isinstance(document, dict):
+        raise ScenarioError(
+            f"{path}: must hold a mapping of keys to values, not a {type(document).__name__}"
+        )
+    return document
+
+
+def _position(error: yaml.YAMLError) -> str:
+    if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
+        mark = error.problem_mark
+        return f"line {mark.line + 1}, column {mark.column + 1}: {error.problem}"
+    return one_line(error)
+
+
+def apply_override(document: dict[str, Any], assignment: str) -> None:
+    """Sets `key.path=value` in a nested mapping in place; the value is YAML.
+
+    A number in the path names an element of a list that exists.
+    """
+    path, equals, text = assignment.partition("=")
+    keys = path.strip().split(".")
+    if not equals or not all(keys):
+        raise ScenarioError(f"--set {assignment}: expected key.path=value")
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ScenarioError(f"--set {assignment}: {_position(error)}") from None
+    node: Any = document
+    for key in keys[:-1]:
+        node = _child(node, key, assignment)
+    if isinstance(node, list):
+        node[_list_index(node, keys[-1], assignment)] = value
+    elif isinstance(node, dict):
+        node[keys[-1]] = value
+    else:
+        raise ScenarioError(f"--set {assignment}: '{keys[-1]}' is inside a plain value")
+
+
+def _child(node: Any, key: str, assignment: str) -> Any:
+    if isinstance(node, list):
+        return node[_list_index(node, key, assignment)]
+    if isinstance(node, dict):
+        return node.setdefault(key, {})
+    raise ScenarioError(f"--set {assignment}: '{key}' is inside a plain value")
+
+
+def _list_index(node: list[Any], key: str, assignment: str) -> int:
+    if key.isdigit() and int(key) < len(node):
+        return int(key)
+    raise ScenarioError(f"--set {assignment}: '{key}' is not one of the {len(node)} elements")
+
+
+def load_typed(schema: type[T], document: dict[str, Any], source: str) -> T:
+    """The mapping as an instance of the dataclass `schema`; absent keys keep their defaults.
+
+    Args:
+        source: Where the mapping comes from, the beginning of every error message.
+    """
+    _check(document, schema, source, "")
+    try:
+        return yaml_load_typed(schema=schema, data=yaml_dump(document), defaults=schema())
+    except (RuntimeError, TypeError, ValueError, yaml.YAMLError) as error:
+        raise ScenarioError(f"{source}: {one_line(error)}") from None
+
+
+def _check(value: Any, schema: Any, source: str, path: str) -> None:
+    """Compares a YAML value with the type it must have, recursively."""
+    origin, arguments = typing.get_origin(schema), typing.get_args(schema)
+    if dataclasses.is_dataclass(schema):
+        _check_dataclass(value, schema, source, path)
+    elif origin in (typing.Union, types.UnionType):
+        if value is None and type(None) in arguments:
+            return
+        choices = [choice for choice in arguments if choice is not type(None)]
+        if len(choices) == 1:
+            _check(value, choices[0], source, path)
+    elif origin is list:
+        _require(isinstance(value, list), value, "a list", source, path)
+        for index, item in enumerate(value):
+            _check(item, arguments[0], source, f"{path}.{index}")
+    elif origin is dict:
+        _require(isinstance(value, dict), value, "a mapping", source, path)
+        for key, item in value.items():
+            _check(item, arguments[1], source, f"{path}.{key}")
+    else:
+        _check_leaf(value, origin or schema, source, path)
+
+
+def _check_dataclass(value: Any, schema: Any, source: str, path: str) -> None:
+    _require(isinstance(value, dict), value, "a mapping", source, path)
+    hints = typing.get_type_hints(schema)
+    names = [field.name for field in dataclasses.fields(schema)]
+    for key, item in value.items():
+        where = f"{path}.{key}".lstrip(".")
+        if key not in names:
+            raise ScenarioError(f"{source}: unknown key '{where}'; {suggestion(str(key), names)}")
+        _check(item, hints[key], source, where)
+
+
+def _check_leaf(value: Any, schema: Any, source: str, path: str) -> None:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if schema is float:
+        _require(number or _is_numeric_text(value), value, "a number", source, path)
+    elif schema is int:
+        whole = isinstance(value, int) and not isinstance(value, bool)
+        _require(whole, value, "a whole number", source, path)
+    elif schema is bool:
+        _require(isinstance(value, bool), value, "true or false", source, path)
+    elif schema is str:
+        _require(isinstance(value, str), value, "text", source, path)
+    elif schema is np.ndarray:
+        try:
+            np.asarray(value, dtype=float)
+        except (TypeError, ValueError):
+            _require(False, value, "numbers in a list", source, path)
+
+
+def _is_numeric_text(value: Any) -> bool:
+    """YAML 1.1 reads 1e-3 as text; Drake's loader takes it as the number that was meant."""
+    if not isinstance(value, str):
+        return False
+    try:
+        float(value)
+    except ValueError:
+        return False
+    return True
+
+
+def _require(condition: bool, value: Any, expected: str, source: str, path: str) -> None:
+    if not condition:
+        raise ScenarioError(
+            f"{source}: {path or 'the document'} = {value!r}, but it must be {expected}"
+        )

@@ -1,0 +1,1 @@
+"""What is simulated: robots, hands and objects put together into one MultibodyPlant."""

@@ -1,0 +1,111 @@
+"""The soft hand's pneumatics: four chambers of air whose pressure bends the fingers.
+
+A chamber's volume grows as its joints curl, V = V_0 + sum_j r_j theta_j, so its gauge pressure p
+acts on joint j as the torque p r_j (virtual work). While the valve is open, a regulator fills the
+chamber towards the commanded pressure; once sealed, its air obeys P V = const (isothermal), so that
+bending a finger from outside changes the pressure that the sensor reads.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+Array = npt.NDArray[np.float64]
+
+ATMOSPHERE = 101_325.0  # [Pa]
+CHAMBERS = ("index", "middle", "ring_little", "thumb")
+
+
+@dataclass(kw_only=True)
+class PneumaticHandConfig:
+    period: float = 0.002  # Update period, [s].
+    fill_time: float = 0.15  # Time constant of the pressure regulator, [s].
+    finger_volume: float = 2.5e-5  # Of one straight finger, [m^3].
+    thumb_volume: float = 4.0e-5  # Of the straight thumb, [m^3].
+    # Volume per angle of a finger's three joints, proximal first, [m^3/rad].
+    finger_rates: list[float] = field(default_factory=lambda: [3.0e-6, 4.0e-6, 3.0e-6])
+    thumb_rates: list[float] = field(default_factory=lambda: [1.2e-5, 9.0e-6, 6.0e-6])
+
+
+def chamber_rates(config: PneumaticHandConfig) -> Array:
+    """Volume per joint angle (4 chambers, 15 joints), [m^3/rad]; joints index to little, thumb."""
+    rates = np.zeros((4, 15))
+    for finger, chamber in enumerate((0, 1, 2, 2)):
+        rates[chamber, 3 * finger : 3 * finger + 3] = config.finger_rates
+    rates[3, 12:15] = config.thumb_rates
+    return rates
+
+
+class PneumaticHand(LeafSystem):
+    """Chamber pressures and joint torques of the soft hand.
+
+    .. pydrake_system::
+
+        name: PneumaticHand
+        input_ports:
+        - hand_state
+        - pressure_commanded
+        - sealed
+        output_ports:
+        - joint_torques
+        - cheat_pressure
+
+    - hand_state: (30,) angles [rad] and rates [rad/s] of the fifteen finger joints (true).
+    - pressure_commanded: (4,) gauge pressure that the regulator seeks, [Pa].
+    - sealed: (1,) above 0.5 the valves are closed.
+    - joint_torques: (15,) [N m].
+    - cheat_pressure: (4,) true gauge pressure, [Pa]; the pressure sensor adds its noise.
+
+    State: the product P V of each chamber [J], proportional to its mass of air.
+    """
+
+    def __init__(self, config: PneumaticHandConfig) -> None:
+        super().__init__()
+        for name in ("period", "fill_time", "finger_volume", "thumb_volume"):
+            if not getattr(config, name) > 0:
+                raise ValueError(
+                    f"PneumaticHand: need {name} > 0 (SI), got {getattr(config, name)!r}"
+                )
+        self._rates = chamber_rates(config)
+        single, thumb = config.finger_volume, config.thumb_volume
+        self._volume_straight = np.array([single, single, 2 * single, thumb])
+        self._gain = 1.0 - np.exp(-config.period / config.fill_time)
+        self._hand_state = self.DeclareVectorInputPort("hand_state", 30)
+        self._commanded = self.DeclareVectorInputPort("pressure_commanded", 4)
+        self._sealed = self.DeclareVectorInputPort("sealed", 1)
+        self.DeclareDiscreteState(ATMOSPHERE * self._volume_straight)
+        self._cache = self.DeclareVectorOutputPort(
+            "cheat_pressure",
+            4,
+            self._calc_pressure,
+            {self.xd_ticket(), self.input_port_ticket(self._hand_state.get_index())},
+        )
+        self.DeclareVectorOutputPort(
+            "joint_torques",
+            15,
+            self._calc_torques,
+            {self.xd_ticket(), self.input_port_ticket(self._hand_state.get_index())},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(config.period, 0.0, self._fill)
+
+    def _volume(self, context: Context) -> Array:
+        theta = np.asarray(self._hand_state.Eval(context))[:15]
+        return np.maximum(
+            self._volume_straight + self._rates @ theta, 0.2 * self._volume_straight
+        )
+
+    def _calc_pressure(self, context: Context, output: BasicVector) -> None:
+        air = np.asarray(context.get_discrete_state_vector().value())
+        output.SetFromVector(air / self._volume(context) - ATMOSPHERE)
+
+    def _calc_torques(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._rates.T @ np.asarray(self._cache.Eval(context)))
+
+    def _fill(self, context: Context, next_state: DiscreteValues) -> None:
+        air = np.asarray(context.get_discrete_state_vector().value())
+        if np.asarray(self._sealed.Eval(context))[0] < 0.5:
+            wanted = np.asarray(self._commanded.Eval(context)) + ATMOSPHERE
+            air = air + self._gain * (wanted * self._volume(context) - air)
+        next_state.get_mutable_vector().SetFromVector(air)

@@ -1,0 +1,126 @@
+"""What a colour camera makes of an ideal image: exposure, shot and read noise, saturation."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numba
+import numpy as np
+import numpy.typing as npt
+from scipy.special import ndtri
+
+from systems.sensors.checks import require
+
+Bytes = npt.NDArray[np.uint8]
+
+_LEVELS = 256
+
+
+@dataclass(kw_only=True)
+class ColourNoiseConfig:
+    full_well: float = 4000.0  # Electrons at white, normal light and gain 1.
+    read_noise: float = 8.0  # Standard deviation, [electrons].
+    gamma: float = 2.2  # Grey is (linear intensity)^(1 / gamma).
+    exposure_time_constant: float = 0.2  # Lag of the auto-exposure, [s].
+    gain_min: float = 0.1  # Shortest exposure, relative to the one for normal light.
+    gain_max: float = 8.0  # Largest amplification.
+    grey_target: float = 0.0  # Mean grey that the auto-exposure seeks, 0: its first frame's.
+
+
+def check_colour_noise(config: ColourNoiseConfig) -> None:
+    """Refuses impossible values."""
+    c, name = config, "ColourNoiseConfig"
+    require(0 < c.full_well < np.inf, name, c, "full_well", "> 0 electrons")
+    require(0 <= c.read_noise < np.inf, name, c, "read_noise", ">= 0 electrons")
+    require(0 < c.gamma < np.inf, name, c, "gamma", "> 0")
+    time_constant = c.exposure_time_constant
+    require(0 < time_constant < np.inf, name, c, "exposure_time_constant", "> 0 s")
+    require(0 < c.gain_min <= 1, name, c, "gain_min", "in (0, 1]")
+    require(1 <= c.gain_max < np.inf, name, c, "gain_max", ">= 1")
+    require(0 <= c.grey_target <= 255, name, c, "grey_target", "in [0, 255], 0 for automatic")
+
+
+@cache
+def _encoding(gamma: float) -> Bytes:
+    """Grey level of each of 65536 linear intensities."""
+    return np.round(255.0 * np.linspace(0.0, 1.0, 65536) ** (1.0 / gamma)).astype(np.uint8)
+
+
+@cache
+def _quantiles() -> npt.NDArray[np.float32]:
+    """Standard normal values (256,) of equal probability and unit variance."""
+    z = ndtri((np.arange(_LEVELS) + 0.5) / _LEVELS)
+    return (z / z.std()).astype(np.float32)
+
+
+def _electrons(config: ColourNoiseConfig, light: float, gain: float) -> npt.NDArray[np.float32]:
+    grey = np.arange(_LEVELS, dtype=np.float32) / np.float32(255.0)
+    return np.float32(config.full_well * light * min(gain, 1.0)) * grey ** np.float32(config.gamma)
+
+
+def _encode(config: ColourNoiseConfig, electrons: npt.NDArray[np.float32], gain: float) -> Bytes:
+    scale = np.float32(65535.0 * max(gain, 1.0) / config.full_well)
+    linear = np.clip(electrons * scale, 0.0, 65535.0).astype(np.uint16)
+    return _encoding(config.gamma)[linear]
+
+
+def response(config: ColourNoiseConfig, light: float, gain: float) -> Bytes:
+    """Noise-free measured grey (256,) of each ideal grey."""
+    return _encode(config, _electrons(config, light, gain), gain)
+
+
+def noisy_response(config: ColourNoiseConfig, light: float, gain: float) -> Bytes:
+    """Measured grey (256, 256) of each ideal grey (row) and each equally likely noise (column).
+
+    A pixel collects N electrons with variance N (shot) + read_noise^2. A gain below one shortens
+    the exposure, one above it amplifies what was collected, noise included. Clipping at white and
+    the gamma curve come last, as in the camera.
+
+    Source: EMVA Standard 1288, linear camera model; the figures are typical of a small sensor.
+    """
+    mean = _electrons(config, light, gain)
+    sigma = np.sqrt(mean + np.float32(config.read_noise**2))
+    return _encode(config, mean[:, None] + sigma[:, None] * _quantiles()[None, :], gain)
+
+
+@numba.njit(cache=True)
+def measure_colour(ideal: Bytes, table: Bytes, random: Bytes, measured: Bytes) -> None:
+    """Writes `table[ideal, random]` to the colours of `measured` (h, w, 4); alpha is 255.
+
+    Args:
+        ideal: (h, w, 4).
+        table: `noisy_response`.
+        random: Uniform bytes (3 h w,).
+        measured: (h, w, 4), written.
+    """
+    height, width, _ = ideal.shape
+    i = 0
+    for v in range(height):
+        for u in range(width):
+            for channel in range(3):
+                measured[v, u, channel] = table[ideal[v, u, channel], random[i + channel]]
+            measured[v, u, 3] = 255
+            i += 3
+
+
+def mean_grey(ideal: Bytes, table: Bytes) -> float:
+    """Mean measured grey of an ideal image (h, w, 4), from every fourth pixel of every fourth row.
+
+    Args:
+        ideal: (h, w, 4).
+        table: `response`.
+    """
+    return float(table[ideal[::4, ::4, :3]].mean())
+
+
+def next_gain(
+    config: ColourNoiseConfig, gain: float, grey: float, target: float, period: float
+) -> float:
+    """The auto-exposure's gain after one more frame of mean `grey`.
+
+    A first-order lag in the logarithm of the gain, towards the gain that would bring the linear
+    mean to the target's. Saturation hides how much too bright a frame is, so recovery from
+    over-exposure is slower at first.
+    """
+    ratio = (max(target, 1.0) / max(grey, 1.0)) ** config.gamma
+    share = 1.0 - np.exp(-period / config.exposure_time_constant)
+    return float(np.clip(gain * ratio**share, config.gain_min, config.gain_max))

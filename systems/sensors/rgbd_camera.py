@@ -1,0 +1,165 @@
+"""A structured-light RGB-D camera: noise, drop-outs, exposure, on top of Drake's ideal images."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from pydrake.common.value import AbstractValue, Value
+from pydrake.systems.framework import Context, LeafSystem, State
+from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
+
+from systems.sensors.checks import require
+from systems.sensors.colour_noise import (
+    ColourNoiseConfig,
+    check_colour_noise,
+    mean_grey,
+    measure_colour,
+    next_gain,
+    noisy_response,
+    response,
+)
+from systems.sensors.depth_noise import (
+    DepthNoiseConfig,
+    check_depth_noise,
+    correlated_noise,
+    measure_depth,
+    random_bytes,
+    returns,
+)
+
+_COLOUR_STREAM, _DEPTH_STREAM = 0, 1
+
+
+@dataclass(kw_only=True)
+class CameraNoiseConfig:
+    rate: float = 30.0  # Frames per second, [Hz].
+    exposure_period: float = 1.0 / 15.0  # Between two metered frames, those that are read, [s].
+    depth: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
+    colour: ColourNoiseConfig = field(default_factory=ColourNoiseConfig)
+
+
+class CameraNoise(LeafSystem):
+    """Turns ideal colour and depth images into what a PrimeSense Carmine-like camera delivers.
+
+    Depth: sigma(z) = 1.2 mm + 1.9 mm/m^2 (z - 0.4 m)^2, correlated over the 9 px patch that the
+    camera matches, disparity in steps of 1/8 px, so that depth comes in steps of z^2 / (8 f b);
+    no return outside the range, where the ray grazes the surface, and to the left of near objects,
+    where the projector (to the right of the infrared camera) casts their shadow. Lighting does not
+    matter to depth: the camera brings its own.
+
+    Colour: shot and read noise, gamma, saturation. The auto-exposure follows the mean grey with a
+    lag, so that a jump of the lighting gives some frames that are too dark or too bright.
+
+    Images are computed only when read, and depend on the seed and the number of the frame,
+    round(rate t), alone: whoever reads whatever how often, a frame's noise is the same. Read them
+    at the frames' instants; in between, the noise is the nearest frame's. The gain is state, moved
+    on by a periodic event of its own that meters the ideal image every `exposure_period`; reading
+    does not touch it. The event is an unrestricted one because only these are computed before the
+    plant steps: it shares its instant's rendering with the filters.
+
+    .. pydrake_system::
+
+        name: CameraNoise
+        input_ports:
+        - color_image
+        - depth_image
+        - illumination
+        - cover
+        output_ports:
+        - color_measured
+        - depth_measured
+
+    - `color_image`: `ImageRgba8U` of an `RgbdSensor`, under normal light.
+    - `depth_image`: `ImageDepth32F` of the same sensor, [m]; 0 too near, inf too far.
+    - `illumination`: (1,) light relative to normal; 0 lights off; 1 if not connected.
+    - `cover`: (1,) above 0.5 something covers the camera; 0 if not connected.
+    - `color_measured`: `ImageRgba8U`, alpha 255.
+    - `depth_measured`: `ImageDepth32F`, registered to the colour image, [m]; 0 is no return.
+
+    State: gain of the exposure and the mean grey that it seeks (0 until the first metered frame).
+
+    Sources: see `depth_noise` and `colour_noise`.
+    """
+
+    def __init__(self, config: CameraNoiseConfig, intrinsics: CameraInfo, seed: int) -> None:
+        super().__init__()
+        require(0 < config.rate < np.inf, "CameraNoise", config, "rate", "> 0 Hz")
+        valid = 0 < config.exposure_period < np.inf
+        require(valid, "CameraNoise", config, "exposure_period", "> 0 s")
+        check_depth_noise(config.depth)
+        check_colour_noise(config.colour)
+        self._config = config
+        self._seed = seed
+        self._shape = (intrinsics.height(), intrinsics.width())
+        self._intrinsics = (
+            intrinsics.focal_x(),
+            intrinsics.focal_y(),
+            intrinsics.center_x(),
+            intrinsics.center_y(),
+        )
+        color_model = Value[ImageRgba8U](ImageRgba8U(intrinsics.width(), intrinsics.height()))
+        depth_model = Value[ImageDepth32F](ImageDepth32F(intrinsics.width(), intrinsics.height()))
+        self._color = self.DeclareAbstractInputPort("color_image", color_model)
+        self._depth = self.DeclareAbstractInputPort("depth_image", depth_model)
+        self._illumination = self.DeclareVectorInputPort("illumination", 1)
+        self._cover = self.DeclareVectorInputPort("cover", 1)
+        self._exposure = self.DeclareDiscreteState([1.0, config.colour.grey_target])
+        self.DeclareAbstractOutputPort("color_measured", color_model.Clone, self._calc_color)
+        self.DeclareAbstractOutputPort("depth_measured", depth_model.Clone, self._calc_depth)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(config.exposure_period, 0.0, self._expose)
+
+    def _calc_color(self, context: Context, output: AbstractValue) -> None:
+        gain = context.get_discrete_state_vector().value()[0]
+        table = noisy_response(self._config.colour, self._light(context), gain)
+        random = random_bytes(
+            self._rng(context, _COLOUR_STREAM), 3 * self._shape[0] * self._shape[1]
+        )
+        ideal = self._color.Eval(context).data
+        measure_colour(ideal, table, random, output.get_mutable_value().mutable_data)
+
+    def _calc_depth(self, context: Context, output: AbstractValue) -> None:
+        depth = self._config.depth
+        measured = output.get_mutable_value().mutable_data[:, :, 0]
+        if self._is_covered(context):
+            measured[:] = 0.0
+            return
+        ideal = self._depth.Eval(context).data[:, :, 0]
+        valid = returns(
+            ideal,
+            self._intrinsics,
+            (depth.range_min, depth.range_max),
+            depth.baseline,
+            float(np.cos(depth.grazing_angle)),
+        )
+        rng = self._rng(context, _DEPTH_STREAM)
+        measured[:] = measure_depth(
+            ideal,
+            valid,
+            correlated_noise(rng, self._shape, depth.correlation_window),
+            self._intrinsics[0] * depth.baseline,
+            depth.disparity_step,
+            depth.sigma_base,
+            depth.sigma_square,
+        )
+
+    def _expose(self, context: Context, state: State) -> None:
+        colour = self._config.colour
+        gain, target = context.get_discrete_state_vector().value()
+        table = response(colour, self._light(context), gain)
+        grey = mean_grey(self._color.Eval(context).data, table)
+        target = target or grey
+        gain = next_gain(colour, gain, grey, target, self._config.exposure_period)
+        state.get_mutable_discrete_state().get_mutable_value(0)[:] = gain, target
+
+    def _rng(self, context: Context, stream: int) -> np.random.Generator:
+        frame = round(context.get_time() * self._config.rate)
+        return np.random.Generator(np.random.SFC64([self._seed, frame, stream]))
+
+    def _is_covered(self, context: Context) -> bool:
+        return bool(self._cover.HasValue(context) and self._cover.Eval(context)[0] > 0.5)
+
+    def _light(self, context: Context) -> float:
+        if self._is_covered(context):
+            return 0.0
+        if not self._illumination.HasValue(context):
+            return 1.0
+        return float(self._illumination.Eval(context)[0])

@@ -1,0 +1,129 @@
+"""A six-axis force and torque sensor between arm and hand."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Joint
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from systems.sensors.checks import require
+from systems.sensors.sampled_sensor import SampledSensor, WhiteNoise
+
+Array = npt.NDArray[np.float64]
+
+_BIAS_STREAM, _NOISE_STREAM = 0, 1
+
+
+@dataclass(kw_only=True)
+class WristWrenchConfig:
+    period: float = 0.01  # Between samples, [s].
+    tick: float = 1.0 / 15.0  # Between the network's ticks, [s].
+    noise_torque: float = 0.005  # Standard deviation, [N·m].
+    noise_force: float = 0.1  # Standard deviation, [N].
+    bias_torque: float = 0.02  # Left after taring, standard deviation over episodes, [N·m].
+    bias_force: float = 0.3  # Left after taring, standard deviation over episodes, [N].
+    step_torque: float = 1.0 / 800.0  # Quantisation, [N·m].
+    step_force: float = 1.0 / 40.0  # Quantisation, [N].
+    range_torque: float = 10.0  # Saturation per axis, [N·m].
+    range_force: float = 130.0  # Saturation per axis across the sensor, [N].
+    range_force_axial: float = 400.0  # Saturation along the sensor's z, [N].
+
+
+def force_in_sensor(F_Jc: SpatialForce, X_JcS: RigidTransform, sign: float) -> Array:
+    """`sign` times a spatial force (6,) at Jc in Jc's axes, moved to So and expressed in S."""
+    F_S = F_Jc.Shift(X_JcS.translation())
+    R_SJc = X_JcS.rotation().inverse()
+    return sign * np.concatenate([R_SJc @ F_S.rotational(), R_SJc @ F_S.translational()])
+
+
+class ReactionWrench(LeafSystem):
+    """Takes the load on one joint out of the plant's reaction forces.
+
+    A joint's reaction force is what its child feels from its parent, at the child's joint frame Jc
+    and in its axes: it carries the child. A sensor that is mounted there reports the opposite, what
+    the child (the hand, its weight and all that pulls on it) does to the parent: sign -1. A
+    plant with sampled outputs gives zeros until its first step.
+
+    .. pydrake_system::
+
+        name: ReactionWrench
+        input_ports:
+        - reaction_forces
+        output_ports:
+        - F_S
+
+    - `reaction_forces`: list of `SpatialForce`, one per joint, from the plant.
+    - `F_S`: (6,), torque [N·m] about So, then force [N], both in S.
+
+    Frames: J the joint's frame on its child C (Jc), S the sensor.
+    """
+
+    def __init__(
+        self, plant: MultibodyPlant, joint: Joint, X_JcS: RigidTransform, sign: float = -1.0
+    ) -> None:
+        super().__init__()
+        self._index = int(joint.index())
+        self._X_JcS = X_JcS
+        self._sign = sign
+        model = plant.get_reaction_forces_output_port().Allocate()
+        self._forces = self.DeclareAbstractInputPort("reaction_forces", model)
+        self.DeclareVectorOutputPort("F_S", 6, self._calc)
+
+    def _calc(self, context: Context, output: BasicVector) -> None:
+        F_Jc = self._forces.Eval(context)[self._index]
+        output.set_value(force_in_sensor(F_Jc, self._X_JcS, self._sign))
+
+
+class WristWrenchSensor(SampledSensor):
+    """Measures the spatial force at the wrist with noise, bias, quantisation and saturation.
+
+    F_measured = round_to_step(clip(F + bias + noise)); the seed draws the bias once per episode.
+
+    .. pydrake_system::
+
+        name: WristWrenchSensor
+        input_ports:
+        - F_S
+        output_ports:
+        - wrench_measured
+        - wrench_window
+
+    - `F_S`: (6,), torque [N·m] about So, then force [N], both in S.
+    - `wrench_measured`: (6,), the last sample, held; zero before the first.
+    - `wrench_window`: `SampleWindow` of the samples since the last tick, (K, 6).
+
+    Frames: S the sensor, z along the arm's last link.
+
+    Source: range and resolution are those of the ATI Gamma SI-130-10 (ATI Industrial Automation,
+    F/T Gamma data sheet); noise is larger than its electronics', as on an arm with moving cables.
+    """
+
+    def __init__(self, config: WristWrenchConfig, seed: int) -> None:
+        c, name = config, "WristWrenchSensor"
+        require(0 < c.period < np.inf, name, c, "period", "> 0 s")
+        require(c.period <= c.tick < np.inf, name, c, "tick", ">= period, in s")
+        for quantity, unit in (("torque", "N·m"), ("force", "N")):
+            for kind in ("noise", "bias"):
+                field = f"{kind}_{quantity}"
+                require(0 <= getattr(c, field) < np.inf, name, c, field, f">= 0 {unit}")
+            for kind in ("step", "range"):
+                field = f"{kind}_{quantity}"
+                require(0 < getattr(c, field) < np.inf, name, c, field, f"> 0 {unit}")
+        require(0 < c.range_force_axial < np.inf, name, c, "range_force_axial", "> 0 N")
+        super().__init__("F_S", "wrench", 6, c.period, c.tick)
+        rng = np.random.default_rng((seed, _BIAS_STREAM))
+        self._bias = np.repeat([c.bias_torque, c.bias_force], 3) * rng.standard_normal(6)
+        self._sigma = np.repeat([c.noise_torque, c.noise_force], 3)
+        self._step = np.repeat([c.step_torque, c.step_force], 3)
+        self._range = np.repeat([c.range_torque, c.range_force], 3)
+        self._range[5] = c.range_force_axial
+        self._noise = WhiteNoise(seed, _NOISE_STREAM, 6)
+
+    def measure(self, value: Array, index: int) -> Array:
+        sample = value + self._bias + self._sigma * self._noise(index)
+        sample = np.minimum(np.maximum(sample, -self._range), self._range)
+        return np.asarray(self._step * np.rint(sample / self._step))

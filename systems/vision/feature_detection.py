@@ -1,0 +1,136 @@
+"""Where new point features are born: corners that stand out of the image's noise, spread evenly."""
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Image = npt.NDArray[np.float32]
+Byte = npt.NDArray[np.uint8]
+
+_BLUR = np.outer(*[cv2.getGaussianKernel(5, 1.0)[:, 0]] * 2)
+_BLOCK = 5  # Width of the window that a structure tensor is averaged over, [px].
+
+
+def _gradient_gain() -> float:
+    """Variance of a Sobel derivative of the blurred image, per variance of a raw pixel's noise."""
+    sobel = np.array([[-1.0, 0.0, 1.0], [-2.0, 0.0, 2.0], [-1.0, 0.0, 1.0]]) / 8.0
+    padded = np.zeros((9, 9))
+    padded[2:7, 2:7] = _BLUR
+    response = cv2.filter2D(padded, cv2.CV_64F, sobel)
+    return float(np.sum(response**2))
+
+
+_GRADIENT_GAIN = _gradient_gain()
+BLUR_GAIN = float(np.sqrt(np.sum(_BLUR**2)))  # Standard deviation of noise left by the blur.
+
+
+def smooth_grey(rgba: Byte) -> tuple[Image, float]:
+    """The grey image (H, W), slightly blurred, and its raw noise's standard deviation.
+
+    The noise is read from the flattest quarter of the image: the lower quartile of the response
+    of a mask that is blind to planes, which for white noise is 0.3186 standard deviations.
+
+    Source: J. Immerkaer, Fast Noise Variance Estimation, 1996 (the mask; the quartile is ours).
+    """
+    grey = cv2.cvtColor(rgba, cv2.COLOR_RGBA2GRAY)
+    rows = grey[::4].astype(np.int16)
+    above, below = grey[1::4].astype(np.int16), grey[2::4].astype(np.int16)
+    count = min(len(rows), len(above), len(below))
+    second = [
+        image[:count, :-2] - 2 * image[:count, 1:-1] + image[:count, 2:]
+        for image in (rows, above, below)
+    ]
+    response = np.abs(second[0] - 2 * second[1] + second[2])[:, ::2]
+    unsaturated = (above[:count, 1:-1] > 0) & (above[:count, 1:-1] < 255)
+    response = response[unsaturated[:, ::2]]
+    noise = 0.0
+    if response.size > 100:
+        counts = np.bincount(response.ravel())
+        cumulative = np.cumsum(counts) / response.size
+        noise = float(np.interp(0.25, cumulative, np.arange(len(counts)) + 0.5)) / (0.3186 * 6.0)
+    return cv2.GaussianBlur(grey.astype(np.float32), (5, 5), 1.0), noise
+
+
+def flat_depth_mask(depth: Image, radius: int, step: float) -> Byte:
+    """255 where every pixel within `radius` has a return and no neighbour jumps by `step` [m]."""
+    valid = np.isfinite(depth) & (depth > 0.0)
+    z = np.where(valid, depth, 0.0).astype(np.float32)
+    kernel = np.ones((3, 3), np.uint8)
+    smooth = cv2.blur(z, (3, 3))
+    edge = cv2.dilate(smooth, kernel) - cv2.erode(smooth, kernel) > np.float32(step)
+    bad = (edge | ~valid).astype(np.uint8)
+    bad = cv2.dilate(bad, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8))
+    return (255 * (1 - bad)).astype(np.uint8)
+
+
+def find_corners(
+    image: Image,
+    allowed: Byte,
+    existing_uv: Array,
+    count: int,
+    *,
+    noise: float,
+    min_distance: int,
+    noise_factor: float,
+    cells: tuple[int, int] = (8, 6),
+) -> Array:
+    """Up to `count` corners (K, 2) at integer pixels, strong against noise, spread over the image.
+
+    Args:
+        image: Blurred grey image (H, W).
+        allowed: Nonzero where a corner may lie (H, W).
+        existing_uv: Features that exist (N, 2); corners keep `min_distance` from them.
+        count: Number wanted.
+        noise: Standard deviation of the raw image's noise, [grey levels].
+        min_distance: Between features, [px].
+        noise_factor: Least ratio of a corner's smaller structure tensor eigenvalue to the noise's.
+        cells: The image is divided into so many (columns, rows), which are filled evenly.
+    """
+    allowed = allowed.copy()
+    for u, v in existing_uv:
+        if np.isfinite(u) and np.isfinite(v):
+            cv2.circle(allowed, (round(u), round(v)), min_distance, 0, -1)
+    strength = cv2.cornerMinEigenVal(image, _BLOCK, ksize=3)
+    strength *= 0.25  # OpenCV's derivatives of float images are twice those per pixel.
+    noise = max(noise, 0.5)
+    threshold = noise_factor * _GRADIENT_GAIN * noise**2
+    side = 2 * (min_distance // 2) + 1
+    peak = strength >= cv2.dilate(strength, np.ones((side, side), np.uint8))
+    rows, columns = np.nonzero(peak & (allowed > 0) & (strength > threshold))
+    order = np.argsort(-strength[rows, columns], kind="stable")[: 8 * max(count, 1)]
+    corners = np.stack([columns[order], rows[order]], axis=1).astype(float)
+    height, width = image.shape
+    shape = np.array([width / cells[0], height / cells[1]])
+    return _spread(corners, existing_uv, count, min_distance, shape, cells)
+
+
+def _spread(
+    corners: Array,
+    existing_uv: Array,
+    count: int,
+    min_distance: int,
+    cell_shape: Array,
+    cells: tuple[int, int],
+) -> Array:
+    """Takes corners, best first, from the cells with the fewest features."""
+
+    def cell_of(uv: Array) -> npt.NDArray[np.int64]:
+        index = np.clip((uv / cell_shape).astype(np.int64), 0, np.array(cells) - 1)
+        return np.asarray(index[:, 1] * cells[0] + index[:, 0])
+
+    known = existing_uv[np.all(np.isfinite(existing_uv), axis=1)]
+    crowd = np.bincount(cell_of(known), minlength=cells[0] * cells[1])
+    chosen: list[Array] = []
+    cell = cell_of(corners)
+    rank = np.zeros(len(corners))
+    for c in np.unique(cell):
+        members = np.nonzero(cell == c)[0]
+        rank[members] = crowd[c] + np.arange(len(members))
+    for i in np.lexsort((np.arange(len(corners)), rank)):
+        if len(chosen) == count:
+            break
+        distance = [np.abs(corners[i] - other).max() for other in chosen]
+        if not distance or min(distance) >= min_distance:
+            chosen.append(corners[i])
+    return np.array(chosen).reshape(-1, 2)

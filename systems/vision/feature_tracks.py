@@ -1,0 +1,411 @@
+"""Tracking of point features through one pair of colour and depth images: pure functions."""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from maths import se3
+from systems.port_values import Array, FeatureBelief, Ids
+from systems.vision import camera_geometry, feature_detection, patch_registration
+from systems.vision.patch_registration import Image, Mask, Templates
+
+Byte = npt.NDArray[np.uint8]
+
+
+@dataclass(kw_only=True)
+class FeatureMotionConfig:
+    """How features are found, followed and located; the defaults suit a 640x480 RGB-D camera."""
+
+    period: float = 1.0 / 15.0  # Update period, [s].
+    max_features: int = 200  # Features that exist at a time.
+    min_distance: int = 10  # Between features, [px].
+    patch_radius: int = 7  # Templates are 2 radius + 1 wide, [px].
+    corner_noise_factor: float = 15.0  # Corner strength over that of the image's noise.
+    min_contrast: float = 2.5  # Standard deviation of a patch, [grey levels].
+    min_correlation: float = 0.8  # ZNCC below which a feature is not seen.
+    renewal_correlation: float = 0.88  # ZNCC below which a seen feature's template is renewed.
+    reach: float = 6.0  # Farthest a registration moves from its start, [px].
+    flow_window: int = 21  # Window of the pyramidal Lucas-Kanade tracker, [px].
+    flow_levels: int = 3  # Its pyramid levels above the image.
+    flow_error: float = 1.5  # Its forward-backward error, [px].
+    max_flow_features: int = 80  # Failed features that it is asked for, per tick.
+    robot_border: int = 8  # Features die so near to the robot's mask, [px].
+    max_missed: float = 15.0  # A feature dies unseen after so many ticks, [ticks].
+    max_blackout: float = 45.0  # The same while nearly all features are unseen, [ticks].
+    blackout_share: float = 0.2  # Share of features seen below which it is a blackout.
+    depth_noise: float = 1.2e-3  # Depth noise of a pixel at depth_noise_range, [m].
+    depth_noise_growth: float = 1.9e-3  # Its growth with the square of the distance, [1/m].
+    depth_noise_range: float = 0.4  # [m].
+    depth_floor: float = 2e-4  # Depth error that averaging over a patch leaves, [m].
+    depth_correlated_pixels: float = 50.0  # Neighbours whose depth noise is one and the same.
+    depth_radius: int = 7  # A surface is fitted to a window of 2 radius + 1, [px].
+    depth_share: float = 0.85  # Share of that window that has to lie on the surface.
+    depth_step: float = 0.02  # Jump between neighbours that makes a depth edge, [m].
+    pixel_floor: float = 0.05  # Registration error that does not show in the residual, [px].
+    pixel_correlated: float = 4.0  # Pixels of the blurred image whose noise is one.
+
+
+@dataclass(kw_only=True)
+class FeatureTracks:
+    """What the tracker remembers; never written after it is made, so a deep copy is the object.
+
+    Attributes:
+        ids: (N,).
+        uv: Pixels (N, 2), the last seen or since then predicted ones.
+        p_WF: Positions (N, 3), [m], likewise.
+        covariance: Of the positions (N, 3, 3), [m^2], when last seen.
+        age: Ticks since birth (N,).
+        missed: Ticks since the feature was last seen (N,); zero for those seen now.
+        templates: Patches, cut where tangents_C was measured.
+        tangents_C: How the surface point moves with the template's pixel (N, 3, 2), [m/px].
+        next_id: The id of the next feature.
+        image: The last image in which most features were seen (H, W), blurred grey.
+        uv_image: Pixels in it (N, 2); NaN where a feature was not seen in it.
+        blackout: Whether nearly all features went unseen.
+    """
+
+    ids: Ids
+    uv: Array
+    p_WF: Array
+    covariance: Array
+    age: Ids
+    missed: Array
+    templates: Templates
+    tangents_C: Array
+    next_id: int
+    image: Image | None
+    uv_image: Array
+    blackout: bool
+
+    def __deepcopy__(self, memo: dict[int, object]) -> "FeatureTracks":
+        return self
+
+    def select(self, keep: Mask) -> "FeatureTracks":
+        return replace(
+            self,
+            ids=self.ids[keep],
+            uv=self.uv[keep],
+            p_WF=self.p_WF[keep],
+            covariance=self.covariance[keep],
+            age=self.age[keep],
+            missed=self.missed[keep],
+            templates=self.templates.select(keep),
+            tangents_C=self.tangents_C[keep],
+            uv_image=self.uv_image[keep],
+        )
+
+
+def no_tracks(config: FeatureMotionConfig) -> FeatureTracks:
+    n = (2 * config.patch_radius + 1) ** 2
+    return FeatureTracks(
+        ids=np.zeros(0, np.int64),
+        uv=np.zeros((0, 2)),
+        p_WF=np.zeros((0, 3)),
+        covariance=np.zeros((0, 3, 3)),
+        age=np.zeros(0, np.int64),
+        missed=np.zeros(0),
+        templates=Templates(
+            values=np.zeros((0, n), np.float32),
+            gradients=np.zeros((0, 2, n), np.float32),
+            inverse_hessians=np.zeros((0, 2, 2)),
+            contrast=np.zeros(0),
+        ),
+        tangents_C=np.zeros((0, 3, 2)),
+        next_id=0,
+        image=None,
+        uv_image=np.zeros((0, 2)),
+        blackout=False,
+    )
+
+
+def belief(tracks: FeatureTracks) -> FeatureBelief:
+    """The features that are seen now."""
+    seen = tracks.missed == 0
+    return FeatureBelief(
+        ids=tracks.ids[seen],
+        uv=tracks.uv[seen],
+        p_WF=tracks.p_WF[seen],
+        covariance=tracks.covariance[seen],
+        age=tracks.age[seen],
+    )
+
+
+@dataclass(kw_only=True)
+class Frame:
+    """One tick's images and what is known about the camera.
+
+    Attributes:
+        image: Blurred grey image (H, W).
+        noise: Standard deviation of the raw image's noise, [grey levels].
+        depth: (H, W), [m].
+        robot: Nonzero on the robot and its border (H, W).
+        intrinsics: (fx, fy, cx, cy), [px].
+        X_WC: Camera pose (4, 4).
+    """
+
+    image: Image
+    noise: float
+    depth: Image
+    robot: Byte
+    intrinsics: Array
+    X_WC: Array
+
+
+def locate(
+    config: FeatureMotionConfig, frame: Frame, uv: Array, uv_covariance: Array
+) -> tuple[Array, Array, Array, Mask]:
+    """Positions p_WF (N, 3), covariances (N, 3, 3), tangents in C (N, 3, 2), validity (N,)."""
+    noise = np.array(
+        [
+            config.depth_noise,
+            config.depth_noise_growth,
+            config.depth_noise_range,
+            config.depth_floor,
+        ]
+    )
+    planes, variances, valid = camera_geometry.fit_surfaces(
+        frame.depth,
+        uv,
+        config.depth_radius,
+        noise,
+        config.depth_correlated_pixels,
+        config.depth_share,
+    )
+    planes[~valid] = [1.0, 0.0, 0.0]
+    p_CF, covariance, tangents = camera_geometry.surface_points(
+        uv, uv_covariance, planes, variances, frame.intrinsics
+    )
+    R_WC = frame.X_WC[:3, :3]
+    return camera_geometry.transform(frame.X_WC, p_CF), R_WC @ covariance @ R_WC.T, tangents, valid
+
+
+def _starts(
+    tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief
+) -> tuple[Array, Array, Array]:
+    """Pixels (N, 2), warps (N, 2, 2) and positions (N, 3) to start from.
+
+    Of the last position and the predicted one, the one where the template fits better.
+    """
+    X_CW = se3.inverse(frame.X_WC)
+    p_WF = tracks.p_WF.copy()
+    warps = camera_geometry.patch_warps(
+        camera_geometry.transform(X_CW, p_WF), tracks.tangents_C, frame.intrinsics
+    )
+    uv = tracks.uv.copy()
+    _, mine, theirs = np.intersect1d(tracks.ids, predicted.ids, return_indices=True)
+    if len(mine) == 0:
+        return uv, warps, p_WF
+    p_CF = camera_geometry.transform(X_CW, predicted.p_WF[theirs])
+    uv_predicted = camera_geometry.project(p_CF, frame.intrinsics)
+    in_front = np.isfinite(uv_predicted[:, 0])
+    mine, theirs = mine[in_front], theirs[in_front]
+    p_CF, uv_predicted = p_CF[in_front], uv_predicted[in_front]
+    templates = tracks.templates.select(mine)
+    warps_predicted = camera_geometry.patch_warps(p_CF, tracks.tangents_C[mine], frame.intrinsics)
+    better = patch_registration.score_patches(
+        frame.image, templates, warps_predicted, uv_predicted
+    ) > patch_registration.score_patches(frame.image, templates, warps[mine], uv[mine])
+    # An unseen feature is where the body level says, whatever its last place looks like now.
+    better |= tracks.missed[mine] > 0
+    chosen = mine[better]
+    uv[chosen] = uv_predicted[better]
+    warps[chosen] = warps_predicted[better]
+    p_WF[chosen] = predicted.p_WF[theirs[better]]
+    return uv, warps, p_WF
+
+
+def locally_normalised(image: Image, width: int = 31) -> Byte:
+    """The image with its local mean and standard deviation removed, for changes of exposure."""
+    mean = cv2.blur(image, (width, width))
+    variance = cv2.blur(image * image, (width, width)) - mean * mean
+    scaled = (image - mean) * (40.0 / np.sqrt(np.maximum(variance, 0.0) + 4.0)) + 128.0
+    return np.asarray(np.clip(scaled, 0.0, 255.0).astype(np.uint8))
+
+
+def flow(config: FeatureMotionConfig, before: Image, after: Image, uv: Array) -> tuple[Array, Mask]:
+    """Pyramidal Lucas-Kanade from `before` to `after` and back; pixels (N, 2), success (N,)."""
+    images = locally_normalised(before), locally_normalised(after)
+    window = (config.flow_window, config.flow_window)
+    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.03)
+    start = uv.astype(np.float32).reshape(-1, 1, 2)
+    forward, found, _ = cv2.calcOpticalFlowPyrLK(
+        *images, start, None, winSize=window, maxLevel=config.flow_levels, criteria=criteria
+    )
+    back, returned, _ = cv2.calcOpticalFlowPyrLK(
+        *images[::-1], forward, None, winSize=window, maxLevel=config.flow_levels, criteria=criteria
+    )
+    error = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
+    success = (found.ravel() > 0) & (returned.ravel() > 0) & (error < config.flow_error)
+    return forward.reshape(-1, 2).astype(float), success
+
+
+def _search(
+    config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief
+) -> tuple[Array, Array, Array]:
+    """Registers all features; those that fail start once more from pyramidal Lucas-Kanade.
+
+    Returns pixels (N, 2), ZNCC (N,) and warps (N, 2, 2).
+    """
+    uv_start, warps, _ = _starts(tracks, frame, predicted)
+    uv, scores = patch_registration.register_patches(
+        frame.image, tracks.templates, warps, uv_start, reach=config.reach
+    )
+    known = np.isfinite(tracks.uv_image[:, 0])
+    failed = np.nonzero((scores < config.min_correlation) & known)[0]
+    if tracks.image is None or len(failed) == 0:
+        return uv, scores, warps
+    # Fair over time: those unseen for longest have had their chance.
+    failed = failed[np.argsort(tracks.missed[failed], kind="stable")][: config.max_flow_features]
+    moved, success = flow(config, tracks.image, frame.image, tracks.uv_image[failed])
+    again = failed[success]
+    if len(again):
+        uv_again, scores_again = patch_registration.register_patches(
+            frame.image,
+            tracks.templates.select(again),
+            warps[again],
+            moved[success],
+            reach=config.reach,
+        )
+        better = scores_again > scores[again]
+        uv[again[better]] = uv_again[better]
+        scores[again[better]] = scores_again[better]
+    return uv, scores, warps
+
+
+def _contrast(frame: Frame, uv: Array, radius: int) -> Array:
+    """Standard deviation (N,) of the image around each pixel, [grey levels]."""
+    templates, _ = patch_registration.cut_templates(frame.image, uv, radius)
+    return templates.contrast
+
+
+def follow(
+    config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief
+) -> FeatureTracks:
+    """The tracks after one tick, without new features."""
+    if len(tracks.ids) == 0:
+        return replace(tracks, image=frame.image, blackout=False)
+    uv, scores, warps = _search(config, tracks, frame, predicted)
+    uv_covariance = patch_registration.registration_covariance(
+        tracks.templates, warps, scores, config.pixel_correlated, config.pixel_floor
+    )
+    p_WF, covariance, tangents, on_surface = locate(config, frame, uv, uv_covariance)
+    seen = (scores >= config.min_correlation) & on_surface
+    before = int(np.sum(tracks.missed == 0)) if not tracks.blackout else len(tracks.ids)
+    blackout = before >= 10 and np.sum(seen) < config.blackout_share * before
+
+    fresh = replace(
+        tracks,
+        uv=np.where(seen[:, None], uv, tracks.uv),
+        p_WF=np.where(seen[:, None], p_WF, tracks.p_WF),
+        covariance=np.where(seen[:, None, None], covariance, tracks.covariance),
+        age=tracks.age + 1,
+        missed=np.where(seen, 0.0, tracks.missed + 1.0),
+        blackout=bool(blackout),
+    )
+    fresh = _coast(fresh, frame, predicted)
+    if not blackout:
+        fresh = replace(
+            fresh, image=frame.image, uv_image=np.where(seen[:, None], fresh.uv, np.nan)
+        )
+        fresh = _renew(config, fresh, frame, tangents, seen & (scores < config.renewal_correlation))
+    return fresh.select(_alive(config, fresh, frame))
+
+
+def _coast(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> FeatureTracks:
+    """Moves the unseen features to where the body level predicts them."""
+    _, mine, theirs = np.intersect1d(tracks.ids, predicted.ids, return_indices=True)
+    unseen = tracks.missed[mine] > 0
+    mine, theirs = mine[unseen], theirs[unseen]
+    if len(mine) == 0:
+        return tracks
+    p_WF, uv = tracks.p_WF.copy(), tracks.uv.copy()
+    p_WF[mine] = predicted.p_WF[theirs]
+    p_CF = camera_geometry.transform(se3.inverse(frame.X_WC), p_WF[mine])
+    uv[mine] = camera_geometry.project(p_CF, frame.intrinsics)
+    return replace(tracks, p_WF=p_WF, uv=uv)
+
+
+def _renew(
+    config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame, tangents: Array, worn: Mask
+) -> FeatureTracks:
+    """Cuts new templates for the features that no longer look like theirs."""
+    index = np.nonzero(worn)[0]
+    if len(index) == 0:
+        return tracks
+    cut, valid = patch_registration.cut_templates(
+        frame.image, tracks.uv[index], config.patch_radius
+    )
+    index, cut = index[valid], cut.select(valid)
+    templates = tracks.templates.select(np.arange(len(tracks.ids)))
+    templates.values[index] = cut.values
+    templates.gradients[index] = cut.gradients
+    templates.inverse_hessians[index] = cut.inverse_hessians
+    templates.contrast[index] = cut.contrast
+    tangents_C = tracks.tangents_C.copy()
+    tangents_C[index] = tangents[index]
+    return replace(tracks, templates=templates, tangents_C=tangents_C)
+
+
+def _alive(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame) -> Mask:
+    height, width = frame.image.shape
+    margin = config.patch_radius + 2
+    uv = tracks.uv
+    inside = np.isfinite(uv).all(axis=1)
+    inside &= (uv >= margin).all(axis=1) & (uv < np.array([width, height]) - margin).all(axis=1)
+    pixel = np.where(inside[:, None], uv, 0.0).round().astype(int)
+    free = frame.robot[pixel[:, 1], pixel[:, 0]] == 0
+    patience = config.max_blackout if tracks.blackout else config.max_missed
+    return np.asarray(inside & free & (tracks.missed <= patience))
+
+
+def give_birth(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame) -> FeatureTracks:
+    """The tracks and new features on textured, smooth, robot-free surfaces."""
+    wanted = config.max_features - len(tracks.ids)
+    allowed = feature_detection.flat_depth_mask(frame.depth, config.depth_radius, config.depth_step)
+    allowed[frame.robot > 0] = 0
+    margin = config.patch_radius + 4
+    allowed[:margin], allowed[-margin:] = 0, 0
+    allowed[:, :margin], allowed[:, -margin:] = 0, 0
+    uv = feature_detection.find_corners(
+        frame.image,
+        allowed,
+        tracks.uv,
+        wanted,
+        noise=frame.noise,
+        min_distance=config.min_distance,
+        noise_factor=config.corner_noise_factor,
+    )
+    if len(uv) == 0:
+        return tracks
+    templates, valid = patch_registration.cut_templates(frame.image, uv, config.patch_radius)
+    floor = max(config.min_contrast, 3.0 * feature_detection.BLUR_GAIN * frame.noise)
+    uv_covariance = np.tile(config.pixel_floor**2 * np.eye(2), (len(uv), 1, 1))
+    p_WF, covariance, tangents, on_surface = locate(config, frame, uv, uv_covariance)
+    keep = valid & on_surface & (templates.contrast > floor)
+    born = int(np.sum(keep))
+    return replace(
+        tracks,
+        ids=np.concatenate([tracks.ids, tracks.next_id + np.arange(born)]),
+        uv=np.concatenate([tracks.uv, uv[keep]]),
+        p_WF=np.concatenate([tracks.p_WF, p_WF[keep]]),
+        covariance=np.concatenate([tracks.covariance, covariance[keep]]),
+        age=np.concatenate([tracks.age, np.zeros(born, np.int64)]),
+        missed=np.concatenate([tracks.missed, np.zeros(born)]),
+        templates=patch_registration.concatenate(tracks.templates, templates.select(keep)),
+        tangents_C=np.concatenate([tracks.tangents_C, tangents[keep]]),
+        uv_image=np.concatenate([tracks.uv_image, uv[keep]]),
+        next_id=tracks.next_id + born,
+    )
+
+
+def track(
+    config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief
+) -> FeatureTracks:
+    """One tick: follow what exists, then replace what was lost."""
+    tracks = follow(config, tracks, frame, predicted)
+    missing = config.max_features - len(tracks.ids)
+    if tracks.blackout or missing < max(1, config.max_features // 20):
+        return tracks
+    return give_birth(config, tracks, frame)

@@ -1,10 +1,10 @@
 """Where the end-effector is and how it moves, from joint encoders through forward kinematics."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.common.value import AbstractValue
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
@@ -28,6 +28,8 @@ class EndEffectorMotionConfig:
     offset_rotation: float = float(np.deg2rad(3.0))  # Calibration offset of the pose, [rad].
     offset_translation: float = 0.01  # The same for the translation, [m].
     offset_damping: float = 0.05  # Keeps joint offsets small near singular postures, [-].
+    # Where the offset has this size, [rad]; empty: the first posture that is measured.
+    calibration_posture: list[float] = field(default_factory=list)
 
 
 def fit_joint_samples(
@@ -51,7 +53,7 @@ def fit_joint_samples(
     w_q, w_v = config.position_noise**-2, config.velocity_noise**-2
     normal = w_q * A_q.T @ A_q + w_v * A_v.T @ A_v
     normal[2, 2] += config.joint_acceleration**-2
-    covariance = np.linalg.inv(normal)
+    covariance = np.asarray(np.linalg.inv(normal), dtype=float)
     fit = covariance @ (w_q * A_q.T @ values[:, :n] + w_v * A_v.T @ values[:, n:])
     return fit[0], fit[1], covariance[:2, :2]
 
@@ -70,7 +72,7 @@ def predict_motion(
     Q[:6, :6] = np.diag(q * dt**3 / 3.0)
     Q[:6, 6:] = Q[6:, :6] = np.diag(q * dt**2 / 2.0)
     Q[6:, 6:] = np.diag(q * dt)
-    return X @ step, V, F @ covariance @ F.T + Q
+    return X @ step, V, np.asarray(F @ covariance @ F.T + Q, dtype=float)
 
 
 def correct_motion(
@@ -141,8 +143,8 @@ class EndEffectorMotion(RecursiveFilter):
     degrees, is an offset: the joints are off by constants of the episode, so it neither averages
     away nor shows between ticks. It is kept out of the recursion and added to the output, where
     `offset_loading` tells how much of the pose error each constant causes at this posture:
-    J_E(q) J_E(q_0)^+ diag(3 deg, 1 cm), q_0 being the first posture measured. (The velocity that
-    an offset turns, about 5 % of it, is not modelled.)
+    J_E(q) J_E(q_0)^+ diag(3 deg, 1 cm), q_0 being the posture of the calibration. (The velocity
+    that an offset turns, about 5 % of it, is not modelled.)
 
     .. pydrake_system::
 
@@ -184,9 +186,7 @@ class EndEffectorMotion(RecursiveFilter):
         no_samples = SampleWindow(
             times=np.zeros(0), values=np.zeros((0, 2 * plant.num_positions()))
         )
-        self._window = self.DeclareAbstractInputPort(
-            "joint_state_window", AbstractValue.Make(no_samples)
-        )
+        self._window = self._declare_value_input("joint_state_window", no_samples)
         unknown = EndEffectorBelief(
             X=np.eye(4),
             V=np.zeros(6),
@@ -215,27 +215,42 @@ class EndEffectorMotion(RecursiveFilter):
             require(getattr(config, name) >= 0, "EndEffectorMotion", config, name, f">= 0 {unit}")
         if not plant.is_finalized():
             raise ValueError("EndEffectorMotion: the robot's model must be finalized")
+        require(
+            len(config.calibration_posture) in (0, plant.num_positions()),
+            "EndEffectorMotion",
+            config,
+            "calibration_posture",
+            f"none or {plant.num_positions()} angles, rad",
+        )
         if not plant.HasFrameNamed(frame):
             raise ValueError(f"EndEffectorMotion: the robot's model has no frame named '{frame}'")
 
-    def _kinematics(self, joint_state: Array) -> tuple[Array, Array]:
+    def _kinematics(self, joint_state: Any) -> tuple[Array, Array]:
         """X_WE (4, 4) and J_E (6, n) at positions and velocities (2 n,)."""
         self._plant.SetPositionsAndVelocities(self._scratch, joint_state)
+        origin: Any = np.zeros(3)
         J_E = self._plant.CalcJacobianSpatialVelocity(
             self._scratch,
             JacobianWrtVariable.kV,
             self._frame,
-            np.zeros(3),
+            origin,
             self._plant.world_frame(),
             self._frame,
         )
-        return self._frame.CalcPoseInWorld(self._scratch).GetAsMatrix4(), J_E
+        X_WE = self._frame.CalcPoseInWorld(self._scratch).GetAsMatrix4()
+        return np.asarray(X_WE), np.asarray(J_E)
+
+    def _calibrate(self, J_E: Array) -> Array:
+        posture = np.array(self._config.calibration_posture, dtype=float)
+        if posture.size:
+            _, J_E = self._kinematics(np.concatenate([posture, 0.0 * posture]))
+        return joint_offset_loading(J_E, self._config)
 
     def _predict(self, state: EndEffectorState) -> EndEffectorBelief:
         return predict_belief(state.belief, self._config)
 
     def _calc_motion(self, context: Context, state: EndEffectorState) -> EndEffectorState:
-        window: SampleWindow = self._window.Eval(context)
+        window: SampleWindow = self._read(self._window, context)
         if window.times.size == 0:
             if state.joint_loading is None:
                 return state
@@ -245,7 +260,7 @@ class EndEffectorMotion(RecursiveFilter):
         X_WE, J_E = self._kinematics(np.concatenate([q, v]))
         joint_loading = state.joint_loading
         if joint_loading is None:
-            joint_loading = joint_offset_loading(J_E, self._config)
-        R = np.kron(covariance, J_E @ J_E.T)
+            joint_loading = self._calibrate(J_E)
+        R = np.asarray(np.kron(covariance, J_E @ J_E.T), dtype=float)
         belief = estimate_belief(state.belief, X_WE, J_E @ v, R, J_E @ joint_loading, self._config)
         return EndEffectorState(belief=belief, joint_loading=joint_loading)

@@ -1,6 +1,7 @@
 """The anatomy of the proprioceptive filters: one posterior per tick, kept in the Context."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from pydrake.common.value import AbstractValue, Value
@@ -32,6 +33,9 @@ class RecursiveFilter(LeafSystem):
     then declares its outputs in order.
     """
 
+    def _declare_value_input(self, name: str, model: object) -> InputPort:
+        return self.DeclareAbstractInputPort(name, Value[object](model))
+
     def _declare_recursion(
         self,
         initial: object,
@@ -55,7 +59,7 @@ class RecursiveFilter(LeafSystem):
     def _declare_cache(
         self,
         description: str,
-        calc: Callable[[Context, AbstractValue], None],
+        calc: Callable[[Any, Any], None],
         inputs: list[InputPort],
     ) -> Any:
         tickets: set[DependencyTicket] = {self.input_port_ticket(p.get_index()) for p in inputs}
@@ -68,7 +72,7 @@ class RecursiveFilter(LeafSystem):
         self.DeclareAbstractOutputPort(
             name,
             lambda: Value[object](project(self._initial)),
-            lambda context, value: value.set_value(project(self._posterior.Eval(context))),
+            partial(self._write_estimated, project),
             {self._posterior.ticket()},
         )
 
@@ -77,16 +81,30 @@ class RecursiveFilter(LeafSystem):
         self.DeclareAbstractOutputPort(
             name,
             lambda: Value[object](project(self._initial)),
-            lambda context, value: value.set_value(project(self._stored(context))),
+            partial(self._write_latest, project),
             {self.abstract_state_ticket(self._state_index)},
         )
 
     def _stored(self, context: Context) -> Any:
-        return context.get_abstract_state(self._state_index).get_value()
+        return context.get_abstract_state(int(self._state_index)).get_value()
+
+    @staticmethod
+    def _read(port: InputPort, context: Context) -> Any:
+        return port.Eval(context)
+
+    def _write_estimated(
+        self, project: Callable[[Any], Any], context: Context, value: AbstractValue
+    ) -> None:
+        value.set_value(project(self._posterior.Eval(context)))
+
+    def _write_latest(
+        self, project: Callable[[Any], Any], context: Context, value: AbstractValue
+    ) -> None:
+        value.set_value(project(self._stored(context)))
 
     def _calc_cache(self, context: Context, value: AbstractValue) -> None:
         value.set_value(self._calc_posterior(context, self._stored(context)))
 
     def _store(self, context: Context, state: State) -> None:
         posterior = self._posterior.Eval(context)
-        state.get_mutable_abstract_state(self._state_index).set_value(posterior)
+        state.get_mutable_abstract_state(int(self._state_index)).set_value(posterior)

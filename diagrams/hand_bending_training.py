@@ -1,0 +1,256 @@
+"""Trains the networks of `HandBending` on interactions with an object fixed to the world.
+
+An interaction is (inputs (T, 10), labels (T, 6)): the readings that
+`systems.proprioception.bending_network` describes, one row per tick from the first instant of the
+grasp, and log X_EH. The object is fixed and held, so the bent hand stays where it was when the
+grasp closed: X_EH(t) = X_WE(t)^-1 X_WE(0). Labels that do not start at zero are made relative to
+their first row, and the networks learn f(u_t) - f(u_0), as they are used.
+
+All networks of a run (the full one and the partial ones) are trained together as one batch.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from maths import se3
+from systems.proprioception.bending_network import (
+    BendingNetwork,
+    Layers,
+    mlp,
+)
+
+Array = npt.NDArray[np.float64]
+Ids = npt.NDArray[np.int64]
+Interaction = tuple[Array, Array]
+
+ROWS_PER_INTERACTION = 80  # Neighbouring ticks tell the same; more rows cost time only.
+STEPS = 1500
+LEARNING_RATE = 0.01
+WEIGHT_DECAY = 1e-3
+
+
+def load_interactions(folder: Path) -> list[Interaction]:
+    """Reads every npz file of a folder, in order of names, with arrays `inputs` and `labels`."""
+    interactions = []
+    for path in sorted(folder.glob("*.npz")):
+        with np.load(path) as arrays:
+            interactions.append((np.asarray(arrays["inputs"]), np.asarray(arrays["labels"])))
+    return interactions
+
+
+def relative_to_first(labels: Array) -> Array:
+    """Labels log X_EH (T, 6) relative to the first of them, which becomes zero."""
+    start = se3.inverse(se3.exp(labels[0]))
+    return np.array([se3.log(start @ se3.exp(label)) for label in labels])
+
+
+class _Data:
+    """Standardised rows of all interactions, thinned, with the reference reading of each row."""
+
+    def __init__(self, interactions: Sequence[Interaction]) -> None:
+        chosen = [
+            np.unique(np.linspace(0, len(u) - 1, ROWS_PER_INTERACTION).astype(int))
+            for u, _ in interactions
+        ]
+        u = np.vstack([u[rows] for (u, _), rows in zip(interactions, chosen, strict=True)])
+        self.mean = u.mean(axis=0)
+        scale = u.std(axis=0)
+        self.scale = np.where(scale > 1e-9 * (1.0 + np.abs(self.mean)), scale, 1.0)
+        self.v = (u - self.mean) / self.scale
+        self.owner = np.repeat(np.arange(len(chosen)), [len(rows) for rows in chosen])
+        first = np.searchsorted(self.owner, self.owner)
+        self.v_reference = self.v[first]
+        self.labels = np.vstack(
+            [relative_to_first(y)[rows] for (_, y), rows in zip(interactions, chosen, strict=True)]
+        )
+        self.label_scale = np.maximum(np.sqrt((self.labels**2).mean(axis=0)), 1e-9)
+
+
+def _fit(
+    v: Array,
+    v_reference: Array | None,
+    y: Array,
+    masks: Array,
+    hidden: Sequence[int],
+    seed: int,
+) -> list[Layers]:
+    """Trains one perceptron per row of `masks` (B, rows) by Adam on full batches.
+
+    With a reference, the difference of the outputs at `v` and `v_reference` is fitted to `y`.
+    """
+    import torch
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    generator = torch.Generator().manual_seed(seed)
+    sizes = [v.shape[1], *hidden, y.shape[1]]
+    weights, biases = [], []
+    for n_in, n_out in pairwise(sizes):
+        start = torch.randn(1, n_in, n_out, generator=generator) / np.sqrt(n_in)
+        weights.append(start.repeat(len(masks), 1, 1).requires_grad_())
+        biases.append(torch.zeros(len(masks), 1, n_out).requires_grad_())
+
+    def forward(x: Any) -> Any:
+        for W, b in zip(weights[:-1], biases[:-1], strict=True):
+            x = torch.tanh(torch.matmul(x, W) + b)
+        return torch.matmul(x, weights[-1]) + biases[-1]
+
+    inputs = torch.as_tensor(v, dtype=torch.float32)
+    reference = None if v_reference is None else torch.as_tensor(v_reference, dtype=torch.float32)
+    target = torch.as_tensor(y, dtype=torch.float32)
+    share = torch.as_tensor(masks / masks.sum(axis=1, keepdims=True), dtype=torch.float32)
+    optimiser = torch.optim.AdamW([*weights, *biases], lr=LEARNING_RATE, weight_decay=WEIGHT_DECAY)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, STEPS)
+    for _ in range(STEPS):
+        optimiser.zero_grad()
+        output = forward(inputs) if reference is None else forward(inputs) - forward(reference)
+        loss = (share * ((output - target) ** 2).sum(dim=-1)).sum()
+        loss.backward()
+        optimiser.step()
+        schedule.step()
+    torch.set_num_threads(threads)
+    trained = [
+        (W.detach().numpy().astype(float), b.detach().numpy().astype(float))
+        for W, b in zip(weights, biases, strict=True)
+    ]
+    return [[(W[k].T, b[k, 0]) for W, b in trained] for k in range(len(masks))]
+
+
+def _difference(layers: Layers, data: _Data) -> Array:
+    """What a network says about every row, relative to the row's reference, (rows, 6)."""
+    return data.label_scale * (mlp(layers, data.v) - mlp(layers, data.v_reference))
+
+
+def error_summary(errors: Array, owner: Ids) -> dict[str, float]:
+    """Root mean square and worst interaction of bending errors (rows, 6), [deg] and [mm]."""
+    rotation = np.rad2deg(1.0) * np.linalg.norm(errors[:, :3], axis=1)
+    translation = 1e3 * np.linalg.norm(errors[:, 3:], axis=1)
+
+    def rms(values: Array) -> float:
+        return float(np.sqrt((values**2).mean()))
+
+    return {
+        "rotation_rms_deg": rms(rotation),
+        "translation_rms_mm": rms(translation),
+        "worst_rotation_rms_deg": max(rms(rotation[owner == i]) for i in np.unique(owner)),
+        "worst_translation_rms_mm": max(rms(translation[owner == i]) for i in np.unique(owner)),
+    }
+
+
+def _pairs(count: int, seed: int) -> list[tuple[int, int]]:
+    """Groups of two interactions to leave out; every interaction is in two groups."""
+    order = np.random.default_rng(seed).permutation(count)
+    return [(int(order[i]), int(order[(i + 1) % count])) for i in range(count)]
+
+
+def _check(interactions: Sequence[Interaction]) -> None:
+    if len(interactions) < 4:
+        raise ValueError(f"hand-bending training: need 4 interactions, got {len(interactions)}")
+    for number, (u, y) in enumerate(interactions):
+        if u.ndim != 2 or u.shape[1:] != (10,) or y.shape != (len(u), 6) or len(u) < 2:
+            raise ValueError(
+                f"hand-bending training: interaction {number} has inputs {u.shape} and labels "
+                f"{y.shape}, need (T, 10) and (T, 6) with T > 1"
+            )
+        if not (np.isfinite(u).all() and np.isfinite(y).all()):
+            raise ValueError(f"hand-bending training: interaction {number} has a value not finite")
+
+
+def train(
+    interactions: Sequence[Interaction],
+    seed: int = 0,
+    hidden: Sequence[int] = (10, 10, 10),
+    command: str = "crossmodal train hand-bending",
+) -> tuple[BendingNetwork, dict[str, Any]]:
+    """Trains both networks.
+
+    MLPR1 learns from all interactions; partial networks, each without two of them, give the spread
+    that MLPR2 learns (Martín-Martín and Brock 2017, section IV-B). A partial network's errors on
+    its own two interactions are errors on unseen data: they make the card, and they scale MLPR2,
+    because networks that share most of their data agree better with each other than with the truth.
+
+    Returns:
+        The networks, and the card: data, split, metric, command and errors.
+    """
+    _check(interactions)
+    data = _Data(interactions)
+    pairs = _pairs(len(interactions), seed)
+    masks = np.array([~np.isin(data.owner, pair) for pair in [(), *pairs]], dtype=float)
+    fitted = _fit(data.v, data.v_reference, data.labels / data.label_scale, masks, hidden, seed)
+    full = _difference(fitted[0], data)
+    partial = np.array([_difference(layers, data) for layers in fitted[1:]])
+    spread = np.sqrt(((partial - full) ** 2).mean(axis=0))
+    logarithm = np.log(np.maximum(spread / data.label_scale, 0.02))
+    deviation = _fit(data.v, None, logarithm, np.ones((1, len(data.v))), hidden, seed + 1)[0]
+    held_out = [np.isin(data.owner, pair) for pair in pairs]
+    errors = np.vstack(
+        [(guess - data.labels)[rows] for guess, rows in zip(partial, held_out, strict=True)]
+    )
+    sigma = np.vstack(
+        [(data.label_scale * np.exp(mlp(deviation, data.v)))[rows] for rows in held_out]
+    )
+    network = BendingNetwork(
+        input_mean=data.mean,
+        input_scale=data.scale,
+        input_low=data.v.min(axis=0),
+        input_high=data.v.max(axis=0),
+        pose_layers=fitted[0],
+        pose_scale=data.label_scale,
+        deviation_layers=deviation,
+        deviation_scale=data.label_scale,
+        deviation_factor=np.sqrt(((errors / sigma) ** 2).mean(axis=0)),
+    )
+    owner = np.concatenate([data.owner[rows] for rows in held_out])
+    truth = np.vstack([data.labels[rows] for rows in held_out])
+    inside = np.abs(errors) < 2.0 * network.deviation_factor * sigma
+    card = {
+        "data": f"{len(interactions)} simulated interactions with an object fixed to the world, "
+        f"{sum(len(u) for u, _ in interactions)} ticks",
+        "split": f"{len(pairs)} partial networks, each tested on the two interactions left out",
+        "metric": "norm of the error of log X_EH since the grasp, root mean square over ticks",
+        "command": command,
+        "seed": seed,
+        "hidden": [int(width) for width in hidden],
+        "unseen": error_summary(errors, owner),
+        "no_bending": error_summary(truth, owner),
+        "seen": error_summary(full - data.labels, data.owner),
+        "deviation_factor": [float(factor) for factor in network.deviation_factor],
+        "unseen_within_2_sigma": float(inside.mean()),
+    }
+    return network, card
+
+
+def search_topology(
+    interactions: Sequence[Interaction],
+    seed: int = 0,
+    widths: Sequence[int] = (3, 10, 30),
+    depths: Sequence[int] = (1, 2, 3),
+) -> list[dict[str, Any]]:
+    """Leave-one-out error of MLPR1 for each topology, best first.
+
+    The score is the mean square error in units of each label's own size, so that one means no
+    better than no bending.
+    """
+    _check(interactions)
+    data = _Data(interactions)
+    count = len(interactions)
+    masks = np.array([data.owner != i for i in range(count)], dtype=float)
+    results = []
+    for depth in depths:
+        for width in widths:
+            hidden = (width,) * depth
+            fitted = _fit(
+                data.v, data.v_reference, data.labels / data.label_scale, masks, hidden, seed
+            )
+            errors = np.empty_like(data.labels)
+            for i, layers in enumerate(fitted):
+                rows = data.owner == i
+                errors[rows] = (_difference(layers, data) - data.labels)[rows]
+            score = float(((errors / data.label_scale) ** 2).mean())
+            results.append({"hidden": hidden, "score": score, **error_summary(errors, data.owner)})
+    return sorted(results, key=lambda result: result["score"])

@@ -1,0 +1,282 @@
+"""How far the soft hand has bent since it closed, from the wrist's wrench and chamber pressures."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RollPitchYaw
+from pydrake.systems.framework import Context
+
+from maths import se3
+from models import WEIGHTS_DIR
+from systems.port_values import EndEffectorBelief, PoseBelief, SampleWindow
+from systems.proprioception.bending_network import (
+    BendingNetwork,
+    bending_jacobian,
+    load_network,
+    predict_bending,
+    predict_deviation,
+)
+from systems.proprioception.recursive_filter import RecursiveFilter, require_positive
+from systems.sensors.checks import require
+
+Array = npt.NDArray[np.float64]
+
+GRAVITY = 9.81  # [m/s^2]
+CERTAIN = 1e-12  # Variance of what is so by definition, [rad^2, m^2].
+
+
+@dataclass(kw_only=True)
+class HandBendingConfig:
+    period: float = 1.0 / 15.0  # Tick, [s].
+    weights: str = "hand_bending.npz"  # In models/weights, or an absolute path.
+    hand_mass: float = 0.628  # What hangs on the wrist sensor, [kg].
+    p_S_com: np.ndarray = field(default_factory=lambda: np.array([0.004, 0.0, 0.066]))  # [m]
+    rpy_ES: np.ndarray = field(default_factory=lambda: np.zeros(3))  # Sensor in E, [rad].
+    tare_start: float = 0.2  # The free hand's reading is averaged from here, [s],
+    tare_duration: float = 0.6  # for so long, if the hand has not closed before, [s].
+    torque_noise: float = 0.005  # Of a tick's mean, [N m].
+    force_noise: float = 0.1  # The same, [N].
+    pressure_noise: float = 50.0  # The same, [Pa].
+    rotation_rate: float = 0.05  # How fast bending changes, white noise, [rad/s^0.5].
+    translation_rate: float = 0.01  # The same for translation, [m/s^0.5].
+    deviation_time: float = 10.0  # How long the networks' error stays the same, [s].
+    rotation_floor: float = 2.0e-3  # Least standard deviation of the networks, [rad].
+    translation_floor: float = 3.0e-4  # [m]
+
+
+def hand_weight(R_WS: Array, mass: float, p_S_com: Array) -> Array:
+    """Spatial force F_So_S (6,) of the hand's weight on the sensor, torque then force.
+
+    Args:
+        R_WS: Orientation of the sensor (3, 3).
+        mass: [kg].
+        p_S_com: Centre of mass (3,), [m].
+    """
+    f_S = R_WS.T @ np.array([0.0, 0.0, -mass * GRAVITY])
+    return np.concatenate([np.cross(p_S_com, f_S), f_S])
+
+
+def load_reading(
+    wrench: SampleWindow, pressure: SampleWindow, R_WS: Array, mass: float, p_S_com: Array
+) -> Array:
+    """Mean wrench without the hand's weight, then mean pressures (10,); the networks' input.
+
+    The wrench sensor's bias is still in it.
+    """
+    load = wrench.values.mean(axis=0) - hand_weight(R_WS, mass, p_S_com)
+    return np.append(load, pressure.values.mean(axis=0))
+
+
+@dataclass(kw_only=True)
+class Tare:
+    """The sum (6,) of the free hand's readings without its weight, and their number."""
+
+    total: Array
+    count: int
+
+    @property
+    def bias(self) -> Array:
+        return self.total / max(self.count, 1)
+
+
+@dataclass(kw_only=True)
+class BendingState:
+    """The filter's state: log X_EH and the networks' error, both (6,), with covariance (12, 12).
+
+    The networks' error is in units of their standard deviation. `reference` is the reading (10,)
+    at the first instant of the grasp, `last_reading` the latest; both None when there is none.
+    """
+
+    tare: Tare
+    reference: Array | None
+    last_reading: Array | None
+    mean: Array
+    covariance: Array
+
+
+def start_grasp() -> tuple[Array, Array]:
+    """Mean (12,) and covariance (12, 12) at the first instant of the grasp, where H is E."""
+    return np.zeros(12), np.diag(np.repeat([CERTAIN, 1.0], 6))
+
+
+def predict_bending_state(
+    mean: Array, covariance: Array, config: HandBendingConfig
+) -> tuple[Array, Array]:
+    """Constant bending with process noise; the networks' error fades slowly into another."""
+    fading = np.exp(-config.period / config.deviation_time)
+    F = np.repeat([1.0, fading], 6)
+    rates = np.repeat([config.rotation_rate, config.translation_rate], 3)
+    Q = np.concatenate([rates**2 * config.period, np.full(6, 1.0 - fading**2)])
+    return F * mean, F[:, None] * covariance * F + np.diag(Q)
+
+
+def correct_bending_state(
+    mean: Array, covariance: Array, measured: Array, deviation: Array, R: Array
+) -> tuple[Array, Array]:
+    """Corrects by z = log X_EH + deviation * error + white noise.
+
+    Args:
+        measured: z (6,), the networks' reading, [rad, m].
+        deviation: Their standard deviation (6,).
+        R: Covariance (6, 6) of the white noise, the sensors' through the network.
+    """
+    H = np.hstack([np.eye(6), np.diag(deviation)])
+    PHt = covariance @ H.T
+    K = np.linalg.solve(H @ PHt + R, PHt.T).T
+    remainder = np.eye(12) - K @ H
+    posterior = remainder @ covariance @ remainder.T + K @ R @ K.T
+    return mean + K @ (measured - H @ mean), 0.5 * (posterior + posterior.T)
+
+
+def bending_belief(state: BendingState) -> PoseBelief:
+    """X_EH with its covariance in H."""
+    J = se3.right_jacobian(state.mean[:6])
+    return PoseBelief(X=se3.exp(state.mean[:6]), covariance=J @ state.covariance[:6, :6] @ J.T)
+
+
+class HandBending(RecursiveFilter):
+    """Recursive estimate of the pose of the bent hand relative to the nominal end-effector.
+
+    The hand bends relative to the first instant of the grasp, so there X_EH is the identity by
+    definition, whatever the preload that closing has left; until then it stays there. Prediction:
+    X_EH constant with process noise. Measurement: two networks, z = f(u) - f(u_0) for the reading u
+    after u_0 at that instant, with the standard deviation sigma(u). What the networks get wrong at
+    a load they get wrong again at the next tick, so their error is a state that fades slowly,
+    z = log X_EH + sigma(u) n + sensor noise: many ticks do not average it away.
+
+    The reading is the load on the hand: the wrist's wrench without its bias (constant, averaged
+    while the hand is free) and without the hand's weight, which turns with the hand.
+
+    .. pydrake_system::
+
+        name: HandBending
+        input_ports:
+        - wrench_window
+        - pressure_window
+        - end_effector_estimated
+        - interaction_active
+        output_ports:
+        - hand_bending_estimated
+        - hand_bending_latest
+
+    - wrench_window: `SampleWindow` of F_So_S (6,), torque [N m] then force [N]: what hand and
+      object exert on the sensor. A free hand at rest reads its weight and the bias.
+    - pressure_window: `SampleWindow` of (4,) gauge pressures, [Pa].
+    - end_effector_estimated: `EndEffectorBelief`, for the direction of the weight.
+    - interaction_active: (1,) above 0.5 from the instant at which the hand has closed.
+    - hand_bending_estimated: `PoseBelief` X_EH, posterior of this tick.
+    - hand_bending_latest: `PoseBelief` X_EH, posterior of the last tick, from the state alone.
+
+    Frames: W world, E nominal end-effector, H bent end-effector, S wrist sensor.
+
+    Source: Martín-Martín and Brock, IROS 2017, section IV-B.
+    """
+
+    def __init__(self, config: HandBendingConfig, network: BendingNetwork | None = None) -> None:
+        super().__init__()
+        self._check(config)
+        self._config = config
+        self._network = network or load_network(Path(WEIGHTS_DIR, config.weights))
+        self._R_ES = RollPitchYaw(*map(float, config.rpy_ES)).ToRotationMatrix().matrix()
+        self._p_S_com = np.asarray(config.p_S_com, dtype=float)
+        self._floor = np.repeat([config.rotation_floor, config.translation_floor], 3)
+        self._noise = np.repeat(
+            [config.torque_noise, config.force_noise, config.pressure_noise], [3, 3, 4]
+        )
+        no_wrench = SampleWindow(times=np.zeros(0), values=np.zeros((0, 6)))
+        no_pressure = SampleWindow(times=np.zeros(0), values=np.zeros((0, 4)))
+        unknown = EndEffectorBelief(
+            X=np.eye(4), V=np.zeros(6), covariance=np.eye(12), offset_loading=np.zeros((6, 0))
+        )
+        self._wrench = self._declare_value_input("wrench_window", no_wrench)
+        self._pressure = self._declare_value_input("pressure_window", no_pressure)
+        self._end_effector = self._declare_value_input("end_effector_estimated", unknown)
+        self._active = self.DeclareVectorInputPort("interaction_active", 1)
+        mean, covariance = start_grasp()
+        initial = BendingState(
+            tare=Tare(total=np.zeros(6), count=0),
+            reference=None,
+            last_reading=None,
+            mean=mean,
+            covariance=covariance,
+        )
+        self._declare_recursion(initial, self._calc_bending, config.period)
+        self._declare_estimated("hand_bending_estimated", bending_belief)
+        self._declare_latest("hand_bending_latest", bending_belief)
+
+    @staticmethod
+    def _check(config: HandBendingConfig) -> None:
+        units = {
+            "period": "s",
+            "tare_duration": "s",
+            "torque_noise": "N m",
+            "force_noise": "N",
+            "pressure_noise": "Pa",
+            "rotation_rate": "rad/s^0.5",
+            "translation_rate": "m/s^0.5",
+            "deviation_time": "s",
+            "rotation_floor": "rad",
+            "translation_floor": "m",
+        }
+        require_positive("HandBending", config, units)
+        for name, unit in {"hand_mass": "kg", "tare_start": "s"}.items():
+            require(getattr(config, name) >= 0, "HandBending", config, name, f">= 0 {unit}")
+        for name, unit in {"p_S_com": "m", "rpy_ES": "rad"}.items():
+            value = np.asarray(getattr(config, name), dtype=float)
+            finite = value.shape == (3,) and bool(np.isfinite(value).all())
+            require(finite, "HandBending", config, name, f"three finite numbers, {unit}")
+
+    def _average(self, context: Context) -> Array | None:
+        """This tick's reading (10,), the sensor's bias still in it; None without samples."""
+        wrench: SampleWindow = self._read(self._wrench, context)
+        pressure: SampleWindow = self._read(self._pressure, context)
+        if wrench.times.size == 0 or pressure.times.size == 0:
+            return None
+        R_WS = self._read(self._end_effector, context).X[:3, :3] @ self._R_ES
+        return load_reading(wrench, pressure, R_WS, self._config.hand_mass, self._p_S_com)
+
+    def _calc_bending(self, context: Context, state: BendingState) -> BendingState:
+        reading = self._average(context)
+        last = state.last_reading if reading is None else reading
+        if self._read(self._active, context)[0] <= 0.5:
+            return self._wait(context.get_time(), reading, last, state.tare)
+        reference = state.reference
+        if reference is None:
+            reference = last
+            mean, covariance = start_grasp()
+        else:
+            mean, covariance = predict_bending_state(state.mean, state.covariance, self._config)
+            if reading is not None:
+                mean, covariance = self._correct(mean, covariance, state.tare, reading, reference)
+        return BendingState(
+            tare=state.tare,
+            reference=reference,
+            last_reading=last,
+            mean=mean,
+            covariance=covariance,
+        )
+
+    def _wait(
+        self, time: float, reading: Array | None, last: Array | None, tare: Tare
+    ) -> BendingState:
+        """Without a grasp: averages the sensor's bias at the right time, and stays at identity."""
+        since = time - self._config.tare_start
+        if reading is not None and 0.0 <= since <= self._config.tare_duration:
+            tare = Tare(total=tare.total + reading[:6], count=tare.count + 1)
+        mean, covariance = start_grasp()
+        return BendingState(
+            tare=tare, reference=None, last_reading=last, mean=mean, covariance=covariance
+        )
+
+    def _correct(
+        self, mean: Array, covariance: Array, tare: Tare, reading: Array, reference: Array
+    ) -> tuple[Array, Array]:
+        bias = np.append(tare.bias, np.zeros(4))
+        u = reading - bias
+        measured = predict_bending(self._network, u, reference - bias)
+        deviation = np.hypot(predict_deviation(self._network, u), self._floor)
+        J = bending_jacobian(self._network, u) * self._noise
+        R = J @ J.T + 1e-2 * np.diag(self._floor**2)
+        return correct_bending_state(mean, covariance, measured, deviation, R)

@@ -156,7 +156,7 @@ def summarise(result: EpisodeResult) -> dict[str, Any]:
 def exploration_phase(result: EpisodeResult) -> Phase:
     """The travel the task asks for and the travel at the end."""
     opening = result.truth.opening()
-    reached = float(opening[-1]) if len(opening) else math.nan
+    reached = abs(float(opening[-1])) if len(opening) else math.nan
     return Phase(target=result.scenario.task.opening, reached=reached)
 
 
@@ -185,6 +185,7 @@ def _summarise_joint(series: JointSeries, truth: Truth) -> dict[str, Any]:
         "configuration_estimated": None,
         "configuration_std": None,
         "configuration_error": None,
+        "configuration_error_last_seen": None,
         "axis_true": truth.axis_W.tolist(),
         "axis_estimated": None,
         "axis_angle_error": None,
@@ -207,6 +208,7 @@ def _summarise_joint(series: JointSeries, truth: Truth) -> dict[str, Any]:
         "configuration_estimated": configuration,
         "configuration_std": float(series.configuration_std[last]),
         "configuration_error": configuration - end if comparable else None,
+        "configuration_error_last_seen": float(series.error[last]),
         "axis_angle_error": float(series.axis_error[last]),
         "axis_angle_std": float(series.axis_std[last]),
         "axis_distance_error": float(series.distance_error[last]),

@@ -11,9 +11,16 @@ from matplotlib.lines import Line2D
 
 from diagrams import palette
 from diagrams.episode_record import EpisodeResult, FrameRecord, TickRecord, Truth
-from diagrams.joint_evaluation import JointSeries, joint_series, motion_start, select_joint
+from diagrams.joint_evaluation import (
+    JointSeries,
+    joint_series,
+    last_seen,
+    motion_start,
+    select_joint,
+)
 from diagrams.joint_drawing import draw_joint, joint_color
-from systems.port_values import STATIC_BODY, FeatureBelief, JointType
+from diagrams.run_report import describe_configuration
+from systems.port_values import STATIC_BODY, FeatureBelief, JointBelief, JointType
 
 Array = npt.NDArray[np.float64]
 
@@ -69,6 +76,7 @@ def draw_errors(result: EpisodeResult) -> Figure:
             axis.plot(series.times, degrees, color=color, lw=width)
             axis.plot(series.times, np.rad2deg(series.axis_std), color=color, lw=1.0, ls=":")
             belief.plot(series.times, series.probability_true_type, color=color, lw=width)
+            _mark_loss(series, color, (opening, error), (belief, series.probability_true_type))
         opening.axhline(0.0, color=palette.TRUTH, lw=0.9)
         opening.set_title("opening: estimate minus truth, with its 2σ band")
         opening.set_ylabel(f"error [{unit}]")
@@ -111,6 +119,15 @@ def draw_openings(result: EpisodeResult) -> Figure:
     return figure
 
 
+def _mark_loss(series: JointSeries, color: str, *curves: tuple[Axes, Array]) -> None:
+    """A cross where a modality sees its joint for the last time before the episode's end."""
+    last = last_seen(series)
+    if last is None or last >= len(series.times) - 2:
+        return
+    for axes, values in curves:
+        axes.plot(series.times[last], values[last], "X", color=color, ms=8, mec="white", zorder=5)
+
+
 def _series(result: EpisodeResult) -> dict[str, JointSeries]:
     return {
         name: joint_series(record.ticks, result.truth)
@@ -123,11 +140,12 @@ def _limit_errors(
     opening: Axes, axis: Axes, all_series: dict[str, JointSeries], scale: float
 ) -> None:
     """Shows the bulk of the errors: a lost modality must not flatten the others."""
-    errors = np.concatenate([np.zeros(1), *(s.error for s in all_series.values())])
-    angles = np.concatenate([np.zeros(1), *(s.axis_error for s in all_series.values())])
-    reach = scale * float(np.nanpercentile(np.abs(errors), 95)) * 1.5 + 1e-3
+    right = [(s, s.type_is_right) for s in all_series.values()]
+    errors = np.concatenate([np.zeros(1), *(s.error[ticks] for s, ticks in right)])
+    angles = np.concatenate([np.zeros(1), *(s.axis_error[ticks] for s, ticks in right)])
+    reach = scale * float(np.nanpercentile(np.abs(errors), 97)) * 1.6 + 1e-3
     opening.set_ylim(-reach, reach)
-    axis.set_ylim(0.0, max(1.0, 1.3 * float(np.rad2deg(np.nanpercentile(angles, 95)))))
+    axis.set_ylim(0.0, max(1.0, 1.5 * float(np.rad2deg(np.nanpercentile(angles, 95)))))
 
 
 def _limit_time(axes: Axes, result: EpisodeResult) -> None:
@@ -197,7 +215,9 @@ def draw_frames(result: EpisodeResult, modality: str | None = None) -> Figure | 
     if not frames or not result.modalities:
         return None
     if modality is None:
-        modality = "crossmodal" if "crossmodal" in result.modalities else next(iter(result.modalities))
+        modality = (
+            "crossmodal" if "crossmodal" in result.modalities else next(iter(result.modalities))
+        )
     height, width = frames[0].color.shape[:2]
     with mpl.rc_context(_STYLE | {"axes.grid": False}):
         figure = _figure(4.6 * len(frames), 4.6 * height / width + 0.55)
@@ -239,10 +259,11 @@ def _draw_frame(axes: Axes, frame: FrameRecord, result: EpisodeResult, modality:
     _inset(axes, _caption(frame.time, joint, result.truth))
 
 
-def _caption(time: float, joint: object, truth: Truth) -> str:
-    from diagrams.run_report import describe_configuration
-
-    return f"t = {time:.1f} s\n{describe_configuration(joint, truth.axis_W)}"
+def _caption(time: float, joint: JointBelief | None, truth: Truth) -> str:
+    belief = describe_configuration(joint, truth.axis_W)
+    if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
+        belief = f"{joint.type}, q = {belief}"
+    return f"t = {time:.1f} s\n{belief}"
 
 
 def _inset(axes: Axes, text: str) -> None:

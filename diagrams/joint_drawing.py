@@ -123,7 +123,11 @@ def draw_joint(
             "",
             xy=tuple(ends[1] + 0.12 * (ends[1] - ends[0])),
             xytext=tuple(ends[1]),
-            arrowprops={"arrowstyle": "-|>,head_width=0.45,head_length=0.6", "color": color, "lw": 3},
+            arrowprops={
+                "arrowstyle": "-|>,head_width=0.45,head_length=0.6",
+                "color": color,
+                "lw": 3,
+            },
         )
 
 

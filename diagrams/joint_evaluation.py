@@ -132,7 +132,7 @@ def joint_series(ticks: Sequence[TickRecord], truth: Truth) -> JointSeries:
     names = ("configuration", "configuration_std", "error", "axis_error", "axis_std",
              "distance_error", "configuration_nees", "axis_nees")  # fmt: skip
     columns = {name: np.full(len(ticks), np.nan) for name in names}
-    probability = np.zeros(len(ticks))
+    probability = np.full(len(ticks), np.nan)
     joints = [select_joint(tick.joints) for tick in ticks]
     for k, joint in enumerate(joints):
         if joint is None:

@@ -93,9 +93,7 @@ class EpisodeRecorder(LeafSystem):
         self.DeclarePeriodicPublishEvent(config.period, 0.0, self._record_truth)
         self.DeclarePeriodicPublishEvent(config.period, 0.5 * config.period, self._record_beliefs)
 
-    def truth(
-        self, joint_name: str, joint_type: JointType, axis_W: Array, point_W: Array
-    ) -> Truth:
+    def truth(self, joint_name: str, joint_type: JointType, axis_W: Array, point_W: Array) -> Truth:
         """The recorded truth, completed by the constants of the joint."""
         return Truth(
             joint_name=joint_name,

@@ -23,7 +23,7 @@ def describe_configuration(joint: JointBelief | None, axis_true: Array | None = 
     model = joint.model
     sign = 1.0 if axis_true is None else axis_sign(model.axis_P, axis_true)
     std = float(np.sqrt(max(model.configuration_covariance[0, 0], 0.0)))
-    return f"q = {format_opening(sign * float(model.configuration[0]), std, joint.type)}"
+    return format_opening(sign * float(model.configuration[0]), std, joint.type)
 
 
 def format_opening(value: float | None, std: float | None, joint_type: JointType | str) -> str:
@@ -54,7 +54,7 @@ def perceived(result: EpisodeResult) -> list[str]:
             components = ", ".join(f"{component:+.3f}" for component in axis)
             spread = np.rad2deg(series.axis_std[last])
             text += f", axis ({components}) ± {spread:.2f} deg"
-            text += f", opening {describe_configuration(joint, result.truth.axis_W)[4:]}"
+            text += f", opening {describe_configuration(joint, result.truth.axis_W)}"
         if last is not None and result.duration - series.times[last] > 0.5:
             text += f"; last seen at {series.times[last]:.1f} s"
         lines.append(label + text)
@@ -84,7 +84,9 @@ def comparison(summary: dict[str, Any]) -> list[str]:
         row(
             "opening",
             [
-                format_opening(joint["configuration_estimated"], None, joint["type_estimated"] or "")
+                format_opening(
+                    joint["configuration_estimated"], None, joint["type_estimated"] or ""
+                )
                 for joint in joints.values()
             ],
             format_opening(first["configuration_true"], None, kind),

@@ -9,10 +9,24 @@ from pathlib import Path
 
 import numpy as np
 
+from controllers.exploration import ExplorationConfig
+from controllers.grasp_sequence import GraspSequenceConfig
+from controllers.impedance import ImpedanceConfig
+from diagrams.object_model import check_object_model
 from diagrams.yaml_schema import ScenarioError, apply_override, load_typed, read_yaml, suggestion
+from models import SDF_DIR
+from plants.manipulation_scene import PlantConfig
+from plants.pneumatic_hand import PneumaticHandConfig
+from systems.proprioception.end_effector_motion import EndEffectorMotionConfig
+from systems.proprioception.hand_bending import HandBendingConfig
+from systems.sensors.air_pressure import PressureSensorConfig
+from systems.sensors.joint_encoders import JointEncodersConfig
+from systems.sensors.rgbd_camera import CameraNoiseConfig
+from systems.sensors.robot_mask import RobotMaskConfig
+from systems.sensors.wrist_wrench import WristWrenchConfig
+from systems.vision.feature_tracks import FeatureMotionConfig
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
-MODEL_FOLDER = Path(__file__).parent.parent / "models"
 MODALITIES = ("vision", "proprioception", "crossmodal")
 
 
@@ -58,12 +72,36 @@ class ObjectVariation:
 class ObjectConfig:
     """The articulated object and the joint of it that the robot explores."""
 
-    model: str = "sdf/chest.sdf"  # A path, relative to the scenario's folder or to models/.
-    joint: str = "drawer_slide"
+    model: str = "chest_drawer.sdf"  # SDF or URDF, beside the scenario's file or in models/sdf.
+    joint: str = "slide"
     handle_frame: str = "handle"
-    position: np.ndarray = field(default_factory=lambda: np.array([0.8, 0.0, 0.0]))  # In W, [m].
-    yaw: float = 0.0  # [deg]
+    position: np.ndarray = field(default_factory=lambda: np.array([0.95, -0.25, 0.85]))  # [m]
+    yaw: float = 180.0  # [deg]
+    friction: float = 4.0  # Of the joint, [N or N m].
     variation: ObjectVariation = field(default_factory=ObjectVariation)
+
+
+@dataclass(kw_only=True)
+class SensorsConfig:
+    camera: CameraNoiseConfig = field(default_factory=CameraNoiseConfig)
+    encoders: JointEncodersConfig = field(default_factory=JointEncodersConfig)
+    wrench: WristWrenchConfig = field(default_factory=WristWrenchConfig)
+    pressure: PressureSensorConfig = field(default_factory=PressureSensorConfig)
+    mask: RobotMaskConfig = field(default_factory=RobotMaskConfig)
+
+
+@dataclass(kw_only=True)
+class PerceptionConfig:
+    end_effector: EndEffectorMotionConfig = field(default_factory=EndEffectorMotionConfig)
+    hand_bending: HandBendingConfig = field(default_factory=HandBendingConfig)
+    features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
+
+
+@dataclass(kw_only=True)
+class ControlConfig:
+    sequence: GraspSequenceConfig = field(default_factory=GraspSequenceConfig)
+    exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
+    impedance: ImpedanceConfig = field(default_factory=ImpedanceConfig)
 
 
 @dataclass(kw_only=True)
@@ -79,11 +117,15 @@ class Scenario:
     description: str = ""
     seed: int = 0
     duration: float = 40.0  # Simulated time after which an episode ends at the latest, [s].
-    plant_time_step: float = 0.002  # [s]
-    network_period: float = 1.0 / 15.0  # [s]
+    network_period: float = 1.0 / 15.0  # Tick of the filters and the sensors' windows, [s].
     modalities: list[str] = field(default_factory=lambda: list(MODALITIES))
+    plant: PlantConfig = field(default_factory=PlantConfig)
+    hand: PneumaticHandConfig = field(default_factory=PneumaticHandConfig)
     object: ObjectConfig = field(default_factory=ObjectConfig)
     camera: CameraView = field(default_factory=CameraView)
+    sensors: SensorsConfig = field(default_factory=SensorsConfig)
+    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
+    control: ControlConfig = field(default_factory=ControlConfig)
     task: Task = field(default_factory=Task)
     disturbances: Disturbances = field(default_factory=Disturbances)
     versions: dict[str, str] = field(default_factory=dict)  # Written into a run's folder.
@@ -119,11 +161,37 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
     scenario.name = scenario.name or path.stem
     scenario.object.model = str(_model_file(scenario.object.model, path))
     check_scenario(scenario, str(path))
+    check_object_model(
+        Path(scenario.object.model),
+        joint=scenario.object.joint,
+        frame=scenario.object.handle_frame,
+        source=str(path),
+    )
+    _spread_network_period(scenario, str(path))
     return scenario
 
 
+def _spread_network_period(scenario: Scenario, source: str) -> None:
+    """Gives every filter and sensor window the network's tick; it is chosen in one place only."""
+    perception, sensors = scenario.perception, scenario.sensors
+    places = [(f"perception.{name}", config, "period") for name, config in vars(perception).items()]
+    places += [
+        (f"sensors.{name}", config, "tick")
+        for name, config in vars(sensors).items()
+        if hasattr(config, "tick")
+    ]
+    for path, config, key in places:
+        value, usual = getattr(config, key), getattr(type(config)(), key)
+        if value not in (usual, scenario.network_period):
+            raise ScenarioError(
+                f"{source}: {path}.{key} = {value!r} s, but the whole network ticks at"
+                f" network_period = {scenario.network_period!r} s"
+            )
+        setattr(config, key, scenario.network_period)
+
+
 def _model_file(model: str, scenario_path: Path) -> Path:
-    candidates = [scenario_path.parent / model, MODEL_FOLDER / model]
+    candidates = [scenario_path.parent / model, SDF_DIR / model]
     for candidate in candidates:
         if candidate.is_file():
             return candidate.resolve()
@@ -141,9 +209,13 @@ def check_scenario(scenario: Scenario, source: str) -> None:
             raise ScenarioError(f"{source}: {key} = {value!r} {unit}, but it must be > 0 {unit}")
 
     positive("duration", scenario.duration, "s")
-    positive("plant_time_step", scenario.plant_time_step, "s")
+    positive("plant.time_step", scenario.plant.time_step, "s")
     positive("network_period", scenario.network_period, "s")
     positive("task.opening", scenario.task.opening, "m or rad")
+    if not 0 <= scenario.object.friction < float("inf"):
+        raise ScenarioError(
+            f"{source}: object.friction = {scenario.object.friction!r}, but it must be >= 0 N"
+        )
     if scenario.seed < 0:
         raise ScenarioError(f"{source}: seed = {scenario.seed}, but it must be >= 0")
     _check_modalities(scenario.modalities, source)
@@ -166,7 +238,9 @@ def _check_modalities(modalities: Iterable[str], source: str) -> None:
                 f"{source}: modalities: unknown modality '{name}'; {suggestion(name, MODALITIES)}"
             )
     if not names or len(set(names)) < len(names):
-        raise ScenarioError(f"{source}: modalities = {names}, but it must name each once, at least one")
+        raise ScenarioError(
+            f"{source}: modalities = {names}, but it must name each once, at least one"
+        )
 
 
 def _check_camera(camera: CameraView, source: str) -> None:

@@ -4,7 +4,8 @@ import dataclasses
 import difflib
 import types
 import typing
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,6 +18,19 @@ T = TypeVar("T")
 
 class ScenarioError(Exception):
     """What a user gave cannot be run; the message is one line that says what to change."""
+
+
+@contextmanager
+def building(source: str) -> Iterator[None]:
+    """Turns what systems and models refuse while a Diagram is built into a ScenarioError.
+
+    Args:
+        source: The scenario's name or file.
+    """
+    try:
+        yield
+    except (ValueError, RuntimeError, OSError) as error:
+        raise ScenarioError(f"{source}: {one_line(error)}") from error
 
 
 def one_line(error: BaseException | str) -> str:

@@ -5,6 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 import pytest
+from pydrake.common.value import AbstractValue, Value
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, State
 
 from diagrams.episode_record import (
     EpisodeResult,
@@ -105,7 +108,9 @@ def synthetic_episode(
     q = 0.001 + 0.02 * np.maximum(0.0, times - 4.0)
     if joint_type == JointType.REVOLUTE:
         q = q * 4.0
-    axis = np.array([-1.0, 0.05, 0.02]) if joint_type == JointType.PRISMATIC else np.array([0, 0, 1.0])
+    axis = (
+        np.array([-1.0, 0.05, 0.02]) if joint_type == JointType.PRISMATIC else np.array([0, 0, 1.0])
+    )
     axis = axis / np.linalg.norm(axis)
     point = np.array([0.8, 0.35, 0.5])
     handle = np.array([0.75, 0.0, 0.5])
@@ -143,7 +148,9 @@ def synthetic_episode(
         result.modalities[name] = _modality(name, truth, q_error, np.deg2rad(axis_error), rng)
     for time in np.arange(0.0, duration, 0.5):
         k = int(np.argmin(np.abs(times - time)))
-        result.frames.append(_frame(float(times[k]), result.camera, static, moving, X_WB[k] @ np.linalg.inv(X_WB[0])))
+        result.frames.append(
+            _frame(float(times[k]), result.camera, static, moving, X_WB[k] @ np.linalg.inv(X_WB[0]))
+        )
     return result
 
 
@@ -196,7 +203,10 @@ def _modality(
             )  # fmt: skip
         record.ticks.append(
             TickRecord(
-                time=float(time), joints=joints, bodies=bodies, grasp=grasp,
+                time=float(time),
+                joints=joints,
+                bodies=bodies,
+                grasp=grasp,
                 feature_count=0 if name == "proprioception" else 100,
             )  # fmt: skip
         )
@@ -217,7 +227,83 @@ def _frame(
         covariance=np.tile(1e-6 * np.eye(3), (len(points), 1, 1)),
         age=np.full(len(points), 5),
     )
-    features.ids[len(static):] = np.arange(100, 140)
+    features.ids[len(static) :] = np.arange(100, 140)
     return FrameRecord(
         time=time, color=color, features={"vision": features, "crossmodal": features}
     )
+
+
+class ReplayedBeliefs(LeafSystem):
+    """Outputs a synthetic episode's beliefs as the network's `latest` ports would be.
+
+    The belief of the tick at t is stored at t, so it is what a reader sees after t.
+    """
+
+    def __init__(self, result: EpisodeResult) -> None:
+        super().__init__()
+        self._result = result
+        state = self.DeclareAbstractState(Value(-1))
+        self._index = int(state)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(PERIOD, 0.0, self._step)
+        ticket = {self.abstract_state_ticket(state)}
+        for modality, record in result.modalities.items():
+            for name in ("joints", "body_motions", "features"):
+
+                def calc(
+                    context: Context,
+                    output: AbstractValue,
+                    record: ModalityRecord = record,
+                    modality: str = modality,
+                    name: str = name,
+                ) -> None:
+                    k = context.get_abstract_state(self._index).get_value()
+                    output.set_value(self._value(record, modality, name, k))
+
+                self.DeclareAbstractOutputPort(
+                    f"{modality}_{name}_latest",
+                    lambda record=record, modality=modality, name=name: AbstractValue.Make(
+                        self._value(record, modality, name, -1)
+                    ),
+                    calc,
+                    prerequisites_of_calc=ticket,
+                )
+        self.DeclareVectorOutputPort(
+            "cheat_configuration", 1, lambda c, o: o.SetFromVector([self._truth_at(c)[0]])
+        )
+        self.DeclareAbstractOutputPort(
+            "cheat_body_pose",
+            lambda: Value(RigidTransform()),
+            lambda c, o: o.set_value(RigidTransform(self._truth_at(c)[1])),
+        )
+        self.DeclareVectorOutputPort(
+            "interaction_active",
+            1,
+            lambda c, o: o.SetFromVector([float(c.get_time() >= GRASP_TIME - 1e-9)]),
+        )
+
+    def _step(self, context: Context, state: State) -> None:
+        k = context.get_abstract_state(self._index).get_value()
+        state.get_mutable_abstract_state(self._index).set_value(k + 1)
+
+    def _value(self, record: ModalityRecord, modality: str, name: str, k: int) -> object:
+        k = min(k, len(record.ticks) - 1)
+        if name == "joints":
+            return record.ticks[k].joints if k >= 0 else JointBeliefs()
+        if name == "body_motions":
+            return record.ticks[k].bodies if k >= 0 else BodyMotions()
+        frames = self._result.frames
+        time = max(k, 0) * PERIOD
+        return min(frames, key=lambda frame: abs(frame.time - time)).features["crossmodal"]
+
+    def _truth_at(self, context: Context) -> tuple[float, Array]:
+        truth = self._result.truth
+        k = int(np.argmin(np.abs(truth.times - context.get_time())))
+        return float(truth.configuration[k]), truth.X_WB[k]
+
+
+def connect_all(builder: DiagramBuilder, source: LeafSystem, sink: LeafSystem) -> None:
+    """Connects ports of the same name."""
+    for index in range(sink.num_input_ports()):
+        port = sink.get_input_port(index)
+        if source.HasOutputPort(port.get_name()):
+            builder.Connect(source.GetOutputPort(port.get_name()), port)

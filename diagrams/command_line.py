@@ -1,0 +1,335 @@
+"""The `crossmodal` command. What a command needs is imported when it runs, so help is instant."""
+
+import contextlib
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from diagrams.episode_record import EpisodeResult
+    from diagrams.scenario import Scenario
+
+BAD_INPUT = 2
+FAILED = 1
+INTERRUPTED = 130
+
+app = typer.Typer(
+    help="Interactive perception in Drake: a robot moves something and reads what vision,"
+    " proprioception and touch say together.",
+    epilog="Start with:  crossmodal run drawer",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+train_app = typer.Typer(
+    help="Make the training data in simulation and train a small network on them.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+app.add_typer(train_app, name="train")
+
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY.PATH=VALUE", help="Replace one value of the scenario; repeatable."
+    ),
+]
+ForceOption = Annotated[
+    bool, typer.Option("--force", help="Replace the files of an earlier run in the folder.")
+]
+
+
+class GentleInterrupt:
+    """Lets a Ctrl-C wait until the simulation is between two steps; a second one acts at once."""
+
+    def __init__(self) -> None:
+        self._requested = False
+        self._previous: Any = None
+
+    def __enter__(self) -> "GentleInterrupt":
+        self._previous = signal.signal(signal.SIGINT, self._note)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        signal.signal(signal.SIGINT, self._previous)
+
+    def _note(self, _signal: int, _frame: FrameType | None) -> None:
+        if self._requested:
+            raise KeyboardInterrupt
+        self._requested = True
+
+    def check(self) -> None:
+        """Raises KeyboardInterrupt if one was asked for."""
+        if self._requested:
+            raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def one_line_errors() -> Iterator[None]:
+    """Ends the command with one line and its exit status where the user's input is at fault."""
+    from diagrams.yaml_schema import ScenarioError
+
+    try:
+        yield
+    except ScenarioError as error:
+        typer.echo(f"crossmodal: {error}", err=True)
+        raise typer.Exit(BAD_INPUT) from None
+    except KeyboardInterrupt:
+        typer.echo("crossmodal: interrupted before there was anything to keep", err=True)
+        raise typer.Exit(INTERRUPTED) from None
+
+
+@app.command("list")
+def list_command() -> None:
+    """Show the scenarios, experiments and networks that there are."""
+    with one_line_errors():
+        from diagrams.experiments import EXPERIMENTS
+        from diagrams.scenario import load_scenario, scenario_files
+
+        typer.echo("Scenarios (crossmodal run NAME):")
+        for name, path in scenario_files().items():
+            typer.echo(f"  {name:16}{load_scenario(str(path)).description}")
+        typer.echo("Experiments (crossmodal evaluate NAME):")
+        for name, experiment in EXPERIMENTS.items():
+            typer.echo(f"  {name:16}{experiment.description}")
+        typer.echo("Networks (crossmodal train NAME):")
+        typer.echo("  hand-bending    the soft hand's bending from wrench and air pressure")
+
+
+@app.command(
+    "run",
+    epilog="Examples:  crossmodal run drawer --seed 7 --meshcat   |   crossmodal run my.yaml"
+    " --set disturbances.lights_off.0.start=5 --out runs/dark",
+)
+def run_command(
+    scenario: Annotated[str, typer.Argument(help="A scenario's name or a path to a YAML file.")],
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="What varies: object, offsets, noise.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the run. [default: runs/SCENARIO-seedSEED]")
+    ] = None,
+    force: ForceOption = False,
+    meshcat: Annotated[
+        bool, typer.Option("--meshcat", help="Print an address where it can be watched live.")
+    ] = False,
+    host: Annotated[
+        str, typer.Option(help="Interface that Meshcat listens on; '*' for all of them.")
+    ] = "localhost",
+    recording: Annotated[bool, typer.Option(help="Write meshcat.html.")] = True,
+    modalities: Annotated[
+        str | None, typer.Option(help="Comma-separated, of vision,proprioception,crossmodal.")
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="Longest simulated time, [s].")] = None,
+    overrides: SetOption = None,
+) -> None:
+    """Simulate one episode and write what was perceived into a folder."""
+    with one_line_errors():
+        from diagrams.run_folder import default_folder, open_run_folder
+        from diagrams.scenario import load_scenario
+
+        assignments = list(overrides or [])
+        if seed is not None:
+            assignments.append(f"seed={seed}")
+        if duration is not None:
+            assignments.append(f"duration={duration}")
+        if modalities is not None:
+            names = [name.strip() for name in modalities.split(",")]
+            assignments.append(f"modalities=[{', '.join(names)}]")
+        chosen = load_scenario(scenario, assignments)
+        folder = open_run_folder(out or default_folder(chosen), force)
+        try:
+            result = _simulate(chosen, live=meshcat, host=host, recording=recording)
+        finally:
+            _remove_if_empty(folder)
+        status = _write_and_report(folder, result)
+    raise typer.Exit(status)
+
+
+def _remove_if_empty(folder: Path) -> None:
+    with contextlib.suppress(OSError):
+        folder.rmdir()
+
+
+def _simulate(scenario: "Scenario", *, live: bool, host: str, recording: bool) -> "EpisodeResult":
+    from tqdm import tqdm
+
+    from diagrams.episode import run_episode
+
+    viewer = _start_meshcat(host, announce=live) if live or recording else None
+    bar = tqdm(
+        total=scenario.duration,
+        desc=f"{scenario.name}, seed {scenario.seed}",
+        bar_format="{desc}: {percentage:3.0f}% |{bar}| {n:.1f}/{total:.1f} s simulated"
+        " [{elapsed}<{remaining}]",
+        disable=None,
+    )
+    with GentleInterrupt() as interrupt, bar:
+
+        def progress(time: float) -> None:
+            interrupt.check()
+            bar.update(max(0.0, min(time, scenario.duration) - bar.n))
+
+        return run_episode(scenario, scenario.seed, meshcat=viewer, progress=progress)
+
+
+def _start_meshcat(host: str, *, announce: bool) -> Any:
+    from diagrams.meshcat_view import start_meshcat
+
+    meshcat = start_meshcat(host)
+    if announce:
+        typer.echo(f"Watch it at {meshcat.web_url()}")
+    return meshcat
+
+
+def _write_and_report(folder: Path, result: "EpisodeResult") -> int:
+    """Writes the run, prints its report and returns the exit status."""
+    import json
+
+    from diagrams.run_folder import SUMMARY_FILE, write_run
+    from diagrams.run_report import report
+
+    written = write_run(folder, result)
+    summary = json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))
+    typer.echo(report(result, summary, written))
+    if result.interrupted:
+        typer.echo(
+            f"crossmodal: interrupted at {result.duration:.1f} s; the files above hold what was"
+            " perceived until then",
+            err=True,
+        )
+        return INTERRUPTED
+    return 0 if result.failure is None else FAILED
+
+
+@app.command(
+    "evaluate",
+    epilog="Example:  crossmodal evaluate drawer --seeds 100:120 --jobs 2.  Run it again to go on"
+    " where it was stopped.",
+)
+def evaluate_command(
+    experiment: Annotated[str, typer.Argument(help="See 'crossmodal list'.")],
+    seeds: Annotated[str, typer.Option(help="Like 100:120 (without 120), 7 or 1,4,9.")] = "100:120",
+    jobs: Annotated[int, typer.Option(min=1, help="Episodes at a time, one process each.")] = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the experiment. [default: runs/evaluate-NAME]")
+    ] = None,
+    backend: Annotated[
+        str, typer.Option(help="joblib's: processes by default, or a registered one such as ray.")
+    ] = "loky",
+    overrides: SetOption = None,
+) -> None:
+    """Repeat an experiment over seeds and write a table beside the paper's figures."""
+    with one_line_errors():
+        from tqdm import tqdm
+
+        from diagrams.experiments import evaluate, find_experiment, parse_seeds
+
+        find_experiment(experiment)
+        numbers = parse_seeds(seeds)
+        folder = out or Path("runs") / f"evaluate-{experiment}"
+        with tqdm(total=len(numbers), desc=experiment, unit="episode", disable=None) as bar:
+
+            def progress(summary: dict[str, Any]) -> None:
+                bar.update()
+                if not summary["success"]:
+                    bar.write(f"seed {summary['seed']}: {summary['failure']}", file=sys.stderr)
+
+            summaries, written, interrupted = evaluate(
+                experiment,
+                numbers,
+                folder,
+                jobs=jobs,
+                backend=backend,
+                overrides=overrides or [],
+                progress=progress,
+            )
+    _finish_evaluation(summaries, written, interrupted)
+
+
+def _finish_evaluation(
+    summaries: list[dict[str, Any]], written: list[Path], interrupted: bool
+) -> None:
+    for path in written:
+        if path.suffix == ".md":
+            typer.echo(path.read_text(encoding="utf-8"))
+    for path in written:
+        typer.echo(f"  {path}")
+    if interrupted:
+        typer.echo(
+            f"crossmodal: interrupted after {len(summaries)} episodes; the same command goes on",
+            err=True,
+        )
+        raise typer.Exit(INTERRUPTED)
+    raise typer.Exit(0 if all(summary["success"] for summary in summaries) else FAILED)
+
+
+@train_app.command("hand-bending")
+def train_hand_bending_command(
+    search: Annotated[
+        bool, typer.Option("--search", help="Also choose the topology by leave-one-out.")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of weights and card. [default: models/weights]")
+    ] = None,
+) -> None:
+    """Train the networks that read the soft hand's bending from wrench and air pressure."""
+    with one_line_errors():
+        from diagrams.hand_bending_training import train_hand_bending
+
+        written: list[Path] = train_hand_bending(search=search, seed=seed, out=out)
+        for path in written:
+            typer.echo(f"  {path}")
+
+
+@app.command(
+    "diagram", epilog="Example:  crossmodal diagram drawer --modality vision --out vision.svg"
+)
+def diagram_command(
+    scenario: Annotated[str, typer.Argument(help="A scenario's name or a path to a YAML file.")],
+    out: Annotated[
+        Path | None, typer.Option(help="The SVG file. [default: SCENARIO-MODALITY.svg]")
+    ] = None,
+    modality: Annotated[
+        str, typer.Option(help="vision, proprioception or crossmodal.")
+    ] = "crossmodal",
+    force: Annotated[bool, typer.Option("--force", help="Replace the file.")] = False,
+    overrides: SetOption = None,
+) -> None:
+    """Draw the network of filters with its wires."""
+    with one_line_errors():
+        from diagrams.network import build_network
+        from diagrams.network_drawing import network_dot, render_svg
+        from diagrams.palette import MODALITY_LABEL
+        from diagrams.run_folder import write_text
+        from diagrams.scenario import MODALITIES, load_scenario
+        from diagrams.yaml_schema import ScenarioError, suggestion
+
+        if modality not in MODALITIES:
+            raise ScenarioError(
+                f"unknown modality '{modality}'; {suggestion(modality, MODALITIES)}"
+            )
+        chosen = load_scenario(scenario, overrides or [])
+        path = out or Path(f"{chosen.name}-{modality}.svg")
+        if path.exists() and not force:
+            raise ScenarioError(f"{path}: exists already; replace it with --force")
+        title = f"{chosen.name}: {MODALITY_LABEL[modality]} network"
+        svg = render_svg(network_dot(build_network(chosen, modality), title))
+        typer.echo(f"  {write_text(path, svg)}")
+
+
+def main() -> Callable[..., Any] | None:
+    """Entry point of the `crossmodal` command."""
+    return app()
+
+
+if __name__ == "__main__":
+    main()

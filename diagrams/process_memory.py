@@ -1,0 +1,28 @@
+"""The most memory that this process has held."""
+
+import resource
+import sys
+from pathlib import Path
+
+_CLEAR = Path("/proc/self/clear_refs")
+_STATUS = Path("/proc/self/status")
+
+
+def reset_peak_memory() -> None:
+    """Starts a new measurement where the system can; elsewhere the peak is the process' own."""
+    try:
+        _CLEAR.write_text("5")  # Sets VmHWM back to what is held now.
+    except OSError:
+        return
+
+
+def peak_memory() -> int:
+    """Peak resident memory, [bytes]."""
+    try:
+        for line in _STATUS.read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024
+    except OSError:
+        pass
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit

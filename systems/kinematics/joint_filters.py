@@ -1,0 +1,363 @@
+"""The four joint filters of one pair of bodies: prismatic, revolute, rigid and disconnected.
+
+Usable without Drake: `start_filters`, then `update_filters` per measurement, each of which returns
+a new state; `joint_belief` and `predict_child` read it. The maths is in `joint_likelihood`.
+
+Frames: P parent, B child, F the child's measured reference pose. All covariances of poses are right
+perturbations in B.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from maths import se3
+from systems.kinematics.joint_likelihood import (
+    PRISMATIC,
+    REVOLUTE,
+    RIGID,
+    Models,
+    dimension,
+    initial_models,
+    jacobian,
+    screw,
+    tangent_basis,
+)
+from systems.kinematics.joint_solver import update, walk_evidence
+from systems.kinematics.pose_packets import (
+    FIRST,
+    RECENT,
+    Packets,
+    append,
+    empty_packets,
+)
+from systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
+
+Array = npt.NDArray[np.float64]
+
+TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID, JointType.DISCONNECTED)
+_FLOOR = 1e-12  # [rad^2, m^2], for covariances given as exact.
+
+
+@dataclass(kw_only=True)
+class JointFiltersConfig:
+    """Priors and memory of the joint filters.
+
+    The accelerations that a joint may show are not tuned: the filters choose among
+    `acceleration_densities` by evidence, so that a smooth motion is averaged over seconds and a
+    jerky one is followed.
+
+    A measurement that is another filter's posterior errs alike for a while, so that averaging n of
+    them gains less than n. Two settings say so, both off by default (white noise):
+    `correlation_time` tau multiplies the covariance of each by (1 + r) / (1 - r), r = exp(-dt/tau),
+    which is what an average over much longer than tau is worth; `slow_rotation` and
+    `slow_translation` add an error of their own that lasts `slow_time`, as from a biased
+    calibration, as 2 slow_time / dt times its covariance. Both make the configuration's covariance
+    honest or too large, never too small.
+
+    Attributes:
+        acceleration_densities: [m^2/s^3] of a prismatic q, S in dv = sqrt(S) dw; each above zero.
+        radius: Length that turns them into those of a revolute q [rad^2/s^3] by 1 / radius^2, [m].
+        speed: Standard deviation of the speed before anything was seen, [m/s]; over `radius` for
+            a revolute joint.
+        axis_distance: Standard deviation of an axis' position from the body, per direction, [m].
+        walk_translation: Of a disconnected body's free walk after one second, [m].
+        walk_rotation: The same in rotation, [rad].
+        prior_prismatic: Prior probability, not normalised; likewise the other three.
+        prior_revolute: See `prior_prismatic`.
+        prior_rigid: See `prior_prismatic`.
+        prior_disconnected: See `prior_prismatic`.
+        correlation_time: Of the measurements' errors, [s]; zero for white noise.
+        slow_rotation: Standard deviation of a slow error in rotation, [rad].
+        slow_translation: The same in translation, [m].
+        slow_time: How long the slow error lasts, [s].
+        memory: Packets kept, at least 12.
+        coarseness: Share of the motion's mean square that one packet may span, in (0, 1).
+    """
+
+    acceleration_densities: list[float] = field(default_factory=lambda: [1e-7, 1e-5, 1e-3])
+    radius: float = 0.3
+    speed: float = 0.1
+    axis_distance: float = 1.0
+    walk_translation: float = 0.1
+    walk_rotation: float = 0.3
+    prior_prismatic: float = 0.2
+    prior_revolute: float = 0.2
+    prior_rigid: float = 0.4
+    prior_disconnected: float = 0.2
+    correlation_time: float = 0.0
+    slow_rotation: float = 0.0
+    slow_translation: float = 0.0
+    slow_time: float = 1.0
+    memory: int = 32
+    coarseness: float = 0.05
+
+
+def check_joint_filters_config(config: JointFiltersConfig, owner: str) -> None:
+    """Raises ValueError, naming `owner` and the field, where a value is impossible."""
+    positive = {
+        "radius": "m",
+        "speed": "m/s",
+        "axis_distance": "m",
+        "walk_translation": "m",
+        "walk_rotation": "rad",
+        "prior_prismatic": "",
+        "prior_revolute": "",
+        "prior_rigid": "",
+        "prior_disconnected": "",
+        "slow_time": "s",
+    }
+    for name, unit in positive.items():
+        if not (value := getattr(config, name)) > 0.0 or not np.isfinite(value):
+            raise ValueError(f"{owner}: need {name} > 0 {unit}, got {value!r}".replace("  ", " "))
+    for name, unit in {
+        "correlation_time": "s",
+        "slow_rotation": "rad",
+        "slow_translation": "m",
+    }.items():
+        if not (value := getattr(config, name)) >= 0.0 or not np.isfinite(value):
+            raise ValueError(f"{owner}: need {name} >= 0 {unit}, got {value!r}")
+    densities = config.acceleration_densities
+    if not densities or not all(S > 0.0 and np.isfinite(S) for S in densities):
+        raise ValueError(
+            f"{owner}: need acceleration_densities all > 0 m^2/s^3 and at least one, "
+            f"got {densities!r}"
+        )
+    if config.memory < FIRST + RECENT + 4:
+        raise ValueError(
+            f"{owner}: need memory >= {FIRST + RECENT + 4} packets, got {config.memory!r}"
+        )
+    if not 0.0 < config.coarseness < 1.0:
+        raise ValueError(f"{owner}: need 0 < coarseness < 1, got {config.coarseness!r}")
+
+
+@dataclass(kw_only=True)
+class JointFiltersState:
+    """What the filters of one pair know; never changed in place, so copies share it.
+
+    Attributes:
+        parent_id: See `JointBelief`.
+        child_id: See `JointBelief`.
+        X_PF: Measured reference pose (4, 4).
+        time: Of the last measurement, [s].
+        updates: Measurements seen.
+        models: Parameters, configuration, evidence.
+        packets: Averaged measurements.
+    """
+
+    parent_id: int
+    child_id: int
+    X_PF: Array
+    time: float
+    updates: int
+    models: Models
+    packets: Packets
+
+    def __deepcopy__(self, memo: dict[int, object]) -> "JointFiltersState":
+        return self
+
+
+def _walk_rate(config: JointFiltersConfig) -> Array:
+    return np.repeat([config.walk_rotation**2, config.walk_translation**2], 3)
+
+
+def frame_covariance(covariance: Array, dt: float, config: JointFiltersConfig) -> Array:
+    """The covariance (6, 6) that one of a stream of measurements `dt` apart counts with."""
+    R = 0.5 * (covariance + covariance.T) + _FLOOR * np.eye(6)
+    if config.correlation_time > 0.0 and dt > 0.0:
+        r = np.exp(-dt / config.correlation_time)
+        R = R * ((1.0 + r) / (1.0 - r))
+    if dt > 0.0:
+        slow = np.repeat([config.slow_rotation**2, config.slow_translation**2], 3)
+        R = R + np.diag(slow) * max(1.0, 2.0 * config.slow_time / dt)
+    return R
+
+
+def start_filters(
+    X_PB_reference: Array,
+    covariance: Array,
+    time: float,
+    config: JointFiltersConfig,
+    parent_id: int = 0,
+    child_id: int = 1,
+) -> JointFiltersState:
+    """Filters at the reference, where q is zero.
+
+    Args:
+        X_PB_reference: Measured (4, 4).
+        covariance: Of that measurement (6, 6), in B; zero where it is exact.
+        time: Of the reference, [s].
+        config: See `JointFiltersConfig`.
+        parent_id: See `JointBelief`.
+        child_id: See `JointBelief`.
+    """
+    packets, models = empty_packets(config.memory), initial_models(config.memory)
+    R = frame_covariance(covariance, 0.0, config)
+    append(packets, np.eye(4), R, time, _walk_rate(config))
+    for kind in range(3):
+        n = dimension(kind)
+        models.covariance[kind, :6, :6] = R
+        models.covariance[kind, 6:n, 6:n] = np.diag([1.0, 1.0, 1.0, 1.0][: n - 6])
+    models.covariance[REVOLUTE, 8:, 8:] *= config.axis_distance**2
+    for kind, scale in ((PRISMATIC, 1.0), (REVOLUTE, config.radius)):
+        models.P[kind, 1, 1] = (config.speed / scale) ** 2
+        models.density[kind] = max(config.acceleration_densities) / scale**2
+    models.log_evidence[:] = 0.5 * packets.log_det[0]
+    return JointFiltersState(
+        parent_id=parent_id,
+        child_id=child_id,
+        X_PF=np.array(X_PB_reference, dtype=float),
+        time=time,
+        updates=0,
+        models=models,
+        packets=packets,
+    )
+
+
+def update_filters(
+    state: JointFiltersState,
+    X_PB: Array,
+    covariance: Array,
+    time: float,
+    config: JointFiltersConfig,
+) -> JointFiltersState:
+    """The state after one measurement of the child's pose.
+
+    Args:
+        state: Before; left as it is.
+        X_PB: Measured (4, 4).
+        covariance: Of the measurement (6, 6), in B.
+        time: Of the measurement, [s], not before the last.
+        config: The same as in `start_filters`.
+    """
+    models = Models(*(x.copy() for x in state.models))
+    packets = Packets(*(x.copy() for x in state.packets))
+    scale = np.array([1.0, config.radius])
+    update(
+        models,
+        packets,
+        se3.inverse(state.X_PF) @ X_PB,
+        frame_covariance(covariance, time - state.time, config),
+        time,
+        _walk_rate(config),
+        np.asarray(config.acceleration_densities) / scale[:, None] ** 2,
+        config.speed / scale,
+        config.axis_distance,
+        config.coarseness,
+        _wants_restart(state),
+    )
+    return JointFiltersState(
+        parent_id=state.parent_id,
+        child_id=state.child_id,
+        X_PF=state.X_PF,
+        time=time,
+        updates=state.updates + 1,
+        models=models,
+        packets=packets,
+    )
+
+
+def _wants_restart(state: JointFiltersState) -> bool:
+    """Whether the moving models are still young enough to sit in a wrong minimum."""
+    m = state.models
+    if m.prior_information[0, 0, 0] > 0.0:
+        return False
+    well_known = m.covariance[PRISMATIC, 6:8, 6:8].trace() < 0.03**2
+    return not well_known or state.updates % 15 == 0
+
+
+def log_evidences(state: JointFiltersState) -> dict[JointType, float]:
+    """Log evidence of each type, up to one constant for all."""
+    return {t: float(e) for t, e in zip(TYPES, state.models.log_evidence, strict=True)}
+
+
+def _probabilities(state: JointFiltersState, config: JointFiltersConfig) -> dict[JointType, float]:
+    prior = np.array(
+        [
+            config.prior_prismatic,
+            config.prior_revolute,
+            config.prior_rigid,
+            config.prior_disconnected,
+        ]
+    )
+    log_p = state.models.log_evidence + np.log(prior)
+    p = np.exp(log_p - log_p.max())
+    p /= p.sum()
+    return {t: float(x) for t, x in zip(TYPES, p, strict=True)}
+
+
+def _without_joint(log_evidence: float) -> JointModelBelief:
+    return JointModelBelief(
+        log_evidence=log_evidence,
+        axis_P=np.full(3, np.nan),
+        axis_covariance=np.full((3, 3), np.nan),
+        p_PA=np.full(3, np.nan),
+        p_PA_covariance=np.full((3, 3), np.nan),
+        configuration=np.full(2, np.nan),
+        configuration_covariance=np.full((2, 2), np.nan),
+    )
+
+
+def _moving_belief(state: JointFiltersState, kind: int) -> JointModelBelief:
+    m, n = state.models, dimension(kind)
+    Sigma, gain = m.covariance[kind, :n, :n], m.gain[kind, :, :n]
+    a, c, R_PF = m.a[kind], m.c[kind], state.X_PF[:3, :3]
+    B = np.empty((2, 3))
+    tangent_basis(a, B)
+    T = R_PF @ B.T
+    belief = _without_joint(float(m.log_evidence[kind]))
+    belief.axis_P = R_PF @ a
+    belief.axis_covariance = T @ Sigma[6:8, 6:8] @ T.T
+    belief.configuration = m.state[kind].copy()
+    belief.configuration_covariance = m.P[kind] + gain @ Sigma @ gain.T
+    if kind == REVOLUTE:
+        # The nearest point slides along a tilting axis.
+        T = np.hstack([-np.outer(R_PF @ a, B @ c), T])
+        belief.p_PA = R_PF @ c + state.X_PF[:3, 3]
+        belief.p_PA_covariance = T @ Sigma[6:10, 6:10] @ T.T
+    return belief
+
+
+def joint_belief(state: JointFiltersState, config: JointFiltersConfig) -> JointBelief:
+    """The belief about the pair's joint."""
+    evidence = state.models.log_evidence
+    return JointBelief(
+        parent_id=state.parent_id,
+        child_id=state.child_id,
+        probabilities=_probabilities(state, config),
+        models={
+            JointType.PRISMATIC: _moving_belief(state, PRISMATIC),
+            JointType.REVOLUTE: _moving_belief(state, REVOLUTE),
+            JointType.RIGID: _without_joint(float(evidence[2])),
+            JointType.DISCONNECTED: _without_joint(float(evidence[3])),
+        },
+        updates=state.updates,
+    )
+
+
+def predict_child(
+    state: JointFiltersState, joint_type: JointType, dt: float, config: JointFiltersConfig
+) -> PoseBelief:
+    """Where one model expects the child `dt` [s] after the last measurement: X_PB, in B."""
+    m, p = state.models, state.packets
+    last = p.size[0] - 1
+    if joint_type == JointType.DISCONNECTED:
+        return PoseBelief(
+            X=state.X_PF @ p.Z[last], covariance=p.R[last] + np.diag(_walk_rate(config)) * dt
+        )
+    kind = TYPES.index(joint_type)
+    if kind == RIGID:
+        return PoseBelief(X=state.X_PF @ m.Y[RIGID], covariance=m.covariance[RIGID, :6, :6].copy())
+    n = dimension(kind)
+    Sigma, F = m.covariance[kind, :n, :n], np.array([[1.0, dt], [0.0, 1.0]])
+    q = float((F @ m.state[kind])[0])
+    gain = (F @ m.gain[kind, :, :n])[0]
+    variance = float((F @ m.P[kind] @ F.T)[0, 0] + m.density[kind] * dt**3 / 3.0)
+    B, rows, X = np.empty((2, 3)), np.zeros((5, 6)), np.eye(4)
+    tangent_basis(m.a[kind], B)
+    jacobian(kind, m.Y[kind], m.a[kind], m.c[kind], B, q, rows)
+    screw(kind, m.a[kind], m.c[kind], q, X[:3, :3], X[:3, 3])
+    J = np.hstack([np.eye(6), rows[1 : n - 5].T]) + np.outer(rows[0], gain)
+    covariance = J @ Sigma @ J.T + variance * np.outer(rows[0], rows[0])
+    return PoseBelief(X=state.X_PF @ X @ m.Y[kind], covariance=0.5 * (covariance + covariance.T))

@@ -1,0 +1,503 @@
+"""The likelihood of packets of relative poses under a joint, linearised and solved, compiled.
+
+A joint with parameters theta = (Y, a, c) moves the child along one screw in F, the frame of the
+measured reference pose X_PF:
+
+    X_FB(q) = E(q) Y,  E(q) = translation by a q (prismatic), or rotation by q about the axis
+                       through c along a (revolute), or identity (rigid)
+
+with Y = X_FB(0) the true reference pose (6 dimensions), a the unit axis (2) and c the axis point
+nearest to Fo (2, in the plane normal to a). Errors of theta live in that tangent space, in this
+order. q follows the white-acceleration process dq = v dt, dv = sqrt(S) dw from q = 0 at the
+reference, v there from N(0, sigma_v^2).
+
+Given theta, each packet says q to within 1/alpha, so that the chain of all q is a two-state Kalman
+filter whose mean is m + M dtheta (the two-stage filter of B. Friedland, "Treatment of bias in
+recursive filtering", 1969); its innovations are what the packets say about theta. One pass gives
+the normal equations of theta with every q marginalised, and the evidence of S by Laplace's
+approximation. Everything is linearised anew at each call, so no early linearisation stays.
+"""
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from maths import cholesky
+from systems.kinematics.pose_packets import Packets, move, pose_log, relative_log
+
+Array = npt.NDArray[np.float64]
+
+PRISMATIC, REVOLUTE, RIGID = 0, 1, 2
+AXIS_SPREAD = 1.0  # [rad] standard deviation reported for an axis nobody has seen move.
+
+
+class Models(NamedTuple):
+    """Beliefs of the moving and rigid models; the first index is the model.
+
+    Attributes:
+        Y: (3, 4, 4) X_FB at the reference.
+        a: (3, 3) axis in F.
+        c: (3, 3) axis point in F, [m].
+        q: (3, K) configuration at each packet.
+        signed: (3,) one where the sign of q is decided.
+        prior_information: (3, 12, 12) of dropped packets about (Y, a, c), a and c in three
+            dimensions each, relative to where it was linearised.
+        prior_vector: (3, 12) its information vector.
+        prior_value: (3,) its log likelihood there.
+        prior_Y: (3, 4, 4), prior_a: (3, 3), prior_c: (3, 3) where it was linearised.
+        covariance: (3, 10, 10) of theta, after all packets.
+        state: (3, 2) q and its rate at the newest packet.
+        gain: (3, 2, 10) their sensitivity to theta.
+        P: (3, 2, 2) their covariance given theta.
+        density: (3,) the acceleration density S that explains the motion best.
+        log_evidence: (4,) of each model, the free walk last.
+        carried: (4,) from dropped packets.
+    """
+
+    Y: Array
+    a: Array
+    c: Array
+    q: Array
+    signed: Array
+    prior_information: Array
+    prior_vector: Array
+    prior_value: Array
+    prior_Y: Array
+    prior_a: Array
+    prior_c: Array
+    covariance: Array
+    state: Array
+    gain: Array
+    P: Array
+    density: Array
+    log_evidence: Array
+    carried: Array
+
+
+def initial_models(capacity: int) -> Models:
+    """Models before any measurement, for `capacity` packets."""
+    pose = np.tile(np.eye(4), (3, 1, 1))
+    axis = np.tile(np.array([0.0, 0.0, 1.0]), (3, 1))
+    point = np.zeros((3, 3))
+    return Models(
+        Y=pose,
+        a=axis,
+        c=point,
+        q=np.zeros((3, capacity)),
+        signed=np.zeros(3),
+        prior_information=np.zeros((3, 12, 12)),
+        prior_vector=np.zeros((3, 12)),
+        prior_value=np.zeros(3),
+        prior_Y=pose.copy(),
+        prior_a=axis.copy(),
+        prior_c=point.copy(),
+        covariance=np.zeros((3, 10, 10)),
+        state=np.zeros((3, 2)),
+        gain=np.zeros((3, 2, 10)),
+        P=np.zeros((3, 2, 2)),
+        density=np.zeros(3),
+        log_evidence=np.zeros(4),
+        carried=np.zeros(4),
+    )
+
+
+@numba.njit(cache=True)
+def dimension(kind: int) -> int:
+    """The number of parameters of a model."""
+    return 8 if kind == PRISMATIC else (10 if kind == REVOLUTE else 6)
+
+
+@numba.njit(cache=True)
+def tangent_basis(a: Array, B: Array) -> None:
+    """Writes two unit vectors normal to the unit vector `a` and to each other into `B` (2, 3)."""
+    k = 0
+    for i in range(1, 3):
+        if abs(a[i]) < abs(a[k]):
+            k = i
+    s = np.sqrt(1.0 - a[k] * a[k])
+    for i in range(3):
+        B[0, i] = ((1.0 if i == k else 0.0) - a[k] * a[i]) / s
+    B[1, 0] = a[1] * B[0, 2] - a[2] * B[0, 1]
+    B[1, 1] = a[2] * B[0, 0] - a[0] * B[0, 2]
+    B[1, 2] = a[0] * B[0, 1] - a[1] * B[0, 0]
+
+
+@numba.njit(cache=True)
+def _cross(x: Array, y: Array) -> tuple[float, float, float]:
+    return x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
+
+
+@numba.njit(cache=True)
+def _into_body(Y: Array, w: Array, v: Array, out: Array) -> None:
+    """Writes the twist (w, v) in the screw's moving frame as one in B into `out` (6,)."""
+    x = v[0] - (Y[1, 3] * w[2] - Y[2, 3] * w[1])
+    y = v[1] - (Y[2, 3] * w[0] - Y[0, 3] * w[2])
+    z = v[2] - (Y[0, 3] * w[1] - Y[1, 3] * w[0])
+    for i in range(3):
+        out[i] = Y[0, i] * w[0] + Y[1, i] * w[1] + Y[2, i] * w[2]
+        out[3 + i] = Y[0, i] * x + Y[1, i] * y + Y[2, i] * z
+
+
+@numba.njit(cache=True)
+def screw(kind: int, a: Array, c: Array, q: float, R: Array, t: Array) -> None:
+    """Writes E(q) into the rotation `R` (3, 3) and the translation `t` (3,)."""
+    cosine, sine = (np.cos(q), np.sin(q)) if kind == REVOLUTE else (1.0, 0.0)
+    for i in range(3):
+        for j in range(3):
+            R[i, j] = (1.0 - cosine) * a[i] * a[j] + (cosine if i == j else 0.0)
+    for i, j, s in ((0, 1, -a[2]), (0, 2, a[1]), (1, 2, -a[0])):
+        R[i, j] += sine * s
+        R[j, i] -= sine * s
+    for i in range(3):
+        t[i] = a[i] * q if kind == PRISMATIC else 0.0
+        if kind == REVOLUTE:
+            t[i] = c[i] - (R[i, 0] * c[0] + R[i, 1] * c[1] + R[i, 2] * c[2])
+
+
+@numba.njit(cache=True)
+def residual(kind: int, Y: Array, a: Array, c: Array, q: float, Z: Array, r: Array) -> None:
+    """Writes log(X_FB(q)^-1 Z) (6,) into `r`."""
+    R, t = np.empty((3, 3)), np.empty(3)
+    screw(kind, a, c, q, R, t)
+    X = np.zeros((4, 4))
+    for i in range(3):
+        for j in range(4):
+            X[i, j] = R[i, 0] * Y[0, j] + R[i, 1] * Y[1, j] + R[i, 2] * Y[2, j]
+        X[i, 3] += t[i]
+    relative_log(X, Z, r)
+
+
+@numba.njit(cache=True)
+def jacobian(kind: int, Y: Array, a: Array, c: Array, B: Array, q: float, J: Array) -> None:
+    """Writes the twists in B per unit of q (row 0) and of (a, c) in the basis B (rows 1 to 4)."""
+    w, v = np.zeros(3), np.zeros(3)
+    if kind == PRISMATIC:
+        _into_body(Y, w, a, J[0])
+        for i in range(2):
+            for k in range(3):
+                v[k] = q * B[i, k]
+            _into_body(Y, w, v, J[1 + i])
+    elif kind == REVOLUTE:
+        v[0], v[1], v[2] = _cross(c, a)
+        _into_body(Y, a, v, J[0])
+        cosine, sine = np.cos(q), np.sin(q)
+        for i in range(2):
+            x, y, z = _cross(a, B[i])
+            w[0] = sine * B[i, 0] - (1.0 - cosine) * x
+            w[1] = sine * B[i, 1] - (1.0 - cosine) * y
+            w[2] = sine * B[i, 2] - (1.0 - cosine) * z
+            v[0], v[1], v[2] = _cross(c, w)
+            _into_body(Y, w, v, J[1 + i])
+            v[0] = (cosine - 1.0) * B[i, 0] - sine * x
+            v[1] = (cosine - 1.0) * B[i, 1] - sine * y
+            v[2] = (cosine - 1.0) * B[i, 2] - sine * z
+            w[0], w[1], w[2] = 0.0, 0.0, 0.0
+            _into_body(Y, w, v, J[3 + i])
+
+
+@numba.njit(cache=True)
+def _apply(W: Array, x: Array, out: Array) -> None:
+    for i in range(6):
+        s = 0.0
+        for j in range(6):
+            s += W[i, j] * x[j]
+        out[i] = s
+
+
+@numba.njit(cache=True)
+def _dot(x: Array, y: Array) -> float:
+    s = 0.0
+    for i in range(6):
+        s += x[i] * y[i]
+    return s
+
+
+class Linear(NamedTuple):
+    """The packets linearised at one theta and q.
+
+    Attributes:
+        alpha: (K,) information about q in each packet.
+        g: (K,) its information vector, relative to the q of linearisation.
+        beta: (K, 10) its coupling with theta.
+        information: (10, 10) about theta.
+        vector: (10,) its information vector.
+        value: (1,) log likelihood at the linearisation, each packet's own normaliser left out.
+    """
+
+    alpha: Array
+    g: Array
+    beta: Array
+    information: Array
+    vector: Array
+    value: Array
+
+
+@numba.njit(cache=True)
+def _new_linear(capacity: int) -> Linear:
+    return Linear(
+        np.zeros(capacity),
+        np.zeros(capacity),
+        np.zeros((capacity, 10)),
+        np.zeros((10, 10)),
+        np.zeros(10),
+        np.zeros(1),
+    )
+
+
+@numba.njit(cache=True)
+def _add_packet(kind: int, m: Models, p: Packets, k: int, B: Array, lin: Linear) -> None:
+    """Linearises packet k and adds what it says about theta, q left free, except at packet 0."""
+    extra = dimension(kind) - 6
+    J, WJ, r, Wr = np.empty((5, 6)), np.empty((5, 6)), np.empty(6), np.empty(6)
+    q, W = m.q[kind, k], p.W[k]
+    residual(kind, m.Y[kind], m.a[kind], m.c[kind], q, p.Z[k], r)
+    _apply(W, r, Wr)
+    H, h = lin.information, lin.vector
+    for i in range(6):
+        h[i] += Wr[i]
+        for j in range(6):
+            H[i, j] += W[i, j]
+    lin.value[0] -= 0.5 * _dot(r, Wr)
+    if kind == RIGID:
+        return
+    jacobian(kind, m.Y[kind], m.a[kind], m.c[kind], B, q, J)
+    for i in range(1 + extra):
+        _apply(W, J[i], WJ[i])
+    for i in range(extra):
+        h[6 + i] += _dot(J[1 + i], Wr)
+        for j in range(6):
+            H[6 + i, j] += WJ[1 + i, j]
+        for j in range(i + 1):
+            H[6 + i, 6 + j] += _dot(J[1 + i], WJ[1 + j])
+    if k == 0:
+        return
+    alpha, g, b = _dot(J[0], WJ[0]), _dot(J[0], Wr), lin.beta[k]
+    for i in range(6):
+        b[i] = WJ[0, i]
+    for i in range(extra):
+        b[6 + i] = _dot(J[1 + i], WJ[0])
+    lin.alpha[k], lin.g[k] = alpha, g
+    lin.value[0] += 0.5 * g * g / alpha
+    for i in range(6 + extra):
+        h[i] -= b[i] * g / alpha
+        for j in range(i + 1):
+            H[i, j] -= b[i] * b[j] / alpha
+
+
+@numba.njit(cache=True)
+def _prior_offset(kind: int, m: Models, d: Array) -> None:
+    """Writes (Y, a, c) relative to where the prior was linearised into `d` (12,)."""
+    relative_log(m.prior_Y[kind], m.Y[kind], d)
+    for i in range(3):
+        d[6 + i] = m.a[kind, i] - m.prior_a[kind, i]
+        d[9 + i] = m.c[kind, i] - m.prior_c[kind, i]
+
+
+@numba.njit(cache=True)
+def _embed(row: int, B: Array, T: Array) -> None:
+    """Writes the map (10, 12) of tangent coordinates to (Y, a, c), transposed, into `T`."""
+    T[:] = 0.0
+    for i in range(6):
+        T[i, i] = 1.0
+    for i in range(2):
+        for k in range(3):
+            T[6 + i, 6 + k] = B[i, k]
+            T[8 + i, 9 + k] = B[i, k]
+
+
+@numba.njit(cache=True)
+def _add_prior(kind: int, m: Models, B: Array, lin: Linear) -> None:
+    """Adds what dropped packets said."""
+    d, T = np.empty(12), np.empty((10, 12))
+    _prior_offset(kind, m, d)
+    _embed(kind, B, T)
+    information = m.prior_information[kind]
+    gradient = m.prior_vector[kind] - information @ d
+    lin.value[0] += m.prior_value[kind] + 0.5 * (d @ (m.prior_vector[kind] + gradient))
+    n = dimension(kind)
+    projected = T @ information @ T.T
+    vector = T @ gradient
+    for i in range(n):
+        lin.vector[i] += vector[i]
+        for j in range(n):
+            lin.information[i, j] += projected[i, j]
+
+
+@numba.njit(cache=True)
+def linearise(kind: int, m: Models, p: Packets, sigma_c: float, lin: Linear) -> None:
+    """Fills `lin` with all packets and the priors of theta, at the model's theta and q."""
+    lin.information[:] = 0.0
+    lin.vector[:] = 0.0
+    lin.value[0] = 0.0
+    B = np.empty((2, 3))
+    tangent_basis(m.a[kind], B)
+    for k in range(p.size[0]):
+        _add_packet(kind, m, p, k, B, lin)
+    if m.prior_information[kind, 0, 0] > 0.0:
+        _add_prior(kind, m, B, lin)
+    if kind == RIGID:
+        return
+    for i in range(2):
+        lin.information[6 + i, 6 + i] += 1.0 / AXIS_SPREAD**2
+    if kind == REVOLUTE:
+        for i in range(2):
+            along = m.c[kind, 0] * B[i, 0] + m.c[kind, 1] * B[i, 1] + m.c[kind, 2] * B[i, 2]
+            lin.vector[8 + i] -= along / sigma_c**2
+            lin.information[8 + i, 8 + i] += 1.0 / sigma_c**2
+            lin.value[0] -= 0.5 * (along / sigma_c) ** 2
+        lin.value[0] -= 2.0 * np.log(sigma_c)
+
+
+class Chain(NamedTuple):
+    """The filtered configuration: mean m + M dtheta and covariance P, at the newest packet.
+
+    Attributes:
+        m: (2,) q and its rate.
+        M: (2, 10) sensitivity to theta.
+        P: (3,) variance of q, covariance, variance of its rate, given theta.
+        H: (10, 10) information about theta, all q marginalised; its factor after `solve`.
+        h: (10,) information vector.
+        step: (10,) dtheta.
+    """
+
+    m: Array
+    M: Array
+    P: Array
+    H: Array
+    h: Array
+    step: Array
+
+
+@numba.njit(cache=True)
+def _new_chain() -> Chain:
+    return Chain(
+        np.zeros(2),
+        np.zeros((2, 10)),
+        np.zeros(3),
+        np.zeros((10, 10)),
+        np.zeros(10),
+        np.zeros(10),
+    )
+
+
+@numba.njit(cache=True)
+def run_chain(
+    n: int, S: float, sigma_v: float, q: Array, p: Packets, lin: Linear, chain: Chain
+) -> float:
+    """Filters all q for the acceleration density S; returns the log likelihood at dtheta = 0."""
+    m, M, H, h = chain.m, chain.M, chain.H, chain.h
+    m[:] = 0.0
+    M[:] = 0.0
+    e_theta = np.empty(10)
+    for i in range(n):
+        h[i] = lin.vector[i]
+        for j in range(i + 1):
+            H[i, j] = lin.information[i, j]
+    p00, p01, p11 = 0.0, 0.0, sigma_v * sigma_v
+    value = lin.value[0]
+    for k in range(1, p.size[0]):
+        dt = p.time[k] - p.time[k - 1]
+        m[0] += dt * m[1]
+        p00 += dt * (2.0 * p01 + dt * p11) + S * dt**3 / 3.0
+        p01 += dt * p11 + S * dt * dt / 2.0
+        p11 += S * dt
+        alpha = lin.alpha[k]
+        C = p00 + 1.0 / alpha
+        e = q[k] + lin.g[k] / alpha - m[0]
+        for i in range(n):
+            M[0, i] += dt * M[1, i]
+            e_theta[i] = -lin.beta[k, i] / alpha - M[0, i]
+        value -= 0.5 * (np.log(alpha * C) + e * e / C)
+        k0, k1 = p00 / C, p01 / C
+        m[0] += k0 * e
+        m[1] += k1 * e
+        for i in range(n):
+            M[0, i] += k0 * e_theta[i]
+            M[1, i] += k1 * e_theta[i]
+            h[i] -= e_theta[i] * e / C
+            scaled = e_theta[i] / C
+            for j in range(i + 1):
+                H[i, j] += scaled * e_theta[j]
+        p11 -= k1 * p01
+        p01 -= k0 * p01
+        p00 -= k0 * p00
+    chain.P[0], chain.P[1], chain.P[2] = p00, p01, p11
+    return value
+
+
+@numba.njit(cache=True)
+def solve(n: int, value: float, chain: Chain) -> tuple[float, float]:
+    """Solves for dtheta; returns the log evidence by Laplace and the gain in log likelihood."""
+    log_det = cholesky.factor(chain.H, n)
+    for i in range(n):
+        chain.step[i] = chain.h[i]
+    cholesky.forward(chain.H, chain.step, n)
+    gain = 0.0
+    for i in range(n):
+        gain += 0.5 * chain.step[i] ** 2
+    cholesky.backward(chain.H, chain.step, n)
+    return value + gain - 0.5 * log_det, gain
+
+
+@numba.njit(cache=True)
+def smooth(
+    n: int, S: float, sigma_v: float, q: Array, p: Packets, lin: Linear, step: Array, out: Array
+) -> None:
+    """Writes q of every packet given all packets and theta moved by `step` into `out`."""
+    size = p.size[0]
+    f = np.zeros((size, 5))
+    f[0, 4] = sigma_v * sigma_v
+    for k in range(1, size):
+        dt = p.time[k] - p.time[k - 1]
+        q0, q1 = f[k - 1, 0] + dt * f[k - 1, 1], f[k - 1, 1]
+        p00 = f[k - 1, 2] + dt * (2.0 * f[k - 1, 3] + dt * f[k - 1, 4]) + S * dt**3 / 3.0
+        p01 = f[k - 1, 3] + dt * f[k - 1, 4] + S * dt * dt / 2.0
+        p11 = f[k - 1, 4] + S * dt
+        z = q[k] + lin.g[k] / lin.alpha[k]
+        for i in range(n):
+            z -= lin.beta[k, i] * step[i] / lin.alpha[k]
+        C = p00 + 1.0 / lin.alpha[k]
+        k0, k1 = p00 / C, p01 / C
+        f[k, 0], f[k, 1] = q0 + k0 * (z - q0), q1 + k1 * (z - q0)
+        f[k, 2], f[k, 3], f[k, 4] = p00 - k0 * p00, p01 - k0 * p01, p11 - k1 * p01
+    s0, s1 = f[size - 1, 0], f[size - 1, 1]
+    out[size - 1] = s0
+    for k in range(size - 2, -1, -1):
+        dt = p.time[k + 1] - p.time[k]
+        a, b, c = f[k, 2], f[k, 3], f[k, 4]
+        p00 = a + dt * (2.0 * b + dt * c) + S * dt**3 / 3.0
+        p01 = b + dt * c + S * dt * dt / 2.0
+        p11 = c + S * dt
+        det = p00 * p11 - p01 * p01
+        d0, d1 = s0 - f[k, 0] - dt * f[k, 1], s1 - f[k, 1]
+        if det <= 1e-14 * p00 * p11:  # No time in between, the same state.
+            out[k] = s0
+            continue
+        u0, u1 = (p11 * d0 - p01 * d1) / det, (p00 * d1 - p01 * d0) / det
+        s0 = f[k, 0] + (a + b * dt) * u0 + b * u1
+        s1 = f[k, 1] + (b + c * dt) * u0 + c * u1
+        out[k] = s0
+    out[0] = 0.0
+
+
+@numba.njit(cache=True)
+def retract(kind: int, m: Models, step: Array) -> None:
+    """Moves the model's theta by `step` in its tangent space."""
+    move(m.Y[kind], step, m.Y[kind])
+    if kind == RIGID:
+        return
+    a, c, B = m.a[kind], m.c[kind], np.empty((2, 3))
+    tangent_basis(a, B)
+    norm = np.sqrt(step[6] ** 2 + step[7] ** 2)
+    s, cosine = (np.sin(norm) / norm, np.cos(norm)) if norm > 1e-9 else (1.0, 1.0)
+    for i in range(3):
+        a[i] = cosine * a[i] + s * (step[6] * B[0, i] + step[7] * B[1, i])
+        if kind == REVOLUTE:
+            c[i] += step[8] * B[0, i] + step[9] * B[1, i]
+    length = np.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2)
+    along = (a[0] * c[0] + a[1] * c[1] + a[2] * c[2]) / length**2
+    for i in range(3):
+        c[i] -= along * a[i]
+        a[i] /= length

@@ -1,0 +1,274 @@
+"""A bounded memory of one body's relative poses: neighbours in time are averaged into packets.
+
+Frame F is the measured reference pose of the child: X_PF, a constant. Packet k holds X_FB at the
+mean time of its frames, with the covariance of that mean (right perturbation, in B). The mean of
+two poses lies on the geodesic between them, a screw motion, so that the mean of two poses on a
+joint's path is on that path too, at any angle.
+
+Of all neighbours, those are averaged that lose the least: the criterion of J. H. Ward, "Hierarchical
+grouping to optimize an objective function", 1963, here xi^T (R_i + R_j)^-1 xi for packets xi apart.
+A body at rest thus fills one packet however long it rests, and motion is kept in even steps.
+"""
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from maths import cholesky
+
+Array = npt.NDArray[np.float64]
+
+RECENT = 4  # Packets at the end that stay single frames, for the present velocity.
+FIRST = 4  # Packets at the beginning that are never dropped: they say where the motion started.
+_EXCESS = 6.0  # Expected loss when two packets of the same pose are averaged: their dimension.
+
+
+class Packets(NamedTuple):
+    """Arrays of capacity K; the first `size[0]` rows are in use, oldest first.
+
+    Attributes:
+        size: (1,) packets in use.
+        time: (K,) [s].
+        Z: (K, 4, 4) X_FB.
+        R: (K, 6, 6) covariance.
+        W: (K, 6, 6) its inverse.
+        log_det: (K,) log determinant of R.
+        pair: (K, 2) of packets k and k + 1: what averaging them loses, and their log density ratio
+            under a free walk.
+        walk: (1,) log density ratio of the free walk over a joint in what has been averaged.
+        spread: (1,) largest mean squared distance of a packet from the mean, in units of R.
+    """
+
+    size: npt.NDArray[np.int64]
+    time: Array
+    Z: Array
+    R: Array
+    W: Array
+    log_det: Array
+    pair: Array
+    walk: Array
+    spread: Array
+
+
+def empty_packets(capacity: int) -> Packets:
+    """A memory for `capacity` packets."""
+    return Packets(
+        size=np.zeros(1, dtype=np.int64),
+        time=np.zeros(capacity),
+        Z=np.zeros((capacity, 4, 4)),
+        R=np.zeros((capacity, 6, 6)),
+        W=np.zeros((capacity, 6, 6)),
+        log_det=np.zeros(capacity),
+        pair=np.zeros((capacity, 2)),
+        walk=np.zeros(1),
+        spread=np.zeros(1),
+    )
+
+
+@numba.njit(cache=True)
+def pose_log(R: Array, t: Array, xi: Array) -> None:
+    """Writes the tangent (6,) of the pose with rotation (3, 3) and translation (3,) into `xi`."""
+    trace = R[0, 0] + R[1, 1] + R[2, 2]
+    if trace > 0.0:
+        w, x = 1.0 + trace, R[2, 1] - R[1, 2]
+        y, z = R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    elif R[0, 0] >= R[1, 1] and R[0, 0] >= R[2, 2]:
+        w, x = R[2, 1] - R[1, 2], 1.0 + 2.0 * R[0, 0] - trace
+        y, z = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]
+    elif R[1, 1] >= R[2, 2]:
+        w, x = R[0, 2] - R[2, 0], R[0, 1] + R[1, 0]
+        y, z = 1.0 + 2.0 * R[1, 1] - trace, R[1, 2] + R[2, 1]
+    else:
+        w, x = R[1, 0] - R[0, 1], R[0, 2] + R[2, 0]
+        y, z = R[1, 2] + R[2, 1], 1.0 + 2.0 * R[2, 2] - trace
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    sine = np.sqrt(x * x + y * y + z * z)
+    half = np.arctan2(sine, w)
+    scale = 2.0 / w if sine < 1e-9 * w else 2.0 * half / sine
+    x, y, z = scale * x, scale * y, scale * z
+    # (1 - h cot h) / |omega|^2 with h = |omega| / 2
+    k = (1.0 - half * w / sine) / (4.0 * half * half) if half > 1e-3 else 1.0 / 12.0
+    cx, cy, cz = y * t[2] - z * t[1], z * t[0] - x * t[2], x * t[1] - y * t[0]
+    xi[0], xi[1], xi[2] = x, y, z
+    xi[3] = t[0] - 0.5 * cx + k * (y * cz - z * cy)
+    xi[4] = t[1] - 0.5 * cy + k * (z * cx - x * cz)
+    xi[5] = t[2] - 0.5 * cz + k * (x * cy - y * cx)
+
+
+@numba.njit(cache=True)
+def relative_log(A: Array, B: Array, xi: Array) -> None:
+    """Writes log(A^-1 B) (6,) of two poses (4, 4) into `xi`."""
+    R, t = np.empty((3, 3)), np.empty(3)
+    for i in range(3):
+        for j in range(3):
+            R[i, j] = A[0, i] * B[0, j] + A[1, i] * B[1, j] + A[2, i] * B[2, j]
+        t[i] = 0.0
+        for k in range(3):
+            t[i] += A[k, i] * (B[k, 3] - A[k, 3])
+    pose_log(R, t, xi)
+
+
+@numba.njit(cache=True)
+def move(X: Array, xi: Array, out: Array) -> None:
+    """Writes X exp(xi) (4, 4) into `out`, which may be X."""
+    x, y, z = xi[0], xi[1], xi[2]
+    square = x * x + y * y + z * z
+    angle = np.sqrt(square)
+    if angle < 1e-4:
+        a, b, c = 1.0 - square / 6.0, 0.5 - square / 24.0, 1.0 / 6.0
+    else:
+        a = np.sin(angle) / angle
+        b = (1.0 - np.cos(angle)) / square
+        c = (1.0 - a) / square
+    E, V = np.empty((3, 3)), np.empty((3, 3))
+    w = (x, y, z)
+    for i in range(3):
+        for j in range(3):
+            outer = w[i] * w[j] - (square if i == j else 0.0)
+            E[i, j] = b * outer + (1.0 if i == j else 0.0)
+            V[i, j] = c * outer + (1.0 if i == j else 0.0)
+    for i, j, s in ((0, 1, -z), (0, 2, y), (1, 2, -x)):
+        E[i, j] += a * s
+        E[j, i] -= a * s
+        V[i, j] += b * s
+        V[j, i] -= b * s
+    Y = X.copy()
+    for i in range(3):
+        p = Y[i, 3]
+        for j in range(3):
+            p += Y[i, j] * (V[j, 0] * xi[3] + V[j, 1] * xi[4] + V[j, 2] * xi[5])
+            out[i, j] = Y[i, 0] * E[0, j] + Y[i, 1] * E[1, j] + Y[i, 2] * E[2, j]
+        out[i, 3] = p
+        out[3, i] = 0.0
+    out[3, 3] = 1.0
+
+
+@numba.njit(cache=True)
+def _fill(p: Packets, k: int) -> None:
+    """Completes packet k from its covariance."""
+    L = p.R[k].copy()
+    p.log_det[k] = cholesky.factor(L, 6)
+    cholesky.inverse(L, p.W[k], 6)
+
+
+@numba.njit(cache=True)
+def _pair(p: Packets, k: int, walk_rate: Array) -> None:
+    """Completes the pair of packets k and k + 1; `walk_rate` is (6,) [rad^2/s, m^2/s]."""
+    if k < 0 or k + 1 >= p.size[0]:
+        return
+    xi, e = np.empty(6), np.empty(6)
+    relative_log(p.Z[k], p.Z[k + 1], xi)
+    C = p.R[k] + p.R[k + 1]
+    for walking in range(2):
+        L = C.copy()
+        e[:] = xi
+        if walking:
+            for i in range(6):
+                L[i, i] += walk_rate[i] * (p.time[k + 1] - p.time[k])
+        log_det = cholesky.factor(L, 6)
+        cholesky.forward(L, e, 6)
+        square = 0.0
+        for i in range(6):
+            square += e[i] * e[i]
+        if walking:
+            p.pair[k, 1] = -0.5 * (square + log_det - p.log_det[k + 1])
+        else:
+            p.pair[k, 0] = square
+
+
+@numba.njit(cache=True)
+def _remove(p: Packets, k: int) -> None:
+    """Removes packet k; the pairs beside it stay stale."""
+    n = p.size[0]
+    for i in range(k, n - 1):
+        p.time[i], p.log_det[i] = p.time[i + 1], p.log_det[i + 1]
+        p.Z[i], p.R[i], p.W[i], p.pair[i] = p.Z[i + 1], p.R[i + 1], p.W[i + 1], p.pair[i + 1]
+    p.size[0] = n - 1
+
+
+@numba.njit(cache=True)
+def drop(p: Packets, k: int, walk_rate: Array) -> None:
+    """Removes packet k and completes the pair that it leaves."""
+    _remove(p, k)
+    _pair(p, k - 1, walk_rate)
+
+
+@numba.njit(cache=True)
+def append(p: Packets, X: Array, R: Array, time: float, walk_rate: Array) -> None:
+    """Adds one frame as a packet of its own; there must be room."""
+    k = p.size[0]
+    p.time[k] = time
+    p.Z[k], p.R[k] = X, R
+    _fill(p, k)
+    p.size[0] = k + 1
+    _pair(p, k - 1, walk_rate)
+
+
+@numba.njit(cache=True)
+def merge(p: Packets, k: int, walk_rate: Array) -> None:
+    """Averages packets k and k + 1 with scalar weights, which keeps the mean on their screw."""
+    before = p.pair[k, 1] + (p.pair[k - 1, 1] if k > 0 else 0.0)
+    before += p.pair[k + 1, 1] if k + 2 < p.size[0] else 0.0
+    loss = min(p.pair[k, 0], _EXCESS)
+    trace_i, trace_j = 0.0, 0.0
+    for i in range(6):
+        trace_i += p.R[k, i, i] * p.W[k + 1, i, i]
+        trace_j += p.R[k + 1, i, i] * p.W[k, i, i]
+    weight = np.sqrt(trace_i) / (np.sqrt(trace_i) + np.sqrt(trace_j))
+    xi = np.empty(6)
+    relative_log(p.Z[k], p.Z[k + 1], xi)
+    move(p.Z[k], weight * xi, p.Z[k])
+    p.R[k] = (1.0 - weight) ** 2 * p.R[k] + weight**2 * p.R[k + 1]
+    p.time[k] = (1.0 - weight) * p.time[k] + weight * p.time[k + 1]
+    _remove(p, k + 1)
+    _fill(p, k)
+    _pair(p, k - 1, walk_rate)
+    _pair(p, k, walk_rate)
+    after = p.pair[k - 1, 1] if k > 0 else 0.0
+    after += p.pair[k, 1] if k + 1 < p.size[0] else 0.0
+    p.walk[0] += before - after + 0.5 * loss
+
+
+@numba.njit(cache=True)
+def _spread(p: Packets) -> float:
+    """Mean squared distance of the packets from their mean, in units of the newest covariance."""
+    n = p.size[0]
+    R = p.R[n - 1]
+    mean, square, total = np.zeros((3, 4)), 0.0, 0.0
+    scale_r = 3.0 / (R[0, 0] + R[1, 1] + R[2, 2]) / 2.0
+    scale_t = 3.0 / (R[3, 3] + R[4, 4] + R[5, 5])
+    for k in range(n):
+        m = R[0, 0] / p.R[k, 0, 0]
+        total += m
+        for i in range(3):
+            for j in range(4):
+                scale = scale_t if j == 3 else scale_r
+                mean[i, j] += m * np.sqrt(scale) * p.Z[k, i, j]
+                square += m * scale * p.Z[k, i, j] ** 2
+    for i in range(3):
+        for j in range(4):
+            square -= mean[i, j] ** 2 / total
+    return square / total
+
+
+@numba.njit(cache=True)
+def choose(p: Packets, coarseness: float) -> tuple[int, bool]:
+    """What to do for room: (k, True) to average k and k + 1, or (k, False) to drop packet k.
+
+    Averages that span more than `coarseness` of the whole motion's mean square, as in a body that
+    goes to and fro for long, would lose what it has shown: the oldest packet is dropped instead.
+    """
+    best = 1  # Packet 0 is the reference.
+    for k in range(1, p.size[0] - RECENT):
+        if p.pair[k, 0] < p.pair[best, 0]:
+            best = k
+    n = p.size[0]
+    p.spread[0] = max(p.spread[0], _spread(p))
+    m = p.R[n - 1, 0, 0] / p.R[best, 0, 0] + p.R[n - 1, 0, 0] / p.R[best + 1, 0, 0]
+    loss = p.pair[best, 0]
+    if loss > 10.0 * _EXCESS and loss / m > coarseness * p.spread[0]:
+        return FIRST, False
+    return best, True

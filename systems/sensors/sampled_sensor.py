@@ -1,11 +1,11 @@
-"""What every sensor of a vector has in common: samples at a fixed rate, held, and kept for a tick."""
+"""What sensors of a vector have in common: a fixed rate, a held sample, a window of samples."""
 
 from abc import abstractmethod
 
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context, LeafSystem, State
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
 from systems.port_values import SampleWindow
 
@@ -43,7 +43,7 @@ def latest_sample(time: float, period: float) -> int:
 
 
 class SampledSensor(LeafSystem):
-    """A sensor that samples a vector at a fixed rate and hands over what it saw since the last tick.
+    """A sensor that samples a vector at a fixed rate and hands over the samples of a tick.
 
     The samples of the last tick lie in a ring in the Context. A reader at a sampling instant gets
     this instant's sample too, from the input: at the tick t the window holds the samples in
@@ -111,7 +111,7 @@ class SampledSensor(LeafSystem):
         discrete.get_mutable_value(self._ring)[start : start + self._size] = sample
         discrete.get_mutable_value(self._latest)[0] = index
 
-    def _calc_measured(self, context: Context, output: object) -> None:
+    def _calc_measured(self, context: Context, output: BasicVector) -> None:
         index = int(context.get_discrete_state(self._latest).value()[0])
         ring = context.get_discrete_state(self._ring).value()
         start = (index % self._capacity) * self._size
@@ -128,4 +128,5 @@ class SampledSensor(LeafSystem):
         if now > stored and abs(now * self._period - time) < _TIME_TOLERANCE:
             indices = np.append(indices, now)
             values = np.vstack([values, self.measure(self._input.Eval(context), now)])
-        output.set_value(SampleWindow(times=indices * self._period, values=values))
+        times = np.asarray(indices * self._period)
+        output.set_value(SampleWindow(times=times, values=values))

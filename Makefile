@@ -1,0 +1,49 @@
+# Everything runs in .venv, which the first target that needs it makes.
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+SEEDS ?= 100:120
+JOBS ?= 2
+# More arguments for the target's command, for example: make demo ARGS="--meshcat --force"
+ARGS ?=
+
+BIN := .venv/bin
+INSTALLED := .venv/.installed
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint pytest bench evaluate clean
+
+help:
+	@echo "make demo       a robot opens a drawer and perceives its joint (ARGS=\"--meshcat\": live)"
+	@echo "make test       lint, types and tests"
+	@echo "make lint       ruff and mypy"
+	@echo "make pytest     tests only (ARGS=tests/systems/vision: some of them)"
+	@echo "make bench      time per tick, real-time factor, joint filters beside the batch limit"
+	@echo "make evaluate   the drawer over SEEDS=$(SEEDS) with JOBS=$(JOBS), beside the paper"
+
+# The stamp is written last, so that an interrupted installation starts again.
+$(INSTALLED): pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed, not " + sys.version)'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $@
+
+demo: $(INSTALLED)
+	$(BIN)/crossmodal run drawer $(ARGS)
+
+test: lint pytest
+
+lint: $(INSTALLED)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+pytest: $(INSTALLED)
+	$(BIN)/python -m pytest $(ARGS)
+
+bench: $(INSTALLED)
+	set -e; for script in benchmarks/[a-z]*.py; do $(BIN)/python "$$script" $(ARGS); done
+
+evaluate: $(INSTALLED)
+	$(BIN)/crossmodal evaluate drawer --seeds $(SEEDS) --jobs $(JOBS) $(ARGS)
+
+clean:
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache crossmodal.egg-info

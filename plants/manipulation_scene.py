@@ -98,7 +98,7 @@ def add_manipulation_scene(
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("__model__", object_instance), placement.X_WO)
     plant.Finalize()
     arm, hand = (plant.GetModelInstanceByName(name) for name in ("arm", "hand"))
-    _ignore_self_collision(plant, scene_graph, arm)
+    _ignore_self_collision(plant, scene_graph, [arm, hand])
     if placement.texture:
         _set_texture(plant, scene_graph, object_instance, placement.texture)
     friction = np.zeros(plant.num_velocities())
@@ -123,12 +123,17 @@ def object_joints(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[J
 
 
 def _ignore_self_collision(
-    plant: MultibodyPlant, scene_graph: SceneGraph, arm: ModelInstanceIndex
+    plant: MultibodyPlant, scene_graph: SceneGraph, robot: list[ModelInstanceIndex]
 ) -> None:
-    """The arm's links overlap where they meet; they and the palm do not collide."""
-    bodies = [plant.get_body(index) for index in plant.GetBodyIndices(arm)]
-    bodies.append(plant.GetBodyByName("palm"))
-    shapes = [shape for body in bodies for shape in plant.GetCollisionGeometriesForBody(body)]
+    """The robot does not collide with itself: its links overlap where they meet, and fingers that
+    curl side by side would cost as many contact surfaces as the handle does.
+    """
+    shapes = [
+        shape
+        for instance in robot
+        for index in plant.GetBodyIndices(instance)
+        for shape in plant.GetCollisionGeometriesForBody(plant.get_body(index))
+    ]
     declaration = CollisionFilterDeclaration().ExcludeWithin(GeometrySet(shapes))
     scene_graph.collision_filter_manager().Apply(declaration)
 

@@ -1,0 +1,515 @@
+"""The station: plant, sensors and controllers of one episode, as one Diagram.
+
+Its outputs are what a robot has (measured and commanded quantities); the truth leaves it only
+through ports named `cheat_...`, for evaluation.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import Value
+from pydrake.geometry import (
+    ClippingRange,
+    ColorRenderCamera,
+    DepthRange,
+    DepthRenderCamera,
+    LightParameter,
+    MakeRenderEngineVtk,
+    RenderCameraCore,
+    RenderEngineVtkParams,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.inverse_kinematics import InverseKinematics
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable, Joint
+from pydrake.solvers import Solve
+from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import MatrixGain
+from pydrake.systems.sensors import CameraInfo, RgbdSensor
+
+from controllers.exploration import ExplorationConfig, ExplorationController
+from controllers.grasp_sequence import GraspSequence, GraspSequenceConfig
+from controllers.impedance import ImpedanceConfig, ImpedanceController
+from controllers.robot_kinematics import ArmModel
+from plants.joint_friction import JointFriction
+from plants.manipulation_scene import (
+    ManipulationScene,
+    ObjectPlacement,
+    PlantConfig,
+    add_manipulation_scene,
+    facing,
+)
+from plants.pneumatic_hand import PneumaticHand, PneumaticHandConfig
+from plants.robot import (
+    ARM_JOINTS,
+    CLOSED_POSTURE,
+    FINGER_JOINTS,
+    add_robot,
+    make_arm_with_load,
+)
+from systems.sensors.air_pressure import PressureSensor, PressureSensorConfig
+from systems.sensors.joint_encoders import JointEncoders, JointEncodersConfig
+from systems.sensors.rgbd_camera import CameraNoise, CameraNoiseConfig
+from systems.sensors.robot_mask import RobotMask, RobotMaskConfig
+from systems.sensors.wrist_wrench import ReactionWrench, WristWrenchConfig, WristWrenchSensor
+
+Array = npt.NDArray[np.float64]
+
+# A posture near which all of the taught grasps lie, far from the joints' limits, [rad].
+NOMINAL_POSTURE = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0])
+_RENDERER = "vtk"
+
+
+@dataclass(kw_only=True)
+class SensorsConfig:
+    camera: CameraNoiseConfig = field(default_factory=CameraNoiseConfig)
+    encoders: JointEncodersConfig = field(default_factory=JointEncodersConfig)
+    wrench: WristWrenchConfig = field(default_factory=WristWrenchConfig)
+    pressure: PressureSensorConfig = field(default_factory=PressureSensorConfig)
+    robot_mask: RobotMaskConfig = field(default_factory=RobotMaskConfig)
+
+
+@dataclass(kw_only=True)
+class ControlConfig:
+    sequence: GraspSequenceConfig = field(default_factory=GraspSequenceConfig)
+    exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
+    impedance: ImpedanceConfig = field(default_factory=ImpedanceConfig)
+    # How well a person guides the hand to the handle, standard deviations.
+    guidance_translation: float = 0.004  # [m]
+    guidance_rotation: float = 0.03  # [rad]
+
+
+@dataclass(kw_only=True)
+class StationConfig:
+    plant: PlantConfig = field(default_factory=PlantConfig)
+    hand: PneumaticHandConfig = field(default_factory=PneumaticHandConfig)
+    sensors: SensorsConfig = field(default_factory=SensorsConfig)
+    control: ControlConfig = field(default_factory=ControlConfig)
+
+
+@dataclass(kw_only=True)
+class Light:
+    """When the lights are off and when something covers the camera, as (start, end), [s]."""
+
+    lights_off: list[tuple[float, float]] = field(default_factory=list)
+    covered: list[tuple[float, float]] = field(default_factory=list)
+
+
+@dataclass(kw_only=True)
+class Station:
+    """The station's Diagram and what the wiring around it needs to know.
+
+    Attributes:
+        diagram: See `add_station` for its ports.
+        scene: The plant and its names.
+        arm: The robot's knowledge of its arm, the hand a rigid load.
+        intrinsics: Of the camera.
+        X_WC: The camera's calibrated pose.
+        joint: The explored joint.
+        q_start: Posture (7,) at the start of the approach, true, [rad].
+        hand_state: The pneumatics' view of the fingers, for training.
+    """
+
+    diagram: Diagram
+    scene: ManipulationScene
+    arm: MultibodyPlant
+    intrinsics: CameraInfo
+    X_WC: RigidTransform
+    joint: Joint
+    q_start: Array
+
+    def SetInitialState(self, root_context: Context) -> None:
+        """Puts the arm where the approach begins."""
+        context = self.scene.plant.GetMyMutableContextFromRoot(root_context)
+        self.scene.plant.SetPositions(context, self.scene.arm, self.q_start)
+
+
+def camera_intrinsics(width: int, height: int, horizontal_angle: float) -> CameraInfo:
+    """A pinhole camera with square pixels; `horizontal_angle` in [rad]."""
+    focal = 0.5 * width / np.tan(0.5 * horizontal_angle)
+    return CameraInfo(width, height, focal, focal, 0.5 * width - 0.5, 0.5 * height - 0.5)
+
+
+def looking_at(p_WC: Array, p_WTarget: Array) -> RigidTransform:
+    """X_WC of an upright camera at `p_WC` (3,) that looks at `p_WTarget` (3,)."""
+    z = (p_WTarget - p_WC) / np.linalg.norm(p_WTarget - p_WC)
+    x = np.cross(z, [0.0, 0.0, 1.0])
+    x /= np.linalg.norm(x)
+    return RigidTransform(RotationMatrix(np.column_stack([x, np.cross(z, x), z])), p_WC)
+
+
+def inverse_kinematics(arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array) -> Array:
+    """Joint positions (7,) that put E at `X_WE`, far from the joints' limits.
+
+    Raises:
+        ValueError: if the pose is out of reach.
+    """
+    lower, upper = arm.GetPositionLowerLimits(), arm.GetPositionUpperLimits()
+    solver = InverseKinematics(arm)
+    frame, world = arm.GetFrameByName("end_effector"), arm.world_frame()
+    p = X_WE.translation()
+    solver.AddPositionConstraint(frame, np.zeros(3), world, p - 1e-4, p + 1e-4)
+    solver.AddOrientationConstraint(world, X_WE.rotation(), frame, RotationMatrix(), 1e-3)
+    weight = np.diag(1.0 / (upper - lower) ** 2)
+    solver.prog().AddQuadraticErrorCost(weight, 0.5 * (lower + upper), solver.q())
+    solver.prog().SetInitialGuess(solver.q(), q_guess)
+    result = Solve(solver.prog())
+    if not result.is_success():
+        raise ValueError(f"the arm does not reach the handle at {p.round(3).tolist()} m")
+    return np.asarray(result.GetSolution(solver.q()))
+
+
+class Lighting(LeafSystem):
+    """Light and cover over time; the disturbances of a scenario.
+
+    .. pydrake_system::
+
+        name: Lighting
+        output_ports:
+        - illumination
+        - cover
+
+    - illumination: (1,) 1 normal, 0 lights off.
+    - cover: (1,) 1 while something covers the camera.
+    """
+
+    def __init__(self, light: Light) -> None:
+        super().__init__()
+
+        def within(intervals: list[tuple[float, float]], time: float) -> float:
+            return float(any(start <= time < end for start, end in intervals))
+
+        def illumination(context: Context, output: BasicVector) -> None:
+            output.SetAtIndex(0, 1.0 - within(light.lights_off, context.get_time()))
+
+        def cover(context: Context, output: BasicVector) -> None:
+            output.SetAtIndex(0, within(light.covered, context.get_time()))
+
+        self.DeclareVectorOutputPort("illumination", 1, illumination, {self.time_ticket()})
+        self.DeclareVectorOutputPort("cover", 1, cover, {self.time_ticket()})
+
+
+class ObjectTruth(LeafSystem):
+    """The explored joint's true position and the moved body's true pose, for evaluation.
+
+    .. pydrake_system::
+
+        name: ObjectTruth
+        input_ports:
+        - plant_state
+        output_ports:
+        - cheat_configuration
+        - cheat_body_pose
+
+    - plant_state: (nq + nv,).
+    - cheat_configuration: (1,) [m or rad].
+    - cheat_body_pose: `RigidTransform` X_WB of the joint's child.
+    """
+
+    def __init__(self, plant: MultibodyPlant, joint: Joint) -> None:
+        super().__init__()
+        self._plant, self._joint = plant, joint
+        self._scratch = plant.CreateDefaultContext()
+        self._state = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
+        self.DeclareVectorOutputPort("cheat_configuration", 1, self._calc_configuration)
+        self.DeclareAbstractOutputPort(
+            "cheat_body_pose", lambda: Value(RigidTransform()), self._calc_pose
+        )
+
+    def _calc_configuration(self, context: Context, output: BasicVector) -> None:
+        state = np.asarray(self._state.Eval(context))
+        output.SetAtIndex(0, state[self._joint.position_start()])
+
+    def _calc_pose(self, context: Context, output: Value) -> None:
+        self._plant.SetPositionsAndVelocities(self._scratch, self._state.Eval(context))
+        output.set_value(self._plant.EvalBodyPoseInWorld(self._scratch, self._joint.child_body()))
+
+
+@dataclass(kw_only=True)
+class _Wiring:
+    """Shared by the functions that build the station, in order."""
+
+    builder: DiagramBuilder
+    scene: ManipulationScene
+    arm: MultibodyPlant
+    config: StationConfig
+    seed: int
+
+
+def make_station(
+    config: StationConfig,
+    placement: ObjectPlacement,
+    joint_name: str,
+    handle_frame: str,
+    intrinsics: CameraInfo,
+    X_WC: RigidTransform,
+    light: Light,
+    seed: int,
+) -> Station:
+    """Builds the station.
+
+    Output ports of its Diagram: `color_measured`, `depth_measured`, `robot_mask`,
+    `joint_state_window`, `wrench_window`, `pressure_window`, `interaction_active`, `phase`,
+    `cheat_configuration`, `cheat_body_pose`, `cheat_plant_state`, `cheat_query_object`.
+
+    Args:
+        config: Of plant, sensors and controllers.
+        placement: The object.
+        joint_name: The joint to explore.
+        handle_frame: The object's frame to grasp, x out of the object, y along the bar.
+        intrinsics: Of the camera.
+        X_WC: Its pose.
+        light: Disturbances.
+        seed: Of the noise of all sensors and of how the hand is guided to the handle.
+
+    Raises:
+        ValueError: for impossible values, unknown names, a handle out of reach.
+    """
+    builder = DiagramBuilder()
+    scene = add_manipulation_scene(builder, config.plant, placement)
+    plant = scene.plant
+    for kind, name, known in (
+        (
+            "joint",
+            joint_name,
+            [j.name() for j in map(plant.get_joint, plant.GetJointIndices(scene.object))],
+        ),
+        (
+            "frame",
+            handle_frame,
+            [plant.get_frame(i).name() for i in plant.GetFrameIndices(scene.object)],
+        ),
+    ):
+        if name not in known:
+            raise ValueError(
+                f"{placement.model}: no {kind} named '{name}'; there are {', '.join(known)}"
+            )
+    joint = plant.GetJointByName(joint_name, scene.object)
+    wiring = _Wiring(
+        builder=builder,
+        scene=scene,
+        arm=make_arm_with_load(scene.X_WBase),
+        config=config,
+        seed=seed,
+    )
+    _add_object_mechanics(wiring, joint)
+    X_WHandle = plant.GetFrameByName(handle_frame, scene.object).CalcPoseInWorld(
+        plant.CreateDefaultContext()
+    )
+    q_grasp, q_start = _taught_postures(wiring, X_WHandle)
+    encoders = _add_proprioception(wiring, q_grasp)
+    taught = np.zeros(14)
+    taught[:7] = q_grasp
+    # The hand was guided there by a person, so the arm knows the pose as its encoders read it.
+    taught = encoders.measure(taught, 0)
+    sequence = _add_control(wiring, encoders, taught[:7])
+    _add_vision(wiring, encoders, sequence, intrinsics, X_WC, light)
+    return Station(
+        diagram=builder.Build(),
+        scene=scene,
+        arm=wiring.arm,
+        intrinsics=intrinsics,
+        X_WC=X_WC,
+        joint=joint,
+        q_start=q_start,
+    )
+
+
+def _add_object_mechanics(wiring: _Wiring, joint: Joint) -> None:
+    builder, scene = wiring.builder, wiring.scene
+    plant = scene.plant
+    friction = builder.AddNamedSystem("joint_friction", JointFriction(plant, scene.friction))
+    truth = builder.AddNamedSystem("object_truth", ObjectTruth(plant, joint))
+    builder.Connect(plant.get_state_output_port(), friction.get_input_port())
+    builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())
+    builder.Connect(plant.get_state_output_port(), truth.get_input_port())
+    for name in ("cheat_configuration", "cheat_body_pose"):
+        builder.ExportOutput(truth.GetOutputPort(name), name)
+    builder.ExportOutput(plant.get_state_output_port(), "cheat_plant_state")
+    builder.ExportOutput(scene.scene_graph.get_query_output_port(), "cheat_query_object")
+
+
+def _taught_postures(wiring: _Wiring, X_WHandle: RigidTransform) -> tuple[Array, Array]:
+    """True arm postures (7,) at the grasp that a person guided the hand to, and before it."""
+    control = wiring.config.control
+    rng = np.random.default_rng((wiring.seed, 1))
+    rotation = RotationMatrix(
+        RigidTransform(np.eye(4)).rotation()
+        if control.guidance_rotation == 0
+        else _small_rotation(rng.normal(0.0, control.guidance_rotation, 3))
+    )
+    X_guided = RigidTransform(rotation, rng.normal(0.0, control.guidance_translation, 3))
+    X_WE = facing(X_WHandle) @ X_guided
+    back = RigidTransform([0.0, 0.0, -control.sequence.approach_distance])
+    q_grasp = inverse_kinematics(wiring.arm, X_WE, NOMINAL_POSTURE)
+    return q_grasp, inverse_kinematics(wiring.arm, X_WE @ back, q_grasp)
+
+
+def _small_rotation(omega: Array) -> RotationMatrix:
+    from maths.se3 import so3_exp
+
+    return RotationMatrix(so3_exp(omega))
+
+
+def _add_proprioception(wiring: _Wiring, q_grasp: Array) -> JointEncoders:
+    builder, plant, arm = wiring.builder, wiring.scene.plant, wiring.arm
+    sensors, seed = wiring.config.sensors, wiring.seed
+    context = arm.CreateDefaultContext()
+    arm.SetPositions(context, q_grasp)
+    frame = arm.GetFrameByName("end_effector")
+    J_E = arm.CalcJacobianSpatialVelocity(
+        context, JacobianWrtVariable.kV, frame, np.zeros(3), arm.world_frame(), frame
+    )
+    encoders = builder.AddNamedSystem("encoders", JointEncoders(sensors.encoders, J_E, seed))
+    builder.Connect(
+        plant.get_state_output_port(wiring.scene.arm), encoders.GetInputPort("joint_state")
+    )
+    wrist = plant.GetBodyByName("wrist")
+    (mount,) = (
+        joint
+        for joint in map(plant.get_joint, plant.GetJointIndices())
+        if joint.child_body().index() == wrist.index()
+    )
+    X_JcS = plant.GetFrameByName("sensor").CalcPose(
+        plant.CreateDefaultContext(), mount.frame_on_child()
+    )
+    wrench = builder.AddNamedSystem("wrist_load", ReactionWrench(plant, mount, X_JcS))
+    wrench_sensor = builder.AddNamedSystem("wrench", WristWrenchSensor(sensors.wrench, seed))
+    builder.Connect(plant.get_reaction_forces_output_port(), wrench.get_input_port())
+    builder.Connect(wrench.get_output_port(), wrench_sensor.get_input_port())
+    pneumatics = builder.AddNamedSystem("pneumatics", PneumaticHand(wiring.config.hand))
+    fingers = builder.AddNamedSystem("finger_state", MatrixGain(_finger_selection(wiring.scene)))
+    pressure = builder.AddNamedSystem("pressure", PressureSensor(sensors.pressure, seed))
+    builder.Connect(plant.get_state_output_port(wiring.scene.hand), fingers.get_input_port())
+    builder.Connect(fingers.get_output_port(), pneumatics.GetInputPort("hand_state"))
+    builder.Connect(
+        pneumatics.GetOutputPort("joint_torques"), plant.get_actuation_input_port(wiring.scene.hand)
+    )
+    builder.Connect(pneumatics.GetOutputPort("cheat_pressure"), pressure.get_input_port())
+    for system, port in (
+        (encoders, "joint_state_window"),
+        (wrench_sensor, "wrench_window"),
+        (pressure, "pressure_window"),
+    ):
+        builder.ExportOutput(system.GetOutputPort(port), port)
+    return encoders
+
+
+def _finger_selection(scene: ManipulationScene) -> Array:
+    """Matrix (30, n) that takes the finger joints' angles and rates out of the hand's state."""
+    plant, hand = scene.plant, scene.hand
+    n = plant.num_positions(hand)
+    first = min(
+        joint.position_start()
+        for joint in map(plant.get_joint, plant.GetJointIndices(hand))
+        if joint.num_positions() > 0
+    )
+    selection = np.zeros((30, 2 * n))
+    for row, name in enumerate(FINGER_JOINTS):
+        column = plant.GetJointByName(name, hand).position_start() - first
+        selection[row, column] = selection[15 + row, n + column] = 1.0
+    return selection
+
+
+def _add_control(wiring: _Wiring, encoders: JointEncoders, q_taught: Array) -> GraspSequence:
+    builder, plant, control = wiring.builder, wiring.scene.plant, wiring.config.control
+    arm = ArmModel(wiring.arm)
+    X_WE = arm.Evaluate(np.concatenate([q_taught, np.zeros(7)])).X_WE
+    sequence = builder.AddNamedSystem("grasp_sequence", GraspSequence(control.sequence, arm, X_WE))
+    exploration = builder.AddNamedSystem(
+        "exploration", ExplorationController(control.exploration, arm)
+    )
+    impedance = builder.AddNamedSystem(
+        "impedance", ImpedanceController(control.impedance, arm, q_taught)
+    )
+    pneumatics = builder.GetSubsystemByName("pneumatics")
+    for system in (sequence, exploration, impedance):
+        builder.Connect(
+            encoders.GetOutputPort("joint_state_measured"),
+            system.GetInputPort("joint_state_measured"),
+        )
+    builder.Connect(
+        sequence.GetOutputPort("motion_desired"), exploration.GetInputPort("motion_desired")
+    )
+    builder.Connect(sequence.GetOutputPort("phase"), exploration.GetInputPort("phase"))
+    builder.Connect(
+        exploration.GetOutputPort("motion_commanded"), impedance.GetInputPort("motion_desired")
+    )
+    builder.Connect(
+        sequence.GetOutputPort("gains_commanded"), impedance.GetInputPort("gains_commanded")
+    )
+    builder.Connect(impedance.get_output_port(), plant.get_actuation_input_port(wiring.scene.arm))
+    for port in ("pressure_commanded", "sealed"):
+        builder.Connect(sequence.GetOutputPort(port), pneumatics.GetInputPort(port))
+    for port in ("interaction_active", "phase"):
+        builder.ExportOutput(sequence.GetOutputPort(port), port)
+    return sequence
+
+
+def _add_vision(
+    wiring: _Wiring,
+    encoders: JointEncoders,
+    sequence: GraspSequence,
+    intrinsics: CameraInfo,
+    X_WC: RigidTransform,
+    light: Light,
+) -> None:
+    builder, scene_graph = wiring.builder, wiring.scene.scene_graph
+    sensors = wiring.config.sensors
+    scene_graph.AddRenderer(_RENDERER, MakeRenderEngineVtk(_room_light()))
+    core = RenderCameraCore(_RENDERER, intrinsics, ClippingRange(0.05, 10.0), RigidTransform())
+    camera = builder.AddNamedSystem(
+        "rgbd_sensor",
+        RgbdSensor(
+            scene_graph.world_frame_id(),
+            X_WC,
+            ColorRenderCamera(core),
+            DepthRenderCamera(core, DepthRange(0.1, 8.0)),
+        ),
+    )
+    noise = builder.AddNamedSystem(
+        "camera_noise", CameraNoise(sensors.camera, intrinsics, wiring.seed)
+    )
+    lighting = builder.AddNamedSystem("lighting", Lighting(light))
+    mask = builder.AddNamedSystem(
+        "robot_mask",
+        RobotMask(
+            sensors.robot_mask,
+            lambda plant: add_robot(plant, wiring.scene.X_WBase),
+            intrinsics,
+            X_WC,
+            ARM_JOINTS,
+            {joint: (0.0, closed) for joint, closed in CLOSED_POSTURE.items()},
+        ),
+    )
+    builder.Connect(scene_graph.get_query_output_port(), camera.query_object_input_port())
+    builder.Connect(camera.color_image_output_port(), noise.GetInputPort("color_image"))
+    builder.Connect(camera.depth_image_32F_output_port(), noise.GetInputPort("depth_image"))
+    for port in ("illumination", "cover"):
+        builder.Connect(lighting.GetOutputPort(port), noise.GetInputPort(port))
+    builder.Connect(
+        encoders.GetOutputPort("joint_state_measured"), mask.GetInputPort("joint_state_measured")
+    )
+    builder.Connect(
+        sequence.GetOutputPort("closure_commanded"), mask.GetInputPort("closure_commanded")
+    )
+    builder.ExportOutput(noise.GetOutputPort("color_measured"), "color_measured")
+    builder.ExportOutput(noise.GetOutputPort("depth_measured"), "depth_measured")
+    builder.ExportOutput(mask.GetOutputPort("robot_mask"), "robot_mask")
+
+
+def _room_light() -> RenderEngineVtkParams:
+    """A ceiling light and a window."""
+    return RenderEngineVtkParams(
+        default_clear_color=[0.7, 0.75, 0.8],
+        lights=[
+            LightParameter(
+                type="directional", direction=[0.5, -0.5, -1.0], intensity=0.9, frame="world"
+            ),
+            LightParameter(
+                type="directional", direction=[0.6, 0.7, -0.3], intensity=0.5, frame="world"
+            ),
+        ],
+    )

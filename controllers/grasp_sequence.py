@@ -45,6 +45,7 @@ class GraspSequenceConfig:
     pull_damping: float = 200.0  # [N s/m]
     mass: float = 1.0  # [kg m^2], [kg]
     direction_E: list[float] = field(default_factory=lambda: [0.0, 0.0, -1.0])  # Of the pull.
+    comply: bool = True  # Whether to switch to the compliant gains once the hand has closed.
 
 
 def minimum_jerk(s: float) -> tuple[float, float, float]:
@@ -135,7 +136,7 @@ class GraspSequence(LeafSystem):
         self._arm = arm
         self._X_WE_grasp = X_WE_grasp.copy()
         self._stiff = stiff_gains(config)
-        self._compliant = exploration_gains(config)
+        self._compliant = exploration_gains(config) if config.comply else self._stiff
         self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
         state = self.DeclareDiscreteState(5)
         on_state = {self.discrete_state_ticket(state)}

@@ -29,10 +29,12 @@ from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuil
 from pydrake.systems.primitives import MatrixGain
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
+from controllers.bending_excitation import BendingExcitation, BendingExcitationConfig
 from controllers.exploration import ExplorationConfig, ExplorationController
 from controllers.grasp_sequence import GraspSequence, GraspSequenceConfig
 from controllers.impedance import ImpedanceConfig, ImpedanceController
 from controllers.robot_kinematics import ArmModel
+from maths import se3
 from plants.joint_friction import JointFriction
 from plants.manipulation_scene import (
     ManipulationScene,
@@ -76,6 +78,8 @@ class ControlConfig:
     sequence: GraspSequenceConfig = field(default_factory=GraspSequenceConfig)
     exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
     impedance: ImpedanceConfig = field(default_factory=ImpedanceConfig)
+    # With this the object is locked and the hand moves about it, to learn how it bends.
+    excitation: BendingExcitationConfig | None = None
     # How well a person guides the hand to the handle, standard deviations.
     guidance_translation: float = 0.004  # [m]
     guidance_rotation: float = 0.03  # [rad]
@@ -109,7 +113,7 @@ class Station:
         X_WC: The camera's calibrated pose.
         joint: The explored joint.
         q_start: Posture (7,) at the start of the approach, true, [rad].
-        hand_state: The pneumatics' view of the fingers, for training.
+        locked: Whether the object is fixed to the world.
     """
 
     diagram: Diagram
@@ -119,11 +123,14 @@ class Station:
     X_WC: RigidTransform
     joint: Joint
     q_start: Array
+    locked: bool
 
     def SetInitialState(self, root_context: Context) -> None:
-        """Puts the arm where the approach begins."""
+        """Puts the arm where the approach begins; locks the object if it is to stay."""
         context = self.scene.plant.GetMyMutableContextFromRoot(root_context)
         self.scene.plant.SetPositions(context, self.scene.arm, self.q_start)
+        if self.locked:
+            self.joint.Lock(context)
 
 
 def camera_intrinsics(width: int, height: int, horizontal_angle: float) -> CameraInfo:
@@ -314,6 +321,7 @@ def make_station(
         X_WC=X_WC,
         joint=joint,
         q_start=q_start,
+        locked=config.control.excitation is not None,
     )
 
 
@@ -335,22 +343,12 @@ def _taught_postures(wiring: _Wiring, X_WHandle: RigidTransform) -> tuple[Array,
     """True arm postures (7,) at the grasp that a person guided the hand to, and before it."""
     control = wiring.config.control
     rng = np.random.default_rng((wiring.seed, 1))
-    rotation = RotationMatrix(
-        RigidTransform(np.eye(4)).rotation()
-        if control.guidance_rotation == 0
-        else _small_rotation(rng.normal(0.0, control.guidance_rotation, 3))
-    )
-    X_guided = RigidTransform(rotation, rng.normal(0.0, control.guidance_translation, 3))
+    rotation = se3.so3_exp(rng.normal(0.0, control.guidance_rotation, 3))
+    X_guided = RigidTransform(RotationMatrix(rotation), rng.normal(0.0, control.guidance_translation, 3))
     X_WE = facing(X_WHandle) @ X_guided
     back = RigidTransform([0.0, 0.0, -control.sequence.approach_distance])
     q_grasp = inverse_kinematics(wiring.arm, X_WE, NOMINAL_POSTURE)
     return q_grasp, inverse_kinematics(wiring.arm, X_WE @ back, q_grasp)
-
-
-def _small_rotation(omega: Array) -> RotationMatrix:
-    from maths.se3 import so3_exp
-
-    return RotationMatrix(so3_exp(omega))
 
 
 def _add_proprioception(wiring: _Wiring, q_grasp: Array) -> JointEncoders:
@@ -418,14 +416,24 @@ def _add_control(wiring: _Wiring, encoders: JointEncoders, q_taught: Array) -> G
     arm = ArmModel(wiring.arm)
     X_WE = arm.Evaluate(np.concatenate([q_taught, np.zeros(7)])).X_WE
     sequence = builder.AddNamedSystem("grasp_sequence", GraspSequence(control.sequence, arm, X_WE))
-    exploration = builder.AddNamedSystem(
-        "exploration", ExplorationController(control.exploration, arm)
-    )
+    if control.excitation is None:
+        exploration = builder.AddNamedSystem(
+            "exploration", ExplorationController(control.exploration, arm)
+        )
+        builder.Connect(
+            encoders.GetOutputPort("joint_state_measured"),
+            exploration.GetInputPort("joint_state_measured"),
+        )
+    else:
+        start = control.sequence.approach_time + control.sequence.close_time
+        exploration = builder.AddNamedSystem(
+            "excitation", BendingExcitation(control.excitation, start, wiring.seed)
+        )
     impedance = builder.AddNamedSystem(
         "impedance", ImpedanceController(control.impedance, arm, q_taught)
     )
     pneumatics = builder.GetSubsystemByName("pneumatics")
-    for system in (sequence, exploration, impedance):
+    for system in (sequence, impedance):
         builder.Connect(
             encoders.GetOutputPort("joint_state_measured"),
             system.GetInputPort("joint_state_measured"),

@@ -20,7 +20,7 @@ class JointEncodersConfig:
     offset_rotation: float = float(np.deg2rad(3.0))  # Of the end-effector, per axis, [rad].
     offset_translation: float = 0.01  # Of the end-effector, per axis, [m].
     offset_damping: float = 0.05  # Keeps joint offsets small near singular postures, [-].
-    offset_limit: float = float(np.deg2rad(10.0))  # Of a single joint, [rad].
+    offset_limit: float = float(np.deg2rad(15.0))  # Of a single joint, [rad].
     stretch: float = 0.001  # Amplitude of the error that varies with the joint's angle, [rad].
     noise_position: float = 1e-4  # Standard deviation, [rad].
     noise_velocity: float = 0.005  # Standard deviation, [rad/s].

@@ -41,7 +41,7 @@ class CameraNoise(LeafSystem):
     """Turns ideal colour and depth images into what a PrimeSense Carmine-like camera delivers.
 
     Depth: sigma(z) = 1.2 mm + 1.9 mm/m^2 (z - 0.4 m)^2, correlated over the 9 px patch that the
-    camera matches, disparity in steps of 1/8 px, so that depth comes in steps of z^2 / (8 f b);
+    camera matches, disparity in steps of 1/8 px, so that depth comes in steps of 2.9 mm/m^2 z^2;
     no return outside the range, where the ray grazes the surface, and to the left of near objects,
     where the projector (to the right of the infrared camera) casts their shadow. Lighting does not
     matter to depth: the camera brings its own.
@@ -135,8 +135,7 @@ class CameraNoise(LeafSystem):
             ideal,
             valid,
             correlated_noise(rng, self._shape, depth.correlation_window),
-            self._intrinsics[0] * depth.baseline,
-            depth.disparity_step,
+            depth.depth_step,
             depth.sigma_base,
             depth.sigma_square,
         )

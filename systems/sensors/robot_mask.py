@@ -34,7 +34,7 @@ _RENDERER = "silhouette"
 @dataclass(kw_only=True)
 class RobotMaskConfig:
     reduction: int = 4  # The silhouette is rendered in an image smaller by this factor.
-    margin: float = 0.02  # Added around the robot, for its pose is not known exactly, [m].
+    margin: float = 0.03  # Added around the robot, for its pose is not known exactly, [m].
     range_min: float = 0.2  # Nearest robot surface, [m].
     range_max: float = 4.0  # Farthest robot surface, [m].
 
@@ -54,7 +54,8 @@ def reduced_intrinsics(full: CameraInfo, reduction: int) -> CameraInfo:
 def silhouette_to_mask(depth: npt.NDArray[np.float32], focal: float, margin: float) -> Grey:
     """Grey image (h, w), 255 within `margin` of what the depth image sees.
 
-    The margin in pixels is that at the nearest depth, so that it is nowhere too small.
+    The margin in pixels is that at the nearest depth, so that it is nowhere too small, and one
+    pixel more for what the rendering, which samples the pixels' centres, can miss.
 
     Args:
         depth: (h, w), inf where there is nothing, 0 where something is too near, [m].
@@ -64,11 +65,11 @@ def silhouette_to_mask(depth: npt.NDArray[np.float32], focal: float, margin: flo
     seen = depth < np.inf
     mask = np.where(seen, np.uint8(255), np.uint8(0))
     distances = depth[seen & (depth > 0.0)]
-    if distances.size and margin > 0.0:
-        radius = int(np.ceil(focal * margin / float(distances.min())))
-        size = (2 * radius + 1, 2 * radius + 1)
-        mask = cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, size))
-    return mask
+    nearest = float(distances.min()) if distances.size else np.inf
+    radius = int(np.ceil(focal * margin / nearest)) + 1
+    shape = cv2.MORPH_ELLIPSE if radius > 1 else cv2.MORPH_RECT
+    size = (2 * radius + 1, 2 * radius + 1)
+    return np.asarray(cv2.dilate(mask, cv2.getStructuringElement(shape, size)))
 
 
 def enlarge(mask: Grey, reduction: int, enlarged: Grey) -> None:

@@ -1,0 +1,141 @@
+import numpy as np
+import pytest
+from pydrake.common.value import AbstractValue
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+
+from systems.port_values import SampleWindow
+from systems.sensors.sampled_sensor import SampledSensor, WhiteNoise, latest_sample
+
+TICK = 1.0 / 15.0
+
+
+class Clock(LeafSystem):
+    """The time, twice; counted by an unrestricted update at every `step` to look like a plant."""
+
+    def __init__(self, step=0.002):
+        super().__init__()
+        state = self.DeclareDiscreteState(2)
+        self.DeclareStateOutputPort("time", state)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(step, 0.0, self._advance)
+        self._step = step
+
+    def _advance(self, context, state):
+        state.get_mutable_discrete_state().get_mutable_value(0)[:] = context.get_time() + self._step
+
+
+class Echo(SampledSensor):
+    """Measures without noise, and the number of the sample in its last element."""
+
+    def __init__(self, period):
+        super().__init__("signal", "echo", 2, period, TICK)
+
+    def measure(self, value, index):
+        return np.array([value[0], index])
+
+
+class TickReader(LeafSystem):
+    """Reads the window at every tick within an unrestricted update, as the filters do."""
+
+    def __init__(self):
+        super().__init__()
+        self.ticks, self.windows = [], []
+        model = SampleWindow(times=np.empty(0), values=np.empty((0, 2)))
+        self._window = self.DeclareAbstractInputPort("window", AbstractValue.Make(model))
+        self.DeclarePeriodicUnrestrictedUpdateEvent(TICK, 0.0, self._read)
+
+    def _read(self, context, state):
+        self.ticks.append(context.get_time())
+        self.windows.append(self._window.Eval(context))
+
+
+def simulate(period, duration=2.0):
+    builder = DiagramBuilder()
+    clock, sensor = builder.AddSystem(Clock()), builder.AddSystem(Echo(period))
+    reader = builder.AddSystem(TickReader())
+    builder.Connect(clock.get_output_port(), sensor.get_input_port())
+    builder.Connect(sensor.GetOutputPort("echo_window"), reader.get_input_port())
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(duration)
+    return reader, sensor, sensor.GetMyContextFromRoot(simulator.get_context())
+
+
+@pytest.mark.parametrize("period", [0.005, 0.01])
+def test_windows_hold_every_sample_once_in_order(period):
+    reader, _, _ = simulate(period)
+    numbers = np.concatenate([window.values[:, 1] for window in reader.windows])
+    np.testing.assert_array_equal(numbers, np.arange(len(numbers)))
+    times = np.concatenate([window.times for window in reader.windows])
+    np.testing.assert_allclose(times, period * np.arange(len(times)), atol=1e-12)
+    assert len(times) == latest_sample(reader.ticks[-1], period) + 1
+
+
+@pytest.mark.parametrize("period", [0.005, 0.01])
+def test_a_window_reaches_from_after_the_last_tick_to_this_one(period):
+    reader, _, _ = simulate(period)
+    for tick, window in zip(reader.ticks, reader.windows, strict=True):
+        assert window.times[0] > tick - TICK + 1e-9
+        assert window.times[-1] <= tick + 1e-9
+        assert tick - window.times[-1] < period
+
+
+def test_the_first_window_holds_the_first_sample():
+    reader, _, _ = simulate(0.005, duration=0.01)
+    np.testing.assert_array_equal(reader.windows[0].times, [0.0])
+
+
+def test_a_sample_is_what_the_plant_was_at_the_stamp_and_not_after_its_step():
+    reader, _, _ = simulate(0.01)
+    times = np.concatenate([window.times for window in reader.windows])
+    values = np.concatenate([window.values[:, 0] for window in reader.windows])
+    # The plant's 0.3 s and the sensor's differ by rounding, so that a few samples see one step on.
+    late = np.abs(values - times) > 1e-9
+    assert late.mean() < 0.2
+    np.testing.assert_allclose(values[late], times[late] + 0.002, atol=1e-9)
+
+
+def test_the_measured_output_holds_the_last_stored_sample():
+    _, sensor, context = simulate(0.005, duration=0.1012)
+    measured = sensor.GetOutputPort("echo_measured").Eval(context)
+    np.testing.assert_allclose(measured, [0.1, 20], atol=1e-12)
+
+
+def test_the_measured_output_is_zero_before_the_first_sample():
+    sensor = Echo(0.005)
+    context = sensor.CreateDefaultContext()
+    np.testing.assert_array_equal(sensor.GetOutputPort("echo_measured").Eval(context), [0.0, 0.0])
+
+
+def test_the_measured_output_depends_on_the_state_alone():
+    sensor = Echo(0.005)
+    assert not sensor.HasDirectFeedthrough(sensor.GetOutputPort("echo_measured").get_index())
+    assert sensor.HasDirectFeedthrough(sensor.GetOutputPort("echo_window").get_index())
+
+
+def test_white_noise_is_a_function_of_seed_stream_and_number():
+    noise, again = WhiteNoise(3, 1, 2), WhiteNoise(3, 1, 2)
+    forward = np.array([noise(index) for index in range(0, 5000, 7)])
+    backward = np.array([again(index) for index in reversed(range(0, 5000, 7))])[::-1]
+    np.testing.assert_array_equal(forward, backward)
+    for other in (WhiteNoise(4, 1, 2), WhiteNoise(3, 2, 2)):
+        assert not np.any(forward[0] == other(0))
+
+
+def test_white_noise_is_standard_normal_and_white():
+    noise = WhiteNoise(0, 0, 3)
+    samples = np.array([noise(index) for index in range(20000)])
+    np.testing.assert_allclose(samples.mean(axis=0), 0.0, atol=0.03)
+    np.testing.assert_allclose(np.cov(samples.T), np.eye(3), atol=0.03)
+    for lag in (1, 1024):
+        assert np.abs(np.mean(samples[lag:] * samples[:-lag], axis=0)).max() < 0.03
+
+
+@pytest.mark.parametrize("number", [0, 1, 2, 3, 7, 40, 123456])
+@pytest.mark.parametrize("period", [0.005, 0.01, 1.0 / 30.0])
+def test_a_sample_is_found_at_its_own_instant_despite_rounding(number, period):
+    for time in (number * period, np.nextafter(number * period, np.inf)):
+        assert latest_sample(time, period) == number
+    if number:
+        assert latest_sample(np.nextafter(number * period, 0.0), period) == number
+    assert latest_sample((number + 0.5) * period, period) == number

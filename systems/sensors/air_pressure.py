@@ -6,11 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from systems.sensors.checks import require
-from systems.sensors.sampled_sensor import SampledSensor, WhiteNoise
+from systems.sensors.randomness import WhiteNoise, make_generator
+from systems.sensors.sampled_sensor import SampledSensor
 
 Array = npt.NDArray[np.float64]
-
-_BIAS_STREAM, _NOISE_STREAM = 0, 1
 
 
 @dataclass(kw_only=True)
@@ -41,7 +40,7 @@ class PressureSensor(SampledSensor):
         - pressure_window
 
     - `pressure`: (chambers,), gauge, [Pa].
-    - `pressure_measured`: (chambers,), the last sample, held; zero before the first.
+    - `pressure_measured`: (chambers,), the last sample, held.
     - `pressure_window`: `SampleWindow` of the samples since the last tick, (K, chambers).
 
     Source: NXP MPX4250 data sheet, 20 to 250 kPa absolute, 1.4 % of full scale before zeroing;
@@ -58,10 +57,10 @@ class PressureSensor(SampledSensor):
         require(0 < c.step < np.inf, name, c, "step", "> 0 Pa")
         require(0 < c.range < np.inf, name, c, "range", "> 0 Pa")
         super().__init__("pressure", "pressure", c.chambers, c.period, c.tick)
-        rng = np.random.default_rng((seed, _BIAS_STREAM))
+        rng = make_generator(seed, "PressureSensor bias")
         self._config = config
         self._bias = c.bias * rng.standard_normal(c.chambers)
-        self._noise = WhiteNoise(seed, _NOISE_STREAM, c.chambers)
+        self._noise = WhiteNoise(seed, "PressureSensor noise", c.chambers)
 
     def measure(self, value: Array, index: int) -> Array:
         c = self._config

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from systems.sensors.checks import require
+from systems.sensors.randomness import random_bytes
 
 Depth = npt.NDArray[np.float32]
 
@@ -49,12 +50,6 @@ def depth_sigma(
     Reconstruction and Tracking, 3DIMPVT 2012, eq. 3 without its angular term.
     """
     return sigma_base + sigma_square * (z - _SIGMA_DEPTH) ** 2
-
-
-def random_bytes(rng: np.random.Generator, size: int) -> npt.NDArray[np.uint8]:
-    """Independent uniform bytes (size,)."""
-    words = rng.integers(0, 2**64, dtype=np.uint64, size=(size + 7) // 8)
-    return words.view(np.uint8)[:size]
 
 
 def correlated_noise(rng: np.random.Generator, shape: tuple[int, int], window: int) -> Depth:

@@ -6,11 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from systems.sensors.checks import require
-from systems.sensors.sampled_sensor import SampledSensor, WhiteNoise
+from systems.sensors.randomness import WhiteNoise, make_generator
+from systems.sensors.sampled_sensor import SampledSensor
 
 Array = npt.NDArray[np.float64]
-
-_OFFSET_STREAM, _NOISE_STREAM = 0, 1
 
 
 @dataclass(kw_only=True)
@@ -72,7 +71,7 @@ class JointEncoders(SampledSensor):
         - joint_state_window
 
     - `joint_state`: (2 n,), q [rad] and qdot [rad/s].
-    - `joint_state_measured`: (2 n,), the last sample, held; zero before the first.
+    - `joint_state_measured`: (2 n,), the last sample, held.
     - `joint_state_window`: `SampleWindow` of the samples since the last tick, (K, 2 n).
 
     Frames: E nominal end-effector.
@@ -101,13 +100,13 @@ class JointEncoders(SampledSensor):
         require(0 <= c.noise_velocity < np.inf, name, c, "noise_velocity", ">= 0 rad/s")
         joints = J_E_nominal.shape[1]
         super().__init__("joint_state", "joint_state", 2 * joints, c.period, c.tick)
-        rng = np.random.default_rng((seed, _OFFSET_STREAM))
+        rng = make_generator(seed, "JointEncoders offset")
         self._joints = joints
         self._offset = draw_joint_offset(c, J_E_nominal, rng)
         self._phase = rng.uniform(0.0, 2.0 * np.pi, joints)
         self._stretch = c.stretch
         self._sigma = np.repeat([c.noise_position, c.noise_velocity], joints)
-        self._noise = WhiteNoise(seed, _NOISE_STREAM, 2 * joints)
+        self._noise = WhiteNoise(seed, "JointEncoders noise", 2 * joints)
 
     def measure(self, value: Array, index: int) -> Array:
         sample = value + self._sigma * self._noise(index)

@@ -22,11 +22,9 @@ from systems.sensors.depth_noise import (
     check_depth_noise,
     correlated_noise,
     measure_depth,
-    random_bytes,
     returns,
 )
-
-_COLOUR_STREAM, _DEPTH_STREAM = 0, 1
+from systems.sensors.randomness import make_generator, random_bytes
 
 
 @dataclass(kw_only=True)
@@ -110,9 +108,7 @@ class CameraNoise(LeafSystem):
     def _calc_color(self, context: Context, output: AbstractValue) -> None:
         gain = context.get_discrete_state_vector().value()[0]
         table = noisy_response(self._config.colour, self._light(context), gain)
-        random = random_bytes(
-            self._rng(context, _COLOUR_STREAM), 3 * self._shape[0] * self._shape[1]
-        )
+        random = random_bytes(self._rng(context, "colour"), 3 * self._shape[0] * self._shape[1])
         ideal = self._color.Eval(context).data
         measure_colour(ideal, table, random, output.get_mutable_value().mutable_data)
 
@@ -130,7 +126,7 @@ class CameraNoise(LeafSystem):
             depth.baseline,
             float(np.cos(depth.grazing_angle)),
         )
-        rng = self._rng(context, _DEPTH_STREAM)
+        rng = self._rng(context, "depth")
         measured[:] = measure_depth(
             ideal,
             valid,
@@ -149,9 +145,9 @@ class CameraNoise(LeafSystem):
         gain = next_gain(colour, gain, grey, target, self._config.exposure_period)
         state.get_mutable_discrete_state().get_mutable_value(0)[:] = gain, target
 
-    def _rng(self, context: Context, stream: int) -> np.random.Generator:
+    def _rng(self, context: Context, image: str) -> np.random.Generator:
         frame = round(context.get_time() * self._config.rate)
-        return np.random.Generator(np.random.SFC64([self._seed, frame, stream]))
+        return make_generator(self._seed, f"CameraNoise {image}", frame)
 
     def _is_covered(self, context: Context) -> bool:
         return bool(self._cover.HasValue(context) and self._cover.Eval(context)[0] > 0.5)

@@ -12,29 +12,6 @@ from systems.port_values import SampleWindow
 Array = npt.NDArray[np.float64]
 
 _TIME_TOLERANCE = 1e-9  # Far above rounding, far below a period, [s].
-_BLOCK = 1024
-
-
-class WhiteNoise:
-    """Standard normal vectors (n,), a pure function of (seed, stream, index).
-
-    Drawn in blocks, because a generator takes longer to seed than to draw a block; only the last
-    block is kept.
-    """
-
-    def __init__(self, seed: int, stream: int, size: int) -> None:
-        self._key = (seed, stream)
-        self._size = size
-        self._block_index = -1
-        self._block = np.empty((0, size))
-
-    def __call__(self, index: int) -> Array:
-        block_index, row = divmod(index, _BLOCK)
-        if block_index != self._block_index:
-            rng = np.random.default_rng((*self._key, block_index))
-            self._block = rng.standard_normal((_BLOCK, self._size))
-            self._block_index = block_index
-        return np.asarray(self._block[row])
 
 
 def latest_sample(time: float, period: float) -> int:
@@ -62,7 +39,8 @@ class SampledSensor(LeafSystem):
         - (quantity)_window
 
     - `(quantity)`: (n,), the true value.
-    - `(quantity)_measured`: (n,), the last stored sample, zero before the first.
+    - `(quantity)_measured`: (n,), the last stored sample; the first is stored when a simulation is
+      initialized, so that nobody who reads at t = 0 gets zeros.
     - `(quantity)_window`: `SampleWindow` of (K,) stamps [s] and (K, n) samples.
 
     Subclasses say what one sample is by `measure`.
@@ -97,6 +75,7 @@ class SampledSensor(LeafSystem):
             lambda: AbstractValue.Make(SampleWindow(times=np.empty(0), values=np.empty((0, size)))),
             self._calc_window,
         )
+        self.DeclareInitializationUnrestrictedUpdateEvent(self._store)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._store)
 
     @abstractmethod

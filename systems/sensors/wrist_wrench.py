@@ -11,11 +11,10 @@ from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from systems.sensors.checks import require
-from systems.sensors.sampled_sensor import SampledSensor, WhiteNoise
+from systems.sensors.randomness import WhiteNoise, make_generator
+from systems.sensors.sampled_sensor import SampledSensor
 
 Array = npt.NDArray[np.float64]
-
-_BIAS_STREAM, _NOISE_STREAM = 0, 1
 
 
 @dataclass(kw_only=True)
@@ -93,7 +92,7 @@ class WristWrenchSensor(SampledSensor):
         - wrench_window
 
     - `F_S`: (6,), torque [N·m] about So, then force [N], both in S.
-    - `wrench_measured`: (6,), the last sample, held; zero before the first.
+    - `wrench_measured`: (6,), the last sample, held.
     - `wrench_window`: `SampleWindow` of the samples since the last tick, (K, 6).
 
     Frames: S the sensor, z along the arm's last link.
@@ -115,13 +114,13 @@ class WristWrenchSensor(SampledSensor):
                 require(0 < getattr(c, field) < np.inf, name, c, field, f"> 0 {unit}")
         require(0 < c.range_force_axial < np.inf, name, c, "range_force_axial", "> 0 N")
         super().__init__("F_S", "wrench", 6, c.period, c.tick)
-        rng = np.random.default_rng((seed, _BIAS_STREAM))
+        rng = make_generator(seed, "WristWrenchSensor bias")
         self._bias = np.repeat([c.bias_torque, c.bias_force], 3) * rng.standard_normal(6)
         self._sigma = np.repeat([c.noise_torque, c.noise_force], 3)
         self._step = np.repeat([c.step_torque, c.step_force], 3)
         self._range = np.repeat([c.range_torque, c.range_force], 3)
         self._range[5] = c.range_force_axial
-        self._noise = WhiteNoise(seed, _NOISE_STREAM, 6)
+        self._noise = WhiteNoise(seed, "WristWrenchSensor noise", 6)
 
     def measure(self, value: Array, index: int) -> Array:
         sample = value + self._bias + self._sigma * self._noise(index)

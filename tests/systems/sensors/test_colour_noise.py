@@ -10,7 +10,7 @@ from systems.sensors.colour_noise import (
     noisy_response,
     response,
 )
-from systems.sensors.depth_noise import random_bytes
+from systems.sensors.randomness import random_bytes
 
 CONFIG = ColourNoiseConfig()
 

@@ -5,7 +5,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from systems.port_values import SampleWindow
-from systems.sensors.sampled_sensor import SampledSensor, WhiteNoise, latest_sample
+from systems.sensors.sampled_sensor import SampledSensor, latest_sample
 
 TICK = 1.0 / 15.0
 
@@ -101,34 +101,19 @@ def test_the_measured_output_holds_the_last_stored_sample():
     np.testing.assert_allclose(measured, [0.1, 20], atol=1e-12)
 
 
-def test_the_measured_output_is_zero_before_the_first_sample():
+def test_the_first_sample_is_there_as_soon_as_a_simulation_is_initialized():
     sensor = Echo(0.005)
-    context = sensor.CreateDefaultContext()
-    np.testing.assert_array_equal(sensor.GetOutputPort("echo_measured").Eval(context), [0.0, 0.0])
+    simulator = Simulator(sensor)
+    sensor.get_input_port().FixValue(simulator.get_mutable_context(), [7.0, 7.0])
+    simulator.Initialize()
+    measured = sensor.GetOutputPort("echo_measured").Eval(simulator.get_context())
+    np.testing.assert_array_equal(measured, [7.0, 0.0])
 
 
 def test_the_measured_output_depends_on_the_state_alone():
     sensor = Echo(0.005)
     assert not sensor.HasDirectFeedthrough(sensor.GetOutputPort("echo_measured").get_index())
     assert sensor.HasDirectFeedthrough(sensor.GetOutputPort("echo_window").get_index())
-
-
-def test_white_noise_is_a_function_of_seed_stream_and_number():
-    noise, again = WhiteNoise(3, 1, 2), WhiteNoise(3, 1, 2)
-    forward = np.array([noise(index) for index in range(0, 5000, 7)])
-    backward = np.array([again(index) for index in reversed(range(0, 5000, 7))])[::-1]
-    np.testing.assert_array_equal(forward, backward)
-    for other in (WhiteNoise(4, 1, 2), WhiteNoise(3, 2, 2)):
-        assert not np.any(forward[0] == other(0))
-
-
-def test_white_noise_is_standard_normal_and_white():
-    noise = WhiteNoise(0, 0, 3)
-    samples = np.array([noise(index) for index in range(20000)])
-    np.testing.assert_allclose(samples.mean(axis=0), 0.0, atol=0.03)
-    np.testing.assert_allclose(np.cov(samples.T), np.eye(3), atol=0.03)
-    for lag in (1, 1024):
-        assert np.abs(np.mean(samples[lag:] * samples[:-lag], axis=0)).max() < 0.03
 
 
 @pytest.mark.parametrize("number", [0, 1, 2, 3, 7, 40, 123456])

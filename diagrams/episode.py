@@ -1,0 +1,261 @@
+"""One episode: a scenario and a seed, simulated to the end."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import Value
+from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
+
+from controllers.grasp_sequence import Phase as ControlPhase
+from diagrams.episode_record import EpisodeResult, Phase, PinholeCamera
+from diagrams.meshcat_view import MeshcatView, MeshcatViewConfig, recorded_page
+from diagrams.network import RobotKnowledge, make_network
+from diagrams.process_memory import peak_memory
+from diagrams.recorder import EpisodeRecorder, RecorderConfig, TickStopwatch
+from diagrams.scenario import Scenario, object_model_file
+from diagrams.station import (
+    Light,
+    Station,
+    StationConfig,
+    camera_intrinsics,
+    looking_at,
+    make_station,
+)
+from diagrams.yaml_schema import ScenarioError
+from plants.manipulation_scene import ObjectPlacement
+from systems.port_values import JointType
+
+Array = npt.NDArray[np.float64]
+
+
+def draw_placement(scenario: Scenario, seed: int) -> ObjectPlacement:
+    """Where the object of this seed stands, how stiff it moves and how it looks."""
+    thing, variation = scenario.object, scenario.object.variation
+    rng = np.random.default_rng((seed, 0))
+    position = thing.position + variation.position * rng.uniform(-1.0, 1.0, 3)
+    yaw = np.deg2rad(thing.yaw + variation.yaw * rng.uniform(-1.0, 1.0))
+    friction = thing.friction * (1.0 + variation.friction * rng.uniform(-1.0, 1.0))
+    texture = str(rng.choice(variation.textures)) if variation.textures else ""
+    return ObjectPlacement(
+        model=object_model_file(scenario),
+        X_WO=RigidTransform(RollPitchYaw(0.0, 0.0, yaw), position),
+        friction=friction,
+        texture=texture,
+    )
+
+
+def build_station(scenario: Scenario, seed: int) -> Station:
+    """The plant, sensors and controllers of one episode.
+
+    Raises:
+        ScenarioError: where a value of the scenario is impossible.
+    """
+    view, disturbances = scenario.camera, scenario.disturbances
+    light = Light(
+        lights_off=[(off.start, off.end) for off in disturbances.lights_off],
+        covered=[(cover.start, cover.end) for cover in disturbances.camera_covered],
+    )
+    try:
+        return make_station(
+            StationConfig(
+                plant=scenario.plant,
+                hand=scenario.hand,
+                sensors=scenario.sensors,
+                control=scenario.control,
+            ),
+            draw_placement(scenario, seed),
+            scenario.object.joint,
+            scenario.object.handle_frame,
+            camera_intrinsics(view.width, view.height, np.deg2rad(view.horizontal_angle)),
+            looking_at(view.position, view.looking_at),
+            light,
+            seed,
+        )
+    except ValueError as error:
+        raise ScenarioError(f"{scenario.name}: {error}") from error
+
+
+def build_networks(scenario: Scenario, station: Station) -> dict[str, Diagram]:
+    """One network for each of the scenario's modalities."""
+    robot = RobotKnowledge(arm=station.arm, intrinsics=station.intrinsics, X_WC=station.X_WC)
+    try:
+        return {
+            modality: make_network(modality, scenario.perception, robot)
+            for modality in scenario.modalities
+        }
+    except ValueError as error:
+        raise ScenarioError(f"{scenario.name}: {error}") from error
+
+
+class Episode:
+    """The whole diagram of an episode: station, networks, recorder and view.
+
+    Attributes:
+        diagram: All of it.
+        station: Plant, sensors and controllers.
+        recorder: Holds what was believed and what was true.
+    """
+
+    def __init__(self, scenario: Scenario, seed: int, meshcat: Meshcat | None = None) -> None:
+        self._scenario = scenario
+        self._meshcat = meshcat
+        self.station = build_station(scenario, seed)
+        period = scenario.network_period
+        builder = DiagramBuilder()
+        station = builder.AddNamedSystem("station", self.station.diagram)
+        self.recorder = EpisodeRecorder(RecorderConfig(period=period), scenario.modalities)
+        self._stopwatches: dict[str, tuple[TickStopwatch, TickStopwatch]] = {}
+        networks = build_networks(scenario, self.station)
+        for modality, network in networks.items():
+            self._add_network(builder, station, modality, network)
+        builder.AddNamedSystem("recorder", self.recorder)
+        for port in ("interaction_active", "cheat_configuration", "cheat_body_pose"):
+            builder.Connect(station.GetOutputPort(port), self.recorder.GetInputPort(port))
+        builder.Connect(
+            station.GetOutputPort("color_measured"), self.recorder.GetInputPort("color_image")
+        )
+        readers = [self.recorder]
+        if meshcat is not None:
+            view = MeshcatView(MeshcatViewConfig(), meshcat, scenario.modalities)
+            readers.append(builder.AddNamedSystem("meshcat_view", view))
+            scene = builder.AddNamedSystem(
+                "meshcat_scene",
+                MeshcatVisualizer(meshcat, MeshcatVisualizerParams(publish_period=1.0 / 16.0)),
+            )
+            builder.Connect(
+                station.GetOutputPort("cheat_query_object"), scene.query_object_input_port()
+            )
+        for reader in readers:
+            for modality, network in networks.items():
+                _connect_latest(builder, network, modality, reader)
+        self.diagram = builder.Build()
+
+    def _add_network(
+        self, builder: DiagramBuilder, station: Diagram, modality: str, network: Diagram
+    ) -> None:
+        """Adds a network between two stopwatches, for Drake updates in the order of adding."""
+        period = self._scenario.network_period
+        images = [Value(ImageRgba8U()), Value(ImageDepth32F()), Value(ImageGrey8U())]
+        ports = ("color_measured", "depth_measured", "robot_mask")
+        start, stop = TickStopwatch(period, images), TickStopwatch(period)
+        builder.AddNamedSystem(f"{modality}_start", start)
+        builder.AddNamedSystem(modality, network)
+        builder.AddNamedSystem(f"{modality}_stop", stop)
+        if network.HasInputPort("color_measured"):
+            for index, port in enumerate(ports):
+                builder.Connect(station.GetOutputPort(port), start.get_input_port(index))
+        for index in range(network.num_input_ports()):
+            port = network.get_input_port(index)
+            builder.Connect(station.GetOutputPort(port.get_name()), port)
+        self._stopwatches[modality] = start, stop
+
+    def Run(self, progress: Callable[[float], None] | None = None) -> EpisodeResult:
+        """Simulates until the robot has stopped or the scenario's time is over.
+
+        A KeyboardInterrupt ends it early; what was recorded until then is returned.
+        """
+        scenario = self._scenario
+        simulator = Simulator(self.diagram)
+        root = simulator.get_mutable_context()
+        self.station.SetInitialState(root)
+        if self._meshcat is not None:
+            self._meshcat.StartRecording(frames_per_second=16.0)
+        simulator.Initialize()
+        station_context = self.station.diagram.GetMyContextFromRoot(root)
+        phase = self.station.diagram.GetOutputPort("phase")
+        stop_time = scenario.control.sequence.stop_time
+        end, stopped, interrupted = scenario.duration, False, False
+        began = time.perf_counter()
+        try:
+            while (now := root.get_time()) < end - 1e-9:
+                simulator.AdvanceTo(min(now + scenario.network_period, end))
+                if not stopped and phase.Eval(station_context)[0] >= ControlPhase.STOP:
+                    stopped, end = True, min(end, root.get_time() + stop_time)
+                if progress is not None:
+                    progress(root.get_time())
+        except KeyboardInterrupt:
+            interrupted = True
+        wall_time = time.perf_counter() - began
+        return self._result(root.get_time(), wall_time, interrupted)
+
+    def _result(self, duration: float, wall_time: float, interrupted: bool) -> EpisodeResult:
+        scenario, station = self._scenario, self.station
+        for modality, (start, stop) in self._stopwatches.items():
+            pairs = zip(start.marks, stop.marks, strict=False)
+            self.recorder.modalities[modality].tick_times = [b - a for a, b in pairs]
+        joint_type, axis_W, point_W = joint_truth(station)
+        truth = self.recorder.truth(station.joint.name(), joint_type, axis_W, point_W)
+        reached = float(truth.opening()[-1]) if len(truth.times) else 0.0
+        failure = None
+        if interrupted:
+            failure = "interrupted"
+        elif reached < scenario.task.opening:
+            failure = f"opened {reached:.3f} of the {scenario.task.opening:g} asked for"
+        intrinsics = station.intrinsics
+        return EpisodeResult(
+            scenario=scenario,
+            truth=truth,
+            modalities=self.recorder.modalities,
+            camera=PinholeCamera(
+                K=intrinsics.intrinsic_matrix(), X_WC=station.X_WC.GetAsMatrix4()
+            ),
+            duration=duration,
+            wall_time=wall_time,
+            frames=self.recorder.frames,
+            failure=failure,
+            phases={"exploration": Phase(target=scenario.task.opening, reached=reached)},
+            peak_memory=peak_memory(),
+            interrupted=interrupted,
+            meshcat_html=None if self._meshcat is None else recorded_page(self._meshcat),
+        )
+
+
+def _connect_latest(
+    builder: DiagramBuilder, network: Diagram, modality: str, reader: object
+) -> None:
+    for quantity in ("joints", "body_motions", "features", "grasp"):
+        output, port = f"{quantity}_latest", f"{modality}_{quantity}_latest"
+        if network.HasOutputPort(output) and reader.HasInputPort(port):
+            builder.Connect(network.GetOutputPort(output), reader.GetInputPort(port))
+
+
+def joint_truth(station: Station) -> tuple[JointType, Array, Array]:
+    """Type, axis (3,) and a point (3,) on it, in the world, of the explored joint."""
+    plant, joint = station.scene.plant, station.joint
+    X_WJ = joint.frame_on_parent().CalcPoseInWorld(plant.CreateDefaultContext())
+    joint_type, axis_J = _type_and_axis(joint)
+    return joint_type, X_WJ.rotation() @ axis_J, X_WJ.translation()
+
+
+def _type_and_axis(joint: Joint) -> tuple[JointType, Array]:
+    if isinstance(joint, PrismaticJoint):
+        return JointType.PRISMATIC, joint.translation_axis()
+    if isinstance(joint, RevoluteJoint):
+        return JointType.REVOLUTE, joint.revolute_axis()
+    raise ScenarioError(f"joint '{joint.name()}' is neither prismatic nor revolute")
+
+
+def run_episode(
+    scenario: Scenario,
+    seed: int,
+    *,
+    meshcat: Meshcat | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> EpisodeResult:
+    """Builds and simulates one episode.
+
+    Args:
+        scenario: What is simulated.
+        seed: Of all that varies and of all noise.
+        meshcat: Where to draw; the recording becomes part of the result.
+        progress: Called with the simulated time [s], about once per tick.
+    """
+    scenario.seed = seed
+    return Episode(scenario, seed, meshcat).Run(progress)

@@ -1,0 +1,182 @@
+"""The network of coupled filters: one factory, three wirings of the same systems."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
+from pydrake.systems.sensors import CameraInfo
+
+from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
+from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
+from systems.proprioception.grasp_model import GraspModel, GraspModelConfig
+from systems.proprioception.hand_bending import HandBending, HandBendingConfig
+from systems.proprioception.interacted_body_motion import (
+    InteractedBodyMotion,
+    InteractedBodyMotionConfig,
+)
+from systems.vision.body_tracking import RigidBodyMotionConfig
+from systems.vision.feature_motion import FeatureMotion
+from systems.vision.feature_tracks import FeatureMotionConfig
+from systems.vision.rigid_body_motion import RigidBodyMotion
+
+MODALITIES = ("vision", "proprioception", "crossmodal")
+VISION_INPUTS = ("color_measured", "depth_measured", "robot_mask")
+PROPRIOCEPTION_INPUTS = (
+    "joint_state_window",
+    "wrench_window",
+    "pressure_window",
+    "interaction_active",
+)
+
+
+@dataclass(kw_only=True)
+class PerceptionConfig:
+    """One config per filter; the joints' differ by what measures the bodies."""
+
+    end_effector: EndEffectorMotionConfig = field(default_factory=EndEffectorMotionConfig)
+    hand_bending: HandBendingConfig = field(default_factory=HandBendingConfig)
+    grasp: GraspModelConfig = field(default_factory=GraspModelConfig)
+    interacted_body: InteractedBodyMotionConfig = field(default_factory=InteractedBodyMotionConfig)
+    features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
+    bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
+    joints_vision: KinematicModelConfig = field(default_factory=KinematicModelConfig)
+    joints_proprioception: KinematicModelConfig = field(default_factory=KinematicModelConfig)
+    joints_crossmodal: KinematicModelConfig = field(default_factory=KinematicModelConfig)
+
+
+@dataclass(kw_only=True)
+class RobotKnowledge:
+    """What the robot knows of itself: its arm and where its camera is.
+
+    Attributes:
+        arm: Finalized plant with the arm, the hand a rigid load.
+        intrinsics: Of the camera.
+        X_WC: The camera's calibrated pose.
+    """
+
+    arm: MultibodyPlant
+    intrinsics: CameraInfo
+    X_WC: RigidTransform
+
+
+def make_network(modality: str, config: PerceptionConfig, robot: RobotKnowledge) -> Diagram:
+    """The filters of one modality, wired.
+
+    Inputs are those of `VISION_INPUTS` and `PROPRIOCEPTION_INPUTS` that the modality uses; outputs
+    are `joints_latest`, `body_motions_latest` and, where they exist, `features_latest`,
+    `grasp_latest`, `hand_bending_latest` and `end_effector_latest`.
+
+    Args:
+        modality: One of `MODALITIES`.
+
+    Raises:
+        ValueError: for an unknown modality or an impossible config value.
+    """
+    if modality not in MODALITIES:
+        raise ValueError(f"unknown modality '{modality}'; there are {', '.join(MODALITIES)}")
+    builder = DiagramBuilder()
+    kinematics = getattr(config, f"joints_{modality}")
+    if modality == "vision":
+        model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=1))
+        bodies = _add_vision(builder, config, robot, with_interacted_body=False)
+        _wire(builder, bodies, "body_motions_estimated", model, "body_motions")
+        _wire(builder, model, "bodies_predicted", bodies, "joint_predictions")
+        _export_outputs(builder, bodies, "body_motions_latest")
+    elif modality == "proprioception":
+        model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=1))
+        body = _add_proprioception(builder, config, robot, corrected_by_vision=False)
+        _wire(builder, body, "body_motions_estimated", model, "body_motions")
+        _export_outputs(builder, body, "body_motions_latest")
+    else:
+        model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=2))
+        bodies = _add_vision(builder, config, robot, with_interacted_body=True)
+        body = _add_proprioception(builder, config, robot, corrected_by_vision=True)
+        features = builder.GetSubsystemByName("feature_motion")
+        _wire(builder, model, "bodies_predicted", bodies, "joint_predictions")
+        _wire(builder, body, "body_prior", bodies, "interacted_body_prior")
+        _wire(builder, features, "features_estimated", body, "features_estimated")
+        _wire(builder, bodies, "body_motions_estimated", body, "vision_motions_estimated")
+        _wire(builder, bodies, "body_motions_estimated", model, "body_motions")
+        # What hand and eye know together of the interacted body counts, not what the eye knows.
+        _wire(builder, body, "body_motions_estimated", model, "body_motions_1")
+        _export_outputs(builder, body, "body_motions_latest")
+    _export_outputs(builder, model, "joints_latest")
+    diagram = builder.Build()
+    diagram.set_name(modality)
+    return diagram
+
+
+def _add_vision(
+    builder: DiagramBuilder,
+    config: PerceptionConfig,
+    robot: RobotKnowledge,
+    with_interacted_body: bool,
+) -> System:
+    """Feature motion and, on top of it, rigid-body motion; returns the latter."""
+    X_WC = np.asarray(robot.X_WC.GetAsMatrix4())
+    features = _add(
+        builder, "feature_motion", FeatureMotion(config.features, robot.intrinsics, X_WC)
+    )
+    bodies = _add(
+        builder,
+        "rigid_body_motion",
+        RigidBodyMotion(config.bodies, robot.intrinsics, X_WC, with_interacted_body),
+    )
+    for port in VISION_INPUTS:
+        builder.ExportInput(features.GetInputPort(port), port)
+    _wire(builder, features, "features_estimated", bodies, "features_estimated")
+    _wire(builder, bodies, "features_predicted", features, "features_predicted")
+    _export_outputs(builder, features, "features_latest")
+    return bodies
+
+
+def _add_proprioception(
+    builder: DiagramBuilder,
+    config: PerceptionConfig,
+    robot: RobotKnowledge,
+    corrected_by_vision: bool,
+) -> System:
+    """End-effector, bending, grasp and interacted body; returns the last."""
+    end_effector = _add(
+        builder, "end_effector_motion", EndEffectorMotion(config.end_effector, robot.arm)
+    )
+    bending = _add(builder, "hand_bending", HandBending(config.hand_bending))
+    grasp = _add(builder, "grasp_model", GraspModel(config.grasp))
+    body = _add(
+        builder,
+        "interacted_body_motion",
+        InteractedBodyMotion(config.interacted_body, corrected_by_vision=corrected_by_vision),
+    )
+    builder.ExportInput(end_effector.GetInputPort("joint_state_window"), "joint_state_window")
+    for port in ("wrench_window", "pressure_window"):
+        builder.ExportInput(bending.GetInputPort(port), port)
+    active = builder.ExportInput(bending.GetInputPort("interaction_active"), "interaction_active")
+    for system in (grasp, body):
+        builder.ConnectInput(active, system.GetInputPort("interaction_active"))
+    for system in (bending, grasp, body):
+        _wire(
+            builder, end_effector, "end_effector_estimated", system, "end_effector_estimated"
+        )
+    for system in (grasp, body):
+        _wire(builder, bending, "hand_bending_estimated", system, "hand_bending_estimated")
+    _wire(builder, grasp, "grasp_latest", body, "grasp_latest")
+    _wire(builder, body, "body_motions_estimated", grasp, "body_motions_estimated")
+    _export_outputs(builder, end_effector, "end_effector_latest")
+    _export_outputs(builder, bending, "hand_bending_latest")
+    _export_outputs(builder, grasp, "grasp_latest")
+    return body
+
+
+def _add(builder: DiagramBuilder, name: str, system: System) -> System:
+    return builder.AddNamedSystem(name, system)
+
+
+def _wire(builder: DiagramBuilder, source: System, output: str, target: System, port: str) -> None:
+    builder.Connect(source.GetOutputPort(output), target.GetInputPort(port))
+
+
+def _export_outputs(builder: DiagramBuilder, system: System, *ports: str) -> None:
+    for port in ports:
+        builder.ExportOutput(system.GetOutputPort(port), port)

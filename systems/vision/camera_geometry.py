@@ -40,24 +40,22 @@ def transform(X_AB: Array, p_B: Array) -> Array:
 @numba.njit(cache=True)
 def _fit_plane(
     depth: npt.NDArray[np.float32], u0: float, v0: float, radius: int, plane: Array, gate: float
-) -> tuple[Array, Array, float, int, int]:
+) -> tuple[Array, Array, float, int]:
     """One least squares pass over the pixels within `gate` of the `plane` (all if gate < 0).
 
     Returns the plane (3,), its unit-noise covariance (3, 3), the residuals' mean square, and the
-    numbers of pixels used and of pixels with a return.
+    number of pixels used.
     """
     normal = np.zeros((3, 3))
     moment = np.zeros(3)
     square = 0.0
     used = 0
-    seen = 0
     cu, cv = int(np.floor(u0 + 0.5)), int(np.floor(v0 + 0.5))
     for v in range(cv - radius, cv + radius + 1):
         for u in range(cu - radius, cu + radius + 1):
             z = depth[v, u]
             if not (z > 0.0 and z < 1e3):
                 continue
-            seen += 1
             w = 1.0 / z
             du, dv = u - u0, v - v0
             if gate > 0.0 and abs(w - plane[0] - plane[1] * du - plane[2] * dv) > gate:
@@ -76,13 +74,13 @@ def _fit_plane(
     unit = np.zeros((3, 3))
     fit = np.zeros(3)
     if used < 6:
-        return fit, unit, np.inf, used, seen
+        return fit, unit, np.inf, used
     normal[1, 0], normal[2, 0], normal[2, 1] = normal[0, 1], normal[0, 2], normal[1, 2]
     if np.linalg.det(normal) <= 1e-9 * normal[0, 0] * normal[1, 1] * normal[2, 2]:
-        return fit, unit, np.inf, used, seen
+        return fit, unit, np.inf, used
     unit = np.linalg.inv(normal)
     fit = unit @ moment
-    return fit, unit, max(square - fit @ moment, 0.0) / (used - 3), used, seen
+    return fit, unit, max(float(square - fit @ moment), 0.0) / (used - 3), used
 
 
 @numba.njit(cache=True)
@@ -118,15 +116,13 @@ def fit_surfaces(
         u, v = uv[i]
         if not (radius + 1 < u < width - radius - 2 and radius + 1 < v < height - radius - 2):
             continue
-        plane, unit, mean_square, used, seen = _fit_plane(depth, u, v, radius, planes[i], -1.0)
+        plane, unit, mean_square, used = _fit_plane(depth, u, v, radius, planes[i], -1.0)
         if used < min_share * window or plane[0] <= 0.0:
             continue
         for _ in range(2):
             z = 1.0 / plane[0]
             sigma = (noise[0] + noise[1] * (z - noise[2]) ** 2) / z**2
-            plane, unit, mean_square, used, seen = _fit_plane(
-                depth, u, v, radius, plane, 4.0 * sigma
-            )
+            plane, unit, mean_square, used = _fit_plane(depth, u, v, radius, plane, 4.0 * sigma)
             if used < min_share * window or plane[0] <= 0.0:
                 break
         if used < min_share * window or plane[0] <= 0.0:

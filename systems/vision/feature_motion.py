@@ -6,7 +6,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, LeafSystem, State, ValueProducer
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, ImageRgba8U
 
-from systems.port_values import Array, FeatureBelief
+from systems.port_values import Array
 from systems.vision import camera_geometry, feature_detection
 from systems.vision.checks import require_fields
 from systems.vision.feature_tracks import (
@@ -14,19 +14,10 @@ from systems.vision.feature_tracks import (
     FeatureTracks,
     Frame,
     belief,
+    no_features,
     no_tracks,
     track,
 )
-
-
-def no_features() -> FeatureBelief:
-    return FeatureBelief(
-        ids=np.zeros(0, np.int64),
-        uv=np.zeros((0, 2)),
-        p_WF=np.zeros((0, 3)),
-        covariance=np.zeros((0, 3, 3)),
-        age=np.zeros(0, np.int64),
-    )
 
 
 class FeatureMotion(LeafSystem):

@@ -120,6 +120,16 @@ def no_tracks(config: FeatureMotionConfig) -> FeatureTracks:
     )
 
 
+def no_features() -> FeatureBelief:
+    return FeatureBelief(
+        ids=np.zeros(0, np.int64),
+        uv=np.zeros((0, 2)),
+        p_WF=np.zeros((0, 3)),
+        covariance=np.zeros((0, 3, 3)),
+        age=np.zeros(0, np.int64),
+    )
+
+
 def belief(tracks: FeatureTracks) -> FeatureBelief:
     """The features that are seen now."""
     seen = tracks.missed == 0
@@ -352,8 +362,8 @@ def _alive(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame) -> 
     height, width = frame.image.shape
     margin = config.patch_radius + 2
     uv = tracks.uv
-    inside = np.isfinite(uv).all(axis=1)
-    inside &= (uv >= margin).all(axis=1) & (uv < np.array([width, height]) - margin).all(axis=1)
+    within = (uv >= margin) & (uv < np.array([width, height]) - margin)
+    inside: Mask = np.asarray(np.all(within, axis=1))  # False for NaN.
     pixel = np.where(inside[:, None], uv, 0.0).round().astype(int)
     free = frame.robot[pixel[:, 1], pixel[:, 0]] == 0
     patience = config.max_blackout if tracks.blackout else config.max_missed

@@ -1,0 +1,242 @@
+"""Birth of rigid bodies from features that stopped standing still, and the tick of all bodies."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from maths import se3
+from systems.port_values import (
+    INTERACTED_BODY,
+    STATIC_BODY,
+    Array,
+    BodyPredictions,
+    FeatureBelief,
+    Ids,
+    PoseBelief,
+)
+from systems.vision import body_filter, body_tracking
+from systems.vision.body_tracking import BodyLevel, RigidBodyMotionConfig, TrackedBody
+from systems.vision.feature_history import (
+    Displacements,
+    FeatureHistory,
+    Mask,
+    displacements,
+    squared_distances,
+)
+from systems.vision.motion_consensus import Consensus, find_consensus, stillness
+
+
+def free_motion(
+    config: RigidBodyMotionConfig, history: FeatureHistory
+) -> tuple[Displacements, Array, Mask]:
+    """The features' displacements in W, how unlike standing still they are, and which are free.
+
+    Zero where a feature is not free, not seen or too young to tell.
+    """
+    still = np.tile(np.eye(4), (history.p_W.shape[1], 1, 1))
+    d = displacements(history, still, newest=config.newest)
+    free = (history.body == STATIC_BODY) & history.seen
+    free &= (d.count_new >= 2) & (d.count_old >= 5)
+    distance = np.zeros(len(free))
+    if free.any():
+        S = (d.C_old + d.C_new)[free] + config.feature_floor**2 * np.eye(3)
+        distance[free], _ = squared_distances((d.p_new - d.p_old)[free], S)
+    return d, distance, free
+
+
+def _subset(d: Displacements, rows: Ids, floor: float) -> Displacements:
+    return Displacements(
+        p_old=d.p_old[rows],
+        p_new=d.p_new[rows],
+        C_old=d.C_old[rows] + floor**2 * np.eye(3),
+        C_new=d.C_new[rows],
+        count_old=d.count_old[rows],
+        count_new=d.count_new[rows],
+    )
+
+
+def find_moving_features(
+    config: RigidBodyMotionConfig, history: FeatureHistory, tick: int
+) -> tuple[FeatureHistory, Consensus | None, Ids]:
+    """Free features that share a significant motion.
+
+    Returns:
+        The history with updated suspicion, the motion, and the rows of its supporters.
+    """
+    d, distance, free = free_motion(config, history)
+    moving = free & (distance > config.moving)
+    suspicion = np.where(moving, history.suspicion + 1, history.suspicion)
+    suspicion = np.where(free & ~moving, 0, suspicion)
+    history = replace(history, suspicion=suspicion)
+    none = np.zeros(0, np.int64)
+    if np.sum(moving) < config.min_support:
+        return history, None, none
+    rows = np.nonzero(free)[0]
+    consensus = find_consensus(
+        _subset(d, rows, config.feature_floor),
+        distance[rows],
+        np.nonzero(moving[rows])[0],
+        np.random.default_rng([config.seed, tick]),
+        gate=config.gate,
+        better=config.better,
+        rotation_sigma=config.rotation_sigma,
+    )
+    if consensus is None:
+        return history, None, none
+    supporters = rows[consensus.support]
+    if len(supporters) < config.min_support or consensus.gain < config.min_gain:
+        return history, None, none
+    p = d.p_old[supporters]
+    if np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))) < config.min_spread:
+        return history, None, none
+    return history, consensus, supporters
+
+
+def onset(
+    config: RigidBodyMotionConfig, history: FeatureHistory, rows: Ids, X: Array
+) -> tuple[int, bool]:
+    """The last tick of the window at which the features surely stood still, and whether they did.
+
+    Without any still tick it is the first one at which most of them were seen.
+    """
+    window = history.p_W.shape[1]
+    still = np.tile(np.eye(4), (window, 1, 1))
+    d = displacements(history.select(rows), still, newest=config.newest)
+    motion = d.p_old @ X[:3, :3].T + X[:3, 3] - d.p_old
+    share, sigma = stillness(history.p_W[rows], history.information[rows], d.p_old, motion)
+    # The earlier mean may hold moving samples; zero is where the shares start.
+    start = np.nanmedian(share[np.isfinite(share)][:5])
+    excess = np.abs(share - start) / sigma
+    smooth = np.convolve(np.where(np.isfinite(excess), excess, 0.0), np.ones(2) / 2.0)[:window]
+    moved = np.nonzero(smooth > 3.0)[0]
+    first = int(moved[0]) if len(moved) else window - config.newest
+    seen = np.mean(history.samples[rows], axis=0)
+    last = first - 3
+    if last >= 2 and np.mean(seen[: last + 1]) > 0.3:
+        return last, True
+    return int(np.argmax(seen > 0.6 * seen.max())), False
+
+
+def _fits(
+    config: RigidBodyMotionConfig,
+    body: body_filter.BodyFilter,
+    anchors: Ids,
+    p_WF: Array,
+    covariance: Array,
+) -> Mask:
+    return body_tracking.robust_likelihood(config, body, anchors, p_WF, covariance)[1]
+
+
+def new_body(
+    config: RigidBodyMotionConfig, level: BodyLevel, history: FeatureHistory, rows: Ids, X: Array
+) -> TrackedBody:
+    """A body from the features' samples: standing at its reference, then replayed until now."""
+    window = history.p_W.shape[1]
+    reference, stood = onset(config, history, rows, X)
+    still = np.tile(np.eye(4), (window, 1, 1))
+    mine = history.select(rows)
+    use_rest = np.full(len(rows), stood)
+    d = displacements(
+        mine,
+        still,
+        newest=0,
+        use_rest=use_rest,
+        first_old=0 if stood else reference,
+        last_old=reference,
+    )
+    anchored = np.nonzero(d.count_old > 0)[0][: config.max_anchors]
+    X_WB_reference = np.eye(4)
+    X_WB_reference[:3, 3] = d.p_old[anchored].mean(axis=0)
+    sigma = np.repeat([config.initial_angular_velocity, config.initial_linear_velocity], 3)
+    body = body_filter.at_reference(X_WB_reference, sigma if stood else 5.0 * sigma)
+    C = d.C_old + config.anchor_floor**2 * np.eye(3)
+    body = body_filter.add_rest_anchors(
+        body, mine.ids[anchored], X_WB_reference, d.p_old[anchored], C[anchored]
+    )
+    path = np.tile(X_WB_reference, (window, 1, 1))
+    stride = 1 + (window - 1 - reference) // 12
+    for k in range(reference + 1, window):
+        body = body_filter.predict(
+            body, config.period, body_tracking.acceleration(config), config.anchor_walk
+        )
+        if (window - 1 - k) % stride == 0:
+            seen = np.nonzero(mine.samples[anchored, k])[0]
+            p_WF = mine.p_W[anchored[seen], k]
+            covariance = np.linalg.inv(mine.information[anchored[seen], k])
+            fits = _fits(config, body, seen, p_WF, covariance)
+            body = body_filter.correct(body, seen[fits], p_WF[fits], covariance[fits])
+        path[k] = body.X
+    return TrackedBody(
+        body_id=level.next_id,
+        filter=body,
+        X_WB_reference=X_WB_reference,
+        reference_tick=level.tick + 1 - (window - 1 - reference),
+        path=path,
+        support=len(anchored),
+        source="birth",
+    )
+
+
+def is_interacted(
+    config: RigidBodyMotionConfig, body: TrackedBody, X: Array, prior: PoseBelief
+) -> bool:
+    """Whether a motion X (4, 4) since the reference may be that of the body in the hand."""
+    error = se3.log(se3.inverse(X @ body.X_WB_reference) @ prior.X)
+    slack = np.repeat([config.prior_rotation_walk, config.prior_translation_walk], 3)
+    S = prior.covariance + np.diag(slack**2)
+    return bool(error @ np.linalg.solve(S, error) < 22.46)  # 0.1 % of 6 dof exceed it.
+
+
+def give_birth(
+    config: RigidBodyMotionConfig,
+    level: BodyLevel,
+    bodies: list[TrackedBody],
+    history: FeatureHistory,
+    prior: PoseBelief | None,
+) -> tuple[list[TrackedBody], FeatureHistory, int]:
+    """At most one new body; or new features of the interacted body if it has none."""
+    history, consensus, rows = find_moving_features(config, history, level.tick + 1)
+    if consensus is None:
+        return bodies, history, level.next_id
+    assigned = history.body.copy()
+    suspicion = history.suspicion.copy()
+    suspicion[rows] = 0
+    for body in bodies:
+        if body.body_id != INTERACTED_BODY or len(body.filter.ids) or prior is None:
+            continue
+        if is_interacted(config, body, consensus.X, prior):
+            assigned[rows] = INTERACTED_BODY
+            return bodies, replace(history, body=assigned, suspicion=suspicion), level.next_id
+    born = new_body(config, level, history, rows, consensus.X)
+    assigned[rows] = born.body_id
+    history = replace(history, body=assigned, suspicion=suspicion)
+    return [*bodies, born], history, level.next_id + 1
+
+
+def step(
+    config: RigidBodyMotionConfig,
+    level: BodyLevel,
+    features: FeatureBelief,
+    joints: BodyPredictions,
+    prior: PoseBelief | None,
+) -> BodyLevel:
+    """One tick of all bodies."""
+    tick = level.tick + 1
+    history = body_tracking.remember_features(config, level, features)
+    bodies, history = body_tracking.advance_all(config, level, history, joints, prior)
+    history = body_tracking.associate(config, bodies, history)
+    bodies, history, next_id = give_birth(config, level, bodies, history, prior)
+    strays = (history.body != STATIC_BODY) & (history.suspicion >= config.max_suspicion)
+    strays |= (history.body == STATIC_BODY) & (history.suspicion >= config.max_free_suspicion)
+    living = [
+        body
+        for body in bodies
+        if body.body_id == INTERACTED_BODY or body.unsupported <= config.patience
+    ]
+    numbers = [STATIC_BODY, *(body.body_id for body in living)]
+    strays |= ~np.isin(history.body, numbers)
+    if strays.any():
+        history = body_tracking.afresh(history, strays)
+    living = body_tracking.without_strays(living, history)
+    living = [body_tracking.with_anchors(config, body, history, tick) for body in living]
+    return BodyLevel(tick=tick, next_id=next_id, history=history, bodies=living)

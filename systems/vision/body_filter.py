@@ -1,0 +1,211 @@
+"""Extended Kalman filter of one rigid body's motion together with the anchors of its features.
+
+A feature's anchor is its constant position p_BF in the body. Anchors are part of the state, so that
+the errors they share with the pose, and with one another, are known: an anchor measured while the
+body stood at its reference is independent of all later ones, an anchor born while it moves inherits
+the pose's error of that instant, and none is counted twice.
+
+Error state: (rotation, translation of X_WB in B; velocity V_WB_B; anchors in B), with
+X_WB = X_mean exp(xi). Measurement in B: X_WB^-1 p_WF - p_BF, whose Jacobian is constant in B.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+
+from maths import se3
+from systems.port_values import Array, Ids
+
+_POSE = slice(0, 6)
+_MOTION = 12
+
+
+@dataclass(kw_only=True)
+class BodyFilter:
+    """Mean and covariance; never written after it is made.
+
+    Attributes:
+        X: X_WB (4, 4).
+        V: V_WB_B (6,), [rad/s, m/s].
+        ids: Features with an anchor (K,).
+        p_BF: Anchors (K, 3), [m].
+        P: Covariance (12 + 3K, 12 + 3K).
+    """
+
+    X: Array
+    V: Array
+    ids: Ids
+    p_BF: Array
+    P: Array
+
+    def __deepcopy__(self, memo: dict[int, object]) -> "BodyFilter":
+        return self
+
+    @property
+    def p_BF_covariance(self) -> Array:
+        """Marginal covariances of the anchors (K, 3, 3), [m^2]."""
+        count = len(self.ids)
+        blocks = self.P[_MOTION:, _MOTION:].reshape(count, 3, count, 3)
+        return np.asarray(blocks[np.arange(count), :, np.arange(count)])
+
+
+def at_reference(X_WB: Array, sigma_V: Array) -> BodyFilter:
+    """A body at its reference pose, known by definition, with velocity 0 +- `sigma_V` (6,)."""
+    P = np.zeros((_MOTION, _MOTION))
+    P[6:, 6:] = np.diag(sigma_V**2)
+    return BodyFilter(X=X_WB, V=np.zeros(6), ids=np.zeros(0, np.int64), p_BF=np.zeros((0, 3)), P=P)
+
+
+def predict(body: BodyFilter, dt: float, acceleration: Array, anchor_walk: float) -> BodyFilter:
+    """Constant velocity for `dt` [s], driven by white acceleration.
+
+    Args:
+        body: At the last tick.
+        dt: [s].
+        acceleration: Spectral densities (6,), [rad^2/s^3, m^2/s^3].
+        anchor_walk: Drift of the anchors, [m/sqrt(s)].
+    """
+    step = se3.exp(body.V * dt)
+    F = np.eye(_MOTION)
+    F[:6, :6] = se3.adjoint(se3.inverse(step))
+    F[:6, 6:] = se3.right_jacobian(body.V * dt) * dt
+    P = body.P.copy()
+    P[:_MOTION] = F @ P[:_MOTION]
+    P[:, :_MOTION] = P[:, :_MOTION] @ F.T
+    Q = np.diag(acceleration)
+    P[:6, :6] += Q * dt**3 / 3.0
+    P[:6, 6:_MOTION] += Q * dt**2 / 2.0
+    P[6:_MOTION, :6] += Q * dt**2 / 2.0
+    P[6:_MOTION, 6:_MOTION] += Q * dt
+    anchors = np.arange(_MOTION, len(P))
+    P[anchors, anchors] += anchor_walk**2 * dt
+    return replace(body, X=body.X @ step, P=P)
+
+
+def _cross(p: Array) -> Array:
+    """Matrices (K, 3, 3) with `_cross(p)[k] @ w == cross(p[k], w)`."""
+    K = np.zeros((len(p), 3, 3))
+    K[:, 0, 1], K[:, 0, 2], K[:, 1, 2] = -p[:, 2], p[:, 1], -p[:, 0]
+    K[:, 1, 0], K[:, 2, 0], K[:, 2, 1] = p[:, 2], -p[:, 1], p[:, 0]
+    return K
+
+
+def pose_jacobian(p_BF: Array) -> Array:
+    """d(exp(xi) p)/dxi (K, 3, 6) at zero, for points (K, 3)."""
+    J = np.zeros((len(p_BF), 3, 6))
+    J[:, :, :3] = -_cross(p_BF)
+    J[:, [0, 1, 2], [3, 4, 5]] = 1.0
+    return J
+
+
+def in_body(X_WB: Array, p_WF: Array, covariance: Array) -> tuple[Array, Array]:
+    """Positions (K, 3) and covariances (K, 3, 3) expressed in B."""
+    R = X_WB[:3, :3]
+    return (p_WF - X_WB[:3, 3]) @ R, R.T @ covariance @ R
+
+
+def innovation_blocks(body: BodyFilter, index: Ids, R_B: Array) -> Array:
+    """Each feature's innovation covariance (K, 3, 3), for anchors `index` and noise `R_B`."""
+    J = pose_jacobian(body.p_BF[index])
+    rows = _MOTION + 3 * index[:, None] + np.arange(3)
+    cross = J @ body.P[_POSE][:, rows].transpose(1, 0, 2)
+    own = body.P[rows[:, :, None], rows[:, None, :]]
+    S = J @ body.P[_POSE, _POSE] @ J.transpose(0, 2, 1) + cross + cross.transpose(0, 2, 1)
+    return np.asarray(S + own + R_B)
+
+
+def correct(body: BodyFilter, index: Ids, p_WF: Array, covariance: Array) -> BodyFilter:
+    """The filter after the features at anchors `index` (K,) were seen at `p_WF` (K, 3).
+
+    The covariance shrinks by W^T W with W = L^-1 H P and L L^T = S: symmetric by construction.
+    """
+    count = len(index)
+    if count == 0:
+        return body
+    z, R_B = in_body(body.X, p_WF, covariance)
+    J = pose_jacobian(body.p_BF[index])
+    rows = (_MOTION + 3 * index[:, None] + np.arange(3)).ravel()
+    HP = (J.reshape(-1, 6) @ body.P[_POSE]) + body.P[rows]
+    S = HP[:, _POSE] @ J.reshape(-1, 6).T + HP[:, rows]
+    S = 0.5 * (S + S.T)
+    blocks = np.arange(3 * count).reshape(count, 3)
+    S[blocks[:, :, None], blocks[:, None, :]] += R_B
+    L = scipy.linalg.cholesky(S, lower=True, check_finite=False)
+    W = scipy.linalg.solve_triangular(L, HP, lower=True, check_finite=False)
+    innovation = (z - body.p_BF[index]).ravel()
+    whitened = scipy.linalg.solve_triangular(L, innovation, lower=True, check_finite=False)
+    dx = W.T @ whitened
+    P = body.P - W.T @ W
+    return replace(
+        body,
+        X=body.X @ se3.exp(dx[:6]),
+        V=body.V + dx[6:_MOTION],
+        p_BF=body.p_BF + dx[_MOTION:].reshape(-1, 3),
+        P=0.5 * (P + P.T),
+    )
+
+
+def _extended(body: BodyFilter, ids: Ids, p_BF: Array, rows: Array, blocks: Array) -> BodyFilter:
+    """Appends anchors with covariances `rows` with the present state and `blocks` of their own."""
+    old, new = len(body.P), 3 * len(ids)
+    P = np.zeros((old + new, old + new))
+    P[:old, :old] = body.P
+    P[old:, :old] = rows
+    P[:old, old:] = rows.T
+    P[old:, old:] = blocks
+    return replace(
+        body,
+        ids=np.concatenate([body.ids, ids]),
+        p_BF=np.concatenate([body.p_BF, p_BF]),
+        P=P,
+    )
+
+
+def add_rest_anchors(
+    body: BodyFilter, ids: Ids, X_WB_reference: Array, p_WF: Array, covariance: Array
+) -> BodyFilter:
+    """Anchors from positions (K, 3) averaged while the body stood at its reference."""
+    p_BF, R_B = in_body(X_WB_reference, p_WF, covariance)
+    blocks = scipy.linalg.block_diag(*R_B) if len(ids) else np.zeros((0, 0))
+    return _extended(body, ids, p_BF, np.zeros((3 * len(ids), len(body.P))), blocks)
+
+
+def add_present_anchors(body: BodyFilter, ids: Ids, p_WF: Array, covariance: Array) -> BodyFilter:
+    """Anchors from positions (K, 3) at the present pose, whose error they inherit.
+
+    p_BF = X_WB^-1 p_WF moves by -J xi with the pose's error.
+    """
+    p_BF, R_B = in_body(body.X, p_WF, covariance)
+    J = -pose_jacobian(p_BF).reshape(-1, 6)
+    blocks = J @ body.P[_POSE, _POSE] @ J.T
+    if len(ids):
+        blocks += scipy.linalg.block_diag(*R_B)
+    return _extended(body, ids, p_BF, J @ body.P[_POSE], blocks)
+
+
+def remove_anchors(body: BodyFilter, ids: Ids) -> BodyFilter:
+    """The filter without the anchors of these features."""
+    keep = ~np.isin(body.ids, ids)
+    if keep.all():
+        return body
+    rows = np.concatenate([np.ones(_MOTION, bool), np.repeat(keep, 3)])
+    return replace(body, ids=body.ids[keep], p_BF=body.p_BF[keep], P=body.P[np.ix_(rows, rows)])
+
+
+def inflated(body: BodyFilter, sigma: Array) -> BodyFilter:
+    """The filter whose pose may have jumped by `sigma` (6,), [rad, m]."""
+    P = body.P.copy()
+    P[_POSE, _POSE] += np.diag(sigma**2)
+    return replace(body, P=P)
+
+
+def carried(body: BodyFilter, X_WB: Array, dt: float, walk: Array) -> BodyFilter:
+    """The filter moved to `X_WB` by another's account, trusted up to `walk` (6,) per sqrt(s)."""
+    step = se3.inverse(body.X) @ X_WB
+    Ad = se3.adjoint(se3.inverse(step))
+    P = body.P.copy()
+    P[_POSE] = Ad @ P[_POSE]
+    P[:, _POSE] = P[:, _POSE] @ Ad.T
+    P[_POSE, _POSE] += np.diag(walk**2 * dt)
+    return replace(body, X=X_WB, V=se3.log(step) / dt, P=0.5 * (P + P.T))

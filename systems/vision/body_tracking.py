@@ -1,0 +1,424 @@
+"""Rigid bodies from point features, one tick at a time: pure functions."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from maths import se3
+from systems.port_values import (
+    INTERACTED_BODY,
+    STATIC_BODY,
+    Array,
+    BodyPredictions,
+    FeatureBelief,
+    Ids,
+    PoseBelief,
+)
+from systems.vision import body_filter
+from systems.vision.body_filter import BodyFilter
+from systems.vision.feature_history import (
+    FeatureHistory,
+    Mask,
+    displacements,
+    no_history,
+    remember,
+    squared_distances,
+)
+
+
+@dataclass(kw_only=True)
+class RigidBodyMotionConfig:
+    """How bodies are found, followed and given up."""
+
+    period: float = 1.0 / 15.0  # Update period, [s].
+    window: int = 30  # Ticks of each feature's history, [ticks].
+    memory: int = 45  # An unseen feature is forgotten after so many, [ticks].
+    rest_samples: float = 60.0  # Samples that average at most into a feature's rest.
+    newest: int = 3  # Ticks that make a feature's newest position, [ticks].
+    feature_floor: float = 2e-4  # Added to a feature's standard deviation, [m].
+    anchor_floor: float = 3e-4  # Error of an anchor that averaging does not remove, [m].
+    anchor_walk: float = 5e-5  # Drift of an anchor, [m/sqrt(s)].
+    angular_acceleration: float = 1e-2  # Spectral density, [rad^2/s^3].
+    linear_acceleration: float = 2.5e-3  # Spectral density, [m^2/s^3].
+    initial_angular_velocity: float = 0.1  # Standard deviation at the reference, [rad/s].
+    initial_linear_velocity: float = 0.02  # Standard deviation at the reference, [m/s].
+    gate: float = 16.27  # Squared Mahalanobis distance of 3 dof that 0.1 % exceed.
+    moving: float = 20.0  # The same beyond which a feature does not stand still.
+    better: float = 9.0  # By how much a motion fits a feature better to support it.
+    association: float = 6.0  # Log likelihood ratio that assigns a feature, or releases it.
+    min_support: int = 6  # Features that a new body needs.
+    min_gain: float = 120.0  # Their summed gain in squared distance over standing still.
+    min_spread: float = 0.015  # Root mean square distance from their centroid, [m].
+    keep_support: int = 3  # Features that a body needs to live on.
+    patience: int = 30  # Ticks that it lives without, [ticks].
+    max_anchors: int = 50  # Features that a body's filter holds.
+    max_suspicion: int = 8  # A feature that disagrees for so long with its body leaves it, [ticks].
+    max_free_suspicion: int = 45  # A free one starts afresh, [ticks].
+    rotation_sigma: float = 0.1  # Prior rotation of a new body's first motion, [rad].
+    prior_rotation_walk: float = 0.05  # Of the prior while no feature is seen, [rad/sqrt(s)].
+    prior_translation_walk: float = 0.01  # The same, [m/sqrt(s)].
+    seed: int = 0  # Of RANSAC.
+
+
+@dataclass(kw_only=True)
+class TrackedBody:
+    """One body's filter and recent past; never written after it is made.
+
+    Attributes:
+        body_id: Its number.
+        filter: Belief about pose, velocity and anchors.
+        X_WB_reference: Pose (4, 4) at the reference.
+        reference_tick: The last tick at which it is known to have stood there.
+        path: X_WB over the window (H, 4, 4), newest last.
+        support: Features that agreed with it at this tick.
+        unsupported: Ticks with fewer than `keep_support`.
+        source: Which prediction fitted best at this tick.
+    """
+
+    body_id: int
+    filter: BodyFilter
+    X_WB_reference: Array
+    reference_tick: int
+    path: Array
+    support: int = 0
+    unsupported: int = 0
+    source: str = "reference"
+
+    def __deepcopy__(self, memo: dict[int, object]) -> "TrackedBody":
+        return self
+
+
+@dataclass(kw_only=True)
+class BodyLevel:
+    """Everything the body level remembers."""
+
+    tick: int
+    next_id: int
+    history: FeatureHistory
+    bodies: list[TrackedBody] = field(default_factory=list)
+
+    def __deepcopy__(self, memo: dict[int, object]) -> "BodyLevel":
+        return self
+
+
+def no_bodies(config: RigidBodyMotionConfig) -> BodyLevel:
+    return BodyLevel(tick=-1, next_id=2, history=no_history(config.window))
+
+
+def acceleration(config: RigidBodyMotionConfig) -> Array:
+    return np.repeat([config.angular_acceleration, config.linear_acceleration], 3)
+
+
+def _seen_anchors(body: BodyFilter, history: FeatureHistory) -> tuple[Ids, Ids]:
+    """Indices of the anchors whose features are seen now, and of these in the history."""
+    _, anchors, rows = np.intersect1d(body.ids, history.ids, return_indices=True)
+    seen = history.seen[rows]
+    return anchors[seen], rows[seen]
+
+
+def newest_samples(history: FeatureHistory, rows: Ids) -> tuple[Array, Array]:
+    """Positions (K, 3) and covariances (K, 3, 3) of features that are seen now."""
+    return history.p_W[rows, -1], np.linalg.inv(history.information[rows, -1])
+
+
+def robust_likelihood(
+    config: RigidBodyMotionConfig, body: BodyFilter, anchors: Ids, p_WF: Array, covariance: Array
+) -> tuple[float, Mask]:
+    """Log likelihood, up to a constant, of the features at a pose, and which of them fit.
+
+    An outlier counts as one that lies on the gate.
+    """
+    z, R_B = body_filter.in_body(body.X, p_WF, covariance)
+    S = body_filter.innovation_blocks(body, anchors, R_B)
+    distance, log_determinant = squared_distances(z - body.p_BF[anchors], S)
+    fits = distance < config.gate
+    return -0.5 * float(np.sum(np.minimum(distance, config.gate) + log_determinant)), fits
+
+
+def advance(
+    config: RigidBodyMotionConfig,
+    body: TrackedBody,
+    history: FeatureHistory,
+    predictions: list[tuple[str, Array]],
+) -> tuple[TrackedBody, Ids, Ids]:
+    """One tick of a body: the likeliest prediction, corrected with its features.
+
+    Args:
+        config: Its parameters.
+        body: At the last tick.
+        history: Features up to this tick.
+        predictions: Other accounts of its pose now, (source, X_WB (4, 4)).
+
+    Returns:
+        The body, and the rows of the history that agreed and disagreed.
+    """
+    old = body_filter.remove_anchors(body.filter, np.setdiff1d(body.filter.ids, history.ids))
+    predicted = body_filter.predict(old, config.period, acceleration(config), config.anchor_walk)
+    candidates = [("velocity", predicted), ("still", replace(predicted, X=old.X, V=np.zeros(6)))]
+    for source, X_WB in predictions:
+        V = se3.log(se3.inverse(old.X) @ X_WB) / config.period
+        candidates.append((source, replace(predicted, X=X_WB, V=V)))
+    anchors, rows = _seen_anchors(predicted, history)
+    if len(rows) == 0:
+        return _coasted(config, body, old, candidates), rows, rows
+    p_WF, covariance = newest_samples(history, rows)
+    scored = [robust_likelihood(config, c, anchors, p_WF, covariance) for _, c in candidates]
+    best = int(np.argmax([score for score, _ in scored]))
+    source, chosen = candidates[best]
+    fits = scored[best][1]
+    filtered = body_filter.correct(chosen, anchors[fits], p_WF[fits], covariance[fits])
+    moved = _recorded(config, body, filtered, source, int(np.sum(fits)))
+    return moved, rows[fits], rows[~fits]
+
+
+def _recorded(
+    config: RigidBodyMotionConfig,
+    body: TrackedBody,
+    filtered: BodyFilter,
+    source: str,
+    support: int,
+) -> TrackedBody:
+    supported = support >= config.keep_support
+    return replace(
+        body,
+        filter=filtered,
+        path=np.concatenate([body.path[1:], filtered.X[None]]),
+        support=support,
+        unsupported=0 if supported else body.unsupported + 1,
+        source=source,
+    )
+
+
+def _coasted(
+    config: RigidBodyMotionConfig,
+    body: TrackedBody,
+    old: BodyFilter,
+    candidates: list[tuple[str, BodyFilter]],
+) -> TrackedBody:
+    """Without features: follow the interacted body's prior, else the velocity."""
+    for source, candidate in candidates:
+        if source == "prior":
+            walk = np.repeat([config.prior_rotation_walk, config.prior_translation_walk], 3)
+            moved = body_filter.carried(old, candidate.X, config.period, walk)
+            return _recorded(config, body, moved, source, 0)
+    return _recorded(config, body, candidates[0][1], "velocity", 0)
+
+
+def reference_positions(
+    config: RigidBodyMotionConfig, body: TrackedBody, history: FeatureHistory, tick: int
+) -> tuple[Array, Array, Mask]:
+    """Where features were while the body stood at its reference: p_W, covariance, validity.
+
+    Averages over all samples until the reference, or, where the last few of these disagree with
+    that (the body was nudged before), over these few.
+    """
+    window = history.p_W.shape[1]
+    last = window - 1 - (tick - body.reference_tick)
+    still = np.tile(np.eye(4), (window, 1, 1))
+    before = history.rest_until <= body.reference_tick
+    long = displacements(history, still, newest=0, use_rest=before, last_old=last)
+    p, C, valid = long.p_old, long.C_old, long.count_old >= 3
+    short = displacements(
+        history,
+        still,
+        newest=0,
+        use_rest=np.zeros(len(before), bool),
+        first_old=last - 4,
+        last_old=last,
+    )
+    both = valid & (short.count_old >= 3)
+    if both.any():
+        distance, _ = squared_distances(short.p_old[both] - p[both], short.C_old[both] + C[both])
+        nudged = np.nonzero(both)[0][distance > config.gate]
+        p[nudged], C[nudged] = short.p_old[nudged], short.C_old[nudged]
+    return p, C + config.anchor_floor**2 * np.eye(3), valid
+
+
+def with_anchors(
+    config: RigidBodyMotionConfig, body: TrackedBody, history: FeatureHistory, tick: int
+) -> TrackedBody:
+    """Gives anchors to assigned features that have none, as far as there is room."""
+    waiting = (history.body == body.body_id) & history.seen
+    waiting &= ~np.isin(history.ids, body.filter.ids)
+    room = config.max_anchors - len(body.filter.ids)
+    if room <= 0 or not waiting.any():
+        return body
+    rows = np.nonzero(waiting)[0]
+    p, C, rested = reference_positions(config, body, history.select(rows), tick)
+    first = np.nonzero(rested)[0][:room]
+    filtered = body_filter.add_rest_anchors(
+        body.filter, history.ids[rows[first]], body.X_WB_reference, p[first], C[first]
+    )
+    if len(first):
+        p_WF, covariance = newest_samples(history, rows[first])
+        anchors = len(body.filter.ids) + np.arange(len(first))
+        _, fits = robust_likelihood(config, filtered, anchors, p_WF, covariance)
+        filtered = body_filter.correct(filtered, anchors[fits], p_WF[fits], covariance[fits])
+    late = rows[np.nonzero(~rested)[0][: room - len(first)]]
+    p_WF, covariance = newest_samples(history, late)
+    filtered = body_filter.add_present_anchors(filtered, history.ids[late], p_WF, covariance)
+    path = np.concatenate([body.path[:-1], filtered.X[None]])
+    return replace(body, filter=filtered, path=path)
+
+
+def body_against_static(
+    config: RigidBodyMotionConfig, body: TrackedBody, history: FeatureHistory
+) -> tuple[Array, Array]:
+    """Log likelihood ratios (N,) of moving with the body over standing still, and fits (N,).
+
+    Both hypotheses explain the displacement from the earlier mean position to the newest, with the
+    covariance of both means and, for the body, of its pose; zero where there is too little to tell.
+    The fit is the squared Mahalanobis distance under the body.
+    """
+    window = history.p_W.shape[1]
+    use_rest = history.rest_until <= body.reference_tick
+    moving = displacements(
+        history,
+        body.path,
+        newest=config.newest,
+        use_rest=use_rest,
+        X_WB_rest=body.X_WB_reference,
+    )
+    still = np.tile(np.eye(4), (window, 1, 1))
+    standing = displacements(history, still, newest=config.newest, use_rest=use_rest)
+    enough = history.seen & (moving.count_new >= 2) & (moving.count_old >= 4)
+    ratio, fit = np.zeros(len(enough)), np.full(len(enough), np.inf)
+    if not enough.any():
+        return ratio, fit
+    floor = config.feature_floor**2 * np.eye(3)
+    J = body_filter.pose_jacobian(moving.p_new[enough])
+    pose = J @ body.filter.P[:6, :6] @ J.transpose(0, 2, 1)
+    S = (moving.C_old + moving.C_new)[enough] + pose + floor
+    chi, log_determinant = squared_distances((moving.p_new - moving.p_old)[enough], S)
+    S = (standing.C_old + standing.C_new)[enough] + floor
+    chi_static, log_static = squared_distances((standing.p_new - standing.p_old)[enough], S)
+    ratio[enough] = 0.5 * (chi_static + log_static - chi - log_determinant)
+    fit[enough] = chi
+    return ratio, fit
+
+
+def associate(
+    config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
+) -> FeatureHistory:
+    """Assigns features to the body whose motion explains theirs, releases those it does not."""
+    if not bodies or len(history.ids) == 0:
+        return history
+    tests = [body_against_static(config, body, history) for body in bodies]
+    ids = np.array([body.body_id for body in bodies])
+    ratios = np.array([np.where(fit < config.gate, ratio, -np.inf) for ratio, fit in tests])
+    best = np.argmax(ratios, axis=0)
+    columns = np.arange(len(history.ids))
+    assigned = history.body.copy()
+    free = history.body == STATIC_BODY
+    joins = free & (ratios[best, columns] > config.association)
+    assigned[joins] = ids[best[joins]]
+    for i, (ratio, _) in enumerate(tests):
+        mine = history.body == ids[i]
+        assigned[mine & (ratio < -config.association)] = STATIC_BODY
+        # Another moving body explains it better than its own.
+        other = ratios[best, columns] > ratios[i] + config.association
+        moves = mine & other & np.isfinite(ratios[best, columns]) & (best != i)
+        assigned[moves] = ids[best[moves]]
+    changed = assigned != history.body
+    return replace(history, body=assigned, suspicion=np.where(changed, 0, history.suspicion))
+
+
+def without_strays(bodies: list[TrackedBody], history: FeatureHistory) -> list[TrackedBody]:
+    """Removes the anchors of features that no longer belong to the body."""
+    kept = []
+    for body in bodies:
+        mine = history.ids[history.body == body.body_id]
+        strays = np.setdiff1d(body.filter.ids, mine)
+        kept.append(replace(body, filter=body_filter.remove_anchors(body.filter, strays)))
+    return kept
+
+
+def afresh(history: FeatureHistory, rows: Mask) -> FeatureHistory:
+    """Frees features and forgets all their samples but the newest."""
+    information = history.information.copy()
+    information[rows, :-1] = 0.0
+    return replace(
+        history,
+        body=np.where(rows, STATIC_BODY, history.body),
+        information=information,
+        rest_information=np.where(rows[:, None, None], 0.0, history.rest_information),
+        rest_moment=np.where(rows[:, None], 0.0, history.rest_moment),
+        rest_until=np.where(rows, -1, history.rest_until),
+        suspicion=np.where(rows, 0, history.suspicion),
+    )
+
+
+def interacted_body(config: RigidBodyMotionConfig, prior: PoseBelief, tick: int) -> TrackedBody:
+    """The interacted body at its first tick, which is its reference."""
+    sigma = np.repeat([config.initial_angular_velocity, config.initial_linear_velocity], 3)
+    return TrackedBody(
+        body_id=INTERACTED_BODY,
+        filter=body_filter.at_reference(prior.X, sigma),
+        X_WB_reference=prior.X,
+        reference_tick=tick,
+        path=np.tile(prior.X, (config.window, 1, 1)),
+        source="prior",
+    )
+
+
+def follow_prior(
+    config: RigidBodyMotionConfig, body: TrackedBody, prior: PoseBelief
+) -> TrackedBody:
+    """The interacted body before it has any feature: it is where the prior says."""
+    sigma = np.repeat([config.initial_angular_velocity, config.initial_linear_velocity], 3)
+    filtered = body_filter.at_reference(prior.X, sigma)
+    filtered.P[:6, :6] = prior.covariance
+    V = se3.log(se3.inverse(body.filter.X) @ prior.X) / config.period
+    return _recorded(config, body, replace(filtered, V=V), "prior", 0)
+
+
+def is_active(prior: PoseBelief | None) -> bool:
+    """Whether the interacted body exists; without one the prior's numbers are not finite."""
+    if prior is None:
+        return False
+    return bool(np.isfinite(prior.X).all() and np.isfinite(prior.covariance).all())
+
+
+def advance_all(
+    config: RigidBodyMotionConfig,
+    level: BodyLevel,
+    history: FeatureHistory,
+    joints: BodyPredictions,
+    prior: PoseBelief | None,
+) -> tuple[list[TrackedBody], FeatureHistory]:
+    """All bodies at this tick, the interacted one too, and their features' suspicion."""
+    suspicion = history.suspicion.copy()
+    bodies = []
+    for body in level.bodies:
+        predictions = [
+            (p.source, p.pose.X) for p in joints.predictions if p.body_id == body.body_id
+        ]
+        if body.body_id == INTERACTED_BODY:
+            if prior is None or not is_active(prior):
+                continue
+            if len(np.intersect1d(body.filter.ids, history.ids)) == 0:
+                bodies.append(follow_prior(config, body, prior))
+                continue
+            predictions.append(("prior", prior.X))
+        moved, agreed, disagreed = advance(config, body, history, predictions)
+        suspicion[agreed] = 0
+        suspicion[disagreed] += 1
+        bodies.append(moved)
+    history = replace(history, suspicion=suspicion)
+    known = any(body.body_id == INTERACTED_BODY for body in bodies)
+    if prior is not None and is_active(prior) and not known:
+        bodies.insert(0, interacted_body(config, prior, level.tick + 1))
+    return bodies, history
+
+
+def remember_features(
+    config: RigidBodyMotionConfig, level: BodyLevel, features: FeatureBelief
+) -> FeatureHistory:
+    return remember(
+        level.history,
+        features,
+        level.tick + 1,
+        floor=config.feature_floor,
+        memory=config.memory,
+        rest_samples=config.rest_samples,
+    )

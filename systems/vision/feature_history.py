@@ -1,0 +1,297 @@
+"""What the body level remembers of each feature, and tests of how it moved since."""
+
+from dataclasses import dataclass, replace
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from systems.port_values import STATIC_BODY, Array, FeatureBelief, Ids
+
+Mask = npt.NDArray[np.bool_]
+
+REST_COUNT = 20  # Samples that a feature's rest counts as.
+
+
+@dataclass(kw_only=True)
+class FeatureHistory:
+    """Recent positions of N features, newest last; never written after it is made.
+
+    Attributes:
+        ids: (N,), sorted.
+        body: The body that each feature is assigned to (N,); `STATIC_BODY` for free ones.
+        p_W: Positions at the last H ticks (N, H, 3), [m].
+        information: Of these (N, H, 3, 3), [1/m^2]; zero where the feature was not seen.
+        rest_information: Sum over the samples that left the window (N, 3, 3), [1/m^2].
+        rest_moment: Sum of information times position over the same (N, 3), [1/m].
+        rest_until: Tick of the newest of these samples (N,); -1 without any.
+        unseen: Ticks since last seen (N,).
+        suspicion: Ticks that a free feature has disagreed with standing still, or an assigned
+            one with its body (N,).
+    """
+
+    ids: Ids
+    body: Ids
+    p_W: Array
+    information: Array
+    rest_information: Array
+    rest_moment: Array
+    rest_until: Ids
+    unseen: Ids
+    suspicion: Ids
+
+    def __deepcopy__(self, memo: dict[int, object]) -> "FeatureHistory":
+        return self
+
+    def select(self, index: Mask | Ids) -> "FeatureHistory":
+        return FeatureHistory(**{name: value[index] for name, value in vars(self).items()})
+
+    @property
+    def seen(self) -> Mask:
+        """Whether each feature was seen at the newest tick (N,)."""
+        return np.asarray(self.unseen == 0)
+
+    @property
+    def samples(self) -> Mask:
+        """At which ticks of the window each feature was seen (N, H)."""
+        return np.asarray(self.information[:, :, 0, 0] > 0.0)
+
+
+def no_history(window: int) -> FeatureHistory:
+    return FeatureHistory(
+        ids=np.zeros(0, np.int64),
+        body=np.zeros(0, np.int64),
+        p_W=np.zeros((0, window, 3)),
+        information=np.zeros((0, window, 3, 3)),
+        rest_information=np.zeros((0, 3, 3)),
+        rest_moment=np.zeros((0, 3)),
+        rest_until=np.zeros(0, np.int64),
+        unseen=np.zeros(0, np.int64),
+        suspicion=np.zeros(0, np.int64),
+    )
+
+
+def remember(
+    history: FeatureHistory,
+    features: FeatureBelief,
+    tick: int,
+    *,
+    floor: float,
+    memory: int,
+    rest_samples: float,
+) -> FeatureHistory:
+    """The history with one more tick.
+
+    The oldest sample of a free feature that agrees with standing still moves on to its rest.
+
+    Args:
+        history: Up to the last tick.
+        features: Seen at this tick.
+        tick: Number of this tick.
+        floor: Standard deviation added to the features' own, [m].
+        memory: Ticks after which an unseen feature is forgotten.
+        rest_samples: Effective number of samples that the rest holds at most.
+    """
+    window = history.p_W.shape[1]
+    history = history.select(history.unseen < memory)
+    leaving = (history.body == STATIC_BODY) & (history.suspicion == 0) & history.samples[:, 0]
+    oldest = history.information[:, 0] * leaving[:, None, None]
+    keep = np.where(leaving, 1.0 - 1.0 / rest_samples, 1.0)
+    rest_information = history.rest_information * keep[:, None, None] + oldest
+    rest_moment = history.rest_moment * keep[:, None]
+    rest_moment = rest_moment + np.einsum("nij,nj->ni", oldest, history.p_W[:, 0])
+    shifted = replace(
+        history,
+        p_W=np.concatenate([history.p_W[:, 1:], history.p_W[:, -1:]], axis=1),
+        information=np.concatenate(
+            [history.information[:, 1:], np.zeros((len(history.ids), 1, 3, 3))], axis=1
+        ),
+        rest_information=rest_information,
+        rest_moment=rest_moment,
+        rest_until=np.where(leaving, tick - window, history.rest_until),
+        unseen=history.unseen + 1,
+    )
+    new = ~np.isin(features.ids, shifted.ids)
+    return _write_newest(_append(shifted, features.ids[new]), features, floor)
+
+
+def _append(history: FeatureHistory, ids: Ids) -> FeatureHistory:
+    count, window = len(ids), history.p_W.shape[1]
+    blank = no_history(window)
+    grown = {}
+    for name, value in vars(history).items():
+        shape = (count, *getattr(blank, name).shape[1:])
+        grown[name] = np.concatenate([value, np.zeros(shape, value.dtype)])
+    grown["ids"][len(history.ids) :] = ids
+    grown["rest_until"][len(history.ids) :] = -1
+    return FeatureHistory(**grown).select(np.argsort(grown["ids"], kind="stable"))
+
+
+def _write_newest(history: FeatureHistory, features: FeatureBelief, floor: float) -> FeatureHistory:
+    """Fills in the newest sample of a history that nobody else holds yet."""
+    index = np.searchsorted(history.ids, features.ids)
+    history.p_W[index, -1] = features.p_WF
+    covariance = features.covariance + floor**2 * np.eye(3)
+    history.information[index, -1] = np.linalg.inv(covariance)
+    history.unseen[index] = 0
+    return history
+
+
+@dataclass(kw_only=True)
+class Displacements:
+    """How far features moved, relative to a moving frame, between earlier and their newest samples.
+
+    Attributes:
+        p_old: Earlier mean position in the frame (N, 3), [m].
+        p_new: Newest mean position in the frame (N, 3), [m].
+        C_old: Covariance (N, 3, 3) of the earlier mean, [m^2].
+        C_new: Covariance (N, 3, 3) of the newest mean.
+        count_old: Earlier samples used (N,); those of the rest count as `REST_COUNT`.
+        count_new: Newest samples used (N,).
+    """
+
+    p_old: Array
+    p_new: Array
+    C_old: Array
+    C_new: Array
+    count_old: Ids
+    count_new: Ids
+
+
+@numba.njit(cache=True)
+def _accumulate(
+    R: Array, t: Array, information: Array, moment: Array, total: Array, total_moment: Array
+) -> None:
+    """Adds one sample's information and moment, given in W, to sums in B = (R_WB, t_WB).
+
+    The moment is that of the position; in B it is R^T (moment - information t). Written out: the
+    matrix product of a library costs more than these 3x3 ones.
+    """
+    shifted = np.empty(3)
+    half = np.empty((3, 3))
+    for a in range(3):
+        shifted[a] = moment[a]
+        for b in range(3):
+            shifted[a] -= information[a, b] * t[b]
+            half[a, b] = (
+                information[a, 0] * R[0, b]
+                + information[a, 1] * R[1, b]
+                + information[a, 2] * R[2, b]
+            )
+    for a in range(3):
+        total_moment[a] += R[0, a] * shifted[0] + R[1, a] * shifted[1] + R[2, a] * shifted[2]
+        for b in range(3):
+            total[a, b] += R[0, a] * half[0, b] + R[1, a] * half[1, b] + R[2, a] * half[2, b]
+
+
+@numba.njit(cache=True)
+def _means(
+    p_W: Array,
+    information: Array,
+    rest_information: Array,
+    rest_moment: Array,
+    use_rest: npt.NDArray[np.bool_],
+    X_WB: Array,
+    X_WB_rest: Array,
+    first_old: int,
+    last_old: int,
+    newest: int,
+) -> tuple[Array, Array, Array, Array, npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Information-weighted means of samples [first_old, last_old] and of the newest ones, in B."""
+    count, window = p_W.shape[:2]
+    p = np.zeros((2, count, 3))
+    C = np.zeros((2, count, 3, 3))
+    number = np.zeros((2, count), dtype=np.int64)
+    moment = np.empty(3)
+    for i in range(count):
+        total = np.zeros((2, 3, 3))
+        total_moment = np.zeros((2, 3))
+        if use_rest[i] and rest_information[i, 0, 0] > 0.0:
+            _accumulate(
+                X_WB_rest[:3, :3],
+                X_WB_rest[:3, 3],
+                rest_information[i],
+                rest_moment[i],
+                total[0],
+                total_moment[0],
+            )
+            number[0, i] += REST_COUNT
+        for k in range(window):
+            old = first_old <= k <= last_old
+            if information[i, k, 0, 0] <= 0.0 or not (old or k >= window - newest):
+                continue
+            side = 0 if old else 1
+            for a in range(3):
+                moment[a] = 0.0
+                for b in range(3):
+                    moment[a] += information[i, k, a, b] * p_W[i, k, b]
+            _accumulate(
+                X_WB[k, :3, :3],
+                X_WB[k, :3, 3],
+                information[i, k],
+                moment,
+                total[side],
+                total_moment[side],
+            )
+            number[side, i] += 1
+        for side in range(2):
+            if number[side, i] > 0:
+                C[side, i] = np.linalg.inv(total[side])
+                for a in range(3):
+                    for b in range(3):
+                        p[side, i, a] += C[side, i, a, b] * total_moment[side, b]
+    return p[0], p[1], C[0], C[1], number[0], number[1]
+
+
+def displacements(
+    history: FeatureHistory,
+    X_WB: Array,
+    *,
+    newest: int,
+    use_rest: Mask | None = None,
+    X_WB_rest: Array | None = None,
+    first_old: int = 0,
+    last_old: int | None = None,
+) -> Displacements:
+    """How far the features moved relative to frame B.
+
+    Args:
+        history: N features, H ticks.
+        X_WB: The frame's path over the window (H, 4, 4), oldest first.
+        newest: Ticks at the window's end that make the newest mean.
+        use_rest: For which features (N,) the rest counts as earlier samples; default all.
+        X_WB_rest: Where the frame was during the rest (4, 4); default where it was first.
+        first_old: First tick of the window that makes the earlier mean.
+        last_old: Last tick that does; default the one before the newest.
+    """
+    window = history.p_W.shape[1]
+    use_rest = np.ones(len(history.ids), bool) if use_rest is None else use_rest
+    last = window - newest - 1 if last_old is None else last_old
+    p_old, p_new, C_old, C_new, count_old, count_new = _means(
+        history.p_W,
+        history.information,
+        history.rest_information,
+        history.rest_moment,
+        use_rest,
+        np.ascontiguousarray(X_WB),
+        np.ascontiguousarray(X_WB[0] if X_WB_rest is None else X_WB_rest),
+        first_old,
+        last,
+        newest,
+    )
+    return Displacements(
+        p_old=p_old,
+        p_new=p_new,
+        C_old=C_old,
+        C_new=C_new,
+        count_old=count_old,
+        count_new=count_new,
+    )
+
+
+def squared_distances(e: Array, S: Array) -> tuple[Array, Array]:
+    """Squared Mahalanobis lengths (N,) of errors (N, 3), and log determinants (N,) of S."""
+    L = np.linalg.cholesky(S)
+    whitened = np.linalg.solve(L, e[:, :, None])[:, :, 0]
+    log_determinant = 2.0 * np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
+    return np.sum(whitened**2, axis=1), log_determinant

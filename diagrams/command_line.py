@@ -3,7 +3,7 @@
 import contextlib
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any
@@ -326,10 +326,20 @@ def diagram_command(
         typer.echo(f"  {write_text(path, svg)}")
 
 
-def main() -> Callable[..., Any] | None:
-    """Entry point of the `crossmodal` command."""
-    return app()
+def main() -> int:
+    """Entry point of the `crossmodal` command; bad options, too, are answered in one line."""
+    try:
+        status = app(prog_name="crossmodal", standalone_mode=False)
+    except Exception as error:
+        # Typer's usage errors come from its own or from an installed click; both format alike.
+        if not hasattr(error, "format_message"):
+            raise
+        message = error.format_message()
+        is_help = "\n" in message
+        typer.echo(message if is_help else f"crossmodal: {message}", err=not is_help)
+        return BAD_INPUT
+    return int(status or 0)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -137,9 +137,8 @@ def markdown(name: str, references: dict[str, str], summaries: list[Summary]) ->
     lines = [f"# {name}: {len(summaries)} episodes, seeds {_ranges(seeds)}", ""]
     lines += [f"| {' | '.join(header)} |", f"|{'---|' * len(header)}"]
     for row in table:
-        lines.append(
-            f"| {' | '.join([*row, references.get(row[0].split(',')[0], references.get(row[0], ''))])} |"
-        )
+        reference = references.get(row[0].partition(",")[0], "")
+        lines.append(f"| {' | '.join([*row, reference])} |")
     factors = _numbers(summaries, "real_time_factor")
     memory = _numbers(summaries, "peak_memory")
     lines += ["", "An estimate that is missing counts as infinitely wrong ('none').", ""]
@@ -180,8 +179,8 @@ def draw_results(summaries: list[Summary]) -> Figure:
     )
     for axes, (key, factor, title) in zip(panels, quantities, strict=True):
         for level, name in enumerate(modalities):
-            values = pd.to_numeric(rows.loc[rows["modality"] == name, key], errors="coerce")
-            values = factor * values.dropna().abs().to_numpy()
+            column = pd.to_numeric(rows.loc[rows["modality"] == name, key], errors="coerce")
+            values = factor * column.dropna().abs().to_numpy()
             if len(values) == 0:
                 continue
             spread = level + np.linspace(-0.22, 0.22, len(values))

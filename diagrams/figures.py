@@ -1,7 +1,9 @@
-"""Draws an episode: errors over time, the opening against the truth, and what the camera saw."""
+"""Draws an episode over time: errors of opening and axis, and the opening against the truth."""
 
 from pathlib import Path
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
@@ -10,23 +12,20 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from diagrams import palette
-from diagrams.episode_record import EpisodeResult, FrameRecord, TickRecord, Truth
-from diagrams.joint_evaluation import (
-    JointSeries,
-    joint_series,
-    last_seen,
-    motion_start,
-    select_joint,
-)
-from diagrams.joint_drawing import draw_joint, joint_color
-from diagrams.run_report import describe_configuration
-from systems.port_values import STATIC_BODY, FeatureBelief, JointBelief, JointType
+from diagrams.episode_record import EpisodeResult
+from diagrams.joint_evaluation import JointSeries, joint_series, last_seen, motion_start
+from systems.port_values import JointType
 
 Array = npt.NDArray[np.float64]
 
 _UNIT = {JointType.PRISMATIC: (1000.0, "mm"), JointType.REVOLUTE: (180.0 / np.pi, "deg")}
-_MODALITY_WIDTH = {"vision": 1.6, "proprioception": 1.6, "crossmodal": 2.4}
-_STYLE = {
+# The cross-modal curve is wide and lies below the others, so that none hides another.
+_LINE: dict[str, Any] = {
+    "vision": {"lw": 1.5, "zorder": 3},
+    "proprioception": {"lw": 1.5, "zorder": 3},
+    "crossmodal": {"lw": 2.8, "zorder": 2.5},
+}
+STYLE: Any = {
     "font.size": 10,
     "axes.titlesize": 10.5,
     "axes.titlelocation": "left",
@@ -49,33 +48,31 @@ def save(figure: Figure, path: Path) -> None:
     figure.savefig(path, format="png", dpi=130, facecolor="white")
 
 
-def _figure(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def draw_errors(result: EpisodeResult) -> Figure:
     """Error of the opening and of the axis, and the belief in the true type, over time."""
-    import matplotlib as mpl
-
     truth = result.truth
     scale, unit = _UNIT[truth.joint_type]
-    with mpl.rc_context(_STYLE):
-        figure = _figure(9.0, 8.0)
+    with mpl.rc_context(STYLE):
+        figure = new_figure(9.0, 8.0)
         opening, axis, belief = figure.subplots(
             3, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2, 2]}
         )
         all_series = _series(result)
         for name, series in all_series.items():
-            color, width = palette.MODALITY[name], _MODALITY_WIDTH[name]
+            color, line = palette.MODALITY[name], _LINE[name]
             error, std = scale * series.error, scale * series.configuration_std
-            opening.plot(series.times, error, color=color, lw=width)
+            opening.plot(series.times, error, color=color, **line)
             opening.fill_between(
                 series.times, error - 2 * std, error + 2 * std, color=color, alpha=0.16, lw=0
             )
             degrees = np.rad2deg(series.axis_error)
-            axis.plot(series.times, degrees, color=color, lw=width)
+            axis.plot(series.times, degrees, color=color, **line)
             axis.plot(series.times, np.rad2deg(series.axis_std), color=color, lw=1.0, ls=":")
-            belief.plot(series.times, series.probability_true_type, color=color, lw=width)
+            belief.plot(series.times, series.probability_true_type, color=color, **line)
             _mark_loss(series, color, (opening, error), (belief, series.probability_true_type))
         opening.axhline(0.0, color=palette.TRUTH, lw=0.9)
         opening.set_title("opening: estimate minus truth, with its 2σ band")
@@ -95,19 +92,19 @@ def draw_errors(result: EpisodeResult) -> Figure:
 
 def draw_openings(result: EpisodeResult) -> Figure:
     """The opening as each modality believes it, against the truth."""
-    import matplotlib as mpl
-
     truth = result.truth
     scale, unit = (100.0, "cm") if truth.joint_type == JointType.PRISMATIC else (180 / np.pi, "deg")
-    with mpl.rc_context(_STYLE):
-        figure = _figure(9.0, 4.2)
+    with mpl.rc_context(STYLE):
+        figure = new_figure(9.0, 4.2)
         axes = figure.subplots()
         for name, series in (all_series := _series(result)).items():
             color = palette.MODALITY[name]
             q, std = scale * series.configuration, scale * series.configuration_std
             axes.fill_between(series.times, q - 2 * std, q + 2 * std, color=color, alpha=0.16, lw=0)
-            axes.plot(series.times, q, color=color, lw=_MODALITY_WIDTH[name])
-        axes.plot(truth.times, scale * truth.opening(), color=palette.TRUTH, lw=1.2, ls="--")
+            axes.plot(series.times, q, color=color, **_LINE[name])
+        axes.plot(
+            truth.times, scale * truth.opening(), color=palette.TRUTH, lw=1.2, ls="--", zorder=4
+        )
         axes.set_title(f"{truth.joint_name}: estimated opening with its 2σ band")
         axes.set_xlabel("time [s]")
         axes.set_ylabel(f"opening [{unit}]")
@@ -193,7 +190,7 @@ def _legend(figure: Figure, modalities: list[str], *, with_truth: bool) -> None:
             [],
             [],
             color=palette.MODALITY[name],
-            lw=_MODALITY_WIDTH[name] + 0.6,
+            lw=_LINE[name]["lw"] + 0.6,
             label=palette.MODALITY_LABEL[name],
         )
         for name in modalities
@@ -201,110 +198,3 @@ def _legend(figure: Figure, modalities: list[str], *, with_truth: bool) -> None:
     if with_truth:
         handles.append(Line2D([], [], color=palette.TRUTH, lw=1.2, ls="--", label="truth"))
     figure.legend(handles=handles, loc="outside upper center", ncols=4)
-
-
-def draw_frames(result: EpisodeResult, modality: str | None = None) -> Figure | None:
-    """Camera images from start, middle and end of the motion with features and the joint.
-
-    Args:
-        modality: Whose belief is drawn; by default the cross-modal one where it exists.
-    """
-    import matplotlib as mpl
-
-    frames = _choose_frames(result.frames, result.truth)
-    if not frames or not result.modalities:
-        return None
-    if modality is None:
-        modality = (
-            "crossmodal" if "crossmodal" in result.modalities else next(iter(result.modalities))
-        )
-    height, width = frames[0].color.shape[:2]
-    with mpl.rc_context(_STYLE | {"axes.grid": False}):
-        figure = _figure(4.6 * len(frames), 4.6 * height / width + 0.55)
-        for axes, frame in zip(np.atleast_1d(figure.subplots(1, len(frames))), frames, strict=True):
-            _draw_frame(axes, frame, result, modality)
-        _frame_legend(figure, modality)
-    return figure
-
-
-def _choose_frames(frames: list[FrameRecord], truth: Truth) -> list[FrameRecord]:
-    """The images at the start of the motion, half way through it and at the end."""
-    if len(frames) <= 3:
-        return frames
-    times = np.array([frame.time for frame in frames])
-    start = motion_start(truth) if len(truth.times) else None
-    begin = times[0] if start is None else start
-    wanted = [begin, 0.5 * (begin + times[-1]), times[-1]]
-    chosen = sorted({int(np.argmin(np.abs(times - time))) for time in wanted})
-    return [frames[k] for k in chosen]
-
-
-def _draw_frame(axes: Axes, frame: FrameRecord, result: EpisodeResult, modality: str) -> None:
-    height, width = frame.color.shape[:2]
-    axes.imshow(frame.color, interpolation="none")
-    axes.set_axis_off()
-    axes.set_xlim(-0.5, width - 0.5)
-    axes.set_ylim(height - 0.5, -0.5)
-    tick = _tick_at(result.modalities[modality].ticks, frame.time)
-    features = frame.features.get(modality)
-    if features is not None and tick is not None:
-        colors = _feature_colors(features, tick)
-        axes.scatter(*features.uv.T, s=9, c=colors, edgecolors="#202020", linewidths=0.35)
-    if tick is None:
-        return
-    joint = select_joint(tick.joints)
-    if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
-        body = next((b for b in tick.bodies.bodies if b.body_id == joint.child_id), None)
-        draw_joint(axes, joint, body, result.camera)
-    _inset(axes, _caption(frame.time, joint, result.truth))
-
-
-def _caption(time: float, joint: JointBelief | None, truth: Truth) -> str:
-    belief = describe_configuration(joint, truth.axis_W)
-    if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
-        belief = f"{joint.type}, q = {belief}"
-    return f"t = {time:.1f} s\n{belief}"
-
-
-def _inset(axes: Axes, text: str) -> None:
-    axes.text(
-        0.025,
-        0.965,
-        text,
-        transform=axes.transAxes,
-        va="top",
-        fontsize=10,
-        color="white",
-        linespacing=1.35,
-        bbox={"boxstyle": "round,pad=0.35", "facecolor": "black", "alpha": 0.62, "lw": 0},
-    )
-
-
-def _tick_at(ticks: list[TickRecord], time: float) -> TickRecord | None:
-    if not ticks:
-        return None
-    times = np.array([tick.time for tick in ticks])
-    return ticks[int(np.argmin(np.abs(times - time)))]
-
-
-def _feature_colors(features: FeatureBelief, tick: TickRecord) -> list[str]:
-    owner = {
-        int(feature): body.body_id for body in tick.bodies.bodies for feature in body.feature_ids
-    }
-    return [palette.body_color(owner.get(int(i), STATIC_BODY)) for i in features.ids]
-
-
-def _frame_legend(figure: Figure, modality: str) -> None:
-    dot = {"marker": "o", "ls": "", "markeredgecolor": "#202020", "markeredgewidth": 0.4}
-    handles = [
-        Line2D([], [], color=palette.body_color(STATIC_BODY), label="resting features", **dot),
-        Line2D([], [], color=palette.body_color(1), label="features on the held body", **dot),
-        Line2D([], [], color=joint_color(JointType.PRISMATIC), lw=4, label="prismatic joint"),
-        Line2D([], [], color=joint_color(JointType.REVOLUTE), lw=4, label="revolute joint"),
-    ]
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=4,
-        title=f"as believed by {palette.MODALITY_LABEL[modality]}",
-    )

@@ -23,7 +23,7 @@ from systems.port_values import (
 
 Array = npt.NDArray[np.float64]
 
-# Travel from which an object counts as having moved, [m or rad], and speed of a moving one, [per s].
+# Travel from which an object counts as moved, [m or rad], and speed of a moving one, [per s].
 MOTION_START = {JointType.PRISMATIC: 0.005, JointType.REVOLUTE: 0.015}
 MOVING_SPEED = {JointType.PRISMATIC: 0.002, JointType.REVOLUTE: 0.006}
 

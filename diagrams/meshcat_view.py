@@ -1,7 +1,7 @@
 """Draws what the network believes into Meshcat, live and in the recording."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +30,7 @@ Array = npt.NDArray[np.float64]
 
 ROOT = "/perception"
 _BAR_RADIUS = 0.007  # [m]
-_BOARD_HEIGHT = 0.035  # [m]
+_BOARD_HEIGHT = 0.05  # [m]
 
 
 @dataclass(kw_only=True)
@@ -39,17 +39,20 @@ class MeshcatViewConfig:
     refresh_interval: float = 1.0  # Between new sets of features, [s]; between them they move.
     text_interval: float = 0.5  # Least time between new texts, [s].
     point_size: float = 0.012  # Of a feature, [m].
-    viewpoint: np.ndarray = None  # type: ignore[assignment]  # Texts face it, p_WV, [m].
+    viewpoint: np.ndarray = field(default_factory=lambda: np.array([-0.5, 1.2, 1.4]))  # p_WV, [m].
 
 
 def start_meshcat(host: str = "localhost") -> Meshcat:
     """A Meshcat server that only this machine can reach unless `host` says otherwise."""
     try:
-        return Meshcat(MeshcatParams(host=host))
+        meshcat = Meshcat(MeshcatParams(host=host))
     except RuntimeError as error:
         raise ScenarioError(
             f"--host {host}: Meshcat cannot listen there: {one_line(error)}"
         ) from None
+    for path in ("/Grid", "/Axes"):
+        meshcat.SetProperty(path, "visible", False)
+    return meshcat
 
 
 def recorded_page(meshcat: Meshcat) -> str:
@@ -89,6 +92,7 @@ class MeshcatView(LeafSystem):
             value = getattr(config, name)
             if not value > 0:
                 raise ValueError(f"MeshcatView: need {name} > 0, got {value!r}")
+        meshcat.Delete(ROOT)  # What an earlier view may have left.
         self._ports: dict[str, dict[str, InputPort]] = {}
         self._layers: dict[str, _Layer] = {}
         models = {"joints": JointBeliefs(), "body_motions": BodyMotions(), "features": _NO_FEATURES}
@@ -250,26 +254,25 @@ class _Layer:
             self._hide_text(time)
             self._text, self._text_drawn = text, time
             self._text_path = f"{self._path}/text/{round(1000 * time)}"
-            color = tuple(round(255 * c) for c in palette.rgb(palette.JOINT[sketch.type]))
-            board = text_board(text.replace("±", "+-"), _BOARD_HEIGHT, color)  # type: ignore[arg-type]
+            red, green, blue = (round(255 * c) for c in palette.rgb(palette.JOINT[sketch.type]))
+            board = text_board(text, _BOARD_HEIGHT, (red, green, blue))
             self._meshcat.SetObject(self._text_path, board)
             self._show_from(self._text_path, time)
         if self._text_path:
-            X_WT = self._text_pose(sketch.center_W + np.array([0.0, 0.0, 0.16]))
-            self._meshcat.SetTransform(self._text_path, X_WT, time)
+            self._meshcat.SetTransform(self._text_path, self._text_pose(sketch.center_W), time)
 
     def _hide_text(self, time: float) -> None:
         if self._text_path:
             self._meshcat.SetProperty(self._text_path, "visible", False, time)
         self._text, self._text_path = "", ""
 
-    def _text_pose(self, p_WT: Array) -> RigidTransform:
-        """Upright, its -y towards the viewer."""
-        viewpoint = self._config.viewpoint
-        away = p_WT - (np.array([-1.5, 1.0, 1.0]) if viewpoint is None else viewpoint)
-        return RigidTransform(
-            RotationMatrix.MakeZRotation(float(np.arctan2(away[1], away[0])) - 0.5 * np.pi), p_WT
-        )
+    def _text_pose(self, p_WJ: Array) -> RigidTransform:
+        """Upright above a joint at p_WJ and in front of it, its -y towards the viewer."""
+        to_viewer = self._config.viewpoint - p_WJ
+        to_viewer /= np.linalg.norm(to_viewer)
+        p_WT = p_WJ + np.array([0.0, 0.0, 0.12]) + 0.3 * to_viewer
+        yaw = float(np.arctan2(-to_viewer[1], -to_viewer[0])) - 0.5 * np.pi
+        return RigidTransform(RotationMatrix.MakeZRotation(yaw), p_WT)
 
 
 def rigid_transform(X: Array) -> RigidTransform:

@@ -1,4 +1,4 @@
-"""Draws a network of filters from the connections of its Diagram, bottom up like the paper's Fig. 2.
+"""Draws a network of filters from its Diagram's connections, bottom up like the paper's Fig. 2.
 
 Blue solid arrows carry measurements up, red dashed ones predictions and priors down.
 """

@@ -9,15 +9,19 @@ import json
 import os
 import platform
 from collections.abc import Callable
+from functools import partial
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydrake.common.yaml import yaml_dump_typed
 
 from diagrams.episode_record import EpisodeResult
 from diagrams.scenario import Scenario
 from diagrams.yaml_schema import ScenarioError, one_line
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SCENARIO_FILE = "scenario.yaml"
 ESTIMATES_FILE = "estimates.parquet"
@@ -29,8 +33,19 @@ OWN_FILES = (SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, MESHCAT_FILE, *FIGURE_
 _PACKAGES = ("maths", "models", "plants", "systems", "controllers", "diagrams")
 _SOURCE_TYPES = {".py", ".sdf", ".urdf", ".yaml", ".obj", ".mtl", ".png", ".npz", ".pt"}
 # Modules that only show results: a change there leaves finished episodes valid.
-_PRESENTATION = {"figures.py", "meshcat_view.py", "network_drawing.py", "command_line.py",
-                 "experiments.py", "run_report.py"}  # fmt: skip
+_PRESENTATION = {
+    "command_line.py",
+    "experiment_table.py",
+    "experiments.py",
+    "figures.py",
+    "frame_figures.py",
+    "joint_drawing.py",
+    "meshcat_view.py",
+    "network_drawing.py",
+    "palette.py",
+    "run_report.py",
+    "text_board.py",
+}
 
 
 def default_folder(scenario: Scenario) -> Path:
@@ -86,21 +101,24 @@ def write_scenario(folder: Path, scenario: Scenario) -> Path:
 
 def write_run(folder: Path, result: EpisodeResult) -> list[Path]:
     """Writes all files of an episode and returns them."""
-    from diagrams import figures
     from diagrams.evaluation import estimates_table, summarise
+    from diagrams.figures import draw_errors, draw_openings, save
+    from diagrams.frame_figures import draw_frames
 
     written = [write_scenario(folder, result.scenario)]
     table = estimates_table(result)
     written.append(
         write_atomically(folder / ESTIMATES_FILE, lambda path: table.to_parquet(path, index=False))
     )
-    drawings = (figures.draw_errors, figures.draw_openings, figures.draw_frames)
+    drawings: tuple[Callable[[EpisodeResult], Figure | None], ...] = (
+        draw_errors,
+        draw_openings,
+        draw_frames,
+    )
     for name, draw in zip(FIGURE_FILES, drawings, strict=True):
         figure = draw(result)
         if figure is not None:
-            written.append(
-                write_atomically(folder / name, lambda path, f=figure: figures.save(f, path))
-            )
+            written.append(write_atomically(folder / name, partial(save, figure)))
     if result.meshcat_html is not None:
         written.append(write_text(folder / MESHCAT_FILE, result.meshcat_html))
     summary = summarise(result) | fingerprint(result.scenario)

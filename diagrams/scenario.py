@@ -9,21 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.exploration import ExplorationConfig
-from controllers.grasp_sequence import GraspSequenceConfig
-from controllers.impedance import ImpedanceConfig
 from diagrams.object_model import check_object_model
+from diagrams.station import ControlConfig, SensorsConfig
 from diagrams.yaml_schema import ScenarioError, apply_override, load_typed, read_yaml, suggestion
 from models import SDF_DIR
 from plants.manipulation_scene import PlantConfig
 from plants.pneumatic_hand import PneumaticHandConfig
+from systems.kinematics.joint_filters import JointFiltersConfig
 from systems.proprioception.end_effector_motion import EndEffectorMotionConfig
 from systems.proprioception.hand_bending import HandBendingConfig
-from systems.sensors.air_pressure import PressureSensorConfig
-from systems.sensors.joint_encoders import JointEncodersConfig
-from systems.sensors.rgbd_camera import CameraNoiseConfig
-from systems.sensors.robot_mask import RobotMaskConfig
-from systems.sensors.wrist_wrench import WristWrenchConfig
+from systems.vision.body_tracking import RigidBodyMotionConfig
 from systems.vision.feature_tracks import FeatureMotionConfig
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
@@ -54,8 +49,8 @@ class CameraView:
     width: int = 640  # [pixels]
     height: int = 480  # [pixels]
     horizontal_angle: float = 58.0  # Horizontal field of view, [deg].
-    position: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.6, 1.0]))  # p_WC, [m].
-    looking_at: np.ndarray = field(default_factory=lambda: np.array([0.8, 0.0, 0.4]))  # In W, [m].
+    position: np.ndarray = field(default_factory=lambda: np.array([-0.05, 0.4, 1.42]))  # p_WC.
+    looking_at: np.ndarray = field(default_factory=lambda: np.array([0.78, -0.27, 0.87]))  # [m].
 
 
 @dataclass(kw_only=True)
@@ -75,19 +70,10 @@ class ObjectConfig:
     model: str = "chest_drawer.sdf"  # SDF or URDF, beside the scenario's file or in models/sdf.
     joint: str = "slide"
     handle_frame: str = "handle"
-    position: np.ndarray = field(default_factory=lambda: np.array([0.95, -0.25, 0.85]))  # [m]
+    position: np.ndarray = field(default_factory=lambda: np.array([0.865, -0.25, 0.86]))  # [m]
     yaw: float = 180.0  # [deg]
-    friction: float = 4.0  # Of the joint, [N or N m].
+    friction: float = 6.0  # Of the joint, [N or N m].
     variation: ObjectVariation = field(default_factory=ObjectVariation)
-
-
-@dataclass(kw_only=True)
-class SensorsConfig:
-    camera: CameraNoiseConfig = field(default_factory=CameraNoiseConfig)
-    encoders: JointEncodersConfig = field(default_factory=JointEncodersConfig)
-    wrench: WristWrenchConfig = field(default_factory=WristWrenchConfig)
-    pressure: PressureSensorConfig = field(default_factory=PressureSensorConfig)
-    mask: RobotMaskConfig = field(default_factory=RobotMaskConfig)
 
 
 @dataclass(kw_only=True)
@@ -95,13 +81,8 @@ class PerceptionConfig:
     end_effector: EndEffectorMotionConfig = field(default_factory=EndEffectorMotionConfig)
     hand_bending: HandBendingConfig = field(default_factory=HandBendingConfig)
     features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
-
-
-@dataclass(kw_only=True)
-class ControlConfig:
-    sequence: GraspSequenceConfig = field(default_factory=GraspSequenceConfig)
-    exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
-    impedance: ImpedanceConfig = field(default_factory=ImpedanceConfig)
+    rigid_bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
+    joints: JointFiltersConfig = field(default_factory=JointFiltersConfig)
 
 
 @dataclass(kw_only=True)
@@ -159,10 +140,13 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
         apply_override(document, assignment)
     scenario = load_typed(Scenario, document, str(path))
     scenario.name = scenario.name or path.stem
-    scenario.object.model = str(_model_file(scenario.object.model, path))
+    model = _model_file(scenario.object.model, path)
+    if model.is_relative_to(SDF_DIR):
+        model = model.relative_to(SDF_DIR)
+    scenario.object.model = str(model)
     check_scenario(scenario, str(path))
     check_object_model(
-        Path(scenario.object.model),
+        object_model_file(scenario),
         joint=scenario.object.joint,
         frame=scenario.object.handle_frame,
         source=str(path),
@@ -171,15 +155,17 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
     return scenario
 
 
+def object_model_file(scenario: Scenario) -> Path:
+    """The object's model; a scenario that was loaded names it from models/sdf or absolutely."""
+    return SDF_DIR / scenario.object.model
+
+
 def _spread_network_period(scenario: Scenario, source: str) -> None:
     """Gives every filter and sensor window the network's tick; it is chosen in one place only."""
     perception, sensors = scenario.perception, scenario.sensors
-    places = [(f"perception.{name}", config, "period") for name, config in vars(perception).items()]
-    places += [
-        (f"sensors.{name}", config, "tick")
-        for name, config in vars(sensors).items()
-        if hasattr(config, "tick")
-    ]
+    candidates = [(f"perception.{name}", part, "period") for name, part in vars(perception).items()]
+    candidates += [(f"sensors.{name}", part, "tick") for name, part in vars(sensors).items()]
+    places = [place for place in candidates if hasattr(place[1], place[2])]
     for path, config, key in places:
         value, usual = getattr(config, key), getattr(type(config)(), key)
         if value not in (usual, scenario.network_period):
@@ -221,6 +207,10 @@ def check_scenario(scenario: Scenario, source: str) -> None:
     _check_modalities(scenario.modalities, source)
     _check_camera(scenario.camera, source)
     _check_variation(scenario.object.variation, source)
+    if not (SDF_DIR / scenario.plant.scene).is_file():
+        raise ScenarioError(
+            f"{source}: plant.scene = '{scenario.plant.scene}': there is no such file in {SDF_DIR}"
+        )
     for key in ("lights_off", "camera_covered"):
         for index, interval in enumerate(getattr(scenario.disturbances, key)):
             if not 0 <= interval.start < interval.end:
@@ -263,6 +253,13 @@ def _check_camera(camera: CameraView, source: str) -> None:
 
 def _check_variation(variation: ObjectVariation, source: str) -> None:
     _check_vector("object.variation.position", variation.position, source)
+    known = [path.stem for path in (SDF_DIR / "textures").glob("*.png")]
+    for name in variation.textures:
+        if name not in known:
+            raise ScenarioError(
+                f"{source}: object.variation.textures: unknown texture '{name}';"
+                f" {suggestion(name, known)}"
+            )
     ranges = {"yaw": variation.yaw, "friction": variation.friction}
     ranges["position"] = float(np.min(variation.position))
     for key, value in ranges.items():

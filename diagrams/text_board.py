@@ -1,18 +1,25 @@
 """A line of text as an object for Meshcat, which has no text of its own."""
 
 import base64
+import io
 import json
 import struct
 from functools import lru_cache
+from pathlib import Path
 
-import cv2
-import numpy as np
+import matplotlib
+from PIL import Image, ImageDraw, ImageFont
 from pydrake.common import MemoryFile
 from pydrake.geometry import InMemoryMesh, Mesh
 
-_FONT = cv2.FONT_HERSHEY_DUPLEX
-_PIXELS = 44  # Height of the texture.
-_MARGIN = 12
+_PIXELS = 96  # Height of the texture.
+
+
+@lru_cache(maxsize=1)
+def _font() -> ImageFont.FreeTypeFont:
+    """The typeface that Matplotlib brings along."""
+    path = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans-Bold.ttf"
+    return ImageFont.truetype(str(path), round(0.62 * _PIXELS))
 
 
 @lru_cache(maxsize=256)
@@ -24,20 +31,21 @@ def text_board(text: str, height: float, color: tuple[int, int, int]) -> Mesh:
         color: Red, green and blue, 0 to 255.
     """
     texture = _texture(text, color)
-    width = height * texture.shape[1] / texture.shape[0]
+    width = height * texture.width / texture.height
     file = MemoryFile(_gltf(texture, width, height), ".gltf", text)
     return Mesh(InMemoryMesh(mesh_file=file))
 
 
-def _texture(text: str, color: tuple[int, int, int]) -> np.ndarray:
-    (width, _), _ = cv2.getTextSize(text, _FONT, 1.0, 2)
-    image = np.empty((_PIXELS, width + 2 * _MARGIN, 3), dtype=np.uint8)
-    image[:] = color[::-1]
-    cv2.putText(image, text, (_MARGIN, 33), _FONT, 1.0, (255, 255, 255), 2, cv2.LINE_AA)
+def _texture(text: str, color: tuple[int, int, int]) -> Image.Image:
+    width = round(_font().getlength(text)) + _PIXELS // 2
+    image = Image.new("RGB", (width, _PIXELS), color)
+    ImageDraw.Draw(image).text(
+        (width / 2, _PIXELS / 2), text, font=_font(), fill="white", anchor="mm"
+    )
     return image
 
 
-def _gltf(texture: np.ndarray, width: float, height: float) -> str:
+def _gltf(texture: Image.Image, width: float, height: float) -> str:
     """A textured quad with everything embedded; glTF's y is up, Drake turns it to z."""
     x, y = 0.5 * width, 0.5 * height
     positions = [(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)]
@@ -45,8 +53,8 @@ def _gltf(texture: np.ndarray, width: float, height: float) -> str:
     data = b"".join(struct.pack("<3f", *p) for p in positions)
     data += b"".join(struct.pack("<2f", *p) for p in uv)
     data += struct.pack("<6H", 0, 1, 2, 0, 2, 3)
-    ok, png = cv2.imencode(".png", texture)
-    assert ok
+    png = io.BytesIO()
+    texture.save(png, format="png")
     material = {
         "pbrMetallicRoughness": {
             "baseColorTexture": {"index": 0},
@@ -76,7 +84,7 @@ def _gltf(texture: np.ndarray, width: float, height: float) -> str:
             ],
             "materials": [material],
             "textures": [{"source": 0}],
-            "images": [{"uri": _data_uri("image/png", png.tobytes())}],
+            "images": [{"uri": _data_uri("image/png", png.getvalue())}],
             "buffers": [
                 {"byteLength": len(data), "uri": _data_uri("application/octet-stream", data)}
             ],

@@ -1,0 +1,128 @@
+"""Draws what the camera saw, with the features and the joint that a modality believed in."""
+
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from diagrams import palette
+from diagrams.episode_record import EpisodeResult, FrameRecord, TickRecord, Truth
+from diagrams.figures import STYLE, new_figure
+from diagrams.joint_drawing import draw_joint, joint_color
+from diagrams.joint_evaluation import motion_start, select_joint
+from diagrams.run_report import describe_configuration
+from systems.port_values import STATIC_BODY, FeatureBelief, JointBelief, JointType
+
+
+def draw_frames(result: EpisodeResult, modality: str | None = None) -> Figure | None:
+    """Camera images from start, middle and end of the motion with features and the joint.
+
+    Args:
+        modality: Whose belief is drawn; by default the cross-modal one where it exists.
+    """
+    frames = _choose_frames(result.frames, result.truth)
+    if not frames or not result.modalities:
+        return None
+    if modality is None:
+        modality = (
+            "crossmodal" if "crossmodal" in result.modalities else next(iter(result.modalities))
+        )
+    height, width = frames[0].color.shape[:2]
+    with mpl.rc_context(STYLE | {"axes.grid": False}):
+        figure = new_figure(4.6 * len(frames), 4.6 * height / width + 0.55)
+        for axes, frame in zip(np.atleast_1d(figure.subplots(1, len(frames))), frames, strict=True):
+            _draw_frame(axes, frame, result, modality)
+        _frame_legend(figure, modality)
+    return figure
+
+
+def _choose_frames(frames: list[FrameRecord], truth: Truth) -> list[FrameRecord]:
+    """The images at the start of the motion, half way through it and at the end."""
+    if len(frames) <= 3:
+        return frames
+    times = np.array([frame.time for frame in frames])
+    start = motion_start(truth) if len(truth.times) else None
+    begin = times[0] if start is None else start
+    wanted = [begin, 0.5 * (begin + times[-1]), times[-1]]
+    chosen = sorted({int(np.argmin(np.abs(times - time))) for time in wanted})
+    return [frames[k] for k in chosen]
+
+
+def _draw_frame(axes: Axes, frame: FrameRecord, result: EpisodeResult, modality: str) -> None:
+    height, width = frame.color.shape[:2]
+    axes.imshow(frame.color, interpolation="none")
+    axes.set_axis_off()
+    axes.set_xlim(-0.5, width - 0.5)
+    axes.set_ylim(height - 0.5, -0.5)
+    tick = _tick_at(result.modalities[modality].ticks, frame.time)
+    features = frame.features.get(modality)
+    if features is not None and tick is not None:
+        colors = _feature_colors(features, tick)
+        u, v = features.uv.T
+        axes.scatter(u, v, s=9, c=colors, edgecolors="#202020", linewidths=0.35)
+    if tick is None:
+        return
+    joint = select_joint(tick.joints)
+    if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
+        body = next((b for b in tick.bodies.bodies if b.body_id == joint.child_id), None)
+        draw_joint(axes, joint, body, result.camera)
+    _inset(axes, _caption(frame.time, joint, result.truth))
+
+
+def _caption(time: float, joint: JointBelief | None, truth: Truth) -> str:
+    belief = describe_configuration(joint, truth.axis_W)
+    if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
+        belief = f"{joint.type}, q = {belief}"
+    return f"t = {time:.1f} s\n{belief}"
+
+
+def _inset(axes: Axes, text: str) -> None:
+    axes.text(
+        0.025,
+        0.965,
+        text,
+        transform=axes.transAxes,
+        va="top",
+        fontsize=10,
+        color="white",
+        linespacing=1.35,
+        bbox={"boxstyle": "round,pad=0.35", "facecolor": "black", "alpha": 0.62, "lw": 0},
+    )
+
+
+def _tick_at(ticks: list[TickRecord], time: float) -> TickRecord | None:
+    if not ticks:
+        return None
+    times = np.array([tick.time for tick in ticks])
+    return ticks[int(np.argmin(np.abs(times - time)))]
+
+
+def _feature_colors(features: FeatureBelief, tick: TickRecord) -> list[str]:
+    owner = {
+        int(feature): body.body_id for body in tick.bodies.bodies for feature in body.feature_ids
+    }
+    return [palette.body_color(owner.get(int(i), STATIC_BODY)) for i in features.ids]
+
+
+def _frame_legend(figure: Figure, modality: str) -> None:
+    dot: dict[str, Any] = {
+        "marker": "o",
+        "ls": "",
+        "markeredgecolor": "#202020",
+        "markeredgewidth": 0.4,
+    }
+    handles = [
+        Line2D([], [], color=palette.body_color(STATIC_BODY), label="resting features", **dot),
+        Line2D([], [], color=palette.body_color(1), label="features on the held body", **dot),
+        Line2D([], [], color=joint_color(JointType.PRISMATIC), lw=4, label="prismatic joint"),
+        Line2D([], [], color=joint_color(JointType.REVOLUTE), lw=4, label="revolute joint"),
+    ]
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=4,
+        title=f"as believed by {palette.MODALITY_LABEL[modality]}",
+    )

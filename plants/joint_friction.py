@@ -27,7 +27,7 @@ class JointFriction(LeafSystem):
     """
 
     def __init__(
-        self, plant: MultibodyPlant, friction: npt.NDArray[np.float64], speed: float = 0.005
+        self, plant: MultibodyPlant, friction: npt.NDArray[np.float64], speed: float = 0.01
     ) -> None:
         super().__init__()
         if np.any(friction < 0):

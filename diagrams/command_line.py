@@ -177,7 +177,10 @@ def _simulate(scenario: "Scenario", *, live: bool, host: str, recording: bool) -
             interrupt.check()
             bar.update(max(0.0, min(time, scenario.duration) - bar.n))
 
-        return run_episode(scenario, scenario.seed, meshcat=viewer, progress=progress)
+        result = run_episode(scenario, scenario.seed, meshcat=viewer, progress=progress)
+        bar.total = bar.n  # An episode may end before its time is over.
+        bar.refresh()
+    return result
 
 
 def _start_meshcat(host: str, *, announce: bool) -> Any:
@@ -271,21 +274,39 @@ def _finish_evaluation(
     raise typer.Exit(0 if all(summary["success"] for summary in summaries) else FAILED)
 
 
-@train_app.command("hand-bending")
+@train_app.command(
+    "hand-bending", epilog="Example:  crossmodal train hand-bending --jobs 2 --search"
+)
 def train_hand_bending_command(
     search: Annotated[
-        bool, typer.Option("--search", help="Also choose the topology by leave-one-out.")
+        bool, typer.Option("--search", help="Also compare topologies by leave-one-out.")
     ] = False,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of data and weights.")] = 0,
+    jobs: Annotated[int, typer.Option(min=1, help="Interactions simulated at a time.")] = 1,
     out: Annotated[
         Path | None, typer.Option(help="Folder of weights and card. [default: models/weights]")
     ] = None,
 ) -> None:
     """Train the networks that read the soft hand's bending from wrench and air pressure."""
     with one_line_errors():
-        from diagrams.hand_bending_training import train_hand_bending
+        from tqdm import tqdm
 
-        written: list[Path] = train_hand_bending(search=search, seed=seed, out=out)
+        from diagrams.network_training import (
+            INTERACTIONS,
+            simulate_interactions,
+            train_hand_bending,
+        )
+
+        simulated = tqdm(
+            simulate_interactions(seed, jobs=jobs),
+            total=INTERACTIONS,
+            desc="interactions",
+            disable=None,
+        )
+        interactions = list(simulated)
+        typer.echo("Training ..." + (" and comparing topologies ..." if search else ""))
+        written, card = train_hand_bending(interactions, seed=seed, search=search, folder=out)
+        typer.echo(f"\n{card}")
         for path in written:
             typer.echo(f"  {path}")
 
@@ -306,7 +327,7 @@ def diagram_command(
 ) -> None:
     """Draw the network of filters with its wires."""
     with one_line_errors():
-        from diagrams.network import build_network
+        from diagrams.episode import build_networks, build_station
         from diagrams.network_drawing import network_dot, render_svg
         from diagrams.palette import MODALITY_LABEL
         from diagrams.run_folder import write_text
@@ -322,7 +343,9 @@ def diagram_command(
         if path.exists() and not force:
             raise ScenarioError(f"{path}: exists already; replace it with --force")
         title = f"{chosen.name}: {MODALITY_LABEL[modality]} network"
-        svg = render_svg(network_dot(build_network(chosen, modality), title))
+        chosen.modalities = [modality]
+        network = build_networks(chosen, build_station(chosen, chosen.seed))[modality]
+        svg = render_svg(network_dot(network, title))
         typer.echo(f"  {write_text(path, svg)}")
 
 

@@ -43,7 +43,7 @@ class EpisodeRecorder(LeafSystem):
 
         name: EpisodeRecorder
         input_ports:
-        - color_measured
+        - color_image
         - interaction_active
         - cheat_configuration
         - cheat_body_pose
@@ -52,7 +52,7 @@ class EpisodeRecorder(LeafSystem):
         - <modality>_features_latest
         - <modality>_grasp_latest
 
-    - `color_measured`: `ImageRgba8U`. - `interaction_active` (1): non-zero while the hand holds.
+    - `color_image`: `ImageRgba8U`. - `interaction_active` (1): non-zero while the hand holds.
     - `cheat_configuration` (1): the joint's true position, [m or rad]. - `cheat_body_pose`:
       `RigidTransform` X_WB of the moved body.
     - Per modality `JointBeliefs`, `BodyMotions`, `FeatureBelief` and `GraspBelief`; those without a
@@ -78,7 +78,7 @@ class EpisodeRecorder(LeafSystem):
         self._X_WB: list[Array] = []
         self._grasp_time = float("nan")
 
-        self._color = self.DeclareAbstractInputPort("color_measured", Value(ImageRgba8U()))
+        self._color = self.DeclareAbstractInputPort("color_image", Value(ImageRgba8U()))
         self._active = self.DeclareVectorInputPort("interaction_active", 1)
         self._configuration = self.DeclareVectorInputPort("cheat_configuration", 1)
         self._body_pose = self.DeclareAbstractInputPort("cheat_body_pose", Value(RigidTransform()))

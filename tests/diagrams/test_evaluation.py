@@ -58,7 +58,7 @@ def test_the_table_is_tidy_and_agrees_with_the_summary() -> None:
     assert_allclose(
         axis["std"] ** 2,
         [c["xyz".index(k)] for c, k in zip(axis.covariance, axis.component, strict=True)],
-    )  # noqa: E501
+    )
     assert (axis[axis.component == "z"].estimate > 0.99).all()
 
 

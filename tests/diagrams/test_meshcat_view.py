@@ -88,7 +88,7 @@ def test_the_recording_animates_visibility_scale_and_pose(meshcat: Meshcat) -> N
 
 def test_the_server_is_for_this_machine_only(meshcat: Meshcat) -> None:
     assert "localhost" in meshcat.web_url()
-    with pytest.raises(ScenarioError, match="--host 203.0.113.7: Meshcat cannot listen there"):
+    with pytest.raises(ScenarioError, match=r"--host 203\.0\.113\.7: Meshcat cannot listen"):
         start_meshcat("203.0.113.7")
 
 

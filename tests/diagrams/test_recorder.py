@@ -12,13 +12,13 @@ from systems.port_values import JointType
 
 
 class FakeCamera(LeafSystem):
-    """Images whose first pixel holds the time in tenths of a second; counts how often it is read."""
+    """Images whose pixels hold the time in tenths of a second; counts how often they are read."""
 
     def __init__(self) -> None:
         super().__init__()
         self.reads = 0
         self.DeclareAbstractOutputPort(
-            "color_measured", lambda: Value(ImageRgba8U(8, 6)), self._calc, {self.time_ticket()}
+            "color_image", lambda: Value(ImageRgba8U(8, 6)), self._calc, {self.time_ticket()}
         )
 
     def _calc(self, context: Context, output: Value) -> None:

@@ -41,7 +41,7 @@ def test_a_run_writes_all_its_files_and_can_be_run_again(tmp_path: Path) -> None
 
 def test_a_folder_that_holds_something_is_refused_without_force(tmp_path: Path) -> None:
     foreign = write_text(tmp_path / "notes.txt", "mine")
-    with pytest.raises(ScenarioError, match="already holds files.*--force"):
+    with pytest.raises(ScenarioError, match=r"already holds files.*--force"):
         open_run_folder(tmp_path)
     open_run_folder(tmp_path, force=True)
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]

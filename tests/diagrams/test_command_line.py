@@ -1,0 +1,206 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import types
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from synthetic_episode import synthetic_episode
+from typer.testing import CliRunner
+
+from diagrams import command_line
+from diagrams.command_line import GentleInterrupt, app
+from diagrams.scenario import Scenario
+
+RUNNER = CliRunner()
+Progress = Callable[[float], None] | None
+
+
+@pytest.fixture(autouse=True)
+def work_in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def fake_episode(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
+    """Replaces the simulation by a synthetic episode; its attributes say how that ends."""
+    fake = types.SimpleNamespace(failure=None, interrupt=False, error=None, runs=[])
+
+    def run_episode(
+        scenario: Scenario, seed: int, *, meshcat: Any = None, progress: Progress = None
+    ) -> Any:
+        fake.runs.append((scenario.name, seed, meshcat is not None))
+        result = synthetic_episode(seed=seed)
+        result.scenario, result.failure = scenario, fake.failure
+        if fake.error is not None:
+            raise fake.error
+        if progress is not None:
+            progress(1.0)
+            if fake.interrupt:
+                os.kill(os.getpid(), signal.SIGINT)
+                try:
+                    progress(2.0)
+                except KeyboardInterrupt:
+                    result.interrupted = True
+        return result
+
+    module = types.ModuleType("diagrams.episode")
+    module.run_episode = run_episode  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "diagrams.episode", module)
+    return fake
+
+
+def test_help_teaches_by_example_and_needs_no_heavy_import() -> None:
+    code = (
+        "import sys; from diagrams import command_line;"
+        "heavy = {'pydrake', 'numpy', 'torch', 'cv2', 'matplotlib', 'pandas'} & set(sys.modules);"
+        "assert not heavy, heavy"
+    )
+    subprocess.run(
+        [sys.executable, "-c", code], check=True, cwd=Path(command_line.__file__).parents[1]
+    )
+    for command in ([], ["run"], ["evaluate"], ["train", "hand-bending"], ["diagram"]):
+        result = RUNNER.invoke(app, [*command, "--help"])
+        assert result.exit_code == 0
+        assert "crossmodal" in result.output
+
+
+def test_list_names_the_scenarios() -> None:
+    result = RUNNER.invoke(app, ["list"])
+    assert result.exit_code == 0
+    assert "drawer" in result.output
+
+
+def test_a_run_writes_its_folder_and_reports_every_modality(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    result = RUNNER.invoke(app, ["run", "drawer", "--seed", "7", "--no-recording"])
+    assert result.exit_code == 0, result.output
+    assert fake_episode.runs == [("drawer", 7, False)]
+    folder = Path("runs/drawer-seed7")
+    assert json.loads((folder / "summary.json").read_text())["seed"] == 7
+    for word in ("vision:", "proprioception:", "cross-modal:", "opening error", "real-time factor",
+                 str(folder / "summary.json")):  # fmt: skip
+        assert word in result.output
+
+
+def test_a_second_run_into_the_same_folder_needs_force(fake_episode: types.SimpleNamespace) -> None:
+    command = ["run", "drawer", "--out", "here", "--no-recording"]
+    assert RUNNER.invoke(app, command).exit_code == 0
+    before = Path("here/summary.json").read_bytes()
+    refused = RUNNER.invoke(app, command)
+    assert refused.exit_code == 2
+    assert refused.stderr.count("\n") == 1
+    assert "--force" in refused.stderr
+    assert Path("here/summary.json").read_bytes() == before
+    assert len(fake_episode.runs) == 1
+    assert RUNNER.invoke(app, [*command, "--force"]).exit_code == 0
+
+
+def test_an_episode_that_misses_its_task_exits_with_one_and_keeps_its_files(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    fake_episode.failure = "the drawer was opened by 12.0 cm of 20.0 cm"
+    result = RUNNER.invoke(app, ["run", "drawer", "--out", "here", "--no-recording"])
+    assert result.exit_code == 1
+    assert "12.0 cm of 20.0 cm" in result.output
+    assert json.loads(Path("here/summary.json").read_text())["success"] is False
+
+
+def test_an_interrupted_run_keeps_what_there_is_and_says_so(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    fake_episode.interrupt = True
+    result = RUNNER.invoke(app, ["run", "drawer", "--out", "here", "--no-recording"])
+    assert result.exit_code == 130
+    assert "interrupted at" in result.stderr
+    assert json.loads(Path("here/summary.json").read_text())["interrupted"] is True
+
+
+def test_an_interrupt_before_anything_was_recorded_leaves_no_folder(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    fake_episode.error = KeyboardInterrupt()
+    result = RUNNER.invoke(app, ["run", "drawer", "--out", "here", "--no-recording"])
+    assert result.exit_code == 130
+    assert result.stderr.count("\n") == 1
+    assert not Path("here").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["run", "drawr"],
+        ["run", "none.yaml"],
+        ["run", "malformed.yaml"],
+        ["run", "drawer", "--set", "sensors.encoders.noise_positio=1"],
+        ["run", "drawer", "--set", "plant.time_step=0"],
+        ["run", "drawer", "--set", "object.model=none.sdf"],
+        ["run", "drawer", "--set", "object.handle_frame=none"],
+        ["run", "drawer", "--modalities", "vision,smell"],
+        ["run", "drawer", "--duration", "-3"],
+        ["run", "drawer", "--out", "malformed.yaml/run"],
+        ["evaluate", "cupboard"],
+        ["evaluate", "drawer", "--seeds", "a:b"],
+        ["evaluate", "drawer", "--seeds", "5:5"],
+        ["diagram", "drawer", "--modality", "touch"],
+        ["diagram", "drawer", "--out", "malformed.yaml"],
+    ],
+)
+def test_bad_input_is_answered_in_one_line_with_status_two(
+    arguments: list[str], fake_episode: types.SimpleNamespace
+) -> None:
+    Path("malformed.yaml").write_text("a: [1\n")
+    sys.modules["diagrams.episode"].build_networks = None  # type: ignore[attr-defined]
+    sys.modules["diagrams.episode"].build_station = None  # type: ignore[attr-defined]
+    result = RUNNER.invoke(app, arguments)
+    assert result.exit_code == 2, result.output
+    assert result.stderr.startswith("crossmodal: ")
+    assert result.stderr.count("\n") == 1
+    assert fake_episode.runs == []
+    assert sorted(path.name for path in Path().iterdir()) == ["malformed.yaml"]
+
+
+@pytest.mark.parametrize("arguments", [["run"], ["run", "drawer", "--sed", "3"], ["fly"],
+                                       ["run", "drawer", "--seed", "x"]])  # fmt: skip
+def test_bad_options_are_answered_in_one_line_with_status_two(
+    arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["crossmodal", *arguments])
+    assert command_line.main() == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("crossmodal: ")
+    assert captured.err.count("\n") == 1
+
+
+def test_an_interrupt_waits_for_the_step_to_end_and_a_second_one_does_not() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with GentleInterrupt() as interrupt:
+        interrupt.check()
+        os.kill(os.getpid(), signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            interrupt.check()
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_evaluate_goes_on_where_it_was_and_reports_failures(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    command = ["evaluate", "drawer", "--seeds", "3:5", "--out", "here", "--backend", "threading"]
+    first = RUNNER.invoke(app, command)
+    assert first.exit_code == 0, first.output
+    assert "| opening error at the end, median (p90) |" in first.output
+    assert len(fake_episode.runs) == 2
+    fake_episode.error = RuntimeError("the solver\ngave up")
+    second = RUNNER.invoke(app, [*command[:3], "3:6", *command[4:]])
+    assert second.exit_code == 1
+    assert len(fake_episode.runs) == 3
+    assert "| 5 | RuntimeError: the solver gave up |" in second.output
+    assert "2/3" in second.output
+    assert "gave up" in Path("here/seed-0005/error.txt").read_text()

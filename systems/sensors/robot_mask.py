@@ -54,22 +54,24 @@ def reduced_intrinsics(full: CameraInfo, reduction: int) -> CameraInfo:
 def silhouette_to_mask(depth: npt.NDArray[np.float32], focal: float, margin: float) -> Grey:
     """Grey image (h, w), 255 within `margin` of what the depth image sees.
 
-    The margin in pixels is that at the nearest depth, so that it is nowhere too small, and one
-    pixel more for what the rendering, which samples the pixels' centres, can miss.
+    The margin in pixels is that at each surface's own depth, and one pixel more for what the
+    rendering, which samples the pixels' centres, can miss.
 
     Args:
         depth: (h, w), inf where there is nothing, 0 where something is too near, [m].
         focal: Of that image, [px].
         margin: [m].
     """
-    seen = depth < np.inf
-    mask = np.where(seen, np.uint8(255), np.uint8(0))
-    distances = depth[seen & (depth > 0.0)]
-    nearest = float(distances.min()) if distances.size else np.inf
-    radius = int(np.ceil(focal * margin / nearest)) + 1
-    shape = cv2.MORPH_ELLIPSE if radius > 1 else cv2.MORPH_RECT
-    size = (2 * radius + 1, 2 * radius + 1)
-    return np.asarray(cv2.dilate(mask, cv2.getStructuringElement(shape, size)))
+    nearest = depth[depth > 0.0].min(initial=np.inf)
+    distance = np.where(depth > 0.0, depth, nearest)
+    radius = np.where(depth < np.inf, np.ceil(focal * margin / distance) + 1.0, 0.0).astype(int)
+    mask = np.zeros(depth.shape, dtype=np.uint8)
+    for r in np.unique(radius[radius > 0]):
+        layer = np.where(radius == r, np.uint8(255), np.uint8(0))
+        shape = cv2.MORPH_ELLIPSE if r > 1 else cv2.MORPH_RECT
+        disc = cv2.getStructuringElement(shape, (2 * int(r) + 1, 2 * int(r) + 1))
+        np.maximum(mask, cv2.dilate(layer, disc), out=mask)
+    return mask
 
 
 def enlarge(mask: Grey, reduction: int, enlarged: Grey) -> None:

@@ -130,6 +130,14 @@ def test_the_margin_is_a_disc_of_its_size_in_pixels():
     np.testing.assert_allclose(len(v), np.pi * 11.0**2, rtol=0.1)
 
 
+def test_a_far_part_of_the_robot_has_a_smaller_margin_in_pixels_than_a_near_one():
+    depth = np.full((41, 101), np.inf, dtype=np.float32)
+    depth[20, 20], depth[20, 75] = 2.0, 1.0
+    mask = silhouette_to_mask(depth, focal=200.0, margin=0.1)
+    assert (mask[20, :50] > 0).sum() == 2 * 11 + 1
+    assert (mask[20, 50:] > 0).sum() == 2 * 21 + 1
+
+
 def test_nothing_seen_is_an_empty_mask():
     depth = np.full((8, 8), np.inf, dtype=np.float32)
     assert not silhouette_to_mask(depth, focal=100.0, margin=0.1).any()

@@ -3,6 +3,7 @@
 Blue solid arrows carry measurements up, red dashed ones predictions and priors down.
 """
 
+import html
 import re
 import shutil
 import subprocess
@@ -22,6 +23,7 @@ _CLUSTERS = {  # By the package that a system comes from: name, outline and fill
     "systems.kinematics": ("Kinematics", MODALITY["crossmodal"], "#F8EAF1"),
     "systems.sensors": ("Sensors", "#777777", "#F3F3F3"),
 }
+_UP, _DOWN = "#2F5FA8", "#C8342B"
 _OTHER = ("", "#777777", "#FFFFFF")
 
 
@@ -109,7 +111,7 @@ def network_dot(diagram: Diagram, title: str) -> str:
         groups[_package(system)].append(system)
     lines = [
         "digraph network {",
-        f'  graph [rankdir=BT, label="{title}", labelloc=t, fontsize=20, nodesep=0.45,'
+        f"  graph [rankdir=BT, label={_heading(title)}, labelloc=t, fontsize=13, nodesep=0.45,"
         " ranksep=0.75, splines=true, newrank=true, pad=0.3];",
         '  graph [fontname="Helvetica"]; node [fontname="Helvetica", fontsize=13];',
         '  edge [fontname="Helvetica", fontsize=10];',
@@ -134,7 +136,8 @@ def network_dot(diagram: Diagram, title: str) -> str:
         for wire in all_wires
         if wire.source is not None
     ]
-    lines += [*_legend_lines(), "}"]
+    inputs = "; ".join(f"in{index}" for index in range(len(outside)))
+    lines += [f"  {{ rank=min; {inputs} }}" if outside else "", "}"]
     return "\n".join(lines) + "\n"
 
 
@@ -148,8 +151,8 @@ def _cluster_lines(package: str, members: list[System], names: dict[System, str]
         return nodes
     return [
         f'  subgraph "cluster_{title}" {{',
-        f'    label="{title}"; fontsize=15; fontcolor="{outline}"; style="rounded,filled";'
-        f' color="{fill}"; margin=14;',
+        f'    label="{title}"; labelloc=b; fontsize=15; fontcolor="{outline}";'
+        f' style="rounded,filled"; color="{fill}"; margin=14;',
         *nodes,
         "  }",
     ]
@@ -163,24 +166,22 @@ def _label(system: System) -> str:
 
 def _edge_line(wire: Wire, source: str, target: str) -> str:
     style = (
-        'color="#C8342B", fontcolor="#C8342B", style=dashed, constraint=false'
+        f'color="{_DOWN}", fontcolor="{_DOWN}", style=dashed, constraint=false'
         if wire.is_prediction
-        else 'color="#2F5FA8", fontcolor="#2F5FA8"'
+        else f'color="{_UP}", fontcolor="{_UP}"'
     )
     label = "" if wire.source is None else _quantity(wire.source_port)
     tooltip = f"{wire.source_port} to {wire.target_port}"
     return f'  {source} -> {target} [label="{label}", {style}, penwidth=1.5, tooltip="{tooltip}"];'
 
 
-def _legend_lines() -> list[str]:
-    return [
-        "  subgraph cluster_legend {",
-        '    label=""; color="#FFFFFF"; rank=same;',
-        '    legend [shape=plain, style="", label=<<font point-size="12">'
-        '<font color="#2F5FA8">━━▶ measurements, up</font>&nbsp;&nbsp;&nbsp;'
-        '<font color="#C8342B">╍╍▶ predictions and priors, down</font></font>>];',
-        "  }",
-    ]
+def _heading(title: str) -> str:
+    """Title and key as one of Graphviz's HTML labels."""
+    key = (
+        f'<font color="{_UP}">━▶ measurements, up</font>'
+        f'<font color="{_DOWN}">      ╍▶ predictions and priors, down</font>'
+    )
+    return f'<<font point-size="20">{html.escape(title)}</font><br/>{key}<br/> >'
 
 
 def render_svg(dot: str) -> str:

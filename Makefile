@@ -2,7 +2,7 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 SEEDS ?= 100:120
 JOBS ?= 2
-# More arguments for the target's command, for example: make demo ARGS="--meshcat --force"
+# More arguments for the target's command, for example: make demo ARGS=--meshcat
 ARGS ?=
 
 BIN := .venv/bin
@@ -12,7 +12,7 @@ INSTALLED := .venv/.installed
 .PHONY: help demo test lint pytest bench evaluate clean
 
 help:
-	@echo "make demo       a robot opens a drawer and perceives its joint (ARGS=\"--meshcat\": live)"
+	@echo "make demo       a robot opens a drawer and perceives its joint (ARGS=--meshcat: live)"
 	@echo "make test       lint, types and tests"
 	@echo "make lint       ruff and mypy"
 	@echo "make pytest     tests only (ARGS=tests/systems/vision: some of them)"
@@ -27,7 +27,7 @@ $(INSTALLED): pyproject.toml
 	touch $@
 
 demo: $(INSTALLED)
-	$(BIN)/crossmodal run drawer $(ARGS)
+	$(BIN)/crossmodal run drawer --out runs/demo --force $(ARGS)
 
 test: lint pytest
 

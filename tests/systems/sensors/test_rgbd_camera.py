@@ -40,28 +40,33 @@ class IdealCamera(LeafSystem):
 
 
 class Reader(LeafSystem):
-    """Reads both images every `period` within an unrestricted update, as the filters do."""
+    """Reads both images every `period`, in an unrestricted update or when published."""
 
-    def __init__(self, period):
+    def __init__(self, period, published=False):
         super().__init__()
         self.colors, self.depths, self.times = [], [], []
         self._color = self.DeclareAbstractInputPort("color", Value[ImageRgba8U]())
         self._depth = self.DeclareAbstractInputPort("depth", Value[ImageDepth32F]())
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._read)
+        if published:
+            self.DeclarePeriodicPublishEvent(period, 0.0, self._read)
+        else:
+            self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._read)
 
-    def _read(self, context, state):
+    def _read(self, context, _state=None):
         self.times.append(context.get_time())
         self.colors.append(self._color.Eval(context).data.copy())
         self.depths.append(self._depth.Eval(context).data.copy())
 
 
-def simulate(duration, seed=0, reader_periods=(TICK,), **light):
+def simulate(duration, seed=0, reader_periods=(TICK,), published=False, **light):
     builder = DiagramBuilder()
     ideal = builder.AddSystem(IdealCamera(**light))
     camera = builder.AddSystem(CameraNoise(CameraNoiseConfig(), INTRINSICS, seed))
     for port in ("color_image", "depth_image", "illumination"):
         builder.Connect(ideal.GetOutputPort(port), camera.GetInputPort(port))
     readers = [builder.AddSystem(Reader(period)) for period in reader_periods]
+    if published:
+        readers.append(builder.AddSystem(Reader(TICK, published=True)))
     for reader in readers:
         builder.Connect(camera.GetOutputPort("color_measured"), reader.GetInputPort("color"))
         builder.Connect(camera.GetOutputPort("depth_measured"), reader.GetInputPort("depth"))
@@ -124,8 +129,9 @@ def test_depth_does_not_need_light():
 
 
 def test_readers_and_exposure_share_one_drawing_per_instant():
-    ideal, _ = simulate(0.99, reader_periods=(TICK, TICK, TICK))
+    ideal, readers = simulate(0.99, reader_periods=(TICK, TICK, TICK), published=True)
     assert ideal.drawings == 15
+    assert [len(reader.times) for reader in readers] == [15, 15, 15, 15]
 
 
 def test_constant_light_leaves_the_exposure_alone():

@@ -203,9 +203,7 @@ class Episode:
             scenario=scenario,
             truth=truth,
             modalities=self.recorder.modalities,
-            camera=PinholeCamera(
-                K=intrinsics.intrinsic_matrix(), X_WC=station.X_WC.GetAsMatrix4()
-            ),
+            camera=PinholeCamera(K=intrinsics.intrinsic_matrix(), X_WC=station.X_WC.GetAsMatrix4()),
             duration=duration,
             wall_time=wall_time,
             frames=self.recorder.frames,

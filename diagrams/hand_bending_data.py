@@ -8,7 +8,14 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 
 from controllers.bending_excitation import BendingExcitationConfig
-from diagrams.station import Light, Station, StationConfig, camera_intrinsics, looking_at, make_station
+from diagrams.station import (
+    Light,
+    Station,
+    StationConfig,
+    camera_intrinsics,
+    looking_at,
+    make_station,
+)
 from maths import se3
 from models import SDF_DIR
 from plants.manipulation_scene import ObjectPlacement

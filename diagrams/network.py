@@ -7,8 +7,8 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.sensors import CameraInfo
-
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
+
 from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
 from systems.proprioception.grasp_model import GraspModel, GraspModelConfig
 from systems.proprioception.hand_bending import HandBending, HandBendingConfig
@@ -97,7 +97,7 @@ def make_network(modality: str, config: PerceptionConfig, robot: RobotKnowledge)
         _wire(builder, model, "bodies_predicted", bodies, "joint_predictions")
         _wire(builder, body, "body_prior", bodies, "interacted_body_prior")
         _wire(builder, features, "features_estimated", body, "features_estimated")
-        _wire(builder, bodies, "body_motions_estimated", body, "vision_motions_estimated")
+        _wire(builder, bodies, "body_motions_estimated", body, "body_motions_estimated")
         _wire(builder, bodies, "body_motions_estimated", model, "body_motions")
         # What hand and eye know together of the interacted body counts, not what the eye knows.
         _wire(builder, body, "body_motions_estimated", model, "body_motions_1")
@@ -156,9 +156,7 @@ def _add_proprioception(
     for system in (grasp, body):
         builder.ConnectInput(active, system.GetInputPort("interaction_active"))
     for system in (bending, grasp, body):
-        _wire(
-            builder, end_effector, "end_effector_estimated", system, "end_effector_estimated"
-        )
+        _wire(builder, end_effector, "end_effector_estimated", system, "end_effector_estimated")
     for system in (grasp, body):
         _wire(builder, bending, "hand_bending_estimated", system, "hand_bending_estimated")
     _wire(builder, grasp, "grasp_latest", body, "grasp_latest")

@@ -5,7 +5,6 @@ through ports named `cheat_...`, for evaluation.
 """
 
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -344,7 +343,9 @@ def _taught_postures(wiring: _Wiring, X_WHandle: RigidTransform) -> tuple[Array,
     control = wiring.config.control
     rng = np.random.default_rng((wiring.seed, 1))
     rotation = se3.so3_exp(rng.normal(0.0, control.guidance_rotation, 3))
-    X_guided = RigidTransform(RotationMatrix(rotation), rng.normal(0.0, control.guidance_translation, 3))
+    X_guided = RigidTransform(
+        RotationMatrix(rotation), rng.normal(0.0, control.guidance_translation, 3)
+    )
     X_WE = facing(X_WHandle) @ X_guided
     back = RigidTransform([0.0, 0.0, -control.sequence.approach_distance])
     q_grasp = inverse_kinematics(wiring.arm, X_WE, NOMINAL_POSTURE)

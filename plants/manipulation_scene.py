@@ -95,7 +95,9 @@ def add_manipulation_scene(
             f"{placement.model}: need one root body to weld to the world, found"
             f" {[body.name() for body in roots]}"
         )
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("__model__", object_instance), placement.X_WO)
+    plant.WeldFrames(
+        plant.world_frame(), plant.GetFrameByName("__model__", object_instance), placement.X_WO
+    )
     plant.Finalize()
     arm, hand = (plant.GetModelInstanceByName(name) for name in ("arm", "hand"))
     _ignore_self_collision(plant, scene_graph, [arm, hand])

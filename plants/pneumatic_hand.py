@@ -92,9 +92,7 @@ class PneumaticHand(LeafSystem):
 
     def _volume(self, context: Context) -> Array:
         theta = np.asarray(self._hand_state.Eval(context))[:15]
-        return np.maximum(
-            self._volume_straight + self._rates @ theta, 0.2 * self._volume_straight
-        )
+        return np.maximum(self._volume_straight + self._rates @ theta, 0.2 * self._volume_straight)
 
     def _calc_pressure(self, context: Context, output: BasicVector) -> None:
         air = np.asarray(context.get_discrete_state_vector().value())

@@ -1,0 +1,166 @@
+"""Impedance, exploration and grasp sequence through their ports."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
+
+from controllers.exploration import ExplorationConfig, ExplorationController, explore_step
+from controllers.grasp_sequence import (
+    GraspSequence,
+    GraspSequenceConfig,
+    Phase,
+    exploration_gains,
+    minimum_jerk,
+)
+from controllers.impedance import (
+    DesiredMotion,
+    ImpedanceConfig,
+    ImpedanceController,
+    ImpedanceGains,
+    impedance_wrench,
+    posture_torque,
+)
+from controllers.robot_kinematics import ArmModel
+from maths import se3
+from plants.robot import make_arm_with_load
+
+Q = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.1])
+
+
+@cache
+def arm_model() -> ArmModel:
+    return ArmModel(make_arm_with_load(RigidTransform()))
+
+
+def desired(X_WE: np.ndarray, V: np.ndarray | None = None) -> DesiredMotion:
+    return DesiredMotion(X_WE=X_WE, V_WE_E=np.zeros(6) if V is None else V, A_WE_E=np.zeros(6))
+
+
+def gains(scale: float) -> ImpedanceGains:
+    return ImpedanceGains(
+        stiffness=scale * np.eye(6), damping=scale * np.eye(6), mass=scale * np.eye(6)
+    )
+
+
+def test_the_wrench_is_that_of_spring_damper_and_mass() -> None:
+    rng = np.random.default_rng(0)
+    state = arm_model().Evaluate(np.concatenate([Q, rng.normal(size=7)]))
+    xi, V_des, A_des = rng.normal(size=(3, 6)) * 0.3
+    motion = DesiredMotion(X_WE=state.X_WE @ se3.exp(xi), V_WE_E=V_des, A_WE_E=A_des)
+    K, D, M = rng.normal(size=(3, 6, 6))
+    wrench = impedance_wrench(state, motion, ImpedanceGains(stiffness=K, damping=D, mass=M))
+    assert_allclose(wrench, K @ xi + D @ (V_des - state.V_WE_E) + M @ A_des, atol=1e-9)
+
+
+def test_the_posture_torque_leaves_the_end_effector_alone() -> None:
+    state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
+    tau = posture_torque(state, Q + 0.3, 4.0, 0.4)
+    wrench, *_ = np.linalg.lstsq(state.J_E.T, tau, rcond=None)
+    assert_allclose(wrench, np.zeros(6), atol=1e-9)
+    assert np.linalg.norm(tau) > 0.01
+
+
+def test_an_arm_at_its_goal_is_held_against_gravity_only() -> None:
+    state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
+    controller = ImpedanceController(ImpedanceConfig(), arm_model(), Q)
+    context = controller.CreateDefaultContext()
+    controller.GetInputPort("joint_state_measured").FixValue(
+        context, np.concatenate([Q, np.zeros(7)])
+    )
+    controller.GetInputPort("motion_desired").FixValue(
+        context, AbstractValue.Make(desired(state.X_WE))
+    )
+    controller.GetInputPort("gains_commanded").FixValue(context, AbstractValue.Make(gains(100.0)))
+    torque = controller.EvalUniquePeriodicDiscreteUpdate(context).value()
+    assert_allclose(torque, state.tau_bias, atol=1e-6)
+    assert np.abs(torque).max() > 1.0
+
+
+def test_a_hand_that_lags_pulls_the_goal_ahead_in_the_wanted_direction() -> None:
+    wanted = np.array([0, 0, 0, 0, 0, -0.02])
+    X = explore_step(np.eye(4), 0.5 * wanted, wanted, 0.1)
+    assert_allclose(X[:3, 3], [0, 0, -0.001])
+    assert_allclose(explore_step(np.eye(4), wanted, wanted, 0.1), np.eye(4))
+
+
+def explore_once(phase: Phase) -> tuple[np.ndarray, DesiredMotion]:
+    state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
+    controller = ExplorationController(ExplorationConfig(), arm_model())
+    context = controller.CreateDefaultContext()
+    controller.GetInputPort("joint_state_measured").FixValue(
+        context, np.concatenate([Q, np.zeros(7)])
+    )
+    goal = state.X_WE @ se3.exp(np.full(6, 0.05))
+    controller.GetInputPort("motion_desired").FixValue(context, AbstractValue.Make(desired(goal)))
+    controller.GetInputPort("phase").FixValue(context, [float(phase)])
+    simulator = Simulator(controller, context)
+    simulator.AdvanceTo(0.005)
+    return state.X_WE, controller.GetOutputPort("motion_commanded").Eval(context)
+
+
+def test_before_exploration_the_sequence_is_passed_on() -> None:
+    X_WE, motion = explore_once(Phase.CLOSE)
+    assert_allclose(se3.log(se3.inverse(X_WE) @ motion.X_WE), np.full(6, 0.05), atol=1e-9)
+
+
+def test_exploration_advances_the_goal_along_the_pull_and_lets_the_rest_follow_the_hand() -> None:
+    X_WE, motion = explore_once(Phase.EXPLORE)
+    error = se3.log(se3.inverse(X_WE) @ motion.X_WE)
+    step = ExplorationConfig().gain * ExplorationConfig().speed
+    assert_allclose(error[:5], 0.0, atol=1e-9)
+    assert error[5] < -step + 0.06
+    assert_allclose(motion.V_WE_E, [0, 0, 0, 0, 0, -0.02])
+
+
+def test_exploration_is_compliant_but_in_the_pulling_direction() -> None:
+    compliant = exploration_gains(GraspSequenceConfig())
+    assert_allclose(np.diag(compliant.stiffness), [0.1] * 5 + [400.0])
+    assert_allclose(np.diag(compliant.damping), [1.0] * 5 + [200.0])
+    assert_allclose(compliant.mass, np.eye(6))
+
+
+def test_the_blend_has_the_derivatives_it_claims() -> None:
+    h = 1e-5
+    for s in (0.1, 0.5, 0.83):
+        position, rate, acceleration = minimum_jerk(s)
+        low, high = minimum_jerk(s - h), minimum_jerk(s + h)
+        assert_allclose(rate, (high[0] - low[0]) / (2 * h), rtol=1e-6)
+        assert_allclose(acceleration, (high[1] - low[1]) / (2 * h), rtol=1e-6, atol=1e-6)
+        assert 0 < position < 1
+
+
+def test_the_sequence_goes_through_its_phases_and_stops_after_its_travel() -> None:
+    config = GraspSequenceConfig(approach_time=0.1, close_time=0.1, travel=0.05)
+    state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
+    sequence = GraspSequence(config, arm_model(), state.X_WE)
+    simulator = Simulator(sequence)
+    context = simulator.get_mutable_context()
+    port = sequence.GetInputPort("joint_state_measured")
+    port.FixValue(context, np.concatenate([Q, np.zeros(7)]))
+
+    def phase_at(time: float) -> int:
+        simulator.AdvanceTo(time)
+        return int(sequence.GetOutputPort("phase").Eval(context)[0])
+
+    assert phase_at(0.05) == Phase.APPROACH
+    assert sequence.GetOutputPort("interaction_active").Eval(context)[0] == 0
+    assert phase_at(0.15) == Phase.CLOSE
+    assert np.all(sequence.GetOutputPort("pressure_commanded").Eval(context) > 0)
+    assert phase_at(0.25) == Phase.EXPLORE
+    assert sequence.GetOutputPort("interaction_active").Eval(context)[0] == 1
+    moved = Q.copy()
+    moved[3] += 0.3
+    port.FixValue(context, np.concatenate([moved, np.zeros(7)]))
+    assert phase_at(0.3) == Phase.STOP
+
+
+def test_impossible_values_are_refused_by_name() -> None:
+    with pytest.raises(ValueError, match="period"):
+        ImpedanceController(ImpedanceConfig(period=0.0), arm_model(), Q)
+    with pytest.raises(ValueError, match="speed"):
+        ExplorationController(ExplorationConfig(speed=-1.0), arm_model())

@@ -94,7 +94,9 @@ def run_episode_into(scenario: Scenario, folder: Path) -> dict[str, Any]:
         return done
     try:
         from diagrams.episode import run_episode
+        from diagrams.process_memory import reset_peak_memory
 
+        reset_peak_memory()  # A worker runs many episodes, each counts for itself.
         open_run_folder(folder, force=True)
         result = run_episode(scenario, scenario.seed)
         write_run(folder, result)

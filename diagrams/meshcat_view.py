@@ -39,7 +39,9 @@ class MeshcatViewConfig:
     refresh_interval: float = 1.0  # Between new sets of features, [s]; between them they move.
     text_interval: float = 0.5  # Least time between new texts, [s].
     point_size: float = 0.012  # Of a feature, [m].
-    viewpoint: np.ndarray = field(default_factory=lambda: np.array([-0.5, 1.2, 1.4]))  # p_WV, [m].
+    # Where the page is first seen from, and what the texts face, p_WV, [m]; and its target.
+    viewpoint: np.ndarray = field(default_factory=lambda: np.array([-0.25, 0.75, 1.45]))
+    looking_at: np.ndarray = field(default_factory=lambda: np.array([0.6, -0.2, 0.85]))
 
 
 def start_meshcat(host: str = "localhost") -> Meshcat:
@@ -93,6 +95,7 @@ class MeshcatView(LeafSystem):
             if not value > 0:
                 raise ValueError(f"MeshcatView: need {name} > 0, got {value!r}")
         meshcat.Delete(ROOT)  # What an earlier view may have left.
+        meshcat.SetCameraPose(config.viewpoint, config.looking_at)
         self._ports: dict[str, dict[str, InputPort]] = {}
         self._layers: dict[str, _Layer] = {}
         models = {"joints": JointBeliefs(), "body_motions": BodyMotions(), "features": _NO_FEATURES}

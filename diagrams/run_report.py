@@ -138,6 +138,6 @@ def report(result: EpisodeResult, summary: dict[str, Any], written: list[Path]) 
         lines += ["", "Against the truth:"] + [f"  {line}" for line in comparison(summary)]
     lines += ["", speed(summary), "", "Files:"]
     lines += [f"  {path}" for path in written]
-    if result.failure is not None:
+    if result.failure is not None and not result.interrupted:
         lines += ["", f"The episode failed: {result.failure}"]
     return "\n".join(lines)

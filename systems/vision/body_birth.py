@@ -15,6 +15,7 @@ from systems.port_values import (
     PoseBelief,
 )
 from systems.vision import body_filter, body_tracking
+from systems.vision.body_adoption import adopt
 from systems.vision.body_tracking import BodyLevel, RigidBodyMotionConfig, TrackedBody
 from systems.vision.feature_history import (
     Displacements,
@@ -224,6 +225,7 @@ def step(
     tick = level.tick + 1
     history = body_tracking.remember_features(config, level, features)
     bodies, history = body_tracking.advance_all(config, level, history, joints, prior)
+    bodies, history = adopt(config, bodies, history, prior, tick)
     history = body_tracking.associate(config, bodies, history)
     bodies, history, next_id = give_birth(config, level, bodies, history, prior)
     strays = (history.body != STATIC_BODY) & (history.suspicion >= config.max_suspicion)

@@ -57,6 +57,7 @@ class RigidBodyMotionConfig:
     rotation_sigma: float = 0.1  # Prior rotation of a new body's first motion, [rad].
     prior_rotation_walk: float = 0.05  # Of the prior while no feature is seen, [rad/sqrt(s)].
     prior_translation_walk: float = 0.01  # The same, [m/sqrt(s)].
+    adoption_way: float = 0.003  # Of the hand before a body may turn out to be held by it, [m].
     seed: int = 0  # Of RANSAC.
 
 
@@ -73,6 +74,7 @@ class TrackedBody:
         support: Features that agreed with it at this tick.
         unsupported: Ticks with fewer than `keep_support`.
         source: Which prediction fitted best at this tick.
+        held_since: Tick at which the hand had closed, of the interacted body; -1 for others.
     """
 
     body_id: int
@@ -83,6 +85,7 @@ class TrackedBody:
     support: int = 0
     unsupported: int = 0
     source: str = "reference"
+    held_since: int = -1
 
     def __deepcopy__(self, memo: dict[int, object]) -> "TrackedBody":
         return self
@@ -358,6 +361,7 @@ def interacted_body(config: RigidBodyMotionConfig, prior: PoseBelief, tick: int)
         reference_tick=tick,
         path=np.tile(prior.X, (config.window, 1, 1)),
         source="prior",
+        held_since=tick,
     )
 
 

@@ -33,9 +33,11 @@ def draw_frames(result: EpisodeResult, modality: str | None = None) -> Figure | 
     height, width = frames[0].color.shape[:2]
     with mpl.rc_context(STYLE | {"axes.grid": False}):
         figure = new_figure(4.6 * len(frames), 4.6 * height / width + 0.55)
+        bodies: set[int] = set()
+        joints: set[JointType] = set()
         for axes, frame in zip(np.atleast_1d(figure.subplots(1, len(frames))), frames, strict=True):
-            _draw_frame(axes, frame, result, modality)
-        _frame_legend(figure, modality)
+            _draw_frame(axes, frame, result, modality, bodies, joints)
+        _frame_legend(figure, modality, bodies, joints)
     return figure
 
 
@@ -51,32 +53,46 @@ def _choose_frames(frames: list[FrameRecord], truth: Truth) -> list[FrameRecord]
     return [frames[k] for k in chosen]
 
 
-def _draw_frame(axes: Axes, frame: FrameRecord, result: EpisodeResult, modality: str) -> None:
+def _draw_frame(
+    axes: Axes,
+    frame: FrameRecord,
+    result: EpisodeResult,
+    modality: str,
+    bodies: set[int],
+    joints: set[JointType],
+) -> None:
+    """Draws one image and notes in `bodies` and `joints` what the legend has to explain."""
     height, width = frame.color.shape[:2]
     axes.imshow(frame.color, interpolation="none")
     axes.set_axis_off()
     axes.set_xlim(-0.5, width - 0.5)
     axes.set_ylim(height - 0.5, -0.5)
     tick = _tick_at(result.modalities[modality].ticks, frame.time)
-    features = frame.features.get(modality)
-    if features is not None and tick is not None:
-        colors = _feature_colors(features, tick)
-        u, v = features.uv.T
-        axes.scatter(u, v, s=9, c=colors, edgecolors="#202020", linewidths=0.35)
     if tick is None:
         return
+    features = frame.features.get(modality)
+    if features is not None and len(features.ids):
+        owners = _owners(features, tick)
+        bodies.update(owners)
+        u, v = features.uv.T
+        colors = [palette.body_color(owner) for owner in owners]
+        axes.scatter(u, v, s=9, c=colors, edgecolors="#202020", linewidths=0.35)
     joint = select_joint(tick.joints)
     if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
         body = next((b for b in tick.bodies.bodies if b.body_id == joint.child_id), None)
         draw_joint(axes, joint, body, result.camera)
-    _inset(axes, _caption(frame.time, joint, result.truth))
+        joints.add(joint.type)
+    dark = any(frame.time in interval for interval in result.scenario.disturbances.lights_off)
+    covered = any(frame.time in span for span in result.scenario.disturbances.camera_covered)
+    note = ", camera covered" if covered else ", lights off" if dark else ""
+    _inset(axes, _caption(f"t = {frame.time:.1f} s{note}", joint, result.truth))
 
 
-def _caption(time: float, joint: JointBelief | None, truth: Truth) -> str:
+def _caption(when: str, joint: JointBelief | None, truth: Truth) -> str:
     belief = describe_configuration(joint, truth.axis_W)
     if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
         belief = f"{joint.type}, q = {belief}"
-    return f"t = {time:.1f} s\n{belief}"
+    return f"{when}\n{belief}"
 
 
 def _inset(axes: Axes, text: str) -> None:
@@ -100,29 +116,27 @@ def _tick_at(ticks: list[TickRecord], time: float) -> TickRecord | None:
     return ticks[int(np.argmin(np.abs(times - time)))]
 
 
-def _feature_colors(features: FeatureBelief, tick: TickRecord) -> list[str]:
+def _owners(features: FeatureBelief, tick: TickRecord) -> list[int]:
+    """The body of each feature."""
     owner = {
         int(feature): body.body_id for body in tick.bodies.bodies for feature in body.feature_ids
     }
-    return [palette.body_color(owner.get(int(i), STATIC_BODY)) for i in features.ids]
+    return [owner.get(int(feature), STATIC_BODY) for feature in features.ids]
 
 
-def _frame_legend(figure: Figure, modality: str) -> None:
-    dot: dict[str, Any] = {
-        "marker": "o",
-        "ls": "",
-        "markeredgecolor": "#202020",
-        "markeredgewidth": 0.4,
-    }
+def _frame_legend(figure: Figure, modality: str, bodies: set[int], joints: set[JointType]) -> None:
+    dot: dict[str, Any] = {"marker": "o", "ls": "", "mec": "#202020", "mew": 0.4}
     handles = [
-        Line2D([], [], color=palette.body_color(STATIC_BODY), label="resting features", **dot),
-        Line2D([], [], color=palette.body_color(1), label="features on the held body", **dot),
-        Line2D([], [], color=joint_color(JointType.PRISMATIC), lw=4, label="prismatic joint"),
-        Line2D([], [], color=joint_color(JointType.REVOLUTE), lw=4, label="revolute joint"),
+        Line2D([], [], color=palette.body_color(body), label=palette.body_label(body), **dot)
+        for body in sorted(bodies)
+    ]
+    handles += [
+        Line2D([], [], color=joint_color(joint), lw=4, label=f"{joint} joint")
+        for joint in sorted(joints)
     ]
     figure.legend(
         handles=handles,
         loc="outside lower center",
-        ncols=4,
+        ncols=max(len(handles), 1),
         title=f"as believed by {palette.MODALITY_LABEL[modality]}",
     )

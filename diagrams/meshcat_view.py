@@ -180,7 +180,8 @@ class _Layer:
         path = f"{self._path}/features/set_{self._sets}/body_{body_id}"
         cloud = PointCloud(len(points), Fields(BaseField.kXYZs))
         cloud.mutable_xyzs()[:] = points.T
-        color = Rgba(*palette.rgb(palette.body_color(body_id)))
+        moving = palette.body_color(body_id)
+        color = Rgba(*palette.rgb(moving if body_id else palette.RESTING_IN_SCENE))
         self._meshcat.SetObject(path, cloud, self._config.point_size, color)
         self._show_from(path, time)
         self._clouds[body_id] = path

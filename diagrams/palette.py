@@ -25,6 +25,16 @@ _INTERACTED = "#FFCC22"
 _OTHERS = ("#33BBEE", "#EE3377", "#99DD55", "#BB88FF")
 
 
+RESTING_IN_SCENE = "#3A3A3A"  # Resting features among the light surfaces of Meshcat.
+
+
+def body_label(body_id: int) -> str:
+    """What a legend calls the features of a body."""
+    if body_id == STATIC_BODY:
+        return "resting features"
+    return "of the held body" if body_id == INTERACTED_BODY else f"of moving body {body_id}"
+
+
 def body_color(body_id: int) -> str:
     """Of the features of a body; the same body always has the same colour."""
     if body_id == STATIC_BODY:

@@ -23,7 +23,7 @@ def draw_frames(result: EpisodeResult, modality: str | None = None) -> Figure | 
     Args:
         modality: Whose belief is drawn; by default the cross-modal one where it exists.
     """
-    frames = _choose_frames(result.frames, result.truth)
+    frames = _choose_frames(result)
     if not frames or not result.modalities:
         return None
     if modality is None:
@@ -41,15 +41,23 @@ def draw_frames(result: EpisodeResult, modality: str | None = None) -> Figure | 
     return figure
 
 
-def _choose_frames(frames: list[FrameRecord], truth: Truth) -> list[FrameRecord]:
-    """The images at the start of the motion, half way through it and at the end."""
+def _choose_frames(result: EpisodeResult) -> list[FrameRecord]:
+    """The images at the start of the motion, in its course and at its end.
+
+    Where the lights go off or the camera is covered in the course of it, the last image before
+    that is taken, else the one half way.
+    """
+    frames, truth = result.frames, result.truth
     if len(frames) <= 3:
         return frames
     times = np.array([frame.time for frame in frames])
     start = motion_start(truth) if len(truth.times) else None
-    begin = times[0] if start is None else start
-    wanted = [begin, 0.5 * (begin + times[-1]), times[-1]]
-    chosen = sorted({int(np.argmin(np.abs(times - time))) for time in wanted})
+    begin, end = times[0] if start is None else start, times[-1]
+    disturbances = result.scenario.disturbances
+    starts = [span.start for span in disturbances.lights_off + disturbances.camera_covered]
+    seen = times[(times > begin) & (times < min([t for t in starts if t < end], default=begin))]
+    middle = seen[-1] if len(seen) else 0.5 * (begin + end)
+    chosen = sorted({int(np.argmin(np.abs(times - time))) for time in (begin, middle, end)})
     return [frames[k] for k in chosen]
 
 

@@ -54,7 +54,7 @@ def test_each_curve_is_the_error_in_millimetres_in_its_modalitys_colour() -> Non
 def test_frames_come_from_start_middle_and_end_of_the_motion() -> None:
     result = synthetic_episode()
     words = texts(draw_frames(result))
-    for time in ("t = 4.5 s", "t = 9.0 s", "t = 15.5 s, lights off"):
+    for time in ("t = 4.5 s", "t = 9.5 s\nprismatic", "t = 15.5 s, lights off"):
         assert time in words
     result.scenario.disturbances.lights_off.clear()
     assert "t = 10.0 s" in texts(draw_frames(result))

@@ -19,6 +19,7 @@ from diagrams.scenario import Scenario, load_scenario
 from diagrams.yaml_schema import ScenarioError, one_line, suggestion
 
 _MARKER = "evaluation.json"
+_ERROR_FILE = "error.txt"
 
 
 @dataclass(kw_only=True)
@@ -100,14 +101,13 @@ def run_episode_into(scenario: Scenario, folder: Path) -> dict[str, Any]:
         open_run_folder(folder, force=True)
         result = run_episode(scenario, scenario.seed)
         write_run(folder, result)
+        (folder / _ERROR_FILE).unlink(missing_ok=True)
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         assert isinstance(summary, dict)
         return summary
-    except ScenarioError:
-        raise
     except Exception as error:
-        # Whatever went wrong in one episode is its result; the others must go on.
-        write_text(folder / "error.txt", traceback.format_exc())
+        # Whatever went wrong in one episode, be it a handle out of reach, is its result.
+        write_text(folder / _ERROR_FILE, traceback.format_exc())
         reason = f"{type(error).__name__}: {one_line(error)}"
         return {
             "scenario": scenario.name,

@@ -1,7 +1,7 @@
 """The four joint filters of one pair of bodies: prismatic, revolute, rigid and disconnected.
 
-Usable without Drake: `start_filters`, then `update_filters` per measurement, each of which returns
-a new state; `joint_belief` and `predict_child` read it. The maths is in `joint_likelihood`.
+Usable without Drake: `JointFilters.start`, then `update` per measurement, each of which returns a
+new state; `belief` and `predict` read it. The maths is in `joint_likelihood`.
 
 Frames: P parent, B child, F the child's measured reference pose. All covariances of poses are right
 perturbations in B.
@@ -13,31 +13,20 @@ import numpy as np
 import numpy.typing as npt
 
 from maths import se3
-from systems.kinematics.joint_likelihood import (
-    PRISMATIC,
-    REVOLUTE,
-    RIGID,
-    Models,
-    dimension,
-    initial_models,
-    jacobian,
-    screw,
-    tangent_basis,
-)
-from systems.kinematics.joint_solver import update, walk_evidence
-from systems.kinematics.pose_packets import (
-    FIRST,
-    RECENT,
-    Packets,
-    append,
-    empty_packets,
-)
+from systems.kinematics.joint_geometry import PRISMATIC, REVOLUTE, dimension
+from systems.kinematics.joint_likelihood import AXIS_SPREAD, Models, initial_models
+from systems.kinematics.joint_readout import predict_pose, read_joint
+from systems.kinematics.joint_solver import update as update_models
+from systems.kinematics.pose_packets import FIRST, RECENT, Packets, append, empty_packets
 from systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
 
 Array = npt.NDArray[np.float64]
 
 TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID, JointType.DISCONNECTED)
-_FLOOR = 1e-12  # [rad^2, m^2], for covariances given as exact.
+_FLOOR = 1e-12 * np.eye(6)  # [rad^2, m^2], for covariances given as exact.
+_WELL_KNOWN = 0.03  # [rad], of a prismatic axis.
+_RESTART_EVERY = 15  # Updates.
+_NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 
 
 @dataclass(kw_only=True)
@@ -158,104 +147,150 @@ class JointFiltersState:
         return self
 
 
-def _walk_rate(config: JointFiltersConfig) -> Array:
-    return np.repeat([config.walk_rotation**2, config.walk_translation**2], 3)
-
-
 def frame_covariance(covariance: Array, dt: float, config: JointFiltersConfig) -> Array:
     """The covariance (6, 6) that one of a stream of measurements `dt` apart counts with."""
-    R = 0.5 * (covariance + covariance.T) + _FLOOR * np.eye(6)
+    R = covariance + _FLOOR
     if config.correlation_time > 0.0 and dt > 0.0:
         r = np.exp(-dt / config.correlation_time)
         R = R * ((1.0 + r) / (1.0 - r))
-    if dt > 0.0:
+    if config.slow_rotation > 0.0 or config.slow_translation > 0.0:
         slow = np.repeat([config.slow_rotation**2, config.slow_translation**2], 3)
-        R = R + np.diag(slow) * max(1.0, 2.0 * config.slow_time / dt)
+        R = R + np.diag(slow) * (max(1.0, 2.0 * config.slow_time / dt) if dt > 0.0 else 1.0)
     return R
 
 
-def start_filters(
-    X_PB_reference: Array,
-    covariance: Array,
-    time: float,
-    config: JointFiltersConfig,
-    parent_id: int = 0,
-    child_id: int = 1,
-) -> JointFiltersState:
-    """Filters at the reference, where q is zero.
+class JointFilters:
+    """Starts, updates and reads the filters of any number of pairs; holds constants only.
 
     Args:
-        X_PB_reference: Measured (4, 4).
-        covariance: Of that measurement (6, 6), in B; zero where it is exact.
-        time: Of the reference, [s].
         config: See `JointFiltersConfig`.
-        parent_id: See `JointBelief`.
-        child_id: See `JointBelief`.
+        owner: Named in errors about it.
     """
-    packets, models = empty_packets(config.memory), initial_models(config.memory)
-    R = frame_covariance(covariance, 0.0, config)
-    append(packets, np.eye(4), R, time, _walk_rate(config))
-    for kind in range(3):
-        n = dimension(kind)
-        models.covariance[kind, :6, :6] = R
-        models.covariance[kind, 6:n, 6:n] = np.diag([1.0, 1.0, 1.0, 1.0][: n - 6])
-    models.covariance[REVOLUTE, 8:, 8:] *= config.axis_distance**2
-    for kind, scale in ((PRISMATIC, 1.0), (REVOLUTE, config.radius)):
-        models.P[kind, 1, 1] = (config.speed / scale) ** 2
-        models.density[kind] = max(config.acceleration_densities) / scale**2
-    models.log_evidence[:] = 0.5 * packets.log_det[0]
-    return JointFiltersState(
-        parent_id=parent_id,
-        child_id=child_id,
-        X_PF=np.array(X_PB_reference, dtype=float),
-        time=time,
-        updates=0,
-        models=models,
-        packets=packets,
-    )
 
+    def __init__(self, config: JointFiltersConfig, owner: str = "JointFilters") -> None:
+        check_joint_filters_config(config, owner)
+        scale = np.array([1.0, config.radius])
+        self.config = config
+        self._speed = config.speed / scale
+        self._densities = np.array(config.acceleration_densities) / scale[:, None] ** 2
+        self._walk_rate = np.repeat([config.walk_rotation**2, config.walk_translation**2], 3)
+        self._log_prior = np.log(
+            [
+                config.prior_prismatic,
+                config.prior_revolute,
+                config.prior_rigid,
+                config.prior_disconnected,
+            ]
+        )
 
-def update_filters(
-    state: JointFiltersState,
-    X_PB: Array,
-    covariance: Array,
-    time: float,
-    config: JointFiltersConfig,
-) -> JointFiltersState:
-    """The state after one measurement of the child's pose.
+    def start(
+        self,
+        X_PB_reference: Array,
+        covariance: Array,
+        time: float,
+        parent_id: int = 0,
+        child_id: int = 1,
+    ) -> JointFiltersState:
+        """Filters at the reference, where q is zero.
 
-    Args:
-        state: Before; left as it is.
-        X_PB: Measured (4, 4).
-        covariance: Of the measurement (6, 6), in B.
-        time: Of the measurement, [s], not before the last.
-        config: The same as in `start_filters`.
-    """
-    models = Models(*(x.copy() for x in state.models))
-    packets = Packets(*(x.copy() for x in state.packets))
-    scale = np.array([1.0, config.radius])
-    update(
-        models,
-        packets,
-        se3.inverse(state.X_PF) @ X_PB,
-        frame_covariance(covariance, time - state.time, config),
-        time,
-        _walk_rate(config),
-        np.asarray(config.acceleration_densities) / scale[:, None] ** 2,
-        config.speed / scale,
-        config.axis_distance,
-        config.coarseness,
-        _wants_restart(state),
-    )
-    return JointFiltersState(
-        parent_id=state.parent_id,
-        child_id=state.child_id,
-        X_PF=state.X_PF,
-        time=time,
-        updates=state.updates + 1,
-        models=models,
-        packets=packets,
-    )
+        Args:
+            X_PB_reference: Measured (4, 4).
+            covariance: Of that measurement (6, 6), in B; zero where it is exact.
+            time: Of the reference, [s].
+            parent_id: See `JointBelief`.
+            child_id: See `JointBelief`.
+        """
+        config = self.config
+        packets, models = empty_packets(config.memory), initial_models(config.memory)
+        R = frame_covariance(covariance, 0.0, config)
+        append(packets, np.eye(4), R, time, self._walk_rate)
+        for kind in range(3):
+            n = dimension(kind)
+            models.covariance[kind, :6, :6] = R
+            models.covariance[kind, 6:n, 6:n] = np.diag(
+                [AXIS_SPREAD**2] * 2 + [config.axis_distance**2] * 2
+            )[: n - 6, : n - 6]
+        for kind in (PRISMATIC, REVOLUTE):
+            models.P[kind, 1, 1] = self._speed[kind] ** 2
+            models.density[kind] = self._densities[kind].max()
+        models.log_evidence[:] = 0.5 * packets.log_det[0]
+        return JointFiltersState(
+            parent_id=parent_id,
+            child_id=child_id,
+            X_PF=np.array(X_PB_reference, dtype=float),
+            time=time,
+            updates=0,
+            models=models,
+            packets=packets,
+        )
+
+    def update(
+        self, state: JointFiltersState, X_PB: Array, covariance: Array, time: float
+    ) -> JointFiltersState:
+        """The state after one measurement of the child's pose.
+
+        Args:
+            state: Before; left as it is.
+            X_PB: Measured (4, 4).
+            covariance: Of the measurement (6, 6), in B.
+            time: Of the measurement, [s], not before the last.
+        """
+        models = Models(*[x.copy() for x in state.models])
+        packets = Packets(*[x.copy() for x in state.packets])
+        update_models(
+            models,
+            packets,
+            se3.inverse(state.X_PF) @ X_PB,
+            frame_covariance(covariance, time - state.time, self.config),
+            time,
+            self._walk_rate,
+            self._densities,
+            self._speed,
+            self.config.axis_distance,
+            self.config.coarseness,
+            _wants_restart(state),
+        )
+        return JointFiltersState(
+            parent_id=state.parent_id,
+            child_id=state.child_id,
+            X_PF=state.X_PF,
+            time=time,
+            updates=state.updates + 1,
+            models=models,
+            packets=packets,
+        )
+
+    def probabilities(self, state: JointFiltersState) -> dict[JointType, float]:
+        """Of each type, given all measurements."""
+        log_p = state.models.log_evidence + self._log_prior
+        p = np.exp(log_p - log_p.max())
+        return dict(zip(TYPES, (p / p.sum()).tolist(), strict=True))
+
+    def belief(self, state: JointFiltersState) -> JointBelief:
+        """The belief about the pair's joint."""
+        return JointBelief(
+            parent_id=state.parent_id,
+            child_id=state.child_id,
+            probabilities=self.probabilities(state),
+            models={
+                JointType.PRISMATIC: _moving_belief(state, PRISMATIC),
+                JointType.REVOLUTE: _moving_belief(state, REVOLUTE),
+                JointType.RIGID: _still_belief(float(state.models.log_evidence[2])),
+                JointType.DISCONNECTED: _still_belief(float(state.models.log_evidence[3])),
+            },
+            updates=state.updates,
+        )
+
+    def predict(self, state: JointFiltersState, joint_type: JointType, dt: float) -> PoseBelief:
+        """Where one model expects the child `dt` [s] after the last measurement: X_PB, in B."""
+        if joint_type == JointType.DISCONNECTED:
+            p = state.packets
+            last = p.size[0] - 1
+            return PoseBelief(
+                X=state.X_PF @ p.Z[last], covariance=p.R[last] + np.diag(self._walk_rate) * dt
+            )
+        X_PB, covariance = predict_pose(TYPES.index(joint_type), state.models, state.X_PF, dt)
+        return PoseBelief(X=X_PB, covariance=covariance)
 
 
 def _wants_restart(state: JointFiltersState) -> bool:
@@ -263,101 +298,30 @@ def _wants_restart(state: JointFiltersState) -> bool:
     m = state.models
     if m.prior_information[0, 0, 0] > 0.0:
         return False
-    well_known = m.covariance[PRISMATIC, 6:8, 6:8].trace() < 0.03**2
-    return not well_known or state.updates % 15 == 0
+    unknown = m.covariance[PRISMATIC, 6, 6] + m.covariance[PRISMATIC, 7, 7] > _WELL_KNOWN**2
+    return bool(unknown) or state.updates % _RESTART_EVERY == 0
 
 
-def log_evidences(state: JointFiltersState) -> dict[JointType, float]:
-    """Log evidence of each type, up to one constant for all."""
-    return {t: float(e) for t, e in zip(TYPES, state.models.log_evidence, strict=True)}
-
-
-def _probabilities(state: JointFiltersState, config: JointFiltersConfig) -> dict[JointType, float]:
-    prior = np.array(
-        [
-            config.prior_prismatic,
-            config.prior_revolute,
-            config.prior_rigid,
-            config.prior_disconnected,
-        ]
-    )
-    log_p = state.models.log_evidence + np.log(prior)
-    p = np.exp(log_p - log_p.max())
-    p /= p.sum()
-    return {t: float(x) for t, x in zip(TYPES, p, strict=True)}
-
-
-def _without_joint(log_evidence: float) -> JointModelBelief:
+def _still_belief(log_evidence: float) -> JointModelBelief:
     return JointModelBelief(
         log_evidence=log_evidence,
-        axis_P=np.full(3, np.nan),
-        axis_covariance=np.full((3, 3), np.nan),
-        p_PA=np.full(3, np.nan),
-        p_PA_covariance=np.full((3, 3), np.nan),
-        configuration=np.full(2, np.nan),
-        configuration_covariance=np.full((2, 2), np.nan),
+        axis_P=_NO_VECTOR,
+        axis_covariance=_NO_MATRIX,
+        p_PA=_NO_VECTOR,
+        p_PA_covariance=_NO_MATRIX,
+        configuration=_NO_VECTOR[:2],
+        configuration_covariance=_NO_MATRIX[:2, :2],
     )
 
 
 def _moving_belief(state: JointFiltersState, kind: int) -> JointModelBelief:
-    m, n = state.models, dimension(kind)
-    Sigma, gain = m.covariance[kind, :n, :n], m.gain[kind, :, :n]
-    a, c, R_PF = m.a[kind], m.c[kind], state.X_PF[:3, :3]
-    B = np.empty((2, 3))
-    tangent_basis(a, B)
-    T = R_PF @ B.T
-    belief = _without_joint(float(m.log_evidence[kind]))
-    belief.axis_P = R_PF @ a
-    belief.axis_covariance = T @ Sigma[6:8, 6:8] @ T.T
-    belief.configuration = m.state[kind].copy()
-    belief.configuration_covariance = m.P[kind] + gain @ Sigma @ gain.T
-    if kind == REVOLUTE:
-        # The nearest point slides along a tilting axis.
-        T = np.hstack([-np.outer(R_PF @ a, B @ c), T])
-        belief.p_PA = R_PF @ c + state.X_PF[:3, 3]
-        belief.p_PA_covariance = T @ Sigma[6:10, 6:10] @ T.T
-    return belief
-
-
-def joint_belief(state: JointFiltersState, config: JointFiltersConfig) -> JointBelief:
-    """The belief about the pair's joint."""
-    evidence = state.models.log_evidence
-    return JointBelief(
-        parent_id=state.parent_id,
-        child_id=state.child_id,
-        probabilities=_probabilities(state, config),
-        models={
-            JointType.PRISMATIC: _moving_belief(state, PRISMATIC),
-            JointType.REVOLUTE: _moving_belief(state, REVOLUTE),
-            JointType.RIGID: _without_joint(float(evidence[2])),
-            JointType.DISCONNECTED: _without_joint(float(evidence[3])),
-        },
-        updates=state.updates,
+    vectors, axis, point, q, q_covariance = read_joint(kind, state.models, state.X_PF)
+    return JointModelBelief(
+        log_evidence=float(state.models.log_evidence[kind]),
+        axis_P=vectors[0],
+        axis_covariance=axis,
+        p_PA=vectors[1],
+        p_PA_covariance=point,
+        configuration=q,
+        configuration_covariance=q_covariance,
     )
-
-
-def predict_child(
-    state: JointFiltersState, joint_type: JointType, dt: float, config: JointFiltersConfig
-) -> PoseBelief:
-    """Where one model expects the child `dt` [s] after the last measurement: X_PB, in B."""
-    m, p = state.models, state.packets
-    last = p.size[0] - 1
-    if joint_type == JointType.DISCONNECTED:
-        return PoseBelief(
-            X=state.X_PF @ p.Z[last], covariance=p.R[last] + np.diag(_walk_rate(config)) * dt
-        )
-    kind = TYPES.index(joint_type)
-    if kind == RIGID:
-        return PoseBelief(X=state.X_PF @ m.Y[RIGID], covariance=m.covariance[RIGID, :6, :6].copy())
-    n = dimension(kind)
-    Sigma, F = m.covariance[kind, :n, :n], np.array([[1.0, dt], [0.0, 1.0]])
-    q = float((F @ m.state[kind])[0])
-    gain = (F @ m.gain[kind, :, :n])[0]
-    variance = float((F @ m.P[kind] @ F.T)[0, 0] + m.density[kind] * dt**3 / 3.0)
-    B, rows, X = np.empty((2, 3)), np.zeros((5, 6)), np.eye(4)
-    tangent_basis(m.a[kind], B)
-    jacobian(kind, m.Y[kind], m.a[kind], m.c[kind], B, q, rows)
-    screw(kind, m.a[kind], m.c[kind], q, X[:3, :3], X[:3, 3])
-    J = np.hstack([np.eye(6), rows[1 : n - 5].T]) + np.outer(rows[0], gain)
-    covariance = J @ Sigma @ J.T + variance * np.outer(rows[0], rows[0])
-    return PoseBelief(X=state.X_PF @ X @ m.Y[kind], covariance=0.5 * (covariance + covariance.T))

@@ -1,14 +1,7 @@
 """The likelihood of packets of relative poses under a joint, linearised and solved, compiled.
 
-A joint with parameters theta = (Y, a, c) moves the child along one screw in F, the frame of the
-measured reference pose X_PF:
-
-    X_FB(q) = E(q) Y,  E(q) = translation by a q (prismatic), or rotation by q about the axis
-                       through c along a (revolute), or identity (rigid)
-
-with Y = X_FB(0) the true reference pose (6 dimensions), a the unit axis (2) and c the axis point
-nearest to Fo (2, in the plane normal to a). Errors of theta live in that tangent space, in this
-order. q follows the white-acceleration process dq = v dt, dv = sqrt(S) dw from q = 0 at the
+The parameters theta = (Y, a, c) and their tangent space are those of `joint_geometry`. The
+configuration follows the white-acceleration process dq = v dt, dv = sqrt(S) dw from q = 0 at the
 reference, v there from N(0, sigma_v^2).
 
 Given theta, each packet says q to within 1/alpha, so that the chain of all q is a two-state Kalman
@@ -25,12 +18,20 @@ import numpy as np
 import numpy.typing as npt
 
 from maths import cholesky
-from systems.kinematics.pose_packets import Packets, move, pose_log, relative_log
+from systems.kinematics.joint_geometry import (
+    REVOLUTE,
+    RIGID,
+    child_pose,
+    dimension,
+    jacobian,
+    screw_twists,
+    tangent_basis,
+)
+from systems.kinematics.pose_packets import Packets, relative_log
 
 Array = npt.NDArray[np.float64]
 
-PRISMATIC, REVOLUTE, RIGID = 0, 1, 2
-AXIS_SPREAD = 1.0  # [rad] standard deviation reported for an axis nobody has seen move.
+AXIS_SPREAD = 1.2  # [rad] per direction, of an axis spread evenly over the sphere.
 
 
 class Models(NamedTuple):
@@ -104,100 +105,6 @@ def initial_models(capacity: int) -> Models:
 
 
 @numba.njit(cache=True)
-def dimension(kind: int) -> int:
-    """The number of parameters of a model."""
-    return 8 if kind == PRISMATIC else (10 if kind == REVOLUTE else 6)
-
-
-@numba.njit(cache=True)
-def tangent_basis(a: Array, B: Array) -> None:
-    """Writes two unit vectors normal to the unit vector `a` and to each other into `B` (2, 3)."""
-    k = 0
-    for i in range(1, 3):
-        if abs(a[i]) < abs(a[k]):
-            k = i
-    s = np.sqrt(1.0 - a[k] * a[k])
-    for i in range(3):
-        B[0, i] = ((1.0 if i == k else 0.0) - a[k] * a[i]) / s
-    B[1, 0] = a[1] * B[0, 2] - a[2] * B[0, 1]
-    B[1, 1] = a[2] * B[0, 0] - a[0] * B[0, 2]
-    B[1, 2] = a[0] * B[0, 1] - a[1] * B[0, 0]
-
-
-@numba.njit(cache=True)
-def _cross(x: Array, y: Array) -> tuple[float, float, float]:
-    return x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
-
-
-@numba.njit(cache=True)
-def _into_body(Y: Array, w: Array, v: Array, out: Array) -> None:
-    """Writes the twist (w, v) in the screw's moving frame as one in B into `out` (6,)."""
-    x = v[0] - (Y[1, 3] * w[2] - Y[2, 3] * w[1])
-    y = v[1] - (Y[2, 3] * w[0] - Y[0, 3] * w[2])
-    z = v[2] - (Y[0, 3] * w[1] - Y[1, 3] * w[0])
-    for i in range(3):
-        out[i] = Y[0, i] * w[0] + Y[1, i] * w[1] + Y[2, i] * w[2]
-        out[3 + i] = Y[0, i] * x + Y[1, i] * y + Y[2, i] * z
-
-
-@numba.njit(cache=True)
-def screw(kind: int, a: Array, c: Array, q: float, R: Array, t: Array) -> None:
-    """Writes E(q) into the rotation `R` (3, 3) and the translation `t` (3,)."""
-    cosine, sine = (np.cos(q), np.sin(q)) if kind == REVOLUTE else (1.0, 0.0)
-    for i in range(3):
-        for j in range(3):
-            R[i, j] = (1.0 - cosine) * a[i] * a[j] + (cosine if i == j else 0.0)
-    for i, j, s in ((0, 1, -a[2]), (0, 2, a[1]), (1, 2, -a[0])):
-        R[i, j] += sine * s
-        R[j, i] -= sine * s
-    for i in range(3):
-        t[i] = a[i] * q if kind == PRISMATIC else 0.0
-        if kind == REVOLUTE:
-            t[i] = c[i] - (R[i, 0] * c[0] + R[i, 1] * c[1] + R[i, 2] * c[2])
-
-
-@numba.njit(cache=True)
-def residual(kind: int, Y: Array, a: Array, c: Array, q: float, Z: Array, r: Array) -> None:
-    """Writes log(X_FB(q)^-1 Z) (6,) into `r`."""
-    R, t = np.empty((3, 3)), np.empty(3)
-    screw(kind, a, c, q, R, t)
-    X = np.zeros((4, 4))
-    for i in range(3):
-        for j in range(4):
-            X[i, j] = R[i, 0] * Y[0, j] + R[i, 1] * Y[1, j] + R[i, 2] * Y[2, j]
-        X[i, 3] += t[i]
-    relative_log(X, Z, r)
-
-
-@numba.njit(cache=True)
-def jacobian(kind: int, Y: Array, a: Array, c: Array, B: Array, q: float, J: Array) -> None:
-    """Writes the twists in B per unit of q (row 0) and of (a, c) in the basis B (rows 1 to 4)."""
-    w, v = np.zeros(3), np.zeros(3)
-    if kind == PRISMATIC:
-        _into_body(Y, w, a, J[0])
-        for i in range(2):
-            for k in range(3):
-                v[k] = q * B[i, k]
-            _into_body(Y, w, v, J[1 + i])
-    elif kind == REVOLUTE:
-        v[0], v[1], v[2] = _cross(c, a)
-        _into_body(Y, a, v, J[0])
-        cosine, sine = np.cos(q), np.sin(q)
-        for i in range(2):
-            x, y, z = _cross(a, B[i])
-            w[0] = sine * B[i, 0] - (1.0 - cosine) * x
-            w[1] = sine * B[i, 1] - (1.0 - cosine) * y
-            w[2] = sine * B[i, 2] - (1.0 - cosine) * z
-            v[0], v[1], v[2] = _cross(c, w)
-            _into_body(Y, w, v, J[1 + i])
-            v[0] = (cosine - 1.0) * B[i, 0] - sine * x
-            v[1] = (cosine - 1.0) * B[i, 1] - sine * y
-            v[2] = (cosine - 1.0) * B[i, 2] - sine * z
-            w[0], w[1], w[2] = 0.0, 0.0, 0.0
-            _into_body(Y, w, v, J[3 + i])
-
-
-@numba.njit(cache=True)
 def _apply(W: Array, x: Array, out: Array) -> None:
     for i in range(6):
         s = 0.0
@@ -215,15 +122,17 @@ def _dot(x: Array, y: Array) -> float:
 
 
 class Linear(NamedTuple):
-    """The packets linearised at one theta and q.
+    """The packets linearised at one theta and q, and the room to compute that.
 
     Attributes:
         alpha: (K,) information about q in each packet.
         g: (K,) its information vector, relative to the q of linearisation.
         beta: (K, 10) its coupling with theta.
-        information: (10, 10) about theta.
+        information: (10, 10) about theta, lower triangle.
         vector: (10,) its information vector.
         value: (1,) log likelihood at the linearisation, each packet's own normaliser left out.
+        rows: (17, 6) room: constant twists, Jacobian, its product with W, residual and product.
+        X: (4, 4) room for a pose.
     """
 
     alpha: Array
@@ -232,10 +141,13 @@ class Linear(NamedTuple):
     information: Array
     vector: Array
     value: Array
+    rows: Array
+    X: Array
 
 
 @numba.njit(cache=True)
-def _new_linear(capacity: int) -> Linear:
+def new_linear(capacity: int) -> Linear:
+    """Room for `capacity` packets, zero."""
     return Linear(
         np.zeros(capacity),
         np.zeros(capacity),
@@ -243,26 +155,40 @@ def _new_linear(capacity: int) -> Linear:
         np.zeros((10, 10)),
         np.zeros(10),
         np.zeros(1),
+        np.zeros((17, 6)),
+        np.zeros((4, 4)),
     )
 
 
 @numba.njit(cache=True)
-def _add_packet(kind: int, m: Models, p: Packets, k: int, B: Array, lin: Linear) -> None:
+def begin_linear(kind: int, m: Models, lin: Linear) -> None:
+    """Clears `lin` and prepares the constant twists of the model."""
+    lin.information[:] = 0.0
+    lin.vector[:] = 0.0
+    lin.value[0] = 0.0
+    if kind != RIGID:
+        B = np.empty((2, 3))
+        tangent_basis(m.a[kind], B)
+        screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], B, lin.rows[:5])
+
+
+@numba.njit(cache=True)
+def add_packet(kind: int, m: Models, p: Packets, k: int, lin: Linear) -> None:
     """Linearises packet k and adds what it says about theta, q left free, except at packet 0."""
     extra = dimension(kind) - 6
-    J, WJ, r, Wr = np.empty((5, 6)), np.empty((5, 6)), np.empty(6), np.empty(6)
-    q, W = m.q[kind, k], p.W[k]
-    residual(kind, m.Y[kind], m.a[kind], m.c[kind], q, p.Z[k], r)
+    G, J, WJ, r, Wr = lin.rows[:5], lin.rows[5:10], lin.rows[10:15], lin.rows[15], lin.rows[16]
+    q, W, H, h = m.q[kind, k], p.W[k], lin.information, lin.vector
+    child_pose(kind, m.Y[kind], m.a[kind], m.c[kind], q, lin.X)
+    relative_log(lin.X, p.Z[k], r)
     _apply(W, r, Wr)
-    H, h = lin.information, lin.vector
     for i in range(6):
         h[i] += Wr[i]
-        for j in range(6):
+        for j in range(i + 1):
             H[i, j] += W[i, j]
     lin.value[0] -= 0.5 * _dot(r, Wr)
     if kind == RIGID:
         return
-    jacobian(kind, m.Y[kind], m.a[kind], m.c[kind], B, q, J)
+    jacobian(kind, G, q, J)
     for i in range(1 + extra):
         _apply(W, J[i], WJ[i])
     for i in range(extra):
@@ -271,8 +197,14 @@ def _add_packet(kind: int, m: Models, p: Packets, k: int, B: Array, lin: Linear)
             H[6 + i, j] += WJ[1 + i, j]
         for j in range(i + 1):
             H[6 + i, 6 + j] += _dot(J[1 + i], WJ[1 + j])
-    if k == 0:
-        return
+    if k > 0:
+        _free_configuration(k, extra, lin)
+
+
+@numba.njit(cache=True)
+def _free_configuration(k: int, extra: int, lin: Linear) -> None:
+    """Marginalises the configuration of packet k, just linearised, with a flat prior."""
+    J, WJ, Wr, H, h = lin.rows[5:10], lin.rows[10:15], lin.rows[16], lin.information, lin.vector
     alpha, g, b = _dot(J[0], WJ[0]), _dot(J[0], Wr), lin.beta[k]
     for i in range(6):
         b[i] = WJ[0, i]
@@ -281,13 +213,14 @@ def _add_packet(kind: int, m: Models, p: Packets, k: int, B: Array, lin: Linear)
     lin.alpha[k], lin.g[k] = alpha, g
     lin.value[0] += 0.5 * g * g / alpha
     for i in range(6 + extra):
-        h[i] -= b[i] * g / alpha
+        scaled = b[i] / alpha
+        h[i] -= scaled * g
         for j in range(i + 1):
-            H[i, j] -= b[i] * b[j] / alpha
+            H[i, j] -= scaled * b[j]
 
 
 @numba.njit(cache=True)
-def _prior_offset(kind: int, m: Models, d: Array) -> None:
+def prior_offset(kind: int, m: Models, d: Array) -> None:
     """Writes (Y, a, c) relative to where the prior was linearised into `d` (12,)."""
     relative_log(m.prior_Y[kind], m.Y[kind], d)
     for i in range(3):
@@ -296,8 +229,10 @@ def _prior_offset(kind: int, m: Models, d: Array) -> None:
 
 
 @numba.njit(cache=True)
-def _embed(row: int, B: Array, T: Array) -> None:
-    """Writes the map (10, 12) of tangent coordinates to (Y, a, c), transposed, into `T`."""
+def embedding(a: Array, T: Array) -> None:
+    """Writes the tangent vectors of (Y, a, c) as rows of twelve components into `T` (10, 12)."""
+    B = np.empty((2, 3))
+    tangent_basis(a, B)
     T[:] = 0.0
     for i in range(6):
         T[i, i] = 1.0
@@ -308,42 +243,40 @@ def _embed(row: int, B: Array, T: Array) -> None:
 
 
 @numba.njit(cache=True)
-def _add_prior(kind: int, m: Models, B: Array, lin: Linear) -> None:
+def _add_prior(kind: int, m: Models, lin: Linear) -> None:
     """Adds what dropped packets said."""
     d, T = np.empty(12), np.empty((10, 12))
-    _prior_offset(kind, m, d)
-    _embed(kind, B, T)
+    prior_offset(kind, m, d)
+    embedding(m.a[kind], T)
     information = m.prior_information[kind]
     gradient = m.prior_vector[kind] - information @ d
-    lin.value[0] += m.prior_value[kind] + 0.5 * (d @ (m.prior_vector[kind] + gradient))
+    lin.value[0] += m.prior_value[kind] + 0.5 * np.sum(d * (m.prior_vector[kind] + gradient))
     n = dimension(kind)
     projected = T @ information @ T.T
     vector = T @ gradient
     for i in range(n):
         lin.vector[i] += vector[i]
-        for j in range(n):
+        for j in range(i + 1):
             lin.information[i, j] += projected[i, j]
 
 
 @numba.njit(cache=True)
 def linearise(kind: int, m: Models, p: Packets, sigma_c: float, lin: Linear) -> None:
     """Fills `lin` with all packets and the priors of theta, at the model's theta and q."""
-    lin.information[:] = 0.0
-    lin.vector[:] = 0.0
-    lin.value[0] = 0.0
-    B = np.empty((2, 3))
-    tangent_basis(m.a[kind], B)
+    begin_linear(kind, m, lin)
     for k in range(p.size[0]):
-        _add_packet(kind, m, p, k, B, lin)
+        add_packet(kind, m, p, k, lin)
     if m.prior_information[kind, 0, 0] > 0.0:
-        _add_prior(kind, m, B, lin)
+        _add_prior(kind, m, lin)
     if kind == RIGID:
         return
     for i in range(2):
         lin.information[6 + i, 6 + i] += 1.0 / AXIS_SPREAD**2
     if kind == REVOLUTE:
+        B, c = np.empty((2, 3)), m.c[kind]
+        tangent_basis(m.a[kind], B)
         for i in range(2):
-            along = m.c[kind, 0] * B[i, 0] + m.c[kind, 1] * B[i, 1] + m.c[kind, 2] * B[i, 2]
+            along = c[0] * B[i, 0] + c[1] * B[i, 1] + c[2] * B[i, 2]
             lin.vector[8 + i] -= along / sigma_c**2
             lin.information[8 + i, 8 + i] += 1.0 / sigma_c**2
             lin.value[0] -= 0.5 * (along / sigma_c) ** 2
@@ -371,7 +304,7 @@ class Chain(NamedTuple):
 
 
 @numba.njit(cache=True)
-def _new_chain() -> Chain:
+def new_chain() -> Chain:
     return Chain(
         np.zeros(2),
         np.zeros((2, 10)),
@@ -480,24 +413,3 @@ def smooth(
         s1 = f[k, 1] + (b + c * dt) * u0 + c * u1
         out[k] = s0
     out[0] = 0.0
-
-
-@numba.njit(cache=True)
-def retract(kind: int, m: Models, step: Array) -> None:
-    """Moves the model's theta by `step` in its tangent space."""
-    move(m.Y[kind], step, m.Y[kind])
-    if kind == RIGID:
-        return
-    a, c, B = m.a[kind], m.c[kind], np.empty((2, 3))
-    tangent_basis(a, B)
-    norm = np.sqrt(step[6] ** 2 + step[7] ** 2)
-    s, cosine = (np.sin(norm) / norm, np.cos(norm)) if norm > 1e-9 else (1.0, 1.0)
-    for i in range(3):
-        a[i] = cosine * a[i] + s * (step[6] * B[0, i] + step[7] * B[1, i])
-        if kind == REVOLUTE:
-            c[i] += step[8] * B[0, i] + step[9] * B[1, i]
-    length = np.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2)
-    along = (a[0] * c[0] + a[1] * c[1] + a[2] * c[2]) / length**2
-    for i in range(3):
-        c[i] -= along * a[i]
-        a[i] /= length

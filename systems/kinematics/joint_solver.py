@@ -11,33 +11,37 @@ import numpy.typing as npt
 
 from maths import cholesky
 from systems.kinematics import pose_packets
-from systems.kinematics.joint_likelihood import (
+from systems.kinematics.joint_geometry import (
     PRISMATIC,
     REVOLUTE,
     RIGID,
+    dimension,
+    retract,
+    tangent_basis,
+)
+from systems.kinematics.joint_likelihood import (
     Chain,
     Linear,
     Models,
-    _add_packet,
-    _embed,
-    _new_chain,
-    _new_linear,
-    _prior_offset,
-    dimension,
+    add_packet,
+    begin_linear,
+    embedding,
     linearise,
-    retract,
+    new_chain,
+    new_linear,
+    prior_offset,
     run_chain,
     smooth,
     solve,
-    tangent_basis,
 )
 from systems.kinematics.pose_packets import Packets, relative_log
 
 Array = npt.NDArray[np.float64]
 
 _STEPS = 3  # Gauss-Newton steps per update at most.
-_STILL = 0.02  # Gain in log likelihood below which another step is not worth it.
-_SIGNIFICANT = 4.0  # Standard deviations of q that decide its sign.
+_STILL = 0.1  # Gain in log likelihood below which another step is not worth it.
+_SIGNIFICANT = 4.0  # Standard deviations of q that decide its sign,
+_MOVED = 10.0  # where the evidence is this many nats above the rigid model's.
 _MEMORY = 40.0  # Nats by which dropped packets can speak against a model.
 
 
@@ -83,8 +87,8 @@ def solve_moving(
     kind: int, m: Models, p: Packets, S: Array, sigma_v: float, sigma_c: float, steps: int
 ) -> None:
     """Gauss-Newton with step halving on theta and all q; stores posterior and evidence."""
-    lin = _new_linear(p.time.size)
-    best, trial = _new_chain(), _new_chain()
+    lin = new_linear(p.time.size)
+    best, trial = new_chain(), new_chain()
     previous, q_previous = -np.inf, m.q[kind].copy()
     Y, a, c = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy()
     step = np.zeros(10)
@@ -95,13 +99,13 @@ def solve_moving(
             step *= 0.3
             m.Y[kind], m.a[kind], m.c[kind] = Y, a, c
             m.q[kind] = q_previous + 0.3 * (m.q[kind] - q_previous)
-            retract(kind, m, step)
+            retract(kind, m.Y[kind], m.a[kind], m.c[kind], step)
             continue
         previous = value
         Y[:], a[:], c[:], q_previous[:] = m.Y[kind], m.a[kind], m.c[kind], m.q[kind]
         step[:] = best.step
         smooth(dimension(kind), density, sigma_v, q_previous, p, lin, step, m.q[kind])
-        retract(kind, m, step)
+        retract(kind, m.Y[kind], m.a[kind], m.c[kind], step)
         m.log_evidence[kind], m.density[kind] = evidence + m.carried[kind], density
         _store(kind, m, best)
         if gain < _STILL:
@@ -111,12 +115,12 @@ def solve_moving(
 @numba.njit(cache=True)
 def solve_rigid(m: Models, p: Packets, sigma_c: float) -> None:
     """Two Gauss-Newton steps on the constant pose; the model is all but linear."""
-    lin, chain = _new_linear(p.time.size), _new_chain()
+    lin, chain = new_linear(p.time.size), new_chain()
     for _ in range(2):
         linearise(RIGID, m, p, sigma_c, lin)
         chain.H[:], chain.h[:] = lin.information, lin.vector
         evidence, gain = solve(6, lin.value[0], chain)
-        retract(RIGID, m, chain.step)
+        retract(RIGID, m.Y[RIGID], m.a[RIGID], m.c[RIGID], chain.step)
         m.log_evidence[RIGID] = evidence + m.carried[RIGID]
         cholesky.inverse(chain.H, m.covariance[RIGID], 6)
         if gain < _STILL:
@@ -223,8 +227,9 @@ def _decide_sign(kind: int, m: Models) -> None:
         return
     n = dimension(kind)
     gain = m.gain[kind, 0, :n]
-    variance = m.P[kind, 0, 0] + gain @ (m.covariance[kind, :n, :n] @ gain)
-    if m.state[kind, 0] ** 2 > _SIGNIFICANT**2 * variance:
+    variance = m.P[kind, 0, 0] + gain @ (np.ascontiguousarray(m.covariance[kind, :n, :n]) @ gain)
+    moved = m.log_evidence[kind] > m.log_evidence[RIGID] + _MOVED
+    if moved and m.state[kind, 0] ** 2 > _SIGNIFICANT**2 * variance:
         m.signed[kind] = 1.0
     if m.state[kind, 0] >= 0.0:
         return
@@ -239,22 +244,22 @@ def _decide_sign(kind: int, m: Models) -> None:
 
 
 @numba.njit(cache=True)
-def _drop(m: Models, p: Packets, k: int, sigma_c: float) -> None:
+def _drop(m: Models, p: Packets, k: int) -> None:
     """Keeps what packet k says about theta, its q left free, in the priors."""
-    B, d, T = np.empty((2, 3)), np.empty(12), np.empty((10, 12))
+    d, T = np.empty(12), np.empty((10, 12))
+    lin = new_linear(p.time.size)
     for kind in range(3):
         m.signed[kind] = 1.0
-        tangent_basis(m.a[kind], B)
-        _prior_offset(kind, m, d)
+        prior_offset(kind, m, d)
         gradient = m.prior_vector[kind] - m.prior_information[kind] @ d
         m.prior_value[kind] += 0.5 * np.sum(d * (m.prior_vector[kind] + gradient))
         m.prior_Y[kind], m.prior_a[kind], m.prior_c[kind] = m.Y[kind], m.a[kind], m.c[kind]
-        lin = _new_linear(p.time.size)
-        _add_packet(kind, m, p, k, B, lin)
+        begin_linear(kind, m, lin)
+        add_packet(kind, m, p, k, lin)
         for i in range(10):
             for j in range(i):
                 lin.information[j, i] = lin.information[i, j]
-        _embed(kind, B, T)
+        embedding(m.a[kind], T)
         m.prior_information[kind] += T.T @ lin.information @ T
         m.prior_vector[kind] = gradient + T.T @ lin.vector
         m.prior_value[kind] += lin.value[0]
@@ -284,7 +289,7 @@ def make_room(
         pose_packets.merge(p, k, walk_rate)
     else:
         before = m.log_evidence.copy()
-        _drop(m, p, k, sigma_c)
+        _drop(m, p, k)
         pose_packets.drop(p, k, walk_rate)
     for kind in range(2):
         for i in range(k + 1 if average else k, p.size[0]):

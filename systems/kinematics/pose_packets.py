@@ -5,8 +5,9 @@ mean time of its frames, with the covariance of that mean (right perturbation, i
 two poses lies on the geodesic between them, a screw motion, so that the mean of two poses on a
 joint's path is on that path too, at any angle.
 
-Of all neighbours, those are averaged that lose the least: the criterion of J. H. Ward, "Hierarchical
-grouping to optimize an objective function", 1963, here xi^T (R_i + R_j)^-1 xi for packets xi apart.
+Of all neighbours, those are averaged that lose the least: the criterion of J. H. Ward,
+"Hierarchical grouping to optimize an objective function", 1963, here xi^T (R_i + R_j)^-1 xi for
+packets xi apart.
 A body at rest thus fills one packet however long it rests, and motion is kept in even steps.
 """
 
@@ -68,47 +69,50 @@ def empty_packets(capacity: int) -> Packets:
 
 
 @numba.njit(cache=True)
-def pose_log(R: Array, t: Array, xi: Array) -> None:
-    """Writes the tangent (6,) of the pose with rotation (3, 3) and translation (3,) into `xi`."""
-    trace = R[0, 0] + R[1, 1] + R[2, 2]
+def _quaternion(R: tuple[float, ...]) -> tuple[float, float, float, float]:
+    """A multiple (w >= 0, x, y, z) of the quaternion of the rotation `R`, row by row."""
+    trace = R[0] + R[4] + R[8]
     if trace > 0.0:
-        w, x = 1.0 + trace, R[2, 1] - R[1, 2]
-        y, z = R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
-    elif R[0, 0] >= R[1, 1] and R[0, 0] >= R[2, 2]:
-        w, x = R[2, 1] - R[1, 2], 1.0 + 2.0 * R[0, 0] - trace
-        y, z = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]
-    elif R[1, 1] >= R[2, 2]:
-        w, x = R[0, 2] - R[2, 0], R[0, 1] + R[1, 0]
-        y, z = 1.0 + 2.0 * R[1, 1] - trace, R[1, 2] + R[2, 1]
+        w, x, y, z = 1.0 + trace, R[7] - R[5], R[2] - R[6], R[3] - R[1]
+    elif R[0] >= R[4] and R[0] >= R[8]:
+        w, x, y, z = R[7] - R[5], 1.0 + 2.0 * R[0] - trace, R[1] + R[3], R[2] + R[6]
+    elif R[4] >= R[8]:
+        w, x, y, z = R[2] - R[6], R[1] + R[3], 1.0 + 2.0 * R[4] - trace, R[5] + R[7]
     else:
-        w, x = R[1, 0] - R[0, 1], R[0, 2] + R[2, 0]
-        y, z = R[1, 2] + R[2, 1], 1.0 + 2.0 * R[2, 2] - trace
-    if w < 0.0:
-        w, x, y, z = -w, -x, -y, -z
+        w, x, y, z = R[3] - R[1], R[2] + R[6], R[5] + R[7], 1.0 + 2.0 * R[8] - trace
+    return (-w, -x, -y, -z) if w < 0.0 else (w, x, y, z)
+
+
+@numba.njit(cache=True)
+def relative_log(A: Array, B: Array, xi: Array) -> None:
+    """Writes log(A^-1 B) (6,) of two poses (4, 4) into `xi`; allocates nothing."""
+    R = (
+        A[0, 0] * B[0, 0] + A[1, 0] * B[1, 0] + A[2, 0] * B[2, 0],
+        A[0, 0] * B[0, 1] + A[1, 0] * B[1, 1] + A[2, 0] * B[2, 1],
+        A[0, 0] * B[0, 2] + A[1, 0] * B[1, 2] + A[2, 0] * B[2, 2],
+        A[0, 1] * B[0, 0] + A[1, 1] * B[1, 0] + A[2, 1] * B[2, 0],
+        A[0, 1] * B[0, 1] + A[1, 1] * B[1, 1] + A[2, 1] * B[2, 1],
+        A[0, 1] * B[0, 2] + A[1, 1] * B[1, 2] + A[2, 1] * B[2, 2],
+        A[0, 2] * B[0, 0] + A[1, 2] * B[1, 0] + A[2, 2] * B[2, 0],
+        A[0, 2] * B[0, 1] + A[1, 2] * B[1, 1] + A[2, 2] * B[2, 1],
+        A[0, 2] * B[0, 2] + A[1, 2] * B[1, 2] + A[2, 2] * B[2, 2],
+    )
+    d0, d1, d2 = B[0, 3] - A[0, 3], B[1, 3] - A[1, 3], B[2, 3] - A[2, 3]
+    t0 = A[0, 0] * d0 + A[1, 0] * d1 + A[2, 0] * d2
+    t1 = A[0, 1] * d0 + A[1, 1] * d1 + A[2, 1] * d2
+    t2 = A[0, 2] * d0 + A[1, 2] * d1 + A[2, 2] * d2
+    w, x, y, z = _quaternion(R)
     sine = np.sqrt(x * x + y * y + z * z)
     half = np.arctan2(sine, w)
     scale = 2.0 / w if sine < 1e-9 * w else 2.0 * half / sine
     x, y, z = scale * x, scale * y, scale * z
     # (1 - h cot h) / |omega|^2 with h = |omega| / 2
     k = (1.0 - half * w / sine) / (4.0 * half * half) if half > 1e-3 else 1.0 / 12.0
-    cx, cy, cz = y * t[2] - z * t[1], z * t[0] - x * t[2], x * t[1] - y * t[0]
+    c0, c1, c2 = y * t2 - z * t1, z * t0 - x * t2, x * t1 - y * t0
     xi[0], xi[1], xi[2] = x, y, z
-    xi[3] = t[0] - 0.5 * cx + k * (y * cz - z * cy)
-    xi[4] = t[1] - 0.5 * cy + k * (z * cx - x * cz)
-    xi[5] = t[2] - 0.5 * cz + k * (x * cy - y * cx)
-
-
-@numba.njit(cache=True)
-def relative_log(A: Array, B: Array, xi: Array) -> None:
-    """Writes log(A^-1 B) (6,) of two poses (4, 4) into `xi`."""
-    R, t = np.empty((3, 3)), np.empty(3)
-    for i in range(3):
-        for j in range(3):
-            R[i, j] = A[0, i] * B[0, j] + A[1, i] * B[1, j] + A[2, i] * B[2, j]
-        t[i] = 0.0
-        for k in range(3):
-            t[i] += A[k, i] * (B[k, 3] - A[k, 3])
-    pose_log(R, t, xi)
+    xi[3] = t0 - 0.5 * c0 + k * (y * c2 - z * c1)
+    xi[4] = t1 - 0.5 * c1 + k * (z * c0 - x * c2)
+    xi[5] = t2 - 0.5 * c2 + k * (x * c1 - y * c0)
 
 
 @numba.njit(cache=True)

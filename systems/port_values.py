@@ -141,10 +141,14 @@ class InteractedBody(BodyMotion):
     """The body in the hand, and what vision alone says about it at this tick.
 
     Attributes:
-        seen: X_WB from the features alone, independent of proprioception; None in the dark.
+        seen: X_WB from the features alone, independent of proprioception, with the covariance of
+            one frame's noise; None in the dark.
+        seen_offset_covariance: (6, 6), in B, of the error that stays as long as the same features
+            are used: their positions in the body are as wrong at the next tick.
     """
 
     seen: PoseBelief | None
+    seen_offset_covariance: Array
 
 
 @dataclass(kw_only=True)
@@ -237,8 +241,9 @@ class GraspBelief:
         covariance: Its (6, 6), in B.
         axis_H: Grasping axis (3,), a unit vector in H.
         p_HA: A point (3,) on the axis, [m].
-        free_motion: (6, 6) orthogonal projection, in H at Ho, onto the hand's twists that the
-            body does not follow; zero for a perfect grasp, identity for a failed one.
+        free_motion: (6, 6) projection, in H at Ho, onto the hand's twists that the body does not
+            follow (orthogonal at p_HA, where turning about the axis moves nothing); zero for a
+            perfect grasp, identity for a failed one.
     """
 
     probabilities: dict[GraspType, float]

@@ -1,0 +1,61 @@
+"""The bent hand in the world, with its errors sorted by how long they last."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from maths import se3
+from systems.port_values import EndEffectorBelief, PoseBelief
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(kw_only=True)
+class BentHand:
+    """Pose of the bent hand, X_WH,true = X_WH exp(loading @ c + factor @ n).
+
+    Attributes:
+        X_WH: (4, 4).
+        loading: (6, m), error in H per unit of each constant of the episode, c ~ N(0, I).
+        factor: (6, 6), error in H per unit of n ~ N(0, I), what the bending and the encoders' noise
+            leave; n fades slowly into another value.
+    """
+
+    X_WH: Array
+    loading: Array
+    factor: Array
+
+
+def bent_hand(end_effector: EndEffectorBelief, bending: PoseBelief) -> BentHand:
+    """X_WH = X_WE X_EH and its errors, moved into H."""
+    Ad = se3.adjoint(se3.inverse(bending.X))
+    white = end_effector.white_covariance[:6, :6]
+    covariance = Ad @ white @ Ad.T + bending.covariance + 1e-14 * np.eye(6)
+    return BentHand(
+        X_WH=end_effector.X @ bending.X,
+        loading=Ad @ end_effector.offset_loading,
+        factor=np.asarray(np.linalg.cholesky(covariance), dtype=float),
+    )
+
+
+def screw(axis: Array, point: Array) -> Array:
+    """Unit twist (6,) of a rotation about the line along `axis` (3,) through `point` (3,)."""
+    return np.concatenate([axis, np.cross(point, axis)])
+
+
+def free_rotation(axis: Array, point: Array) -> Array:
+    """Projection (6, 6) of a twist at the origin onto rotation about a line.
+
+    It takes all of the twist's rotation along the line and leaves how the line's points move.
+    """
+    return np.outer(screw(axis, point), np.concatenate([axis, np.zeros(3)]))
+
+
+def free_sliding(axis: Array, point: Array) -> Array:
+    """Projection (6, 6) of a twist at the origin onto sliding along a line.
+
+    The velocity along the line is that of its points: v + omega x point.
+    """
+    along = np.concatenate([np.cross(point, axis), axis])
+    return np.outer(np.concatenate([np.zeros(3), axis]), along)

@@ -1,0 +1,271 @@
+"""Filters of the grasp types side by side: how the body moves in the bent hand.
+
+What is measured is z = X_WH^-1 X_WB, the hand from proprioception and the body from vision. With
+z_0 at the reference, e = loading c + factor n the hand's error and v that of vision, a grasp says
+
+    z = exp(e) E exp(-e_0) z_0 exp(v),   E = exp(turn phi + slide d)
+
+with E the identity for a perfect grasp, d = 0 for a revolute one. The error state of each filter is
+(c, n, axis (2), point (2), phi, d), cut to what the type has. A failed grasp lets the body stay
+where it was, loosely.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from maths import se3
+from maths.gaussian import joseph_update, log_likelihood, nees, symmetric
+from systems.port_values import GraspType
+from systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
+
+Array = npt.NDArray[np.float64]
+
+HELD_TYPES = (GraspType.PERFECT, GraspType.REVOLUTE, GraspType.CYLINDRICAL)
+_PLAUSIBLE = 3.0  # Deviations from the morphology, in standard deviations, that cost nothing,
+_BEYOND = 100.0  # and what each one more costs, [nat].
+_COORDINATES = {GraspType.PERFECT: 0, GraspType.REVOLUTE: 1, GraspType.CYLINDRICAL: 2}
+
+
+@dataclass(kw_only=True)
+class GraspModelConfig:
+    period: float = 1.0 / 15.0  # Tick, [s].
+    prior_perfect: float = 0.7  # Probability when the hand closes, [-].
+    prior_revolute: float = 0.2
+    prior_cylindrical: float = 0.07
+    prior_failed: float = 0.03
+    axis_H: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))  # Fingers' curl.
+    p_HA: np.ndarray = field(default_factory=lambda: np.zeros(3))  # On the bar in the palm, [m].
+    axis_deviation: float = 0.2  # How far the bar may point elsewhere, [rad].
+    point_deviation: float = 0.015  # How far it may lie elsewhere, [m].
+    rotation_rate: float = 0.1  # Of the body about the bar, random walk, [rad/s^0.5].
+    sliding_rate: float = 0.02  # Of the body along the bar, [m/s^0.5].
+    hand_error_time: float = 5.0  # How long the bent hand's error stays the same, [s].
+    slip_rotation: float = 0.03  # Slip per way of the hand, [rad/m^0.5].
+    slip_translation: float = 2.0e-3  # [m/m^0.5]
+    failed_rotation: float = 0.05  # How a body that nobody holds moves, [rad/s^0.5].
+    failed_translation: float = 0.01  # [m/s^0.5]
+    memory: float = 2.0  # Of the evidence, [s].
+    loss_limit: float = 10.0  # Most that one tick speaks against a type, [nat].
+    gate: float = 30.0  # Squared innovation above which a filter is not corrected, [-].
+    patience: float = 1.0  # A filter that explains nothing so long starts afresh, [s].
+
+
+@dataclass(kw_only=True)
+class GraspFilter:
+    """One type's belief; never written after it is made.
+
+    Attributes:
+        type: Perfect, revolute or cylindrical.
+        z_0: X_HB (4, 4) at its reference, with loading_0 (6, m) of the hand's error there.
+        axis: Unit vector (3,) in H, through point (3,), [m].
+        coordinates: (phi [rad], d [m]).
+        x: Mean (m + 6,) of (c, n).
+        P: Covariance of (c, n, axis, point, coordinates).
+        way: Of the hand since the reference, [m].
+        rejected: Ticks in a row at which it explained nothing.
+    """
+
+    type: GraspType
+    z_0: Array
+    loading_0: Array
+    axis: Array
+    point: Array
+    coordinates: Array
+    x: Array
+    P: Array
+    way: float = 0.0
+    rejected: int = 0
+
+
+def start_filter(
+    grasp_type: GraspType, z_0: Array, loading_0: Array, config: GraspModelConfig
+) -> GraspFilter:
+    """A filter at its reference, with the hand's morphology as prior."""
+    axis, point = morphology(config)
+    errors = loading_0.shape[1] + 6
+    variances = [1.0] * errors
+    if grasp_type != GraspType.PERFECT:
+        variances += [config.axis_deviation**2] * 2 + [config.point_deviation**2] * 2
+        variances += [1e-12] * _COORDINATES[grasp_type]
+    return GraspFilter(
+        type=grasp_type,
+        z_0=z_0,
+        loading_0=loading_0,
+        axis=axis,
+        point=point,
+        coordinates=np.zeros(2),
+        x=np.zeros(errors),
+        P=np.diag(variances),
+    )
+
+
+def tangent_basis(axis: Array) -> Array:
+    """Two unit vectors (3, 2) perpendicular to `axis` and to each other."""
+    helper = np.zeros(3)
+    helper[np.argmin(np.abs(axis))] = 1.0
+    first = np.cross(axis, helper)
+    first /= np.linalg.norm(first)
+    return np.column_stack([first, np.cross(axis, first)])
+
+
+def grasp_displacement(axis: Array, point: Array, coordinates: Array) -> tuple[Array, Array]:
+    """E (4, 4), and its derivative (6, 6): left perturbation by (axis, point, phi, d)."""
+    phi, d = coordinates
+    U = tangent_basis(axis)
+    tau = screw(axis, point) * phi
+    tau[3:] += axis * d
+    D = np.zeros((6, 6))
+    for i in range(2):
+        D[:3, i] = phi * U[:, i]
+        D[3:, i] = phi * np.cross(point, U[:, i]) + d * U[:, i]
+        D[3:, 2 + i] = phi * np.cross(U[:, i], axis)
+    D[:, 4] = screw(axis, point)
+    D[3:, 5] = axis
+    return se3.exp(tau), se3.left_jacobian(tau) @ D
+
+
+def predict_filter(grasp: GraspFilter, config: GraspModelConfig, way: float) -> GraspFilter:
+    """The bent hand's error fades, the coordinates walk; axis and point are constants."""
+    m = len(grasp.x) - 6
+    rho = np.exp(-config.period / config.hand_error_time)
+    x, P = grasp.x.copy(), grasp.P.copy()
+    x[m:] *= rho
+    P[m : m + 6] *= rho
+    P[:, m : m + 6] *= rho
+    Q = np.zeros(len(P))
+    Q[m : m + 6] = 1.0 - rho**2
+    rates = np.array([config.rotation_rate, config.sliding_rate])
+    count = _COORDINATES[grasp.type]
+    if count:
+        Q[-count:] = rates[:count] ** 2 * config.period
+    return replace(grasp, x=x, P=P + np.diag(Q), way=grasp.way + way)
+
+
+def expected(grasp: GraspFilter, loading: Array, factor: Array) -> tuple[Array, Array]:
+    """The z that a filter expects (4, 4), and the left derivative by its error state (6, n)."""
+    m = loading.shape[1]
+    E, D = grasp_displacement(grasp.axis, grasp.point, grasp.coordinates)
+    e = loading @ grasp.x[:m] + factor @ grasp.x[m:]
+    e_0 = grasp.loading_0 @ grasp.x[:m]
+    constants = loading - se3.adjoint(E) @ grasp.loading_0
+    count = len(grasp.P) - m - 6
+    H = np.hstack([constants, factor, D[:, :count]])
+    return se3.exp(e) @ E @ se3.exp(-e_0) @ grasp.z_0, H
+
+
+def correct_filter(
+    grasp: GraspFilter, z: Array, R: Array, hand: BentHand, factor: Array, config: GraspModelConfig
+) -> tuple[GraspFilter, float]:
+    """The filter after the measurement z, and its log likelihood before.
+
+    Args:
+        z: X_HB (4, 4), with white noise R (6, 6) expressed in H.
+        hand: With the loading of its constant errors.
+        factor: Of the hand's other errors (6, 6), those of vision's anchors among them.
+    """
+    factor = with_slip(factor, grasp.way, config)
+    predicted, H = expected(grasp, hand.loading, factor)
+    innovation = se3.log(z @ se3.inverse(predicted))
+    S = symmetric(H @ grasp.P @ H.T + R)
+    likelihood = log_likelihood(innovation, S)
+    if nees(innovation, S) > config.gate:
+        return replace(grasp, rejected=grasp.rejected + 1), likelihood
+    correction, P = joseph_update(grasp.P, np.ascontiguousarray(H), R, innovation)
+    errors = len(grasp.x)
+    theta = np.zeros(6)
+    theta[: len(correction) - errors] = correction[errors:]
+    U = tangent_basis(grasp.axis)
+    axis = grasp.axis + U @ theta[:2]
+    corrected = replace(
+        grasp,
+        axis=axis / np.linalg.norm(axis),
+        point=grasp.point + U @ theta[2:4],
+        coordinates=grasp.coordinates + theta[4:],
+        x=grasp.x + correction[:errors],
+        P=P,
+        rejected=0,
+    )
+    return corrected, likelihood
+
+
+def relative_pose(grasp: GraspFilter, config: GraspModelConfig) -> tuple[Array, Array]:
+    """X_HB (4, 4) of the true hand, exp(-e_0) and grasp applied to z_0; covariance (6, 6) in H."""
+    m = len(grasp.x) - 6
+    E, D = grasp_displacement(grasp.axis, grasp.point, grasp.coordinates)
+    H = np.zeros((6, len(grasp.P)))
+    H[:, :m] = -se3.adjoint(E) @ grasp.loading_0
+    H[:, m + 6 :] = D[:, : len(grasp.P) - m - 6]
+    slip = np.repeat([config.slip_rotation**2, config.slip_translation**2], 3) * grasp.way
+    X_HB = E @ se3.exp(-grasp.loading_0 @ grasp.x[:m]) @ grasp.z_0
+    return X_HB, symmetric(H @ grasp.P @ H.T) + np.diag(slip + 1e-10)
+
+
+def with_slip(factor: Array, way: float, config: GraspModelConfig) -> Array:
+    """The factor (6, 6) of the hand's error together with what slips over a way [m]."""
+    slip = np.repeat([config.slip_rotation**2, config.slip_translation**2], 3) * way
+    return np.asarray(np.linalg.cholesky(factor @ factor.T + np.diag(slip)))
+
+
+def follow(grasp: GraspFilter, z: Array, hand: BentHand, factor: Array) -> GraspFilter:
+    """Moves the coordinates to where `z` is, without learning anything from it.
+
+    For z that was computed through the grasp itself: it may not confirm the grasp.
+    """
+    count = _COORDINATES[grasp.type]
+    if count == 0:
+        return grasp
+    predicted, _ = expected(grasp, hand.loading, factor)
+    nu = se3.log(z @ se3.inverse(predicted))
+    moved = np.array([grasp.axis @ nu[:3], grasp.axis @ (nu[3:] + np.cross(nu[:3], grasp.point))])
+    moved[count:] = 0.0
+    return replace(grasp, coordinates=grasp.coordinates + moved)
+
+
+def plausibility(grasp: GraspFilter, config: GraspModelConfig) -> float:
+    """At most zero: how far the errors that a filter has assumed exceed what is usual, [nat].
+
+    The memory of the evidence is bounded; this keeps a type from becoming likely again after it
+    has explained an impossible motion by impossible errors or an impossible axis.
+    """
+    excess = max(0.0, float(grasp.x @ grasp.x) - len(grasp.x))
+    if grasp.type == GraspType.PERFECT:
+        return -0.5 * excess
+    axis, point = morphology(config)
+    tilt = np.arccos(np.clip(grasp.axis @ axis, -1.0, 1.0)) / config.axis_deviation
+    shift = np.linalg.norm(grasp.point - point) / config.point_deviation
+    beyond = max(0.0, tilt - _PLAUSIBLE) + max(0.0, shift - _PLAUSIBLE)
+    return -0.5 * excess - _BEYOND * float(beyond)
+
+
+def morphology(config: GraspModelConfig) -> tuple[Array, Array]:
+    """The hand's grasping axis (3,), a unit vector in H, and a point on it (3,)."""
+    axis = np.asarray(config.axis_H, dtype=float)
+    return axis / np.linalg.norm(axis), np.asarray(config.p_HA, dtype=float)
+
+
+def failed_likelihood(
+    z: Array, R: Array, z_before: Array, R_before: Array, ticks: int, config: GraspModelConfig
+) -> float:
+    """Log likelihood of z if the body stayed where `z_before` says, up to a random walk.
+
+    Args:
+        z: X_HB (4, 4) now; z_before: X_HB now of a body that has not moved since it was last seen.
+        R: White noise of z (6, 6), in H, and R_before of z_before.
+        ticks: Since it was last seen.
+    """
+    walk = np.repeat([config.failed_rotation**2, config.failed_translation**2], 3)
+    S = R + R_before + np.diag(walk * config.period * ticks)
+    return float(log_likelihood(se3.log(z @ se3.inverse(z_before)), S))
+
+
+def free_projection(grasp_type: GraspType, axis: Array, point: Array) -> Array:
+    """The hand's twists (6, 6), in H at Ho, that the body does not follow."""
+    if grasp_type == GraspType.FAILED:
+        return np.eye(6)
+    if grasp_type == GraspType.REVOLUTE:
+        return free_rotation(axis, point)
+    if grasp_type == GraspType.CYLINDRICAL:
+        return free_rotation(axis, point) + free_sliding(axis, point)
+    return np.zeros((6, 6))

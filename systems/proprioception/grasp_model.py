@@ -1,0 +1,327 @@
+"""How the bent hand holds the interacted body: four types side by side, the likeliest wins."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.systems.framework import Context
+
+from maths import se3
+from systems.port_values import (
+    INTERACTED_BODY,
+    BodyMotions,
+    EndEffectorBelief,
+    GraspBelief,
+    GraspType,
+    InteractedBody,
+    PoseBelief,
+)
+from systems.proprioception.bent_hand import BentHand, bent_hand
+from systems.proprioception.grasp_filters import (
+    HELD_TYPES,
+    GraspFilter,
+    GraspModelConfig,
+    correct_filter,
+    failed_likelihood,
+    follow,
+    free_projection,
+    morphology,
+    plausibility,
+    predict_filter,
+    relative_pose,
+    start_filter,
+)
+from systems.proprioception.recursive_filter import RecursiveFilter, require_positive
+from systems.sensors.checks import require
+
+Array = npt.NDArray[np.float64]
+
+TYPES = (*HELD_TYPES, GraspType.FAILED)
+
+
+def prior_probabilities(config: GraspModelConfig) -> Array:
+    """Of the types (4,), in the order of `TYPES`."""
+    return np.array(
+        [
+            config.prior_perfect,
+            config.prior_revolute,
+            config.prior_cylindrical,
+            config.prior_failed,
+        ]
+    )
+
+
+@dataclass(kw_only=True)
+class GraspState:
+    """The filters while something is held; never written after it is made.
+
+    Attributes:
+        belief: The port value.
+        filters: One per held type; empty while nothing is held.
+        evidence: Log evidence (4,) that fades, in the order of `TYPES`.
+        hand: The bent hand at the last tick.
+        X_WB_seen: Where the body was seen last (4, 4), with white covariance in B (6, 6).
+        seen_covariance: (6, 6)
+        ticks_unseen: Ticks since then.
+    """
+
+    belief: GraspBelief
+    filters: list[GraspFilter]
+    evidence: Array
+    hand: BentHand | None
+    X_WB_seen: Array
+    seen_covariance: Array
+    ticks_unseen: int
+
+    def __deepcopy__(self, memo: dict[int, object]) -> "GraspState":
+        return self
+
+
+def make_belief(
+    probabilities: Array,
+    filters: list[GraspFilter],
+    z: Array,
+    covariance: Array,
+    config: GraspModelConfig,
+) -> GraspBelief:
+    """The port value, from the likeliest type's filter.
+
+    Args:
+        z: X_HB (4, 4) as measured, with covariance (6, 6) in H; it stands where no filter does.
+    """
+    best = TYPES[int(np.argmax(probabilities))]
+    axis, point = morphology(config)
+    for candidate in filters:
+        if candidate.type == (GraspType.REVOLUTE if best == GraspType.PERFECT else best):
+            axis, point = candidate.axis, candidate.point
+        if candidate.type == best:
+            z, covariance = relative_pose(candidate, config)
+    Ad = se3.adjoint(se3.inverse(z))
+    return GraspBelief(
+        probabilities=dict(zip(TYPES, map(float, probabilities), strict=True)),
+        X_HB=z,
+        covariance=Ad @ covariance @ Ad.T,
+        axis_H=axis,
+        p_HA=point,
+        free_motion=free_projection(best, axis, point),
+    )
+
+
+def measured_covariance(hand: BentHand, z: Array, P_B: Array) -> Array:
+    """Covariance (6, 6) in H of z = X_WH^-1 X_WB, the body's (6, 6) being in B."""
+    Ad = se3.adjoint(z)
+    own = hand.loading @ hand.loading.T + hand.factor @ hand.factor.T
+    return np.asarray(own + Ad @ P_B @ Ad.T)
+
+
+def initial_grasp(config: GraspModelConfig) -> GraspBelief:
+    """What is believed before anything is held: the prior."""
+    return make_belief(prior_probabilities(config), [], np.eye(4), np.eye(6), config)
+
+
+def initial_state(config: GraspModelConfig) -> GraspState:
+    return GraspState(
+        belief=initial_grasp(config),
+        filters=[],
+        evidence=np.zeros(4),
+        hand=None,
+        X_WB_seen=np.eye(4),
+        seen_covariance=np.eye(6),
+        ticks_unseen=0,
+    )
+
+
+def start_state(hand: BentHand, body: InteractedBody, config: GraspModelConfig) -> GraspState:
+    """The filters at the reference, where X_HB is known."""
+    z_0 = se3.inverse(hand.X_WH) @ body.motion.X
+    filters = [start_filter(kind, z_0, hand.loading, config) for kind in HELD_TYPES]
+    covariance = measured_covariance(hand, z_0, body.motion.covariance[:6, :6])
+    return GraspState(
+        belief=make_belief(prior_probabilities(config), filters, z_0, covariance, config),
+        filters=filters,
+        evidence=np.zeros(4),
+        hand=hand,
+        X_WB_seen=body.motion.X,
+        seen_covariance=body.motion.covariance[:6, :6] + 1e-10 * np.eye(6),
+        ticks_unseen=0,
+    )
+
+
+def reaffirm(
+    state: GraspState, hand: BentHand, body: InteractedBody, config: GraspModelConfig
+) -> GraspState:
+    """A tick without vision: X_HB follows from the grasp, so that it cannot confirm it."""
+    z = se3.inverse(hand.X_WH) @ body.motion.X
+    filters = [follow(f, z, hand, hand.factor) for f in state.filters]
+    covariance = measured_covariance(hand, z, body.motion.covariance[:6, :6])
+    probabilities = np.array([state.belief.probabilities[kind] for kind in TYPES])
+    return GraspState(
+        belief=make_belief(probabilities, filters, z, covariance, config),
+        filters=filters,
+        evidence=state.evidence,
+        hand=hand,
+        X_WB_seen=state.X_WB_seen,
+        seen_covariance=state.seen_covariance,
+        ticks_unseen=state.ticks_unseen + 1,
+    )
+
+
+def refresh(
+    candidate: GraspFilter, z: Array, hand: BentHand, config: GraspModelConfig
+) -> GraspFilter:
+    """A filter that has explained nothing for long starts from where the body is now."""
+    if candidate.rejected * config.period < config.patience:
+        return candidate
+    return start_filter(candidate.type, z, hand.loading, config)
+
+
+def learn(
+    state: GraspState,
+    hand: BentHand,
+    seen: PoseBelief,
+    offset_covariance: Array,
+    config: GraspModelConfig,
+) -> GraspState:
+    """A tick at which vision shows the body: corrects every filter and weighs the types."""
+    z = se3.inverse(hand.X_WH) @ seen.X
+    Ad = se3.adjoint(z)
+    R = Ad @ seen.covariance @ Ad.T
+    factor: Any = np.linalg.cholesky(hand.factor @ hand.factor.T + Ad @ offset_covariance @ Ad.T)
+    z_still = se3.inverse(hand.X_WH) @ state.X_WB_seen
+    Ad_still = se3.adjoint(z_still)
+    results = [correct_filter(f, z, R, hand, factor, config) for f in state.filters]
+    likelihoods = np.array(
+        [
+            *(likelihood for _, likelihood in results),
+            failed_likelihood(
+                z,
+                R,
+                z_still,
+                Ad_still @ state.seen_covariance @ Ad_still.T,
+                state.ticks_unseen + 1,
+                config,
+            ),
+        ]
+    )
+    likelihoods = np.maximum(likelihoods - likelihoods.max(), -config.loss_limit)
+    evidence = np.exp(-config.period / config.memory) * state.evidence + likelihoods
+    usual = np.array([*(plausibility(f, config) for f, _ in results), 0.0])
+    score = np.log(prior_probabilities(config)) + evidence + usual
+    weights = np.exp(score - score.max())
+    probabilities = weights / weights.sum()
+    covariance = measured_covariance(hand, z, seen.covariance + offset_covariance)
+    filters = [refresh(f, z, hand, config) for f, _ in results]
+    return GraspState(
+        belief=make_belief(probabilities, filters, z, covariance, config),
+        filters=filters,
+        evidence=evidence - evidence.max(),
+        hand=hand,
+        X_WB_seen=seen.X,
+        seen_covariance=seen.covariance,
+        ticks_unseen=0,
+    )
+
+
+class GraspModel(RecursiveFilter):
+    """Recursive estimate of the kinematics between the bent hand and the body it holds.
+
+    Four types: perfect (no relative motion), revolute (turning about the grasping axis),
+    cylindrical (turning about it and sliding along it) and failed (the body stays where it was,
+    loosely). Axis and point start from the hand's morphology and are constants in H. Measurement:
+    z = X_WH^-1 X_WB. The types are weighed by the log likelihood of their innovations, under the
+    real innovation covariance, with a memory of `memory` seconds.
+
+    Only what vision alone says about the body (`InteractedBody.seen`) is independent of the grasp.
+    In the proprioception-only wiring, and in the dark, the body's pose is computed through the
+    grasp: then the relative pose is followed and the prior reaffirmed, without new confidence.
+
+    .. pydrake_system::
+
+        name: GraspModel
+        input_ports:
+        - end_effector_estimated
+        - hand_bending_estimated
+        - body_motions_estimated
+        - interaction_active
+        output_ports:
+        - grasp_estimated
+        - grasp_latest
+
+    - end_effector_estimated: `EndEffectorBelief` X_WE.
+    - hand_bending_estimated: `PoseBelief` X_EH.
+    - body_motions_estimated: `BodyMotions` with the one `InteractedBody`, of
+      `InteractedBodyMotion`.
+    - interaction_active: (1,) above 0.5 from the instant at which the hand has closed.
+    - grasp_estimated: `GraspBelief`, posterior of this tick.
+    - grasp_latest: `GraspBelief`, posterior of the last tick, from the state alone.
+
+    Frames: W world, E nominal end-effector, H bent end-effector, A on the grasping axis, B body.
+
+    Source: Martín-Martín and Brock, IROS 2017, section IV-C.
+    """
+
+    def __init__(self, config: GraspModelConfig) -> None:
+        super().__init__()
+        self._check(config)
+        self._config = config
+        nowhere = PoseBelief(X=np.eye(4), covariance=np.eye(6))
+        end_effector = EndEffectorBelief(
+            X=np.eye(4), V=np.zeros(6), covariance=np.eye(12), offset_loading=np.zeros((6, 0))
+        )
+        self._end_effector = self._declare_value_input("end_effector_estimated", end_effector)
+        self._bending = self._declare_value_input("hand_bending_estimated", nowhere)
+        self._bodies = self._declare_value_input("body_motions_estimated", BodyMotions())
+        self._active = self.DeclareVectorInputPort("interaction_active", 1)
+        self._nothing_held = initial_state(config)
+        self._declare_recursion(self._nothing_held, self._calc_grasp, config.period)
+        self._declare_estimated("grasp_estimated", lambda state: state.belief)
+        self._declare_latest("grasp_latest", lambda state: state.belief)
+
+    @staticmethod
+    def _check(config: GraspModelConfig) -> None:
+        units = {
+            "period": "s",
+            "prior_perfect": "",
+            "prior_revolute": "",
+            "prior_cylindrical": "",
+            "prior_failed": "",
+            "axis_deviation": "rad",
+            "point_deviation": "m",
+            "rotation_rate": "rad/s^0.5",
+            "sliding_rate": "m/s^0.5",
+            "hand_error_time": "s",
+            "failed_rotation": "rad/s^0.5",
+            "failed_translation": "m/s^0.5",
+            "memory": "s",
+            "loss_limit": "nat",
+            "gate": "",
+            "patience": "s",
+        }
+        require_positive("GraspModel", config, units)
+        for name, unit in {"slip_rotation": "rad/m^0.5", "slip_translation": "m^0.5"}.items():
+            require(getattr(config, name) >= 0, "GraspModel", config, name, f">= 0 {unit}")
+        for name in ("axis_H", "p_HA"):
+            value = np.asarray(getattr(config, name), dtype=float)
+            finite = value.shape == (3,) and bool(np.isfinite(value).all())
+            require(finite, "GraspModel", config, name, "three finite numbers")
+        length = float(np.linalg.norm(config.axis_H))
+        require(length > 1e-6, "GraspModel", config, "axis_H", "a direction")
+        total = float(prior_probabilities(config).sum())
+        require(abs(total - 1.0) < 1e-6, "GraspModel", config, "prior_perfect", "a sum of one")
+
+    def _calc_grasp(self, context: Context, state: Any) -> GraspState:
+        motions: BodyMotions = self._read(self._bodies, context)
+        body = next((b for b in motions.bodies if b.body_id == INTERACTED_BODY), None)
+        if self._read(self._active, context)[0] <= 0.5 or not isinstance(body, InteractedBody):
+            return self._nothing_held
+        end_effector = self._read(self._end_effector, context)
+        hand = bent_hand(end_effector, self._read(self._bending, context))
+        if state.hand is None:
+            return start_state(hand, body, self._config)
+        way = float(np.linalg.norm(hand.X_WH[:3, 3] - state.hand.X_WH[:3, 3]))
+        filters = [predict_filter(f, self._config, way) for f in state.filters]
+        state = GraspState(**{**vars(state), "filters": filters})
+        if body.seen is None:
+            return reaffirm(state, hand, body, self._config)
+        return learn(state, hand, body.seen, body.seen_offset_covariance, self._config)

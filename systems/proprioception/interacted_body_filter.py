@@ -1,0 +1,298 @@
+"""The pose of the body in the hand: predicted by the hand through the grasp, corrected by features.
+
+Error state, all but the first in units of their own standard deviation:
+
+    xi  (6,)  pose error, X_WB,true = X_WB exp(xi)
+    c   (m,)  constants of the episode: the calibration offset of the encoders
+    n   (6,)  what else is wrong with the bent hand's pose; fades slowly into another value
+    b   (6,)  how wrong the features' positions in the body are, as a pose error in B
+    f   (2,)  how much of the hand's turning about the grasping axis and of its sliding along it the
+              body follows, against what the likeliest grasp says; a constant
+    k   (3,)  how much the body turns about the axis per way of its handle, if the grasp lets it;
+              a constant, as the body of a hinge turns by one radian per radius
+
+The constants make the displacement's error honest over time: they are the same at every tick, so
+they grow with the way that the hand has moved and do not average away. Vision, while it lasts,
+measures them too, and so improves what proprioception says in the dark.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from maths import se3
+from maths.gaussian import joseph_update, nees, symmetric
+from systems.port_values import GraspBelief, GraspType, Ids, PoseBelief
+from systems.proprioception.bent_hand import BentHand, screw
+
+Array = npt.NDArray[np.float64]
+
+_REFERENCE_VARIANCE = 1e-12  # The reference pose is so by definition, [rad^2, m^2].
+
+
+@dataclass(kw_only=True)
+class InteractedBodyMotionConfig:
+    period: float = 1.0 / 15.0  # Tick, [s].
+    hand_error_time: float = 5.0  # How long the bent hand's error stays the same, [s].
+    slip_rotation: float = 0.03  # Slip in the hand per way moved, [rad/m^0.5].
+    slip_translation: float = 2.0e-3  # [m/m^0.5]
+    lever: float = 0.1  # Way of the hand per rotation, when counting its way, [m/rad].
+    hinge_curvature: float = 3.0  # One over the radius of a hinge, 1 sigma, [rad/m].
+    rotation_velocity_noise: float = 0.02  # Of the bending's rate and of slip, [rad/s].
+    translation_velocity_noise: float = 4.0e-3  # [m/s]
+    minimum_features: int = 4  # Fewer say nothing about the body.
+    inlier_share: float = 0.5  # Of the features seen, at least so many agree on one pose.
+    anchor_rotation_floor: float = 2.0e-3  # Common error of the features' positions, [rad].
+    anchor_translation_floor: float = 3.0e-4  # [m]
+    surprise: float = 22.5  # Squared innovation above which the grasp has slipped (99.9 %), [-].
+    surprise_rotation: float = 0.05  # By how much then, [rad].
+    surprise_translation: float = 0.01  # [m]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the parts of the error state lie, for m constants."""
+
+    m: int
+
+    @property
+    def size(self) -> int:
+        return 23 + self.m
+
+    @property
+    def c(self) -> slice:
+        return slice(6, 6 + self.m)
+
+    @property
+    def n(self) -> slice:
+        return slice(6 + self.m, 12 + self.m)
+
+    @property
+    def b(self) -> slice:
+        return slice(12 + self.m, 18 + self.m)
+
+    @property
+    def f(self) -> slice:
+        return slice(18 + self.m, 20 + self.m)
+
+    @property
+    def k(self) -> slice:
+        return slice(20 + self.m, 23 + self.m)
+
+
+@dataclass(kw_only=True)
+class BodyState:
+    """Mean and covariance of the body; never written after it is made.
+
+    Attributes:
+        hand: The bent hand at the same tick.
+        X_WB: (4, 4), with the reference pose X_WB_reference (4, 4).
+        x: Mean (n,) of the error state; its first six are zero.
+        P: Covariance (n, n).
+        V: V_WB_B (6,), with covariance V_covariance (6, 6).
+        feature_ids: The features seen last.
+        grasp_type: Under which f and k have their present meaning.
+    """
+
+    hand: BentHand
+    X_WB: Array
+    X_WB_reference: Array
+    x: Array
+    P: Array
+    V: Array
+    V_covariance: Array
+    feature_ids: Ids
+    grasp_type: GraspType
+
+    def __deepcopy__(self, memo: dict[int, object]) -> "BodyState":
+        return self
+
+    @property
+    def pose(self) -> PoseBelief:
+        return PoseBelief(X=self.X_WB, covariance=self.P[:6, :6])
+
+
+@dataclass(kw_only=True)
+class FreeMotion:
+    """What the grasp leaves free, and how sure that is.
+
+    Attributes:
+        projection: (6, 6), the free part of the hand's twist, in H.
+        axis: Grasping axis (3,) in H through point (3,), [m].
+        doubt: (2,) standard deviation of the share of the hand's turning and of its sliding that
+            the body follows.
+        looseness: Share of a hinge's turning to expect of the body, 1 sigma: one if it may turn
+            about the axis, else the square root of the probability that it may.
+    """
+
+    projection: Array
+    axis: Array
+    point: Array
+    doubt: Array
+    looseness: float
+
+
+def free_motion(grasp: GraspBelief) -> FreeMotion:
+    """Reads the grasp; the likeliest type decides, the others are doubts."""
+    held = max(1.0 - grasp.probabilities[GraspType.FAILED], 1e-9)
+    slides = grasp.probabilities[GraspType.CYLINDRICAL] / held
+    turns = slides + grasp.probabilities[GraspType.REVOLUTE] / held
+    free = np.array([grasp.type != GraspType.PERFECT, grasp.type == GraspType.CYLINDRICAL])
+    chance = np.clip([turns, slides], 0.0, 1.0)
+    doubt = np.sqrt(np.where(free, 1.0 - chance, chance))
+    if grasp.type == GraspType.FAILED:
+        doubt = np.zeros(2)
+    return FreeMotion(
+        projection=grasp.free_motion,
+        axis=grasp.axis_H,
+        point=grasp.p_HA,
+        doubt=doubt,
+        looseness=1.0 if free[0] else float(np.sqrt(chance[0])),
+    )
+
+
+def start_body(hand: BentHand, grasp: GraspBelief) -> BodyState:
+    """The body at its reference: B has the world's axes and sits at the hand's origin."""
+    X_WB = np.eye(4)
+    X_WB[:3, 3] = hand.X_WH[:3, 3]
+    layout = Layout(hand.loading.shape[1])
+    P = np.eye(layout.size)
+    P[:6, :6] *= _REFERENCE_VARIANCE
+    return BodyState(
+        hand=hand,
+        X_WB=X_WB,
+        X_WB_reference=X_WB,
+        x=np.zeros(layout.size),
+        P=P,
+        V=np.zeros(6),
+        V_covariance=1e-4 * np.eye(6),
+        feature_ids=np.zeros(0, dtype=np.int64),
+        grasp_type=grasp.type,
+    )
+
+
+def fade(x: Array, P: Array, part: slice, rho: float) -> tuple[Array, Array]:
+    """Normalised states that keep the share `rho` and renew the rest."""
+    x, P = x.copy(), P.copy()
+    x[part] *= rho
+    P[part] *= rho
+    P[:, part] *= rho
+    index = np.arange(part.start, part.stop)
+    P[index, index] += 1.0 - rho**2
+    return x, P
+
+
+def predict_body(
+    body: BodyState, hand: BentHand, grasp: GraspBelief, config: InteractedBodyMotionConfig
+) -> BodyState:
+    """Moves the body as the hand moved, X_WH T X_WH^-1 X_WB, as far as the grasp transmits it.
+
+    With the hand's twist tau = log(X_WH^-1(t-1) X_WH(t)) and the free projection N, the body is
+    moved by T = exp((I - N) tau). The hand's errors e = loading c + factor n at both ticks enter
+    through the derivatives of that, so what stays the same nearly cancels. When another type of
+    grasp has become the likeliest, f and k mean something else and start afresh.
+    """
+    layout = Layout(hand.loading.shape[1])
+    if grasp.type != body.grasp_type:
+        x, P = fade(body.x, body.P, slice(layout.f.start, layout.k.stop), 0.0)
+        body = replace(body, x=x, P=P, grasp_type=grasp.type)
+    free = free_motion(grasp)
+    before = body.hand
+    relative = se3.inverse(before.X_WH) @ hand.X_WH
+    tau = se3.log(relative)
+    followed = tau - free.projection @ tau
+    step = se3.exp(followed)
+    G = se3.adjoint(se3.inverse(body.X_WB) @ before.X_WH)
+    now = np.eye(6) - free.projection
+    then = se3.adjoint(se3.inverse(step)) - np.eye(6) - now @ se3.adjoint(se3.inverse(relative))
+    turn = screw(free.axis, free.point)
+    slide = np.concatenate([np.zeros(3), free.axis])
+    way_H = followed[3:] + np.cross(followed[:3], free.point)
+    turned = free.axis @ tau[:3]
+    slid = free.axis @ (tau[3:] + np.cross(tau[:3], free.point))
+
+    rho = np.exp(-config.period / config.hand_error_time)
+    F = np.eye(layout.size)
+    F[:6, layout.c] = G @ (now @ hand.loading + then @ before.loading)
+    F[:6, layout.n] = G @ (rho * now @ hand.factor + then @ before.factor)
+    F[layout.n, layout.n] *= rho
+    F[:6, layout.f] = G @ np.column_stack([turn * turned, slide * slid]) * free.doubt
+    curvature = free.looseness * config.hinge_curvature
+    F[:6, layout.k] = np.outer(G @ turn, curvature * (G[:3, :3] @ way_H))
+    noise = np.zeros((layout.size, 6))
+    noise[:6] = G @ now @ hand.factor
+    noise[layout.n] = np.eye(6)
+    P = F @ body.P @ F.T + (1.0 - rho**2) * noise @ noise.T
+    P[:6, :6] += G @ np.diag(_slip(tau, config)) @ G.T
+
+    x = F @ body.x
+    X_WB = before.X_WH @ step @ se3.inverse(before.X_WH) @ body.X_WB @ se3.exp(x[:6])
+    x[:6] = 0.0
+    return replace(body, hand=hand, X_WB=X_WB, x=x, P=symmetric(P))
+
+
+def _slip(tau: Array, config: InteractedBodyMotionConfig) -> Array:
+    """Variances (6,) by which the body slips in the hand while the hand moves by `tau`."""
+    way = np.linalg.norm(tau[3:]) + config.lever * np.linalg.norm(tau[:3])
+    return way * np.repeat([config.slip_rotation**2, config.slip_translation**2], 3)
+
+
+def with_velocity(
+    body: BodyState,
+    V_WH_H: Array,
+    V_covariance: Array,
+    grasp: GraspBelief,
+    config: InteractedBodyMotionConfig,
+) -> BodyState:
+    """Adds the velocity that the grasp transmits from the hand's, (6,) with covariance (6, 6)."""
+    layout = Layout(body.hand.loading.shape[1])
+    free = free_motion(grasp)
+    G = se3.adjoint(se3.inverse(body.X_WB) @ body.hand.X_WH)
+    transmitted = np.eye(6) - free.projection
+    V_H = transmitted @ V_WH_H
+    way_B = G[:3, :3] @ (V_H[3:] + np.cross(V_H[:3], free.point))
+    turn = G @ screw(free.axis, free.point)
+    slide = G @ np.concatenate([np.zeros(3), free.axis])
+    curvature = free.looseness * config.hinge_curvature
+    rate = curvature * way_B @ body.x[layout.k]
+    rate_variance = curvature**2 * way_B @ body.P[layout.k, layout.k] @ way_B
+    rate_variance += (free.doubt[0] * (free.axis @ V_WH_H[:3])) ** 2
+    slide_variance = (free.doubt[1] * (free.axis @ V_WH_H[3:])) ** 2
+    noise = [config.rotation_velocity_noise**2, config.translation_velocity_noise**2]
+    covariance = (
+        G @ transmitted @ V_covariance @ transmitted.T @ G.T
+        + rate_variance * np.outer(turn, turn)
+        + slide_variance * np.outer(slide, slide)
+        + G @ np.diag(np.repeat(noise, 3)) @ G.T
+    )
+    return replace(body, V=G @ V_H + turn * rate, V_covariance=symmetric(covariance))
+
+
+def correct_body(
+    body: BodyState,
+    seen: PoseBelief,
+    offset_covariance: Array,
+    feature_ids: Ids,
+    config: InteractedBodyMotionConfig,
+) -> BodyState:
+    """Corrects by the pose that the features show, seen = X_WB exp(xi + offset b + noise).
+
+    The offset stays as far as the features are the same as at the last tick that saw any. An
+    innovation that nothing explains means that the body slipped: the pose's covariance grows first.
+    """
+    layout = Layout(body.hand.loading.shape[1])
+    kept = np.isin(feature_ids, body.feature_ids).mean() if len(feature_ids) else 0.0
+    x, P = fade(body.x, body.P, layout.b, float(kept))
+    H = np.zeros((6, layout.size))
+    H[:, :6] = np.eye(6)
+    H[:, layout.b] = np.linalg.cholesky(offset_covariance)
+    innovation = se3.log(se3.inverse(body.X_WB) @ seen.X) - H @ x
+    if nees(innovation, H @ P @ H.T + seen.covariance) > config.surprise:
+        jump = np.repeat([config.surprise_rotation**2, config.surprise_translation**2], 3)
+        P[:6, :6] += np.diag(jump)
+    correction, P = joseph_update(P, H, seen.covariance, innovation)
+    x = x + correction
+    X_WB = body.X_WB @ se3.exp(x[:6])
+    x[:6] = 0.0
+    return replace(body, X_WB=X_WB, x=x, P=P, feature_ids=feature_ids)

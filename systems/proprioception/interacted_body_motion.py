@@ -1,0 +1,268 @@
+"""The motion of the body that the hand holds, from proprioception alone or corrected by vision."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import AbstractValue, Value
+from pydrake.systems.framework import Context, InputPort
+
+from maths import se3
+from systems.port_values import (
+    INTERACTED_BODY,
+    BodyMotion,
+    BodyMotions,
+    EndEffectorBelief,
+    FeatureBelief,
+    InteractedBody,
+    MotionBelief,
+    PoseBelief,
+)
+from systems.proprioception.bent_hand import bent_hand
+from systems.proprioception.feature_registration import GATE, register
+from systems.proprioception.grasp_filters import GraspModelConfig
+from systems.proprioception.grasp_model import initial_grasp
+from systems.proprioception.interacted_body_filter import (
+    BodyState,
+    InteractedBodyMotionConfig,
+    correct_body,
+    predict_body,
+    start_body,
+    with_velocity,
+)
+from systems.proprioception.recursive_filter import RecursiveFilter, require_positive
+from systems.sensors.checks import require
+
+Array = npt.NDArray[np.float64]
+
+ABSENT = PoseBelief(X=np.full((4, 4), np.nan), covariance=np.full((6, 6), np.nan))
+
+
+@dataclass(kw_only=True)
+class Sighting:
+    """What this tick's features say about the body.
+
+    Attributes:
+        pose: X_WB from the features alone, with one frame's noise.
+        offset_covariance: (6, 6), in B, of what stays as long as the features do.
+        body: The features that agree, with their positions in the body.
+    """
+
+    pose: PoseBelief
+    offset_covariance: Array
+    body: BodyMotion
+    rows: npt.NDArray[np.int64]
+
+
+def sight(
+    X_start: Array,
+    features: FeatureBelief,
+    motions: BodyMotions,
+    config: InteractedBodyMotionConfig,
+) -> Sighting | None:
+    """Registers the features that belong to the interacted body; None if they are too few."""
+    body = next((b for b in motions.bodies if b.body_id == INTERACTED_BODY), None)
+    if body is None:
+        return None
+    _, rows, seen = np.intersect1d(body.feature_ids, features.ids, return_indices=True)
+    if len(rows) < config.minimum_features:
+        return None
+    X, white, offset, distance = register(
+        np.ascontiguousarray(X_start),
+        body.p_BF[rows],
+        body.p_BF_covariance[rows],
+        features.p_WF[seen],
+        features.covariance[seen],
+    )
+    agree = distance <= GATE
+    if agree.sum() < max(config.minimum_features, config.inlier_share * len(rows)):
+        return None
+    floor = np.repeat([config.anchor_rotation_floor**2, config.anchor_translation_floor**2], 3)
+    return Sighting(
+        pose=PoseBelief(X=X, covariance=0.5 * (white + white.T)),
+        offset_covariance=0.5 * (offset + offset.T) + np.diag(floor),
+        body=body,
+        rows=rows[agree],
+    )
+
+
+@dataclass(kw_only=True)
+class InteractedState:
+    """The body, None while nothing is held, and the sighting that corrected it, if any."""
+
+    body: BodyState | None
+    sighting: Sighting | None
+
+    def __deepcopy__(self, memo: dict[int, object]) -> "InteractedState":
+        return self
+
+
+def body_motions(state: InteractedState) -> BodyMotions:
+    """The port value of a state."""
+    body, sighting = state.body, state.sighting
+    if body is None:
+        return BodyMotions()
+    covariance = np.zeros((12, 12))
+    covariance[:6, :6] = body.P[:6, :6]
+    covariance[6:, 6:] = body.V_covariance
+    rows = np.zeros(0, dtype=np.int64) if sighting is None else sighting.rows
+    return BodyMotions(
+        bodies=[
+            InteractedBody(
+                body_id=INTERACTED_BODY,
+                motion=MotionBelief(X=body.X_WB, V=body.V, covariance=covariance),
+                X_WB_reference=body.X_WB_reference,
+                feature_ids=rows if sighting is None else sighting.body.feature_ids[rows],
+                p_BF=np.zeros((0, 3)) if sighting is None else sighting.body.p_BF[rows],
+                p_BF_covariance=(
+                    np.zeros((0, 3, 3)) if sighting is None else sighting.body.p_BF_covariance[rows]
+                ),
+                seen=None if sighting is None else sighting.pose,
+                seen_offset_covariance=(
+                    np.zeros((6, 6)) if sighting is None else sighting.offset_covariance
+                ),
+            )
+        ]
+    )
+
+
+class InteractedBodyMotion(RecursiveFilter):
+    """Recursive estimate of the pose and velocity of the body that the hand holds.
+
+    Prediction: the bent hand's displacement moves the body as far as the grasp transmits it,
+    X_WB(t) = X_WH exp((I - N) log(X_WH^-1 X_WH(t))) X_WH^-1 X_WB, with X_WH = X_WE X_EH at t-1 and
+    the grasp's free motion N. Only displacements enter, so a constant offset of the end-effector
+    turns the path by its rotation and otherwise cancels. Without vision the prediction is the
+    belief. With `corrected_by_vision`, the features that rigid-body motion has assigned to the
+    body are registered to their positions in it and correct pose and constants; whenever there are
+    too few of them (darkness), the prediction goes on from the last posterior.
+
+    B has the world's axes and sits at Ho at the first tick of the interaction, the reference. The
+    covariance, in B, is that of the displacement since then (`interacted_body_filter`). It is
+    correlated over time: the calibration offset and the bending's error are the same at each tick.
+
+    .. pydrake_system::
+
+        name: InteractedBodyMotion
+        input_ports:
+        - end_effector_estimated
+        - hand_bending_estimated
+        - grasp_latest
+        - interaction_active
+        - features_estimated (cross-modal)
+        - body_motions_estimated (cross-modal)
+        output_ports:
+        - body_prior
+        - body_motions_estimated
+        - body_motions_latest
+
+    - end_effector_estimated: `EndEffectorBelief` X_WE.
+    - hand_bending_estimated: `PoseBelief` X_EH.
+    - grasp_latest: `GraspBelief` of the last tick.
+    - interaction_active: (1,) above 0.5 from the instant at which the hand has closed.
+    - features_estimated: `FeatureBelief`; body_motions_estimated: `BodyMotions`, of which the
+      features of `INTERACTED_BODY` are used. Both exist only with `corrected_by_vision`.
+    - body_prior: `PoseBelief` X_WB before vision, not a number while nothing is held. It depends
+      on the state and on the first four inputs only.
+    - body_motions_estimated: `BodyMotions`, one `InteractedBody` or none, posterior of this tick.
+      Its features are those that corrected it.
+    - body_motions_latest: The same of the last tick, from the state alone.
+
+    Frames: W world, E nominal end-effector, H bent end-effector, B the body.
+
+    Source: Martín-Martín and Brock, IROS 2017, sections IV-D and V; consider states after S. F.
+    Schmidt, "Application of state-space methods to navigation problems", 1966.
+    """
+
+    def __init__(
+        self, config: InteractedBodyMotionConfig, corrected_by_vision: bool = False
+    ) -> None:
+        super().__init__()
+        self._check(config)
+        self._config = config
+        nowhere = PoseBelief(X=np.eye(4), covariance=np.eye(6))
+        end_effector = EndEffectorBelief(
+            X=np.eye(4), V=np.zeros(6), covariance=np.eye(12), offset_loading=np.zeros((6, 0))
+        )
+        grasp = initial_grasp(GraspModelConfig())
+        self._end_effector = self._declare_value_input("end_effector_estimated", end_effector)
+        self._bending = self._declare_value_input("hand_bending_estimated", nowhere)
+        self._grasp = self._declare_value_input("grasp_latest", grasp)
+        self._active = self.DeclareVectorInputPort("interaction_active", 1)
+        prior_inputs = [self._end_effector, self._bending, self._grasp, self._active]
+        self._features: InputPort | None = None
+        if corrected_by_vision:
+            none_seen = FeatureBelief(
+                ids=np.zeros(0, dtype=np.int64),
+                uv=np.zeros((0, 2)),
+                p_WF=np.zeros((0, 3)),
+                covariance=np.zeros((0, 3, 3)),
+                age=np.zeros(0, dtype=np.int64),
+            )
+            self._features = self._declare_value_input("features_estimated", none_seen)
+            self._motions = self._declare_value_input("body_motions_estimated", BodyMotions())
+        initial = InteractedState(body=None, sighting=None)
+        self._declare_recursion(initial, self._calc_posterior_state, config.period)
+        self._prior = self._declare_cache("prior", self._calc_prior, prior_inputs)
+        self.DeclareAbstractOutputPort(
+            "body_prior", lambda: Value[object](ABSENT), self._write_prior, {self._prior.ticket()}
+        )
+        self._declare_estimated("body_motions_estimated", body_motions)
+        self._declare_latest("body_motions_latest", body_motions)
+
+    @staticmethod
+    def _check(config: InteractedBodyMotionConfig) -> None:
+        units = {
+            "period": "s",
+            "hand_error_time": "s",
+            "lever": "m/rad",
+            "hinge_curvature": "rad/m",
+            "rotation_velocity_noise": "rad/s",
+            "translation_velocity_noise": "m/s",
+            "anchor_rotation_floor": "rad",
+            "anchor_translation_floor": "m",
+            "surprise": "",
+            "surprise_rotation": "rad",
+            "surprise_translation": "m",
+        }
+        name = "InteractedBodyMotion"
+        require_positive(name, config, units)
+        require(config.slip_rotation >= 0, name, config, "slip_rotation", ">= 0 rad/m^0.5")
+        require(config.slip_translation >= 0, name, config, "slip_translation", ">= 0 m^0.5")
+        require(config.minimum_features >= 3, name, config, "minimum_features", ">= 3")
+        require(0 < config.inlier_share <= 1, name, config, "inlier_share", "in (0, 1]")
+
+    def _calc_prior(self, context: Context, value: AbstractValue) -> None:
+        body: BodyState | None = None
+        if self._read(self._active, context)[0] > 0.5:
+            end_effector = self._read(self._end_effector, context)
+            bending = self._read(self._bending, context)
+            grasp = self._read(self._grasp, context)
+            hand = bent_hand(end_effector, bending)
+            before = self._stored(context).body
+            if before is None:
+                body = start_body(hand, grasp)
+            else:
+                body = predict_body(before, hand, grasp, self._config)
+            Ad = se3.adjoint(se3.inverse(bending.X))
+            V_covariance = Ad @ end_effector.covariance[6:, 6:] @ Ad.T
+            body = with_velocity(body, Ad @ end_effector.V, V_covariance, grasp, self._config)
+        value.set_value(body)
+
+    def _write_prior(self, context: Context, value: AbstractValue) -> None:
+        body = self._prior.Eval(context)
+        value.set_value(ABSENT if body is None else body.pose)
+
+    def _calc_posterior_state(self, context: Context, state: Any) -> InteractedState:
+        body = self._prior.Eval(context)
+        if body is None or self._features is None:
+            return InteractedState(body=body, sighting=None)
+        features = self._read(self._features, context)
+        motions = self._read(self._motions, context)
+        sighting = sight(body.X_WB, features, motions, self._config)
+        if sighting is not None:
+            ids = sighting.body.feature_ids[sighting.rows]
+            offset = sighting.offset_covariance
+            body = correct_body(body, sighting.pose, offset, ids, self._config)
+        return InteractedState(body=body, sighting=sighting)

@@ -1,0 +1,57 @@
+"""Registration of features against known poses, with outliers; covariances by simulation."""
+
+import numpy as np
+
+from maths import se3
+from systems.proprioception.feature_registration import register
+
+
+def features(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points of a plate (count, 3) with covariances of their anchors and of one frame."""
+    p = rng.uniform(-0.2, 0.2, (count, 3)) * [0.1, 1.0, 1.0]
+    anchors = np.tile(np.diag([1e-6, 1e-6, 4e-6]), (count, 1, 1))
+    noise = np.tile(np.diag([1e-6, 4e-6, 1e-6]), (count, 1, 1))
+    return p, anchors, noise
+
+
+def test_exact_features_give_the_exact_pose() -> None:
+    rng = np.random.default_rng(0)
+    p, P, R = features(rng, 12)
+    X = se3.exp(rng.normal(size=6))
+    seen = p @ X[:3, :3].T + X[:3, 3]
+    found, _, _, distance = register(X @ se3.exp(0.05 * rng.normal(size=6)), p, P, seen, R)
+    np.testing.assert_allclose(found, X, atol=1e-4)
+    assert np.all(distance < 1e-2)
+
+
+def test_a_third_of_outliers_does_not_move_the_pose() -> None:
+    rng = np.random.default_rng(1)
+    p, P, R = features(rng, 24)
+    X = se3.exp(0.3 * rng.normal(size=6))
+    seen = p @ X[:3, :3].T + X[:3, 3] + 1e-3 * rng.normal(size=(24, 3))
+    seen[:8] += [0.03, 0.02, -0.02]
+    start = X @ se3.exp(np.array([0.02, 0, 0, 0.01, 0.0, 0.01]))
+    found, _, _, distance = register(start, p, P, seen, R)
+    assert np.linalg.norm(se3.log(se3.inverse(X) @ found)) < 0.01
+    assert np.all(distance[:8] > 16.27)
+    assert np.mean(distance[8:] < 16.27) > 0.9
+
+
+def test_covariances_agree_with_simulated_errors() -> None:
+    rng = np.random.default_rng(2)
+    p, P, R = features(rng, 15)
+    X = se3.exp(0.5 * rng.normal(size=6))
+    values = []
+    for _ in range(200):
+        anchors = p + np.sqrt(np.diag(P[0])) * rng.normal(size=p.shape)
+        seen = p @ X[:3, :3].T + X[:3, 3] + np.sqrt(np.diag(R[0])) * rng.normal(size=p.shape)
+        found, white, common, _ = register(X, anchors, P, seen, R)
+        e = se3.log(se3.inverse(found) @ X)
+        values.append(e @ np.linalg.solve(white + common, e))
+    assert 5.3 < np.mean(values) < 6.9
+
+
+def test_two_features_leave_a_rotation_unknown() -> None:
+    p, P, R = features(np.random.default_rng(3), 2)
+    _, white, _, _ = register(np.eye(4), p, P, p.copy(), R)
+    assert np.linalg.eigvalsh(white)[-1] > 1.0

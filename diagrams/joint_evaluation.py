@@ -98,7 +98,8 @@ class JointSeries:
         times: (T,) [s].
         joints: The joint believed in at each tick, None where there is none.
         opening: True travel since the grasp (T,).
-        configuration: Of the likeliest type (T,), on the true axis' side; 0 where that is rigid.
+        configuration: Of the likeliest type (T,), on the true axis' side, counted from the grasp;
+            that of a rigid one does not change.
         configuration_std: (T,)
         error: configuration - opening (T,); NaN where they have different units.
         axis_error: Angle to the true axis (T,), [rad].
@@ -138,7 +139,8 @@ def joint_series(ticks: Sequence[TickRecord], truth: Truth) -> JointSeries:
         if joint is None:
             continue
         probability[k] = joint.probabilities.get(truth.joint_type, 0.0)
-        for name, value in _compare(joint, truth, opening[k]).items():
+        before = 0.0 if joint.child_id == INTERACTED_BODY else travel_before_grasp(truth)
+        for name, value in _compare(joint, truth, opening[k], before).items():
             columns[name][k] = value
     right = np.array([joint is not None and joint.type == truth.joint_type for joint in joints])
     return JointSeries(
@@ -158,15 +160,25 @@ def opening_at(times: Array, truth: Truth) -> Array:
     return np.interp(times, truth.times, truth.opening())
 
 
-def _compare(joint: JointBelief, truth: Truth, opening: float) -> dict[str, float]:
+def travel_before_grasp(truth: Truth) -> float:
+    """How far closing the hand has nudged the joint, [m or rad].
+
+    The configuration of a body that vision found is zero where it rested before anything moved it,
+    that of the body in the hand where it was when the hand had closed.
+    """
+    opening = truth.opening()
+    return -float(opening[0]) if len(opening) else 0.0
+
+
+def _compare(joint: JointBelief, truth: Truth, opening: float, before: float) -> dict[str, float]:
     if joint.type == JointType.RIGID:
-        return {"configuration": 0.0, "error": -opening}
+        return {"configuration": -before, "error": -before - opening}
     if joint.type == JointType.DISCONNECTED:
         return {}
     model: JointModelBelief = joint.model
     sign = axis_sign(model.axis_P, truth.axis_W)
     variance = float(model.configuration_covariance[0, 0])
-    configuration = sign * float(model.configuration[0])
+    configuration = sign * float(model.configuration[0]) - before
     compared = {
         "configuration": configuration,
         "configuration_std": float(np.sqrt(max(variance, 0.0))),

@@ -17,7 +17,14 @@ from systems.kinematics.joint_geometry import PRISMATIC, REVOLUTE, dimension
 from systems.kinematics.joint_likelihood import AXIS_SPREAD, Models, initial_models
 from systems.kinematics.joint_readout import predict_pose, read_joint
 from systems.kinematics.joint_solver import update as update_models
-from systems.kinematics.pose_packets import FIRST, RECENT, Packets, append, empty_packets
+from systems.kinematics.pose_packets import (
+    FIRST,
+    RECENT,
+    Packets,
+    append,
+    copy_packets,
+    empty_packets,
+)
 from systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
 
 Array = npt.NDArray[np.float64]
@@ -236,7 +243,7 @@ class JointFilters:
             time: Of the measurement, [s], not before the last.
         """
         models = Models(*[x.copy() for x in state.models])
-        packets = Packets(*[x.copy() for x in state.packets])
+        packets = copy_packets(state.packets)
         update_models(
             models,
             packets,

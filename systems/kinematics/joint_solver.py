@@ -221,18 +221,8 @@ def _copy_model(kind: int, source: Models, target: Models) -> None:
 
 
 @numba.njit(cache=True)
-def _decide_sign(kind: int, m: Models) -> None:
-    """Turns the axis so that q grows positive in the direction first moved."""
-    if m.signed[kind] > 0.0:
-        return
-    n = dimension(kind)
-    gain = m.gain[kind, 0, :n]
-    variance = m.P[kind, 0, 0] + gain @ (np.ascontiguousarray(m.covariance[kind, :n, :n]) @ gain)
-    moved = m.log_evidence[kind] > m.log_evidence[RIGID] + _MOVED
-    if moved and m.state[kind, 0] ** 2 > _SIGNIFICANT**2 * variance:
-        m.signed[kind] = 1.0
-    if m.state[kind, 0] >= 0.0:
-        return
+def _turn(kind: int, m: Models) -> None:
+    """Turns the axis, and with it the sign of q."""
     m.a[kind] *= -1.0
     m.q[kind] *= -1.0
     m.state[kind] *= -1.0
@@ -241,6 +231,21 @@ def _decide_sign(kind: int, m: Models) -> None:
         m.gain[kind, :, i] *= -1.0
         m.covariance[kind, i, :] *= -1.0
         m.covariance[kind, :, i] *= -1.0
+
+
+@numba.njit(cache=True)
+def _decide_sign(kind: int, m: Models) -> None:
+    """Turns the axis so that q grows positive in the direction first moved."""
+    if m.signed[kind] > 0.0:
+        return
+    n = dimension(kind)
+    gain = np.ascontiguousarray(m.gain[kind, 0, :n])
+    variance = m.P[kind, 0, 0] + gain @ (np.ascontiguousarray(m.covariance[kind, :n, :n]) @ gain)
+    moved = m.log_evidence[kind] > m.log_evidence[RIGID] + _MOVED
+    if moved and m.state[kind, 0] ** 2 > _SIGNIFICANT**2 * variance:
+        m.signed[kind] = 1.0
+    if m.state[kind, 0] < 0.0:
+        _turn(kind, m)
 
 
 @numba.njit(cache=True)
@@ -363,6 +368,8 @@ def update(
         for kind in range(2):
             solve_moving(kind, other, p, S[kind], sigma_v[kind], sigma_c, _STEPS + 2)
             if other.log_evidence[kind] > m.log_evidence[kind] + 0.1:
+                if other.state[kind, 0] * m.state[kind, 0] < 0.0:
+                    _turn(kind, other)
                 _copy_model(kind, other, m)
     for kind in range(2):
         _decide_sign(kind, m)

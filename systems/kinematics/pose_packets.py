@@ -68,6 +68,11 @@ def empty_packets(capacity: int) -> Packets:
     )
 
 
+def copy_packets(p: Packets) -> Packets:
+    """A copy that may be changed."""
+    return Packets(p.size.copy(), *[x.copy() for x in p[1:]])
+
+
 @numba.njit(cache=True)
 def _quaternion(R: tuple[float, ...]) -> tuple[float, float, float, float]:
     """A multiple (w >= 0, x, y, z) of the quaternion of the rotation `R`, row by row."""

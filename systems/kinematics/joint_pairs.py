@@ -1,0 +1,148 @@
+"""Which pairs of bodies have joint filters, and what each pair measures and predicts.
+
+Frames: W world, P parent, B child. A pair is (parent id, child id); the parent is `STATIC_BODY` or
+the body with the lower id.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from maths import se3
+from systems.kinematics.joint_filters import JointFilters, JointFiltersState
+from systems.port_values import (
+    STATIC_BODY,
+    BodyMotion,
+    BodyMotions,
+    BodyPrediction,
+    JointType,
+    MotionBelief,
+    PoseBelief,
+)
+
+Array = npt.NDArray[np.float64]
+Pair = tuple[int, int]
+
+
+@dataclass(kw_only=True)
+class PairLevel:
+    """All pairs at one tick; never changed in place, so copies share it.
+
+    Attributes:
+        pairs: Each pair's filters.
+        motions: Each body's motion when it was last measured.
+        ticks: Number of this tick, from one on.
+    """
+
+    pairs: dict[Pair, JointFiltersState]
+    motions: dict[int, MotionBelief]
+    ticks: int
+
+    def __deepcopy__(self, memo: dict[int, object]) -> "PairLevel":
+        return self
+
+
+def merge_bodies(sources: Sequence[BodyMotions]) -> dict[int, BodyMotion]:
+    """Bodies by id; a later source overrides an earlier one."""
+    return {body.body_id: body for source in sources for body in source.bodies}
+
+
+def wanted_pairs(body_ids: Sequence[int], max_pairs: int) -> list[Pair]:
+    """Every body with the static environment first, then the moving bodies with each other."""
+    ids = sorted(body_ids)
+    pairs = [(STATIC_BODY, child) for child in ids]
+    pairs += [(parent, child) for i, parent in enumerate(ids) for child in ids[i + 1 :]]
+    return pairs[:max_pairs]
+
+
+def relative_pose(parent: PoseBelief, child: PoseBelief) -> PoseBelief:
+    """X_PB of two independent poses in W."""
+    X_PB = se3.inverse(parent.X) @ child.X
+    Ad = se3.adjoint(se3.inverse(X_PB))
+    return PoseBelief(X=X_PB, covariance=child.covariance + Ad @ parent.covariance @ Ad.T)
+
+
+def _pose(motion: MotionBelief) -> PoseBelief:
+    return PoseBelief(X=motion.X, covariance=motion.covariance[:6, :6])
+
+
+def measured_pose(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[PoseBelief, Array]:
+    """X_PB of a pair now, and its pose (4, 4) at the reference."""
+    child = bodies[pair[1]]
+    if pair[0] == STATIC_BODY:
+        return _pose(child.motion), child.X_WB_reference
+    parent = bodies[pair[0]]
+    X_PB_reference = se3.inverse(parent.X_WB_reference) @ child.X_WB_reference
+    return relative_pose(_pose(parent.motion), _pose(child.motion)), X_PB_reference
+
+
+def update_pairs(
+    level: PairLevel,
+    bodies: dict[int, BodyMotion],
+    filters: JointFilters,
+    period: float,
+    reference_age: float,
+    patience: float,
+    max_pairs: int,
+) -> PairLevel:
+    """The level one tick later.
+
+    Args:
+        level: At the last tick.
+        bodies: Measured at this tick, by id.
+        filters: Shared by all pairs.
+        period: Of the ticks, [s].
+        reference_age: How long before a body was first measured its reference may be, [s].
+        patience: How long a pair outlives its bodies' measurements, [s].
+        max_pairs: Most pairs at a time.
+    """
+    time = (level.ticks + 1) * period
+    measured = set(wanted_pairs(list(bodies), max_pairs))
+    pairs = {}
+    for pair in sorted(measured | set(level.pairs)):
+        state = level.pairs.get(pair)
+        if pair in measured:
+            pose, X_PB_reference = measured_pose(pair, bodies)
+            if state is None:
+                state = filters.start(X_PB_reference, pose.covariance, time - reference_age, *pair)
+            pairs[pair] = filters.update(state, pose.X, pose.covariance, time)
+        elif state is not None and time - state.time <= patience:
+            pairs[pair] = state
+    motions = {i: m for i, m in level.motions.items() if any(i in pair for pair in pairs)}
+    motions.update({body_id: body.motion for body_id, body in bodies.items()})
+    return PairLevel(pairs=pairs, motions=motions, ticks=level.ticks + 1)
+
+
+def predict_bodies(
+    level: PairLevel, filters: JointFilters, period: float, least_probability: float
+) -> list[BodyPrediction]:
+    """Where each joint expects its child at the next tick, the likeliest first, for each child.
+
+    The disconnected type says nothing of its own and is left out.
+    """
+    found: list[tuple[float, BodyPrediction]] = []
+    for (parent_id, child_id), state in level.pairs.items():
+        dt = (level.ticks + 1) * period - state.time
+        for joint_type, probability in filters.probabilities(state).items():
+            if joint_type == JointType.DISCONNECTED or probability < least_probability:
+                continue
+            pose = filters.predict(state, joint_type, dt)
+            source = joint_type.value
+            if parent_id != STATIC_BODY:
+                pose = _on_parent(pose, level.motions[parent_id], period)
+                source = f"{source} on {parent_id}"
+            prediction = BodyPrediction(body_id=child_id, source=source, pose=pose)
+            found.append((probability, prediction))
+    found.sort(key=lambda item: (item[1].body_id, -item[0]))
+    return [prediction for _, prediction in found]
+
+
+def _on_parent(pose: PoseBelief, parent: MotionBelief, period: float) -> PoseBelief:
+    """X_WB from X_PB, the parent going on at its velocity."""
+    step = parent.V * period
+    J = np.hstack([se3.adjoint(se3.exp(-step)), period * se3.right_jacobian(step)])
+    X_WP, P = parent.X @ se3.exp(step), J @ parent.covariance @ J.T
+    Ad = se3.adjoint(se3.inverse(pose.X))
+    return PoseBelief(X=X_WP @ pose.X, covariance=pose.covariance + Ad @ P @ Ad.T)

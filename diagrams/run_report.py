@@ -54,7 +54,9 @@ def perceived(result: EpisodeResult) -> list[str]:
             components = ", ".join(f"{component:+.3f}" for component in axis)
             spread = np.rad2deg(series.axis_std[last])
             text += f", axis ({components}) ± {spread:.2f} deg"
-            text += f", opening {describe_configuration(joint, result.truth.axis_W)}"
+            opening = float(series.configuration[last])
+            std = float(series.configuration_std[last])
+            text += f", opening {format_opening(opening, std, joint.type)}"
         if last is not None and result.duration - series.times[last] > 0.5:
             text += f"; last seen at {series.times[last]:.1f} s"
         lines.append(label + text)

@@ -9,20 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
+from diagrams.network import MODALITIES, PerceptionConfig
 from diagrams.object_model import check_object_model
 from diagrams.station import ControlConfig, SensorsConfig
 from diagrams.yaml_schema import ScenarioError, apply_override, load_typed, read_yaml, suggestion
 from models import SDF_DIR
 from plants.manipulation_scene import PlantConfig
 from plants.pneumatic_hand import PneumaticHandConfig
-from systems.kinematics.joint_filters import JointFiltersConfig
-from systems.proprioception.end_effector_motion import EndEffectorMotionConfig
-from systems.proprioception.hand_bending import HandBendingConfig
-from systems.vision.body_tracking import RigidBodyMotionConfig
-from systems.vision.feature_tracks import FeatureMotionConfig
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
-MODALITIES = ("vision", "proprioception", "crossmodal")
 
 
 @dataclass(kw_only=True)
@@ -74,15 +69,6 @@ class ObjectConfig:
     yaw: float = 180.0  # [deg]
     friction: float = 6.0  # Of the joint, [N or N m].
     variation: ObjectVariation = field(default_factory=ObjectVariation)
-
-
-@dataclass(kw_only=True)
-class PerceptionConfig:
-    end_effector: EndEffectorMotionConfig = field(default_factory=EndEffectorMotionConfig)
-    hand_bending: HandBendingConfig = field(default_factory=HandBendingConfig)
-    features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
-    rigid_bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
-    joints: JointFiltersConfig = field(default_factory=JointFiltersConfig)
 
 
 @dataclass(kw_only=True)
@@ -165,6 +151,7 @@ def _spread_network_period(scenario: Scenario, source: str) -> None:
     perception, sensors = scenario.perception, scenario.sensors
     candidates = [(f"perception.{name}", part, "period") for name, part in vars(perception).items()]
     candidates += [(f"sensors.{name}", part, "tick") for name, part in vars(sensors).items()]
+    candidates.append(("sensors.camera", sensors.camera, "exposure_period"))
     places = [place for place in candidates if hasattr(place[1], place[2])]
     for path, config, key in places:
         value, usual = getattr(config, key), getattr(type(config)(), key)

@@ -96,7 +96,7 @@ def test_the_network_period_reaches_every_filter_and_window() -> None:
     ],
 )
 def test_bad_values_are_refused_in_one_line(override: str, expected: str) -> None:
-    assert expected in refusal("drawer", override)
+    assert expected in refusal("drawer-lights-off", override)
 
 
 def test_bad_files_are_refused_in_one_line(tmp_path: Path) -> None:

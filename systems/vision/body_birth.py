@@ -118,16 +118,6 @@ def onset(
     return int(np.argmax(seen > 0.6 * seen.max())), False
 
 
-def _fits(
-    config: RigidBodyMotionConfig,
-    body: body_filter.BodyFilter,
-    anchors: Ids,
-    p_WF: Array,
-    covariance: Array,
-) -> Mask:
-    return body_tracking.robust_likelihood(config, body, anchors, p_WF, covariance)[1]
-
-
 def new_body(
     config: RigidBodyMotionConfig, level: BodyLevel, history: FeatureHistory, rows: Ids, X: Array
 ) -> TrackedBody:
@@ -164,7 +154,7 @@ def new_body(
             seen = np.nonzero(mine.samples[anchored, k])[0]
             p_WF = mine.p_W[anchored[seen], k]
             covariance = np.linalg.inv(mine.information[anchored[seen], k])
-            fits = _fits(config, body, seen, p_WF, covariance)
+            fits = body_filter.agreeing(body, seen, p_WF, covariance, config.gate)
             body = body_filter.correct(body, seen[fits], p_WF[fits], covariance[fits])
         path[k] = body.X
     return TrackedBody(
@@ -227,6 +217,7 @@ def step(
     bodies, history = body_tracking.advance_all(config, level, history, joints, prior)
     bodies, history = adopt(config, bodies, history, prior, tick)
     history = body_tracking.associate(config, bodies, history)
+    bodies, history = body_tracking.merged(config, bodies, history)
     bodies, history, next_id = give_birth(config, level, bodies, history, prior)
     strays = (history.body != STATIC_BODY) & (history.suspicion >= config.max_suspicion)
     strays |= (history.body == STATIC_BODY) & (history.suspicion >= config.max_free_suspicion)

@@ -12,10 +12,13 @@ X_WB = X_mean exp(xi). Measurement in B: X_WB^-1 p_WF - p_BF, whose Jacobian is 
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 import scipy.linalg
 
 from maths import se3
 from systems.port_values import Array, Ids
+
+Mask = npt.NDArray[np.bool_]
 
 _POSE = slice(0, 6)
 _MOTION = 12
@@ -113,6 +116,45 @@ def innovation_blocks(body: BodyFilter, index: Ids, R_B: Array) -> Array:
     own = body.P[rows[:, :, None], rows[:, None, :]]
     S = J @ body.P[_POSE, _POSE] @ J.transpose(0, 2, 1) + cross + cross.transpose(0, 2, 1)
     return np.asarray(S + own + R_B)
+
+
+def agreeing(body: BodyFilter, index: Ids, p_WF: Array, covariance: Array, gate: float) -> Mask:
+    """Which features (K,) agree with one pose near the predicted one.
+
+    A gate on the prediction lets a far outlier pass while the pose is uncertain, and that one turns
+    the body. So a robust fit comes first: reweighted least squares with the prediction as prior and
+    Geman-McClure weights whose width shrinks to the gate; features then have to fit its pose.
+
+    Args:
+        body: Predicted.
+        index: Anchors of the features (K,).
+        p_WF: Where they were seen (K, 3).
+        covariance: (K, 3, 3).
+        gate: Squared Mahalanobis distance of 3 dof.
+    """
+    if len(index) == 0:
+        return np.zeros(0, bool)
+    z, R_B = in_body(body.X, p_WF, covariance)
+    innovation = z - body.p_BF[index]
+    J = pose_jacobian(z)
+    S = R_B + body.p_BF_covariance[index]
+    S_inverse = np.linalg.inv(S)
+    JS = J.transpose(0, 2, 1) @ S_inverse
+    normals = JS @ J
+    moments = np.einsum("kai,ki->ka", JS, innovation)
+    prior = np.linalg.inv(body.P[_POSE, _POSE] + 1e-12 * np.eye(6))
+    x = np.zeros(6)
+    width = np.inf
+    for _ in range(6):
+        residual = innovation - J @ x
+        distance = np.einsum("ki,kij,kj->k", residual, S_inverse, residual)
+        width = max(gate, min(0.5 * width, 2.0 * float(np.median(distance))))
+        weight = (width / (width + distance)) ** 2
+        x = np.linalg.solve(prior + np.einsum("k,kab->ab", weight, normals), weight @ moments)
+    posterior = np.linalg.inv(prior + np.einsum("k,kab->ab", weight, normals))
+    residual = innovation - J @ x
+    S = S + J @ posterior @ J.transpose(0, 2, 1)
+    return np.asarray(np.einsum("ki,kij,kj->k", residual, np.linalg.inv(S), residual) < gate)
 
 
 def correct(body: BodyFilter, index: Ids, p_WF: Array, covariance: Array) -> BodyFilter:

@@ -50,11 +50,14 @@ class RigidBodyMotionConfig:
     min_gain: float = 120.0  # Their summed gain in squared distance over standing still.
     min_spread: float = 0.015  # Root mean square distance from their centroid, [m].
     keep_support: int = 3  # Features that a body needs to live on.
+    merging_share: float = 0.8  # Of a body's telling features that make it part of an older one.
     patience: int = 30  # Ticks that it lives without, [ticks].
     max_anchors: int = 50  # Features that a body's filter holds.
     max_suspicion: int = 8  # A feature that disagrees for so long with its body leaves it, [ticks].
     max_free_suspicion: int = 45  # A free one starts afresh, [ticks].
     rotation_sigma: float = 0.1  # Prior rotation of a new body's first motion, [rad].
+    jump_rotation: float = 0.1  # Unpredicted turn that is believed if features agree, [rad].
+    jump_translation: float = 0.03  # The same for a shift, [m].
     prior_rotation_walk: float = 0.05  # Of the prior while no feature is seen, [rad/sqrt(s)].
     prior_translation_walk: float = 0.01  # The same, [m/sqrt(s)].
     adoption_way: float = 0.003  # Of the hand before a body may turn out to be held by it, [m].
@@ -126,16 +129,12 @@ def newest_samples(history: FeatureHistory, rows: Ids) -> tuple[Array, Array]:
 
 def robust_likelihood(
     config: RigidBodyMotionConfig, body: BodyFilter, anchors: Ids, p_WF: Array, covariance: Array
-) -> tuple[float, Mask]:
-    """Log likelihood, up to a constant, of the features at a pose, and which of them fit.
-
-    An outlier counts as one that lies on the gate.
-    """
+) -> float:
+    """Log likelihood, up to a constant, of features at a pose; outliers count as on the gate."""
     z, R_B = body_filter.in_body(body.X, p_WF, covariance)
     S = body_filter.innovation_blocks(body, anchors, R_B)
     distance, log_determinant = squared_distances(z - body.p_BF[anchors], S)
-    fits = distance < config.gate
-    return -0.5 * float(np.sum(np.minimum(distance, config.gate) + log_determinant)), fits
+    return -0.5 * float(np.sum(np.minimum(distance, config.gate) + log_determinant))
 
 
 def advance(
@@ -165,13 +164,29 @@ def advance(
     if len(rows) == 0:
         return _coasted(config, body, old, candidates), rows, rows
     p_WF, covariance = newest_samples(history, rows)
-    scored = [robust_likelihood(config, c, anchors, p_WF, covariance) for _, c in candidates]
-    best = int(np.argmax([score for score, _ in scored]))
-    source, chosen = candidates[best]
-    fits = scored[best][1]
+    scores = [robust_likelihood(config, c, anchors, p_WF, covariance) for _, c in candidates]
+    source, chosen = candidates[int(np.argmax(scores))]
+    chosen, fits = _agreeing(config, chosen, anchors, p_WF, covariance)
     filtered = body_filter.correct(chosen, anchors[fits], p_WF[fits], covariance[fits])
     moved = _recorded(config, body, filtered, source, int(np.sum(fits)))
     return moved, rows[fits], rows[~fits]
+
+
+def _agreeing(
+    config: RigidBodyMotionConfig,
+    body: BodyFilter,
+    anchors: Ids,
+    p_WF: Array,
+    covariance: Array,
+) -> tuple[BodyFilter, Mask]:
+    """The features that agree; where most do not, after a jump of the pose, if they do then."""
+    fits = body_filter.agreeing(body, anchors, p_WF, covariance, config.gate)
+    if len(fits) < config.min_support or np.mean(fits) > 0.5:
+        return body, fits
+    sigma = np.repeat([config.jump_rotation, config.jump_translation], 3)
+    jumped = body_filter.inflated(body, sigma)
+    again = body_filter.agreeing(jumped, anchors, p_WF, covariance, config.gate)
+    return (jumped, again) if np.mean(again) > 0.6 else (body, fits)
 
 
 def _recorded(
@@ -255,7 +270,7 @@ def with_anchors(
     if len(first):
         p_WF, covariance = newest_samples(history, rows[first])
         anchors = len(body.filter.ids) + np.arange(len(first))
-        _, fits = robust_likelihood(config, filtered, anchors, p_WF, covariance)
+        fits = body_filter.agreeing(filtered, anchors, p_WF, covariance, config.gate)
         filtered = body_filter.correct(filtered, anchors[fits], p_WF[fits], covariance[fits])
     late = rows[np.nonzero(~rested)[0][: room - len(first)]]
     p_WF, covariance = newest_samples(history, late)
@@ -324,6 +339,30 @@ def associate(
         assigned[moves] = ids[best[moves]]
     changed = assigned != history.body
     return replace(history, body=assigned, suspicion=np.where(changed, 0, history.suspicion))
+
+
+def merged(
+    config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
+) -> tuple[list[TrackedBody], FeatureHistory]:
+    """Gives a body's features to an older one that explains the motion of nearly all of them."""
+    assigned, suspicion = history.body.copy(), history.suspicion.copy()
+    kept: list[TrackedBody] = []
+    for body in bodies:
+        mine = assigned == body.body_id
+        adopted = False
+        for older in kept:
+            ratio, fit = body_against_static(config, older, history)
+            told = mine & (np.abs(ratio) > config.association)
+            if np.sum(told) < config.keep_support or body.body_id == INTERACTED_BODY:
+                continue
+            shared = told & (ratio > config.association) & (fit < config.gate)
+            if np.sum(shared) >= config.merging_share * np.sum(told):
+                assigned[mine], suspicion[mine] = older.body_id, 0
+                adopted = True
+                break
+        if not adopted:
+            kept.append(body)
+    return kept, replace(history, body=assigned, suspicion=suspicion)
 
 
 def without_strays(bodies: list[TrackedBody], history: FeatureHistory) -> list[TrackedBody]:

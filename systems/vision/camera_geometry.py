@@ -78,7 +78,7 @@ def _fit_plane(
     normal[1, 0], normal[2, 0], normal[2, 1] = normal[0, 1], normal[0, 2], normal[1, 2]
     if np.linalg.det(normal) <= 1e-9 * normal[0, 0] * normal[1, 1] * normal[2, 2]:
         return fit, unit, np.inf, used
-    unit = np.linalg.inv(normal)
+    unit = np.asarray(np.linalg.inv(normal))
     fit = unit @ moment
     return fit, unit, max(float(square - fit @ moment), 0.0) / (used - 3), used
 

@@ -26,6 +26,7 @@ class FeatureMotionConfig:
     min_contrast: float = 2.5  # Standard deviation of a patch, [grey levels].
     min_correlation: float = 0.8  # ZNCC below which a feature is not seen.
     renewal_correlation: float = 0.88  # ZNCC below which a seen feature's template is renewed.
+    shape_change: float = 0.02  # Relative change of a patch's shape per tick, standard deviation.
     reach: float = 6.0  # Farthest a registration moves from its start, [px].
     flow_window: int = 21  # Window of the pyramidal Lucas-Kanade tracker, [px].
     flow_levels: int = 3  # Its pyramid levels above the image.
@@ -60,6 +61,8 @@ class FeatureTracks:
         missed: Ticks since the feature was last seen (N,); zero for those seen now.
         templates: Patches, cut where tangents_C was measured.
         tangents_C: How the surface point moves with the template's pixel (N, 3, 2), [m/px].
+        shapes: What the patch's affine map has besides what position and tangents predict, mostly
+            from turning (N, 2, 2): map = predicted map @ shape.
         next_id: The id of the next feature.
         image: The last image in which most features were seen (H, W), blurred grey.
         uv_image: Pixels in it (N, 2); NaN where a feature was not seen in it.
@@ -74,6 +77,7 @@ class FeatureTracks:
     missed: Array
     templates: Templates
     tangents_C: Array
+    shapes: Array
     next_id: int
     image: Image | None
     uv_image: Array
@@ -93,6 +97,7 @@ class FeatureTracks:
             missed=self.missed[keep],
             templates=self.templates.select(keep),
             tangents_C=self.tangents_C[keep],
+            shapes=self.shapes[keep],
             uv_image=self.uv_image[keep],
         )
 
@@ -109,10 +114,12 @@ def no_tracks(config: FeatureMotionConfig) -> FeatureTracks:
         templates=Templates(
             values=np.zeros((0, n), np.float32),
             gradients=np.zeros((0, 2, n), np.float32),
-            inverse_hessians=np.zeros((0, 2, 2)),
+            overlaps=np.zeros((0, 6)),
+            hessians=np.zeros((0, 6, 6)),
             contrast=np.zeros(0),
         ),
         tangents_C=np.zeros((0, 3, 2)),
+        shapes=np.zeros((0, 2, 2)),
         next_id=0,
         image=None,
         uv_image=np.zeros((0, 2)),
@@ -191,39 +198,32 @@ def locate(
     return camera_geometry.transform(frame.X_WC, p_CF), R_WC @ covariance @ R_WC.T, tangents, valid
 
 
-def _starts(
-    tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief
-) -> tuple[Array, Array, Array]:
-    """Pixels (N, 2), warps (N, 2, 2) and positions (N, 3) to start from.
+def _starts(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> tuple[Array, Array]:
+    """Pixels (N, 2) and affine maps (N, 2, 2), without shapes, to start from.
 
     Of the last position and the predicted one, the one where the template fits better.
     """
     X_CW = se3.inverse(frame.X_WC)
-    p_WF = tracks.p_WF.copy()
-    warps = camera_geometry.patch_warps(
-        camera_geometry.transform(X_CW, p_WF), tracks.tangents_C, frame.intrinsics
-    )
     uv = tracks.uv.copy()
+    p_CF = camera_geometry.transform(X_CW, tracks.p_WF)
+    warps = camera_geometry.patch_warps(p_CF, tracks.tangents_C, frame.intrinsics)
     _, mine, theirs = np.intersect1d(tracks.ids, predicted.ids, return_indices=True)
-    if len(mine) == 0:
-        return uv, warps, p_WF
     p_CF = camera_geometry.transform(X_CW, predicted.p_WF[theirs])
+    in_front = p_CF[:, 2] > 0.0
+    mine, p_CF = mine[in_front], p_CF[in_front]
+    if len(mine) == 0:
+        return uv, warps
     uv_predicted = camera_geometry.project(p_CF, frame.intrinsics)
-    in_front = np.isfinite(uv_predicted[:, 0])
-    mine, theirs = mine[in_front], theirs[in_front]
-    p_CF, uv_predicted = p_CF[in_front], uv_predicted[in_front]
-    templates = tracks.templates.select(mine)
     warps_predicted = camera_geometry.patch_warps(p_CF, tracks.tangents_C[mine], frame.intrinsics)
+    templates, shapes = tracks.templates.select(mine), tracks.shapes[mine]
     better = patch_registration.score_patches(
-        frame.image, templates, warps_predicted, uv_predicted
-    ) > patch_registration.score_patches(frame.image, templates, warps[mine], uv[mine])
+        frame.image, templates, warps_predicted @ shapes, uv_predicted
+    ) > patch_registration.score_patches(frame.image, templates, warps[mine] @ shapes, uv[mine])
     # An unseen feature is where the body level says, whatever its last place looks like now.
     better |= tracks.missed[mine] > 0
-    chosen = mine[better]
-    uv[chosen] = uv_predicted[better]
-    warps[chosen] = warps_predicted[better]
-    p_WF[chosen] = predicted.p_WF[theirs[better]]
-    return uv, warps, p_WF
+    uv[mine[better]] = uv_predicted[better]
+    warps[mine[better]] = warps_predicted[better]
+    return uv, warps
 
 
 def locally_normalised(image: Image, width: int = 31) -> Byte:
@@ -251,43 +251,47 @@ def flow(config: FeatureMotionConfig, before: Image, after: Image, uv: Array) ->
     return forward.reshape(-1, 2).astype(float), success
 
 
-def _search(
-    config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief
-) -> tuple[Array, Array, Array]:
-    """Registers all features; those that fail start once more from pyramidal Lucas-Kanade.
+@dataclass(kw_only=True)
+class Registration:
+    """Where templates were found: pixels (N, 2), ZNCC (N,), affine maps and shapes (N, 2, 2)."""
 
-    Returns pixels (N, 2), ZNCC (N,) and warps (N, 2, 2).
-    """
-    uv_start, warps, _ = _starts(tracks, frame, predicted)
-    uv, scores = patch_registration.register_patches(
-        frame.image, tracks.templates, warps, uv_start, reach=config.reach
-    )
+    uv: Array
+    scores: Array
+    warps: Array
+    shapes: Array
+
+
+def search(
+    config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief
+) -> Registration:
+    """Registers all features; those that fail start once more from pyramidal Lucas-Kanade."""
+    uv_start, expected = _starts(tracks, frame, predicted)
+
+    def register(index: Ids, start: Array) -> tuple[Array, Array, Array]:
+        return patch_registration.register_patches(
+            frame.image,
+            tracks.templates.select(index),
+            (expected @ tracks.shapes)[index],
+            start,
+            reach=config.reach,
+            shape_sigma=config.shape_change,
+        )
+
+    uv, scores, warps = register(np.arange(len(tracks.ids)), uv_start)
     known = np.isfinite(tracks.uv_image[:, 0])
     failed = np.nonzero((scores < config.min_correlation) & known)[0]
-    if tracks.image is None or len(failed) == 0:
-        return uv, scores, warps
-    # Fair over time: those unseen for longest have had their chance.
-    failed = failed[np.argsort(tracks.missed[failed], kind="stable")][: config.max_flow_features]
-    moved, success = flow(config, tracks.image, frame.image, tracks.uv_image[failed])
-    again = failed[success]
-    if len(again):
-        uv_again, scores_again = patch_registration.register_patches(
-            frame.image,
-            tracks.templates.select(again),
-            warps[again],
-            moved[success],
-            reach=config.reach,
-        )
-        better = scores_again > scores[again]
-        uv[again[better]] = uv_again[better]
-        scores[again[better]] = scores_again[better]
-    return uv, scores, warps
-
-
-def _contrast(frame: Frame, uv: Array, radius: int) -> Array:
-    """Standard deviation (N,) of the image around each pixel, [grey levels]."""
-    templates, _ = patch_registration.cut_templates(frame.image, uv, radius)
-    return templates.contrast
+    if tracks.image is not None and len(failed):
+        # Fair over time: those unseen for longest have had their chance.
+        order = np.argsort(tracks.missed[failed], kind="stable")
+        failed = failed[order][: config.max_flow_features]
+        moved, success = flow(config, tracks.image, frame.image, tracks.uv_image[failed])
+        again = failed[success]
+        found = register(again, moved[success])
+        better = found[1] > scores[again]
+        for values, new in zip((uv, scores, warps), found, strict=True):
+            values[again[better]] = new[better]
+    shapes: Array = np.asarray(np.linalg.solve(expected, warps))
+    return Registration(uv=uv, scores=scores, warps=warps, shapes=shapes)
 
 
 def follow(
@@ -296,22 +300,23 @@ def follow(
     """The tracks after one tick, without new features."""
     if len(tracks.ids) == 0:
         return replace(tracks, image=frame.image, blackout=False)
-    uv, scores, warps = _search(config, tracks, frame, predicted)
+    found = search(config, tracks, frame, predicted)
     uv_covariance = patch_registration.registration_covariance(
-        tracks.templates, warps, scores, config.pixel_correlated, config.pixel_floor
+        tracks.templates, found.warps, found.scores, config.pixel_correlated, config.pixel_floor
     )
-    p_WF, covariance, tangents, on_surface = locate(config, frame, uv, uv_covariance)
-    seen = (scores >= config.min_correlation) & on_surface
+    p_WF, covariance, tangents, on_surface = locate(config, frame, found.uv, uv_covariance)
+    seen = (found.scores >= config.min_correlation) & on_surface
     before = int(np.sum(tracks.missed == 0)) if not tracks.blackout else len(tracks.ids)
     blackout = before >= 10 and np.sum(seen) < config.blackout_share * before
 
     fresh = replace(
         tracks,
-        uv=np.where(seen[:, None], uv, tracks.uv),
+        uv=np.where(seen[:, None], found.uv, tracks.uv),
         p_WF=np.where(seen[:, None], p_WF, tracks.p_WF),
         covariance=np.where(seen[:, None, None], covariance, tracks.covariance),
         age=tracks.age + 1,
         missed=np.where(seen, 0.0, tracks.missed + 1.0),
+        shapes=np.where(seen[:, None, None], found.shapes, tracks.shapes),
         blackout=bool(blackout),
     )
     fresh = _coast(fresh, frame, predicted)
@@ -319,7 +324,8 @@ def follow(
         fresh = replace(
             fresh, image=frame.image, uv_image=np.where(seen[:, None], fresh.uv, np.nan)
         )
-        fresh = _renew(config, fresh, frame, tangents, seen & (scores < config.renewal_correlation))
+        worn = seen & (found.scores < config.renewal_correlation)
+        fresh = _renew(config, fresh, frame, tangents, worn)
     return fresh.select(_alive(config, fresh, frame))
 
 
@@ -351,11 +357,14 @@ def _renew(
     templates = tracks.templates.select(np.arange(len(tracks.ids)))
     templates.values[index] = cut.values
     templates.gradients[index] = cut.gradients
-    templates.inverse_hessians[index] = cut.inverse_hessians
+    templates.overlaps[index] = cut.overlaps
+    templates.hessians[index] = cut.hessians
     templates.contrast[index] = cut.contrast
     tangents_C = tracks.tangents_C.copy()
     tangents_C[index] = tangents[index]
-    return replace(tracks, templates=templates, tangents_C=tangents_C)
+    shapes = tracks.shapes.copy()
+    shapes[index] = np.eye(2)
+    return replace(tracks, templates=templates, tangents_C=tangents_C, shapes=shapes)
 
 
 def _alive(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame) -> Mask:
@@ -405,6 +414,7 @@ def give_birth(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame)
         missed=np.concatenate([tracks.missed, np.zeros(born)]),
         templates=patch_registration.concatenate(tracks.templates, templates.select(keep)),
         tangents_C=np.concatenate([tracks.tangents_C, tangents[keep]]),
+        shapes=np.concatenate([tracks.shapes, np.tile(np.eye(2), (born, 1, 1))]),
         uv_image=np.concatenate([tracks.uv_image, uv[keep]]),
         next_id=tracks.next_id + born,
     )

@@ -2,8 +2,8 @@
 
 A template is normalised to zero mean and unit norm, and so is the image under it; their inner
 product is the zero-mean normalised cross-correlation (ZNCC). Gauss-Newton steps with the template's
-own gradients (inverse compositional) move the patch; a known affine map A per patch accounts for
-the change of scale and foreshortening since the template was taken.
+own gradients (inverse compositional) move the patch, x in the template to u + A x in the image. The
+affine map A starts from what is known of scale and foreshortening, and may change a little.
 
 Source: S. Baker and I. Matthews, Lucas-Kanade 20 Years On: A Unifying Framework, 2004, section 3.2.
 """
@@ -25,22 +25,26 @@ class Templates:
 
     Attributes:
         values: (N, n), zero mean and unit norm.
-        gradients: (N, 2, n), of the normalised values per pixel, without the parts that a change
-            of offset or gain explains.
-        inverse_hessians: (N, 2, 2) of gradients @ gradients.T.
+        gradients: Of the normalised values (N, 2, n), [1/px].
+        overlaps: Inner products (N, 6) of the values with their six derivatives, with respect to
+            shift (gx, gy) and affine map (gx x, gx y, gy x, gy y).
+        hessians: (N, 6, 6) inner products of the derivatives, less what a change of offset or gain
+            explains.
         contrast: Standard deviation of the patch (N,), [grey levels].
     """
 
     values: Image
     gradients: Image
-    inverse_hessians: Array
+    overlaps: Array
+    hessians: Array
     contrast: Array
 
     def select(self, index: npt.NDArray[np.int64] | Mask) -> "Templates":
         return Templates(
             values=self.values[index],
             gradients=self.gradients[index],
-            inverse_hessians=self.inverse_hessians[index],
+            overlaps=self.overlaps[index],
+            hessians=self.hessians[index],
             contrast=self.contrast[index],
         )
 
@@ -49,7 +53,8 @@ def concatenate(first: Templates, second: Templates) -> Templates:
     return Templates(
         values=np.concatenate([first.values, second.values]),
         gradients=np.concatenate([first.gradients, second.gradients]),
-        inverse_hessians=np.concatenate([first.inverse_hessians, second.inverse_hessians]),
+        overlaps=np.concatenate([first.overlaps, second.overlaps]),
+        hessians=np.concatenate([first.hessians, second.hessians]),
         contrast=np.concatenate([first.contrast, second.contrast]),
     )
 
@@ -103,15 +108,56 @@ def _correlation(patch: Image, template: Image) -> float:
     return float(total)
 
 
+@numba.njit(cache=True, fastmath=True)
+def _derivatives(gradients: Image, radius: int, values: Image) -> Array:
+    """Inner products (6,) of `values` (n,) with the derivatives to shift and affine map."""
+    products = np.zeros(6)
+    k = 0
+    for y in range(-radius, radius + 1):
+        for x in range(-radius, radius + 1):
+            a, b = gradients[0, k] * values[k], gradients[1, k] * values[k]
+            products[0] += a
+            products[1] += b
+            products[2] += a * x
+            products[3] += a * y
+            products[4] += b * x
+            products[5] += b * y
+            k += 1
+    return products
+
+
+@numba.njit(cache=True)
+def _hessian(gradients: Image, radius: int, overlaps: Array) -> Array:
+    n = gradients.shape[1]
+    hessian = np.zeros((6, 6))
+    mean = np.zeros(6)
+    row = np.zeros(6)
+    k = 0
+    for y in range(-radius, radius + 1):
+        for x in range(-radius, radius + 1):
+            gx, gy = gradients[0, k], gradients[1, k]
+            row[0], row[1], row[2], row[3], row[4], row[5] = gx, gy, gx * x, gx * y, gy * x, gy * y
+            for a in range(6):
+                mean[a] += row[a]
+                for b in range(6):
+                    hessian[a, b] += row[a] * row[b]
+            k += 1
+    for a in range(6):
+        for b in range(6):
+            hessian[a, b] -= mean[a] * mean[b] / n + overlaps[a] * overlaps[b]
+    return hessian
+
+
 @numba.njit(cache=True)
 def _cut(
     image: Image, uv: Array, radius: int
-) -> tuple[Image, Image, Array, Array, npt.NDArray[np.bool_]]:
+) -> tuple[Image, Image, Array, Array, Array, npt.NDArray[np.bool_]]:
     count, side = uv.shape[0], 2 * radius + 1
     n = side * side
     values = np.zeros((count, n), dtype=np.float32)
     gradients = np.zeros((count, 2, n), dtype=np.float32)
-    inverse_hessians = np.zeros((count, 2, 2))
+    overlaps = np.zeros((count, 6))
+    hessians = np.zeros((count, 6, 6))
     contrast = np.zeros(count)
     valid = np.zeros(count, dtype=np.bool_)
     shifted = np.empty(n, dtype=np.float32)
@@ -130,28 +176,21 @@ def _cut(
         if not inside or contrast[i] <= 0.0:
             continue
         gradients[i] /= np.float32(contrast[i] * np.sqrt(n))
-        for axis in range(2):
-            gradients[i, axis] -= gradients[i, axis].mean()
-            gradients[i, axis] -= _correlation(gradients[i, axis], values[i]) * values[i]
-        hessian = np.zeros((2, 2))
-        for a in range(2):
-            for b in range(2):
-                hessian[a, b] = _correlation(gradients[i, a], gradients[i, b])
-        determinant = hessian[0, 0] * hessian[1, 1] - hessian[0, 1] ** 2
-        if determinant <= 1e-12:
-            continue
-        inverse_hessians[i] = np.linalg.inv(hessian)
-        valid[i] = True
-    return values, gradients, inverse_hessians, contrast, valid
+        overlaps[i] = _derivatives(gradients[i], radius, values[i])
+        hessians[i] = _hessian(gradients[i], radius, overlaps[i])
+        H = hessians[i]
+        valid[i] = H[0, 0] * H[1, 1] - H[0, 1] ** 2 > 1e-12
+    return values, gradients, overlaps, hessians, contrast, valid
 
 
 def cut_templates(image: Image, uv: Array, radius: int) -> tuple[Templates, Mask]:
     """Templates of the patches around `uv` (N, 2), and whether each is usable (N,)."""
-    values, gradients, inverse_hessians, contrast, valid = _cut(image, uv, radius)
+    values, gradients, overlaps, hessians, contrast, valid = _cut(image, uv, radius)
     templates = Templates(
         values=values,
         gradients=gradients,
-        inverse_hessians=inverse_hessians,
+        overlaps=overlaps,
+        hessians=hessians,
         contrast=contrast,
     )
     return templates, valid
@@ -174,44 +213,111 @@ def score_patches(image: Image, templates: Templates, warps: Array, uv: Array) -
 
 
 @numba.njit(cache=True)
+def _shift(
+    image: Image,
+    values: Image,
+    gradients: Image,
+    overlaps: Array,
+    hessian: Array,
+    A: Array,
+    uv: Array,
+    radius: int,
+    iterations: int,
+    reach: float,
+    patch: Image,
+) -> tuple[float, float, float]:
+    """Gauss-Newton on the shift alone; the best pixel and its score."""
+    u, v = uv
+    best_u, best_v, best = u, v, -1.0
+    determinant = hessian[0, 0] * hessian[1, 1] - hessian[0, 1] ** 2
+    for _ in range(iterations):
+        if not _sample(image, u, v, A, radius, patch):
+            break
+        _normalise(patch)
+        score = _correlation(patch, values)
+        if score > best:
+            best_u, best_v, best = u, v, score
+        # The residual's part that a gain explains, score * overlap, does not move the patch.
+        scale = 1.0 / (determinant * max(score, 0.3))
+        g0 = (_correlation(patch, gradients[0]) - score * overlaps[0]) * scale
+        g1 = (_correlation(patch, gradients[1]) - score * overlaps[1]) * scale
+        s0 = hessian[0, 1] * g1 - hessian[1, 1] * g0
+        s1 = hessian[0, 1] * g0 - hessian[0, 0] * g1
+        length = np.sqrt(s0 * s0 + s1 * s1)
+        if length > 2.0:
+            s0, s1 = 2.0 * s0 / length, 2.0 * s1 / length
+        u += A[0, 0] * s0 + A[0, 1] * s1
+        v += A[1, 0] * s0 + A[1, 1] * s1
+        if abs(u - uv[0]) > reach or abs(v - uv[1]) > reach or length < 0.005:
+            break
+    return best_u, best_v, best
+
+
+@numba.njit(cache=True)
 def _register(
     image: Image,
     values: Image,
     gradients: Image,
-    inverse_hessians: Array,
+    overlaps: Array,
+    hessians: Array,
     warps: Array,
     uv: Array,
     radius: int,
     iterations: int,
     reach: float,
-) -> tuple[Array, Array]:
+    shape_sigma: float,
+) -> tuple[Array, Array, Array]:
     count = uv.shape[0]
     result = uv.copy()
+    shapes = warps.copy()
     scores = np.full(count, -1.0)
-    patch = np.empty((2 * radius + 1) ** 2, dtype=np.float32)
+    n = values.shape[1]
+    patch = np.empty(n, dtype=np.float32)
+    change = np.empty((2, 2))
     for i in range(count):
-        u, v = uv[i]
-        for _ in range(iterations):
-            if not _sample(image, u, v, warps[i], radius, patch):
+        u, v, score = _shift(
+            image,
+            values[i],
+            gradients[i],
+            overlaps[i],
+            hessians[i],
+            warps[i],
+            uv[i],
+            radius,
+            iterations,
+            reach,
+            patch,
+        )
+        result[i, 0], result[i, 1], scores[i] = u, v, score
+        if score < 0.6 or shape_sigma <= 0.0:
+            continue
+        for _ in range(2):
+            if not _sample(image, u, v, shapes[i], radius, patch):
                 break
             _normalise(patch)
-            score = _correlation(patch, values[i])
-            if score > scores[i]:
-                scores[i] = score
-                result[i, 0], result[i, 1] = u, v
-            # With <template, gradient> = 0 the residual's projection is that of the patch alone.
-            g0 = _correlation(patch, gradients[i, 0]) / max(score, 0.3)
-            g1 = _correlation(patch, gradients[i, 1]) / max(score, 0.3)
-            s0 = -(inverse_hessians[i, 0, 0] * g0 + inverse_hessians[i, 0, 1] * g1)
-            s1 = -(inverse_hessians[i, 1, 0] * g0 + inverse_hessians[i, 1, 1] * g1)
-            length = np.sqrt(s0 * s0 + s1 * s1)
-            if length > 2.0:
-                s0, s1 = 2.0 * s0 / length, 2.0 * s1 / length
-            u += warps[i, 0, 0] * s0 + warps[i, 0, 1] * s1
-            v += warps[i, 1, 0] * s0 + warps[i, 1, 1] * s1
-            if abs(u - uv[i, 0]) > reach or abs(v - uv[i, 1]) > reach or length < 0.005:
-                break
-    return result, scores
+            now = _correlation(patch, values[i])
+            normal = hessians[i] * now
+            weight = max(2.0 - 2.0 * now, 1e-3) / n / shape_sigma**2
+            for a in range(2, 6):
+                normal[a, a] += weight
+            gradient = _derivatives(gradients[i], radius, patch) - now * overlaps[i]
+            step = np.linalg.solve(normal, gradient)
+            change[0, 0], change[0, 1] = 1.0 - step[2], -step[3]
+            change[1, 0], change[1, 1] = -step[4], 1.0 - step[5]
+            A = shapes[i] @ change
+            shapes[i] = A
+            u -= A[0, 0] * step[0] + A[0, 1] * step[1]
+            v -= A[1, 0] * step[0] + A[1, 1] * step[1]
+        if _sample(image, u, v, shapes[i], radius, patch):
+            _normalise(patch)
+            now = _correlation(patch, values[i])
+            if now >= score and abs(u - result[i, 0]) + abs(v - result[i, 1]) < 2.0:
+                result[i, 0], result[i, 1], scores[i] = u, v, now
+            else:
+                shapes[i] = warps[i]
+        else:
+            shapes[i] = warps[i]
+    return result, scores, shapes
 
 
 def register_patches(
@@ -222,26 +328,34 @@ def register_patches(
     *,
     iterations: int = 10,
     reach: float = 8.0,
-) -> tuple[Array, Array]:
+    shape_sigma: float = 0.0,
+) -> tuple[Array, Array, Array]:
     """Moves each template from its start `uv` (N, 2) to where it fits the image best.
 
     Args:
-        warps: Affine maps (N, 2, 2) from template to image.
+        image: (H, W).
+        templates: N templates.
+        warps: Affine maps (N, 2, 2) from template to image, to start from.
+        uv: (N, 2).
+        iterations: At most, of the shift.
         reach: Largest distance from the start, [px].
+        shape_sigma: By how much the entries of the maps may change; 0 keeps them.
 
     Returns:
-        Pixels (N, 2) and ZNCC (N,), -1 where the patch leaves the image.
+        Pixels (N, 2), ZNCC (N,), -1 where the patch leaves the image, and maps (N, 2, 2).
     """
     return _register(
         image,
         templates.values,
         templates.gradients,
-        templates.inverse_hessians,
-        warps,
+        templates.overlaps,
+        templates.hessians,
+        np.ascontiguousarray(warps),
         np.ascontiguousarray(uv, dtype=np.float64),
         _radius(templates),
         iterations,
         reach,
+        shape_sigma,
     )
 
 
@@ -255,8 +369,8 @@ def registration_covariance(
     """
     n = templates.values.shape[1]
     variance = correlated_pixels * (2.0 - 2.0 * np.clip(scores, 0.0, 1.0)) / (n - 4)
-    covariance = warps @ (variance[:, None, None] * templates.inverse_hessians)
-    covariance = covariance @ warps.transpose(0, 2, 1)
+    inverse = np.linalg.inv(templates.hessians[:, :2, :2])
+    covariance = warps @ (variance[:, None, None] * inverse) @ warps.transpose(0, 2, 1)
     return covariance + floor**2 * np.eye(2)
 
 

@@ -206,7 +206,7 @@ class RigidBodyMotion(LeafSystem):
 def _check(config: RigidBodyMotionConfig) -> None:
     positive = "period rest_samples angular_acceleration linear_acceleration rotation_sigma"
     positive += " initial_angular_velocity initial_linear_velocity gate moving better association"
-    positive += " prior_rotation_walk prior_translation_walk"
+    positive += " prior_rotation_walk prior_translation_walk jump_rotation jump_translation"
     floors = "feature_floor anchor_floor anchor_walk min_gain min_spread patience memory"
     floors += " max_suspicion max_free_suspicion seed"
     counts = "newest min_support keep_support"
@@ -214,6 +214,7 @@ def _check(config: RigidBodyMotionConfig) -> None:
     require_fields(name, config, positive.split(), "> 0", lambda x: x > 0)
     require_fields(name, config, floors.split(), ">= 0", lambda x: x >= 0)
     require_fields(name, config, counts.split(), ">= 1", lambda x: x >= 1)
+    require_fields(name, config, ["merging_share"], "in (0, 1]", lambda x: 0 < x <= 1)
     require_fields(name, config, ["max_anchors"], ">= 3", lambda x: x >= 3)
     least = config.newest + 8
     require_fields(name, config, ["window"], f">= newest + 8 = {least}", lambda x: x >= least)

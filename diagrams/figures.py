@@ -99,7 +99,9 @@ def draw_openings(result: EpisodeResult) -> Figure:
         axes = figure.subplots()
         for name, series in (all_series := _series(result)).items():
             color = palette.MODALITY[name]
-            q, std = scale * series.configuration, scale * series.configuration_std
+            # A type with another unit has no place on this axis.
+            q = scale * np.where(np.isnan(series.error), np.nan, series.configuration)
+            std = scale * series.configuration_std
             axes.fill_between(series.times, q - 2 * std, q + 2 * std, color=color, alpha=0.16, lw=0)
             axes.plot(series.times, q, color=color, **_LINE[name])
         axes.plot(
@@ -154,12 +156,16 @@ def _limit_time(axes: Axes, result: EpisodeResult) -> None:
 def _mark_events(axes: Axes, result: EpisodeResult, *, label: bool) -> None:
     """Vertical lines where something happens, shades where the camera sees less."""
     disturbances = result.scenario.disturbances
-    events = [("grasped", result.truth.grasp_time), ("moving", motion_start(result.truth))]
-    for name, time in events:
+    # The two lie close together: their names stand on either side.
+    events = [
+        ("grasped ", result.truth.grasp_time, "right"),
+        ("moving", motion_start(result.truth), "left"),
+    ]
+    for name, time, side in events:
         if time is not None and np.isfinite(time) and time < result.duration:
             axes.axvline(time, color=palette.QUIET, lw=0.9, ls=(0, (4, 3)))
             if label:
-                _note(axes, time, name)
+                _note(axes, time, name, side)
     spans = [("lights off", interval) for interval in disturbances.lights_off]
     spans += [("camera covered", interval) for interval in disturbances.camera_covered]
     for name, interval in spans:
@@ -171,14 +177,15 @@ def _mark_events(axes: Axes, result: EpisodeResult, *, label: bool) -> None:
                 _note(axes, interval.start, name)
 
 
-def _note(axes: Axes, time: float, text: str) -> None:
+def _note(axes: Axes, time: float, text: str, side: str = "left") -> None:
     axes.annotate(
         text,
         (time, 1.0),
         xycoords=("data", "axes fraction"),
-        xytext=(3, -3),
+        xytext=(3 if side == "left" else -1, -3),
         textcoords="offset points",
         va="top",
+        ha=side,
         fontsize=8.5,
         color="#444444",
     )

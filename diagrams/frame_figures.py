@@ -88,8 +88,8 @@ def _draw_frame(
     joint = select_joint(tick.joints)
     if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
         body = next((b for b in tick.bodies.bodies if b.body_id == joint.child_id), None)
-        draw_joint(axes, joint, body, result.camera)
-        joints.add(joint.type)
+        if draw_joint(axes, joint, body, result.camera):
+            joints.add(joint.type)
     dark = any(frame.time in interval for interval in result.scenario.disturbances.lights_off)
     covered = any(frame.time in span for span in result.scenario.disturbances.camera_covered)
     note = ", camera covered" if covered else ", lights off" if dark else ""

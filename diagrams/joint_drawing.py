@@ -1,8 +1,9 @@
 """The form in which an estimated joint is drawn, in pictures and in Meshcat alike.
 
-A prismatic joint is a green bar along its axis through the body, with a cone on either side whose
-half angle is two standard deviations of the axis. A revolute one is a red bar on its axis, with a
-tube of two standard deviations of its position, which opens by those of its direction.
+A prismatic joint is a green bar along its axis above the body, where no hand hides it (its axis has
+no place), with a cone on either side whose half angle is two standard deviations of the axis. A
+revolute one is a red bar on its axis, with a tube of two standard deviations of its position, which
+opens by those of its direction.
 """
 
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from systems.port_values import BodyMotion, JointBelief, JointType
 Array = npt.NDArray[np.float64]
 
 BAR_LENGTH = 0.3  # [m]
+BAR_HEIGHT = 0.2  # Of a prismatic joint's bar above the body, [m].
 _LARGEST_ANGLE = np.deg2rad(60.0)  # A cone wider than this says no more.
 _LARGEST_RADIUS = 0.15  # [m]
 
@@ -63,7 +65,7 @@ def sketch_joint(joint: JointBelief, body: BodyMotion | None) -> JointSketch | N
         variance = float(np.linalg.eigvalsh(model.p_PA_covariance)[-1])
         radius = min(2.0 * float(np.sqrt(max(variance, 0.0))), _LARGEST_RADIUS)
     elif body is not None:
-        center = body.motion.X[:3, 3].copy()
+        center = body.motion.X[:3, 3] + np.array([0.0, 0.0, BAR_HEIGHT])
     else:
         return None
     return JointSketch(
@@ -102,11 +104,11 @@ def uncertainty_outline(sketch: JointSketch, side: float, points: int = 32) -> A
 
 def draw_joint(
     axes: Axes, joint: JointBelief, body: BodyMotion | None, camera: PinholeCamera
-) -> None:
-    """Draws a joint into a camera image."""
+) -> bool:
+    """Draws a joint into a camera image; says whether its middle is in there."""
     sketch = sketch_joint(joint, body)
     if sketch is None:
-        return
+        return False
     color = joint_color(sketch.type)
     for side in (1.0, -1.0):
         outline = _hull(camera.project(uncertainty_outline(sketch, side)))
@@ -115,7 +117,7 @@ def draw_joint(
     half = 0.5 * sketch.length * sketch.direction_W
     ends = camera.project(np.array([sketch.center_W - half, sketch.center_W + half]))
     if not np.all(np.isfinite(ends)):
-        return
+        return False
     outline_effect = [path_effects.withStroke(linewidth=6.5, foreground="white")]
     axes.plot(*ends.T, color=color, lw=4.5, solid_capstyle="butt", path_effects=outline_effect)
     if sketch.type == JointType.PRISMATIC:
@@ -129,6 +131,9 @@ def draw_joint(
                 "lw": 3,
             },
         )
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    u, v = ends.mean(axis=0)
+    return bool(left <= u <= right and min(top, bottom) <= v <= max(top, bottom))
 
 
 def _hull(points: Array) -> Array | None:

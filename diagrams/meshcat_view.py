@@ -274,7 +274,7 @@ class _Layer:
         """Upright above a joint at p_WJ and in front of it, its -y towards the viewer."""
         to_viewer = self._config.viewpoint - p_WJ
         to_viewer /= np.linalg.norm(to_viewer)
-        p_WT = p_WJ + np.array([0.0, 0.0, 0.12]) + 0.3 * to_viewer
+        p_WT = p_WJ + np.array([0.0, 0.0, 0.1]) + 0.15 * to_viewer
         yaw = float(np.arctan2(-to_viewer[1], -to_viewer[0])) - 0.5 * np.pi
         return RigidTransform(RotationMatrix.MakeZRotation(yaw), p_WT)
 

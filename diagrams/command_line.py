@@ -1,6 +1,7 @@
 """The `crossmodal` command. What a command needs is imported when it runs, so help is instant."""
 
 import contextlib
+import logging
 import signal
 import sys
 from collections.abc import Iterator
@@ -76,6 +77,7 @@ def one_line_errors() -> Iterator[None]:
     """Ends the command with one line and its exit status where the user's input is at fault."""
     from diagrams.yaml_schema import ScenarioError
 
+    logging.getLogger("drake").setLevel(logging.ERROR)  # Its notes are not for a user.
     try:
         yield
     except ScenarioError as error:
@@ -267,7 +269,7 @@ def _finish_evaluation(
         typer.echo(f"  {path}")
     if interrupted:
         typer.echo(
-            f"crossmodal: interrupted after {len(summaries)} episodes; the same command goes on",
+            f"crossmodal: interrupted after {len(summaries)} episode(s); the same command goes on",
             err=True,
         )
         raise typer.Exit(INTERRUPTED)

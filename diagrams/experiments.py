@@ -1,6 +1,7 @@
 """Many episodes of one scenario over seeds, and the table of what came out."""
 
 import json
+import logging
 import os
 import signal
 import traceback
@@ -108,6 +109,8 @@ def run_episode_into(scenario: Scenario, folder: Path) -> dict[str, Any]:
         open_run_folder(folder, force=True)
         result = run_episode(scenario, scenario.seed)
         write_run(folder, result)
+        if result.interrupted:
+            raise KeyboardInterrupt  # An episode keeps what it has, but the others must not start.
         (folder / _ERROR_FILE).unlink(missing_ok=True)
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         assert isinstance(summary, dict)
@@ -127,6 +130,7 @@ def run_episode_into(scenario: Scenario, folder: Path) -> dict[str, Any]:
 
 
 def _in_worker(scenario: Scenario, folder: Path, parent: int) -> dict[str, Any]:
+    logging.getLogger("drake").setLevel(logging.ERROR)
     if os.getpid() != parent:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent decides what an interrupt means.
     return run_episode_into(scenario, folder)

@@ -126,6 +126,7 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
         apply_override(document, assignment)
     scenario = load_typed(Scenario, document, str(path))
     scenario.name = scenario.name or path.stem
+    scenario.modalities.sort(key=lambda name: [*MODALITIES, name].index(name))
     model = _model_file(scenario.object.model, path)
     if model.is_relative_to(SDF_DIR):
         model = model.relative_to(SDF_DIR)

@@ -28,7 +28,9 @@ def work_in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.fixture
 def fake_episode(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
     """Replaces the simulation by a synthetic episode; its attributes say how that ends."""
-    fake = types.SimpleNamespace(failure=None, interrupt=False, error=None, runs=[])
+    fake = types.SimpleNamespace(
+        failure=None, interrupt=False, error=None, stops_early=False, runs=[]
+    )
 
     def run_episode(
         scenario: Scenario, seed: int, *, meshcat: Any = None, progress: Progress = None
@@ -36,6 +38,7 @@ def fake_episode(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
         fake.runs.append((scenario.name, seed, meshcat is not None))
         result = synthetic_episode(seed=seed)
         result.scenario, result.failure = scenario, fake.failure
+        result.interrupted = fake.stops_early
         if fake.error is not None:
             raise fake.error
         if progress is not None:
@@ -204,3 +207,16 @@ def test_evaluate_goes_on_where_it_was_and_reports_failures(
     assert "| 5 | RuntimeError: the solver gave up |" in second.output
     assert "2/3" in second.output
     assert "gave up" in Path("here/seed-0005/error.txt").read_text()
+
+
+def test_an_interrupted_evaluation_stops_and_its_table_has_what_was_finished(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    command = ["evaluate", "drawer", "--out", "here", "--backend", "threading", "--seeds"]
+    assert RUNNER.invoke(app, [*command, "3"]).exit_code == 0
+    fake_episode.stops_early = True
+    stopped = RUNNER.invoke(app, [*command, "3:6"])
+    assert stopped.exit_code == 130
+    assert "interrupted after 1 episode(s)" in stopped.stderr
+    assert "# drawer: 1 episodes, seeds 3" in stopped.stdout
+    assert len(fake_episode.runs) == 2

@@ -40,7 +40,8 @@ pytest: $(INSTALLED)
 	$(BIN)/python -m pytest $(ARGS)
 
 bench: $(INSTALLED)
-	set -e; for script in benchmarks/[a-z]*.py; do $(BIN)/python "$$script" $(ARGS); done
+	$(BIN)/python -m benchmarks.episode
+	$(BIN)/python -m benchmarks.joint_filters $(ARGS)
 
 evaluate: $(INSTALLED)
 	$(BIN)/crossmodal evaluate drawer --seeds $(SEEDS) --jobs $(JOBS) $(ARGS)

@@ -100,11 +100,13 @@ class Episode:
     Attributes:
         diagram: All of it.
         station: Plant, sensors and controllers.
+        modalities: Names of the networks, subsystems of the diagram.
         recorder: Holds what was believed and what was true.
     """
 
     def __init__(self, scenario: Scenario, seed: int, meshcat: Meshcat | None = None) -> None:
         self._scenario = scenario
+        self.modalities = list(scenario.modalities)
         self._meshcat = meshcat
         self.station = build_station(scenario, seed)
         period = scenario.network_period

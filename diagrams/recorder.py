@@ -161,6 +161,7 @@ def _belief_models() -> dict[str, object]:
         covariance=np.eye(6),
         axis_H=np.array([1.0, 0.0, 0.0]),
         p_HA=np.zeros(3),
+        line_covariance=np.zeros((6, 6)),
         free_motion=np.zeros((6, 6)),
     )
     return {

@@ -1,0 +1,118 @@
+"""Times one episode: each filter's tick, and where the wall time goes.
+
+    python -m benchmarks.episode [--seed 0] [--scenario drawer]
+
+Simulated second by second, three modalities side by side. Before each tick every sensor image and
+then every filter's posterior is evaluated in the order of the data flow; Drake keeps the result, so
+each evaluation costs that system's own work and nothing is computed twice.
+"""
+
+import argparse
+from collections import defaultdict
+from time import perf_counter
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, Diagram
+from tqdm import tqdm
+
+from controllers.grasp_sequence import Phase
+from diagrams.episode import Episode
+from diagrams.scenario import load_scenario
+
+IMAGES = ("color_measured", "depth_measured", "robot_mask")
+# In the order of the data flow: system and the output that holds its posterior.
+FILTERS = (
+    ("end_effector_motion", "end_effector_estimated"),
+    ("hand_bending", "hand_bending_estimated"),
+    ("interacted_body_motion", "body_prior"),
+    ("feature_motion", "features_estimated"),
+    ("rigid_body_motion", "body_motions_estimated"),
+    ("interacted_body_motion", "body_motions_estimated"),
+    ("grasp_model", "grasp_estimated"),
+    ("kinematic_model", "joints_estimated"),
+)
+
+
+def timed_eval(system: Diagram, port: str, root: Context) -> float:
+    """Wall time of one evaluation, [s]."""
+    context = system.GetMyContextFromRoot(root)
+    began = perf_counter()
+    system.GetOutputPort(port).Eval(context)
+    return perf_counter() - began
+
+
+def tick_times(episode: Episode, root: Context) -> dict[str, float]:
+    """Wall time of each part of the tick that is due now, [s]."""
+    times: dict[str, float] = defaultdict(float)
+    for port in IMAGES:
+        times["rendering and camera noise"] += timed_eval(episode.station.diagram, port, root)
+    for modality in episode.modalities:
+        network = episode.diagram.GetSubsystemByName(modality)
+        for name, port in FILTERS:
+            if network.HasSubsystemNamed(name) and network.GetSubsystemByName(name).HasOutputPort(
+                port
+            ):
+                system = network.GetSubsystemByName(name)
+                times[f"{modality}/{name}"] += timed_eval(system, port, root)
+    return times
+
+
+def run(scenario_name: str, seed: int) -> None:
+    scenario = load_scenario(scenario_name)
+    episode = Episode(scenario, seed)
+    simulator = Simulator(episode.diagram)
+    root = simulator.get_mutable_context()
+    episode.station.SetInitialState(root)
+    simulator.Initialize()
+    station = episode.station.diagram
+    parts: dict[str, list[float]] = defaultdict(list)
+    period = scenario.network_period
+    exploring = 0.0
+    began = perf_counter()
+    for tick in tqdm(range(1, int(scenario.duration / period)), desc="ticks", disable=None):
+        start = perf_counter()
+        simulator.AdvanceTo(tick * period)
+        advance = perf_counter() - start
+        phase = station.GetOutputPort("phase").Eval(station.GetMyContextFromRoot(root))[0]
+        times = tick_times(episode, root)
+        if phase >= Phase.STOP:
+            break
+        if phase == Phase.EXPLORE:
+            exploring += period
+            parts["physics, control, sensors"].append(advance)
+            for name, value in times.items():
+                parts[name].append(value)
+    wall = perf_counter() - began
+    report(parts, exploring, root.get_time() / wall, episode.modalities)
+
+
+def report(
+    parts: dict[str, list[float]], exploring: float, factor: float, modalities: list[str]
+) -> None:
+    print(f"\nReal-time factor of the whole episode: {factor:.2f}\n")
+    print("| while the hand pulls | median [ms] | p95 [ms] | wall per simulated second [s] |")
+    print("|---|---|---|---|")
+    for name, values in parts.items():
+        ms = 1e3 * np.array(values)
+        share = np.sum(values) / exploring
+        print(f"| {name} | {np.median(ms):.2f} | {np.percentile(ms, 95):.2f} | {share:.3f} |")
+    for modality in modalities:
+        ticks = 1e3 * np.sum([v for k, v in parts.items() if k.startswith(f"{modality}/")], axis=0)
+        share = np.sum(ticks) / 1e3 / exploring
+        print(
+            f"| **{modality}, whole tick** | {np.median(ticks):.2f} |"
+            f" {np.percentile(ticks, 95):.2f} | {share:.3f} |"
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenario", default="drawer")
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    run(arguments.scenario, arguments.seed)
+
+
+if __name__ == "__main__":
+    main()

@@ -7,6 +7,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.sensors import CameraInfo
+from systems.kinematics.joint_filters import JointFiltersConfig
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 
 from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
@@ -31,6 +32,22 @@ PROPRIOCEPTION_INPUTS = (
 )
 
 
+def joints_from_features() -> KinematicModelConfig:
+    """Bodies followed by the eye drift by some tenths of a millimetre for seconds."""
+    return KinematicModelConfig(
+        filters=JointFiltersConfig(slow_rotation=3e-3, slow_translation=3e-4, slow_time=2.0)
+    )
+
+
+def joints_from_the_hand() -> KinematicModelConfig:
+    """A hand that turns on the handle misleads about the body's rotation, and it does so slowly."""
+    return KinematicModelConfig(
+        filters=JointFiltersConfig(
+            correlation_time=2.0, slow_rotation=0.1, slow_translation=4e-3, slow_time=5.0
+        )
+    )
+
+
 @dataclass(kw_only=True)
 class PerceptionConfig:
     """One config per filter; the joints' differ by what measures the bodies."""
@@ -41,9 +58,9 @@ class PerceptionConfig:
     interacted_body: InteractedBodyMotionConfig = field(default_factory=InteractedBodyMotionConfig)
     features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
     bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
-    joints_vision: KinematicModelConfig = field(default_factory=KinematicModelConfig)
-    joints_proprioception: KinematicModelConfig = field(default_factory=KinematicModelConfig)
-    joints_crossmodal: KinematicModelConfig = field(default_factory=KinematicModelConfig)
+    joints_vision: KinematicModelConfig = field(default_factory=joints_from_features)
+    joints_proprioception: KinematicModelConfig = field(default_factory=joints_from_the_hand)
+    joints_crossmodal: KinematicModelConfig = field(default_factory=joints_from_features)
 
 
 @dataclass(kw_only=True)

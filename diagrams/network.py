@@ -7,9 +7,9 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.sensors import CameraInfo
+
 from systems.kinematics.joint_filters import JointFiltersConfig
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
-
 from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
 from systems.proprioception.grasp_model import GraspModel, GraspModelConfig
 from systems.proprioception.hand_bending import HandBending, HandBendingConfig

@@ -147,9 +147,7 @@ def new_body(
     path = np.tile(X_WB_reference, (window, 1, 1))
     stride = 1 + (window - 1 - reference) // 12
     for k in range(reference + 1, window):
-        body = body_filter.predict(
-            body, config.period, body_tracking.acceleration(config), config.anchor_walk
-        )
+        body = body_tracking.predict(config, body)
         if (window - 1 - k) % stride == 0:
             seen = np.nonzero(mine.samples[anchored, k])[0]
             p_WF = mine.p_W[anchored[seen], k]
@@ -219,17 +217,13 @@ def step(
     history = body_tracking.associate(config, bodies, history)
     bodies, history = body_tracking.merged(config, bodies, history)
     bodies, history, next_id = give_birth(config, level, bodies, history, prior)
-    strays = (history.body != STATIC_BODY) & (history.suspicion >= config.max_suspicion)
-    strays |= (history.body == STATIC_BODY) & (history.suspicion >= config.max_free_suspicion)
     living = [
         body
         for body in bodies
         if body.body_id == INTERACTED_BODY or body.unsupported <= config.patience
     ]
-    numbers = [STATIC_BODY, *(body.body_id for body in living)]
-    strays |= ~np.isin(history.body, numbers)
-    if strays.any():
-        history = body_tracking.afresh(history, strays)
-    living = body_tracking.without_strays(living, history)
+    history = body_tracking.cast_out(config, living, history)
+    history = body_tracking.afresh(config, living, history)
+    living = body_tracking.without_strays(config, living, history)
     living = [body_tracking.with_anchors(config, body, history, tick) for body in living]
     return BodyLevel(tick=tick, next_id=next_id, history=history, bodies=living)

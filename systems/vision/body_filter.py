@@ -33,6 +33,8 @@ class BodyFilter:
         V: V_WB_B (6,), [rad/s, m/s].
         ids: Features with an anchor (K,).
         p_BF: Anchors (K, 3), [m].
+        p_BF_first: What they were when they were added (K, 3), [m].
+        C_first: Their covariance then (K, 3, 3), [m^2].
         P: Covariance (12 + 3K, 12 + 3K).
     """
 
@@ -40,6 +42,8 @@ class BodyFilter:
     V: Array
     ids: Ids
     p_BF: Array
+    p_BF_first: Array
+    C_first: Array
     P: Array
 
     def __deepcopy__(self, memo: dict[int, object]) -> "BodyFilter":
@@ -57,10 +61,20 @@ def at_reference(X_WB: Array, sigma_V: Array) -> BodyFilter:
     """A body at its reference pose, known by definition, with velocity 0 +- `sigma_V` (6,)."""
     P = np.zeros((_MOTION, _MOTION))
     P[6:, 6:] = np.diag(sigma_V**2)
-    return BodyFilter(X=X_WB, V=np.zeros(6), ids=np.zeros(0, np.int64), p_BF=np.zeros((0, 3)), P=P)
+    return BodyFilter(
+        X=X_WB,
+        V=np.zeros(6),
+        ids=np.zeros(0, np.int64),
+        p_BF=np.zeros((0, 3)),
+        p_BF_first=np.zeros((0, 3)),
+        C_first=np.zeros((0, 3, 3)),
+        P=P,
+    )
 
 
-def predict(body: BodyFilter, dt: float, acceleration: Array, anchor_walk: float) -> BodyFilter:
+def predict(
+    body: BodyFilter, dt: float, acceleration: Array, anchor_walk: float, turn_walk: float
+) -> BodyFilter:
     """Constant velocity for `dt` [s], driven by white acceleration.
 
     Args:
@@ -68,6 +82,7 @@ def predict(body: BodyFilter, dt: float, acceleration: Array, anchor_walk: float
         dt: [s].
         acceleration: Spectral densities (6,), [rad^2/s^3, m^2/s^3].
         anchor_walk: Drift of the anchors, [m/sqrt(s)].
+        turn_walk: The same per turn of the body, which changes how patches look, [m/sqrt(rad)].
     """
     step = se3.exp(body.V * dt)
     F = np.eye(_MOTION)
@@ -82,7 +97,8 @@ def predict(body: BodyFilter, dt: float, acceleration: Array, anchor_walk: float
     P[6:_MOTION, :6] += Q * dt**2 / 2.0
     P[6:_MOTION, 6:_MOTION] += Q * dt
     anchors = np.arange(_MOTION, len(P))
-    P[anchors, anchors] += anchor_walk**2 * dt
+    turn = float(np.linalg.norm(body.V[:3])) * dt
+    P[anchors, anchors] += anchor_walk**2 * dt + turn_walk**2 * turn
     return replace(body, X=body.X @ step, P=P)
 
 
@@ -196,12 +212,15 @@ def _extended(body: BodyFilter, ids: Ids, p_BF: Array, rows: Array, blocks: Arra
     P[old:, :old] = rows
     P[:old, old:] = rows.T
     P[old:, old:] = blocks
-    return replace(
+    grown = replace(
         body,
         ids=np.concatenate([body.ids, ids]),
         p_BF=np.concatenate([body.p_BF, p_BF]),
+        p_BF_first=np.concatenate([body.p_BF_first, p_BF]),
         P=P,
     )
+    added = grown.p_BF_covariance[len(body.ids) :]
+    return replace(grown, C_first=np.concatenate([body.C_first, added]))
 
 
 def add_rest_anchors(
@@ -232,7 +251,36 @@ def remove_anchors(body: BodyFilter, ids: Ids) -> BodyFilter:
     if keep.all():
         return body
     rows = np.concatenate([np.ones(_MOTION, bool), np.repeat(keep, 3)])
-    return replace(body, ids=body.ids[keep], p_BF=body.p_BF[keep], P=body.P[np.ix_(rows, rows)])
+    return replace(
+        body,
+        ids=body.ids[keep],
+        p_BF=body.p_BF[keep],
+        p_BF_first=body.p_BF_first[keep],
+        C_first=body.C_first[keep],
+        P=body.P[np.ix_(rows, rows)],
+    )
+
+
+def drifted(body: BodyFilter, gate: float) -> Mask:
+    """Which anchors (K,) have moved farther since they were added than their covariance then.
+
+    A patch that lies on two surfaces slides slowly, and its anchor follows.
+    """
+    e = body.p_BF - body.p_BF_first
+    return np.asarray(np.einsum("ki,kij,kj->k", e, np.linalg.inv(body.C_first), e) > gate)
+
+
+def rebuilt(body: BodyFilter, sigma: Array) -> BodyFilter:
+    """The filter as if its anchors had just been added and its pose were known up to `sigma` (6,).
+
+    For when one of its features turned out wrong, and has already moved pose and anchors.
+    """
+    P = np.zeros_like(body.P)
+    P[_POSE, _POSE] = np.diag(sigma**2)
+    P[6:_MOTION, 6:_MOTION] = body.P[6:_MOTION, 6:_MOTION]
+    if len(body.ids):
+        P[_MOTION:, _MOTION:] = scipy.linalg.block_diag(*body.C_first)
+    return replace(body, p_BF=body.p_BF_first, P=P)
 
 
 def inflated(body: BodyFilter, sigma: Array) -> BodyFilter:

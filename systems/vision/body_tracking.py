@@ -17,6 +17,7 @@ from systems.port_values import (
 from systems.vision import body_filter
 from systems.vision.body_filter import BodyFilter
 from systems.vision.feature_history import (
+    OUTCAST,
     FeatureHistory,
     Mask,
     displacements,
@@ -38,6 +39,7 @@ class RigidBodyMotionConfig:
     feature_floor: float = 2e-4  # Added to a feature's standard deviation, [m].
     anchor_floor: float = 3e-4  # Error of an anchor that averaging does not remove, [m].
     anchor_walk: float = 5e-5  # Drift of an anchor, [m/sqrt(s)].
+    turn_walk: float = 3e-4  # The same per turn of its body, [m/sqrt(rad)].
     angular_acceleration: float = 1e-2  # Spectral density, [rad^2/s^3].
     linear_acceleration: float = 2.5e-3  # Spectral density, [m^2/s^3].
     initial_angular_velocity: float = 0.1  # Standard deviation at the reference, [rad/s].
@@ -45,7 +47,9 @@ class RigidBodyMotionConfig:
     gate: float = 16.27  # Squared Mahalanobis distance of 3 dof that 0.1 % exceed.
     moving: float = 20.0  # The same beyond which a feature does not stand still.
     better: float = 9.0  # By how much a motion fits a feature better to support it.
-    association: float = 6.0  # Log likelihood ratio that assigns a feature, or releases it.
+    association: float = 8.0  # Log likelihood ratio that assigns a feature, or releases it.
+    extent: float = 0.05  # Distance to a body's features that counts as one deviation, [m].
+    max_penalty: float = 30.0  # Log likelihood ratio that distance costs at most.
     min_support: int = 6  # Features that a new body needs.
     min_gain: float = 120.0  # Their summed gain in squared distance over standing still.
     min_spread: float = 0.015  # Root mean square distance from their centroid, [m].
@@ -54,7 +58,7 @@ class RigidBodyMotionConfig:
     patience: int = 30  # Ticks that it lives without, [ticks].
     max_anchors: int = 50  # Features that a body's filter holds.
     max_suspicion: int = 8  # A feature that disagrees for so long with its body leaves it, [ticks].
-    max_free_suspicion: int = 45  # A free one starts afresh, [ticks].
+    max_free_suspicion: int = 45  # A free one, or one that left, starts afresh, [ticks].
     rotation_sigma: float = 0.1  # Prior rotation of a new body's first motion, [rad].
     jump_rotation: float = 0.1  # Unpredicted turn that is believed if features agree, [rad].
     jump_translation: float = 0.03  # The same for a shift, [m].
@@ -111,8 +115,12 @@ def no_bodies(config: RigidBodyMotionConfig) -> BodyLevel:
     return BodyLevel(tick=-1, next_id=2, history=no_history(config.window))
 
 
-def acceleration(config: RigidBodyMotionConfig) -> Array:
-    return np.repeat([config.angular_acceleration, config.linear_acceleration], 3)
+def predict(config: RigidBodyMotionConfig, body: BodyFilter) -> BodyFilter:
+    """The filter one tick later, by its velocity."""
+    acceleration = np.repeat([config.angular_acceleration, config.linear_acceleration], 3)
+    return body_filter.predict(
+        body, config.period, acceleration, config.anchor_walk, config.turn_walk
+    )
 
 
 def _seen_anchors(body: BodyFilter, history: FeatureHistory) -> tuple[Ids, Ids]:
@@ -155,7 +163,7 @@ def advance(
         The body, and the rows of the history that agreed and disagreed.
     """
     old = body_filter.remove_anchors(body.filter, np.setdiff1d(body.filter.ids, history.ids))
-    predicted = body_filter.predict(old, config.period, acceleration(config), config.anchor_walk)
+    predicted = predict(config, old)
     candidates = [("velocity", predicted), ("still", replace(predicted, X=old.X, V=np.zeros(6)))]
     for source, X_WB in predictions:
         V = se3.log(se3.inverse(old.X) @ X_WB) / config.period
@@ -315,27 +323,39 @@ def body_against_static(
     return ratio, fit
 
 
+def _distances(history: FeatureHistory, body_id: int) -> Array:
+    """Each feature's distance (N,) to the nearest feature of a body, [m]; zero if it has none."""
+    members = history.p_W[history.body == body_id, -1]
+    if len(members) == 0:
+        return np.zeros(len(history.ids))
+    difference = history.p_W[:, None, -1] - members
+    return np.asarray(np.sqrt(np.min(np.sum(difference**2, axis=2), axis=1)))
+
+
 def associate(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> FeatureHistory:
-    """Assigns features to the body whose motion explains theirs, releases those it does not."""
+    """Assigns features to the body whose motion explains theirs, releases those it does not.
+
+    A body is compact: the farther a feature is from its known ones, the more it takes.
+    """
     if not bodies or len(history.ids) == 0:
         return history
     tests = [body_against_static(config, body, history) for body in bodies]
     ids = np.array([body.body_id for body in bodies])
     ratios = np.array([np.where(fit < config.gate, ratio, -np.inf) for ratio, fit in tests])
+    distances = np.array([_distances(history, body.body_id) for body in bodies])
+    ratios -= np.minimum(0.5 * (distances / config.extent) ** 2, config.max_penalty)
     best = np.argmax(ratios, axis=0)
-    columns = np.arange(len(history.ids))
+    highest = ratios[best, np.arange(len(history.ids))]
     assigned = history.body.copy()
-    free = history.body == STATIC_BODY
-    joins = free & (ratios[best, columns] > config.association)
+    joins = (history.body == STATIC_BODY) & (highest > config.association)
     assigned[joins] = ids[best[joins]]
     for i, (ratio, _) in enumerate(tests):
         mine = history.body == ids[i]
         assigned[mine & (ratio < -config.association)] = STATIC_BODY
         # Another moving body explains it better than its own.
-        other = ratios[best, columns] > ratios[i] + config.association
-        moves = mine & other & np.isfinite(ratios[best, columns]) & (best != i)
+        moves = mine & (highest > ratios[i] + config.association) & np.isfinite(highest)
         assigned[moves] = ids[best[moves]]
     changed = assigned != history.body
     return replace(history, body=assigned, suspicion=np.where(changed, 0, history.suspicion))
@@ -365,18 +385,64 @@ def merged(
     return kept, replace(history, body=assigned, suspicion=suspicion)
 
 
-def without_strays(bodies: list[TrackedBody], history: FeatureHistory) -> list[TrackedBody]:
-    """Removes the anchors of features that no longer belong to the body."""
+def without_strays(
+    config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
+) -> list[TrackedBody]:
+    """Removes the anchors of features that do not belong to the body, and what they did to it."""
     kept = []
     for body in bodies:
-        mine = history.ids[history.body == body.body_id]
-        strays = np.setdiff1d(body.filter.ids, mine)
-        kept.append(replace(body, filter=body_filter.remove_anchors(body.filter, strays)))
+        strays = body.filter.ids[
+            np.isin(body.filter.ids, history.ids[history.body != body.body_id])
+        ]
+        if len(strays):
+            sigma = np.repeat([config.jump_rotation, config.jump_translation], 3)
+            filtered = body_filter.rebuilt(body_filter.remove_anchors(body.filter, strays), sigma)
+            body = replace(body, filter=corrected(config, filtered, history))
+        kept.append(body)
     return kept
 
 
-def afresh(history: FeatureHistory, rows: Mask) -> FeatureHistory:
-    """Frees features and forgets all their samples but the newest."""
+def corrected(
+    config: RigidBodyMotionConfig, body: BodyFilter, history: FeatureHistory
+) -> BodyFilter:
+    """The filter after the features seen now that agree with one pose."""
+    anchors, rows = _seen_anchors(body, history)
+    p_WF, covariance = newest_samples(history, rows)
+    fits = body_filter.agreeing(body, anchors, p_WF, covariance, config.gate)
+    return body_filter.correct(body, anchors[fits], p_WF[fits], covariance[fits])
+
+
+def cast_out(
+    config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
+) -> FeatureHistory:
+    """Takes features from bodies that they disagreed with or slid on; they are ignored a while."""
+    slid = np.zeros(len(history.ids), bool)
+    for body in bodies:
+        drifted = body.filter.ids[body_filter.drifted(body.filter, config.gate)]
+        slid |= (history.body == body.body_id) & np.isin(history.ids, drifted)
+    outcast = history.body == OUTCAST
+    worn = ~outcast & (history.body != STATIC_BODY) & (history.suspicion >= config.max_suspicion)
+    suspicion = np.where(outcast, history.suspicion + 1, history.suspicion)
+    return replace(
+        history,
+        body=np.where(worn | slid, OUTCAST, history.body),
+        suspicion=np.where(worn | slid, 0, suspicion),
+    )
+
+
+def afresh(
+    config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
+) -> FeatureHistory:
+    """Frees features whose body ended, or that have been suspicious for long.
+
+    All their samples but the newest are forgotten.
+    """
+    numbers = [STATIC_BODY, OUTCAST, *(body.body_id for body in bodies)]
+    unbound = (history.body == STATIC_BODY) | (history.body == OUTCAST)
+    rows = unbound & (history.suspicion >= config.max_free_suspicion)
+    rows |= ~np.isin(history.body, numbers)
+    if not rows.any():
+        return history
     information = history.information.copy()
     information[rows, :-1] = 0.0
     return replace(

@@ -172,3 +172,11 @@ def patch_warps(p_CF: Array, tangents: Array, intrinsics: Array) -> Array:
     jacobian[:, 0, 2] = -intrinsics[0] * p_CF[:, 0] / z**2
     jacobian[:, 1, 2] = -intrinsics[1] * p_CF[:, 1] / z**2
     return jacobian @ tangents
+
+
+def incidence_cosines(p_CF: Array, tangents: Array) -> Array:
+    """Cosine (N,) between the ray to each point and its surface's normal."""
+    normals = np.cross(tangents[:, :, 0], tangents[:, :, 1])
+    along = np.abs(np.sum(normals * p_CF, axis=1))
+    lengths = np.linalg.norm(normals, axis=1) * np.linalg.norm(p_CF, axis=1)
+    return np.asarray(along / np.maximum(lengths, 1e-300))

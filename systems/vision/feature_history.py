@@ -10,6 +10,7 @@ from systems.port_values import STATIC_BODY, Array, FeatureBelief, Ids
 
 Mask = npt.NDArray[np.bool_]
 
+OUTCAST = -1  # The body of features that left theirs because they disagreed.
 REST_COUNT = 20  # Samples that a feature's rest counts as.
 
 
@@ -19,15 +20,16 @@ class FeatureHistory:
 
     Attributes:
         ids: (N,), sorted.
-        body: The body that each feature is assigned to (N,); `STATIC_BODY` for free ones.
+        body: The body that each feature is assigned to (N,); `STATIC_BODY` for free ones,
+            `OUTCAST` for those that are ignored for a while.
         p_W: Positions at the last H ticks (N, H, 3), [m].
         information: Of these (N, H, 3, 3), [1/m^2]; zero where the feature was not seen.
         rest_information: Sum over the samples that left the window (N, 3, 3), [1/m^2].
         rest_moment: Sum of information times position over the same (N, 3), [1/m].
         rest_until: Tick of the newest of these samples (N,); -1 without any.
         unseen: Ticks since last seen (N,).
-        suspicion: Ticks that a free feature has disagreed with standing still, or an assigned
-            one with its body (N,).
+        suspicion: Ticks that a free feature has disagreed with standing still, an assigned one
+            with its body, or an outcast has been one (N,).
     """
 
     ids: Ids

@@ -150,10 +150,16 @@ def _check(config: FeatureMotionConfig) -> None:
     positive = "period min_contrast reach flow_error min_distance depth_step patch_radius"
     positive += " corner_noise_factor depth_correlated_pixels pixel_correlated depth_radius"
     floors = "depth_noise depth_noise_growth depth_noise_range depth_floor pixel_floor"
-    floors += " robot_border max_missed max_blackout max_flow_features flow_levels"
-    shares = "min_correlation renewal_correlation blackout_share depth_share"
+    floors += " shape_change renewal_shape robot_border max_missed max_blackout"
+    floors += " max_flow_features flow_levels"
+    shares = "min_correlation renewal_correlation blackout_share depth_share min_shape"
     require_fields("FeatureMotion", config, positive.split(), "> 0", lambda x: x > 0)
     require_fields("FeatureMotion", config, floors.split(), ">= 0", lambda x: x >= 0)
     require_fields("FeatureMotion", config, shares.split(), "in (0, 1)", lambda x: 0 < x < 1)
+    require_fields("FeatureMotion", config, ["max_incidence"], "in (0, pi/2) rad", _is_acute)
     require_fields("FeatureMotion", config, ["max_features"], ">= 1", lambda x: x >= 1)
     require_fields("FeatureMotion", config, ["flow_window"], ">= 3 px", lambda x: x >= 3)
+
+
+def _is_acute(angle: float) -> bool:
+    return 0.0 < angle < np.pi / 2

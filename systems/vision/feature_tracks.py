@@ -25,7 +25,8 @@ class FeatureMotionConfig:
     corner_noise_factor: float = 15.0  # Corner strength over that of the image's noise.
     min_contrast: float = 2.5  # Standard deviation of a patch, [grey levels].
     min_correlation: float = 0.8  # ZNCC below which a feature is not seen.
-    renewal_correlation: float = 0.88  # ZNCC below which a seen feature's template is renewed.
+    renewal_correlation: float = 0.88  # ZNCC below which a reshaped patch's template is renewed.
+    renewal_shape: float = 0.3  # Logarithm of the change of size that makes it reshaped.
     shape_change: float = 0.02  # Relative change of a patch's shape per tick, standard deviation.
     reach: float = 6.0  # Farthest a registration moves from its start, [px].
     flow_window: int = 21  # Window of the pyramidal Lucas-Kanade tracker, [px].
@@ -43,6 +44,10 @@ class FeatureMotionConfig:
     depth_correlated_pixels: float = 50.0  # Neighbours whose depth noise is one and the same.
     depth_radius: int = 7  # A surface is fitted to a window of 2 radius + 1, [px].
     depth_share: float = 0.85  # Share of that window that has to lie on the surface.
+    max_incidence: float = (
+        1.25  # Angle of a ray to a surface's normal beyond which it is lost, [rad].
+    )
+    min_shape: float = 0.4  # Size to which a patch may shrink in one direction.
     depth_step: float = 0.02  # Jump between neighbours that makes a depth edge, [m].
     pixel_floor: float = 0.05  # Registration error that does not show in the residual, [px].
     pixel_correlated: float = 4.0  # Pixels of the blurred image whose noise is one.
@@ -194,6 +199,7 @@ def locate(
     p_CF, covariance, tangents = camera_geometry.surface_points(
         uv, uv_covariance, planes, variances, frame.intrinsics
     )
+    valid &= camera_geometry.incidence_cosines(p_CF, tangents) > np.cos(config.max_incidence)
     R_WC = frame.X_WC[:3, :3]
     return camera_geometry.transform(frame.X_WC, p_CF), R_WC @ covariance @ R_WC.T, tangents, valid
 
@@ -305,7 +311,9 @@ def follow(
         tracks.templates, found.warps, found.scores, config.pixel_correlated, config.pixel_floor
     )
     p_WF, covariance, tangents, on_surface = locate(config, frame, found.uv, uv_covariance)
-    seen = (found.scores >= config.min_correlation) & on_surface
+    sizes = np.linalg.svd(found.warps, compute_uv=False)
+    shrunk = sizes[:, 1] < config.min_shape
+    seen = (found.scores >= config.min_correlation) & on_surface & ~shrunk
     before = int(np.sum(tracks.missed == 0)) if not tracks.blackout else len(tracks.ids)
     blackout = before >= 10 and np.sum(seen) < config.blackout_share * before
 
@@ -325,6 +333,8 @@ def follow(
             fresh, image=frame.image, uv_image=np.where(seen[:, None], fresh.uv, np.nan)
         )
         worn = seen & (found.scores < config.renewal_correlation)
+        # Without a change of shape, what no longer looks the same is not the same.
+        worn &= np.max(np.abs(np.log(sizes)), axis=1) > config.renewal_shape
         fresh = _renew(config, fresh, frame, tangents, worn)
     return fresh.select(_alive(config, fresh, frame))
 

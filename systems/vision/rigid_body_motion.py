@@ -207,8 +207,9 @@ def _check(config: RigidBodyMotionConfig) -> None:
     positive = "period rest_samples angular_acceleration linear_acceleration rotation_sigma"
     positive += " initial_angular_velocity initial_linear_velocity gate moving better association"
     positive += " prior_rotation_walk prior_translation_walk jump_rotation jump_translation"
-    floors = "feature_floor anchor_floor anchor_walk min_gain min_spread patience memory"
-    floors += " max_suspicion max_free_suspicion seed"
+    positive += " extent"
+    floors = "feature_floor anchor_floor anchor_walk turn_walk max_penalty min_gain min_spread"
+    floors += " patience memory max_suspicion max_free_suspicion seed"
     counts = "newest min_support keep_support"
     name = "RigidBodyMotion"
     require_fields(name, config, positive.split(), "> 0", lambda x: x > 0)

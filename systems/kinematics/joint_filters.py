@@ -7,7 +7,7 @@ Frames: P parent, B child, F the child's measured reference pose. All covariance
 perturbations in B.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ from maths import se3
 from systems.kinematics.joint_geometry import PRISMATIC, REVOLUTE, dimension
 from systems.kinematics.joint_likelihood import AXIS_SPREAD, Models, initial_models
 from systems.kinematics.joint_readout import predict_pose, read_joint
+from systems.kinematics.joint_solver import Priors
 from systems.kinematics.joint_solver import update as update_models
 from systems.kinematics.pose_packets import (
     FIRST,
@@ -53,10 +54,10 @@ class JointFiltersConfig:
     honest or too large, never too small.
 
     Attributes:
-        acceleration_densities: [m^2/s^3] of a prismatic q, S in dv = sqrt(S) dw; each above zero.
-        radius: Length that turns them into those of a revolute q [rad^2/s^3] by 1 / radius^2, [m].
-        speed: Standard deviation of the speed before anything was seen, [m/s]; over `radius` for
-            a revolute joint.
+        acceleration_densities: Of the child, S in dv = sqrt(S) dw, each above zero, [m^2/s^3].
+        radius: Of the child itself, [m]: a revolute joint at a distance d moves it by
+            sqrt(radius^2 + d^2) per radian.
+        speed: Standard deviation of the child's speed before anything was seen, [m/s].
         axis_distance: Standard deviation of an axis' position from the body, per direction, [m].
         walk_translation: Of a disconnected body's free walk after one second, [m].
         walk_rotation: The same in rotation, [rad].
@@ -72,10 +73,10 @@ class JointFiltersConfig:
         coarseness: Share of the motion's mean square that one packet may span, in (0, 1).
     """
 
-    acceleration_densities: list[float] = field(default_factory=lambda: [1e-7, 1e-5, 1e-3])
+    acceleration_densities: list[float] = field(default_factory=lambda: [1e-7, 3e-6, 1e-4, 3e-3])
     radius: float = 0.3
     speed: float = 0.1
-    axis_distance: float = 1.0
+    axis_distance: float = 0.6
     walk_translation: float = 0.1
     walk_rotation: float = 0.3
     prior_prismatic: float = 0.2
@@ -154,16 +155,41 @@ class JointFiltersState:
         return self
 
 
+def _slow(config: JointFiltersConfig) -> bool:
+    return config.slow_rotation > 0.0 or config.slow_translation > 0.0
+
+
 def frame_covariance(covariance: Array, dt: float, config: JointFiltersConfig) -> Array:
     """The covariance (6, 6) that one of a stream of measurements `dt` apart counts with."""
     R = covariance + _FLOOR
-    if config.correlation_time > 0.0 and dt > 0.0:
+    if dt <= 0.0:
+        return R
+    if config.correlation_time > 0.0:
         r = np.exp(-dt / config.correlation_time)
         R = R * ((1.0 + r) / (1.0 - r))
-    if config.slow_rotation > 0.0 or config.slow_translation > 0.0:
+    if _slow(config):
         slow = np.repeat([config.slow_rotation**2, config.slow_translation**2], 3)
-        R = R + np.diag(slow) * (max(1.0, 2.0 * config.slow_time / dt) if dt > 0.0 else 1.0)
+        R = R + np.diag(slow) * max(1.0, 2.0 * config.slow_time / dt)
     return R
+
+
+def _without_slow_error(config: JointFiltersConfig) -> JointFiltersConfig:
+    return replace(config, slow_rotation=0.0, slow_translation=0.0)
+
+
+def error_shares(
+    covariance: Array, R: Array, dt: float, config: JointFiltersConfig
+) -> tuple[float, float]:
+    """Of R from `frame_covariance`: the share that is new at each measurement, and the slow one."""
+    if dt <= 0.0:
+        return 1.0, 0.0
+    given = 1.0
+    if _slow(config):
+        white = frame_covariance(covariance, dt, _without_slow_error(config))
+        given = float(np.trace(np.linalg.solve(R, white))) / 6.0
+    r = np.exp(-dt / config.correlation_time) if config.correlation_time > 0.0 else 0.0
+    lasting = (1.0 - given) * min(1.0, 0.5 * dt / config.slow_time) if _slow(config) else 0.0
+    return given * (1.0 - r) ** 2 / (1.0 + r), given * r * (1.0 - r) / (1.0 + r) + lasting
 
 
 class JointFilters:
@@ -176,11 +202,18 @@ class JointFilters:
 
     def __init__(self, config: JointFiltersConfig, owner: str = "JointFilters") -> None:
         check_joint_filters_config(config, owner)
-        scale = np.array([1.0, config.radius])
         self.config = config
-        self._speed = config.speed / scale
-        self._densities = np.array(config.acceleration_densities) / scale[:, None] ** 2
-        self._walk_rate = np.repeat([config.walk_rotation**2, config.walk_translation**2], 3)
+        self._priors = Priors(
+            densities=np.array(config.acceleration_densities),
+            speed=config.speed,
+            radius=config.radius,
+            axis_distance=config.axis_distance,
+            walk_rate=np.repeat([config.walk_rotation**2, config.walk_translation**2], 3),
+            coarseness=config.coarseness,
+            fast=1.0,
+            slow=0.0,
+        )
+        self._correlated = config.correlation_time > 0.0 or _slow(config)
         self._log_prior = np.log(
             [
                 config.prior_prismatic,
@@ -210,7 +243,7 @@ class JointFilters:
         config = self.config
         packets, models = empty_packets(config.memory), initial_models(config.memory)
         R = frame_covariance(covariance, 0.0, config)
-        append(packets, np.eye(4), R, time, self._walk_rate)
+        append(packets, np.eye(4), R, time, self._priors.walk_rate)
         for kind in range(3):
             n = dimension(kind)
             models.covariance[kind, :6, :6] = R
@@ -218,8 +251,9 @@ class JointFilters:
                 [AXIS_SPREAD**2] * 2 + [config.axis_distance**2] * 2
             )[: n - 6, : n - 6]
         for kind in (PRISMATIC, REVOLUTE):
-            models.P[kind, 1, 1] = self._speed[kind] ** 2
-            models.density[kind] = self._densities[kind].max()
+            lever = 1.0 if kind == PRISMATIC else config.radius
+            models.P[kind, 1, 1] = (config.speed / lever) ** 2
+            models.density[kind] = max(config.acceleration_densities) / lever**2
         models.log_evidence[:] = 0.5 * packets.log_det[0]
         return JointFiltersState(
             parent_id=parent_id,
@@ -244,19 +278,14 @@ class JointFilters:
         """
         models = Models(*[x.copy() for x in state.models])
         packets = copy_packets(state.packets)
-        update_models(
-            models,
-            packets,
-            se3.inverse(state.X_PF) @ X_PB,
-            frame_covariance(covariance, time - state.time, self.config),
-            time,
-            self._walk_rate,
-            self._densities,
-            self._speed,
-            self.config.axis_distance,
-            self.config.coarseness,
-            _wants_restart(state),
-        )
+        dt = time - state.time
+        R = frame_covariance(covariance, dt, self.config)
+        priors = self._priors
+        if self._correlated:
+            fast, slow = error_shares(covariance, R, dt, self.config)
+            priors = priors._replace(fast=fast, slow=slow)
+        X_FB = se3.inverse(state.X_PF) @ X_PB
+        update_models(models, packets, X_FB, R, time, priors, _wants_restart(state))
         return JointFiltersState(
             parent_id=state.parent_id,
             child_id=state.child_id,
@@ -280,12 +309,26 @@ class JointFilters:
             child_id=state.child_id,
             probabilities=self.probabilities(state),
             models={
-                JointType.PRISMATIC: _moving_belief(state, PRISMATIC),
-                JointType.REVOLUTE: _moving_belief(state, REVOLUTE),
+                JointType.PRISMATIC: self._moving_belief(state, PRISMATIC),
+                JointType.REVOLUTE: self._moving_belief(state, REVOLUTE),
                 JointType.RIGID: _still_belief(float(state.models.log_evidence[2])),
                 JointType.DISCONNECTED: _still_belief(float(state.models.log_evidence[3])),
             },
             updates=state.updates,
+        )
+
+    def _moving_belief(self, state: JointFiltersState, kind: int) -> JointModelBelief:
+        vectors, axis, point, q, q_covariance = read_joint(
+            kind, state.models, state.X_PF, self.config.axis_distance
+        )
+        return JointModelBelief(
+            log_evidence=float(state.models.log_evidence[kind]),
+            axis_P=vectors[0],
+            axis_covariance=axis,
+            p_PA=vectors[1],
+            p_PA_covariance=point,
+            configuration=q,
+            configuration_covariance=q_covariance,
         )
 
     def predict(self, state: JointFiltersState, joint_type: JointType, dt: float) -> PoseBelief:
@@ -294,7 +337,8 @@ class JointFilters:
             p = state.packets
             last = p.size[0] - 1
             return PoseBelief(
-                X=state.X_PF @ p.Z[last], covariance=p.R[last] + np.diag(self._walk_rate) * dt
+                X=state.X_PF @ p.Z[last],
+                covariance=p.R[last] + np.diag(self._priors.walk_rate) * dt,
             )
         X_PB, covariance = predict_pose(TYPES.index(joint_type), state.models, state.X_PF, dt)
         return PoseBelief(X=X_PB, covariance=covariance)
@@ -318,17 +362,4 @@ def _still_belief(log_evidence: float) -> JointModelBelief:
         p_PA_covariance=_NO_MATRIX,
         configuration=_NO_VECTOR[:2],
         configuration_covariance=_NO_MATRIX[:2, :2],
-    )
-
-
-def _moving_belief(state: JointFiltersState, kind: int) -> JointModelBelief:
-    vectors, axis, point, q, q_covariance = read_joint(kind, state.models, state.X_PF)
-    return JointModelBelief(
-        log_evidence=float(state.models.log_evidence[kind]),
-        axis_P=vectors[0],
-        axis_covariance=axis,
-        p_PA=vectors[1],
-        p_PA_covariance=point,
-        configuration=q,
-        configuration_covariance=q_covariance,
     )

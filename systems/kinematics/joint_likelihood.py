@@ -317,9 +317,27 @@ def new_chain() -> Chain:
 
 @numba.njit(cache=True)
 def run_chain(
-    n: int, S: float, sigma_v: float, q: Array, p: Packets, lin: Linear, chain: Chain
+    n: int,
+    S: float,
+    sigma_v: float,
+    noise: float,
+    q: Array,
+    p: Packets,
+    lin: Linear,
+    chain: Chain,
 ) -> float:
-    """Filters all q for the acceleration density S; returns the log likelihood at dtheta = 0."""
+    """Filters all q; returns the log likelihood at dtheta = 0.
+
+    Args:
+        n: Dimension of theta.
+        S: Acceleration density.
+        sigma_v: Standard deviation of the rate at the reference.
+        noise: Factor on the variance 1 / alpha of each packet's q.
+        q: Where each packet was linearised (K,).
+        p: Packets.
+        lin: They, linearised.
+        chain: Result.
+    """
     m, M, H, h = chain.m, chain.M, chain.H, chain.h
     m[:] = 0.0
     M[:] = 0.0
@@ -337,7 +355,7 @@ def run_chain(
         p01 += dt * p11 + S * dt * dt / 2.0
         p11 += S * dt
         alpha = lin.alpha[k]
-        C = p00 + 1.0 / alpha
+        C = p00 + noise / alpha
         e = q[k] + lin.g[k] / alpha - m[0]
         for i in range(n):
             M[0, i] += dt * M[1, i]

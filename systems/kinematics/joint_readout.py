@@ -16,7 +16,7 @@ from systems.kinematics.joint_geometry import (
     screw_twists,
     tangent_basis,
 )
-from systems.kinematics.joint_likelihood import Models
+from systems.kinematics.joint_likelihood import AXIS_SPREAD, Models
 
 Array = npt.NDArray[np.float64]
 
@@ -36,8 +36,13 @@ def _projected(T: Array, Sigma: Array, first: int, out: Array) -> None:
 
 
 @numba.njit(cache=True)
-def read_joint(kind: int, m: Models, X_PF: Array) -> tuple[Array, Array, Array, Array, Array]:
+def read_joint(
+    kind: int, m: Models, X_PF: Array, axis_distance: float
+) -> tuple[Array, Array, Array, Array, Array]:
     """A moving model's axis, axis point and configuration.
+
+    While the rigid model may as well be true, in the share of its evidence, the axis may be any:
+    the covariances are those of the mixture.
 
     Returns:
         (axis_P, p_PA) (2, 3), axis covariance (3, 3), point covariance (3, 3), configuration (2,)
@@ -60,6 +65,12 @@ def read_joint(kind: int, m: Models, X_PF: Array) -> tuple[Array, Array, Array, 
                 along = B[k, 0] * c[0] + B[k, 1] * c[1] + B[k, 2] * c[2]
                 T[k, i] = -along * vectors[0, i]
         _projected(T, m.covariance[kind], 6, point)
+    unmoved = 1.0 / (1.0 + np.exp(min(m.log_evidence[kind] - m.log_evidence[RIGID], 50.0)))
+    for i in range(3):
+        for j in range(3):
+            normal = (1.0 if i == j else 0.0) - vectors[0, i] * vectors[0, j]
+            axis[i, j] += unmoved * (AXIS_SPREAD**2 * normal - axis[i, j])
+            point[i, j] += unmoved * (axis_distance**2 * normal - point[i, j])
     configuration = np.empty((2, 2))
     _projected(np.ascontiguousarray(gain[:, :n].T), m.covariance[kind], 0, configuration)
     return vectors, axis, point, m.state[kind].copy(), configuration + m.P[kind]

@@ -5,6 +5,8 @@ Gauss-Newton steps from the last solution (and from a fresh start while little h
 the first solution can sit in a wrong minimum), and compares their evidence with the free walk's.
 """
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 import numpy.typing as npt
@@ -38,34 +40,98 @@ from systems.kinematics.pose_packets import Packets, relative_log
 
 Array = npt.NDArray[np.float64]
 
+
+class Priors(NamedTuple):
+    """What is known of joints before anything is measured, and of the measurements' errors.
+
+    Attributes:
+        densities: Acceleration densities (n,) of the child to choose from, [m^2/s^3].
+        speed: Standard deviation of the child's first speed, [m/s].
+        radius: Lever of a rotation about the child itself, [m].
+        axis_distance: Standard deviation from child to axis, per direction, [m].
+        walk_rate: Of the free walk (6,) [rad^2/s, m^2/s].
+        coarseness: See `pose_packets.choose`.
+        fast: Share of each measurement's variance that is new at each, one for white noise.
+        slow: Share of it that stays for a while and cannot be told from motion.
+    """
+
+    densities: Array
+    speed: float
+    radius: float
+    axis_distance: float
+    walk_rate: Array
+    coarseness: float
+    fast: float
+    slow: float
+
+
 _STEPS = 3  # Gauss-Newton steps per update at most.
 _STILL = 0.1  # Gain in log likelihood below which another step is not worth it.
+_TILT = 0.7  # Most that one step may tilt an axis, [rad],
+_SHIFT = 0.5  # or move it, as a share of its distance.
+_PROMISED = 1.0  # Gain that a step not yet taken may count as evidence, [nat].
 _SIGNIFICANT = 4.0  # Standard deviations of q that decide its sign,
 _MOVED = 10.0  # where the evidence is this many nats above the rigid model's.
 _MEMORY = 40.0  # Nats by which dropped packets can speak against a model.
 
 
 @numba.njit(cache=True)
+def _lever(kind: int, m: Models, priors: Priors) -> float:
+    """How far the child moves per unit of q; one rule for joints of any radius, [m] per unit."""
+    if kind == PRISMATIC:
+        return 1.0
+    c = m.c[kind]
+    return np.sqrt(priors.radius**2 + c[0] ** 2 + c[1] ** 2 + c[2] ** 2)
+
+
+@numba.njit(cache=True)
 def _solve_densities(
-    kind: int, S: Array, sigma_v: float, m: Models, p: Packets, lin: Linear, a: Chain, b: Chain
+    kind: int, m: Models, p: Packets, priors: Priors, lin: Linear, best: Chain, trial: Chain
 ) -> tuple[float, float, float, float]:
-    """Solves for every S into `a` (the best stays there).
+    """Solves for every acceleration density; the best solution stays in `best`.
 
     Returns:
-        Log evidence with S marginalised, the best S, its log likelihood and its gain.
+        Log evidence with the density marginalised, the best density S, its log likelihood and gain.
     """
-    n = dimension(kind)
-    total, best, best_S, best_value, best_gain = 0.0, -np.inf, S[0], 0.0, 0.0
-    for i in range(S.size):
-        value = run_chain(n, S[i], sigma_v, m.q[kind], p, lin, b)
-        evidence, gain = solve(n, value, b)
-        if evidence > best:
-            total = total * np.exp(best - evidence) + 1.0
-            best, best_S, best_value, best_gain = evidence, S[i], value, gain
-            a.m[:], a.M[:], a.P[:], a.H[:], a.step[:] = b.m, b.M, b.P, b.H, b.step
+    n, lever = dimension(kind), _lever(kind, m, priors)
+    total, top, best_S, best_value, best_gain = 0.0, -np.inf, 0.0, 0.0, 0.0
+    for density in priors.densities:
+        S = density / lever**2
+        value = run_chain(n, S, priors.speed / lever, 1.0, m.q[kind], p, lin, trial)
+        evidence, gain = solve(n, value, trial)
+        if evidence > top:
+            total = total * np.exp(top - evidence) + 1.0
+            top, best_S, best_value, best_gain = evidence, S, value, gain
+            best.m[:], best.M[:], best.P[:] = trial.m, trial.M, trial.P
+            best.H[:], best.step[:] = trial.H, trial.step
         else:
-            total += np.exp(evidence - best)
-    return best + np.log(total / S.size), best_S, best_value, best_gain
+            total += np.exp(evidence - top)
+    return top + np.log(total / priors.densities.size), best_S, best_value, best_gain
+
+
+@numba.njit(cache=True)
+def _track(
+    kind: int, m: Models, p: Packets, priors: Priors, lin: Linear, best: Chain, trial: Chain
+) -> float:
+    """Filters q anew with the errors' fast share only, into `best`; returns its density S.
+
+    A slow error moves along with q: following the measurement is then better than smoothing it.
+    What theta is worth stays as it is; the slow share comes on top of the variance of q.
+    """
+    n, lever, q = dimension(kind), _lever(kind, m, priors), m.q[kind].copy()
+    top, best_S = -np.inf, 0.0
+    for density in priors.densities:
+        S = density / lever**2
+        value = run_chain(n, S, priors.speed / lever, priors.fast, q, p, lin, trial)
+        for i in range(n):
+            value += trial.h[i] * best.step[i] - 0.5 * trial.H[i, i] * best.step[i] ** 2
+            for j in range(i):
+                value -= trial.H[i, j] * best.step[i] * best.step[j]
+        if value > top:
+            top, best_S = value, S
+            best.m[:], best.M[:], best.P[:] = trial.m, trial.M, trial.P
+    best.P[0] += priors.slow / lin.alpha[p.size[0] - 1]
+    return best_S
 
 
 @numba.njit(cache=True)
@@ -83,9 +149,19 @@ def _store(kind: int, m: Models, chain: Chain) -> None:
 
 
 @numba.njit(cache=True)
-def solve_moving(
-    kind: int, m: Models, p: Packets, S: Array, sigma_v: float, sigma_c: float, steps: int
-) -> None:
+def _trusted(kind: int, c: Array, step: Array) -> float:
+    """The share of a step within which the linearisation can be trusted."""
+    tilt = np.sqrt(step[6] ** 2 + step[7] ** 2)
+    share = 1.0 if tilt < _TILT else _TILT / tilt
+    if kind == REVOLUTE:
+        shift = np.sqrt(step[8] ** 2 + step[9] ** 2)
+        limit = _SHIFT * (0.3 + np.sqrt(c[0] ** 2 + c[1] ** 2 + c[2] ** 2))
+        share = min(share, 1.0 if shift < limit else limit / shift)
+    return share
+
+
+@numba.njit(cache=True)
+def solve_moving(kind: int, m: Models, p: Packets, priors: Priors, steps: int) -> None:
     """Gauss-Newton with step halving on theta and all q; stores posterior and evidence."""
     lin = new_linear(p.time.size)
     best, trial = new_chain(), new_chain()
@@ -93,8 +169,8 @@ def solve_moving(
     Y, a, c = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy()
     step = np.zeros(10)
     for i in range(steps):
-        linearise(kind, m, p, sigma_c, lin)
-        evidence, density, value, gain = _solve_densities(kind, S, sigma_v, m, p, lin, best, trial)
+        linearise(kind, m, p, priors.axis_distance, lin)
+        evidence, S, value, gain = _solve_densities(kind, m, p, priors, lin, best, trial)
         if i > 0 and i < steps - 1 and value < previous - 1.0:
             step *= 0.3
             m.Y[kind], m.a[kind], m.c[kind] = Y, a, c
@@ -103,12 +179,20 @@ def solve_moving(
             continue
         previous = value
         Y[:], a[:], c[:], q_previous[:] = m.Y[kind], m.a[kind], m.c[kind], m.q[kind]
+        best.step[:] *= _trusted(kind, m.c[kind], best.step)
         step[:] = best.step
-        smooth(dimension(kind), density, sigma_v, q_previous, p, lin, step, m.q[kind])
+        sigma_v = priors.speed / _lever(kind, m, priors)
+        smooth(dimension(kind), S, sigma_v, q_previous, p, lin, step, m.q[kind])
+        last = i == steps - 1 or gain < _STILL
+        if last and priors.fast < 1.0:
+            m.q[kind], q_smooth = q_previous, m.q[kind].copy()
+            S = _track(kind, m, p, priors, lin, best, trial)
+            m.q[kind] = q_smooth
         retract(kind, m.Y[kind], m.a[kind], m.c[kind], step)
-        m.log_evidence[kind], m.density[kind] = evidence + m.carried[kind], density
+        evidence -= max(gain - _PROMISED, 0.0)
+        m.log_evidence[kind], m.density[kind] = evidence + m.carried[kind], S
         _store(kind, m, best)
-        if gain < _STILL:
+        if last:
             break
 
 
@@ -137,7 +221,7 @@ def walk_evidence(m: Models, p: Packets) -> None:
 
 
 @numba.njit(cache=True)
-def fresh_start(m: Models, p: Packets, sigma_c: float) -> None:
+def fresh_start(m: Models, p: Packets, axis_distance: float) -> None:
     """Starts both moving models from the principal direction of all packets' twists."""
     n = p.size[0]
     R = p.R[n - 1]
@@ -160,7 +244,7 @@ def fresh_start(m: Models, p: Packets, sigma_c: float) -> None:
     V = np.linalg.eigh(scatter)[1][:, 5] * scale
     straight = np.zeros(6)
     straight[3:] = np.linalg.eigh(np.ascontiguousarray(scatter[3:, 3:]))[1][:, 2]
-    _start_models(m, p, V, straight, sigma_c)
+    _start_models(m, V, straight, axis_distance)
     for kind in range(2):
         for i in range(4):
             for j in range(4):
@@ -189,7 +273,7 @@ def _unit_twist(a: Array, c: Array) -> Array:
 
 
 @numba.njit(cache=True)
-def _start_models(m: Models, p: Packets, V: Array, straight: Array, sigma_c: float) -> None:
+def _start_models(m: Models, V: Array, straight: Array, axis_distance: float) -> None:
     """Axes from the twist direction V (6,) and the translation direction in `straight` (6,)."""
     m.a[PRISMATIC] = straight[3:] / np.sqrt(np.sum(straight**2))
     m.c[PRISMATIC] = 0.0
@@ -201,10 +285,10 @@ def _start_models(m: Models, p: Packets, V: Array, straight: Array, sigma_c: flo
     if rate < 1e-9:
         B = np.empty((2, 3))
         tangent_basis(v / speed, B)
-        w = B[0] * speed / sigma_c
-        rate = speed / sigma_c
+        w = B[0] * speed / axis_distance
+        rate = speed / axis_distance
     a = w / rate
-    rate = max(rate, speed / (1.5 * sigma_c))
+    rate = max(rate, speed / (1.5 * axis_distance))
     m.a[REVOLUTE] = a
     m.c[REVOLUTE, 0] = (a[1] * v[2] - a[2] * v[1]) / rate
     m.c[REVOLUTE, 1] = (a[2] * v[0] - a[0] * v[2]) / rate
@@ -271,54 +355,68 @@ def _drop(m: Models, p: Packets, k: int) -> None:
 
 
 @numba.njit(cache=True)
-def _solve_all(m: Models, p: Packets, S: Array, sigma_v: Array, sigma_c: float, steps: int) -> None:
+def _solve_all(m: Models, p: Packets, priors: Priors, steps: int) -> None:
     for kind in range(2):
-        solve_moving(kind, m, p, S[kind], sigma_v[kind], sigma_c, steps)
-    solve_rigid(m, p, sigma_c)
+        solve_moving(kind, m, p, priors, steps)
+    solve_rigid(m, p, priors.axis_distance)
     walk_evidence(m, p)
 
 
 @numba.njit(cache=True)
-def make_room(
-    m: Models,
-    p: Packets,
-    walk_rate: Array,
-    S: Array,
-    sigma_v: Array,
-    sigma_c: float,
-    coarseness: float,
-) -> None:
+def make_room(m: Models, p: Packets, priors: Priors) -> None:
     """Averages two packets, or drops one and keeps what it said, evidence included."""
-    k, average = pose_packets.choose(p, coarseness)
+    k, average = pose_packets.choose(p, priors.coarseness)
     if average:
-        pose_packets.merge(p, k, walk_rate)
+        pose_packets.merge(p, k, priors.walk_rate)
     else:
         before = m.log_evidence.copy()
         _drop(m, p, k)
-        pose_packets.drop(p, k, walk_rate)
+        pose_packets.drop(p, k, priors.walk_rate)
     for kind in range(2):
         for i in range(k + 1 if average else k, p.size[0]):
             m.q[kind, i] = m.q[kind, i + 1]
     if not average:
-        _solve_all(m, p, S, sigma_v, sigma_c, 1)
+        _solve_all(m, p, priors, 1)
         m.carried[:] += before - m.log_evidence
         m.carried[:] -= np.max(m.carried)
         m.carried[:] = np.maximum(m.carried, -_MEMORY)
 
 
 @numba.njit(cache=True)
+def _restart(m: Models, p: Packets, priors: Priors) -> None:
+    """Takes over the moving models that explain more from a fresh start."""
+    other = Models(
+        m.Y.copy(),
+        m.a.copy(),
+        m.c.copy(),
+        m.q.copy(),
+        m.signed,
+        m.prior_information,
+        m.prior_vector,
+        m.prior_value,
+        m.prior_Y,
+        m.prior_a,
+        m.prior_c,
+        m.covariance.copy(),
+        m.state.copy(),
+        m.gain.copy(),
+        m.P.copy(),
+        m.density.copy(),
+        m.log_evidence.copy(),
+        m.carried,
+    )
+    fresh_start(other, p, priors.axis_distance)
+    for kind in range(2):
+        solve_moving(kind, other, p, priors, _STEPS + 2)
+        if other.log_evidence[kind] > m.log_evidence[kind] + 0.1:
+            if other.state[kind, 0] * m.state[kind, 0] < 0.0:
+                _turn(kind, other)
+            _copy_model(kind, other, m)
+
+
+@numba.njit(cache=True)
 def update(
-    m: Models,
-    p: Packets,
-    X_FB: Array,
-    R: Array,
-    time: float,
-    walk_rate: Array,
-    S: Array,
-    sigma_v: Array,
-    sigma_c: float,
-    coarseness: float,
-    restart: bool,
+    m: Models, p: Packets, X_FB: Array, R: Array, time: float, priors: Priors, restart: bool
 ) -> None:
     """Corrects all models with one relative pose, in place.
 
@@ -328,48 +426,18 @@ def update(
         X_FB: Pose (4, 4) relative to the measured reference.
         R: Its covariance (6, 6), in B.
         time: [s].
-        walk_rate: Of the free walk (6,) [rad^2/s, m^2/s].
-        S: Acceleration densities (2, n) to choose from [m^2/s^3] and [rad^2/s^3].
-        sigma_v: Standard deviation (2,) of the first velocity [m/s] and [rad/s].
-        sigma_c: Standard deviation of the distance from body to axis, per direction, [m].
-        coarseness: See `pose_packets.choose`.
+        priors: See `Priors`.
         restart: Whether to try a fresh start beside the last solution.
     """
     if p.size[0] == p.time.size:
-        make_room(m, p, walk_rate, S, sigma_v, sigma_c, coarseness)
-    pose_packets.append(p, X_FB, R, time, walk_rate)
+        make_room(m, p, priors)
+    pose_packets.append(p, X_FB, R, time, priors.walk_rate)
     p.walk[0] = min(max(p.walk[0], -_MEMORY), _MEMORY)
     last, dt = p.size[0] - 1, time - p.time[p.size[0] - 2]
     for kind in range(2):
         m.q[kind, last] = m.state[kind, 0] + dt * m.state[kind, 1]
-    _solve_all(m, p, S, sigma_v, sigma_c, _STEPS)
+    _solve_all(m, p, priors, _STEPS)
     if restart:
-        other = Models(
-            m.Y.copy(),
-            m.a.copy(),
-            m.c.copy(),
-            m.q.copy(),
-            m.signed.copy(),
-            m.prior_information.copy(),
-            m.prior_vector.copy(),
-            m.prior_value.copy(),
-            m.prior_Y.copy(),
-            m.prior_a.copy(),
-            m.prior_c.copy(),
-            m.covariance.copy(),
-            m.state.copy(),
-            m.gain.copy(),
-            m.P.copy(),
-            m.density.copy(),
-            m.log_evidence.copy(),
-            m.carried.copy(),
-        )
-        fresh_start(other, p, sigma_c)
-        for kind in range(2):
-            solve_moving(kind, other, p, S[kind], sigma_v[kind], sigma_c, _STEPS + 2)
-            if other.log_evidence[kind] > m.log_evidence[kind] + 0.1:
-                if other.state[kind, 0] * m.state[kind, 0] < 0.0:
-                    _turn(kind, other)
-                _copy_model(kind, other, m)
+        _restart(m, p, priors)
     for kind in range(2):
         _decide_sign(kind, m)

@@ -34,8 +34,7 @@ def free_motion(
 
     Zero where a feature is not free, not seen or too young to tell.
     """
-    still = np.tile(np.eye(4), (history.p_W.shape[1], 1, 1))
-    d = displacements(history, still, newest=config.newest)
+    d = displacements(history, newest=config.newest)
     free = (history.body == STATIC_BODY) & history.seen
     free &= (d.count_new >= 2) & (d.count_old >= 5)
     distance = np.zeros(len(free))
@@ -101,8 +100,7 @@ def onset(
     Without any still tick it is the first one at which most of them were seen.
     """
     window = history.p_W.shape[1]
-    still = np.tile(np.eye(4), (window, 1, 1))
-    d = displacements(history.select(rows), still, newest=config.newest)
+    d = displacements(history.select(rows), newest=config.newest)
     motion = d.p_old @ X[:3, :3].T + X[:3, 3] - d.p_old
     share, sigma = stillness(history.p_W[rows], history.information[rows], d.p_old, motion)
     # The earlier mean may hold moving samples; zero is where the shares start.
@@ -124,12 +122,10 @@ def new_body(
     """A body from the features' samples: standing at its reference, then replayed until now."""
     window = history.p_W.shape[1]
     reference, stood = onset(config, history, rows, X)
-    still = np.tile(np.eye(4), (window, 1, 1))
     mine = history.select(rows)
     use_rest = np.full(len(rows), stood)
     d = displacements(
         mine,
-        still,
         newest=0,
         use_rest=use_rest,
         first_old=0 if stood else reference,

@@ -240,13 +240,11 @@ def reference_positions(
     """
     window = history.p_W.shape[1]
     last = window - 1 - (tick - body.reference_tick)
-    still = np.tile(np.eye(4), (window, 1, 1))
     before = history.rest_until <= body.reference_tick
-    long = displacements(history, still, newest=0, use_rest=before, last_old=last)
+    long = displacements(history, newest=0, use_rest=before, last_old=last)
     p, C, valid = long.p_old, long.C_old, long.count_old >= 3
     short = displacements(
         history,
-        still,
         newest=0,
         use_rest=np.zeros(len(before), bool),
         first_old=last - 4,
@@ -296,17 +294,15 @@ def body_against_static(
     covariance of both means and, for the body, of its pose; zero where there is too little to tell.
     The fit is the squared Mahalanobis distance under the body.
     """
-    window = history.p_W.shape[1]
     use_rest = history.rest_until <= body.reference_tick
     moving = displacements(
         history,
-        body.path,
         newest=config.newest,
+        X_WB=body.path,
         use_rest=use_rest,
         X_WB_rest=body.X_WB_reference,
     )
-    still = np.tile(np.eye(4), (window, 1, 1))
-    standing = displacements(history, still, newest=config.newest, use_rest=use_rest)
+    standing = displacements(history, newest=config.newest, use_rest=use_rest)
     enough = history.seen & (moving.count_new >= 2) & (moving.count_old >= 4)
     ratio, fit = np.zeros(len(enough)), np.full(len(enough), np.inf)
     if not enough.any():

@@ -187,6 +187,20 @@ def _accumulate(
 
 
 @numba.njit(cache=True)
+def _inverse(A: Array, out: Array) -> None:
+    """Inverse of a symmetric positive definite (3, 3) matrix."""
+    a, b, c = A[0, 0], A[0, 1], A[0, 2]
+    d, e, f = A[1, 1], A[1, 2], A[2, 2]
+    out[0, 0], out[0, 1], out[0, 2] = d * f - e * e, c * e - b * f, b * e - c * d
+    out[1, 1], out[1, 2], out[2, 2] = a * f - c * c, b * c - a * e, a * d - b * b
+    out[1, 0], out[2, 0], out[2, 1] = out[0, 1], out[0, 2], out[1, 2]
+    determinant = a * out[0, 0] + b * out[0, 1] + c * out[0, 2]
+    for i in range(3):
+        for j in range(3):
+            out[i, j] /= determinant
+
+
+@numba.njit(cache=True)
 def _means(
     p_W: Array,
     information: Array,
@@ -195,6 +209,7 @@ def _means(
     use_rest: npt.NDArray[np.bool_],
     X_WB: Array,
     X_WB_rest: Array,
+    still: bool,
     first_old: int,
     last_old: int,
     newest: int,
@@ -209,15 +224,19 @@ def _means(
         total = np.zeros((2, 3, 3))
         total_moment = np.zeros((2, 3))
         if use_rest[i] and rest_information[i, 0, 0] > 0.0:
-            _accumulate(
-                X_WB_rest[:3, :3],
-                X_WB_rest[:3, 3],
-                rest_information[i],
-                rest_moment[i],
-                total[0],
-                total_moment[0],
-            )
             number[0, i] += REST_COUNT
+            if still:
+                total[0] += rest_information[i]
+                total_moment[0] += rest_moment[i]
+            else:
+                _accumulate(
+                    X_WB_rest[:3, :3],
+                    X_WB_rest[:3, 3],
+                    rest_information[i],
+                    rest_moment[i],
+                    total[0],
+                    total_moment[0],
+                )
         for k in range(window):
             old = first_old <= k <= last_old
             if information[i, k, 0, 0] <= 0.0 or not (old or k >= window - newest):
@@ -227,6 +246,13 @@ def _means(
                 moment[a] = 0.0
                 for b in range(3):
                     moment[a] += information[i, k, a, b] * p_W[i, k, b]
+            number[side, i] += 1
+            if still:
+                for a in range(3):
+                    total_moment[side, a] += moment[a]
+                    for b in range(3):
+                        total[side, a, b] += information[i, k, a, b]
+                continue
             _accumulate(
                 X_WB[k, :3, :3],
                 X_WB[k, :3, 3],
@@ -235,10 +261,9 @@ def _means(
                 total[side],
                 total_moment[side],
             )
-            number[side, i] += 1
         for side in range(2):
             if number[side, i] > 0:
-                C[side, i] = np.linalg.inv(total[side])
+                _inverse(total[side], C[side, i])
                 for a in range(3):
                     for b in range(3):
                         p[side, i, a] += C[side, i, a, b] * total_moment[side, b]
@@ -247,9 +272,9 @@ def _means(
 
 def displacements(
     history: FeatureHistory,
-    X_WB: Array,
     *,
     newest: int,
+    X_WB: Array | None = None,
     use_rest: Mask | None = None,
     X_WB_rest: Array | None = None,
     first_old: int = 0,
@@ -259,14 +284,16 @@ def displacements(
 
     Args:
         history: N features, H ticks.
-        X_WB: The frame's path over the window (H, 4, 4), oldest first.
         newest: Ticks at the window's end that make the newest mean.
+        X_WB: The frame's path over the window (H, 4, 4), oldest first; default the world.
         use_rest: For which features (N,) the rest counts as earlier samples; default all.
         X_WB_rest: Where the frame was during the rest (4, 4); default where it was first.
         first_old: First tick of the window that makes the earlier mean.
         last_old: Last tick that does; default the one before the newest.
     """
     window = history.p_W.shape[1]
+    still = X_WB is None
+    path = np.eye(4)[None] if X_WB is None else X_WB
     use_rest = np.ones(len(history.ids), bool) if use_rest is None else use_rest
     last = window - newest - 1 if last_old is None else last_old
     p_old, p_new, C_old, C_new, count_old, count_new = _means(
@@ -275,8 +302,9 @@ def displacements(
         history.rest_information,
         history.rest_moment,
         use_rest,
-        np.ascontiguousarray(X_WB),
-        np.ascontiguousarray(X_WB[0] if X_WB_rest is None else X_WB_rest),
+        np.ascontiguousarray(path),
+        np.ascontiguousarray(path[0] if X_WB_rest is None else X_WB_rest),
+        still,
         first_old,
         last,
         newest,

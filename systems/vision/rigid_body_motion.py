@@ -33,8 +33,7 @@ def predicted_features(
     """
     history = level.history
     window = history.p_W.shape[1]
-    still = np.tile(np.eye(4), (window, 1, 1))
-    mean = displacements(history, still, newest=0, last_old=window - 1)
+    mean = displacements(history, newest=0, last_old=window - 1)
     p_WF = history.p_W[:, -1].copy()
     covariance = np.tile(1e-6 * np.eye(3), (len(history.ids), 1, 1))
     resting = (history.body == STATIC_BODY) & (history.suspicion == 0) & (mean.count_old > 0)

@@ -175,6 +175,9 @@ def advance(
     scores = [robust_likelihood(config, c, anchors, p_WF, covariance) for _, c in candidates]
     source, chosen = candidates[int(np.argmax(scores))]
     chosen, fits = _agreeing(config, chosen, anchors, p_WF, covariance)
+    if body.unsupported > 0 and np.sum(fits) < config.keep_support:
+        # While the pose is uncertain, any one feature would fit.
+        return _coasted(config, body, old, candidates), rows[:0], rows
     filtered = body_filter.correct(chosen, anchors[fits], p_WF[fits], covariance[fits])
     moved = _recorded(config, body, filtered, source, int(np.sum(fits)))
     return moved, rows[fits], rows[~fits]

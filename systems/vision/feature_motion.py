@@ -148,9 +148,10 @@ class FeatureMotion(LeafSystem):
 
 def _check(config: FeatureMotionConfig) -> None:
     positive = "period min_contrast reach flow_error min_distance depth_step patch_radius"
+    positive += " max_missed max_blackout"
     positive += " corner_noise_factor depth_correlated_pixels pixel_correlated depth_radius"
     floors = "depth_noise depth_noise_growth depth_noise_range depth_floor pixel_floor"
-    floors += " shape_change renewal_shape robot_border max_missed max_blackout"
+    floors += " shape_change renewal_shape robot_border"
     floors += " max_flow_features flow_levels"
     shares = "min_correlation renewal_correlation blackout_share depth_share min_shape"
     require_fields("FeatureMotion", config, positive.split(), "> 0", lambda x: x > 0)

@@ -35,7 +35,7 @@ class FeatureMotionConfig:
     max_flow_features: int = 80  # Failed features that it is asked for, per tick.
     robot_border: int = 8  # Features die so near to the robot's mask, [px].
     max_missed: float = 15.0  # A feature dies unseen after so many ticks, [ticks].
-    max_blackout: float = 45.0  # The same while nearly all features are unseen, [ticks].
+    max_blackout: float = 45.0  # The same if nearly all features are unseen, [ticks].
     blackout_share: float = 0.2  # Share of features seen below which it is a blackout.
     depth_noise: float = 1.2e-3  # Depth noise of a pixel at depth_noise_range, [m].
     depth_noise_growth: float = 1.9e-3  # Its growth with the square of the distance, [1/m].
@@ -63,7 +63,8 @@ class FeatureTracks:
         p_WF: Positions (N, 3), [m], likewise.
         covariance: Of the positions (N, 3, 3), [m^2], when last seen.
         age: Ticks since birth (N,).
-        missed: Ticks since the feature was last seen (N,); zero for those seen now.
+        missed: Ticks since the feature was last seen (N,); zero for those seen now. A tick of a
+            blackout counts less.
         templates: Patches, cut where tangents_C was measured.
         tangents_C: How the surface point moves with the template's pixel (N, 3, 2), [m/px].
         shapes: What the patch's affine map has besides what position and tangents predict, mostly
@@ -316,6 +317,7 @@ def follow(
     seen = (found.scores >= config.min_correlation) & on_surface & ~shrunk
     before = int(np.sum(tracks.missed == 0)) if not tracks.blackout else len(tracks.ids)
     blackout = before >= 10 and np.sum(seen) < config.blackout_share * before
+    waited = config.max_missed / config.max_blackout if blackout else 1.0
 
     fresh = replace(
         tracks,
@@ -323,7 +325,7 @@ def follow(
         p_WF=np.where(seen[:, None], p_WF, tracks.p_WF),
         covariance=np.where(seen[:, None, None], covariance, tracks.covariance),
         age=tracks.age + 1,
-        missed=np.where(seen, 0.0, tracks.missed + 1.0),
+        missed=np.where(seen, 0.0, tracks.missed + waited),
         shapes=np.where(seen[:, None, None], found.shapes, tracks.shapes),
         blackout=bool(blackout),
     )
@@ -385,8 +387,7 @@ def _alive(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame) -> 
     inside: Mask = np.asarray(np.all(within, axis=1))  # False for NaN.
     pixel = np.where(inside[:, None], uv, 0.0).round().astype(int)
     free = frame.robot[pixel[:, 1], pixel[:, 0]] == 0
-    patience = config.max_blackout if tracks.blackout else config.max_missed
-    return np.asarray(inside & free & (tracks.missed <= patience))
+    return np.asarray(inside & free & (tracks.missed <= config.max_missed))
 
 
 def give_birth(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame) -> FeatureTracks:

@@ -25,6 +25,8 @@ def moved_frame(body: BodyFilter, T: Array) -> BodyFilter:
         X=body.X @ T,
         V=Ad @ body.V,
         p_BF=body.p_BF @ R.T + T_inverse[:3, 3],
+        p_BF_first=body.p_BF_first @ R.T + T_inverse[:3, 3],
+        C_first=R @ body.C_first @ R.T,
         P=J @ body.P @ J.T,
     )
 

@@ -10,7 +10,7 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from controllers.grasp_sequence import Phase as ControlPhase
@@ -123,7 +123,7 @@ class Episode:
         builder.Connect(
             station.GetOutputPort("color_measured"), self.recorder.GetInputPort("color_image")
         )
-        readers = [self.recorder]
+        readers: list[System] = [self.recorder]
         if meshcat is not None:
             view = MeshcatView(MeshcatViewConfig(), meshcat, scenario.modalities)
             readers.append(builder.AddNamedSystem("meshcat_view", view))
@@ -218,7 +218,7 @@ class Episode:
 
 
 def _connect_latest(
-    builder: DiagramBuilder, network: Diagram, modality: str, reader: object
+    builder: DiagramBuilder, network: Diagram, modality: str, reader: System
 ) -> None:
     for quantity in ("joints", "body_motions", "features", "grasp"):
         output, port = f"{quantity}_latest", f"{modality}_{quantity}_latest"

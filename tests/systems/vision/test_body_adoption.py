@@ -18,7 +18,7 @@ def make_body() -> tuple[BodyFilter, np.ndarray]:
     body = body_filter.at_reference(X_WB, np.full(6, 0.05))
     p_WF = X_WB[:3, 3] + rng.normal(scale=0.1, size=(8, 3))
     body = body_filter.add_rest_anchors(body, np.arange(8), X_WB, p_WF, NOISE)
-    body = body_filter.predict(body, 0.1, np.full(6, 1e-3), 1e-5)
+    body = body_filter.predict(body, 0.1, np.full(6, 1e-3), 1e-5, turn_walk=1e-3)
     return body, p_WF + 1e-3 * rng.normal(size=(8, 3))
 
 

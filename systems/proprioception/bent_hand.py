@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
@@ -39,9 +40,21 @@ def bent_hand(end_effector: EndEffectorBelief, bending: PoseBelief) -> BentHand:
     )
 
 
+@numba.njit(cache=True)
+def cross(a: Array, b: Array) -> Array:
+    """a x b (3,); `numpy.cross` takes twenty times as long."""
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
+
+
+@numba.njit(cache=True)
 def screw(axis: Array, point: Array) -> Array:
     """Unit twist (6,) of a rotation about the line along `axis` (3,) through `point` (3,)."""
-    return np.concatenate([axis, np.cross(point, axis)])
+    twist = np.empty(6)
+    twist[:3] = axis
+    twist[3:] = cross(point, axis)
+    return twist
 
 
 def free_rotation(axis: Array, point: Array) -> Array:
@@ -57,5 +70,5 @@ def free_sliding(axis: Array, point: Array) -> Array:
 
     The velocity along the line is that of its points: v + omega x point.
     """
-    along = np.concatenate([np.cross(point, axis), axis])
+    along = np.concatenate([cross(point, axis), axis])
     return np.outer(np.concatenate([np.zeros(3), axis]), along)

@@ -3,22 +3,25 @@
 What is measured is z = X_WH^-1 X_WB, the hand from proprioception and the body from vision. With
 z_0 at the reference, e = loading c + factor n the hand's error and v that of vision, a grasp says
 
-    z = exp(e) E exp(-e_0) z_0 exp(v),   E = exp(turn phi + slide d)
+    z = exp(e - e_0) E z_0 exp(v),   E = exp(turn phi + slide d)
 
-with E the identity for a perfect grasp, d = 0 for a revolute one. The error state of each filter is
-(c, n, axis (2), point (2), phi, d), cut to what the type has. A failed grasp lets the body stay
-where it was, loosely.
+with E the identity for a perfect grasp, d = 0 for a revolute one. Axis and point are expressed in
+H where proprioception puts it: what is constant in the hand's error moves them with it, cannot be
+told from them, and does no harm there. The error state of each filter is (c, n, axis (2),
+point (2), phi, d), cut to what the type has. A failed grasp lets the body stay where it was,
+loosely.
 """
 
 from dataclasses import dataclass, field, replace
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
 from maths import se3
 from maths.gaussian import joseph_update, log_likelihood, nees, symmetric
 from systems.port_values import GraspType
-from systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
+from systems.proprioception.bent_hand import BentHand, cross, free_rotation, free_sliding, screw
 
 Array = npt.NDArray[np.float64]
 
@@ -41,6 +44,8 @@ class GraspModelConfig:
     point_deviation: float = 0.015  # How far it may lie elsewhere, [m].
     rotation_rate: float = 0.1  # Of the body about the bar, random walk, [rad/s^0.5].
     sliding_rate: float = 0.02  # Of the body along the bar, [m/s^0.5].
+    axis_rate: float = 0.01  # Of the axis in the soft palm, random walk, [rad/s^0.5].
+    point_rate: float = 3.0e-3  # Of the point on it, [m/s^0.5].
     hand_error_time: float = 5.0  # How long the bent hand's error stays the same, [s].
     slip_rotation: float = 0.03  # Slip per way of the hand, [rad/m^0.5].
     slip_translation: float = 2.0e-3  # [m/m^0.5]
@@ -59,8 +64,9 @@ class GraspFilter:
     Attributes:
         type: Perfect, revolute or cylindrical.
         z_0: X_HB (4, 4) at its reference, with loading_0 (6, m) of the hand's error there.
-        axis: Unit vector (3,) in H, through point (3,), [m].
+        axis: Unit vector (3,) in H as measured, through point (3,), [m].
         coordinates: (phi [rad], d [m]).
+        line_covariance: (6, 6) of (axis, point), what a single tick could tell at best.
         x: Mean (m + 6,) of (c, n).
         P: Covariance of (c, n, axis, point, coordinates).
         way: Of the hand since the reference, [m].
@@ -73,6 +79,7 @@ class GraspFilter:
     axis: Array
     point: Array
     coordinates: Array
+    line_covariance: Array
     x: Array
     P: Array
     way: float = 0.0
@@ -85,10 +92,11 @@ def start_filter(
     """A filter at its reference, with the hand's morphology as prior."""
     axis, point = morphology(config)
     errors = loading_0.shape[1] + 6
+    line = prior_line_variances(loading_0, config)
     variances = [1.0] * errors
     if grasp_type != GraspType.PERFECT:
-        variances += [config.axis_deviation**2] * 2 + [config.point_deviation**2] * 2
-        variances += [1e-12] * _COORDINATES[grasp_type]
+        variances += [*line, *([1e-12] * _COORDINATES[grasp_type])]
+    U = np.kron(np.eye(2), tangent_basis(axis))
     return GraspFilter(
         type=grasp_type,
         z_0=z_0,
@@ -96,20 +104,32 @@ def start_filter(
         axis=axis,
         point=point,
         coordinates=np.zeros(2),
+        line_covariance=U @ np.diag(line) @ U.T,
         x=np.zeros(errors),
         P=np.diag(variances),
     )
 
 
+def prior_line_variances(loading_0: Array, config: GraspModelConfig) -> Array:
+    """Of axis (2) and point (2): the bar lies elsewhere, and the hand is not where it seems."""
+    offset = (loading_0**2).sum(axis=1).reshape(2, 3).mean(axis=1)
+    own = np.array([config.axis_deviation**2, config.point_deviation**2])
+    return np.repeat(own + offset, 2)
+
+
+@numba.njit(cache=True)
 def tangent_basis(axis: Array) -> Array:
     """Two unit vectors (3, 2) perpendicular to `axis` and to each other."""
     helper = np.zeros(3)
     helper[np.argmin(np.abs(axis))] = 1.0
-    first = np.cross(axis, helper)
-    first /= np.linalg.norm(first)
-    return np.column_stack([first, np.cross(axis, first)])
+    U = np.empty((3, 2))
+    U[:, 0] = cross(axis, helper)
+    U[:, 0] /= np.sqrt(np.sum(U[:, 0] ** 2))
+    U[:, 1] = cross(axis, U[:, 0])
+    return U
 
 
+@numba.njit(cache=True)
 def grasp_displacement(axis: Array, point: Array, coordinates: Array) -> tuple[Array, Array]:
     """E (4, 4), and its derivative (6, 6): left perturbation by (axis, point, phi, d)."""
     phi, d = coordinates
@@ -119,15 +139,15 @@ def grasp_displacement(axis: Array, point: Array, coordinates: Array) -> tuple[A
     D = np.zeros((6, 6))
     for i in range(2):
         D[:3, i] = phi * U[:, i]
-        D[3:, i] = phi * np.cross(point, U[:, i]) + d * U[:, i]
-        D[3:, 2 + i] = phi * np.cross(U[:, i], axis)
+        D[3:, i] = phi * cross(point, U[:, i]) + d * U[:, i]
+        D[3:, 2 + i] = phi * cross(U[:, i], axis)
     D[:, 4] = screw(axis, point)
     D[3:, 5] = axis
     return se3.exp(tau), se3.left_jacobian(tau) @ D
 
 
 def predict_filter(grasp: GraspFilter, config: GraspModelConfig, way: float) -> GraspFilter:
-    """The bent hand's error fades, the coordinates walk; axis and point are constants."""
+    """The bent hand's error fades, the coordinates walk, axis and point hardly."""
     m = len(grasp.x) - 6
     rho = np.exp(-config.period / config.hand_error_time)
     x, P = grasp.x.copy(), grasp.P.copy()
@@ -140,19 +160,26 @@ def predict_filter(grasp: GraspFilter, config: GraspModelConfig, way: float) -> 
     count = _COORDINATES[grasp.type]
     if count:
         Q[-count:] = rates[:count] ** 2 * config.period
-    return replace(grasp, x=x, P=P + np.diag(Q), way=grasp.way + way)
+    line = np.repeat([config.axis_rate**2, config.point_rate**2], 3) * config.period
+    if count:
+        Q[m + 6 : m + 10] = line[[0, 1, 3, 4]]
+    return replace(
+        grasp,
+        x=x,
+        P=P + np.diag(Q),
+        line_covariance=grasp.line_covariance + np.diag(line),
+        way=grasp.way + way,
+    )
 
 
 def expected(grasp: GraspFilter, loading: Array, factor: Array) -> tuple[Array, Array]:
     """The z that a filter expects (4, 4), and the left derivative by its error state (6, n)."""
     m = loading.shape[1]
     E, D = grasp_displacement(grasp.axis, grasp.point, grasp.coordinates)
-    e = loading @ grasp.x[:m] + factor @ grasp.x[m:]
-    e_0 = grasp.loading_0 @ grasp.x[:m]
-    constants = loading - se3.adjoint(E) @ grasp.loading_0
-    count = len(grasp.P) - m - 6
-    H = np.hstack([constants, factor, D[:, :count]])
-    return se3.exp(e) @ E @ se3.exp(-e_0) @ grasp.z_0, H
+    change = loading - grasp.loading_0
+    e = change @ grasp.x[:m] + factor @ grasp.x[m:]
+    H = np.hstack([change, factor, D[:, : len(grasp.P) - m - 6]])
+    return se3.exp(e) @ E @ grasp.z_0, H
 
 
 def correct_filter(
@@ -168,6 +195,7 @@ def correct_filter(
     factor = with_slip(factor, grasp.way, config)
     predicted, H = expected(grasp, hand.loading, factor)
     innovation = se3.log(z @ se3.inverse(predicted))
+    R = R + second_order_noise(grasp)
     S = symmetric(H @ grasp.P @ H.T + R)
     likelihood = log_likelihood(innovation, S)
     if nees(innovation, S) > config.gate:
@@ -187,19 +215,57 @@ def correct_filter(
         P=P,
         rejected=0,
     )
+    if grasp.type != GraspType.PERFECT:
+        single = single_tick_line_covariance(corrected, hand, factor, R, config)
+        corrected = with_line_covariance(corrected, single)
     return corrected, likelihood
 
 
-def relative_pose(grasp: GraspFilter, config: GraspModelConfig) -> tuple[Array, Array]:
-    """X_HB (4, 4) of the true hand, exp(-e_0) and grasp applied to z_0; covariance (6, 6) in H."""
-    m = len(grasp.x) - 6
-    E, D = grasp_displacement(grasp.axis, grasp.point, grasp.coordinates)
-    H = np.zeros((6, len(grasp.P)))
-    H[:, :m] = -se3.adjoint(E) @ grasp.loading_0
-    H[:, m + 6 :] = D[:, : len(grasp.P) - m - 6]
-    slip = np.repeat([config.slip_rotation**2, config.slip_translation**2], 3) * grasp.way
-    X_HB = E @ se3.exp(-grasp.loading_0 @ grasp.x[:m]) @ grasp.z_0
-    return X_HB, symmetric(H @ grasp.P @ H.T) + np.diag(slip + 1e-10)
+def second_order_noise(grasp: GraspFilter) -> Array:
+    """Covariance (6, 6) of what the linear measurement leaves out: uncertain angle times line.
+
+    Without it, an angle that is mere noise would seem to measure the axis.
+    """
+    count, start = _COORDINATES[grasp.type], len(grasp.x)
+    noise = np.zeros((6, 6))
+    if count == 0:
+        return noise
+    variances = np.diag(grasp.P)[-count:]
+    U = tangent_basis(grasp.axis)
+    axis = U @ grasp.P[start : start + 2, start : start + 2] @ U.T
+    point = U @ grasp.P[start + 2 : start + 4, start + 2 : start + 4] @ U.T
+    noise[:3, :3] = variances[0] * axis
+    noise[3:, 3:] = variances[0] * point
+    if count == 2:
+        noise[3:, 3:] += variances[1] * axis
+    return noise
+
+
+def single_tick_line_covariance(
+    grasp: GraspFilter, hand: BentHand, factor: Array, R: Array, config: GraspModelConfig
+) -> Array:
+    """Covariance (4, 4) of axis and point across the axis, from this tick's displacement alone.
+
+    The hand's errors persist, so that many ticks tell little more about the line than the best of
+    them. The filter's own covariance claims more: its angle, and with it how the line and those
+    errors show in the measurement, is noisy, and so it takes for different what is the same.
+    """
+    change = hand.loading - grasp.loading_0
+    C = change @ change.T + factor @ factor.T + R
+    _, D = grasp_displacement(grasp.axis, grasp.point, grasp.coordinates)
+    D = D[:, : 4 + _COORDINATES[grasp.type]]
+    information = D.T @ np.linalg.solve(C, D)
+    information[:4, :4] += np.diag(1.0 / prior_line_variances(grasp.loading_0, config))
+    return np.asarray(np.linalg.inv(information)[:4, :4])
+
+
+def with_line_covariance(grasp: GraspFilter, single: Array) -> GraspFilter:
+    """Takes over the covariance (4, 4) of a single tick if it is smaller than what is known."""
+    U = np.kron(np.eye(2), tangent_basis(grasp.axis))
+    known = U.T @ grasp.line_covariance @ U
+    if np.linalg.det(single) > np.linalg.det(known):
+        single = known
+    return replace(grasp, line_covariance=U @ single @ U.T)
 
 
 def with_slip(factor: Array, way: float, config: GraspModelConfig) -> Array:
@@ -218,7 +284,7 @@ def follow(grasp: GraspFilter, z: Array, hand: BentHand, factor: Array) -> Grasp
         return grasp
     predicted, _ = expected(grasp, hand.loading, factor)
     nu = se3.log(z @ se3.inverse(predicted))
-    moved = np.array([grasp.axis @ nu[:3], grasp.axis @ (nu[3:] + np.cross(nu[:3], grasp.point))])
+    moved = np.array([grasp.axis @ nu[:3], grasp.axis @ (nu[3:] + cross(nu[:3], grasp.point))])
     moved[count:] = 0.0
     return replace(grasp, coordinates=grasp.coordinates + moved)
 
@@ -233,10 +299,10 @@ def plausibility(grasp: GraspFilter, config: GraspModelConfig) -> float:
     if grasp.type == GraspType.PERFECT:
         return -0.5 * excess
     axis, point = morphology(config)
-    tilt = np.arccos(np.clip(grasp.axis @ axis, -1.0, 1.0)) / config.axis_deviation
-    shift = np.linalg.norm(grasp.point - point) / config.point_deviation
+    tilt = float(np.arccos(np.clip(grasp.axis @ axis, -1.0, 1.0))) / config.axis_deviation
+    shift = float(np.linalg.norm(grasp.point - point)) / config.point_deviation
     beyond = max(0.0, tilt - _PLAUSIBLE) + max(0.0, shift - _PLAUSIBLE)
-    return -0.5 * excess - _BEYOND * float(beyond)
+    return -0.5 * excess - _BEYOND * beyond
 
 
 def morphology(config: GraspModelConfig) -> tuple[Array, Array]:

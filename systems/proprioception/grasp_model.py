@@ -26,10 +26,8 @@ from systems.proprioception.grasp_filters import (
     failed_likelihood,
     follow,
     free_projection,
-    morphology,
     plausibility,
     predict_filter,
-    relative_pose,
     start_filter,
 )
 from systems.proprioception.recursive_filter import RecursiveFilter, require_positive
@@ -85,26 +83,20 @@ def make_belief(
     covariance: Array,
     config: GraspModelConfig,
 ) -> GraspBelief:
-    """The port value, from the likeliest type's filter.
-
-    Args:
-        z: X_HB (4, 4) as measured, with covariance (6, 6) in H; it stands where no filter does.
-    """
+    """The port value; `z` is X_HB (4, 4) with covariance (6, 6) in H."""
     best = TYPES[int(np.argmax(probabilities))]
-    axis, point = morphology(config)
-    for candidate in filters:
-        if candidate.type == (GraspType.REVOLUTE if best == GraspType.PERFECT else best):
-            axis, point = candidate.axis, candidate.point
-        if candidate.type == best:
-            z, covariance = relative_pose(candidate, config)
+    loose = [f for f in filters if f.type != GraspType.PERFECT]
+    loose = loose or [start_filter(GraspType.REVOLUTE, z, np.zeros((6, 0)), config)]
+    line = next((f for f in loose if f.type == best), loose[0])
     Ad = se3.adjoint(se3.inverse(z))
     return GraspBelief(
         probabilities=dict(zip(TYPES, map(float, probabilities), strict=True)),
         X_HB=z,
         covariance=Ad @ covariance @ Ad.T,
-        axis_H=axis,
-        p_HA=point,
-        free_motion=free_projection(best, axis, point),
+        axis_H=line.axis,
+        p_HA=line.point,
+        line_covariance=line.line_covariance,
+        free_motion=free_projection(best, line.axis, line.point),
     )
 
 
@@ -289,6 +281,8 @@ class GraspModel(RecursiveFilter):
             "axis_deviation": "rad",
             "point_deviation": "m",
             "rotation_rate": "rad/s^0.5",
+            "axis_rate": "rad/s^0.5",
+            "point_rate": "m/s^0.5",
             "sliding_rate": "m/s^0.5",
             "hand_error_time": "s",
             "failed_rotation": "rad/s^0.5",

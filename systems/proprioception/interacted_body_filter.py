@@ -10,6 +10,7 @@ Error state, all but the first in units of their own standard deviation:
               body follows, against what the likeliest grasp says; a constant
     k   (3,)  how much the body turns about the axis per way of its handle, if the grasp lets it;
               a constant, as the body of a hinge turns by one radian per radius
+    s   (6,)  how wrong the grasping axis and the point on it are; the same as long as nobody sees
 
 The constants make the displacement's error honest over time: they are the same at every tick, so
 they grow with the way that the hand has moved and do not average away. Vision, while it lasts,
@@ -24,7 +25,7 @@ import numpy.typing as npt
 from maths import se3
 from maths.gaussian import joseph_update, nees, symmetric
 from systems.port_values import GraspBelief, GraspType, Ids, PoseBelief
-from systems.proprioception.bent_hand import BentHand, screw
+from systems.proprioception.bent_hand import BentHand, cross, screw
 
 Array = npt.NDArray[np.float64]
 
@@ -58,7 +59,7 @@ class Layout:
 
     @property
     def size(self) -> int:
-        return 23 + self.m
+        return 29 + self.m
 
     @property
     def c(self) -> slice:
@@ -79,6 +80,10 @@ class Layout:
     @property
     def k(self) -> slice:
         return slice(20 + self.m, 23 + self.m)
+
+    @property
+    def s(self) -> slice:
+        return slice(23 + self.m, 29 + self.m)
 
 
 @dataclass(kw_only=True)
@@ -124,6 +129,7 @@ class FreeMotion:
             the body follows.
         looseness: Share of a hinge's turning to expect of the body, 1 sigma: one if it may turn
             about the axis, else the square root of the probability that it may.
+        line: Factor (6, 6) of the covariance of axis and point; zero if neither is free.
     """
 
     projection: Array
@@ -131,6 +137,7 @@ class FreeMotion:
     point: Array
     doubt: Array
     looseness: float
+    line: Array
 
 
 def free_motion(grasp: GraspBelief) -> FreeMotion:
@@ -149,7 +156,34 @@ def free_motion(grasp: GraspBelief) -> FreeMotion:
         point=grasp.p_HA,
         doubt=doubt,
         looseness=1.0 if free[0] else float(np.sqrt(chance[0])),
+        line=square_root(grasp.line_covariance) if free[0] else np.zeros((6, 6)),
     )
+
+
+def square_root(covariance: Array) -> Array:
+    """A symmetric factor A (n, n) of a covariance that may be singular, A A = covariance."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T)
+
+
+def line_sensitivity(free: FreeMotion, tau: Array, turned: float, slides: bool) -> Array:
+    """How an error of axis and point (6,) moves the body, in H, against the mean; (6, 6).
+
+    Args:
+        free: Axis a and point p.
+        tau: The hand's twist (6,).
+        turned: How much the body turns about the axis against the hand, [rad].
+        slides: Whether it slides too.
+    """
+    a, p = free.axis, free.point
+    A = np.zeros((6, 6))
+    A[:3, :3] = turned * np.eye(3) - np.outer(a, tau[:3])
+    A[3:, :3] = turned * se3.skew(p) - np.outer(cross(p, a), tau[:3])
+    A[3:, 3:] = -turned * se3.skew(a)
+    if slides:
+        A[3:, :3] -= (a @ (tau[3:] + cross(tau[:3], p))) * np.eye(3)
+        A[3:, :3] -= np.outer(a, tau[3:] + cross(tau[:3], p))
+    return A
 
 
 def start_body(hand: BentHand, grasp: GraspBelief) -> BodyState:
@@ -189,9 +223,10 @@ def predict_body(
     """Moves the body as the hand moved, X_WH T X_WH^-1 X_WB, as far as the grasp transmits it.
 
     With the hand's twist tau = log(X_WH^-1(t-1) X_WH(t)) and the free projection N, the body is
-    moved by T = exp((I - N) tau). The hand's errors e = loading c + factor n at both ticks enter
-    through the derivatives of that, so what stays the same nearly cancels. When another type of
-    grasp has become the likeliest, f and k mean something else and start afresh.
+    moved by T = exp((I - N) tau). The hand's errors e = loading c + factor n enter by what they
+    have changed since the last tick; what stays the same moves the grasping axis with the hand and
+    cancels. When another type of grasp has become the likeliest, f and k mean something else and
+    start afresh.
     """
     layout = Layout(hand.loading.shape[1])
     if grasp.type != body.grasp_type:
@@ -199,27 +234,29 @@ def predict_body(
         body = replace(body, x=x, P=P, grasp_type=grasp.type)
     free = free_motion(grasp)
     before = body.hand
-    relative = se3.inverse(before.X_WH) @ hand.X_WH
-    tau = se3.log(relative)
+    tau = se3.log(se3.inverse(before.X_WH) @ hand.X_WH)
     followed = tau - free.projection @ tau
     step = se3.exp(followed)
     G = se3.adjoint(se3.inverse(body.X_WB) @ before.X_WH)
     now = np.eye(6) - free.projection
-    then = se3.adjoint(se3.inverse(step)) - np.eye(6) - now @ se3.adjoint(se3.inverse(relative))
     turn = screw(free.axis, free.point)
     slide = np.concatenate([np.zeros(3), free.axis])
-    way_H = followed[3:] + np.cross(followed[:3], free.point)
-    turned = free.axis @ tau[:3]
-    slid = free.axis @ (tau[3:] + np.cross(tau[:3], free.point))
+    way_H = followed[3:] + cross(followed[:3], free.point)
+    turned = float(free.axis @ tau[:3])
+    slid = free.axis @ (tau[3:] + cross(tau[:3], free.point))
 
     rho = np.exp(-config.period / config.hand_error_time)
     F = np.eye(layout.size)
-    F[:6, layout.c] = G @ (now @ hand.loading + then @ before.loading)
-    F[:6, layout.n] = G @ (rho * now @ hand.factor + then @ before.factor)
+    F[:6, layout.c] = G @ now @ (hand.loading - before.loading)
+    F[:6, layout.n] = G @ now @ (rho * hand.factor - before.factor)
     F[layout.n, layout.n] *= rho
     F[:6, layout.f] = G @ np.column_stack([turn * turned, slide * slid]) * free.doubt
     curvature = free.looseness * config.hinge_curvature
-    F[:6, layout.k] = np.outer(G @ turn, curvature * (G[:3, :3] @ way_H))
+    way_B = curvature * (G[:3, :3] @ way_H)
+    F[:6, layout.k] = np.outer(G @ turn, way_B)
+    against = float(np.dot(way_B, body.x[layout.k])) - turned
+    slides = grasp.type == GraspType.CYLINDRICAL
+    F[:6, layout.s] = G @ line_sensitivity(free, tau, against, slides) @ free.line
     noise = np.zeros((layout.size, 6))
     noise[:6] = G @ now @ hand.factor
     noise[layout.n] = np.eye(6)
@@ -251,7 +288,7 @@ def with_velocity(
     G = se3.adjoint(se3.inverse(body.X_WB) @ body.hand.X_WH)
     transmitted = np.eye(6) - free.projection
     V_H = transmitted @ V_WH_H
-    way_B = G[:3, :3] @ (V_H[3:] + np.cross(V_H[:3], free.point))
+    way_B = G[:3, :3] @ (V_H[3:] + cross(V_H[:3], free.point))
     turn = G @ screw(free.axis, free.point)
     slide = G @ np.concatenate([np.zeros(3), free.axis])
     curvature = free.looseness * config.hinge_curvature
@@ -278,12 +315,14 @@ def correct_body(
 ) -> BodyState:
     """Corrects by the pose that the features show, seen = X_WB exp(xi + offset b + noise).
 
-    The offset stays as far as the features are the same as at the last tick that saw any. An
-    innovation that nothing explains means that the body slipped: the pose's covariance grows first.
+    The offset stays as far as the features are the same as at the last tick that saw any; the grasp
+    learns from vision too, so its line's error is another one from now on. An innovation that
+    nothing explains means that the body slipped: the pose's covariance grows first.
     """
     layout = Layout(body.hand.loading.shape[1])
     kept = np.isin(feature_ids, body.feature_ids).mean() if len(feature_ids) else 0.0
     x, P = fade(body.x, body.P, layout.b, float(kept))
+    x, P = fade(x, P, layout.s, 0.0)
     H = np.zeros((6, layout.size))
     H[:, :6] = np.eye(6)
     H[:, layout.b] = np.linalg.cholesky(offset_covariance)

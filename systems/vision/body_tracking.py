@@ -349,6 +349,11 @@ def associate(
     highest = ratios[best, np.arange(len(history.ids))]
     assigned = history.body.copy()
     joins = (history.body == STATIC_BODY) & (highest > config.association)
+    for i, body_id in enumerate(ids):
+        first = joins & (best == i)
+        # A body that has no feature yet gets several at once, or an outlier would steer it.
+        if not np.any(history.body == body_id) and np.sum(first) < config.keep_support:
+            joins &= ~first
     assigned[joins] = ids[best[joins]]
     for i, (ratio, _) in enumerate(tests):
         mine = history.body == ids[i]

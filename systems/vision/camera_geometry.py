@@ -39,9 +39,17 @@ def transform(X_AB: Array, p_B: Array) -> Array:
 
 @numba.njit(cache=True)
 def _fit_plane(
-    depth: npt.NDArray[np.float32], u0: float, v0: float, radius: int, plane: Array, gate: float
+    depth: npt.NDArray[np.float32],
+    u0: float,
+    v0: float,
+    radius: int,
+    stride: int,
+    plane: Array,
+    gate: float,
 ) -> tuple[Array, Array, float, int]:
     """One least squares pass over the pixels within `gate` of the `plane` (all if gate < 0).
+
+    Only every `stride`-th pixel of every `stride`-th row counts.
 
     Returns the plane (3,), its unit-noise covariance (3, 3), the residuals' mean square, and the
     number of pixels used.
@@ -51,8 +59,8 @@ def _fit_plane(
     square = 0.0
     used = 0
     cu, cv = int(np.floor(u0 + 0.5)), int(np.floor(v0 + 0.5))
-    for v in range(cv - radius, cv + radius + 1):
-        for u in range(cu - radius, cu + radius + 1):
+    for v in range(cv - radius, cv + radius + 1, stride):
+        for u in range(cu - radius, cu + radius + 1, stride):
             z = depth[v, u]
             if not (z > 0.0 and z < 1e3):
                 continue
@@ -112,18 +120,19 @@ def fit_surfaces(
     valid = np.zeros(count, dtype=np.bool_)
     height, width = depth.shape
     window = (2 * radius + 1) ** 2
+    sparse = (radius + 1) ** 2
     for i in range(count):
         u, v = uv[i]
         if not (radius + 1 < u < width - radius - 2 and radius + 1 < v < height - radius - 2):
             continue
-        plane, unit, mean_square, used = _fit_plane(depth, u, v, radius, planes[i], -1.0)
-        if used < min_share * window or plane[0] <= 0.0:
+        plane, unit, mean_square, used = _fit_plane(depth, u, v, radius, 2, planes[i], -1.0)
+        if used < min_share * sparse or plane[0] <= 0.0:
             continue
         for _ in range(2):
             z = 1.0 / plane[0]
             sigma = (noise[0] + noise[1] * (z - noise[2]) ** 2) / z**2
-            plane, unit, mean_square, used = _fit_plane(depth, u, v, radius, plane, 4.0 * sigma)
-            if used < min_share * window or plane[0] <= 0.0:
+            plane, unit, mean_square, used = _fit_plane(depth, u, v, radius, 1, plane, 4.0 * sigma)
+            if used < min_share * window or used == window or plane[0] <= 0.0:
                 break
         if used < min_share * window or plane[0] <= 0.0:
             continue

@@ -27,7 +27,8 @@ class FeatureMotionConfig:
     min_correlation: float = 0.8  # ZNCC below which a feature is not seen.
     renewal_correlation: float = 0.88  # ZNCC below which a reshaped patch's template is renewed.
     renewal_shape: float = 0.3  # Logarithm of the change of size that makes it reshaped.
-    shape_change: float = 0.02  # Relative change of a patch's shape per tick, standard deviation.
+    shape_change: float = 0.04  # Relative change of a patch's shape per update of it, 1 sigma.
+    shape_ticks: int = 3  # A patch's shape is updated every so many ticks of its age, [ticks].
     reach: float = 6.0  # Farthest a registration moves from its start, [px].
     flow_window: int = 21  # Window of the pyramidal Lucas-Kanade tracker, [px].
     flow_levels: int = 3  # Its pyramid levels above the image.
@@ -93,6 +94,8 @@ class FeatureTracks:
         return self
 
     def select(self, keep: Mask) -> "FeatureTracks":
+        if keep.all():
+            return self
         return replace(
             self,
             ids=self.ids[keep],
@@ -221,6 +224,9 @@ def _starts(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> tu
     if len(mine) == 0:
         return uv, warps
     uv_predicted = camera_geometry.project(p_CF, frame.intrinsics)
+    # Where both agree there is nothing to choose.
+    apart = np.max(np.abs(uv_predicted - uv[mine]), axis=1) > 0.5
+    mine, p_CF, uv_predicted = mine[apart], p_CF[apart], uv_predicted[apart]
     warps_predicted = camera_geometry.patch_warps(p_CF, tracks.tangents_C[mine], frame.intrinsics)
     templates, shapes = tracks.templates.select(mine), tracks.shapes[mine]
     better = patch_registration.score_patches(
@@ -273,15 +279,17 @@ def search(
 ) -> Registration:
     """Registers all features; those that fail start once more from pyramidal Lucas-Kanade."""
     uv_start, expected = _starts(tracks, frame, predicted)
+    due = (tracks.age + tracks.ids) % config.shape_ticks == 0
+    shape_sigma = np.where(due, config.shape_change, 0.0)
 
     def register(index: Ids, start: Array) -> tuple[Array, Array, Array]:
         return patch_registration.register_patches(
             frame.image,
-            tracks.templates.select(index),
+            tracks.templates if len(index) == len(tracks.ids) else tracks.templates.select(index),
             (expected @ tracks.shapes)[index],
             start,
             reach=config.reach,
-            shape_sigma=config.shape_change,
+            shape_sigma=shape_sigma[index],
         )
 
     uv, scores, warps = register(np.arange(len(tracks.ids)), uv_start)

@@ -265,7 +265,7 @@ def _register(
     radius: int,
     iterations: int,
     reach: float,
-    shape_sigma: float,
+    shape_sigma: Array,
 ) -> tuple[Array, Array, Array]:
     count = uv.shape[0]
     result = uv.copy()
@@ -289,7 +289,7 @@ def _register(
             patch,
         )
         result[i, 0], result[i, 1], scores[i] = u, v, score
-        if score < 0.6 or shape_sigma <= 0.0:
+        if score < 0.6 or shape_sigma[i] <= 0.0:
             continue
         for _ in range(2):
             if not _sample(image, u, v, shapes[i], radius, patch):
@@ -297,7 +297,7 @@ def _register(
             _normalise(patch)
             now = _correlation(patch, values[i])
             normal = hessians[i] * now
-            weight = max(2.0 - 2.0 * now, 1e-3) / n / shape_sigma**2
+            weight = max(2.0 - 2.0 * now, 1e-3) / n / shape_sigma[i] ** 2
             for a in range(2, 6):
                 normal[a, a] += weight
             gradient = _derivatives(gradients[i], radius, patch) - now * overlaps[i]
@@ -328,7 +328,7 @@ def register_patches(
     *,
     iterations: int = 10,
     reach: float = 8.0,
-    shape_sigma: float = 0.0,
+    shape_sigma: Array | None = None,
 ) -> tuple[Array, Array, Array]:
     """Moves each template from its start `uv` (N, 2) to where it fits the image best.
 
@@ -339,11 +339,13 @@ def register_patches(
         uv: (N, 2).
         iterations: At most, of the shift.
         reach: Largest distance from the start, [px].
-        shape_sigma: By how much the entries of the maps may change; 0 keeps them.
+        shape_sigma: By how much the entries of each map may change (N,); zero keeps it, as does
+            None.
 
     Returns:
         Pixels (N, 2), ZNCC (N,), -1 where the patch leaves the image, and maps (N, 2, 2).
     """
+    fixed = np.zeros(len(uv))
     return _register(
         image,
         templates.values,
@@ -355,7 +357,7 @@ def register_patches(
         _radius(templates),
         iterations,
         reach,
-        shape_sigma,
+        fixed if shape_sigma is None else shape_sigma,
     )
 
 

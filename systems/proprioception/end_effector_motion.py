@@ -156,10 +156,10 @@ class EndEffectorMotion(RecursiveFilter):
         - end_effector_latest
         - end_effector_predicted
 
-    - joint_state_window: `SampleWindow` of (2 n,) positions [rad] and velocities [rad/s].
-    - end_effector_estimated: `EndEffectorBelief`, posterior of this tick.
-    - end_effector_latest: `EndEffectorBelief`, posterior of the last tick, from the state alone.
-    - end_effector_predicted: `EndEffectorBelief`, one tick after the last, from the state alone.
+    - `joint_state_window`: `SampleWindow` of (2 n,) positions [rad] and velocities [rad/s].
+    - `end_effector_estimated`: `EndEffectorBelief`, posterior of this tick.
+    - `end_effector_latest`: `EndEffectorBelief`, posterior of the last tick, from the state alone.
+    - `end_effector_predicted`: `EndEffectorBelief`, one tick after the last, from the state alone.
 
     Frames: W world, E nominal end-effector.
 

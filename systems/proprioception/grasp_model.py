@@ -240,13 +240,13 @@ class GraspModel(RecursiveFilter):
         - grasp_estimated
         - grasp_latest
 
-    - end_effector_estimated: `EndEffectorBelief` X_WE.
-    - hand_bending_estimated: `PoseBelief` X_EH.
-    - body_motions_estimated: `BodyMotions` with the one `InteractedBody`, of
+    - `end_effector_estimated`: `EndEffectorBelief` X_WE.
+    - `hand_bending_estimated`: `PoseBelief` X_EH.
+    - `body_motions_estimated`: `BodyMotions` with the one `InteractedBody`, of
       `InteractedBodyMotion`.
-    - interaction_active: (1,) above 0.5 from the instant at which the hand has closed.
-    - grasp_estimated: `GraspBelief`, posterior of this tick.
-    - grasp_latest: `GraspBelief`, posterior of the last tick, from the state alone.
+    - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
+    - `grasp_estimated`: `GraspBelief`, posterior of this tick.
+    - `grasp_latest`: `GraspBelief`, posterior of the last tick, from the state alone.
 
     Frames: W world, E nominal end-effector, H bent end-effector, A on the grasping axis, B body.
 

@@ -161,13 +161,13 @@ class HandBending(RecursiveFilter):
         - hand_bending_estimated
         - hand_bending_latest
 
-    - wrench_window: `SampleWindow` of F_So_S (6,), torque [N m] then force [N]: what hand and
+    - `wrench_window`: `SampleWindow` of F_So_S (6,), torque [N m] then force [N]: what hand and
       object exert on the sensor. A free hand at rest reads its weight and the bias.
-    - pressure_window: `SampleWindow` of (4,) gauge pressures, [Pa].
-    - end_effector_estimated: `EndEffectorBelief`, for the direction of the weight.
-    - interaction_active: (1,) above 0.5 from the instant at which the hand has closed.
-    - hand_bending_estimated: `PoseBelief` X_EH, posterior of this tick.
-    - hand_bending_latest: `PoseBelief` X_EH, posterior of the last tick, from the state alone.
+    - `pressure_window`: `SampleWindow` of (4,) gauge pressures, [Pa].
+    - `end_effector_estimated`: `EndEffectorBelief`, for the direction of the weight.
+    - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
+    - `hand_bending_estimated`: `PoseBelief` X_EH, posterior of this tick.
+    - `hand_bending_latest`: `PoseBelief` X_EH, posterior of the last tick, from the state alone.
 
     Frames: W world, E nominal end-effector, H bent end-effector, S wrist sensor.
 

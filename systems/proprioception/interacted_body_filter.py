@@ -183,6 +183,7 @@ def line_sensitivity(free: FreeMotion, tau: Array, turned: float, slides: bool) 
     if slides:
         A[3:, :3] -= (a @ (tau[3:] + cross(tau[:3], p))) * np.eye(3)
         A[3:, :3] -= np.outer(a, tau[3:] + cross(tau[:3], p))
+        A[3:, 3:] -= np.outer(a, cross(a, tau[:3]))
     return A
 
 

@@ -157,17 +157,17 @@ class InteractedBodyMotion(RecursiveFilter):
         - body_motions_estimated
         - body_motions_latest
 
-    - end_effector_estimated: `EndEffectorBelief` X_WE.
-    - hand_bending_estimated: `PoseBelief` X_EH.
-    - grasp_latest: `GraspBelief` of the last tick.
-    - interaction_active: (1,) above 0.5 from the instant at which the hand has closed.
-    - features_estimated: `FeatureBelief`; body_motions_estimated: `BodyMotions`, of which the
+    - `end_effector_estimated`: `EndEffectorBelief` X_WE.
+    - `hand_bending_estimated`: `PoseBelief` X_EH.
+    - `grasp_latest`: `GraspBelief` of the last tick.
+    - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
+    - `features_estimated`: `FeatureBelief`; body_motions_estimated: `BodyMotions`, of which the
       features of `INTERACTED_BODY` are used. Both exist only with `corrected_by_vision`.
-    - body_prior: `PoseBelief` X_WB before vision, not a number while nothing is held. It depends
+    - `body_prior`: `PoseBelief` X_WB before vision, not a number while nothing is held. It depends
       on the state and on the first four inputs only.
-    - body_motions_estimated: `BodyMotions`, one `InteractedBody` or none, posterior of this tick.
+    - `body_motions_estimated`: `BodyMotions`, one `InteractedBody` or none, posterior of this tick.
       Its features are those that corrected it.
-    - body_motions_latest: The same of the last tick, from the state alone.
+    - `body_motions_latest`: The same of the last tick, from the state alone.
 
     Frames: W world, E nominal end-effector, H bent end-effector, B the body.
 

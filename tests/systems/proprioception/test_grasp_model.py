@@ -1,0 +1,196 @@
+"""The grasp's type and line on simulated hands, and its derivatives by finite differences."""
+
+import numpy as np
+import pytest
+from pydrake.common.value import AbstractValue
+from simulated_grasp import Episode, Scene, Tick, pull, run, swing
+
+from maths import se3
+from systems.port_values import BodyMotions, GraspBelief, GraspType
+from systems.proprioception.grasp_filters import (
+    GraspModelConfig,
+    grasp_displacement,
+    tangent_basis,
+)
+from systems.proprioception.grasp_model import GraspModel, initial_grasp
+
+CONFIG = GraspModelConfig()
+SCENES = {
+    GraspType.PERFECT: Scene(displacement=pull(), duration=5.0),
+    GraspType.REVOLUTE: Scene(
+        displacement=pull(),
+        coordinates=lambda t: (0.6 * (1 - np.cos(0.5 * t)), 0.0),
+        duration=5.0,
+    ),
+    GraspType.CYLINDRICAL: Scene(
+        displacement=pull(),
+        coordinates=lambda t: (0.5 * (1 - np.cos(0.5 * t)), 0.04 * np.sin(0.6 * t)),
+        duration=5.0,
+    ),
+    GraspType.FAILED: Scene(
+        displacement=lambda t: pull()(min(t, 2.0)),
+        coordinates=lambda t: (0.0, 0.0) if t < 2.0 else None,
+        hand_alone=pull(),
+        duration=6.0,
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", list(SCENES))
+def test_vision_tells_the_type_of_grasp(kind: GraspType) -> None:
+    for seed in range(6):
+        assert run(SCENES[kind], seed, vision=True)[-1].grasp.type == kind
+
+
+def test_a_flap_that_turns_in_the_hand_is_a_revolute_grasp() -> None:
+    scene = Scene(
+        displacement=swing(), coordinates=lambda t: (-0.9 * 0.02 * t / 0.35, 0.0), duration=5.0
+    )
+    for seed in range(4):
+        assert run(scene, seed, vision=True)[-1].grasp.type == GraspType.REVOLUTE
+
+
+@pytest.mark.parametrize("kind", list(SCENES))
+def test_without_vision_the_prior_is_reaffirmed(kind: GraspType) -> None:
+    prior = initial_grasp(CONFIG)
+    for tick in run(SCENES[kind], 0, vision=False)[::10]:
+        assert tick.grasp.probabilities == prior.probabilities
+        np.testing.assert_array_equal(tick.grasp.axis_H, prior.axis_H)
+
+
+def test_darkness_adds_no_confidence() -> None:
+    scene = Scene(
+        displacement=pull(),
+        coordinates=SCENES[GraspType.REVOLUTE].coordinates,
+        dark_from=4.0,
+        duration=6.0,
+    )
+    ticks = run(scene, 0, vision=True)
+    first_dark = int(4.0 * 15) + 1
+    assert ticks[-1].grasp.probabilities == ticks[first_dark].grasp.probabilities
+    np.testing.assert_allclose(ticks[-1].grasp.axis_H, ticks[first_dark].grasp.axis_H)
+    known = np.trace(ticks[first_dark].grasp.line_covariance)
+    assert np.trace(ticks[-1].grasp.line_covariance) > known
+
+
+def line_error(scene: Scene, seed: int, grasp: GraspBelief) -> np.ndarray:
+    """Error (6,) of axis and point, in the hand where proprioception puts it."""
+    episode = Episode(scene, seed)
+    _, loading = episode._end_effector(0.0)
+    offset = se3.exp(loading @ episode.c)
+    axis = offset[:3, :3] @ scene.axis
+    point = offset[:3, :3] @ scene.point + offset[:3, 3] - grasp.p_HA
+    return np.concatenate([axis - grasp.axis_H, point - grasp.axis_H * (grasp.axis_H @ point)])
+
+
+def test_axis_is_learned_and_as_wrong_as_it_says() -> None:
+    values, angles = [], []
+    for seed in range(14):
+        rng = np.random.default_rng(1000 + seed)
+        axis = np.array([0.15 * rng.normal(), 1.0, 0.15 * rng.normal()])
+        axis /= np.linalg.norm(axis)
+        point = 0.012 * rng.normal(size=3)
+        scene = Scene(
+            displacement=pull(),
+            coordinates=SCENES[GraspType.REVOLUTE].coordinates,
+            axis=axis,
+            point=point - axis * (axis @ point),
+        )
+        grasp = run(scene, seed, vision=True)[-1].grasp
+        e = line_error(scene, seed, grasp)
+        values.append(e @ np.linalg.pinv(grasp.line_covariance, rcond=1e-9) @ e)
+        angles.append(np.rad2deg(np.linalg.norm(e[:3])))
+    assert 1.5 < np.mean(values) < 8.0  # Four degrees of freedom.
+    assert np.median(angles) < 5.0  # The hand is off by three degrees about each axis.
+
+
+def relative_nees(tick: Tick) -> float:
+    e = se3.log(se3.inverse(tick.grasp.X_HB) @ tick.X_HB)
+    return float(e @ np.linalg.solve(tick.grasp.covariance, e))
+
+
+@pytest.mark.parametrize("vision", [True, False])
+def test_relative_pose_is_as_wrong_as_it_says(vision: bool) -> None:
+    scene = SCENES[GraspType.PERFECT]
+    values = [relative_nees(run(scene, seed, vision)[-1]) for seed in range(16)]
+    assert 3.0 < np.mean(values) < 10.0
+
+
+def test_displacement_derivative_matches_finite_differences() -> None:
+    rng = np.random.default_rng(0)
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    point, coordinates = rng.normal(size=3), np.array([0.7, 0.1])
+    E, D = grasp_displacement(axis, point, coordinates)
+    U = tangent_basis(axis)
+    step = 1e-6
+    for i in range(6):
+        d = step * np.eye(6)[i]
+        tilted = axis + U @ d[:2]
+        moved, _ = grasp_displacement(
+            tilted / np.linalg.norm(tilted), point + U @ d[2:4], coordinates + d[4:]
+        )
+        numeric = se3.log(moved @ se3.inverse(E)) / step
+        np.testing.assert_allclose(D[:, i], numeric, atol=1e-5)
+
+
+def test_tangent_basis_is_orthonormal() -> None:
+    for axis in (np.eye(3)[0], np.eye(3)[1], np.array([0.6, 0.0, -0.8])):
+        U = tangent_basis(axis)
+        np.testing.assert_allclose(U.T @ U, np.eye(2), atol=1e-12)
+        np.testing.assert_allclose(axis @ U, 0.0, atol=1e-12)
+
+
+def test_a_hand_that_catches_the_body_again_holds_it_again() -> None:
+    """It leaves the body for two seconds, grasps it elsewhere and pulls on."""
+
+    def hand_alone(t: float) -> np.ndarray:
+        return pull()(t)
+
+    def displacement(t: float) -> np.ndarray:
+        return pull()(min(t, 2.0) + max(t - 4.0, 0.0))
+
+    scene = Scene(
+        displacement=displacement,
+        coordinates=lambda t: (0.0, 0.0) if t < 2.0 else None,
+        hand_alone=hand_alone,
+        duration=10.0,
+    )
+    ticks = run(scene, 0, vision=True)
+    assert ticks[60].grasp.type == GraspType.FAILED
+    assert ticks[-1].grasp.type == GraspType.PERFECT
+
+
+def test_nothing_held_means_the_prior() -> None:
+    system = GraspModel(CONFIG)
+    context = system.CreateDefaultContext()
+    end_effector, bending = Episode(SCENES[GraspType.PERFECT], 0).streams(0.0)
+    values = {
+        "end_effector_estimated": end_effector,
+        "hand_bending_estimated": bending,
+        "body_motions_estimated": BodyMotions(),
+    }
+    for name, value in values.items():
+        system.GetInputPort(name).FixValue(context, AbstractValue.Make(value))
+    system.GetInputPort("interaction_active").FixValue(context, 0.0)
+    system.ExecuteForcedEvents(context)
+    belief = system.GetOutputPort("grasp_latest").Eval(context)
+    assert belief.type == GraspType.PERFECT
+    np.testing.assert_array_equal(belief.free_motion, np.zeros((6, 6)))
+
+
+def test_latest_does_not_depend_on_inputs() -> None:
+    system = GraspModel(CONFIG)
+    latest = system.GetOutputPort("grasp_latest").get_index()
+    assert not any(system.HasDirectFeedthrough(i, latest) for i in range(4))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("prior_perfect", 0.9), ("memory", 0.0), ("axis_H", np.zeros(3)), ("p_HA", np.zeros(2))],
+)
+def test_impossible_values_are_refused(field: str, value: object) -> None:
+    config = GraspModelConfig()
+    setattr(config, field, value)
+    with pytest.raises(ValueError, match=f"GraspModel: {field}"):
+        GraspModel(config)

@@ -1,0 +1,278 @@
+"""The interacted body: derivatives, then beliefs against simulated hands."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.common.value import AbstractValue
+from scipy.stats import chi2
+from simulated_grasp import Episode, Scene, body_error, body_nees, pull, run, swing
+
+from maths import se3
+from systems.port_values import INTERACTED_BODY, GraspBelief, GraspType
+from systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
+from systems.proprioception.grasp_filters import GraspModelConfig, free_projection
+from systems.proprioception.grasp_model import initial_grasp
+from systems.proprioception.interacted_body_filter import (
+    BodyState,
+    InteractedBodyMotionConfig,
+    Layout,
+    free_motion,
+    line_sensitivity,
+    predict_body,
+    start_body,
+)
+from systems.proprioception.interacted_body_motion import InteractedBodyMotion
+
+CONFIG = InteractedBodyMotionConfig()
+LAYOUT = Layout(6)
+
+
+def hand(rng: np.random.Generator, X_WH: np.ndarray) -> BentHand:
+    factor = np.linalg.cholesky(np.diag(rng.uniform(0.5, 1.0, 6)))
+    return BentHand(X_WH=X_WH, loading=rng.normal(size=(6, 6)), factor=factor)
+
+
+def grasp(kind: GraspType, axis: np.ndarray, point: np.ndarray) -> GraspBelief:
+    belief = initial_grasp(GraspModelConfig())
+    probabilities = {t: 0.97 if t == kind else 0.01 for t in GraspType}
+    return replace(
+        belief,
+        probabilities=probabilities,
+        axis_H=axis,
+        p_HA=point,
+        free_motion=free_projection(kind, axis, point),
+    )
+
+
+def pair(seed: int) -> tuple[BodyState, BentHand, GraspBelief]:
+    rng = np.random.default_rng(seed)
+    belief = grasp(GraspType.PERFECT, np.array([0.0, 1.0, 0.0]), np.array([0.02, 0.0, 0.05]))
+    body = start_body(hand(rng, se3.exp(rng.normal(size=6))), belief)
+    after = hand(rng, body.hand.X_WH @ se3.exp(0.3 * rng.normal(size=6)))
+    return body, after, belief
+
+
+def test_the_reference_has_the_worlds_axes_at_the_hand() -> None:
+    body, _, _ = pair(0)
+    np.testing.assert_array_equal(body.X_WB[:3, :3], np.eye(3))
+    np.testing.assert_array_equal(body.X_WB[:3, 3], body.hand.X_WH[:3, 3])
+    assert np.all(np.diag(body.P)[:6] < 1e-10)
+
+
+def test_a_perfect_grasp_gives_the_body_the_hands_displacement() -> None:
+    body, after, belief = pair(1)
+    moved = predict_body(body, after, belief, CONFIG)
+    displacement = after.X_WH @ se3.inverse(body.hand.X_WH)
+    np.testing.assert_allclose(moved.X_WB, displacement @ body.X_WB, atol=1e-12)
+
+
+@pytest.mark.parametrize("part", ["c", "n"])
+def test_a_known_hand_error_moves_the_body_as_the_corrected_hand_would(part: str) -> None:
+    body, after, belief = pair(2)
+    rows = getattr(LAYOUT, part)
+    error = 1e-4 * np.random.default_rng(3).normal(size=6)
+    x = body.x.copy()
+    x[rows] = error
+    moved = predict_body(replace(body, x=x), after, belief, CONFIG)
+    rho = np.exp(-CONFIG.period / CONFIG.hand_error_time) if part == "n" else 1.0
+    before_by = body.hand.loading if part == "c" else body.hand.factor
+    after_by = after.loading if part == "c" else rho * after.factor
+    corrected_before = replace(
+        body, hand=replace(body.hand, X_WH=body.hand.X_WH @ se3.exp(before_by @ error))
+    )
+    corrected_after = replace(after, X_WH=after.X_WH @ se3.exp(after_by @ error))
+    expected = predict_body(corrected_before, corrected_after, belief, CONFIG)
+    difference = se3.log(se3.inverse(expected.X_WB) @ moved.X_WB)
+    np.testing.assert_allclose(difference, 0.0, atol=1e-6)
+
+
+def test_an_offset_that_stays_the_same_cancels() -> None:
+    body, after, belief = pair(4)
+    after = replace(after, loading=body.hand.loading)
+    P = predict_body(body, after, belief, CONFIG).P
+    np.testing.assert_allclose(P[:6, LAYOUT.c], 0.0, atol=1e-9)
+
+
+def test_turning_about_the_axis_is_not_transmitted_by_a_loose_grasp() -> None:
+    rng = np.random.default_rng(5)
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    point = rng.normal(size=3)
+    turn, slide = screw(axis, point), np.concatenate([np.zeros(3), axis])
+    N = free_rotation(axis, point)
+    np.testing.assert_allclose(N @ turn, turn, atol=1e-12)
+    np.testing.assert_allclose(N @ N, N, atol=1e-12)
+    both = N + free_sliding(axis, point)
+    np.testing.assert_allclose(both @ turn, turn, atol=1e-12)
+    np.testing.assert_allclose(both @ slide, slide, atol=1e-12)
+    np.testing.assert_allclose(both @ both, both, atol=1e-12)
+    across = np.cross(axis, rng.normal(size=3))
+    transmitted = np.concatenate([np.zeros(3), across])
+    np.testing.assert_allclose(both @ transmitted, 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", [GraspType.REVOLUTE, GraspType.CYLINDRICAL])
+def test_line_sensitivity_matches_finite_differences(kind: GraspType) -> None:
+    rng = np.random.default_rng(6)
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    point, tau, rate = 0.1 * rng.normal(size=3), rng.normal(size=6), 0.7
+
+    def moved(axis: np.ndarray, point: np.ndarray) -> np.ndarray:
+        return screw(axis, point) * rate - free_projection(kind, axis, point) @ tau
+
+    belief = grasp(kind, axis, point)
+    against = rate - float(axis @ tau[:3])
+    A = line_sensitivity(free_motion(belief), tau, against, kind == GraspType.CYLINDRICAL)
+    step = 1e-6
+    numeric = np.empty((6, 6))
+    for i in range(3):
+        d = step * np.eye(3)[i]
+        numeric[:, i] = (moved(axis + d, point) - moved(axis - d, point)) / (2 * step)
+        numeric[:, 3 + i] = (moved(axis, point + d) - moved(axis, point - d)) / (2 * step)
+    np.testing.assert_allclose(A, numeric, atol=1e-6)
+
+
+def nees_is_consistent(values: list[float]) -> bool:
+    low, high = chi2.ppf([0.0005, 0.9995], 6 * len(values)) / len(values)
+    return low * 0.8 < np.mean(values) < high * 1.15
+
+
+SCENES = {
+    "drawer": Scene(displacement=pull()),
+    "flap": Scene(displacement=swing(), duration=5.0),
+}
+
+
+@pytest.mark.parametrize("name", list(SCENES))
+def test_proprioception_alone_is_as_wrong_as_it_says(name: str) -> None:
+    episodes = [run(SCENES[name], seed, vision=False) for seed in range(12)]
+    assert nees_is_consistent([body_nees(ticks[-1]) for ticks in episodes])
+    assert nees_is_consistent([body_nees(ticks[30]) for ticks in episodes])
+
+
+def test_vision_corrects_the_body_and_is_as_wrong_as_it_says() -> None:
+    scene = Scene(displacement=pull(), duration=5.0)
+    episodes = [run(scene, seed, vision=True) for seed in range(12)]
+    assert nees_is_consistent([body_nees(ticks[-1]) for ticks in episodes])
+    errors = np.array([body_error(ticks[-1]) for ticks in episodes])
+    assert np.median(np.linalg.norm(errors[:, 3:], axis=1)) < 1.5e-3
+    alone = [body_error(run(scene, seed, vision=False)[-1]) for seed in range(4)]
+    assert np.median(np.linalg.norm(np.array(alone)[:, 3:], axis=1)) > 3e-3
+
+
+def revolute_scene(dark_from: float) -> Scene:
+    return Scene(
+        displacement=pull(),
+        coordinates=lambda t: (0.6 * (1 - np.cos(0.5 * t)), 0.0),
+        dark_from=dark_from,
+    )
+
+
+def test_darkness_after_learning_a_revolute_grasp_keeps_the_body() -> None:
+    """The hand turns by 35 deg in the dark; proprioception alone believes that the body does."""
+    episodes = [run(revolute_scene(5.0), seed, vision=True) for seed in range(8)]
+    assert all(ticks[-1].grasp.type == GraspType.REVOLUTE for ticks in episodes)
+    errors = np.array([body_error(ticks[-1]) for ticks in episodes])
+    assert np.median(np.rad2deg(np.linalg.norm(errors[:, :3], axis=1))) < 2.0
+    assert np.median(np.linalg.norm(errors[:, 3:], axis=1)) < 5e-3
+    assert nees_is_consistent([body_nees(ticks[-1]) for ticks in episodes])
+    alone = body_error(run(revolute_scene(0.0), 0, vision=False)[-1])
+    assert np.rad2deg(np.linalg.norm(alone[:3])) > 30.0
+
+
+def test_darkness_from_the_start_equals_proprioception_alone() -> None:
+    scene = Scene(displacement=pull(), dark_from=0.0, duration=2.0)
+    with_vision = run(scene, 1, vision=True)[-1].body.motion.X
+    assert not run(scene, 1, vision=True)[-1].body.feature_ids.size
+    episode = Episode(scene, 1)
+    truth = episode.X_WB(29 / 15)
+    assert np.linalg.norm(with_vision[:3, 3] - truth[:3, 3]) < 0.02
+
+
+def test_vision_improves_what_proprioception_says_later() -> None:
+    def path_error(dark_from: float, seed: int) -> float:
+        scene = Scene(displacement=pull(), dark_from=dark_from)
+        return float(np.linalg.norm(body_error(run(scene, seed, vision=True)[-1])[3:]))
+
+    seeds = range(8)
+    early = np.median([path_error(0.2, seed) for seed in seeds])
+    late = np.median([path_error(4.0, seed) for seed in seeds])
+    assert late < 0.5 * early
+
+
+def test_features_of_another_body_do_not_move_it() -> None:
+    """A third of the features stays behind, as on a body that was assigned wrongly."""
+    scene = Scene(displacement=pull(), duration=4.0)
+    original = Episode.vision
+
+    def with_strays(self: Episode, t: float) -> tuple:
+        features, motions = original(self, t)
+        features.p_WF[:10] = self.p_WF[:10]
+        return features, motions
+
+    Episode.vision = with_strays  # type: ignore[method-assign]
+    try:
+        tick = run(scene, 2, vision=True)[-1]
+    finally:
+        Episode.vision = original  # type: ignore[method-assign]
+    assert np.linalg.norm(body_error(tick)[3:]) < 3e-3
+    assert not set(range(10)) & set(tick.body.feature_ids.tolist())
+
+
+def test_velocity_is_the_bodys() -> None:
+    ticks = run(Scene(displacement=pull(), duration=3.0), 3, vision=True)
+    V = ticks[-1].body.motion.V
+    np.testing.assert_allclose(V, [0, 0, 0, -0.02, 0, 0], atol=3e-3)
+
+
+def test_covariances_stay_symmetric_and_positive() -> None:
+    for tick in run(revolute_scene(5.0), 4, vision=True):
+        covariance = tick.body.motion.covariance
+        np.testing.assert_array_equal(covariance, covariance.T)
+        assert np.linalg.eigvalsh(covariance).min() > 0.0
+        assert np.linalg.eigvalsh(tick.prior.covariance).min() > 0.0
+
+
+def test_the_prior_does_not_depend_on_vision() -> None:
+    system = InteractedBodyMotion(CONFIG, corrected_by_vision=True)
+    prior = system.GetOutputPort("body_prior").get_index()
+    estimated = system.GetOutputPort("body_motions_estimated").get_index()
+    latest = system.GetOutputPort("body_motions_latest").get_index()
+    for name in ("features_estimated", "body_motions_estimated"):
+        port = system.GetInputPort(name).get_index()
+        assert not system.HasDirectFeedthrough(port, prior)
+        assert system.HasDirectFeedthrough(port, estimated)
+    assert not any(
+        system.HasDirectFeedthrough(port, latest) for port in range(system.num_input_ports())
+    )
+
+
+def test_there_is_no_body_while_nothing_is_held() -> None:
+    system = InteractedBodyMotion(CONFIG)
+    context = system.CreateDefaultContext()
+    episode = Episode(Scene(displacement=pull()), 0)
+    end_effector, bending = episode.streams(0.0)
+    system.GetInputPort("end_effector_estimated").FixValue(
+        context, AbstractValue.Make(end_effector)
+    )
+    system.GetInputPort("hand_bending_estimated").FixValue(context, AbstractValue.Make(bending))
+    belief = initial_grasp(GraspModelConfig())
+    system.GetInputPort("grasp_latest").FixValue(context, AbstractValue.Make(belief))
+    active = system.GetInputPort("interaction_active")
+    for value, count in ((0.0, 0), (1.0, 1), (0.0, 0)):
+        active.FixValue(context, value)
+        bodies = system.GetOutputPort("body_motions_estimated").Eval(context).bodies
+        assert [b.body_id for b in bodies] == [INTERACTED_BODY] * count
+        prior = system.GetOutputPort("body_prior").Eval(context)
+        assert np.isfinite(prior.X).all() == (count == 1)
+        system.ExecuteForcedEvents(context)
+
+
+@pytest.mark.parametrize(("field", "value"), [("inlier_share", 0.0), ("slip_rotation", -1.0)])
+def test_impossible_values_are_refused(field: str, value: float) -> None:
+    config = InteractedBodyMotionConfig()
+    setattr(config, field, value)
+    with pytest.raises(ValueError, match=f"InteractedBodyMotion: {field}"):
+        InteractedBodyMotion(config)

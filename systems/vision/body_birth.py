@@ -16,7 +16,12 @@ from systems.port_values import (
 )
 from systems.vision import body_filter, body_tracking
 from systems.vision.body_adoption import adopt
-from systems.vision.body_tracking import BodyLevel, RigidBodyMotionConfig, TrackedBody
+from systems.vision.body_tracking import (
+    BodyLevel,
+    RestPositions,
+    RigidBodyMotionConfig,
+    TrackedBody,
+)
 from systems.vision.feature_history import (
     Displacements,
     FeatureHistory,
@@ -107,13 +112,25 @@ def onset(
     start = np.nanmedian(share[np.isfinite(share)][:5])
     excess = np.abs(share - start) / sigma
     smooth = np.convolve(np.where(np.isfinite(excess), excess, 0.0), np.ones(2) / 2.0)[:window]
-    moved = np.nonzero(smooth > 3.0)[0]
-    first = int(moved[0]) if len(moved) else window - config.newest
+    still = np.nonzero(smooth < 3.0)[0]
     seen = np.mean(history.samples[rows], axis=0)
-    last = first - 3
+    last = (int(still[-1]) if len(still) else -1) - 3
     if last >= 2 and np.mean(seen[: last + 1]) > 0.3:
         return last, True
     return int(np.argmax(seen > 0.6 * seen.max())), False
+
+
+def first_positions(
+    config: RigidBodyMotionConfig, history: FeatureHistory, reference: int
+) -> RestPositions:
+    """Where features were at one tick of the window, for a body that never stood still."""
+    seen = history.samples[:, reference]
+    covariance = np.linalg.inv(history.information[seen, reference])
+    return RestPositions(
+        ids=history.ids[seen],
+        p_WF=history.p_W[seen, reference],
+        covariance=covariance + config.anchor_floor**2 * np.eye(3),
+    )
 
 
 def new_body(
@@ -122,32 +139,29 @@ def new_body(
     """A body from the features' samples: standing at its reference, then replayed until now."""
     window = history.p_W.shape[1]
     reference, stood = onset(config, history, rows, X)
-    mine = history.select(rows)
-    use_rest = np.full(len(rows), stood)
-    d = displacements(
-        mine,
-        newest=0,
-        use_rest=use_rest,
-        first_old=0 if stood else reference,
-        last_old=reference,
-    )
-    anchored = np.nonzero(d.count_old > 0)[0][: config.max_anchors]
+    reference_tick = level.tick + 1 - (window - 1 - reference)
+    if stood:
+        rest = body_tracking.rest_positions(config, history, reference_tick, level.tick + 1)
+    else:
+        rest = first_positions(config, history.select(rows), reference)
+    _, anchored, of_rest = np.intersect1d(history.ids[rows], rest.ids, return_indices=True)
+    anchored, of_rest = anchored[: config.max_anchors], of_rest[: config.max_anchors]
+    mine = history.select(rows[anchored])
     X_WB_reference = np.eye(4)
-    X_WB_reference[:3, 3] = d.p_old[anchored].mean(axis=0)
+    X_WB_reference[:3, 3] = rest.p_WF[of_rest].mean(axis=0)
     sigma = np.repeat([config.initial_angular_velocity, config.initial_linear_velocity], 3)
     body = body_filter.at_reference(X_WB_reference, sigma if stood else 5.0 * sigma)
-    C = d.C_old + config.anchor_floor**2 * np.eye(3)
     body = body_filter.add_rest_anchors(
-        body, mine.ids[anchored], X_WB_reference, d.p_old[anchored], C[anchored]
+        body, mine.ids, X_WB_reference, rest.p_WF[of_rest], rest.covariance[of_rest]
     )
     path = np.tile(X_WB_reference, (window, 1, 1))
     stride = 1 + (window - 1 - reference) // 12
     for k in range(reference + 1, window):
         body = body_tracking.predict(config, body)
         if (window - 1 - k) % stride == 0:
-            seen = np.nonzero(mine.samples[anchored, k])[0]
-            p_WF = mine.p_W[anchored[seen], k]
-            covariance = np.linalg.inv(mine.information[anchored[seen], k])
+            seen = np.nonzero(mine.samples[:, k])[0]
+            p_WF = mine.p_W[seen, k]
+            covariance = np.linalg.inv(mine.information[seen, k])
             fits = body_filter.agreeing(body, seen, p_WF, covariance, config.gate)
             body = body_filter.correct(body, seen[fits], p_WF[fits], covariance[fits])
         path[k] = body.X
@@ -155,7 +169,8 @@ def new_body(
         body_id=level.next_id,
         filter=body,
         X_WB_reference=X_WB_reference,
-        reference_tick=level.tick + 1 - (window - 1 - reference),
+        reference_tick=reference_tick,
+        rest=rest,
         path=path,
         support=len(anchored),
         source="birth",
@@ -221,5 +236,5 @@ def step(
     history = body_tracking.cast_out(config, living, history)
     history = body_tracking.afresh(config, living, history)
     living = body_tracking.without_strays(config, living, history)
-    living = [body_tracking.with_anchors(config, body, history, tick) for body in living]
+    living = [body_tracking.with_anchors(config, body, history) for body in living]
     return BodyLevel(tick=tick, next_id=next_id, history=history, bodies=living)

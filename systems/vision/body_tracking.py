@@ -69,6 +69,21 @@ class RigidBodyMotionConfig:
 
 
 @dataclass(kw_only=True)
+class RestPositions:
+    """Where features were before a body moved: ids (K,), p_WF (K, 3), covariance (K, 3, 3)."""
+
+    ids: Ids
+    p_WF: Array
+    covariance: Array
+
+
+def no_rest() -> RestPositions:
+    return RestPositions(
+        ids=np.zeros(0, np.int64), p_WF=np.zeros((0, 3)), covariance=np.zeros((0, 3, 3))
+    )
+
+
+@dataclass(kw_only=True)
 class TrackedBody:
     """One body's filter and recent past; never written after it is made.
 
@@ -77,6 +92,7 @@ class TrackedBody:
         filter: Belief about pose, velocity and anchors.
         X_WB_reference: Pose (4, 4) at the reference.
         reference_tick: The last tick at which it is known to have stood there.
+        rest: Positions until then of all features that existed, whosoever they are.
         path: X_WB over the window (H, 4, 4), newest last.
         support: Features that agreed with it at this tick.
         unsupported: Ticks with fewer than `keep_support`.
@@ -88,6 +104,7 @@ class TrackedBody:
     filter: BodyFilter
     X_WB_reference: Array
     reference_tick: int
+    rest: RestPositions
     path: Array
     support: int = 0
     unsupported: int = 0
@@ -233,17 +250,16 @@ def _coasted(
     return _recorded(config, body, candidates[0][1], "velocity", 0)
 
 
-def reference_positions(
-    config: RigidBodyMotionConfig, body: TrackedBody, history: FeatureHistory, tick: int
-) -> tuple[Array, Array, Mask]:
-    """Where features were while the body stood at its reference: p_W, covariance, validity.
+def rest_positions(
+    config: RigidBodyMotionConfig, history: FeatureHistory, reference_tick: int, tick: int
+) -> RestPositions:
+    """Where features were while a body stood at its reference.
 
     Averages over all samples until the reference, or, where the last few of these disagree with
     that (the body was nudged before), over these few.
     """
-    window = history.p_W.shape[1]
-    last = window - 1 - (tick - body.reference_tick)
-    before = history.rest_until <= body.reference_tick
+    last = history.p_W.shape[1] - 1 - (tick - reference_tick)
+    before = history.rest_until <= reference_tick
     long = displacements(history, newest=0, use_rest=before, last_old=last)
     p, C, valid = long.p_old, long.C_old, long.count_old >= 3
     short = displacements(
@@ -258,11 +274,12 @@ def reference_positions(
         distance, _ = squared_distances(short.p_old[both] - p[both], short.C_old[both] + C[both])
         nudged = np.nonzero(both)[0][distance > config.gate]
         p[nudged], C[nudged] = short.p_old[nudged], short.C_old[nudged]
-    return p, C + config.anchor_floor**2 * np.eye(3), valid
+    C = C + config.anchor_floor**2 * np.eye(3)
+    return RestPositions(ids=history.ids[valid], p_WF=p[valid], covariance=C[valid])
 
 
 def with_anchors(
-    config: RigidBodyMotionConfig, body: TrackedBody, history: FeatureHistory, tick: int
+    config: RigidBodyMotionConfig, body: TrackedBody, history: FeatureHistory
 ) -> TrackedBody:
     """Gives anchors to assigned features that have none, as far as there is room."""
     waiting = (history.body == body.body_id) & history.seen
@@ -271,17 +288,22 @@ def with_anchors(
     if room <= 0 or not waiting.any():
         return body
     rows = np.nonzero(waiting)[0]
-    p, C, rested = reference_positions(config, body, history.select(rows), tick)
-    first = np.nonzero(rested)[0][:room]
+    _, first, rested = np.intersect1d(history.ids[rows], body.rest.ids, return_indices=True)
+    late = np.setdiff1d(np.arange(len(rows)), first)
+    first, rested = rows[first[:room]], rested[:room]
     filtered = body_filter.add_rest_anchors(
-        body.filter, history.ids[rows[first]], body.X_WB_reference, p[first], C[first]
+        body.filter,
+        history.ids[first],
+        body.X_WB_reference,
+        body.rest.p_WF[rested],
+        body.rest.covariance[rested],
     )
     if len(first):
-        p_WF, covariance = newest_samples(history, rows[first])
+        p_WF, covariance = newest_samples(history, first)
         anchors = len(body.filter.ids) + np.arange(len(first))
         fits = body_filter.agreeing(filtered, anchors, p_WF, covariance, config.gate)
         filtered = body_filter.correct(filtered, anchors[fits], p_WF[fits], covariance[fits])
-    late = rows[np.nonzero(~rested)[0][: room - len(first)]]
+    late = rows[late[: room - len(first)]]
     p_WF, covariance = newest_samples(history, late)
     filtered = body_filter.add_present_anchors(filtered, history.ids[late], p_WF, covariance)
     path = np.concatenate([body.path[:-1], filtered.X[None]])
@@ -460,7 +482,9 @@ def afresh(
     )
 
 
-def interacted_body(config: RigidBodyMotionConfig, prior: PoseBelief, tick: int) -> TrackedBody:
+def interacted_body(
+    config: RigidBodyMotionConfig, prior: PoseBelief, history: FeatureHistory, tick: int
+) -> TrackedBody:
     """The interacted body at its first tick, which is its reference."""
     sigma = np.repeat([config.initial_angular_velocity, config.initial_linear_velocity], 3)
     return TrackedBody(
@@ -468,6 +492,7 @@ def interacted_body(config: RigidBodyMotionConfig, prior: PoseBelief, tick: int)
         filter=body_filter.at_reference(prior.X, sigma),
         X_WB_reference=prior.X,
         reference_tick=tick,
+        rest=rest_positions(config, history, tick, tick),
         path=np.tile(prior.X, (config.window, 1, 1)),
         source="prior",
         held_since=tick,
@@ -520,7 +545,7 @@ def advance_all(
     history = replace(history, suspicion=suspicion)
     known = any(body.body_id == INTERACTED_BODY for body in bodies)
     if prior is not None and is_active(prior) and not known:
-        bodies.insert(0, interacted_body(config, prior, level.tick + 1))
+        bodies.insert(0, interacted_body(config, prior, history, level.tick + 1))
     return bodies, history
 
 

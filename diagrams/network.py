@@ -43,7 +43,7 @@ def joints_from_the_hand() -> KinematicModelConfig:
     """A hand that turns on the handle misleads about the body's rotation, and it does so slowly."""
     return KinematicModelConfig(
         filters=JointFiltersConfig(
-            correlation_time=2.0, slow_rotation=0.1, slow_translation=4e-3, slow_time=5.0
+            correlation_time=2.0, slow_rotation=0.05, slow_translation=6e-3, slow_time=5.0
         )
     )
 

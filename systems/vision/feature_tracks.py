@@ -322,7 +322,12 @@ def follow(
     p_WF, covariance, tangents, on_surface = locate(config, frame, found.uv, uv_covariance)
     sizes = np.linalg.svd(found.warps, compute_uv=False)
     shrunk = sizes[:, 1] < config.min_shape
-    seen = (found.scores >= config.min_correlation) & on_surface & ~shrunk
+    contrast = patch_registration.patch_contrasts(
+        frame.image, tracks.templates, found.warps, found.uv
+    )
+    # A smooth template finds its like in noise, sooner or later.
+    visible = contrast > 2.0 * feature_detection.BLUR_GAIN * frame.noise
+    seen = (found.scores >= config.min_correlation) & visible & on_surface & ~shrunk
     before = int(np.sum(tracks.missed == 0)) if not tracks.blackout else len(tracks.ids)
     blackout = before >= 10 and np.sum(seen) < config.blackout_share * before
     waited = config.max_missed / config.max_blackout if blackout else 1.0

@@ -361,6 +361,21 @@ def register_patches(
     )
 
 
+@numba.njit(cache=True)
+def _contrasts(image: Image, warps: Array, uv: Array, radius: int) -> Array:
+    contrasts = np.zeros(uv.shape[0])
+    patch = np.empty((2 * radius + 1) ** 2, dtype=np.float32)
+    for i in range(uv.shape[0]):
+        if _sample(image, uv[i, 0], uv[i, 1], warps[i], radius, patch):
+            contrasts[i] = _normalise(patch)
+    return contrasts
+
+
+def patch_contrasts(image: Image, templates: Templates, warps: Array, uv: Array) -> Array:
+    """Standard deviation (N,) of the image under each patch, [grey levels]; 0 outside it."""
+    return _contrasts(image, np.ascontiguousarray(warps), uv, _radius(templates))
+
+
 def registration_covariance(
     templates: Templates, warps: Array, scores: Array, correlated_pixels: float, floor: float
 ) -> Array:

@@ -1,13 +1,14 @@
 """Cholesky factors of small matrices in place, compiled; far cheaper below 12 x 12 than LAPACK."""
 
-import numba
 import numpy as np
 import numpy.typing as npt
+
+from maths.compiled import hot
 
 Array = npt.NDArray[np.float64]
 
 
-@numba.njit(cache=True)
+@hot
 def factor(A: Array, n: int) -> float:
     """Overwrites the lower triangle of `A[:n, :n]` by L with A = L L^T; returns log det A.
 
@@ -29,7 +30,7 @@ def factor(A: Array, n: int) -> float:
     return log_determinant
 
 
-@numba.njit(cache=True)
+@hot
 def forward(L: Array, b: Array, n: int) -> None:
     """Overwrites `b[:n]` by L^-1 b."""
     for i in range(n):
@@ -39,7 +40,7 @@ def forward(L: Array, b: Array, n: int) -> None:
         b[i] = s / L[i, i]
 
 
-@numba.njit(cache=True)
+@hot
 def backward(L: Array, b: Array, n: int) -> None:
     """Overwrites `b[:n]` by L^-T b."""
     for i in range(n - 1, -1, -1):
@@ -49,7 +50,7 @@ def backward(L: Array, b: Array, n: int) -> None:
         b[i] = s / L[i, i]
 
 
-@numba.njit(cache=True)
+@hot
 def inverse(L: Array, out: Array, n: int) -> None:
     """Writes A^-1 = (L L^T)^-1, symmetric, into `out[:n, :n]`."""
     column = np.empty(n)

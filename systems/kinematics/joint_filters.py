@@ -17,7 +17,7 @@ from systems.kinematics.joint_geometry import PRISMATIC, REVOLUTE, dimension
 from systems.kinematics.joint_likelihood import AXIS_SPREAD, Models, initial_models
 from systems.kinematics.joint_readout import predict_pose, read_joint
 from systems.kinematics.joint_solver import Priors
-from systems.kinematics.joint_solver import update as update_models
+from systems.kinematics.joint_update import update as update_models
 from systems.kinematics.pose_packets import (
     FIRST,
     RECENT,

@@ -10,10 +10,10 @@ nearest to Fo (2, in the plane normal to a). Tangent coordinates are in this ord
 perturbation, then a and c along the same two unit vectors normal to a.
 """
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from maths.compiled import hot
 from systems.kinematics.pose_packets import move
 
 Array = npt.NDArray[np.float64]
@@ -21,13 +21,13 @@ Array = npt.NDArray[np.float64]
 PRISMATIC, REVOLUTE, RIGID = 0, 1, 2
 
 
-@numba.njit(cache=True)
+@hot
 def dimension(kind: int) -> int:
     """The number of parameters of a model."""
     return 8 if kind == PRISMATIC else (10 if kind == REVOLUTE else 6)
 
 
-@numba.njit(cache=True)
+@hot
 def tangent_basis(a: Array, B: Array) -> None:
     """Writes two unit vectors normal to the unit vector `a` and to each other into `B` (2, 3)."""
     k = 0
@@ -42,12 +42,12 @@ def tangent_basis(a: Array, B: Array) -> None:
     B[1, 2] = a[0] * B[0, 1] - a[1] * B[0, 0]
 
 
-@numba.njit(cache=True)
+@hot
 def _cross(x: Array, y: Array) -> tuple[float, float, float]:
     return x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
 
 
-@numba.njit(cache=True)
+@hot
 def _into_body(Y: Array, w: Array, v: Array, out: Array) -> None:
     """Writes the twist (w, v) in the screw's moving frame as one in B into `out` (6,)."""
     x = v[0] - (Y[1, 3] * w[2] - Y[2, 3] * w[1])
@@ -58,7 +58,7 @@ def _into_body(Y: Array, w: Array, v: Array, out: Array) -> None:
         out[3 + i] = Y[0, i] * x + Y[1, i] * y + Y[2, i] * z
 
 
-@numba.njit(cache=True)
+@hot
 def child_pose(kind: int, Y: Array, a: Array, c: Array, q: float, X: Array) -> None:
     """Writes X_FB(q) = E(q) Y (4, 4) into `X`."""
     cosine, sine = (np.cos(q), np.sin(q)) if kind == REVOLUTE else (1.0, 0.0)
@@ -74,7 +74,7 @@ def child_pose(kind: int, Y: Array, a: Array, c: Array, q: float, X: Array) -> N
         X[3, j] = o
 
 
-@numba.njit(cache=True)
+@hot
 def screw_twists(kind: int, Y: Array, a: Array, c: Array, B: Array, G: Array) -> None:
     """Writes five constant twists (5, 6) in the child, of which all Jacobians are combinations.
 
@@ -94,7 +94,7 @@ def screw_twists(kind: int, Y: Array, a: Array, c: Array, B: Array, G: Array) ->
         _into_body(Y, a, v, G[0])
 
 
-@numba.njit(cache=True)
+@hot
 def jacobian(kind: int, G: Array, q: float, J: Array) -> None:
     """Writes the child's twists per unit of q (row 0) and of (a, c) (rows 1 to 4) into `J` (5, 6).
 
@@ -112,7 +112,7 @@ def jacobian(kind: int, G: Array, q: float, J: Array) -> None:
         J[3, i], J[4, i] = -d * G[3, i] - s * G[4, i], -d * G[4, i] + s * G[3, i]
 
 
-@numba.njit(cache=True)
+@hot
 def retract(kind: int, Y: Array, a: Array, c: Array, step: Array) -> None:
     """Moves (Y, a, c) by `step` in their tangent space, in place."""
     move(Y, step, Y)

@@ -13,11 +13,11 @@ approximation. Everything is linearised anew at each call, so no early linearisa
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from maths import cholesky
+from maths.compiled import hot
 from systems.kinematics.joint_geometry import (
     REVOLUTE,
     RIGID,
@@ -104,25 +104,8 @@ def initial_models(capacity: int) -> Models:
     )
 
 
-@numba.njit(cache=True)
-def _apply(W: Array, x: Array, out: Array) -> None:
-    for i in range(6):
-        s = 0.0
-        for j in range(6):
-            s += W[i, j] * x[j]
-        out[i] = s
-
-
-@numba.njit(cache=True)
-def _dot(x: Array, y: Array) -> float:
-    s = 0.0
-    for i in range(6):
-        s += x[i] * y[i]
-    return s
-
-
 class Linear(NamedTuple):
-    """The packets linearised at one theta and q, and the room to compute that.
+    """The packets linearised at one theta and q.
 
     Attributes:
         alpha: (K,) information about q in each packet.
@@ -131,8 +114,6 @@ class Linear(NamedTuple):
         information: (10, 10) about theta, lower triangle.
         vector: (10,) its information vector.
         value: (1,) log likelihood at the linearisation, each packet's own normaliser left out.
-        rows: (17, 6) room: constant twists, Jacobian, its product with W, residual and product.
-        X: (4, 4) room for a pose.
     """
 
     alpha: Array
@@ -141,11 +122,9 @@ class Linear(NamedTuple):
     information: Array
     vector: Array
     value: Array
-    rows: Array
-    X: Array
 
 
-@numba.njit(cache=True)
+@hot
 def new_linear(capacity: int) -> Linear:
     """Room for `capacity` packets, zero."""
     return Linear(
@@ -155,71 +134,129 @@ def new_linear(capacity: int) -> Linear:
         np.zeros((10, 10)),
         np.zeros(10),
         np.zeros(1),
-        np.zeros((17, 6)),
-        np.zeros((4, 4)),
     )
 
 
-@numba.njit(cache=True)
-def begin_linear(kind: int, m: Models, lin: Linear) -> None:
-    """Clears `lin` and prepares the constant twists of the model."""
+@hot
+def _weigh(W: Array, k: int, rows: int, J: Array, WJ: Array) -> None:
+    """Writes J W_k into `WJ`, both with `rows` rows of six."""
+    for i in range(rows):
+        for j in range(6):
+            s = 0.0
+            for n in range(6):
+                s += J[i, n] * W[k, n, j]
+            WJ[i, j] = s
+
+
+@hot
+def _add_normal_equations(
+    W: Array, k: int, extra: int, J: Array, WJ: Array, H: Array, h: Array
+) -> float:
+    """Adds packet k's to H (10, 10), lower triangle, and h (10,); returns r^T W r.
+
+    J holds the twist per unit of q, those per parameter of axis and point, and the residual r.
+    """
+    r = 1 + extra
+    for i in range(6):
+        h[i] += WJ[r, i]
+        for j in range(i + 1):
+            H[i, j] += W[k, i, j]
+    for i in range(extra):
+        for j in range(6):
+            h[6 + i] += J[1 + i, j] * WJ[r, j]
+            H[6 + i, j] += WJ[1 + i, j]
+        for j in range(i + 1):
+            for n in range(6):
+                H[6 + i, 6 + j] += J[1 + i, n] * WJ[1 + j, n]
+    square = 0.0
+    for j in range(6):
+        square += J[r, j] * WJ[r, j]
+    return square
+
+
+@hot
+def _free_configuration(
+    k: int, extra: int, J: Array, WJ: Array, lin_beta: Array, H: Array, h: Array
+) -> tuple[float, float]:
+    """Takes out of H and h what packet k's unknown q explains; returns its alpha and g."""
+    alpha, g = 0.0, 0.0
+    for j in range(6):
+        alpha += J[0, j] * WJ[0, j]
+        g += J[1 + extra, j] * WJ[0, j]
+        lin_beta[k, j] = WJ[0, j]
+    for i in range(extra):
+        s = 0.0
+        for j in range(6):
+            s += J[1 + i, j] * WJ[0, j]
+        lin_beta[k, 6 + i] = s
+    for i in range(6 + extra):
+        scaled = lin_beta[k, i] / alpha
+        h[i] -= scaled * g
+        for j in range(i + 1):
+            H[i, j] -= scaled * lin_beta[k, j]
+    return alpha, g
+
+
+@hot
+def _add_packets(
+    kind: int,
+    first: int,
+    last: int,
+    Y: Array,
+    a: Array,
+    c: Array,
+    q: Array,
+    Z: Array,
+    W: Array,
+    lin: Linear,
+) -> None:
+    """Adds packets `first` to `last` - 1; arrays are passed one by one for speed."""
+    extra = dimension(kind) - 6
+    rows = 2 + extra if kind != RIGID else 1
+    J, WJ, G, X, B = (
+        np.empty((6, 6)),
+        np.empty((6, 6)),
+        np.empty((5, 6)),
+        np.empty((4, 4)),
+        np.empty((2, 3)),
+    )
+    H, h, beta, alphas, gs = lin.information, lin.vector, lin.beta, lin.alpha, lin.g
+    r = J[rows - 1]
+    tangent_basis(a, B)
+    screw_twists(kind, Y, a, c, B, G)
+    value = 0.0
+    for k in range(first, last):
+        child_pose(kind, Y, a, c, q[k], X)
+        relative_log(X, Z[k], r)
+        if kind != RIGID:
+            jacobian(kind, G, q[k], J)
+        _weigh(W, k, rows, J, WJ)
+        value -= 0.5 * _add_normal_equations(W, k, rows - 2, J, WJ, H, h)
+        if kind != RIGID and k > 0:
+            alpha, g = _free_configuration(k, extra, J, WJ, beta, H, h)
+            alphas[k], gs[k] = alpha, g
+            value += 0.5 * g * g / alpha
+    lin.value[0] += value
+
+
+@hot
+def add_packets(kind: int, m: Models, p: Packets, first: int, last: int, lin: Linear) -> None:
+    """Linearises packets `first` to `last` - 1 and adds what they say about theta.
+
+    Each packet's q is left free, except that of packet 0, where it is zero.
+    """
+    _add_packets(kind, first, last, m.Y[kind], m.a[kind], m.c[kind], m.q[kind], p.Z, p.W, lin)
+
+
+@hot
+def clear(lin: Linear) -> None:
+    """Takes all packets out."""
     lin.information[:] = 0.0
     lin.vector[:] = 0.0
     lin.value[0] = 0.0
-    if kind != RIGID:
-        B = np.empty((2, 3))
-        tangent_basis(m.a[kind], B)
-        screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], B, lin.rows[:5])
 
 
-@numba.njit(cache=True)
-def add_packet(kind: int, m: Models, p: Packets, k: int, lin: Linear) -> None:
-    """Linearises packet k and adds what it says about theta, q left free, except at packet 0."""
-    extra = dimension(kind) - 6
-    G, J, WJ, r, Wr = lin.rows[:5], lin.rows[5:10], lin.rows[10:15], lin.rows[15], lin.rows[16]
-    q, W, H, h = m.q[kind, k], p.W[k], lin.information, lin.vector
-    child_pose(kind, m.Y[kind], m.a[kind], m.c[kind], q, lin.X)
-    relative_log(lin.X, p.Z[k], r)
-    _apply(W, r, Wr)
-    for i in range(6):
-        h[i] += Wr[i]
-        for j in range(i + 1):
-            H[i, j] += W[i, j]
-    lin.value[0] -= 0.5 * _dot(r, Wr)
-    if kind == RIGID:
-        return
-    jacobian(kind, G, q, J)
-    for i in range(1 + extra):
-        _apply(W, J[i], WJ[i])
-    for i in range(extra):
-        h[6 + i] += _dot(J[1 + i], Wr)
-        for j in range(6):
-            H[6 + i, j] += WJ[1 + i, j]
-        for j in range(i + 1):
-            H[6 + i, 6 + j] += _dot(J[1 + i], WJ[1 + j])
-    if k > 0:
-        _free_configuration(k, extra, lin)
-
-
-@numba.njit(cache=True)
-def _free_configuration(k: int, extra: int, lin: Linear) -> None:
-    """Marginalises the configuration of packet k, just linearised, with a flat prior."""
-    J, WJ, Wr, H, h = lin.rows[5:10], lin.rows[10:15], lin.rows[16], lin.information, lin.vector
-    alpha, g, b = _dot(J[0], WJ[0]), _dot(J[0], Wr), lin.beta[k]
-    for i in range(6):
-        b[i] = WJ[0, i]
-    for i in range(extra):
-        b[6 + i] = _dot(J[1 + i], WJ[0])
-    lin.alpha[k], lin.g[k] = alpha, g
-    lin.value[0] += 0.5 * g * g / alpha
-    for i in range(6 + extra):
-        scaled = b[i] / alpha
-        h[i] -= scaled * g
-        for j in range(i + 1):
-            H[i, j] -= scaled * b[j]
-
-
-@numba.njit(cache=True)
+@hot
 def prior_offset(kind: int, m: Models, d: Array) -> None:
     """Writes (Y, a, c) relative to where the prior was linearised into `d` (12,)."""
     relative_log(m.prior_Y[kind], m.Y[kind], d)
@@ -228,7 +265,7 @@ def prior_offset(kind: int, m: Models, d: Array) -> None:
         d[9 + i] = m.c[kind, i] - m.prior_c[kind, i]
 
 
-@numba.njit(cache=True)
+@hot
 def embedding(a: Array, T: Array) -> None:
     """Writes the tangent vectors of (Y, a, c) as rows of twelve components into `T` (10, 12)."""
     B = np.empty((2, 3))
@@ -242,30 +279,36 @@ def embedding(a: Array, T: Array) -> None:
             T[8 + i, 9 + k] = B[i, k]
 
 
-@numba.njit(cache=True)
+@hot
 def _add_prior(kind: int, m: Models, lin: Linear) -> None:
     """Adds what dropped packets said."""
     d, T = np.empty(12), np.empty((10, 12))
     prior_offset(kind, m, d)
     embedding(m.a[kind], T)
-    information = m.prior_information[kind]
-    gradient = m.prior_vector[kind] - information @ d
-    lin.value[0] += m.prior_value[kind] + 0.5 * np.sum(d * (m.prior_vector[kind] + gradient))
     n = dimension(kind)
-    projected = T @ information @ T.T
-    vector = T @ gradient
+    gradient, columns = np.empty(12), np.empty((10, 12))
+    lin.value[0] += m.prior_value[kind]
+    for i in range(12):
+        gradient[i] = m.prior_vector[kind, i]
+        for j in range(12):
+            gradient[i] -= m.prior_information[kind, i, j] * d[j]
+        lin.value[0] += 0.5 * d[i] * (m.prior_vector[kind, i] + gradient[i])
     for i in range(n):
-        lin.vector[i] += vector[i]
+        for j in range(12):
+            lin.vector[i] += T[i, j] * gradient[j]
+            columns[i, j] = 0.0
+            for k in range(12):
+                columns[i, j] += T[i, k] * m.prior_information[kind, k, j]
         for j in range(i + 1):
-            lin.information[i, j] += projected[i, j]
+            for k in range(12):
+                lin.information[i, j] += columns[i, k] * T[j, k]
 
 
-@numba.njit(cache=True)
+@hot
 def linearise(kind: int, m: Models, p: Packets, sigma_c: float, lin: Linear) -> None:
     """Fills `lin` with all packets and the priors of theta, at the model's theta and q."""
-    begin_linear(kind, m, lin)
-    for k in range(p.size[0]):
-        add_packet(kind, m, p, k, lin)
+    clear(lin)
+    add_packets(kind, m, p, 0, p.size[0], lin)
     if m.prior_information[kind, 0, 0] > 0.0:
         _add_prior(kind, m, lin)
     if kind == RIGID:
@@ -303,7 +346,7 @@ class Chain(NamedTuple):
     step: Array
 
 
-@numba.njit(cache=True)
+@hot
 def new_chain() -> Chain:
     return Chain(
         np.zeros(2),
@@ -315,7 +358,7 @@ def new_chain() -> Chain:
     )
 
 
-@numba.njit(cache=True)
+@hot
 def run_chain(
     n: int,
     S: float,
@@ -378,7 +421,7 @@ def run_chain(
     return value
 
 
-@numba.njit(cache=True)
+@hot
 def solve(n: int, value: float, chain: Chain) -> tuple[float, float]:
     """Solves for dtheta; returns the log evidence by Laplace and the gain in log likelihood."""
     log_det = cholesky.factor(chain.H, n)
@@ -392,7 +435,7 @@ def solve(n: int, value: float, chain: Chain) -> tuple[float, float]:
     return value + gain - 0.5 * log_det, gain
 
 
-@numba.njit(cache=True)
+@hot
 def smooth(
     n: int, S: float, sigma_v: float, q: Array, p: Packets, lin: Linear, step: Array, out: Array
 ) -> None:

@@ -3,10 +3,10 @@
 Frames: P parent, B child, F the child's measured reference pose.
 """
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from maths.compiled import hot
 from systems.kinematics.joint_geometry import (
     REVOLUTE,
     RIGID,
@@ -21,7 +21,7 @@ from systems.kinematics.joint_likelihood import AXIS_SPREAD, Models
 Array = npt.NDArray[np.float64]
 
 
-@numba.njit(cache=True)
+@hot
 def _projected(T: Array, Sigma: Array, first: int, out: Array) -> None:
     """Writes T^T Sigma' T into `out`, Sigma' the block of Sigma from row and column `first` on."""
     rows, columns = T.shape
@@ -35,7 +35,7 @@ def _projected(T: Array, Sigma: Array, first: int, out: Array) -> None:
             out[j, i] = s
 
 
-@numba.njit(cache=True)
+@hot
 def read_joint(
     kind: int, m: Models, X_PF: Array, axis_distance: float
 ) -> tuple[Array, Array, Array, Array, Array]:
@@ -76,7 +76,7 @@ def read_joint(
     return vectors, axis, point, m.state[kind].copy(), configuration + m.P[kind]
 
 
-@numba.njit(cache=True)
+@hot
 def predict_pose(kind: int, m: Models, X_PF: Array, dt: float) -> tuple[Array, Array]:
     """X_PB (4, 4) a time dt [s] after the newest packet, and its covariance (6, 6), in B."""
     n = dimension(kind)

@@ -13,11 +13,11 @@ A body at rest thus fills one packet however long it rests, and motion is kept i
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from maths import cholesky
+from maths.compiled import hot
 
 Array = npt.NDArray[np.float64]
 
@@ -73,7 +73,7 @@ def copy_packets(p: Packets) -> Packets:
     return Packets(p.size.copy(), *[x.copy() for x in p[1:]])
 
 
-@numba.njit(cache=True)
+@hot
 def _quaternion(R: tuple[float, ...]) -> tuple[float, float, float, float]:
     """A multiple (w >= 0, x, y, z) of the quaternion of the rotation `R`, row by row."""
     trace = R[0] + R[4] + R[8]
@@ -88,7 +88,7 @@ def _quaternion(R: tuple[float, ...]) -> tuple[float, float, float, float]:
     return (-w, -x, -y, -z) if w < 0.0 else (w, x, y, z)
 
 
-@numba.njit(cache=True)
+@hot
 def relative_log(A: Array, B: Array, xi: Array) -> None:
     """Writes log(A^-1 B) (6,) of two poses (4, 4) into `xi`; allocates nothing."""
     R = (
@@ -120,7 +120,7 @@ def relative_log(A: Array, B: Array, xi: Array) -> None:
     xi[5] = t2 - 0.5 * c2 + k * (x * c1 - y * c0)
 
 
-@numba.njit(cache=True)
+@hot
 def move(X: Array, xi: Array, out: Array) -> None:
     """Writes X exp(xi) (4, 4) into `out`, which may be X."""
     x, y, z = xi[0], xi[1], xi[2]
@@ -155,7 +155,7 @@ def move(X: Array, xi: Array, out: Array) -> None:
     out[3, 3] = 1.0
 
 
-@numba.njit(cache=True)
+@hot
 def _fill(p: Packets, k: int) -> None:
     """Completes packet k from its covariance."""
     L = p.R[k].copy()
@@ -163,7 +163,7 @@ def _fill(p: Packets, k: int) -> None:
     cholesky.inverse(L, p.W[k], 6)
 
 
-@numba.njit(cache=True)
+@hot
 def _pair(p: Packets, k: int, walk_rate: Array) -> None:
     """Completes the pair of packets k and k + 1; `walk_rate` is (6,) [rad^2/s, m^2/s]."""
     if k < 0 or k + 1 >= p.size[0]:
@@ -188,7 +188,7 @@ def _pair(p: Packets, k: int, walk_rate: Array) -> None:
             p.pair[k, 0] = square
 
 
-@numba.njit(cache=True)
+@hot
 def _remove(p: Packets, k: int) -> None:
     """Removes packet k; the pairs beside it stay stale."""
     n = p.size[0]
@@ -198,14 +198,14 @@ def _remove(p: Packets, k: int) -> None:
     p.size[0] = n - 1
 
 
-@numba.njit(cache=True)
+@hot
 def drop(p: Packets, k: int, walk_rate: Array) -> None:
     """Removes packet k and completes the pair that it leaves."""
     _remove(p, k)
     _pair(p, k - 1, walk_rate)
 
 
-@numba.njit(cache=True)
+@hot
 def append(p: Packets, X: Array, R: Array, time: float, walk_rate: Array) -> None:
     """Adds one frame as a packet of its own; there must be room."""
     k = p.size[0]
@@ -216,7 +216,7 @@ def append(p: Packets, X: Array, R: Array, time: float, walk_rate: Array) -> Non
     _pair(p, k - 1, walk_rate)
 
 
-@numba.njit(cache=True)
+@hot
 def merge(p: Packets, k: int, walk_rate: Array) -> None:
     """Averages packets k and k + 1 with scalar weights, which keeps the mean on their screw."""
     before = p.pair[k, 1] + (p.pair[k - 1, 1] if k > 0 else 0.0)
@@ -241,7 +241,7 @@ def merge(p: Packets, k: int, walk_rate: Array) -> None:
     p.walk[0] += before - after + 0.5 * loss
 
 
-@numba.njit(cache=True)
+@hot
 def _spread(p: Packets) -> float:
     """Mean squared distance of the packets from their mean, in units of the newest covariance."""
     n = p.size[0]
@@ -263,7 +263,7 @@ def _spread(p: Packets) -> float:
     return square / total
 
 
-@numba.njit(cache=True)
+@hot
 def choose(p: Packets, coarseness: float) -> tuple[int, bool]:
     """What to do for room: (k, True) to average k and k + 1, or (k, False) to drop packet k.
 

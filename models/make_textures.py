@@ -48,7 +48,9 @@ def make_texture(
         centre = rng.integers(0, SIZE, 2)
         axes = rng.integers(2, 11, 2)
         axes[0] = round(axes[0] * min(stretch, 2.5))
-        shade = np.asarray(dark) * rng.uniform(0.3, 0.9) if rng.random() < 0.6 else np.asarray(light)
+        shade = (
+            np.asarray(dark) * rng.uniform(0.3, 0.9) if rng.random() < 0.6 else np.asarray(light)
+        )
         angle = rng.uniform(0, 180) if stretch == 1.0 else rng.uniform(-8, 8)
         cv2.ellipse(
             image,

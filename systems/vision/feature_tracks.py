@@ -33,7 +33,8 @@ class FeatureMotionConfig:
     flow_window: int = 21  # Window of the pyramidal Lucas-Kanade tracker, [px].
     flow_levels: int = 3  # Its pyramid levels above the image.
     flow_error: float = 1.5  # Its forward-backward error, [px].
-    max_flow_features: int = 80  # Failed features that it is asked for, per tick.
+    max_flow_features: int = 200  # Failed features that it is asked for, per tick.
+    max_blackout_flow: int = 40  # The same while the blackout lasts.
     robot_border: int = 8  # Features die so near to the robot's mask, [px].
     max_missed: float = 15.0  # A feature dies unseen after so many ticks, [ticks].
     max_blackout: float = 45.0  # The same if nearly all features are unseen, [ticks].
@@ -249,6 +250,8 @@ def locally_normalised(image: Image, width: int = 31) -> Byte:
 
 def flow(config: FeatureMotionConfig, before: Image, after: Image, uv: Array) -> tuple[Array, Mask]:
     """Pyramidal Lucas-Kanade from `before` to `after` and back; pixels (N, 2), success (N,)."""
+    if len(uv) == 0:
+        return uv, np.zeros(0, bool)
     images = locally_normalised(before), locally_normalised(after)
     window = (config.flow_window, config.flow_window)
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.03)
@@ -298,7 +301,8 @@ def search(
     if tracks.image is not None and len(failed):
         # Fair over time: those unseen for longest have had their chance.
         order = np.argsort(tracks.missed[failed], kind="stable")
-        failed = failed[order][: config.max_flow_features]
+        most = config.max_blackout_flow if tracks.blackout else config.max_flow_features
+        failed = failed[order][:most]
         moved, success = flow(config, tracks.image, frame.image, tracks.uv_image[failed])
         again = failed[success]
         found = register(again, moved[success])

@@ -32,7 +32,7 @@ Array = npt.NDArray[np.float64]
 
 TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID, JointType.DISCONNECTED)
 _FLOOR = 1e-12 * np.eye(6)  # [rad^2, m^2], for covariances given as exact.
-_WELL_KNOWN = 0.03  # [rad], of a prismatic axis.
+_WELL_KNOWN = 0.1  # [rad], of a prismatic axis.
 _RESTART_EVERY = 15  # Updates.
 _NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 

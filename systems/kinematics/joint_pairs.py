@@ -45,8 +45,16 @@ class PairLevel:
 
 
 def merge_bodies(sources: Sequence[BodyMotions]) -> dict[int, BodyMotion]:
-    """Bodies by id; a later source overrides an earlier one."""
-    return {body.body_id: body for source in sources for body in source.bodies}
+    """Bodies by id; a later source overrides an earlier one.
+
+    A body whose motion is not finite counts as not measured.
+    """
+    return {
+        body.body_id: body
+        for source in sources
+        for body in source.bodies
+        if np.isfinite(body.motion.X).all() and np.isfinite(body.motion.covariance).all()
+    }
 
 
 def wanted_pairs(body_ids: Sequence[int], max_pairs: int) -> list[Pair]:

@@ -1,0 +1,302 @@
+"""The system through its ports, in a context and in a diagram with a loop."""
+
+import re
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from pydrake.common.value import AbstractValue
+from pydrake.common.yaml import yaml_load_typed
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
+
+from maths import se3
+from systems.kinematics.joint_filters import JointFiltersConfig
+from systems.kinematics.joint_pairs import relative_pose, wanted_pairs
+from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
+from systems.port_values import (
+    BodyMotion,
+    BodyMotions,
+    BodyPredictions,
+    JointBeliefs,
+    JointType,
+    MotionBelief,
+    PoseBelief,
+)
+
+COVARIANCE = np.diag(np.repeat([1e-5, 1e-6, 1e-4, 1e-4], 3))
+
+
+def _body(body_id: int, x: float, V: float = 0.0, seed: int | None = None) -> BodyMotion:
+    """A body that has slid along W's x axis by `x` [m], at `V` [m/s]."""
+    reference = np.eye(4)
+    reference[:3, 3] = [1.0, 0.1 * body_id, 0.5]
+    X = reference.copy()
+    X[0, 3] += x
+    if seed is not None:
+        noise = np.random.default_rng(seed).normal(size=6)
+        X = X @ se3.exp(np.sqrt(np.diag(COVARIANCE)[:6]) * noise)
+    return BodyMotion(
+        body_id=body_id,
+        motion=MotionBelief(X=X, V=np.array([0.0, 0.0, 0.0, V, 0.0, 0.0]), covariance=COVARIANCE),
+        X_WB_reference=reference,
+        feature_ids=np.zeros(0, np.int64),
+        p_BF=np.zeros((0, 3)),
+        p_BF_covariance=np.zeros((0, 3, 3)),
+    )
+
+
+class Driver:
+    """Ticks a model by hand."""
+
+    def __init__(self, model: KinematicModel) -> None:
+        self.model = model
+        self.simulator = Simulator(model)
+        self.context: Context = self.simulator.get_mutable_context()
+        self.context.SetTime(-0.5 / 15.0)
+
+    def set(self, *bodies: BodyMotion, port: int = 0) -> None:
+        self.model.get_input_port(port).FixValue(
+            self.context, AbstractValue.Make(BodyMotions(bodies=list(bodies)))
+        )
+
+    def tick(self) -> None:
+        """From between two ticks to between the next two."""
+        self.simulator.AdvanceTo(self.context.get_time() + 1.0 / 15.0)
+
+    def joints(self, role: str = "latest") -> JointBeliefs:
+        joints: JointBeliefs = self.model.GetOutputPort(f"joints_{role}").Eval(self.context)
+        return joints
+
+    def pairs(self) -> list[tuple[int, int]]:
+        return [(j.parent_id, j.child_id) for j in self.joints().joints]
+
+
+def _slide(driver: Driver, body_id: int, ticks: int = 45) -> None:
+    for k in range(1, ticks + 1):
+        driver.set(_body(body_id, 0.02 * k / 15.0, 0.02, seed=k))
+        driver.tick()
+
+
+def test_documented_ports_are_the_declared_ones() -> None:
+    model = KinematicModel(KinematicModelConfig(), inputs=2)
+    text = KinematicModel.__doc__ or ""
+    found = re.search(r"input_ports:\n(.*?)output_ports:\n(.*?)\n\n", text, re.S)
+    assert found is not None
+    inputs = [model.get_input_port(i).get_name() for i in range(model.num_input_ports())]
+    outputs = [model.get_output_port(i).get_name() for i in range(model.num_output_ports())]
+    assert re.findall(r"- (\w+)", found.group(1)) == inputs
+    assert re.findall(r"- (\w+)", found.group(2)) == outputs
+    assert all(f"`{port}`" in text for port in inputs + outputs)
+
+
+def test_a_sliding_body_becomes_a_prismatic_joint_of_the_environment() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig()))
+    _slide(driver, 3)
+    (joint,) = driver.joints().joints
+    assert (joint.parent_id, joint.child_id, joint.updates) == (0, 3, 45)
+    assert joint.type == JointType.PRISMATIC
+    assert_allclose(joint.model.axis_P, [1.0, 0.0, 0.0], atol=0.05)
+    assert_allclose(joint.model.configuration, [0.06, 0.02], atol=5e-3)
+
+
+def test_the_estimate_reacts_in_the_same_tick_and_the_latest_only_after_it() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig()))
+    driver.set(_body(2, 0.0))
+    assert driver.joints().joints == []
+    assert driver.joints("estimated").joints[0].child_id == 2
+    estimated = driver.joints("estimated").joints[0]
+    driver.tick()
+    latest = driver.joints().joints[0]
+    assert latest.probabilities == estimated.probabilities
+    assert latest.updates == 1
+
+
+def test_predictions_and_latest_depend_on_the_state_alone() -> None:
+    model = KinematicModel(KinematicModelConfig(), inputs=2)
+    for i in range(2):
+        through = [
+            model.HasDirectFeedthrough(i, model.GetOutputPort(name).get_index())
+            for name in ("joints_estimated", "joints_latest", "bodies_predicted")
+        ]
+        assert through == [True, False, False]
+
+
+def test_a_later_port_overrides_a_body_and_an_unconnected_one_is_empty() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig(), inputs=3))
+    driver.set(_body(1, 0.0), _body(2, 0.0), port=0)
+    driver.set(_body(2, 0.3), port=1)
+    driver.tick()
+    predictions = driver.model.GetOutputPort("bodies_predicted").Eval(driver.context).predictions
+    x = {p.body_id: p.pose.X[0, 3] for p in reversed(predictions) if " on " not in p.source}
+    assert_allclose(x[2], 1.3, atol=0.05)
+    assert_allclose(x[1], 1.0, atol=0.05)
+
+
+def test_a_body_that_is_not_finite_counts_as_not_measured() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig()))
+    broken = _body(2, 0.0)
+    broken.motion.X = np.full((4, 4), np.nan)
+    driver.set(broken)
+    driver.tick()
+    assert driver.joints().joints == []
+
+
+def test_pairs_come_with_bodies_and_go_some_time_after_them() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig(patience=0.2)))
+    driver.set(_body(2, 0.0), _body(5, 0.0))
+    driver.tick()
+    assert driver.pairs() == [(0, 2), (0, 5), (2, 5)]
+    driver.set(_body(5, 0.0))
+    for _ in range(3):
+        driver.tick()
+    assert driver.pairs() == [(0, 2), (0, 5), (2, 5)]
+    driver.tick()
+    assert driver.pairs() == [(0, 5)]
+    driver.set(_body(2, 0.0), _body(5, 0.0))
+    driver.tick()
+    assert [j.updates for j in driver.joints().joints] == [1, 6, 1]
+
+
+def test_the_number_of_pairs_is_capped_and_the_environment_comes_first() -> None:
+    assert wanted_pairs([4, 1, 3], 4) == [(0, 1), (0, 3), (0, 4), (1, 3)]
+    assert wanted_pairs([7], 4) == [(0, 7)]
+    driver = Driver(KinematicModel(KinematicModelConfig(max_pairs=2)))
+    driver.set(*(_body(i, 0.0) for i in (1, 2, 3)))
+    driver.tick()
+    assert driver.pairs() == [(0, 1), (0, 2)]
+
+
+def test_two_bodies_that_move_as_one_are_rigidly_connected() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig()))
+    for k in range(1, 61):
+        x = 0.02 * k / 15.0
+        driver.set(_body(2, x, 0.02, seed=k), _body(3, x, 0.02, seed=1000 + k))
+        driver.tick()
+    types = {(j.parent_id, j.child_id): j.type for j in driver.joints().joints}
+    assert types == {
+        (0, 2): JointType.PRISMATIC,
+        (0, 3): JointType.PRISMATIC,
+        (2, 3): JointType.RIGID,
+    }
+
+
+def test_the_prediction_is_for_the_next_tick_and_honest() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig()))
+    _slide(driver, 2)
+    predictions = driver.model.GetOutputPort("bodies_predicted").Eval(driver.context).predictions
+    assert [p.source for p in predictions] == ["prismatic"]
+    expected = _body(2, 0.02 * 46 / 15.0).motion.X
+    e = se3.log(se3.inverse(predictions[0].pose.X) @ expected)
+    covariance = predictions[0].pose.covariance
+    assert e @ np.linalg.solve(covariance, e) < 22.5  # 99.9 % of chi squared, 6.
+    assert np.linalg.norm(e[3:]) < 1.5e-3
+
+
+def test_a_moving_parent_carries_its_child_s_prediction() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig()))
+    for k in range(1, 61):
+        x = 0.02 * k / 15.0
+        driver.set(_body(2, x, 0.02, seed=k), _body(3, x, 0.02, seed=1000 + k))
+        driver.tick()
+    predictions = driver.model.GetOutputPort("bodies_predicted").Eval(driver.context).predictions
+    rigid = [p for p in predictions if p.source == "rigid on 2"]
+    assert len(rigid) == 1
+    assert rigid[0].body_id == 3
+    expected = _body(3, 0.02 * 61 / 15.0).motion.X
+    assert_allclose(rigid[0].pose.X, expected, atol=0.01)
+    assert np.linalg.eigvalsh(rigid[0].pose.covariance).min() > 0.0
+
+
+def test_the_covariance_of_a_relative_pose_is_that_of_samples() -> None:
+    rng = np.random.default_rng(0)
+    A, B = 1e-2 * rng.normal(size=(2, 6, 6))
+    parent = PoseBelief(X=se3.exp(rng.normal(size=6)), covariance=A @ A.T)
+    child = PoseBelief(X=se3.exp(rng.normal(size=6)), covariance=B @ B.T)
+    relative = relative_pose(parent, child)
+    samples = np.array(
+        [
+            se3.log(
+                se3.inverse(relative.X)
+                @ se3.inverse(parent.X @ se3.exp(A @ rng.normal(size=6)))
+                @ child.X
+                @ se3.exp(B @ rng.normal(size=6))
+            )
+            for _ in range(20000)
+        ]
+    )
+    scale = np.sqrt(np.diag(relative.covariance))
+    assert_allclose(
+        np.cov(samples.T) / np.outer(scale, scale),
+        relative.covariance / np.outer(scale, scale),
+        atol=0.06,
+    )
+
+
+class _Bodies(LeafSystem):
+    """Stands for the body level: moves on by itself, reads the predictions in its update."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._predicted = self.DeclareAbstractInputPort(
+            "joint_predictions", AbstractValue.Make(BodyPredictions())
+        )
+        self.seen: list[tuple[float, int]] = []
+        self.DeclareAbstractOutputPort(
+            "body_motions_estimated", lambda: AbstractValue.Make(BodyMotions()), self._calc
+        )
+
+    def _calc(self, context: Context, output: AbstractValue) -> None:
+        predictions = self._predicted.Eval(context).predictions
+        self.seen.append((context.get_time(), len(predictions)))
+        tick = round(context.get_time() * 15.0)
+        output.set_value(BodyMotions(bodies=[_body(2, 0.02 * tick / 15.0, seed=tick)]))
+
+
+def test_the_loop_with_the_body_level_builds_and_each_predicts_the_other_s_next_tick() -> None:
+    builder = DiagramBuilder()
+    bodies, model = (
+        builder.AddSystem(_Bodies()),
+        builder.AddSystem(KinematicModel(KinematicModelConfig())),
+    )
+    builder.Connect(bodies.get_output_port(0), model.GetInputPort("body_motions"))
+    builder.Connect(model.GetOutputPort("bodies_predicted"), bodies.get_input_port(0))
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(0.99 * 45 / 15.0)
+    assert len(bodies.seen) == 45  # Once per tick.
+    assert bodies.seen[0][1] == 0
+    assert all(count > 0 for _, count in bodies.seen[1:])
+    context = model.GetMyContextFromRoot(simulator.get_context())
+    (joint,) = model.GetOutputPort("joints_latest").Eval(context).joints
+    assert joint.updates == 45
+    assert joint.type == JointType.PRISMATIC
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("period", 0.0),
+        ("period", float("nan")),
+        ("reference_age", -1.0),
+        ("patience", -0.1),
+        ("max_pairs", 0),
+        ("least_probability", 1.5),
+    ],
+)
+def test_impossible_values_are_refused_by_name(field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=rf"^KinematicModel: need .*{field}.*got"):
+        KinematicModel(KinematicModelConfig(**{field: value}))
+
+
+def test_filter_settings_are_checked_in_the_system_s_name() -> None:
+    with pytest.raises(ValueError, match=r"^KinematicModel: need speed"):
+        KinematicModel(KinematicModelConfig(filters=JointFiltersConfig(speed=-1.0)))
+    with pytest.raises(ValueError, match=r"^KinematicModel: need inputs"):
+        KinematicModel(KinematicModelConfig(), inputs=0)
+
+
+def test_the_config_is_read_from_yaml_with_the_filters_in_it() -> None:
+    config = yaml_load_typed(
+        schema=KinematicModelConfig, data="{period: 0.1, filters: {correlation_time: 2.0}}"
+    )
+    assert (config.period, config.filters.correlation_time) == (0.1, 2.0)

@@ -1,26 +1,32 @@
 """The four joint filters of one pair of bodies: prismatic, revolute, rigid and disconnected.
 
 Usable without Drake: `JointFilters.start`, then `update` per measurement, each of which returns a
-new state; `belief` and `predict` read it. The maths is in `joint_likelihood`.
+new state; `belief` and `predict` read it. The maths is in `joint_geometry`,
+`joint_linearisation`, `joint_chain` and `joint_solver`.
 
 Frames: P parent, B child, F the child's measured reference pose. All covariances of poses are right
 perturbations in B.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from maths import se3
+from systems.kinematics.joint_filters_config import (
+    JointFiltersConfig,
+    check_joint_filters_config,
+    error_shares,
+    frame_covariance,
+    has_slow_error,
+)
 from systems.kinematics.joint_geometry import PRISMATIC, REVOLUTE, dimension
-from systems.kinematics.joint_likelihood import AXIS_SPREAD, Models, initial_models
+from systems.kinematics.joint_models import AXIS_SPREAD, Models, initial_models
 from systems.kinematics.joint_readout import predict_pose, read_joint
 from systems.kinematics.joint_solver import Priors
 from systems.kinematics.joint_update import update as update_models
 from systems.kinematics.pose_packets import (
-    FIRST,
-    RECENT,
     Packets,
     append,
     copy_packets,
@@ -31,102 +37,9 @@ from systems.port_values import JointBelief, JointModelBelief, JointType, PoseBe
 Array = npt.NDArray[np.float64]
 
 TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID, JointType.DISCONNECTED)
-_FLOOR = 1e-12 * np.eye(6)  # [rad^2, m^2], for covariances given as exact.
 _WELL_KNOWN = 0.1  # [rad], of a prismatic axis.
 _RESTART_EVERY = 15  # Updates.
 _NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
-
-
-@dataclass(kw_only=True)
-class JointFiltersConfig:
-    """Priors and memory of the joint filters.
-
-    The accelerations that a joint may show are not tuned: the filters choose among
-    `acceleration_densities` by evidence, so that a smooth motion is averaged over seconds and a
-    jerky one is followed.
-
-    A measurement that is another filter's posterior errs alike for a while, so that averaging n of
-    them gains less than n. Two settings say so, both off by default (white noise):
-    `correlation_time` tau multiplies the covariance of each by (1 + r) / (1 - r), r = exp(-dt/tau),
-    which is what an average over much longer than tau is worth; `slow_rotation` and
-    `slow_translation` add an error of their own that lasts `slow_time`, as from a biased
-    calibration, as 2 slow_time / dt times its covariance. Both make the configuration's covariance
-    honest or too large, never too small.
-
-    Attributes:
-        acceleration_densities: Of the child, S in dv = sqrt(S) dw, each above zero, [m^2/s^3].
-        radius: Of the child itself, [m]: a revolute joint at a distance d moves it by
-            sqrt(radius^2 + d^2) per radian.
-        speed: Standard deviation of the child's speed before anything was seen, [m/s].
-        axis_distance: Standard deviation of an axis' position from the body, per direction, [m].
-        walk_translation: Of a disconnected body's free walk after one second, [m].
-        walk_rotation: The same in rotation, [rad].
-        prior_prismatic: Prior probability, not normalised; likewise the other three.
-        prior_revolute: See `prior_prismatic`.
-        prior_rigid: See `prior_prismatic`.
-        prior_disconnected: See `prior_prismatic`.
-        correlation_time: Of the measurements' errors, [s]; zero for white noise.
-        slow_rotation: Standard deviation of a slow error in rotation, [rad].
-        slow_translation: The same in translation, [m].
-        slow_time: How long the slow error lasts, [s].
-        memory: Packets kept, at least 12.
-        coarseness: Share of the motion's mean square that one packet may span, in (0, 1).
-    """
-
-    acceleration_densities: list[float] = field(default_factory=lambda: [1e-7, 3e-6, 1e-4, 3e-3])
-    radius: float = 0.3
-    speed: float = 0.1
-    axis_distance: float = 0.6
-    walk_translation: float = 0.1
-    walk_rotation: float = 0.3
-    prior_prismatic: float = 0.2
-    prior_revolute: float = 0.2
-    prior_rigid: float = 0.4
-    prior_disconnected: float = 0.2
-    correlation_time: float = 0.0
-    slow_rotation: float = 0.0
-    slow_translation: float = 0.0
-    slow_time: float = 1.0
-    memory: int = 32
-    coarseness: float = 0.05
-
-
-def check_joint_filters_config(config: JointFiltersConfig, owner: str) -> None:
-    """Raises ValueError, naming `owner` and the field, where a value is impossible."""
-    positive = {
-        "radius": "m",
-        "speed": "m/s",
-        "axis_distance": "m",
-        "walk_translation": "m",
-        "walk_rotation": "rad",
-        "prior_prismatic": "",
-        "prior_revolute": "",
-        "prior_rigid": "",
-        "prior_disconnected": "",
-        "slow_time": "s",
-    }
-    for name, unit in positive.items():
-        if not (value := getattr(config, name)) > 0.0 or not np.isfinite(value):
-            raise ValueError(f"{owner}: need {name} > 0 {unit}, got {value!r}".replace("  ", " "))
-    for name, unit in {
-        "correlation_time": "s",
-        "slow_rotation": "rad",
-        "slow_translation": "m",
-    }.items():
-        if not (value := getattr(config, name)) >= 0.0 or not np.isfinite(value):
-            raise ValueError(f"{owner}: need {name} >= 0 {unit}, got {value!r}")
-    densities = config.acceleration_densities
-    if not densities or not all(S > 0.0 and np.isfinite(S) for S in densities):
-        raise ValueError(
-            f"{owner}: need acceleration_densities all > 0 m^2/s^3 and at least one, "
-            f"got {densities!r}"
-        )
-    if config.memory < FIRST + RECENT + 4:
-        raise ValueError(
-            f"{owner}: need memory >= {FIRST + RECENT + 4} packets, got {config.memory!r}"
-        )
-    if not 0.0 < config.coarseness < 1.0:
-        raise ValueError(f"{owner}: need 0 < coarseness < 1, got {config.coarseness!r}")
 
 
 @dataclass(kw_only=True)
@@ -155,43 +68,6 @@ class JointFiltersState:
         return self
 
 
-def _slow(config: JointFiltersConfig) -> bool:
-    return config.slow_rotation > 0.0 or config.slow_translation > 0.0
-
-
-def frame_covariance(covariance: Array, dt: float, config: JointFiltersConfig) -> Array:
-    """The covariance (6, 6) that one of a stream of measurements `dt` apart counts with."""
-    R = covariance + _FLOOR
-    if dt <= 0.0:
-        return R
-    if config.correlation_time > 0.0:
-        r = np.exp(-dt / config.correlation_time)
-        R = R * ((1.0 + r) / (1.0 - r))
-    if _slow(config):
-        slow = np.repeat([config.slow_rotation**2, config.slow_translation**2], 3)
-        R = R + np.diag(slow) * max(1.0, 2.0 * config.slow_time / dt)
-    return R
-
-
-def _without_slow_error(config: JointFiltersConfig) -> JointFiltersConfig:
-    return replace(config, slow_rotation=0.0, slow_translation=0.0)
-
-
-def error_shares(
-    covariance: Array, R: Array, dt: float, config: JointFiltersConfig
-) -> tuple[float, float]:
-    """Of R from `frame_covariance`: the share that is new at each measurement, and the slow one."""
-    if dt <= 0.0:
-        return 1.0, 0.0
-    given = 1.0
-    if _slow(config):
-        white = frame_covariance(covariance, dt, _without_slow_error(config))
-        given = float(np.trace(np.linalg.solve(R, white))) / 6.0
-    r = np.exp(-dt / config.correlation_time) if config.correlation_time > 0.0 else 0.0
-    lasting = (1.0 - given) * min(1.0, 0.5 * dt / config.slow_time) if _slow(config) else 0.0
-    return given * (1.0 - r) ** 2 / (1.0 + r), given * r * (1.0 - r) / (1.0 + r) + lasting
-
-
 class JointFilters:
     """Starts, updates and reads the filters of any number of pairs; holds constants only.
 
@@ -213,7 +89,7 @@ class JointFilters:
             fast=1.0,
             slow=0.0,
         )
-        self._correlated = config.correlation_time > 0.0 or _slow(config)
+        self._correlated = config.correlation_time > 0.0 or has_slow_error(config)
         self._log_prior = np.log(
             [
                 config.prior_prismatic,

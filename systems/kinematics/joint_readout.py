@@ -16,7 +16,7 @@ from systems.kinematics.joint_geometry import (
     screw_twists,
     tangent_basis,
 )
-from systems.kinematics.joint_likelihood import AXIS_SPREAD, Models
+from systems.kinematics.joint_models import AXIS_SPREAD, Models
 
 Array = npt.NDArray[np.float64]
 

@@ -12,18 +12,10 @@ import numpy.typing as npt
 
 from maths import cholesky
 from maths.compiled import hot
+from systems.kinematics.joint_chain import Chain, new_chain, run_chain, smooth, solve
 from systems.kinematics.joint_geometry import PRISMATIC, REVOLUTE, RIGID, dimension, retract
-from systems.kinematics.joint_likelihood import (
-    Chain,
-    Linear,
-    Models,
-    linearise,
-    new_chain,
-    new_linear,
-    run_chain,
-    smooth,
-    solve,
-)
+from systems.kinematics.joint_linearisation import Linear, linearise, new_linear
+from systems.kinematics.joint_models import Models
 from systems.kinematics.pose_packets import Packets
 
 Array = npt.NDArray[np.float64]
@@ -182,19 +174,20 @@ def solve_moving(kind: int, m: Models, p: Packets, priors: Priors, steps: int) -
 @hot
 def solve_still(m: Models, p: Packets, axis_distance: float) -> None:
     """The rigid model, all but linear, and the free walk's evidence."""
+    rigid = np.int64(RIGID)  # Not a literal, for which all it calls would be compiled again.
     lin, chain = new_linear(p.time.size), new_chain()
     for _ in range(2):
-        linearise(RIGID, m, p, axis_distance, lin)
+        linearise(rigid, m, p, axis_distance, lin)
         for i in range(6):
             chain.h[i] = lin.vector[i]
             for j in range(i + 1):
                 chain.H[i, j] = lin.information[i, j]
-        evidence, gain = solve(6, lin.value[0], chain)
-        retract(RIGID, m.Y[RIGID], m.a[RIGID], m.c[RIGID], chain.step)
+        evidence, gain = solve(dimension(rigid), lin.value[0], chain)
+        retract(rigid, m.Y[RIGID], m.a[RIGID], m.c[RIGID], chain.step)
         m.log_evidence[RIGID] = evidence + m.carried[RIGID]
         if gain < _STILL:
             break
-    cholesky.inverse(chain.H, m.covariance[RIGID], 6)
+    cholesky.inverse(chain.H, m.covariance[RIGID], dimension(rigid))
     walk = 0.5 * p.log_det[0] + p.walk[0] + m.carried[3]
     for k in range(p.size[0] - 1):
         walk += p.pair[k, 1]

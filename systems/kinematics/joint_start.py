@@ -15,7 +15,7 @@ from systems.kinematics.joint_geometry import (
     dimension,
     tangent_basis,
 )
-from systems.kinematics.joint_likelihood import Models
+from systems.kinematics.joint_models import Models
 from systems.kinematics.pose_packets import Packets, relative_log
 
 Array = npt.NDArray[np.float64]

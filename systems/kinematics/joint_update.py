@@ -6,14 +6,14 @@ import numpy.typing as npt
 from maths.compiled import hot
 from systems.kinematics import pose_packets
 from systems.kinematics.joint_geometry import PRISMATIC, REVOLUTE
-from systems.kinematics.joint_likelihood import (
-    Models,
+from systems.kinematics.joint_linearisation import (
     add_packets,
     clear,
     embedding,
     new_linear,
     prior_offset,
 )
+from systems.kinematics.joint_models import Models
 from systems.kinematics.joint_solver import Priors, solve_moving, solve_still
 from systems.kinematics.joint_start import decide_sign, fresh_start, turn
 from systems.kinematics.pose_packets import Packets

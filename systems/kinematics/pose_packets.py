@@ -159,8 +159,9 @@ def move(X: Array, xi: Array, out: Array) -> None:
 def _fill(p: Packets, k: int) -> None:
     """Completes packet k from its covariance."""
     L = p.R[k].copy()
-    p.log_det[k] = cholesky.factor(L, 6)
-    cholesky.inverse(L, p.W[k], 6)
+    six = np.int64(6)  # Not a literal, for which all it calls would be compiled again.
+    p.log_det[k] = cholesky.factor(L, six)
+    cholesky.inverse(L, p.W[k], six)
 
 
 @hot
@@ -168,6 +169,7 @@ def _pair(p: Packets, k: int, walk_rate: Array) -> None:
     """Completes the pair of packets k and k + 1; `walk_rate` is (6,) [rad^2/s, m^2/s]."""
     if k < 0 or k + 1 >= p.size[0]:
         return
+    six = np.int64(6)
     xi, e = np.empty(6), np.empty(6)
     relative_log(p.Z[k], p.Z[k + 1], xi)
     C = p.R[k] + p.R[k + 1]
@@ -177,8 +179,8 @@ def _pair(p: Packets, k: int, walk_rate: Array) -> None:
         if walking:
             for i in range(6):
                 L[i, i] += walk_rate[i] * (p.time[k + 1] - p.time[k])
-        log_det = cholesky.factor(L, 6)
-        cholesky.forward(L, e, 6)
+        log_det = cholesky.factor(L, six)
+        cholesky.forward(L, e, six)
         square = 0.0
         for i in range(6):
             square += e[i] * e[i]

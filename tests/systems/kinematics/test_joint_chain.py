@@ -7,6 +7,7 @@ from scipy.stats import multivariate_normal
 
 from maths import se3
 from systems.kinematics import pose_packets
+from systems.kinematics.joint_chain import new_chain, run_chain, smooth, solve
 from systems.kinematics.joint_geometry import (
     PRISMATIC,
     REVOLUTE,
@@ -15,17 +16,8 @@ from systems.kinematics.joint_geometry import (
     retract,
     tangent_basis,
 )
-from systems.kinematics.joint_likelihood import (
-    AXIS_SPREAD,
-    Models,
-    initial_models,
-    linearise,
-    new_chain,
-    new_linear,
-    run_chain,
-    smooth,
-    solve,
-)
+from systems.kinematics.joint_linearisation import linearise, new_linear
+from systems.kinematics.joint_models import AXIS_SPREAD, Models, initial_models
 from systems.kinematics.pose_packets import Packets
 
 K = 7

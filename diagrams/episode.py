@@ -20,15 +20,10 @@ from diagrams.network import RobotKnowledge, make_network
 from diagrams.process_memory import peak_memory
 from diagrams.recorder import EpisodeRecorder, RecorderConfig, TickStopwatch
 from diagrams.scenario import Scenario, object_model_file
-from diagrams.station import (
-    Light,
-    Station,
-    StationConfig,
-    camera_intrinsics,
-    looking_at,
-    make_station,
-)
+from diagrams.station import Station, StationConfig, make_station
+from diagrams.station_systems import Light
 from diagrams.yaml_schema import ScenarioError
+from plants.camera_view import camera_intrinsics, looking_at
 from plants.manipulation_scene import ObjectPlacement
 from systems.port_values import JointType
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.common.value import Value
 from pydrake.geometry import (
     ClippingRange,
     ColorRenderCamera,
@@ -20,11 +19,9 @@ from pydrake.geometry import (
     RenderEngineVtkParams,
 )
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.inverse_kinematics import InverseKinematics
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable, Joint
-from pydrake.solvers import Solve
-from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
@@ -33,7 +30,9 @@ from controllers.exploration import ExplorationConfig, ExplorationController
 from controllers.grasp_sequence import GraspSequence, GraspSequenceConfig
 from controllers.impedance import ImpedanceConfig, ImpedanceController
 from controllers.robot_kinematics import ArmModel
+from diagrams.station_systems import Light, Lighting, ObjectTruth
 from maths import se3
+from plants.inverse_kinematics import inverse_kinematics
 from plants.joint_friction import JointFriction
 from plants.manipulation_scene import (
     ManipulationScene,
@@ -93,14 +92,6 @@ class StationConfig:
 
 
 @dataclass(kw_only=True)
-class Light:
-    """When the lights are off and when something covers the camera, as (start, end), [s]."""
-
-    lights_off: list[tuple[float, float]] = field(default_factory=list)
-    covered: list[tuple[float, float]] = field(default_factory=list)
-
-
-@dataclass(kw_only=True)
 class Station:
     """The station's Diagram and what the wiring around it needs to know.
 
@@ -130,107 +121,6 @@ class Station:
         self.scene.plant.SetPositions(context, self.scene.arm, self.q_start)
         if self.locked:
             self.joint.Lock(context)
-
-
-def camera_intrinsics(width: int, height: int, horizontal_angle: float) -> CameraInfo:
-    """A pinhole camera with square pixels; `horizontal_angle` in [rad]."""
-    focal = 0.5 * width / np.tan(0.5 * horizontal_angle)
-    return CameraInfo(width, height, focal, focal, 0.5 * width - 0.5, 0.5 * height - 0.5)
-
-
-def looking_at(p_WC: Array, p_WTarget: Array) -> RigidTransform:
-    """X_WC of an upright camera at `p_WC` (3,) that looks at `p_WTarget` (3,)."""
-    z = (p_WTarget - p_WC) / np.linalg.norm(p_WTarget - p_WC)
-    x = np.cross(z, [0.0, 0.0, 1.0])
-    x /= np.linalg.norm(x)
-    return RigidTransform(RotationMatrix(np.column_stack([x, np.cross(z, x), z])), p_WC)
-
-
-def inverse_kinematics(arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array) -> Array:
-    """Joint positions (7,) that put E at `X_WE`, far from the joints' limits.
-
-    Raises:
-        ValueError: if the pose is out of reach.
-    """
-    lower, upper = arm.GetPositionLowerLimits(), arm.GetPositionUpperLimits()
-    solver = InverseKinematics(arm)
-    frame, world = arm.GetFrameByName("end_effector"), arm.world_frame()
-    p = X_WE.translation()
-    solver.AddPositionConstraint(frame, np.zeros(3), world, p - 1e-4, p + 1e-4)
-    solver.AddOrientationConstraint(world, X_WE.rotation(), frame, RotationMatrix(), 1e-3)
-    weight = np.diag(1.0 / (upper - lower) ** 2)
-    solver.prog().AddQuadraticErrorCost(weight, 0.5 * (lower + upper), solver.q())
-    solver.prog().SetInitialGuess(solver.q(), q_guess)
-    result = Solve(solver.prog())
-    if not result.is_success():
-        raise ValueError(f"the arm does not reach the handle at {p.round(3).tolist()} m")
-    return np.asarray(result.GetSolution(solver.q()))
-
-
-class Lighting(LeafSystem):
-    """Light and cover over time; the disturbances of a scenario.
-
-    .. pydrake_system::
-
-        name: Lighting
-        output_ports:
-        - illumination
-        - cover
-
-    - illumination: (1,) 1 normal, 0 lights off.
-    - cover: (1,) 1 while something covers the camera.
-    """
-
-    def __init__(self, light: Light) -> None:
-        super().__init__()
-
-        def within(intervals: list[tuple[float, float]], time: float) -> float:
-            return float(any(start <= time < end for start, end in intervals))
-
-        def illumination(context: Context, output: BasicVector) -> None:
-            output.SetAtIndex(0, 1.0 - within(light.lights_off, context.get_time()))
-
-        def cover(context: Context, output: BasicVector) -> None:
-            output.SetAtIndex(0, within(light.covered, context.get_time()))
-
-        self.DeclareVectorOutputPort("illumination", 1, illumination, {self.time_ticket()})
-        self.DeclareVectorOutputPort("cover", 1, cover, {self.time_ticket()})
-
-
-class ObjectTruth(LeafSystem):
-    """The explored joint's true position and the moved body's true pose, for evaluation.
-
-    .. pydrake_system::
-
-        name: ObjectTruth
-        input_ports:
-        - plant_state
-        output_ports:
-        - cheat_configuration
-        - cheat_body_pose
-
-    - plant_state: (nq + nv,).
-    - cheat_configuration: (1,) [m or rad].
-    - cheat_body_pose: `RigidTransform` X_WB of the joint's child.
-    """
-
-    def __init__(self, plant: MultibodyPlant, joint: Joint) -> None:
-        super().__init__()
-        self._plant, self._joint = plant, joint
-        self._scratch = plant.CreateDefaultContext()
-        self._state = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
-        self.DeclareVectorOutputPort("cheat_configuration", 1, self._calc_configuration)
-        self.DeclareAbstractOutputPort(
-            "cheat_body_pose", lambda: Value(RigidTransform()), self._calc_pose
-        )
-
-    def _calc_configuration(self, context: Context, output: BasicVector) -> None:
-        state = np.asarray(self._state.Eval(context))
-        output.SetAtIndex(0, state[self._joint.position_start()])
-
-    def _calc_pose(self, context: Context, output: Value) -> None:
-        self._plant.SetPositionsAndVelocities(self._scratch, self._state.Eval(context))
-        output.set_value(self._plant.EvalBodyPoseInWorld(self._scratch, self._joint.child_body()))
 
 
 @dataclass(kw_only=True)

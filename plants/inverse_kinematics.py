@@ -1,0 +1,31 @@
+"""Postures of the arm that put its end-effector somewhere."""
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.inverse_kinematics import InverseKinematics
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.solvers import Solve
+
+Array = npt.NDArray[np.float64]
+
+
+def inverse_kinematics(arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array) -> Array:
+    """Joint positions (7,) that put E at `X_WE`, far from the joints' limits.
+
+    Raises:
+        ValueError: if the pose is out of reach.
+    """
+    lower, upper = arm.GetPositionLowerLimits(), arm.GetPositionUpperLimits()
+    solver = InverseKinematics(arm)
+    frame, world = arm.GetFrameByName("end_effector"), arm.world_frame()
+    p = X_WE.translation()
+    solver.AddPositionConstraint(frame, np.zeros(3), world, p - 1e-4, p + 1e-4)
+    solver.AddOrientationConstraint(world, X_WE.rotation(), frame, RotationMatrix(), 1e-3)
+    weight = np.diag(1.0 / (upper - lower) ** 2)
+    solver.prog().AddQuadraticErrorCost(weight, 0.5 * (lower + upper), solver.q())
+    solver.prog().SetInitialGuess(solver.q(), q_guess)
+    result = Solve(solver.prog())
+    if not result.is_success():
+        raise ValueError(f"the arm does not reach the handle at {p.round(3).tolist()} m")
+    return np.asarray(result.GetSolution(solver.q()))

@@ -8,16 +8,11 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 
 from controllers.bending_excitation import BendingExcitationConfig
-from diagrams.station import (
-    Light,
-    Station,
-    StationConfig,
-    camera_intrinsics,
-    looking_at,
-    make_station,
-)
+from diagrams.station import Station, StationConfig, make_station
+from diagrams.station_systems import Light
 from maths import se3
 from models import SDF_DIR
+from plants.camera_view import camera_intrinsics, looking_at
 from plants.manipulation_scene import ObjectPlacement
 from systems.proprioception.hand_bending import HandBendingConfig, load_reading
 
@@ -56,7 +51,7 @@ def simulate_interaction(
 
     The object does not move, so the bent hand, which goes with it, stays where the end-effector
     was when the hand had closed: X_EH = X_WE^-1 X_WE(closed). The labels are simulated truth; the
-    inputs are what the sensors give, their biases removed as the filter removes them.
+    inputs are what the sensors give.
 
     Args:
         seed: Of placement, guidance, noise and path.
@@ -80,7 +75,6 @@ def simulate_interaction(
     config = HandBendingConfig()
     period = config.period
     X_WH: Array | None = None
-    free: list[Array] = []
     inputs: list[Array] = []
     labels: list[Array] = []
     for tick in range(1, int((closed + duration) / period)):
@@ -88,17 +82,14 @@ def simulate_interaction(
         simulator.AdvanceTo(time)
         if progress is not None:
             progress(time)
+        if time < closed + period:
+            continue
         ports = [station.diagram.GetOutputPort(n) for n in ("wrench_window", "pressure_window")]
         wrench, pressure = (port.Eval(root) for port in ports)
         R_WS = S.CalcPoseInWorld(context).rotation().matrix()
         reading = load_reading(wrench, pressure, R_WS, config.hand_mass, config.p_S_com)
-        if config.tare_start <= time < config.tare_start + config.tare_duration:
-            free.append(reading[:6])
-        if time < closed + period:
-            continue
         X_WE = E.CalcPoseInWorld(context).GetAsMatrix4()
         X_WH = X_WE if X_WH is None else X_WH
-        reading[:6] -= np.mean(free, axis=0)
         inputs.append(reading)
         labels.append(se3.log(se3.inverse(X_WE) @ X_WH))
     return np.array(inputs), np.array(labels)

@@ -4,7 +4,7 @@ An interaction is (inputs (T, 10), labels (T, 6)): the readings that
 `systems.proprioception.bending_network` describes, one row per tick from the first instant of the
 grasp, and log X_EH. The object is fixed and held, so the bent hand stays where it was when the
 grasp closed: X_EH(t) = X_WE(t)^-1 X_WE(0). Labels that do not start at zero are made relative to
-their first row, and the networks learn f(u_t) - f(u_0), as they are used.
+their first row, and the networks learn f(u_t - u_0) - f(0), as they are used.
 
 All networks of a run (the full one and the partial ones) are trained together as one batch.
 """
@@ -51,31 +51,44 @@ def relative_to_first(labels: Array) -> Array:
 
 
 class _Data:
-    """Standardised rows of all interactions, thinned, with the reference reading of each row."""
+    """Standardised rows of all interactions, thinned; readings are relative to the first."""
 
     def __init__(self, interactions: Sequence[Interaction]) -> None:
         chosen = [
             np.unique(np.linspace(0, len(u) - 1, ROWS_PER_INTERACTION).astype(int))
             for u, _ in interactions
         ]
-        u = np.vstack([u[rows] for (u, _), rows in zip(interactions, chosen, strict=True)])
+        u = np.vstack([(u - u[0])[rows] for (u, _), rows in zip(interactions, chosen, strict=True)])
         self.mean = u.mean(axis=0)
         scale = u.std(axis=0)
         self.scale = np.where(scale > 1e-9 * (1.0 + np.abs(self.mean)), scale, 1.0)
         self.v = (u - self.mean) / self.scale
         self.owner = np.repeat(np.arange(len(chosen)), [len(rows) for rows in chosen])
-        first = np.searchsorted(self.owner, self.owner)
-        self.v_reference = self.v[first]
+        self.v_reference = (-self.mean / self.scale)[None]
         self.labels = np.vstack(
             [relative_to_first(y)[rows] for (_, y), rows in zip(interactions, chosen, strict=True)]
         )
         self.label_scale = np.maximum(np.sqrt((self.labels**2).mean(axis=0)), 1e-9)
+        self.weight = _linear_weight(self.v - self.v_reference, self.labels / self.label_scale)
+
+
+def _linear_weight(v: Array, y: Array) -> Array:
+    """Weights (6,) of the labels: one over the mean square error that a linear map leaves.
+
+    Some directions of bending show in the readings, others hardly; in units of the labels' own
+    size, the hopeless ones would rule the loss. They are limited to a hundredfold.
+    """
+    gram = v.T @ v + 1e-3 * len(v) * np.eye(v.shape[1])
+    left = ((y - v @ np.linalg.solve(gram, v.T @ y)) ** 2).mean(axis=0)
+    weight = 1.0 / np.maximum(left, 0.01)
+    return np.asarray(weight / weight.mean())
 
 
 def _fit(
     v: Array,
     v_reference: Array | None,
     y: Array,
+    weight: Array,
     masks: Array,
     hidden: Sequence[int],
     seed: int,
@@ -84,6 +97,7 @@ def _fit(
     """Trains one perceptron per row of `masks` (B, rows) by Adam on full batches.
 
     With a reference, the difference of the outputs at `v` and `v_reference` is fitted to `y`.
+    `weight` (n_out,) weighs the squared errors.
     """
     import torch
 
@@ -105,13 +119,15 @@ def _fit(
     inputs = torch.as_tensor(v, dtype=torch.float32)
     reference = None if v_reference is None else torch.as_tensor(v_reference, dtype=torch.float32)
     target = torch.as_tensor(y, dtype=torch.float32)
+    scale = torch.as_tensor(weight, dtype=torch.float32)
     share = torch.as_tensor(masks / masks.sum(axis=1, keepdims=True), dtype=torch.float32)
-    optimiser = torch.optim.AdamW([*weights, *biases], lr=LEARNING_RATE, weight_decay=WEIGHT_DECAY)
+    optimiser = torch.optim.Adam([*weights, *biases], lr=LEARNING_RATE)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
     for _ in range(steps):
         optimiser.zero_grad()
         output = forward(inputs) if reference is None else forward(inputs) - forward(reference)
-        loss = (share * ((output - target) ** 2).sum(dim=-1)).sum()
+        loss = (share * (scale * (output - target) ** 2).sum(dim=-1)).sum()
+        loss = loss + WEIGHT_DECAY * sum((W**2).sum() for W in weights)
         loss.backward()
         optimiser.step()
         schedule.step()
@@ -179,7 +195,7 @@ def _learn_deviation(
     spread = np.sqrt(((partial - full) ** 2).mean(axis=0)) / data.label_scale
     target = np.log(np.maximum(spread, LEAST_SPREAD))
     everything = np.ones((1, len(data.v)))
-    layers = _fit(data.v, None, target, everything, hidden, seed, steps)[0]
+    layers = _fit(data.v, None, target, np.ones(6), everything, hidden, seed, steps)[0]
     sigma = data.label_scale * np.exp(mlp(layers, data.v))
     ratios = [
         ((guess - data.labels) / sigma)[rows] for guess, rows in zip(partial, held_out, strict=True)
@@ -233,7 +249,7 @@ def train(
     held_out = [np.isin(data.owner, pair) for pair in pairs]
     masks = np.vstack([np.ones(len(data.owner)), *(~rows for rows in held_out)])
     target = data.labels / data.label_scale
-    fitted = _fit(data.v, data.v_reference, target, masks, hidden, seed, steps)
+    fitted = _fit(data.v, data.v_reference, target, data.weight, masks, hidden, seed, steps)
     full = _difference(fitted[0], data)
     partial = np.array([_difference(layers, data) for layers in fitted[1:]])
     deviation, factor = _learn_deviation(data, full, partial, held_out, hidden, seed + 1, steps)
@@ -285,6 +301,7 @@ def search_topology(
                 data.v,
                 data.v_reference,
                 data.labels / data.label_scale,
+                data.weight,
                 masks,
                 hidden,
                 seed,

@@ -1,10 +1,11 @@
 """The two small networks that read the hand's bending from wrench and pressures, in NumPy.
 
-Inputs u (10,): the load that the object puts on the hand, in the wrist sensor's frame S and without
-the hand's weight and the sensor's bias, torque [N m] then force [N]; then four chamber pressures,
-gauge [Pa]. Closing the hand already loads it, so bending is always relative to the reading u_0 at
-the first instant of the grasp: log X_EH = f(u) - f(u_0), which is zero there by construction. The
-networks are trained on the same difference (`diagrams/hand_bending_training.py`).
+Inputs u (10,): the load that the object puts on the hand, in the wrist sensor's frame S without
+the hand's weight, torque [N m] then force [N]; then four chamber pressures, gauge [Pa]. Closing the
+hand already loads it, and sensors have biases, so both networks see how the reading has changed
+since the first instant of the grasp, u - u_0: the preload and the biases cancel, and
+log X_EH = f(u - u_0) - f(0) is zero there by construction. The networks are trained in the same way
+(`diagrams/hand_bending_training.py`).
 """
 
 from dataclasses import dataclass, fields
@@ -25,7 +26,8 @@ class BendingNetwork:
     """Weights and standardisation of both networks.
 
     Attributes:
-        input_mean: (10,), with input_scale (10,): v = (u - mean) / scale enters the networks.
+        input_mean: (10,), with input_scale (10,): v = (u - u_0 - mean) / scale
+            enters the networks.
         input_low: (10,), with input_high (10,): the range of v in training; v is clipped to it.
         pose_layers: (W (n_out, n_in), b (n_out,)) of MLPR1, tanh between layers.
         pose_scale: (6,) of MLPR1's outputs, [rad, m].
@@ -62,32 +64,30 @@ def mlp_jacobian(layers: Layers, v: Array) -> Array:
     return layers[-1][0] @ J
 
 
-def standardise(network: BendingNetwork, u: Array) -> tuple[Array, Array]:
-    """Inputs within the training range (..., 10), and how far they were outside it (...,)."""
-    v = (u - network.input_mean) / network.input_scale
+def standardise(network: BendingNetwork, change: Array) -> tuple[Array, Array]:
+    """Changes of the reading (..., 10) within the training range, and how far outside (...,)."""
+    v = (change - network.input_mean) / network.input_scale
     inside = np.clip(v, network.input_low, network.input_high)
     return inside, np.abs(v - inside).sum(axis=-1)
 
 
 def predict_bending(network: BendingNetwork, u: Array, u_reference: Array) -> Array:
     """log X_EH (..., 6), [rad, m], at readings u (..., 10) after the reference (10,)."""
-    v, _ = standardise(network, u)
-    v_reference, _ = standardise(network, u_reference)
-    return network.pose_scale * (
-        mlp(network.pose_layers, v) - mlp(network.pose_layers, v_reference)
-    )
+    v, _ = standardise(network, u - u_reference)
+    v_none, _ = standardise(network, np.zeros(INPUTS))
+    return network.pose_scale * (mlp(network.pose_layers, v) - mlp(network.pose_layers, v_none))
 
 
-def predict_deviation(network: BendingNetwork, u: Array) -> Array:
+def predict_deviation(network: BendingNetwork, u: Array, u_reference: Array) -> Array:
     """Standard deviation (..., 6) of `predict_bending`; grows outside the training range."""
-    v, outside = standardise(network, u)
+    v, outside = standardise(network, u - u_reference)
     spread = network.deviation_scale * np.exp(mlp(network.deviation_layers, v))
     return network.deviation_factor * spread * (1.0 + outside[..., None])
 
 
-def bending_jacobian(network: BendingNetwork, u: Array) -> Array:
+def bending_jacobian(network: BendingNetwork, u: Array, u_reference: Array) -> Array:
     """Derivative (6, 10) of log X_EH with respect to the reading u (10,)."""
-    v, _ = standardise(network, u)
+    v, _ = standardise(network, u - u_reference)
     J = mlp_jacobian(network.pose_layers, v)
     return network.pose_scale[:, None] * J / network.input_scale
 

@@ -34,8 +34,6 @@ class HandBendingConfig:
     hand_mass: float = 0.628  # What hangs on the wrist sensor, [kg].
     p_S_com: np.ndarray = field(default_factory=lambda: np.array([0.004, 0.0, 0.066]))  # [m]
     rpy_ES: np.ndarray = field(default_factory=lambda: np.zeros(3))  # Sensor in E, [rad].
-    tare_start: float = 0.2  # The free hand's reading is averaged from here, [s],
-    tare_duration: float = 0.6  # for so long, if the hand has not closed before, [s].
     torque_noise: float = 0.005  # Of a tick's mean, [N m].
     force_noise: float = 0.1  # The same, [N].
     pressure_noise: float = 50.0  # The same, [Pa].
@@ -63,22 +61,10 @@ def load_reading(
 ) -> Array:
     """Mean wrench without the hand's weight, then mean pressures (10,); the networks' input.
 
-    The wrench sensor's bias is still in it.
+    The sensors' biases are in it.
     """
     load = wrench.values.mean(axis=0) - hand_weight(R_WS, mass, p_S_com)
     return np.append(load, pressure.values.mean(axis=0))
-
-
-@dataclass(kw_only=True)
-class Tare:
-    """The sum (6,) of the free hand's readings without its weight, and their number."""
-
-    total: Array
-    count: int
-
-    @property
-    def bias(self) -> Array:
-        return self.total / max(self.count, 1)
 
 
 @dataclass(kw_only=True)
@@ -89,7 +75,6 @@ class BendingState:
     at the first instant of the grasp, `last_reading` the latest; both None when there is none.
     """
 
-    tare: Tare
     reference: Array | None
     last_reading: Array | None
     mean: Array
@@ -141,13 +126,13 @@ class HandBending(RecursiveFilter):
 
     The hand bends relative to the first instant of the grasp, so there X_EH is the identity by
     definition, whatever the preload that closing has left; until then it stays there. Prediction:
-    X_EH constant with process noise. Measurement: two networks, z = f(u) - f(u_0) for the reading u
-    after u_0 at that instant, with the standard deviation sigma(u). What the networks get wrong at
-    a load they get wrong again at the next tick, so their error is a state that fades slowly,
-    z = log X_EH + sigma(u) n + sensor noise: many ticks do not average it away.
+    X_EH constant with process noise. Measurement: two networks, z = f(u - u_0) - f(0) for the
+    reading u after u_0 at that instant, with the standard deviation sigma(u - u_0). What the
+    networks get wrong at a load they get wrong again at the next tick, so their error is a state
+    that fades slowly, z = log X_EH + sigma n + sensor noise: many ticks do not average it away.
 
-    The reading is the load on the hand: the wrist's wrench without its bias (constant, averaged
-    while the hand is free) and without the hand's weight, which turns with the hand.
+    The reading is the load on the hand, the wrist's wrench without the hand's weight, which turns
+    with the hand. A constant bias of the sensors is in u_0 as much as in u, and cancels.
 
     .. pydrake_system::
 
@@ -196,7 +181,6 @@ class HandBending(RecursiveFilter):
         self._active = self.DeclareVectorInputPort("interaction_active", 1)
         mean, covariance = start_grasp()
         initial = BendingState(
-            tare=Tare(total=np.zeros(6), count=0),
             reference=None,
             last_reading=None,
             mean=mean,
@@ -210,7 +194,6 @@ class HandBending(RecursiveFilter):
     def _check(config: HandBendingConfig) -> None:
         units = {
             "period": "s",
-            "tare_duration": "s",
             "torque_noise": "N m",
             "force_noise": "N",
             "pressure_noise": "Pa",
@@ -221,15 +204,14 @@ class HandBending(RecursiveFilter):
             "translation_floor": "m",
         }
         require_positive("HandBending", config, units)
-        for name, unit in {"hand_mass": "kg", "tare_start": "s"}.items():
-            require(getattr(config, name) >= 0, "HandBending", config, name, f">= 0 {unit}")
+        require(config.hand_mass >= 0, "HandBending", config, "hand_mass", ">= 0 kg")
         for name, unit in {"p_S_com": "m", "rpy_ES": "rad"}.items():
             value = np.asarray(getattr(config, name), dtype=float)
             finite = value.shape == (3,) and bool(np.isfinite(value).all())
             require(finite, "HandBending", config, name, f"three finite numbers, {unit}")
 
     def _average(self, context: Context) -> Array | None:
-        """This tick's reading (10,), the sensor's bias still in it; None without samples."""
+        """This tick's reading (10,); None without samples."""
         wrench: SampleWindow = self._read(self._wrench, context)
         pressure: SampleWindow = self._read(self._pressure, context)
         if wrench.times.size == 0 or pressure.times.size == 0:
@@ -241,7 +223,8 @@ class HandBending(RecursiveFilter):
         reading = self._average(context)
         last = state.last_reading if reading is None else reading
         if self._read(self._active, context)[0] <= 0.5:
-            return self._wait(context.get_time(), reading, last, state.tare)
+            mean, covariance = start_grasp()
+            return BendingState(reference=None, last_reading=last, mean=mean, covariance=covariance)
         reference = state.reference
         if reference is None:
             reference = last
@@ -249,34 +232,21 @@ class HandBending(RecursiveFilter):
         else:
             mean, covariance = predict_bending_state(state.mean, state.covariance, self._config)
             if reading is not None:
-                mean, covariance = self._correct(mean, covariance, state.tare, reading, reference)
+                mean, covariance = self._correct(mean, covariance, reading, reference)
         return BendingState(
-            tare=state.tare,
             reference=reference,
             last_reading=last,
             mean=mean,
             covariance=covariance,
         )
 
-    def _wait(
-        self, time: float, reading: Array | None, last: Array | None, tare: Tare
-    ) -> BendingState:
-        """Without a grasp: averages the sensor's bias at the right time, and stays at identity."""
-        since = time - self._config.tare_start
-        if reading is not None and 0.0 <= since <= self._config.tare_duration:
-            tare = Tare(total=tare.total + reading[:6], count=tare.count + 1)
-        mean, covariance = start_grasp()
-        return BendingState(
-            tare=tare, reference=None, last_reading=last, mean=mean, covariance=covariance
-        )
-
     def _correct(
-        self, mean: Array, covariance: Array, tare: Tare, reading: Array, reference: Array
+        self, mean: Array, covariance: Array, reading: Array, reference: Array
     ) -> tuple[Array, Array]:
-        bias = np.append(tare.bias, np.zeros(4))
-        u = reading - bias
-        measured = predict_bending(self._network, u, reference - bias)
-        deviation = np.hypot(predict_deviation(self._network, u), self._floor)
-        J = bending_jacobian(self._network, u) * self._noise
+        measured = predict_bending(self._network, reading, reference)
+        deviation = predict_deviation(self._network, reading, reference)
+        J = bending_jacobian(self._network, reading, reference) * self._noise
         R = J @ J.T + 1e-2 * np.diag(self._floor**2)
-        return correct_bending_state(mean, covariance, measured, deviation, R)
+        return correct_bending_state(
+            mean, covariance, measured, np.hypot(deviation, self._floor), R
+        )

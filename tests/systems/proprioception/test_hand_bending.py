@@ -133,7 +133,9 @@ def test_saved_networks_are_read_back(trained: tuple, tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         predict_bending(network, u, u[0]), predict_bending(again, u, u[0])
     )
-    np.testing.assert_array_equal(predict_deviation(network, u), predict_deviation(again, u))
+    np.testing.assert_array_equal(
+        predict_deviation(network, u, u[0]), predict_deviation(again, u, u[0])
+    )
 
 
 def test_missing_weights_are_named(tmp_path: Path) -> None:
@@ -143,13 +145,14 @@ def test_missing_weights_are_named(tmp_path: Path) -> None:
 
 def test_network_jacobian_matches_finite_differences(trained: tuple) -> None:
     network = trained[0]
-    u = network.input_mean + 0.3 * network.input_scale
+    u, zero = network.input_mean + 0.3 * network.input_scale, np.zeros(10)
     steps = 1e-5 * network.input_scale
     columns = [
-        (predict_bending(network, u + d, u) - predict_bending(network, u - d, u)) / (2 * d.sum())
+        (predict_bending(network, u + d, zero) - predict_bending(network, u - d, zero))
+        / (2 * d.sum())
         for d in np.diag(steps)
     ]
-    J = bending_jacobian(network, u)
+    J = bending_jacobian(network, u, zero)
     np.testing.assert_allclose(
         J * network.input_scale, np.array(columns).T * network.input_scale, rtol=1e-5, atol=1e-9
     )
@@ -159,7 +162,9 @@ def test_deviation_grows_outside_the_training_range(trained: tuple) -> None:
     network = trained[0]
     edge = network.input_mean + network.input_high * network.input_scale
     beyond = edge + 5.0 * network.input_scale
-    assert np.all(predict_deviation(network, beyond) > 10 * predict_deviation(network, edge))
+    zero = np.zeros(10)
+    at_edge = predict_deviation(network, edge, zero)
+    assert np.all(predict_deviation(network, beyond, zero) > 10 * at_edge)
 
 
 def test_hand_is_not_bent_before_and_at_the_grasp(trained: tuple) -> None:
@@ -194,8 +199,9 @@ def test_many_ticks_do_not_average_the_networks_error_away(trained: tuple) -> No
     path[:10] *= np.linspace(0, 1, 10)[:, None]
     network = trained[0]
     beliefs = run(network, path, 0, np.zeros(6))
-    u = np.append(reading(path[-1], PRELOAD, np.random.default_rng(0), noise=0.0), [])
-    deviation = predict_deviation(network, u)
+    rng = np.random.default_rng(0)
+    bent, free = (reading(b, PRELOAD, rng, noise=0.0) for b in (path[-1], 0.0 * path[-1]))
+    deviation = predict_deviation(network, bent, free)
     sigma = np.sqrt(np.diag(beliefs[-1].covariance))
     assert np.all(sigma > 0.4 * deviation)
 

@@ -57,6 +57,6 @@ def batch_fit(config: StreamConfig, stream: Stream) -> tuple[float, Array, Array
             ahead = _residuals(_move(x, d, config.joint_type), config, stream)
             behind = _residuals(_move(x, -d, config.joint_type), config, stream)
             J[:, i] = (ahead - behind) / (2.0 * _STEP)
-        d = -np.linalg.lstsq(J, _residuals(x, config, stream), rcond=None)[0]
-        x = _move(x, d, config.joint_type)
+        step = np.linalg.lstsq(J, -_residuals(x, config, stream), rcond=None)[0]
+        x = _move(x, np.asarray(step, dtype=float), config.joint_type)
     return x[3] * float(stream.times[-1]), x[1], x[2]

@@ -62,7 +62,7 @@ class JointFiltersConfig:
     slow_rotation: float = 0.0
     slow_translation: float = 0.0
     slow_time: float = 1.0
-    memory: int = 32
+    memory: int = 24
     coarseness: float = 0.05
 
 

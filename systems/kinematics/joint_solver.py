@@ -174,7 +174,7 @@ def solve_moving(kind: int, m: Models, p: Packets, priors: Priors, steps: int) -
 @hot
 def solve_still(m: Models, p: Packets, axis_distance: float) -> None:
     """The rigid model, all but linear, and the free walk's evidence."""
-    rigid = np.int64(RIGID)  # Not a literal, for which all it calls would be compiled again.
+    rigid = int(np.int64(RIGID))  # Not a literal, for which all it calls would be compiled again.
     lin, chain = new_linear(p.time.size), new_chain()
     for _ in range(2):
         linearise(rigid, m, p, axis_distance, lin)

@@ -159,7 +159,7 @@ def move(X: Array, xi: Array, out: Array) -> None:
 def _fill(p: Packets, k: int) -> None:
     """Completes packet k from its covariance."""
     L = p.R[k].copy()
-    six = np.int64(6)  # Not a literal, for which all it calls would be compiled again.
+    six = int(np.int64(6))  # Not a literal, for which all it calls would be compiled again.
     p.log_det[k] = cholesky.factor(L, six)
     cholesky.inverse(L, p.W[k], six)
 
@@ -169,7 +169,7 @@ def _pair(p: Packets, k: int, walk_rate: Array) -> None:
     """Completes the pair of packets k and k + 1; `walk_rate` is (6,) [rad^2/s, m^2/s]."""
     if k < 0 or k + 1 >= p.size[0]:
         return
-    six = np.int64(6)
+    six = int(np.int64(6))
     xi, e = np.empty(6), np.empty(6)
     relative_log(p.Z[k], p.Z[k + 1], xi)
     C = p.R[k] + p.R[k + 1]

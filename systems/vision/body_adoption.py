@@ -31,6 +31,18 @@ def moved_frame(body: BodyFilter, T: Array) -> BodyFilter:
     )
 
 
+def smoothed_pose(path: Array, index: int) -> Array:
+    """The pose (4, 4) at one tick of a path (H, 4, 4), by a parabola through its neighbours.
+
+    A single tick's pose carries that tick's noise, which a reference would keep for good.
+    """
+    X = np.ascontiguousarray(path[index])
+    ticks = np.arange(max(index - 4, 0), min(index + 5, len(path)))
+    twists = [se3.log(se3.inverse(X) @ np.ascontiguousarray(path[k])) for k in ticks]
+    at_index = np.polynomial.polynomial.polyfit(ticks - index, np.array(twists), 2)[0]
+    return np.asarray(X @ se3.exp(at_index))
+
+
 def displacement(body: TrackedBody, age: int) -> Array:
     """X_W(now) X_W(then)^-1 (4, 4) of a body over the last `age` ticks."""
     return np.asarray(body.path[-1] @ se3.inverse(np.ascontiguousarray(body.path[-1 - age])))
@@ -82,8 +94,8 @@ def adopt(
         if body is held or not seen_longer:
             continue
         if moves_with_hand(config, body, held, prior, age):
-            X_start = np.ascontiguousarray(held.path[-1 - age])
-            T = se3.inverse(np.ascontiguousarray(body.path[-1 - age])) @ X_start
+            index = len(body.path) - 1 - age
+            T = se3.inverse(smoothed_pose(body.path, index)) @ held.path[index]
             adopted = replace(
                 body,
                 body_id=INTERACTED_BODY,

@@ -261,7 +261,7 @@ def rest_positions(
     last = history.p_W.shape[1] - 1 - (tick - reference_tick)
     before = history.rest_until <= reference_tick
     long = displacements(history, newest=0, use_rest=before, last_old=last)
-    p, C, valid = long.p_old, long.C_old, long.count_old >= 3
+    p, C = long.p_old, long.C_old
     short = displacements(
         history,
         newest=0,
@@ -269,10 +269,12 @@ def rest_positions(
         first_old=last - 4,
         last_old=last,
     )
-    both = valid & (short.count_old >= 3)
-    if both.any():
-        distance, _ = squared_distances(short.p_old[both] - p[both], short.C_old[both] + C[both])
-        nudged = np.nonzero(both)[0][distance > config.gate]
+    valid = (long.count_old >= 3) & (short.count_old >= 2)
+    if valid.any():
+        distance, _ = squared_distances(
+            short.p_old[valid] - p[valid], short.C_old[valid] + C[valid]
+        )
+        nudged = np.nonzero(valid)[0][distance > config.gate]
         p[nudged], C[nudged] = short.p_old[nudged], short.C_old[nudged]
     C = C + config.anchor_floor**2 * np.eye(3)
     return RestPositions(ids=history.ids[valid], p_WF=p[valid], covariance=C[valid])
@@ -381,7 +383,7 @@ def associate(
         mine = history.body == ids[i]
         assigned[mine & (ratio < -config.association)] = STATIC_BODY
         # Another moving body explains it better than its own.
-        moves = mine & (highest > ratios[i] + config.association) & np.isfinite(highest)
+        moves = mine & (highest > np.maximum(ratio, 0.0) + config.association)
         assigned[moves] = ids[best[moves]]
     changed = assigned != history.body
     return replace(history, body=assigned, suspicion=np.where(changed, 0, history.suspicion))
@@ -397,6 +399,8 @@ def merged(
         mine = assigned == body.body_id
         adopted = False
         for older in kept:
+            if body.reference_tick < older.held_since:
+                continue  # Adoption keeps what was seen before the hand closed.
             ratio, fit = body_against_static(config, older, history)
             told = mine & (np.abs(ratio) > config.association)
             if np.sum(told) < config.keep_support or body.body_id == INTERACTED_BODY:

@@ -94,7 +94,35 @@ def find_moving_features(
     p = d.p_old[supporters]
     if np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))) < config.min_spread:
         return history, None, none
+    if not outnumbers(config, history, d, consensus.X, supporters):
+        return history, None, none
     return history, consensus, supporters
+
+
+def outnumbers(
+    config: RigidBodyMotionConfig,
+    history: FeatureHistory,
+    d: Displacements,
+    X: Array,
+    supporters: Ids,
+) -> bool:
+    """Whether a motion's supporters are the majority around themselves.
+
+    Patches on the seam between a body and what it moves against slide with half its motion, all of
+    them alike; what they lie among tells that there is no third body.
+    """
+    told = history.seen & (d.count_new >= 2) & (d.count_old >= 5)
+    told[supporters] = False
+    others = np.nonzero(told)[0]
+    error = d.p_new[others] - d.p_old[others] @ X[:3, :3].T - X[:3, 3]
+    S = d.C_old[others] + d.C_new[others] + config.feature_floor**2 * np.eye(3)
+    against = others[squared_distances(error, S)[0] > config.gate]
+
+    def neighbours(rows: Ids) -> int:
+        difference = d.p_new[supporters][:, None] - d.p_new[rows]
+        return int(np.sum(np.sum(difference**2, axis=2) < config.neighbourhood**2))
+
+    return neighbours(supporters) > neighbours(against)
 
 
 def onset(
@@ -228,11 +256,7 @@ def step(
     history = body_tracking.associate(config, bodies, history)
     bodies, history = body_tracking.merged(config, bodies, history)
     bodies, history, next_id = give_birth(config, level, bodies, history, prior)
-    living = [
-        body
-        for body in bodies
-        if body.body_id == INTERACTED_BODY or body.unsupported <= config.patience
-    ]
+    living = [body for body in bodies if body_tracking.is_alive(config, body)]
     history = body_tracking.cast_out(config, living, history)
     history = body_tracking.afresh(config, living, history)
     living = body_tracking.without_strays(config, living, history)

@@ -55,7 +55,8 @@ class RigidBodyMotionConfig:
     min_spread: float = 0.015  # Root mean square distance from their centroid, [m].
     keep_support: int = 3  # Features that a body needs to live on.
     merging_share: float = 0.8  # Of a body's telling features that make it part of an older one.
-    patience: int = 30  # Ticks that it lives without, [ticks].
+    patience: int = 30  # Ticks that it lives without, less if it had it for less, [ticks].
+    neighbourhood: float = 0.08  # Where a new body's features outnumber all others, [m].
     max_anchors: int = 50  # Features that a body's filter holds.
     max_suspicion: int = 8  # A feature that disagrees for so long with its body leaves it, [ticks].
     max_free_suspicion: int = 45  # A free one, or one that left, starts afresh, [ticks].
@@ -95,7 +96,8 @@ class TrackedBody:
         rest: Positions until then of all features that existed, whosoever they are.
         path: X_WB over the window (H, 4, 4), newest last.
         support: Features that agreed with it at this tick.
-        unsupported: Ticks with fewer than `keep_support`.
+        supported: Ticks with at least `keep_support`.
+        unsupported: Ticks since then.
         source: Which prediction fitted best at this tick.
         held_since: Tick at which the hand had closed, of the interacted body; -1 for others.
     """
@@ -107,6 +109,7 @@ class TrackedBody:
     rest: RestPositions
     path: Array
     support: int = 0
+    supported: int = 0
     unsupported: int = 0
     source: str = "reference"
     held_since: int = -1
@@ -230,6 +233,7 @@ def _recorded(
         filter=filtered,
         path=np.concatenate([body.path[1:], filtered.X[None]]),
         support=support,
+        supported=body.supported + int(supported),
         unsupported=0 if supported else body.unsupported + 1,
         source=source,
     )
@@ -519,6 +523,12 @@ def is_active(prior: PoseBelief | None) -> bool:
     if prior is None:
         return False
     return bool(np.isfinite(prior.X).all() and np.isfinite(prior.covariance).all())
+
+
+def is_alive(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
+    """Whether a body goes on: one that was seen only briefly is given up sooner."""
+    patience = min(config.patience, 5 + body.supported)
+    return body.body_id == INTERACTED_BODY or body.unsupported <= patience
 
 
 def advance_all(

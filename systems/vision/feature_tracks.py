@@ -25,6 +25,9 @@ class FeatureMotionConfig:
     corner_noise_factor: float = 15.0  # Corner strength over that of the image's noise.
     min_contrast: float = 2.5  # Standard deviation of a patch, [grey levels].
     min_correlation: float = 0.8  # ZNCC below which a feature is not seen.
+    probation: int = 3  # A feature so young has to be recognised at every tick, [ticks].
+    young_correlation: float = 0.92  # ZNCC below which a young one is not worth following.
+    probation_pause: int = 60  # Nothing is born for so long where one failed, [ticks].
     renewal_correlation: float = 0.88  # ZNCC below which a reshaped patch's template is renewed.
     renewal_shape: float = 0.3  # Logarithm of the change of size that makes it reshaped.
     shape_change: float = 0.04  # Relative change of a patch's shape per update of it, 1 sigma.
@@ -75,6 +78,7 @@ class FeatureTracks:
         image: The last image in which most features were seen (H, W), blurred grey.
         uv_image: Pixels in it (N, 2); NaN where a feature was not seen in it.
         blackout: Whether nearly all features went unseen.
+        failed: Where young features failed, and ticks left of that memory (M, 3).
     """
 
     ids: Ids
@@ -90,6 +94,7 @@ class FeatureTracks:
     image: Image | None
     uv_image: Array
     blackout: bool
+    failed: Array
 
     def __deepcopy__(self, memo: dict[int, object]) -> "FeatureTracks":
         return self
@@ -134,6 +139,7 @@ def no_tracks(config: FeatureMotionConfig) -> FeatureTracks:
         image=None,
         uv_image=np.zeros((0, 2)),
         blackout=False,
+        failed=np.zeros((0, 3)),
     )
 
 
@@ -355,7 +361,24 @@ def follow(
         # Without a change of shape, what no longer looks the same is not the same.
         worn &= np.max(np.abs(np.log(sizes)), axis=1) > config.renewal_shape
         fresh = _renew(config, fresh, frame, tangents, worn)
+        fresh, passed = _examine(config, fresh, found.scores)
+        fresh = fresh.select(passed)
     return fresh.select(_alive(config, fresh, frame))
+
+
+def _examine(
+    config: FeatureMotionConfig, tracks: FeatureTracks, scores: Array
+) -> tuple[FeatureTracks, Mask]:
+    """Which features (N,) pass their probation, and where the others failed.
+
+    A young patch looks as it did, but for the noise: where the noise shows, it would wander.
+    """
+    passed = (tracks.age > config.probation) | (scores >= config.young_correlation)
+    where = tracks.uv[~passed]
+    pause = np.full((len(where), 1), float(config.probation_pause))
+    left = tracks.failed - [0.0, 0.0, 1.0]
+    failed = np.concatenate([left[left[:, 2] > 0], np.concatenate([where, pause], axis=1)])
+    return replace(tracks, failed=failed), passed
 
 
 def _coast(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> FeatureTracks:
@@ -418,7 +441,7 @@ def give_birth(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame)
     uv = feature_detection.find_corners(
         frame.image,
         allowed,
-        tracks.uv,
+        np.concatenate([tracks.uv, tracks.failed[:, :2]]),
         wanted,
         noise=frame.noise,
         min_distance=config.min_distance,

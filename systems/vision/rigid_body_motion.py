@@ -206,7 +206,7 @@ def _check(config: RigidBodyMotionConfig) -> None:
     positive = "period rest_samples angular_acceleration linear_acceleration rotation_sigma"
     positive += " initial_angular_velocity initial_linear_velocity gate moving better association"
     positive += " prior_rotation_walk prior_translation_walk jump_rotation jump_translation"
-    positive += " extent"
+    positive += " extent neighbourhood"
     floors = "feature_floor anchor_floor anchor_walk turn_walk max_penalty min_gain min_spread"
     floors += " patience memory max_suspicion max_free_suspicion seed"
     counts = "newest min_support keep_support"

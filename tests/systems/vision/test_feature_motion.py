@@ -163,6 +163,24 @@ def test_after_a_short_blackout_the_same_features_are_found(follow: Callable) ->
     assert np.mean(kept) > 0.95
 
 
+def test_what_the_noise_drowns_is_soon_left_alone(follow: Callable) -> None:
+    """A dark half of the wall: its noise is not that of the flat parts that tell the noise."""
+
+    def inputs(k: int) -> dict:
+        values = frame(seed=k, sigma=0.5)
+        grey = values["color_measured"].mutable_data[:, :320, :3]
+        noise = np.random.default_rng(k).normal(0, 6.0, grey.shape[:2])
+        faint = 20.0 + 0.2 * (grey[:, :, 0] - 120.0) + noise
+        grey[:] = np.clip(np.round(faint), 0, 255).astype(np.uint8)[:, :, None]
+        return values
+
+    beliefs = follow(inputs, 12)
+    dark = [int(np.sum(belief.uv[:, 0] < 310)) for belief in beliefs]
+    assert dark[0] > 20
+    assert max(dark[5:]) < 0.2 * dark[0]
+    assert np.sum(beliefs[-1].uv[:, 0] > 330) > 60
+
+
 def test_a_feature_without_depth_is_not_seen(follow: Callable) -> None:
     def inputs(k: int) -> dict:
         values = frame(seed=k)

@@ -180,6 +180,19 @@ def test_features_that_stray_in_all_directions_make_no_body(play: Callable) -> N
     assert not any(play(stream))
 
 
+def test_patches_on_a_seam_that_move_half_the_way_make_no_third_body(play: Callable) -> None:
+    stream = Stream(kind="drawer", seed=4)
+    for k, belief in enumerate(stream.beliefs):
+        p_WF = belief.p_WF.copy()
+        p_WF[belief.ids < 8] -= 0.5 * path("drawer", k)[:3, 3]
+        stream.beliefs[k] = replace(belief, p_WF=p_WF)
+    motions = play(stream)
+    assert all([b.body_id for b in m] in ([], [2]) for m in motions)
+    last = motions[-1][0]
+    assert not set(range(8)) & set(last.feature_ids.tolist())
+    assert np.linalg.norm(stream.error(last, stream.ticks - 1)[3:]) < 1e-3
+
+
 def test_features_belong_to_the_body_that_carries_them(play: Callable) -> None:
     stream = Stream(kind="drawer", seed=2)
     motions = play(stream)
@@ -208,7 +221,7 @@ def test_a_feature_that_changes_sides_is_released(play: Callable) -> None:
 def test_without_features_a_body_coasts_with_growing_doubt_and_is_then_given_up(
     play: Callable,
 ) -> None:
-    dark = 70
+    dark = 80
     stream = Stream(kind="drawer", seed=0, ticks=dark + 40, dark_from=dark)
     motions = play(stream)
     alive = [k for k, m in enumerate(motions) if m]

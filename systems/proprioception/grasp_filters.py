@@ -39,14 +39,16 @@ class GraspModelConfig:
     prior_cylindrical: float = 0.07
     prior_failed: float = 0.03
     axis_H: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))  # Fingers' curl.
-    p_HA: np.ndarray = field(default_factory=lambda: np.zeros(3))  # On the bar in the palm, [m].
+    p_HA: np.ndarray = field(
+        default_factory=lambda: np.array([0.0, 0.0, -0.02])
+    )  # On the bar, [m].
     axis_deviation: float = 0.2  # How far the bar may point elsewhere, [rad].
     point_deviation: float = 0.015  # How far it may lie elsewhere, [m].
     rotation_rate: float = 0.1  # Of the body about the bar, random walk, [rad/s^0.5].
     sliding_rate: float = 0.02  # Of the body along the bar, [m/s^0.5].
     axis_rate: float = 0.01  # Of the axis in the soft palm, random walk, [rad/s^0.5].
     point_rate: float = 3.0e-3  # Of the point on it, [m/s^0.5].
-    hand_error_time: float = 5.0  # How long the bent hand's error stays the same, [s].
+    hand_error_time: float = 30.0  # How long the bent hand's error stays the same, [s].
     slip_rotation: float = 0.03  # Slip per way of the hand, [rad/m^0.5].
     slip_translation: float = 2.0e-3  # [m/m^0.5]
     failed_rotation: float = 0.05  # How a body that nobody holds moves, [rad/s^0.5].

@@ -18,6 +18,7 @@ from systems.proprioception.bending_network import (
     predict_bending,
     predict_deviation,
 )
+from systems.proprioception.bent_hand import screw
 from systems.proprioception.recursive_filter import RecursiveFilter, require_positive
 from systems.sensors.checks import require
 
@@ -39,7 +40,10 @@ class HandBendingConfig:
     pressure_noise: float = 50.0  # The same, [Pa].
     rotation_rate: float = 0.05  # How fast bending changes, white noise, [rad/s^0.5].
     translation_rate: float = 0.01  # The same for translation, [m/s^0.5].
-    deviation_time: float = 10.0  # How long the networks' error stays the same, [s].
+    deviation_time: float = 30.0  # How long the networks' error stays the same, [s].
+    creep: float = 0.015  # The hand turns on the bar without a sign, less and less, [rad/s^0.5],
+    axis_H: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))  # about this
+    p_HA: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, -0.02]))  # line, [m].
     rotation_floor: float = 2.0e-3  # Least standard deviation of the networks, [rad].
     translation_floor: float = 3.0e-4  # [m]
 
@@ -69,21 +73,26 @@ def load_reading(
 
 @dataclass(kw_only=True)
 class BendingState:
-    """The filter's state: log X_EH and the networks' error, both (6,), with covariance (12, 12).
+    """The filter's state: log X_EH (6,), the networks' error (6,) and the creep, with covariance.
 
-    The networks' error is in units of their standard deviation. `reference` is the reading (10,)
-    at the first instant of the grasp, `last_reading` the latest; both None when there is none.
+    Attributes:
+        reference: Reading (10,) at the first instant of the grasp, None before.
+        last_reading: The latest (10,), None before the first.
+        held: Time since the first instant of the grasp, [s].
+        mean: (13,); the networks' error and the creep are in units of their standard deviation.
+        covariance: (13, 13).
     """
 
     reference: Array | None
     last_reading: Array | None
+    held: float
     mean: Array
     covariance: Array
 
 
 def start_grasp() -> tuple[Array, Array]:
-    """Mean (12,) and covariance (12, 12) at the first instant of the grasp, where H is E."""
-    return np.zeros(12), np.diag(np.repeat([CERTAIN, 1.0], 6))
+    """Mean (13,) and covariance (13, 13) at the first instant of the grasp, where H is E."""
+    return np.zeros(13), np.diag(np.repeat([CERTAIN, 1.0], [6, 7]))
 
 
 def predict_bending_state(
@@ -91,26 +100,27 @@ def predict_bending_state(
 ) -> tuple[Array, Array]:
     """Constant bending with process noise; the networks' error fades slowly into another."""
     fading = np.exp(-config.period / config.deviation_time)
-    F = np.repeat([1.0, fading], 6)
+    F = np.repeat([1.0, fading, 1.0], [6, 6, 1])
     rates = np.repeat([config.rotation_rate, config.translation_rate], 3)
-    Q = np.concatenate([rates**2 * config.period, np.full(6, 1.0 - fading**2)])
+    Q = np.concatenate([rates**2 * config.period, np.full(6, 1.0 - fading**2), [0.0]])
     return F * mean, F[:, None] * covariance * F + np.diag(Q)
 
 
 def correct_bending_state(
-    mean: Array, covariance: Array, measured: Array, deviation: Array, R: Array
+    mean: Array, covariance: Array, measured: Array, deviation: Array, creep: Array, R: Array
 ) -> tuple[Array, Array]:
-    """Corrects by z = log X_EH + deviation * error + white noise.
+    """Corrects by z = log X_EH + deviation * error + creep * constant + white noise.
 
     Args:
         measured: z (6,), the networks' reading, [rad, m].
         deviation: Their standard deviation (6,).
+        creep: What of the bending the sensors do not show (6,), one standard deviation.
         R: Covariance (6, 6) of the white noise, the sensors' through the network.
     """
-    H = np.hstack([np.eye(6), np.diag(deviation)])
+    H = np.hstack([np.eye(6), np.diag(deviation), creep[:, None]])
     PHt = covariance @ H.T
     K = np.linalg.solve(H @ PHt + R, PHt.T).T
-    remainder = np.eye(12) - K @ H
+    remainder = np.eye(13) - K @ H
     posterior = remainder @ covariance @ remainder.T + K @ R @ K.T
     return mean + K @ (measured - H @ mean), 0.5 * (posterior + posterior.T)
 
@@ -130,6 +140,8 @@ class HandBending(RecursiveFilter):
     reading u after u_0 at that instant, with the standard deviation sigma(u - u_0). What the
     networks get wrong at a load they get wrong again at the next tick, so their error is a state
     that fades slowly, z = log X_EH + sigma n + sensor noise: many ticks do not average it away.
+    Under a steady pull the fingers also creep: the hand turns on the bar while no reading changes.
+    Its variance grows in proportion to time; in sign and size it is a constant of the grasp.
 
     The reading is the load on the hand, the wrist's wrench without the hand's weight, which turns
     with the hand. A constant bias of the sensors is in u_0 as much as in u, and cancels.
@@ -166,6 +178,9 @@ class HandBending(RecursiveFilter):
         self._network = network or load_network(Path(WEIGHTS_DIR, config.weights))
         self._R_ES = RollPitchYaw(*map(float, config.rpy_ES)).ToRotationMatrix().matrix()
         self._p_S_com = np.asarray(config.p_S_com, dtype=float)
+        axis = np.asarray(config.axis_H, dtype=float)
+        point = np.asarray(config.p_HA, dtype=float)
+        self._creep = config.creep * screw(axis / np.linalg.norm(axis), point)
         self._floor = np.repeat([config.rotation_floor, config.translation_floor], 3)
         self._noise = np.repeat(
             [config.torque_noise, config.force_noise, config.pressure_noise], [3, 3, 4]
@@ -183,6 +198,7 @@ class HandBending(RecursiveFilter):
         initial = BendingState(
             reference=None,
             last_reading=None,
+            held=0.0,
             mean=mean,
             covariance=covariance,
         )
@@ -205,7 +221,8 @@ class HandBending(RecursiveFilter):
         }
         require_positive("HandBending", config, units)
         require(config.hand_mass >= 0, "HandBending", config, "hand_mass", ">= 0 kg")
-        for name, unit in {"p_S_com": "m", "rpy_ES": "rad"}.items():
+        require(config.creep >= 0, "HandBending", config, "creep", ">= 0 rad/s^0.5")
+        for name, unit in {"p_S_com": "m", "rpy_ES": "rad", "axis_H": "-", "p_HA": "m"}.items():
             value = np.asarray(getattr(config, name), dtype=float)
             finite = value.shape == (3,) and bool(np.isfinite(value).all())
             require(finite, "HandBending", config, name, f"three finite numbers, {unit}")
@@ -224,29 +241,32 @@ class HandBending(RecursiveFilter):
         last = state.last_reading if reading is None else reading
         if self._read(self._active, context)[0] <= 0.5:
             mean, covariance = start_grasp()
-            return BendingState(reference=None, last_reading=last, mean=mean, covariance=covariance)
-        reference = state.reference
+            return BendingState(
+                reference=None, last_reading=last, held=0.0, mean=mean, covariance=covariance
+            )
+        reference, held = state.reference, 0.0
         if reference is None:
             reference = last
             mean, covariance = start_grasp()
         else:
+            held = state.held + self._config.period
             mean, covariance = predict_bending_state(state.mean, state.covariance, self._config)
             if reading is not None:
-                mean, covariance = self._correct(mean, covariance, reading, reference)
+                mean, covariance = self._correct(mean, covariance, reading, reference, held)
         return BendingState(
             reference=reference,
             last_reading=last,
+            held=held,
             mean=mean,
             covariance=covariance,
         )
 
     def _correct(
-        self, mean: Array, covariance: Array, reading: Array, reference: Array
+        self, mean: Array, covariance: Array, reading: Array, reference: Array, held: float
     ) -> tuple[Array, Array]:
         measured = predict_bending(self._network, reading, reference)
-        deviation = predict_deviation(self._network, reading, reference)
+        deviation = np.hypot(predict_deviation(self._network, reading, reference), self._floor)
+        creep = self._creep * np.sqrt(held)
         J = bending_jacobian(self._network, reading, reference) * self._noise
         R = J @ J.T + 1e-2 * np.diag(self._floor**2)
-        return correct_bending_state(
-            mean, covariance, measured, np.hypot(deviation, self._floor), R
-        )
+        return correct_bending_state(mean, covariance, measured, deviation, creep, R)

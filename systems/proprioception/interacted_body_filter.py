@@ -35,7 +35,7 @@ _REFERENCE_VARIANCE = 1e-12  # The reference pose is so by definition, [rad^2, m
 @dataclass(kw_only=True)
 class InteractedBodyMotionConfig:
     period: float = 1.0 / 15.0  # Tick, [s].
-    hand_error_time: float = 5.0  # How long the bent hand's error stays the same, [s].
+    hand_error_time: float = 30.0  # How long the bent hand's error stays the same, [s].
     slip_rotation: float = 0.03  # Slip in the hand per way moved, [rad/m^0.5].
     slip_translation: float = 2.0e-3  # [m/m^0.5]
     lever: float = 0.1  # Way of the hand per rotation, when counting its way, [m/rad].

@@ -55,7 +55,7 @@ class Scene:
     coordinates: Callable[[float], tuple[float, float] | None] = lambda t: (0.0, 0.0)
     hand_alone: Callable[[float], np.ndarray] = lambda t: np.eye(4)
     axis: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
-    point: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    point: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, -0.02]))
     dark_from: float = np.inf
     duration: float = 8.0
 
@@ -125,7 +125,7 @@ class Episode:
         rng = np.random.default_rng(seed)
         self.scene, self.rng = scene, rng
         self.c = rng.normal(size=6)
-        self.bending_error = AutoRegression(rng, 5.0)
+        self.bending_error = AutoRegression(rng, 30.0)
         size = np.array([0.1, 0.1, 0.05, 0.004, 0.004, 0.004])
         self.bending_end = size * rng.normal(size=6)
         self.p_WF = rng.uniform([0.85, -0.4, 0.75], [0.9, 0.1, 1.0], (30, 3))

@@ -206,6 +206,16 @@ def test_many_ticks_do_not_average_the_networks_error_away(trained: tuple) -> No
     assert np.all(sigma > 0.4 * deviation)
 
 
+def test_creep_makes_turning_about_the_bar_less_certain_with_time(trained: tuple) -> None:
+    path = np.tile(0.3 * bending_path(30, np.random.default_rng(4))[-1], (120, 1))
+    path[:10] *= np.linspace(0, 1, 10)[:, None]
+    beliefs = run(trained[0], path, 0, np.zeros(6))
+    early, late = (beliefs[ACTIVE_TICK + tick].covariance for tick in (15, 119))
+    grown = np.sqrt(np.diag(late - early).clip(min=0.0))
+    assert grown[1] > 0.6 * CONFIG.creep * np.sqrt(104 * CONFIG.period)
+    assert grown[1] > 3.0 * max(grown[0], grown[2])
+
+
 def test_weight_has_its_lever_about_the_sensor() -> None:
     F = hand_weight(np.eye(3), 2.0, np.array([0.1, 0.0, 0.0]))
     np.testing.assert_allclose(F, [0, 2 * 9.81 * 0.1, 0, 0, 0, -2 * 9.81])
@@ -233,7 +243,8 @@ def test_latest_does_not_depend_on_inputs(trained: tuple) -> None:
 
 
 @pytest.mark.parametrize(
-    ("field", "value"), [("hand_mass", -1.0), ("deviation_time", 0.0), ("p_S_com", np.zeros(2))]
+    ("field", "value"),
+    [("hand_mass", -1.0), ("deviation_time", 0.0), ("p_S_com", np.zeros(2)), ("creep", -1.0)],
 )
 def test_impossible_values_are_refused(trained: tuple, field: str, value: object) -> None:
     config = HandBendingConfig()

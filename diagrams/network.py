@@ -1,5 +1,6 @@
 """The network of coupled filters: one factory, three wirings of the same systems."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -32,6 +33,78 @@ PROPRIOCEPTION_INPUTS = (
 )
 
 
+@dataclass(frozen=True, kw_only=True)
+class CrossModalWire:
+    """A flow of information that a scenario may cut, by its connections.
+
+    Attributes:
+        carries: What, and what for.
+        connections: (system, output port, system, input port); every input works unconnected.
+    """
+
+    carries: str
+    connections: tuple[tuple[str, str, str, str], ...]
+
+
+CROSSMODAL_WIRES = {
+    "interacted_body_to_vision": CrossModalWire(
+        carries="where the hand takes its body, so that vision finds its features",
+        connections=(
+            ("interacted_body_motion", "body_prior", "rigid_body_motion", "interacted_body_prior"),
+        ),
+    ),
+    "features_to_interacted_body": CrossModalWire(
+        carries="the features of the body in the hand, which correct its pose",
+        connections=(
+            (
+                "feature_motion",
+                "features_estimated",
+                "interacted_body_motion",
+                "features_estimated",
+            ),
+            (
+                "rigid_body_motion",
+                "body_motions_estimated",
+                "interacted_body_motion",
+                "body_motions_estimated",
+            ),
+        ),
+    ),
+    "interacted_body_to_grasp": CrossModalWire(
+        carries="how the body in the hand was seen to move, from which the grasp is learnt",
+        connections=(
+            (
+                "interacted_body_motion",
+                "body_motions_estimated",
+                "grasp_model",
+                "body_motions_estimated",
+            ),
+        ),
+    ),
+    "visual_bodies_to_joints": CrossModalWire(
+        carries="bodies that only vision sees, to which the body in the hand may be jointed",
+        connections=(
+            ("rigid_body_motion", "body_motions_estimated", "kinematic_model", "body_motions"),
+        ),
+    ),
+    "joints_to_vision": CrossModalWire(
+        carries="where the joints expect the bodies, as one more prediction for vision",
+        connections=(
+            ("kinematic_model", "bodies_predicted", "rigid_body_motion", "joint_predictions"),
+        ),
+    ),
+}
+
+
+def check_cut(cut: Sequence[str]) -> None:
+    """Raises ValueError, naming the known wires, where one is unknown."""
+    for name in cut:
+        if name not in CROSSMODAL_WIRES:
+            raise ValueError(
+                f"perception.cut: unknown wire '{name}'; there are {', '.join(CROSSMODAL_WIRES)}"
+            )
+
+
 def joints_from_features() -> KinematicModelConfig:
     """Bodies followed by the eye drift by some tenths of a millimetre for seconds."""
     return KinematicModelConfig(
@@ -50,8 +123,13 @@ def joints_from_the_hand() -> KinematicModelConfig:
 
 @dataclass(kw_only=True)
 class PerceptionConfig:
-    """One config per filter; the joints' differ by what measures the bodies."""
+    """One config per filter; the joints' differ by what measures the bodies.
 
+    Attributes:
+        cut: Wires of `CROSSMODAL_WIRES` that the cross-modal network does without.
+    """
+
+    cut: list[str] = field(default_factory=list)
     end_effector: EndEffectorMotionConfig = field(default_factory=EndEffectorMotionConfig)
     hand_bending: HandBendingConfig = field(default_factory=HandBendingConfig)
     grasp: GraspModelConfig = field(default_factory=GraspModelConfig)
@@ -93,6 +171,7 @@ def make_network(modality: str, config: PerceptionConfig, robot: RobotKnowledge)
     """
     if modality not in MODALITIES:
         raise ValueError(f"unknown modality '{modality}'; there are {', '.join(MODALITIES)}")
+    check_cut(config.cut)
     builder = DiagramBuilder()
     kinematics = getattr(config, f"joints_{modality}")
     if modality == "vision":
@@ -103,19 +182,17 @@ def make_network(modality: str, config: PerceptionConfig, robot: RobotKnowledge)
         _export_outputs(builder, bodies, "body_motions_latest")
     elif modality == "proprioception":
         model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=1))
-        body = _add_proprioception(builder, config, robot, corrected_by_vision=False)
+        body, grasp = _add_proprioception(builder, config, robot, corrected_by_vision=False)
+        _wire(builder, body, "body_motions_estimated", grasp, "body_motions_estimated")
         _wire(builder, body, "body_motions_estimated", model, "body_motions")
         _export_outputs(builder, body, "body_motions_latest")
     else:
         model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=2))
-        bodies = _add_vision(builder, config, robot, with_interacted_body=True)
-        body = _add_proprioception(builder, config, robot, corrected_by_vision=True)
-        features = builder.GetSubsystemByName("feature_motion")
-        _wire(builder, model, "bodies_predicted", bodies, "joint_predictions")
-        _wire(builder, body, "body_prior", bodies, "interacted_body_prior")
-        _wire(builder, features, "features_estimated", body, "features_estimated")
-        _wire(builder, bodies, "body_motions_estimated", body, "body_motions_estimated")
-        _wire(builder, bodies, "body_motions_estimated", model, "body_motions")
+        _add_vision(builder, config, robot, with_interacted_body=True)
+        body, _ = _add_proprioception(builder, config, robot, corrected_by_vision=True)
+        for name, wire in CROSSMODAL_WIRES.items():
+            if name not in config.cut:
+                _connect(builder, wire)
         # What hand and eye know together of the interacted body counts, not what the eye knows.
         _wire(builder, body, "body_motions_estimated", model, "body_motions_1")
         _export_outputs(builder, body, "body_motions_latest")
@@ -154,8 +231,8 @@ def _add_proprioception(
     config: PerceptionConfig,
     robot: RobotKnowledge,
     corrected_by_vision: bool,
-) -> System:
-    """End-effector, bending, grasp and interacted body; returns the last."""
+) -> tuple[System, System]:
+    """End-effector, bending, grasp and interacted body; returns the last and the grasp."""
     end_effector = _add(
         builder, "end_effector_motion", EndEffectorMotion(config.end_effector, robot.arm)
     )
@@ -177,11 +254,10 @@ def _add_proprioception(
     for system in (grasp, body):
         _wire(builder, bending, "hand_bending_estimated", system, "hand_bending_estimated")
     _wire(builder, grasp, "grasp_latest", body, "grasp_latest")
-    _wire(builder, body, "body_motions_estimated", grasp, "body_motions_estimated")
     _export_outputs(builder, end_effector, "end_effector_latest")
     _export_outputs(builder, bending, "hand_bending_latest")
     _export_outputs(builder, grasp, "grasp_latest")
-    return body
+    return body, grasp
 
 
 def _add(builder: DiagramBuilder, name: str, system: System) -> System:
@@ -190,6 +266,17 @@ def _add(builder: DiagramBuilder, name: str, system: System) -> System:
 
 def _wire(builder: DiagramBuilder, source: System, output: str, target: System, port: str) -> None:
     builder.Connect(source.GetOutputPort(output), target.GetInputPort(port))
+
+
+def _connect(builder: DiagramBuilder, wire: CrossModalWire) -> None:
+    for source, output, target, port in wire.connections:
+        _wire(
+            builder,
+            builder.GetSubsystemByName(source),
+            output,
+            builder.GetSubsystemByName(target),
+            port,
+        )
 
 
 def _export_outputs(builder: DiagramBuilder, system: System, *ports: str) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.network import MODALITIES, PerceptionConfig
+from diagrams.network import MODALITIES, PerceptionConfig, check_cut
 from diagrams.object_model import check_object_model
 from diagrams.station import ControlConfig, SensorsConfig
 from diagrams.yaml_schema import ScenarioError, apply_override, load_typed, read_yaml, suggestion
@@ -193,6 +193,10 @@ def check_scenario(scenario: Scenario, source: str) -> None:
     if scenario.seed < 0:
         raise ScenarioError(f"{source}: seed = {scenario.seed}, but it must be >= 0")
     _check_modalities(scenario.modalities, source)
+    try:
+        check_cut(scenario.perception.cut)
+    except ValueError as error:
+        raise ScenarioError(f"{source}: {error}") from None
     _check_camera(scenario.camera, source)
     _check_variation(scenario.object.variation, source)
     if not (SDF_DIR / scenario.plant.scene).is_file():

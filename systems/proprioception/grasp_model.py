@@ -243,7 +243,7 @@ class GraspModel(RecursiveFilter):
     - `end_effector_estimated`: `EndEffectorBelief` X_WE.
     - `hand_bending_estimated`: `PoseBelief` X_EH.
     - `body_motions_estimated`: `BodyMotions` with the one `InteractedBody`, of
-      `InteractedBodyMotion`.
+      `InteractedBodyMotion`; unconnected, the grasp stays the prior.
     - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
     - `grasp_estimated`: `GraspBelief`, posterior of this tick.
     - `grasp_latest`: `GraspBelief`, posterior of the last tick, from the state alone.
@@ -305,8 +305,9 @@ class GraspModel(RecursiveFilter):
         require(abs(total - 1.0) < 1e-6, "GraspModel", config, "prior_perfect", "a sum of one")
 
     def _calc_grasp(self, context: Context, state: Any) -> GraspState:
-        motions: BodyMotions = self._read(self._bodies, context)
-        body = next((b for b in motions.bodies if b.body_id == INTERACTED_BODY), None)
+        motions = self._read(self._bodies, context) if self._bodies.HasValue(context) else None
+        bodies = [] if motions is None else motions.bodies
+        body = next((b for b in bodies if b.body_id == INTERACTED_BODY), None)
         if self._read(self._active, context)[0] <= 0.5 or not isinstance(body, InteractedBody):
             return self._nothing_held
         end_effector = self._read(self._end_effector, context)

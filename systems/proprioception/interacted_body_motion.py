@@ -162,7 +162,8 @@ class InteractedBodyMotion(RecursiveFilter):
     - `grasp_latest`: `GraspBelief` of the last tick.
     - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
     - `features_estimated`: `FeatureBelief`; body_motions_estimated: `BodyMotions`, of which the
-      features of `INTERACTED_BODY` are used. Both exist only with `corrected_by_vision`.
+      features of `INTERACTED_BODY` are used. Both exist only with `corrected_by_vision`
+      and may stay unconnected, as in the dark.
     - `body_prior`: `PoseBelief` X_WB before vision, not a number while nothing is held. It depends
       on the state and on the first four inputs only.
     - `body_motions_estimated`: `BodyMotions`, one `InteractedBody` or none, posterior of this tick.
@@ -256,7 +257,7 @@ class InteractedBodyMotion(RecursiveFilter):
 
     def _calc_posterior_state(self, context: Context, state: Any) -> InteractedState:
         body = self._prior.Eval(context)
-        if body is None or self._features is None:
+        if body is None or self._features is None or not self._features.HasValue(context):
             return InteractedState(body=body, sighting=None)
         features = self._read(self._features, context)
         motions = self._read(self._motions, context)

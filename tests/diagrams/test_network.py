@@ -9,11 +9,15 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from diagrams.episode import Episode, build_networks, build_station
-from diagrams.network import MODALITIES, make_network
+from diagrams.network import CROSSMODAL_WIRES, MODALITIES, make_network
 from diagrams.network_drawing import leaf_systems, wires
 from diagrams.scenario import Scenario, load_scenario
+from diagrams.station import Station
 from diagrams.truth_paths import truth_paths
+from diagrams.yaml_schema import ScenarioError
 from systems.port_values import INTERACTED_BODY, SampleWindow
+from systems.proprioception.grasp_filters import GraspModelConfig
+from systems.proprioception.grasp_model import initial_grasp
 
 Q = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0])
 
@@ -24,8 +28,13 @@ def scenario() -> Scenario:
 
 
 @cache
+def station() -> Station:
+    return build_station(scenario(), 0)
+
+
+@cache
 def networks() -> dict[str, Diagram]:
-    return build_networks(scenario(), build_station(scenario(), 0))
+    return build_networks(scenario(), station())
 
 
 @cache
@@ -53,18 +62,60 @@ def test_an_unknown_modality_lists_the_known_ones() -> None:
         make_network("smell", scenario().perception, None)
 
 
+def connections(network: Diagram) -> set[tuple[str, str, str, str]]:
+    return {
+        (wire.source.get_name(), wire.source_port, wire.target.get_name(), wire.target_port)
+        for wire in wires(network)
+        if wire.source is not None
+    }
+
+
+@pytest.mark.parametrize("name", CROSSMODAL_WIRES)
+def test_cutting_a_wire_removes_its_connections_and_no_other(name: str) -> None:
+    chosen = load_scenario("drawer", [f"perception.cut=[{name}]", "modalities=[crossmodal]"])
+    cut = build_networks(chosen, station())["crossmodal"]
+    missing = connections(networks()["crossmodal"]) - connections(cut)
+    assert missing == set(CROSSMODAL_WIRES[name].connections)
+
+
+def test_with_every_wire_cut_the_network_still_ticks() -> None:
+    names = ", ".join(CROSSMODAL_WIRES)
+    chosen = load_scenario("drawer", [f"perception.cut=[{names}]", "modalities=[crossmodal]"])
+    network = build_networks(chosen, station())["crossmodal"]
+    context = network.CreateDefaultContext()
+    fix_inputs(network, context, Q, 0.0)
+    body = network.GetSubsystemByName("interacted_body_motion")
+    grasp = network.GetSubsystemByName("grasp_model")
+    motions = body.GetOutputPort("body_motions_estimated").Eval(body.GetMyContextFromRoot(context))
+    belief = grasp.GetOutputPort("grasp_estimated").Eval(grasp.GetMyContextFromRoot(context))
+    assert len(motions.bodies) == 1
+    assert belief.probabilities == initial_grasp(GraspModelConfig()).probabilities
+
+
+def test_a_cut_touches_no_other_modality() -> None:
+    names = ", ".join(CROSSMODAL_WIRES)
+    cut = build_networks(load_scenario("drawer", [f"perception.cut=[{names}]"]), station())
+    for modality in ("vision", "proprioception"):
+        assert connections(cut[modality]) == connections(networks()[modality])
+
+
+def test_an_unknown_wire_lists_the_known_ones() -> None:
+    with pytest.raises(ScenarioError, match=r"cut: unknown wire 'thumb'.*joints_to_vision"):
+        load_scenario("drawer", ["perception.cut=[thumb]"])
+
+
 def test_no_path_leads_from_the_truth_to_what_the_robot_runs() -> None:
     assert truth_paths(episode().diagram) == []
 
 
 def test_a_wire_from_the_truth_into_a_filter_is_found() -> None:
-    station = build_station(scenario(), 0)
-    network = build_networks(scenario(), station)["proprioception"]
+    plant = build_station(scenario(), 0)
+    network = build_networks(scenario(), plant)["proprioception"]
     builder = DiagramBuilder()
-    builder.AddSystem(station.diagram)
+    builder.AddSystem(plant.diagram)
     builder.AddSystem(network)
     builder.Connect(
-        station.diagram.GetOutputPort("cheat_configuration"),
+        plant.diagram.GetOutputPort("cheat_configuration"),
         network.GetInputPort("interaction_active"),
     )
     paths = truth_paths(builder.Build())
@@ -129,7 +180,6 @@ def test_an_estimate_reacts_to_a_measurement_in_the_same_tick() -> None:
 
 
 def test_filters_read_the_calibrated_camera_and_the_arm_that_the_station_has() -> None:
-    station = episode().station
-    assert station.arm.num_positions() == 7
-    focal = station.intrinsics.focal_x()
+    assert episode().station.arm.num_positions() == 7
+    focal = episode().station.intrinsics.focal_x()
     assert_allclose(focal, 320 / np.tan(np.deg2rad(29)))

@@ -1,13 +1,13 @@
 """Velocity-based exploration: pull, and let the object's own freedom bend the path."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, LeafSystem, State
 
-from controllers.grasp_sequence import Phase
+from controllers.grasp_sequence import Phase, unit
 from controllers.impedance import DesiredMotion
 from controllers.robot_kinematics import ArmModel
 from maths import se3
@@ -20,8 +20,6 @@ class ExplorationConfig:
     period: float = 0.01  # Update period, [s].
     gain: float = 0.1  # k_p of the paper, share of the velocity error added per update, [s].
     speed: float = 0.02  # Desired speed in the pulling direction, [m/s].
-    # Pulling direction in E: the hand's approach axis, backwards.
-    direction_E: list[float] = field(default_factory=lambda: [0.0, 0.0, -1.0])
 
 
 def explore_step(X_WE_desired: Array, V_WE_E: Array, V_WE_E_wanted: Array, gain: float) -> Array:
@@ -56,9 +54,17 @@ class ExplorationController(LeafSystem):
     - motion_commanded: `DesiredMotion` for the impedance controller.
 
     State: the desired pose X_WE and its velocity, and the last phase.
+
+    Args:
+        config: Speed and gain.
+        arm: The robot's own model.
+        direction_E: Of the pull (3,), in E.
+
+    Raises:
+        ValueError: for impossible values.
     """
 
-    def __init__(self, config: ExplorationConfig, arm: ArmModel) -> None:
+    def __init__(self, config: ExplorationConfig, arm: ArmModel, direction_E: Array) -> None:
         super().__init__()
         for name in ("period", "gain", "speed"):
             if not getattr(config, name) > 0:
@@ -67,8 +73,7 @@ class ExplorationController(LeafSystem):
                 )
         self._config = config
         self._arm = arm
-        direction = np.asarray(config.direction_E, dtype=float)
-        self._direction = direction / np.linalg.norm(direction)
+        self._direction = unit(direction_E, "direction_E")
         self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
         still = DesiredMotion(X_WE=np.eye(4), V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
         self._desired = self.DeclareAbstractInputPort("motion_desired", AbstractValue.Make(still))

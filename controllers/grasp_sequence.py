@@ -44,7 +44,6 @@ class GraspSequenceConfig:
     pull_stiffness: float = 400.0  # [N/m]
     pull_damping: float = 200.0  # [N s/m]
     mass: float = 1.0  # [kg m^2], [kg]
-    direction_E: list[float] = field(default_factory=lambda: [0.0, 0.0, -1.0])  # Of the pull.
     comply: bool = True  # Whether to switch to the compliant gains once the hand has closed.
 
 
@@ -58,10 +57,21 @@ def minimum_jerk(s: float) -> tuple[float, float, float]:
     )
 
 
-def exploration_gains(config: GraspSequenceConfig) -> ImpedanceGains:
-    """Compliant in all directions, stiff in the pulling direction of E."""
-    direction = np.asarray(config.direction_E, dtype=float)
-    direction /= np.linalg.norm(direction)
+def unit(direction: Array, name: str) -> Array:
+    """`direction` (3,) with length one.
+
+    Raises:
+        ValueError: if it has no direction, under this `name`.
+    """
+    length = np.linalg.norm(direction)
+    if np.shape(direction) != (3,) or not 0 < length < np.inf:
+        raise ValueError(f"{name} = {np.asarray(direction).tolist()}: need 3 numbers, not all zero")
+    return np.asarray(direction / length)
+
+
+def exploration_gains(config: GraspSequenceConfig, direction_E: Array) -> ImpedanceGains:
+    """Compliant in all directions, stiff in the pulling direction (3,) of E."""
+    direction = unit(direction_E, "direction_E")
     pull = np.zeros((6, 6))
     pull[3:, 3:] = np.outer(direction, direction)
     free = np.eye(6) - pull
@@ -125,9 +135,20 @@ class GraspSequence(LeafSystem):
     - closure_commanded: (1,) 0 open to 1 closed, for the robot's picture of itself.
 
     State: phase, the time it began [s], and where the end-effector was then (3,) [m].
+
+    Args:
+        config: Times, pressures, gains.
+        arm: The robot's own model.
+        X_WE_grasp: Where the hand closes (4, 4).
+        direction_E: Of the pull (3,), in E.
+
+    Raises:
+        ValueError: for impossible values.
     """
 
-    def __init__(self, config: GraspSequenceConfig, arm: ArmModel, X_WE_grasp: Array) -> None:
+    def __init__(
+        self, config: GraspSequenceConfig, arm: ArmModel, X_WE_grasp: Array, direction_E: Array
+    ) -> None:
         super().__init__()
         for name in ("period", "approach_time", "close_time", "explore_time_limit", "travel"):
             if not getattr(config, name) > 0:
@@ -136,7 +157,7 @@ class GraspSequence(LeafSystem):
         self._arm = arm
         self._X_WE_grasp = X_WE_grasp.copy()
         self._stiff = stiff_gains(config)
-        self._compliant = exploration_gains(config) if config.comply else self._stiff
+        self._compliant = exploration_gains(config, direction_E) if config.comply else self._stiff
         self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
         state = self.DeclareDiscreteState(5)
         on_state = {self.discrete_state_ticket(state)}

@@ -41,6 +41,7 @@ def draw_placement(scenario: Scenario, seed: int) -> ObjectPlacement:
     return ObjectPlacement(
         model=object_model_file(scenario),
         X_WO=RigidTransform(RollPitchYaw(0.0, 0.0, yaw), position),
+        free=thing.free,
         friction=friction,
         texture=texture,
     )
@@ -68,6 +69,7 @@ def build_station(scenario: Scenario, seed: int) -> Station:
             draw_placement(scenario, seed),
             scenario.object.joint,
             scenario.object.handle_frame,
+            scenario.object.pull_direction,
             camera_intrinsics(view.width, view.height, np.deg2rad(view.horizontal_angle)),
             looking_at(view.position, view.looking_at),
             light,

@@ -37,6 +37,7 @@ def make_training_station(seed: int) -> Station:
         ObjectPlacement(model=SDF_DIR / "chest_drawer.sdf", X_WO=X_WO),
         "slide",
         "handle",
+        np.array([1.0, 0.0, 0.0]),
         camera_intrinsics(64, 48, 1.0),
         looking_at(np.array([0.0, 0.4, 1.4]), NOMINAL_HANDLE),
         Light(),

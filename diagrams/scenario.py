@@ -67,6 +67,9 @@ class ObjectConfig:
     handle_frame: str = "handle"
     position: np.ndarray = field(default_factory=lambda: np.array([0.865, -0.25, 0.86]))  # [m]
     yaw: float = 180.0  # [deg]
+    free: bool = False  # Whether it only rests on the table; otherwise it is fixed there.
+    # Where the hand pulls to explore, in the handle's frame; out of the object is x.
+    pull_direction: np.ndarray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     friction: float = 6.0  # Of the joint, [N or N m].
     variation: ObjectVariation = field(default_factory=ObjectVariation)
 
@@ -197,6 +200,10 @@ def check_scenario(scenario: Scenario, source: str) -> None:
         check_cut(scenario.perception.cut)
     except ValueError as error:
         raise ScenarioError(f"{source}: {error}") from None
+    _check_vector("object.position", scenario.object.position, source)
+    _check_vector("object.pull_direction", scenario.object.pull_direction, source, unit="")
+    if not np.any(scenario.object.pull_direction):
+        raise ScenarioError(f"{source}: object.pull_direction must not be all zero")
     _check_camera(scenario.camera, source)
     _check_variation(scenario.object.variation, source)
     if not (SDF_DIR / scenario.plant.scene).is_file():
@@ -261,6 +268,6 @@ def _check_variation(variation: ObjectVariation, source: str) -> None:
             )
 
 
-def _check_vector(key: str, value: np.ndarray, source: str) -> None:
+def _check_vector(key: str, value: np.ndarray, source: str, unit: str = ", [m]") -> None:
     if value.shape != (3,) or not np.all(np.isfinite(value)):
-        raise ScenarioError(f"{source}: {key} = {value.tolist()}, but it must be 3 numbers, [m]")
+        raise ScenarioError(f"{source}: {key} = {value.tolist()}, but it must be 3 numbers{unit}")

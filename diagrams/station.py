@@ -139,6 +139,7 @@ def make_station(
     placement: ObjectPlacement,
     joint_name: str,
     handle_frame: str,
+    pull_direction: Array,
     intrinsics: CameraInfo,
     X_WC: RigidTransform,
     light: Light,
@@ -155,6 +156,7 @@ def make_station(
         placement: The object.
         joint_name: The joint to explore.
         handle_frame: The object's frame to grasp, x out of the object, y along the bar.
+        pull_direction: Where the hand pulls to explore (3,), in the handle's frame.
         intrinsics: Of the camera.
         X_WC: Its pose.
         light: Disturbances.
@@ -200,7 +202,8 @@ def make_station(
     taught[:7] = q_grasp
     # The hand was guided there by a person, so the arm knows the pose as its encoders read it.
     taught = encoders.measure(taught, 0)
-    sequence = _add_control(wiring, encoders, taught[:7])
+    direction_E = facing(RigidTransform()).rotation().inverse() @ pull_direction
+    sequence = _add_control(wiring, encoders, taught[:7], direction_E)
     _add_vision(wiring, encoders, sequence, intrinsics, X_WC, light)
     return Station(
         diagram=builder.Build(),
@@ -302,14 +305,18 @@ def _finger_selection(scene: ManipulationScene) -> Array:
     return selection
 
 
-def _add_control(wiring: _Wiring, encoders: JointEncoders, q_taught: Array) -> GraspSequence:
+def _add_control(
+    wiring: _Wiring, encoders: JointEncoders, q_taught: Array, direction_E: Array
+) -> GraspSequence:
     builder, plant, control = wiring.builder, wiring.scene.plant, wiring.config.control
     arm = ArmModel(wiring.arm)
     X_WE = arm.Evaluate(np.concatenate([q_taught, np.zeros(7)])).X_WE
-    sequence = builder.AddNamedSystem("grasp_sequence", GraspSequence(control.sequence, arm, X_WE))
+    sequence = builder.AddNamedSystem(
+        "grasp_sequence", GraspSequence(control.sequence, arm, X_WE, direction_E)
+    )
     if control.excitation is None:
         exploration = builder.AddNamedSystem(
-            "exploration", ExplorationController(control.exploration, arm)
+            "exploration", ExplorationController(control.exploration, arm, direction_E)
         )
         builder.Connect(
             encoders.GetOutputPort("joint_state_measured"),

@@ -38,12 +38,14 @@ class ObjectPlacement:
     Attributes:
         model: SDF or URDF file.
         X_WO: Pose of its model frame.
+        free: Whether its root floats, to rest on the table or floor, or is welded to the world.
         friction: Coulomb friction of each of its joints, [N] or [N m].
         texture: PNG in models/sdf/textures for visuals whose names begin with `textured`.
     """
 
     model: Path
     X_WO: RigidTransform
+    free: bool = False
     friction: float = 0.0
     texture: str = ""
 
@@ -64,7 +66,7 @@ class ManipulationScene:
 def add_manipulation_scene(
     builder: DiagramBuilder, config: PlantConfig, placement: ObjectPlacement
 ) -> ManipulationScene:
-    """Adds plant and scene graph to `builder`, the object welded to the world where it stands.
+    """Adds plant and scene graph to `builder`, the object placed where it stands.
 
     Raises:
         ValueError: if `time_step` is not positive or the object has not one root body.
@@ -92,12 +94,14 @@ def add_manipulation_scene(
     ]
     if len(roots) != 1:
         raise ValueError(
-            f"{placement.model}: need one root body to weld to the world, found"
-            f" {[body.name() for body in roots]}"
+            f"{placement.model}: need one root body, found {[body.name() for body in roots]}"
         )
-    plant.WeldFrames(
-        plant.world_frame(), plant.GetFrameByName("__model__", object_instance), placement.X_WO
-    )
+    model_frame = plant.GetFrameByName("__model__", object_instance)
+    if placement.free:
+        X_OB = model_frame.GetFixedPoseInBodyFrame().inverse()
+        plant.SetDefaultFloatingBaseBodyPose(roots[0], placement.X_WO @ X_OB)
+    else:
+        plant.WeldFrames(plant.world_frame(), model_frame, placement.X_WO)
     plant.Finalize()
     arm, hand = (plant.GetModelInstanceByName(name) for name in ("arm", "hand"))
     _ignore_self_collision(plant, scene_graph, [arm, hand])
@@ -119,9 +123,10 @@ def add_manipulation_scene(
 
 
 def object_joints(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[Joint]:
-    """The joints of an object that can move."""
+    """The joints between bodies of an object that can move."""
     joints = (plant.get_joint(index) for index in plant.GetJointIndices(instance))
-    return [joint for joint in joints if joint.num_velocities() > 0]
+    world = plant.world_body().index()
+    return [j for j in joints if j.num_velocities() > 0 and j.parent_body().index() != world]
 
 
 def _ignore_self_collision(

@@ -30,6 +30,7 @@ from maths import se3
 from plants.robot import make_arm_with_load
 
 Q = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.1])
+BACK = np.array([0.0, 0.0, -1.0])
 
 
 @cache
@@ -90,7 +91,7 @@ def test_a_hand_that_lags_pulls_the_goal_ahead_in_the_wanted_direction() -> None
 
 def explore_once(phase: Phase) -> tuple[np.ndarray, DesiredMotion]:
     state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
-    controller = ExplorationController(ExplorationConfig(), arm_model())
+    controller = ExplorationController(ExplorationConfig(), arm_model(), BACK)
     context = controller.CreateDefaultContext()
     controller.GetInputPort("joint_state_measured").FixValue(
         context, np.concatenate([Q, np.zeros(7)])
@@ -118,7 +119,7 @@ def test_exploration_advances_the_goal_along_the_pull_and_lets_the_rest_follow_t
 
 
 def test_exploration_is_compliant_but_in_the_pulling_direction() -> None:
-    compliant = exploration_gains(GraspSequenceConfig())
+    compliant = exploration_gains(GraspSequenceConfig(), 3.0 * BACK)
     assert_allclose(np.diag(compliant.stiffness), [0.1] * 5 + [400.0])
     assert_allclose(np.diag(compliant.damping), [1.0] * 5 + [200.0])
     assert_allclose(compliant.mass, np.eye(6))
@@ -137,7 +138,7 @@ def test_the_blend_has_the_derivatives_it_claims() -> None:
 def test_the_sequence_goes_through_its_phases_and_stops_after_its_travel() -> None:
     config = GraspSequenceConfig(approach_time=0.1, close_time=0.1, travel=0.05)
     state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
-    sequence = GraspSequence(config, arm_model(), state.X_WE)
+    sequence = GraspSequence(config, arm_model(), state.X_WE, BACK)
     simulator = Simulator(sequence)
     context = simulator.get_mutable_context()
     port = sequence.GetInputPort("joint_state_measured")
@@ -163,4 +164,6 @@ def test_impossible_values_are_refused_by_name() -> None:
     with pytest.raises(ValueError, match="period"):
         ImpedanceController(ImpedanceConfig(period=0.0), arm_model(), Q)
     with pytest.raises(ValueError, match="speed"):
-        ExplorationController(ExplorationConfig(speed=-1.0), arm_model())
+        ExplorationController(ExplorationConfig(speed=-1.0), arm_model(), BACK)
+    with pytest.raises(ValueError, match="direction_E"):
+        ExplorationController(ExplorationConfig(), arm_model(), 0.0 * BACK)

@@ -87,6 +87,16 @@ def test_the_object_stands_where_it_was_asked_for() -> None:
     assert_allclose((X_WO.inverse() @ X_WHandle).translation(), [0.07, 0, 0], atol=1e-12)
 
 
+def test_a_free_object_starts_where_it_was_asked_for_and_only_its_own_joints_rub() -> None:
+    X_WO = RigidTransform(RollPitchYaw(0, 0, 3.0), [0.8, 0.1, 0.9])
+    scene = make_scene(X_WO=X_WO, free=True, friction=5.0)
+    carcass = scene.plant.GetBodyByName("carcass", scene.object)
+    X_WB = carcass.EvalPoseInWorld(scene.plant.CreateDefaultContext())
+    assert_allclose(X_WB.GetAsMatrix4(), X_WO.GetAsMatrix4(), atol=1e-12)
+    slide = scene.plant.GetJointByName("slide").velocity_start()
+    assert np.flatnonzero(scene.friction).tolist() == [slide]
+
+
 def test_the_hand_faces_the_object_with_its_fingers_along_the_bar() -> None:
     X_WE = facing(RigidTransform())
     assert_allclose(X_WE.rotation().col(2), [-1, 0, 0])

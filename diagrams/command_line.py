@@ -126,6 +126,9 @@ def run_command(
         str, typer.Option(help="Interface that Meshcat listens on; '*' for all of them.")
     ] = "localhost",
     recording: Annotated[bool, typer.Option(help="Write meshcat.html.")] = True,
+    record_sensors: Annotated[
+        bool, typer.Option("--record-sensors", help="Keep the sensor streams, for `replay`.")
+    ] = False,
     modalities: Annotated[
         str | None, typer.Option(help="Comma-separated, of vision,proprioception,crossmodal.")
     ] = None,
@@ -134,7 +137,7 @@ def run_command(
 ) -> None:
     """Simulate one episode and write what was perceived into a folder."""
     with one_line_errors():
-        from diagrams.run_folder import default_folder, open_run_folder
+        from diagrams.run_folder import SENSORS_FILE, default_folder, open_run_folder
         from diagrams.scenario import load_scenario
 
         assignments = list(overrides or [])
@@ -148,7 +151,10 @@ def run_command(
         chosen = load_scenario(scenario, assignments)
         folder = open_run_folder(out or default_folder(chosen), force)
         try:
-            result = _simulate(chosen, live=meshcat, host=host, recording=recording)
+            sensors_file = folder / SENSORS_FILE if record_sensors else None
+            result = _simulate(
+                chosen, live=meshcat, host=host, recording=recording, sensors_file=sensors_file
+            )
         finally:
             _remove_if_empty(folder)
         status = _write_and_report(folder, result)
@@ -160,7 +166,9 @@ def _remove_if_empty(folder: Path) -> None:
         folder.rmdir()
 
 
-def _simulate(scenario: "Scenario", *, live: bool, host: str, recording: bool) -> "EpisodeResult":
+def _simulate(
+    scenario: "Scenario", *, live: bool, host: str, recording: bool, sensors_file: Path | None
+) -> "EpisodeResult":
     from tqdm import tqdm
 
     from diagrams.episode import run_episode
@@ -179,7 +187,9 @@ def _simulate(scenario: "Scenario", *, live: bool, host: str, recording: bool) -
             interrupt.check()
             bar.update(max(0.0, min(time, scenario.duration) - bar.n))
 
-        result = run_episode(scenario, scenario.seed, meshcat=viewer, progress=progress)
+        result = run_episode(
+            scenario, scenario.seed, meshcat=viewer, progress=progress, sensors_file=sensors_file
+        )
         bar.total = bar.n  # An episode may end before its time is over.
         bar.refresh()
     return result
@@ -212,6 +222,39 @@ def _write_and_report(folder: Path, result: "EpisodeResult") -> int:
         )
         return INTERRUPTED
     return 0 if result.failure is None else FAILED
+
+
+@app.command(
+    "replay",
+    epilog="Example:  crossmodal run drawer --record-sensors --out runs/a, then"
+    "  crossmodal replay runs/a --set 'perception.cut=[interacted_body_to_grasp]'",
+)
+def replay_command(
+    run: Annotated[Path, typer.Argument(help="Folder of a run with --record-sensors.")],
+    out: Annotated[Path | None, typer.Option(help="Folder. [default: RUN/replay]")] = None,
+    force: ForceOption = False,
+    overrides: SetOption = None,
+) -> None:
+    """Perceive a recorded run again, with other filters or other wires, without simulating."""
+    with one_line_errors():
+        from tqdm import tqdm
+
+        from diagrams.replay import Wiring, load_recorded_scenario, replay
+        from diagrams.run_folder import open_run_folder
+
+        chosen = load_recorded_scenario(run, overrides or [])
+        folder = open_run_folder(out or run / "replay", force)
+        wirings = {
+            name: Wiring(modality=name, cut=chosen.perception.cut) for name in chosen.modalities
+        }
+        with tqdm(desc=f"{chosen.name}, seed {chosen.seed}", unit="tick", disable=None) as bar:
+
+            def progress(_: float) -> None:
+                bar.update()
+
+            result = replay(run, chosen, wirings, progress)
+        status = _write_and_report(folder, result)
+    raise typer.Exit(status)
 
 
 @app.command(

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,8 @@ from diagrams.network import RobotKnowledge, make_network
 from diagrams.process_memory import peak_memory
 from diagrams.recorder import EpisodeRecorder, RecorderConfig, TickStopwatch
 from diagrams.scenario import Scenario, object_model_file
+from diagrams.sensor_log import SensorLogWriter
+from diagrams.sensor_recorder import SensorRecorder
 from diagrams.station import Station, StationConfig, make_station
 from diagrams.station_systems import Light
 from diagrams.yaml_schema import ScenarioError
@@ -101,7 +104,13 @@ class Episode:
         recorder: Holds what was believed and what was true.
     """
 
-    def __init__(self, scenario: Scenario, seed: int, meshcat: Meshcat | None = None) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        seed: int,
+        meshcat: Meshcat | None = None,
+        sensors_file: Path | None = None,
+    ) -> None:
         self._scenario = scenario
         self.modalities = list(scenario.modalities)
         self._meshcat = meshcat
@@ -120,6 +129,13 @@ class Episode:
         builder.Connect(
             station.GetOutputPort("color_measured"), self.recorder.GetInputPort("color_image")
         )
+        self._sensor_log: SensorLogWriter | None = None
+        if sensors_file is not None:
+            streams = builder.AddNamedSystem("sensors", SensorRecorder(sensors_file, period))
+            self._sensor_log = streams.log
+            for index in range(streams.num_input_ports()):
+                port = streams.get_input_port(index)
+                builder.Connect(station.GetOutputPort(port.get_name()), port)
         readers: list[System] = [self.recorder]
         if meshcat is not None:
             view = MeshcatView(MeshcatViewConfig(), meshcat, scenario.modalities)
@@ -133,7 +149,7 @@ class Episode:
             )
         for reader in readers:
             for modality, network in networks.items():
-                _connect_latest(builder, network, modality, reader)
+                connect_latest(builder, network, modality, reader)
         self.diagram = builder.Build()
 
     def _add_network(
@@ -181,6 +197,9 @@ class Episode:
                     progress(root.get_time())
         except KeyboardInterrupt:
             interrupted = True
+        finally:
+            if self._sensor_log is not None:
+                self._sensor_log.close()
         wall_time = time.perf_counter() - began
         return self._result(root.get_time(), wall_time, interrupted)
 
@@ -210,11 +229,12 @@ class Episode:
             phases={"exploration": Phase(target=scenario.task.opening, reached=reached)},
             peak_memory=peak_memory(),
             interrupted=interrupted,
+            sensors_file=None if self._sensor_log is None else self._sensor_log.path,
             meshcat_html=None if self._meshcat is None else recorded_page(self._meshcat),
         )
 
 
-def _connect_latest(
+def connect_latest(
     builder: DiagramBuilder, network: Diagram, modality: str, reader: System
 ) -> None:
     for quantity in ("joints", "body_motions", "features", "grasp"):
@@ -245,6 +265,7 @@ def run_episode(
     *,
     meshcat: Meshcat | None = None,
     progress: Callable[[float], None] | None = None,
+    sensors_file: Path | None = None,
 ) -> EpisodeResult:
     """Builds and simulates one episode.
 
@@ -253,6 +274,7 @@ def run_episode(
         seed: Of all that varies and of all noise.
         meshcat: Where to draw; the recording becomes part of the result.
         progress: Called with the simulated time [s], about once per tick.
+        sensors_file: Where to keep the sensor streams, so that they can be replayed.
     """
     scenario.seed = seed
-    return Episode(scenario, seed, meshcat).Run(progress)
+    return Episode(scenario, seed, meshcat, sensors_file).Run(progress)

@@ -1,6 +1,7 @@
 """What an episode hands to the evaluation: what was believed, what was seen and what was true."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -123,6 +124,7 @@ class EpisodeResult:
         peak_memory: Of the process, [bytes].
         interrupted: A person stopped it before its end.
         meshcat_html: The recording as a page that opens without a server.
+        sensors_file: Where the sensor streams were kept.
     """
 
     scenario: Scenario
@@ -137,3 +139,4 @@ class EpisodeResult:
     peak_memory: int = 0
     interrupted: bool = False
     meshcat_html: str | None = None
+    sensors_file: Path | None = None

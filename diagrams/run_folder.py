@@ -27,8 +27,16 @@ SCENARIO_FILE = "scenario.yaml"
 ESTIMATES_FILE = "estimates.parquet"
 SUMMARY_FILE = "summary.json"
 MESHCAT_FILE = "meshcat.html"
+SENSORS_FILE = "sensors.mcap"
 FIGURE_FILES = ("figures/errors.png", "figures/opening.png", "figures/frames.png")
-OWN_FILES = (SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, MESHCAT_FILE, *FIGURE_FILES)
+OWN_FILES = (
+    SCENARIO_FILE,
+    ESTIMATES_FILE,
+    SUMMARY_FILE,
+    MESHCAT_FILE,
+    SENSORS_FILE,
+    *FIGURE_FILES,
+)
 
 _PACKAGES = ("maths", "models", "plants", "systems", "controllers", "diagrams")
 _SOURCE_TYPES = {".py", ".sdf", ".urdf", ".yaml", ".obj", ".mtl", ".png", ".npz", ".pt"}
@@ -121,6 +129,8 @@ def write_run(folder: Path, result: EpisodeResult) -> list[Path]:
             written.append(write_atomically(folder / name, partial(save, figure)))
     if result.meshcat_html is not None:
         written.append(write_text(folder / MESHCAT_FILE, result.meshcat_html))
+    if result.sensors_file is not None:
+        written.append(result.sensors_file)
     summary = summarise(result) | fingerprint(result.scenario)
     written.append(
         write_text(folder / SUMMARY_FILE, json.dumps(summary, indent=2, allow_nan=False) + "\n")

@@ -33,7 +33,12 @@ def fake_episode(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
     )
 
     def run_episode(
-        scenario: Scenario, seed: int, *, meshcat: Any = None, progress: Progress = None
+        scenario: Scenario,
+        seed: int,
+        *,
+        meshcat: Any = None,
+        progress: Progress = None,
+        sensors_file: Path | None = None,
     ) -> Any:
         fake.runs.append((scenario.name, seed, meshcat is not None))
         result = synthetic_episode(seed=seed)
@@ -66,7 +71,7 @@ def test_help_teaches_by_example_and_needs_no_heavy_import() -> None:
     subprocess.run(
         [sys.executable, "-c", code], check=True, cwd=Path(command_line.__file__).parents[1]
     )
-    for command in ([], ["run"], ["evaluate"], ["train", "hand-bending"], ["diagram"]):
+    for command in ([], ["run"], ["replay"], ["evaluate"], ["train", "hand-bending"], ["diagram"]):
         result = RUNNER.invoke(app, [*command, "--help"])
         assert result.exit_code == 0
         assert "crossmodal" in result.output
@@ -89,6 +94,12 @@ def test_a_run_writes_its_folder_and_reports_every_modality(
     for word in ("vision:", "proprioception:", "cross-modal:", "opening error", "real-time factor",
                  str(folder / "summary.json")):  # fmt: skip
         assert word in result.output
+
+
+def test_a_replay_needs_a_recorded_run() -> None:
+    result = RUNNER.invoke(app, ["replay", "runs/none"])
+    assert result.exit_code == 2
+    assert "runs/none: holds no scenario.yaml" in result.stderr
 
 
 def test_a_second_run_into_the_same_folder_needs_force(fake_episode: types.SimpleNamespace) -> None:

@@ -9,6 +9,7 @@ from test_evaluation import empty_episode
 from diagrams.run_folder import (
     FIGURE_FILES,
     OWN_FILES,
+    SENSORS_FILE,
     default_folder,
     finished_summary,
     open_run_folder,
@@ -25,6 +26,7 @@ def test_a_run_writes_all_its_files_and_can_be_run_again(tmp_path: Path) -> None
     result.scenario = load_scenario("drawer", ["seed=3"])
     result.meshcat_html = "<html></html>"
     folder = open_run_folder(tmp_path / "a" / "run")
+    result.sensors_file = write_text(folder / SENSORS_FILE, "streams")
     written = write_run(folder, result)
     assert {path.relative_to(folder).as_posix() for path in written} == set(OWN_FILES)
     assert {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()} == set(

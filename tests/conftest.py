@@ -1,0 +1,25 @@
+"""One short recorded episode for all tests that look at a run's folder."""
+
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def recorded_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a run with its sensor streams: the lights go off after some centimetres."""
+    from diagrams.episode import run_episode
+    from diagrams.run_folder import SENSORS_FILE, write_run
+    from diagrams.scenario import load_scenario
+
+    folder = tmp_path_factory.mktemp("run")
+    scenario = load_scenario(
+        "drawer-lights-off",
+        [
+            "control.sequence.travel=0.07",
+            "task.opening=0.04",
+            "disturbances.lights_off.0.start=7.0",
+        ],
+    )
+    write_run(folder, run_episode(scenario, 7, sensors_file=folder / SENSORS_FILE))
+    return folder

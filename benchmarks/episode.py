@@ -16,7 +16,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 from tqdm import tqdm
 
-from controllers.grasp_sequence import Phase
+from controllers.phases import Phase
 from diagrams.episode import Episode
 from diagrams.scenario import load_scenario
 

@@ -7,8 +7,8 @@ import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, LeafSystem
 
-from controllers.grasp_sequence import Phase
 from controllers.impedance import DesiredMotion
+from controllers.phases import Phase
 from maths import se3
 
 Array = npt.NDArray[np.float64]

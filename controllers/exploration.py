@@ -7,8 +7,9 @@ import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, LeafSystem, State
 
-from controllers.grasp_sequence import Phase, unit
+from controllers.grasp_sequence import unit
 from controllers.impedance import DesiredMotion
+from controllers.phases import Phase
 from controllers.robot_kinematics import ArmModel
 from maths import se3
 

@@ -11,11 +11,13 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram, DiagramBuilder, System
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
-from controllers.grasp_sequence import Phase as ControlPhase
-from diagrams.episode_record import EpisodeResult, Phase, PinholeCamera
+from controllers.grasp_sequence import Goal
+from controllers.phases import Phase as ControlPhase
+from diagrams.episode_record import EpisodeResult, Event, PinholeCamera
+from diagrams.manipulation import event_name, task_failure, task_phases
 from diagrams.meshcat_view import MeshcatView, MeshcatViewConfig, recorded_page
 from diagrams.network import RobotKnowledge, make_network
 from diagrams.process_memory import peak_memory
@@ -23,11 +25,12 @@ from diagrams.recorder import EpisodeRecorder, RecorderConfig, TickStopwatch
 from diagrams.scenario import Scenario, object_model_file
 from diagrams.sensor_log import SensorLogWriter
 from diagrams.sensor_recorder import SensorRecorder
-from diagrams.station import Station, StationConfig, make_station
+from diagrams.station import PERCEIVED_INPUTS, Station, StationConfig, make_station
 from diagrams.station_systems import Light
 from diagrams.yaml_schema import ScenarioError
 from plants.camera_view import camera_intrinsics, looking_at
 from plants.manipulation_scene import ObjectPlacement
+from systems.kinematics.interacted_joint import InteractedJoint, InteractedJointConfig
 from systems.port_values import JointType
 
 Array = npt.NDArray[np.float64]
@@ -68,6 +71,7 @@ def build_station(scenario: Scenario, seed: int) -> Station:
                 hand=scenario.hand,
                 sensors=scenario.sensors,
                 control=scenario.control,
+                goal=Goal(travel=scenario.task.goal, return_to_start=scenario.task.return_to_start),
             ),
             draw_placement(scenario, seed),
             scenario.object.joint,
@@ -102,6 +106,7 @@ class Episode:
         station: Plant, sensors and controllers.
         modalities: Names of the networks, subsystems of the diagram.
         recorder: Holds what was believed and what was true.
+        events: What the robot did, in order of time.
     """
 
     def __init__(
@@ -112,6 +117,8 @@ class Episode:
         sensors_file: Path | None = None,
     ) -> None:
         self._scenario = scenario
+        self._phase = ControlPhase.APPROACH
+        self.events: list[Event] = []
         self.modalities = list(scenario.modalities)
         self._meshcat = meshcat
         self.station = build_station(scenario, seed)
@@ -123,6 +130,8 @@ class Episode:
         networks = build_networks(scenario, self.station)
         for modality, network in networks.items():
             self._add_network(builder, station, modality, network)
+        if scenario.task.goal is not None:
+            _add_readout(builder, station, networks[acting_modality(scenario)])
         builder.AddNamedSystem("recorder", self.recorder)
         for port in ("interaction_active", "cheat_configuration", "cheat_body_pose"):
             builder.Connect(station.GetOutputPort(port), self.recorder.GetInputPort(port))
@@ -184,14 +193,14 @@ class Episode:
             self._meshcat.StartRecording(frames_per_second=16.0)
         simulator.Initialize()
         station_context = self.station.diagram.GetMyContextFromRoot(root)
-        phase = self.station.diagram.GetOutputPort("phase")
         stop_time = scenario.control.sequence.stop_time
         end, stopped, interrupted = scenario.duration, False, False
         began = time.perf_counter()
         try:
             while (now := root.get_time()) < end - 1e-9:
                 simulator.AdvanceTo(min(now + scenario.network_period, end))
-                if not stopped and phase.Eval(station_context)[0] >= ControlPhase.STOP:
+                phase = self._note_phase(station_context)
+                if not stopped and phase == ControlPhase.STOP:
                     stopped, end = True, min(end, root.get_time() + stop_time)
                 if progress is not None:
                     progress(root.get_time())
@@ -203,6 +212,18 @@ class Episode:
         wall_time = time.perf_counter() - began
         return self._result(root.get_time(), wall_time, interrupted)
 
+    def _note_phase(self, station_context: Context) -> ControlPhase:
+        """The phase now; remembered as an event where it is a new one."""
+        ports = self.station.diagram
+        phase = ControlPhase(int(ports.GetOutputPort("phase").Eval(station_context)[0]))
+        if phase != self._phase:
+            lost = ports.GetOutputPort("grasp_lost").Eval(station_context)[0] > 0.5
+            name = event_name(phase, lost)
+            if name is not None:
+                self.events.append(Event(time=station_context.get_time(), name=name))
+            self._phase = phase
+        return phase
+
     def _result(self, duration: float, wall_time: float, interrupted: bool) -> EpisodeResult:
         scenario, station = self._scenario, self.station
         for modality, (start, stop) in self._stopwatches.items():
@@ -210,12 +231,7 @@ class Episode:
             self.recorder.modalities[modality].tick_times = [b - a for a, b in pairs]
         joint_type, axis_W, point_W = joint_truth(station)
         truth = self.recorder.truth(station.joint.name(), joint_type, axis_W, point_W)
-        reached = float(truth.opening()[-1]) if len(truth.times) else 0.0
-        failure = None
-        if interrupted:
-            failure = "interrupted"
-        elif reached < scenario.task.opening:
-            failure = f"opened {reached:.3f} of the {scenario.task.opening:g} asked for"
+        failure = task_failure(scenario.task, truth, self.events)
         intrinsics = station.intrinsics
         return EpisodeResult(
             scenario=scenario,
@@ -225,8 +241,9 @@ class Episode:
             duration=duration,
             wall_time=wall_time,
             frames=self.recorder.frames,
-            failure=failure,
-            phases={"exploration": Phase(target=scenario.task.opening, reached=reached)},
+            failure="interrupted" if interrupted else failure,
+            phases=task_phases(scenario.task, truth, self.events),
+            events=self.events,
             peak_memory=peak_memory(),
             interrupted=interrupted,
             sensors_file=None if self._sensor_log is None else self._sensor_log.path,
@@ -241,6 +258,24 @@ def connect_latest(
         output, port = f"{quantity}_latest", f"{modality}_{quantity}_latest"
         if network.HasOutputPort(output) and reader.HasInputPort(port):
             builder.Connect(network.GetOutputPort(output), reader.GetInputPort(port))
+
+
+def acting_modality(scenario: Scenario) -> str:
+    """The modality whose beliefs the robot acts by."""
+    if scenario.task.modality:
+        return scenario.task.modality
+    return "crossmodal" if "crossmodal" in scenario.modalities else scenario.modalities[0]
+
+
+def _add_readout(builder: DiagramBuilder, station: System, network: Diagram) -> None:
+    """Tells the station's controllers what a network believes about the joint in the hand."""
+    readout = builder.AddNamedSystem("interacted_joint", InteractedJoint(InteractedJointConfig()))
+    for index in range(readout.num_input_ports()):
+        port = readout.get_input_port(index)
+        if network.HasOutputPort(port.get_name()):
+            builder.Connect(network.GetOutputPort(port.get_name()), port)
+    for name in PERCEIVED_INPUTS:
+        builder.Connect(readout.GetOutputPort(name), station.GetInputPort(name))
 
 
 def joint_truth(station: Station) -> tuple[JointType, Array, Array]:

@@ -108,6 +108,14 @@ class Phase:
 
 
 @dataclass(kw_only=True)
+class Event:
+    """Something that the robot knew that it did, at `time` [s]."""
+
+    time: float
+    name: str
+
+
+@dataclass(kw_only=True)
 class EpisodeResult:
     """One simulated episode.
 
@@ -121,6 +129,7 @@ class EpisodeResult:
         wall_time: Of the simulation, without setting up and writing, [s].
         failure: Why the task was not done, in one line; None for a success.
         phases: By name; the exploration always.
+        events: In order of time.
         peak_memory: Of the process, [bytes].
         interrupted: A person stopped it before its end.
         meshcat_html: The recording as a page that opens without a server.
@@ -136,6 +145,7 @@ class EpisodeResult:
     frames: list[FrameRecord] = field(default_factory=list)
     failure: str | None = None
     phases: dict[str, Phase] = field(default_factory=dict)
+    events: list[Event] = field(default_factory=list)
     peak_memory: int = 0
     interrupted: bool = False
     meshcat_html: str | None = None

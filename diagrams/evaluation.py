@@ -149,6 +149,7 @@ def summarise(result: EpisodeResult) -> dict[str, Any]:
             }
             for name, phase in phases.items()
         },
+        "events": [{"time": event.time, "name": event.name} for event in result.events],
     }
     return without_nan(summary)
 

@@ -77,6 +77,12 @@ class ObjectConfig:
 @dataclass(kw_only=True)
 class Task:
     opening: float = 0.2  # The joint's least travel for a success, [m or rad].
+    # Exploration ends once the joint is perceived to have travelled so far, [m or rad]; without it,
+    # after the hand's way of control.sequence.travel.
+    goal: float | None = None
+    return_to_start: bool = False  # Whether the robot then brings the joint back.
+    tolerance: float = 0.05  # How near to its start is near enough for a success, [m or rad].
+    modality: str = ""  # By which the robot acts; empty is the cross-modal, or the only one.
 
 
 @dataclass(kw_only=True)
@@ -189,6 +195,11 @@ def check_scenario(scenario: Scenario, source: str) -> None:
     positive("plant.time_step", scenario.plant.time_step, "s")
     positive("network_period", scenario.network_period, "s")
     positive("task.opening", scenario.task.opening, "m or rad")
+    positive("task.tolerance", scenario.task.tolerance, "m or rad")
+    if scenario.task.goal is not None:
+        positive("task.goal", scenario.task.goal, "m or rad")
+    elif scenario.task.return_to_start:
+        raise ScenarioError(f"{source}: task.return_to_start needs task.goal, [m or rad]")
     if not 0 <= scenario.object.friction < float("inf"):
         raise ScenarioError(
             f"{source}: object.friction = {scenario.object.friction!r}, but it must be >= 0 N"
@@ -196,6 +207,11 @@ def check_scenario(scenario: Scenario, source: str) -> None:
     if scenario.seed < 0:
         raise ScenarioError(f"{source}: seed = {scenario.seed}, but it must be >= 0")
     _check_modalities(scenario.modalities, source)
+    if scenario.task.modality and scenario.task.modality not in scenario.modalities:
+        raise ScenarioError(
+            f"{source}: task.modality = '{scenario.task.modality}' is not among the modalities"
+            f" {', '.join(scenario.modalities)}"
+        )
     try:
         check_cut(scenario.perception.cut)
     except ValueError as error:

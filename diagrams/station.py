@@ -27,9 +27,11 @@ from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from controllers.bending_excitation import BendingExcitation, BendingExcitationConfig
 from controllers.exploration import ExplorationConfig, ExplorationController
-from controllers.grasp_sequence import GraspSequence, GraspSequenceConfig
+from controllers.grasp_sequence import Goal, GraspSequence, GraspSequenceConfig
 from controllers.impedance import ImpedanceConfig, ImpedanceController
+from controllers.joint_memory import JointMemory
 from controllers.robot_kinematics import ArmModel
+from controllers.trajectory_generator import TrajectoryGenerator, TrajectoryGeneratorConfig
 from diagrams.station_systems import Light, Lighting, ObjectTruth
 from maths import se3
 from plants.inverse_kinematics import inverse_kinematics
@@ -60,6 +62,8 @@ Array = npt.NDArray[np.float64]
 # A posture near which all of the taught grasps lie, far from the joints' limits, [rad].
 NOMINAL_POSTURE = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0])
 _RENDERER = "vtk"
+# What control is told of the perceived joint; see `InteractedJoint`.
+PERCEIVED_INPUTS = ("joint_latest", "end_effector_screw_latest", "grasp_failure_latest")
 
 
 @dataclass(kw_only=True)
@@ -76,6 +80,7 @@ class ControlConfig:
     sequence: GraspSequenceConfig = field(default_factory=GraspSequenceConfig)
     exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
     impedance: ImpedanceConfig = field(default_factory=ImpedanceConfig)
+    trajectory: TrajectoryGeneratorConfig = field(default_factory=TrajectoryGeneratorConfig)
     # With this the object is locked and the hand moves about it, to learn how it bends.
     excitation: BendingExcitationConfig | None = None
     # How well a person guides the hand to the handle, standard deviations.
@@ -89,6 +94,7 @@ class StationConfig:
     hand: PneumaticHandConfig = field(default_factory=PneumaticHandConfig)
     sensors: SensorsConfig = field(default_factory=SensorsConfig)
     control: ControlConfig = field(default_factory=ControlConfig)
+    goal: Goal = field(default_factory=Goal)
 
 
 @dataclass(kw_only=True)
@@ -149,7 +155,8 @@ def make_station(
 
     Output ports of its Diagram: `color_measured`, `depth_measured`, `robot_mask`,
     `joint_state_window`, `wrench_window`, `pressure_window`, `interaction_active`, `phase`,
-    `cheat_configuration`, `cheat_body_pose`, `cheat_plant_state`, `cheat_query_object`.
+    `grasp_lost`, `path_planned`, `cheat_configuration`, `cheat_body_pose`, `cheat_plant_state`,
+    `cheat_query_object`. Input ports, which may stay unconnected: `PERCEIVED_INPUTS`.
 
     Args:
         config: Of plant, sensors and controllers.
@@ -312,7 +319,8 @@ def _add_control(
     arm = ArmModel(wiring.arm)
     X_WE = arm.Evaluate(np.concatenate([q_taught, np.zeros(7)])).X_WE
     sequence = builder.AddNamedSystem(
-        "grasp_sequence", GraspSequence(control.sequence, arm, X_WE, direction_E)
+        "grasp_sequence",
+        GraspSequence(control.sequence, arm, X_WE, direction_E, wiring.config.goal),
     )
     if control.excitation is None:
         exploration = builder.AddNamedSystem(
@@ -331,25 +339,40 @@ def _add_control(
         "impedance", ImpedanceController(control.impedance, arm, q_taught)
     )
     pneumatics = builder.GetSubsystemByName("pneumatics")
-    for system in (sequence, impedance):
+    memory = builder.AddNamedSystem("joint_memory", JointMemory(control.sequence.period))
+    generator = builder.AddNamedSystem(
+        "trajectory_generator", TrajectoryGenerator(control.trajectory, arm)
+    )
+    for system in (sequence, generator, impedance):
         builder.Connect(
             encoders.GetOutputPort("joint_state_measured"),
             system.GetInputPort("joint_state_measured"),
         )
-    builder.Connect(
-        sequence.GetOutputPort("motion_desired"), exploration.GetInputPort("motion_desired")
-    )
-    builder.Connect(sequence.GetOutputPort("phase"), exploration.GetInputPort("phase"))
-    builder.Connect(
-        exploration.GetOutputPort("motion_commanded"), impedance.GetInputPort("motion_desired")
-    )
-    builder.Connect(
-        sequence.GetOutputPort("gains_commanded"), impedance.GetInputPort("gains_commanded")
-    )
+    for source, output, target, port in (
+        (sequence, "motion_desired", exploration, "motion_desired"),
+        (exploration, "motion_commanded", generator, "motion_desired"),
+        (generator, "motion_commanded", impedance, "motion_desired"),
+        (sequence, "gains_desired", generator, "gains_desired"),
+        (generator, "gains_commanded", impedance, "gains_commanded"),
+        (sequence, "phase", exploration, "phase"),
+        (sequence, "phase", memory, "phase"),
+        (sequence, "phase", generator, "phase"),
+        (generator, "plan_time_left", sequence, "plan_time_left"),
+        *(
+            (memory, port, target, port)
+            for port in ("joint_remembered", "end_effector_screw_remembered")
+            for target in (sequence, generator)
+        ),
+    ):
+        builder.Connect(source.GetOutputPort(output), target.GetInputPort(port))
+    for port in PERCEIVED_INPUTS:
+        owner = sequence if sequence.HasInputPort(port) else memory
+        builder.ExportInput(owner.GetInputPort(port), port)
+    builder.ExportOutput(generator.GetOutputPort("path_planned"), "path_planned")
     builder.Connect(impedance.get_output_port(), plant.get_actuation_input_port(wiring.scene.arm))
     for port in ("pressure_commanded", "sealed"):
         builder.Connect(sequence.GetOutputPort(port), pneumatics.GetInputPort(port))
-    for port in ("interaction_active", "phase"):
+    for port in ("interaction_active", "phase", "grasp_lost"):
         builder.ExportOutput(sequence.GetOutputPort(port), port)
     return sequence
 

@@ -13,7 +13,6 @@ from controllers.exploration import ExplorationConfig, ExplorationController, ex
 from controllers.grasp_sequence import (
     GraspSequence,
     GraspSequenceConfig,
-    Phase,
     exploration_gains,
     minimum_jerk,
 )
@@ -25,6 +24,7 @@ from controllers.impedance import (
     impedance_wrench,
     posture_torque,
 )
+from controllers.phases import Phase
 from controllers.robot_kinematics import ArmModel
 from maths import se3
 from plants.robot import make_arm_with_load

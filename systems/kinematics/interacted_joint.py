@@ -1,0 +1,185 @@
+"""What control needs to know of the joint that the hand moves, as plain vectors."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from maths import se3
+from systems.port_values import (
+    INTERACTED_BODY,
+    STATIC_BODY,
+    BodyMotion,
+    BodyMotions,
+    EndEffectorBelief,
+    GraspBelief,
+    GraspType,
+    JointBelief,
+    JointBeliefs,
+    JointModelBelief,
+    JointType,
+    PoseBelief,
+)
+from systems.sensors.checks import require
+
+Array = npt.NDArray[np.float64]
+
+MOVING_TYPES = (JointType.PRISMATIC, JointType.REVOLUTE)
+
+
+@dataclass(kw_only=True)
+class InteractedJointConfig:
+    """How certain a joint has to be before anyone acts on it."""
+
+    least_probability: float = 0.9  # Of its type.
+    largest_axis_angle: float = 0.15  # Standard deviation of its axis, [rad].
+
+
+def screw(joint_type: JointType, model: JointModelBelief) -> Array:
+    """Unit twist S_P (6,) at Po of the child per unit of q, in the parent's frame P."""
+    if joint_type == JointType.PRISMATIC:
+        return np.concatenate([np.zeros(3), model.axis_P])
+    return np.concatenate([model.axis_P, np.cross(model.p_PA, model.axis_P)])
+
+
+def is_certain(joint: JointBelief, config: InteractedJointConfig) -> bool:
+    """Whether a joint moves for certain, and about or along an axis that is known."""
+    if joint.type not in MOVING_TYPES:
+        return False
+    variance = float(np.trace(joint.model.axis_covariance))
+    return (
+        joint.probabilities[joint.type] >= config.least_probability
+        and variance <= config.largest_axis_angle**2
+    )
+
+
+def choose_joint(
+    joints: JointBeliefs, config: InteractedJointConfig, body_is_known: bool
+) -> JointBelief | None:
+    """The joint to act on: of the body in the hand, to the environment rather than to another body.
+
+    Args:
+        joints: The kinematic model.
+        config: How certain it has to be.
+        body_is_known: Whether there is a body in the hand; vision alone does not know it and takes
+            the joint that has been observed for longest.
+    """
+    candidates = [
+        joint
+        for joint in joints.joints
+        if is_certain(joint, config) and not (body_is_known and joint.child_id != INTERACTED_BODY)
+    ]
+    return max(
+        candidates,
+        key=lambda joint: (joint.parent_id == STATIC_BODY, joint.updates),
+        default=None,
+    )
+
+
+def end_effector_screw(S_W: Array, X_WE: Array, X_EH: Array, free_motion_H: Array) -> Array:
+    """The twist (6,) of E, in W at Wo, with which the hand moves the body along S_W.
+
+    The hand follows the body but for what the grasp leaves free: a hand that turns on a bar need
+    not turn with a door.
+
+    Args:
+        S_W: Twist of the body (6,) in W at Wo.
+        X_WE: Of the end-effector.
+        X_EH: How the hand is bent.
+        free_motion_H: (6, 6) projection of `GraspBelief`, in H at Ho.
+    """
+    X_WH = X_WE @ X_EH
+    S_H = se3.adjoint(se3.inverse(X_WH)) @ S_W
+    return np.asarray(se3.adjoint(X_WH) @ (S_H - free_motion_H @ S_H))
+
+
+class InteractedJoint(LeafSystem):
+    """Reads the latest beliefs of a network out for the controllers.
+
+    .. pydrake_system::
+
+        name: InteractedJoint
+        input_ports:
+        - joints_latest
+        - body_motions_latest
+        - grasp_latest
+        - hand_bending_latest
+        - end_effector_latest
+        output_ports:
+        - joint_latest
+        - end_effector_screw_latest
+        - grasp_failure_latest
+
+    - Inputs: `JointBeliefs`, `BodyMotions`, `GraspBelief`, `PoseBelief` X_EH and
+      `EndEffectorBelief`; those that the modality lacks stay unconnected.
+    - joint_latest: (7,) the body's unit screw S_W in W at Wo, rotation before translation, and
+      the configuration q, [m or rad], zero where the body was grasped. NaN while no joint is known.
+    - end_effector_screw_latest: (6,) of E in W at Wo per unit of q; NaN likewise.
+    - grasp_failure_latest: (1,) probability that the hand has lost the body; zero without
+      proprioception.
+
+    Frames: W world, E nominal end-effector, H bent end-effector, P the joint's parent.
+    """
+
+    def __init__(self, config: InteractedJointConfig) -> None:
+        super().__init__()
+        probable = 0.0 <= config.least_probability <= 1.0
+        require(probable, "InteractedJoint", config, "least_probability", "from 0 to 1")
+        positive = config.largest_axis_angle > 0.0
+        require(positive, "InteractedJoint", config, "largest_axis_angle", "> 0 rad")
+        self._config = config
+        self._ports = {
+            name: self.DeclareAbstractInputPort(f"{name}_latest", Value[object]())
+            for name in ("joints", "body_motions", "grasp", "hand_bending", "end_effector")
+        }
+        self.DeclareVectorOutputPort("joint_latest", 7, self._calc_joint)
+        self.DeclareVectorOutputPort("end_effector_screw_latest", 6, self._calc_end_effector)
+        self.DeclareVectorOutputPort("grasp_failure_latest", 1, self._calc_failure)
+
+    def _read(self, context: Context, name: str) -> object | None:
+        port = self._ports[name]
+        return port.Eval(context) if port.HasValue(context) else None
+
+    def _joint(self, context: Context) -> Array:
+        joints = self._read(context, "joints")
+        assert isinstance(joints, JointBeliefs)
+        by_touch = self._ports["grasp"].HasValue(context)
+        joint = choose_joint(joints, self._config, body_is_known=by_touch)
+        if joint is None:
+            return np.full(7, np.nan)
+        S_W = screw(joint.type, joint.model)
+        if joint.parent_id != STATIC_BODY:
+            motions = self._read(context, "body_motions")
+            assert isinstance(motions, BodyMotions)
+            parent = _find(motions, joint.parent_id)
+            if parent is None:
+                return np.full(7, np.nan)
+            S_W = se3.adjoint(parent.motion.X) @ S_W
+        return np.append(S_W, joint.model.configuration[0])
+
+    def _calc_joint(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._joint(context))
+
+    def _calc_end_effector(self, context: Context, output: BasicVector) -> None:
+        S_W = self._joint(context)[:6]
+        grasp = self._read(context, "grasp")
+        hand = self._read(context, "end_effector")
+        bending = self._read(context, "hand_bending")
+        if isinstance(grasp, GraspBelief) and grasp.type != GraspType.FAILED:
+            assert isinstance(hand, EndEffectorBelief)
+            assert isinstance(bending, PoseBelief)
+            S_W = end_effector_screw(S_W, hand.X, bending.X, grasp.free_motion)
+        output.SetFromVector(S_W)
+
+    def _calc_failure(self, context: Context, output: BasicVector) -> None:
+        grasp = self._read(context, "grasp")
+        failed = 0.0
+        if isinstance(grasp, GraspBelief):
+            failed = grasp.probabilities[GraspType.FAILED]
+        output.SetAtIndex(0, failed)
+
+
+def _find(motions: BodyMotions, body_id: int) -> BodyMotion | None:
+    return next((body for body in motions.bodies if body.body_id == body_id), None)

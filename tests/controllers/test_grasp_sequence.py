@@ -1,0 +1,131 @@
+"""The sequence with a goal that is perceived: return, lost grasps, what ends it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from controllers.grasp_sequence import (
+    Goal,
+    GraspSequenceConfig,
+    Perceived,
+    SequenceState,
+    next_state,
+    release_motion,
+)
+from controllers.phases import Phase
+from maths import se3
+
+CONFIG = GraspSequenceConfig()
+GOAL = Goal(travel=0.2, return_to_start=True)
+SLIDE = np.array([0.0, 0, 0, -1, 0, 0])
+X_GRASP = se3.exp(np.array([0.1, 0.2, 0.3, 0.6, 0.0, 0.8]))
+
+
+def moved(q: float) -> np.ndarray:
+    return np.asarray(se3.exp(SLIDE * q) @ X_GRASP)
+
+
+def perceived(time: float, q: float | None, **others: object) -> Perceived:
+    joint = np.full(7, np.nan) if q is None else np.append(SLIDE, q)
+    now = Perceived(
+        time=time,
+        X_WE=moved(q or 0.0),
+        joint=joint,
+        hand_rate=1.0,
+        failure=0.0,
+        plan_time_left=np.inf,
+    )
+    return replace(now, **others)  # type: ignore[arg-type]
+
+
+def exploring() -> SequenceState:
+    return SequenceState(
+        phase=Phase.EXPLORE,
+        since=0.0,
+        X_WE_start=X_GRASP,
+        X_WE_grasp=X_GRASP,
+        q_grasp=0.0,
+        X_WE_held=X_GRASP,
+        task=Phase.EXPLORE,
+        attempts=0,
+        lost=False,
+        doubted_since=np.inf,
+    )
+
+
+def step(state: SequenceState, now: Perceived, goal: Goal = GOAL) -> SequenceState:
+    return next_state(state, now, goal, CONFIG)
+
+
+def test_exploration_goes_on_until_the_perceived_joint_reaches_the_goal() -> None:
+    assert step(exploring(), perceived(1.0, 0.19)).phase == Phase.EXPLORE
+    assert step(exploring(), perceived(1.0, 0.2)).phase == Phase.RETURN
+    assert step(exploring(), perceived(1.0, -0.2)).phase == Phase.RETURN
+    assert step(exploring(), perceived(1.0, 0.2), Goal(travel=0.2)).phase == Phase.STOP
+
+
+def test_the_return_ends_at_the_start_and_not_before_the_plan_does() -> None:
+    state = replace(exploring(), phase=Phase.RETURN, task=Phase.RETURN)
+    assert step(state, perceived(9.0, 0.001, plan_time_left=0.5)).phase == Phase.RETURN
+    assert step(state, perceived(9.0, 0.01, plan_time_left=-0.5)).phase == Phase.RETURN
+    assert step(state, perceived(9.0, 0.001, plan_time_left=-0.5)).phase == Phase.STOP
+    late = -CONFIG.return_patience
+    assert step(state, perceived(9.0, 0.01, plan_time_left=late)).phase == Phase.STOP
+
+
+def test_a_passing_doubt_does_not_end_a_grasp() -> None:
+    state = step(exploring(), perceived(1.0, 0.1, failure=0.9))
+    state = step(state, perceived(1.2, 0.1))
+    state = step(state, perceived(1.3 + CONFIG.doubt_time, 0.1, failure=0.9))
+    assert state.phase == Phase.EXPLORE
+
+
+@pytest.mark.parametrize("why", ["believed", "slipped"])
+def test_a_lost_grasp_is_tried_again_where_the_joint_has_left_the_handle(why: str) -> None:
+    away = moved(0.1)
+    away[:3, 3] += [-0.08, 0.0, 0.0]
+    doubt = {"failure": 0.9} if why == "believed" else {"X_WE": away}
+    state = replace(exploring(), phase=Phase.RETURN, task=Phase.RETURN)
+    state = step(state, perceived(1.0, 0.1, **doubt))
+    state = step(state, perceived(1.1 + CONFIG.doubt_time, 0.1, **doubt))
+    assert state.phase == Phase.RELEASE
+    assert state.lost
+    assert_allclose(state.X_WE_grasp, moved(0.1))
+    time = 10.0
+    for phase in (Phase.APPROACH, Phase.CLOSE, Phase.RETURN):
+        state = step(state, perceived(time, 0.1))
+        assert state.phase == phase
+        assert state.lost == (phase != Phase.RETURN)
+        time += 10.0
+    state = step(state, perceived(time, 0.1, failure=0.9))
+    state = step(state, perceived(time + 1.0, 0.1, failure=0.9))
+    assert state.phase == Phase.STOP, "there is one retry"
+    assert state.lost
+
+
+def test_a_hand_far_from_the_handle_gives_up() -> None:
+    away = moved(0.1)
+    away[:3, 3] += [-CONFIG.retry_distance - 0.01, 0.0, 0.0]
+    state = step(exploring(), perceived(1.0, 0.1, X_WE=away))
+    state = step(state, perceived(2.0, 0.1, X_WE=away))
+    assert (state.phase, state.lost) == (Phase.STOP, True)
+
+
+def test_a_joint_that_is_never_perceived_counts_as_a_lost_grasp() -> None:
+    state = step(exploring(), perceived(CONFIG.explore_time_limit, None))
+    assert (state.phase, state.lost) == (Phase.RELEASE, True)
+
+
+def test_without_a_goal_nothing_perceived_matters() -> None:
+    state = step(exploring(), perceived(1.0, 0.4, failure=1.0, X_WE=X_GRASP), Goal())
+    assert state == exploring()
+
+
+def test_the_release_leads_from_the_hand_to_the_next_approach() -> None:
+    X_next = moved(0.1)
+    for s, X in ((0.0, X_GRASP), (1 / 3, X_GRASP), (1.0, X_next)):
+        assert_allclose(release_motion(X_GRASP, X_next, 0.1, s).X_WE, X, atol=1e-9)
+    back = se3.inverse(X_GRASP) @ release_motion(X_GRASP, X_next, 0.1, 2 / 3).X_WE
+    assert_allclose(back[:3, 3], [0.0, 0.0, -0.1], atol=1e-9)

@@ -108,6 +108,16 @@ def test_no_path_leads_from_the_truth_to_what_the_robot_runs() -> None:
     assert truth_paths(episode().diagram) == []
 
 
+@pytest.mark.parametrize("modality", MODALITIES)
+def test_control_acts_by_what_one_network_perceives_and_by_nothing_true(modality: str) -> None:
+    chosen = load_scenario("drawer-return", [f"modalities=[{modality}]"])
+    diagram = Episode(chosen, 0).diagram
+    assert truth_paths(diagram) == []
+    wired = connections(diagram)
+    assert ("kinematic_model", "joints_latest", "interacted_joint", "joints_latest") in wired
+    assert ("interacted_joint", "joint_latest", "joint_memory", "joint_latest") in wired
+
+
 def test_a_wire_from_the_truth_into_a_filter_is_found() -> None:
     plant = build_station(scenario(), 0)
     network = build_networks(scenario(), plant)["proprioception"]

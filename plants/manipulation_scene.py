@@ -27,7 +27,7 @@ Array = npt.NDArray[np.float64]
 @dataclass(kw_only=True)
 class PlantConfig:
     scene: str = "table_scene.dmd.yaml"  # Model directives in models/sdf, all but the object.
-    time_step: float = 0.004  # [s]
+    time_step: float = 0.006  # [s]
     contact_approximation: str = "sap"  # Drake's discrete contact approximation.
 
 

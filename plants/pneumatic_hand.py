@@ -20,7 +20,7 @@ CHAMBERS = ("index", "middle", "ring_little", "thumb")
 
 @dataclass(kw_only=True)
 class PneumaticHandConfig:
-    period: float = 0.004  # Update period, [s].
+    period: float = 0.005  # Update period, [s].
     fill_time: float = 0.15  # Time constant of the pressure regulator, [s].
     finger_volume: float = 2.5e-5  # Of one straight finger, [m^3].
     thumb_volume: float = 4.0e-5  # Of the straight thumb, [m^3].

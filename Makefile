@@ -17,7 +17,7 @@ help:
 	@echo "make lint       ruff and mypy"
 	@echo "make pytest     tests only (ARGS=tests/systems/vision: some of them)"
 	@echo "make bench      time per tick, real-time factor, joint filters beside the batch limit"
-	@echo "make evaluate   the drawer over SEEDS=$(SEEDS) with JOBS=$(JOBS), beside the paper"
+	@echo "make evaluate   all experiments over SEEDS=$(SEEDS) with JOBS=$(JOBS), beside the paper"
 
 # The stamp is written last, so that an interrupted installation starts again.
 $(INSTALLED): pyproject.toml
@@ -44,7 +44,7 @@ bench: $(INSTALLED)
 	$(BIN)/python -m benchmarks.joint_filters $(ARGS)
 
 evaluate: $(INSTALLED)
-	$(BIN)/crossmodal evaluate drawer --seeds $(SEEDS) --jobs $(JOBS) $(ARGS)
+	$(BIN)/crossmodal evaluate all --seeds $(SEEDS) --jobs $(JOBS) $(ARGS)
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache crossmodal.egg-info

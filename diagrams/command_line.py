@@ -13,6 +13,7 @@ import typer
 
 if TYPE_CHECKING:
     from diagrams.episode_record import EpisodeResult
+    from diagrams.experiment_runner import Evaluation, Workers
     from diagrams.scenario import Scenario
 
 BAD_INPUT = 2
@@ -259,47 +260,86 @@ def replay_command(
 
 @app.command(
     "evaluate",
-    epilog="Example:  crossmodal evaluate drawer --seeds 100:120 --jobs 2.  Run it again to go on"
-    " where it was stopped.",
+    epilog="Examples:  crossmodal evaluate drawer --seeds 100:120 --jobs 2   |"
+    "   crossmodal evaluate all --seeds 20.  Run it again to go on where it was stopped.",
 )
 def evaluate_command(
-    experiment: Annotated[str, typer.Argument(help="See 'crossmodal list'.")],
-    seeds: Annotated[str, typer.Option(help="Like 100:120 (without 120), 7 or 1,4,9.")] = "100:120",
+    experiment: Annotated[str, typer.Argument(help="See 'crossmodal list'; 'all' for all.")],
+    seeds: Annotated[
+        str, typer.Option(help="Like 20 (from 100 on), 100:120 (without 120) or 1,4,9.")
+    ] = "20",
     jobs: Annotated[int, typer.Option(min=1, help="Episodes at a time, one process each.")] = 1,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the experiment. [default: runs/evaluate-NAME]")
+        Path | None, typer.Option(help="Folder of the results. [default: runs/evaluate/NAME]")
     ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Start afresh where the folder has other results.")
+    ] = False,
     backend: Annotated[
-        str, typer.Option(help="joblib's: processes by default, or a registered one such as ray.")
-    ] = "loky",
+        str, typer.Option(help="'processes' on this machine, or 'ray' for a cluster.")
+    ] = "processes",
+    address: Annotated[
+        str, typer.Option(help="Of the Ray cluster. [default: the one on this machine]")
+    ] = "",
     overrides: SetOption = None,
 ) -> None:
-    """Repeat an experiment over seeds and write a table beside the paper's figures."""
+    """Repeat an experiment over seeds and write tables and plots beside the paper's figures."""
     with one_line_errors():
-        from tqdm import tqdm
+        from diagrams import experiment_report as reports
+        from diagrams.experiment_runner import Workers, connect, prepare
+        from diagrams.experiments import ALL, find_experiments, parse_seeds
 
-        from diagrams.experiments import evaluate, find_experiment, parse_seeds
-
-        find_experiment(experiment)
+        chosen = find_experiments(experiment)
         numbers = parse_seeds(seeds)
-        folder = out or Path("runs") / f"evaluate-{experiment}"
-        with tqdm(total=len(numbers), desc=experiment, unit="episode", disable=None) as bar:
-
-            def progress(summary: dict[str, Any]) -> None:
-                bar.update()
-                if not summary["success"]:
-                    bar.write(f"seed {summary['seed']}: {summary['failure']}", file=sys.stderr)
-
-            summaries, written, interrupted = evaluate(
-                experiment,
-                numbers,
-                folder,
-                jobs=jobs,
-                backend=backend,
-                overrides=overrides or [],
-                progress=progress,
+        root = Path("runs") / "evaluate"
+        if experiment == ALL:
+            top = out or root
+            folders = {name: top / name for name in chosen}
+        else:
+            folders = {experiment: out or root / experiment}
+        workers = Workers(jobs=jobs, backend=backend, address=address)
+        connect(workers)
+        evaluations = [
+            prepare(name, one, numbers, folders[name], overrides=overrides or [], force=force)
+            for name, one in chosen.items()
+        ]
+        origin = reports.made_by(
+            " ".join(
+                ["crossmodal evaluate", experiment, f"--seeds {seeds} --jobs {jobs}"]
+                + [f"--set {assignment}" for assignment in overrides or []]
             )
-    _finish_evaluation(summaries, written, interrupted)
+        )
+        written: list[Path] = []
+        finished = True
+        for evaluation in evaluations:
+            finished = finished and _run_evaluation(evaluation, workers)
+            written = reports.write_experiment(evaluation, origin) or written
+        if experiment == ALL:
+            written = reports.write_overview(evaluations, top, origin)
+    summaries = [summary for evaluation in evaluations for summary in evaluation.summaries]
+    _finish_evaluation(summaries, written, not finished)
+
+
+def _run_evaluation(evaluation: "Evaluation", workers: "Workers") -> bool:
+    """Runs an experiment behind a progress bar; returns False where it was interrupted."""
+    from tqdm import tqdm
+
+    from diagrams.experiment_runner import run
+
+    total = len(evaluation.scenarios)
+    with tqdm(total=total, desc=evaluation.name, unit="episode", disable=None) as bar:
+        done = 0
+
+        def progress(summary: dict[str, Any]) -> None:
+            nonlocal done
+            done += bool(summary["success"])
+            bar.update()
+            bar.set_postfix_str(f"{done} of {bar.n} done")
+            if not summary["success"]:
+                reason = f"{evaluation.name}, seed {summary['seed']}: {summary['failure']}"
+                bar.write(reason, file=sys.stderr)
+
+        return run(evaluation, workers, progress)
 
 
 def _finish_evaluation(

@@ -1,213 +1,362 @@
-"""The table, the CSV file and the picture of an experiment's episodes."""
+"""The figures of an experiment's episodes as a tidy table, and their summary in Markdown."""
 
 import math
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from matplotlib.figure import Figure
 
 from diagrams import palette
-from diagrams.figures import save
-from diagrams.run_folder import write_atomically, write_text
+from diagrams.experiments import EXPERIMENTS, Experiment, Reference
 
+Array = npt.NDArray[np.float64]
 Summary = dict[str, Any]
-RESULT_FILES = ("results.csv", "table.md", "errors.png")
-_DEG = 180.0 / math.pi
+COLUMNS = ("experiment", "seed", "modality", "figure", "value", "unit", "reason")
+# What figures are written in for people: factor and unit, by their unit in SI.
+_READABLE = {
+    "m": (1000.0, "mm"),
+    "rad": (180.0 / math.pi, "deg"),
+    "s": (1.0, "s"),
+    "B": (1e-9, "GB"),
+    "": (1.0, ""),
+}
 
 
-def result_rows(summaries: list[Summary]) -> pd.DataFrame:
-    """One row per seed and modality; an episode that broke off has one row with its reason."""
+def tidy_figures(name: str, summaries: Sequence[Summary]) -> pd.DataFrame:
+    """One row per episode, modality and figure.
+
+    Columns: `experiment`, `seed`, `modality` (empty for figures of the whole episode), `figure`,
+    `value` (SI and rad; 0 or 1 for what is false or true; NaN where there is no estimate), `unit`
+    and `reason` (beside a `success` of 0, why). An episode that broke off has only the figures of
+    the whole episode.
+    """
     rows: list[dict[str, Any]] = []
     for summary in summaries:
-        phase = summary.get("phases", {}).get("exploration", {})
-        common = {
-            "seed": summary["seed"],
-            "success": summary["success"],
-            "failure": summary.get("failure"),
-            "reached": phase.get("reached"),
-            "real_time_factor": summary.get("real_time_factor"),
-            "peak_memory": summary.get("peak_memory"),
-        }
-        if not summary.get("modalities"):
-            rows.append(common)
-        for name, modality in summary.get("modalities", {}).items():
-            joint = dict(modality["joints"][0])
-            consistency = joint.pop("consistency")
-            flat = {key: value for key, value in joint.items() if not isinstance(value, list)}
+        common = {"experiment": name, "seed": summary["seed"], "reason": ""}
+        for figure, value, unit in _episode_figures(summary):
             rows.append(
-                common
-                | {"modality": name}
-                | flat
-                | {"consistency_configuration": consistency["configuration"]}
-                | {"consistency_axis": consistency["axis"]}
-                | {"tick_median": modality["tick"]["median"], "tick_p95": modality["tick"]["p95"]}
+                common | {"modality": "", "figure": figure, "value": _number(value), "unit": unit}
             )
-    return pd.DataFrame(rows)
+            if figure == "success" and not value:
+                rows[-1]["reason"] = summary.get("failure") or "unknown"
+        for modality, record in summary.get("modalities", {}).items():
+            rows += [
+                common
+                | {"modality": modality, "figure": figure, "value": _number(value), "unit": unit}
+                for figure, value, unit in _modality_figures(record)
+            ]
+    return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def median_p90(values: npt.ArrayLike, scale: float, unit: str, digits: int) -> str:
-    """'median (p90) unit'; what is missing counts as infinitely bad."""
-    worst_first = np.asarray(
-        [np.inf if value is None or pd.isna(value) else abs(value) for value in np.ravel(values)],
-        dtype=float,
-    )
-    if len(worst_first) == 0:
+def _number(value: Any) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _episode_figures(summary: Summary) -> list[tuple[str, Any, str]]:
+    figures: list[tuple[str, Any, str]] = [("success", summary["success"], "")]
+    unit = _configuration_unit(summary)
+    for phase, record in summary.get("phases", {}).items():
+        figures += [(f"{phase}_{key}", record[key], unit) for key in ("target", "reached", "error")]
+    figures += [
+        (key, summary[key], unit)
+        for key, unit in (
+            ("duration", "s"),
+            ("wall_time", "s"),
+            ("real_time_factor", ""),
+            ("peak_memory", "B"),
+        )
+        if key in summary
+    ]
+    return figures
+
+
+def _configuration_unit(summary: Summary) -> str:
+    for record in summary.get("modalities", {}).values():
+        return "rad" if record["joints"][0]["type_true"] == "revolute" else "m"
+    return ""
+
+
+def _modality_figures(record: Mapping[str, Any]) -> list[tuple[str, Any, str]]:
+    joint = record["joints"][0]
+    revolute = joint["type_true"] == "revolute"
+    q = "rad" if revolute else "m"
+    figures = [
+        ("joint_found", joint["type_estimated"] in ("prismatic", "revolute"), ""),
+        ("type_right", joint["type_estimated"] == joint["type_true"], ""),
+        ("type_settled_at", joint["type_settled_at"], "s"),
+        ("configuration_true", joint["configuration_true"], q),
+        ("configuration_error", joint["configuration_error"], q),
+        ("configuration_error_last_seen", joint["configuration_error_last_seen"], q),
+        ("axis_angle_error", joint["axis_angle_error"], "rad"),
+        ("consistency_configuration", joint["consistency"]["configuration"], ""),
+        ("consistency_axis", joint["consistency"]["axis"], ""),
+        ("tick_median", record["tick"]["median"], "s"),
+        ("tick_p95", record["tick"]["p95"], "s"),
+    ]
+    if revolute:
+        figures.append(("axis_distance_error", joint["axis_distance_error"], "m"))
+    return figures
+
+
+def quantile(values: npt.ArrayLike, share: float) -> float:
+    """Quantile of magnitudes, linear between neighbours; NaN counts as infinitely large."""
+    magnitudes = np.sort(np.where(np.isnan(np.asarray(values, float)), np.inf, np.abs(values)))
+    place = share * (len(magnitudes) - 1)
+    low, high = magnitudes[math.floor(place)], magnitudes[math.ceil(place)]
+    fraction = place - math.floor(place)
+    if fraction == 0.0 or low == high:
+        return float(low)
+    return float(low + fraction * (high - low))
+
+
+def median_and_range(values: npt.ArrayLike, unit: str, digits: int = 1) -> str:
+    """'median (5 % to 95 %) unit' of magnitudes in SI; 'none' for what is missing."""
+    values = np.asarray(values, dtype=float)
+    if len(values) == 0:
         return "-"
+    scale, readable = _READABLE[unit]
 
     def text(share: float) -> str:
-        value = scale * float(np.quantile(worst_first, share, method="higher"))
+        value = scale * quantile(values, share)
         return f"{value:.{digits}f}" if math.isfinite(value) else "none"
 
-    return f"{text(0.5)} ({text(0.9)}) {unit}"
+    return f"{text(0.5)} ({text(0.05)} to {text(0.95)}) {readable}".rstrip()
 
 
-def table_rows(summaries: list[Summary]) -> tuple[list[str], list[list[str]]]:
-    """Modalities and rows: title, then one cell per modality."""
-    rows = result_rows(summaries)
-    modalities = [name for name in palette.MODALITY if name in set(rows.get("modality", []))]
-    groups = [rows[rows["modality"] == name] for name in modalities]
-    episodes = len(summaries)
-    broken = sum(not summary.get("modalities") for summary in summaries)
-
-    def each(title: str, cell: Callable[[pd.DataFrame], str]) -> list[str]:
-        return [title, *(cell(group) for group in groups)]
-
-    def padded(group: pd.DataFrame, key: str) -> npt.NDArray[np.float64]:
-        """Values of all episodes; those that broke off count as missing."""
-        values = pd.to_numeric(group[key], errors="coerce").to_numpy(dtype=float)
-        return np.concatenate([values, np.full(broken, np.nan)])
-
-    def right(group: pd.DataFrame) -> str:
-        return f"{int((group['type_estimated'] == group['type_true']).sum())}/{episodes}"
-
-    def share(group: pd.DataFrame, key: str) -> str:
-        values = pd.to_numeric(group[key], errors="coerce").dropna()
-        return f"{100.0 * float(values.mean()):.0f} %" if len(values) else "-"
-
-    scale, unit = (_DEG, "deg") if _is_revolute(rows) else (1000.0, "mm")
-    done = f"{sum(bool(summary['success']) for summary in summaries)}/{episodes}"
-    table = [
-        ["task done", *([done] * len(groups))],
-        each(
-            "opening error at the end, median (p90)",
-            lambda g: median_p90(padded(g, "configuration_error"), scale, unit, 1),
-        ),
-        each(
-            "opening error when last seen, median (p90)",
-            lambda g: median_p90(padded(g, "configuration_error_last_seen"), scale, unit, 1),
-        ),
-        each("joint type right at the end", right),
-        each(
-            "type settled after motion of, median (p90)",
-            lambda g: median_p90(padded(g, "type_settled_at"), 1.0, "s", 1),
-        ),
-        each(
-            "axis direction error, median (p90)",
-            lambda g: median_p90(padded(g, "axis_angle_error"), _DEG, "deg", 2),
-        ),
-        each("opening's NEES inside 95 % bounds", lambda g: share(g, "consistency_configuration")),
-        each("axis' NEES inside 95 % bounds", lambda g: share(g, "consistency_axis")),
-        each("tick, median (p90)", lambda g: median_p90(g["tick_median"], 1000.0, "ms", 1)),
-    ]
-    if _is_revolute(rows):
-        table.insert(
-            6,
-            each(
-                "axis distance, median (p90)",
-                lambda g: median_p90(padded(g, "axis_distance_error"), 1000.0, "mm", 1),
-            ),
-        )
-    return modalities, table
+def mean_and_deviation(values: npt.ArrayLike, unit: str, digits: int = 1) -> str:
+    """'mean ± standard deviation unit' of magnitudes in SI, of the episodes that have one."""
+    values = np.asarray(values, dtype=float)
+    known = np.abs(values[np.isfinite(values)])
+    if len(known) == 0:
+        return "-"
+    scale, readable = _READABLE[unit]
+    deviation = float(np.std(known, ddof=1)) if len(known) > 1 else math.nan
+    text = f"{scale * np.mean(known):.{digits}f}"
+    if math.isfinite(deviation):
+        text += f" ± {scale * deviation:.{digits}f}"
+    missing = len(values) - len(known)
+    return f"{text} {readable}".rstrip() + (f" ({missing} without)" if missing else "")
 
 
-def _is_revolute(rows: pd.DataFrame) -> bool:
-    return "type_true" in rows and "revolute" in set(rows["type_true"].dropna())
+def count(values: npt.ArrayLike) -> str:
+    """'so many/of all'."""
+    values = np.asarray(values, dtype=float)
+    return f"{int(np.sum(values == 1.0))}/{len(values)}"
 
 
-def markdown(name: str, references: dict[str, str], summaries: list[Summary]) -> str:
-    """The experiment's table and its failures in Markdown."""
-    modalities, table = table_rows(summaries)
-    seeds = [summary["seed"] for summary in summaries]
-    labels = [palette.MODALITY_LABEL[modality] for modality in modalities]
-    header = ["", *labels, "paper or peer"]
-    lines = [f"# {name}: {len(summaries)} episodes, seeds {_ranges(seeds)}", ""]
-    lines += [f"| {' | '.join(header)} |", f"|{'---|' * len(header)}"]
-    for row in table:
-        reference = references.get(row[0].partition(",")[0], "")
-        lines.append(f"| {' | '.join([*row, reference])} |")
-    factors = _numbers(summaries, "real_time_factor")
-    memory = _numbers(summaries, "peak_memory")
-    lines += ["", "An estimate that is missing counts as infinitely wrong ('none').", ""]
-    if len(factors):
-        lines.append(
-            f"Real-time factor: median {np.median(factors):.2f}, least {min(factors):.2f}."
-        )
-    if len(memory):
-        lines.append(f"Peak memory of an episode: at most {max(memory) / 1e9:.2f} GB.")
-    failures = [summary for summary in summaries if not summary["success"]]
-    if failures:
-        lines += ["", "| seed | why the task was not done |", "|---|---|"]
-        lines += [f"| {summary['seed']} | {summary.get('failure')} |" for summary in failures]
-    return "\n".join(lines) + "\n"
+def mean_share(values: npt.ArrayLike) -> str:
+    """Mean of shares in percent, of the episodes that have one."""
+    values = np.asarray(values, dtype=float)
+    known = values[np.isfinite(values)]
+    return f"{100.0 * np.mean(known):.0f} %" if len(known) else "-"
 
 
-def _numbers(summaries: list[Summary], key: str) -> list[float]:
-    return [float(summary[key]) for summary in summaries if summary.get(key)]
+@dataclass(kw_only=True)
+class Row:
+    """A row of the table.
+
+    Attributes:
+        title: What stands in its first cell; references name it.
+        figure: Of the tidy table.
+        cell: From one value per episode and their unit.
+    """
+
+    title: str
+    figure: str
+    cell: Callable[[Array, str], str]
 
 
-def _ranges(seeds: list[int]) -> str:
+def _milliseconds(values: Array, unit: str) -> str:
+    return median_and_range(1000.0 * values, "", 1) + " ms"
+
+
+EPISODE_ROWS = (
+    Row(title="task done", figure="success", cell=lambda v, _: count(v)),
+    Row(title="exploration error", figure="exploration_error", cell=mean_and_deviation),
+    Row(title="exploitation error", figure="exploitation_error", cell=mean_and_deviation),
+)
+MODALITY_ROWS = (
+    Row(title="joint found", figure="joint_found", cell=lambda v, _: count(v)),
+    Row(title="joint type right at the end", figure="type_right", cell=lambda v, _: count(v)),
+    Row(
+        title="configuration error at the end", figure="configuration_error", cell=median_and_range
+    ),
+    Row(
+        title="configuration error when last seen",
+        figure="configuration_error_last_seen",
+        cell=median_and_range,
+    ),
+    Row(
+        title="axis direction error",
+        figure="axis_angle_error",
+        cell=lambda v, unit: median_and_range(v, unit, 2),
+    ),
+    Row(title="axis distance error", figure="axis_distance_error", cell=median_and_range),
+    Row(title="type settled after motion of", figure="type_settled_at", cell=median_and_range),
+    Row(
+        title="configuration's NEES inside 95 % bounds",
+        figure="consistency_configuration",
+        cell=lambda v, _: mean_share(v),
+    ),
+    Row(
+        title="axis' NEES inside 95 % bounds",
+        figure="consistency_axis",
+        cell=lambda v, _: mean_share(v),
+    ),
+    Row(title="tick", figure="tick_median", cell=_milliseconds),
+)
+# Only where the object is brought to a target and back is the distance from it an error.
+_TRIAL_FIGURES = ("exploration_error", "exploitation_error")
+ROW_TITLES = tuple(row.title for row in (*EPISODE_ROWS, *MODALITY_ROWS))
+
+
+@dataclass(kw_only=True)
+class Table:
+    """Cells ready to be shown, the first of each row its title."""
+
+    header: list[str]
+    rows: list[list[str]] = field(default_factory=list)
+
+    def markdown(self) -> str:
+        lines = [self.header, ["---"] * len(self.header), *self.rows]
+        return "\n".join(f"| {' | '.join(_escaped(line))} |" for line in lines)
+
+
+def _escaped(cells: list[str]) -> list[str]:
+    return [cell.replace("|", "\\|").replace("\n", " ") for cell in cells]
+
+
+def _values(figures: pd.DataFrame, modality: str, figure: str) -> tuple[Array, str] | None:
+    """One value per episode, NaN for those that broke off, and the unit; None where unknown."""
+    chosen = figures[(figures["figure"] == figure) & (figures["modality"] == modality)]
+    if chosen.empty:
+        return None
+    by_seed = chosen.set_index("seed")["value"]
+    return by_seed.reindex(figures["seed"].unique()).to_numpy(float), str(chosen["unit"].iloc[0])
+
+
+def modalities_of(figures: pd.DataFrame) -> list[str]:
+    """The modalities that there are, in the palette's order."""
+    return [name for name in palette.MODALITY if name in set(figures["modality"])]
+
+
+def _cells(figures: pd.DataFrame, row: Row, modalities: Sequence[str]) -> list[str] | None:
+    found = [_values(figures, modality, row.figure) for modality in modalities]
+    if all(values is None for values in found):
+        return None
+    return ["-" if values is None else row.cell(*values) for values in found]
+
+
+def experiment_tables(experiment: Experiment, figures: pd.DataFrame) -> list[Table]:
+    """The tables of the whole episodes and of the modalities, each beside paper and goal."""
+    modalities = modalities_of(figures)
+    labels = [palette.MODALITY_LABEL[name] for name in modalities]
+    tables = []
+    for rows, columns, header in (
+        (EPISODE_ROWS, [""], ["all episodes"]),
+        (MODALITY_ROWS, modalities, labels),
+    ):
+        table = Table(header=["", *header, "paper", "goal"])
+        for row in rows:
+            cells = _cells(figures, row, columns)
+            if cells is not None and (experiment.returns or row.figure not in _TRIAL_FIGURES):
+                beside = experiment.references.get(row.title, Reference())
+                table.rows.append([row.title, *cells, beside.paper, beside.goal])
+        if table.rows:
+            tables.append(table)
+    return tables
+
+
+def failures_table(figures: pd.DataFrame) -> Table:
+    """Seeds of the episodes that failed, and why."""
+    failed = figures[(figures["figure"] == "success") & (figures["value"] == 0.0)]
+    rows = [[str(seed), reason] for seed, reason in zip(failed.seed, failed.reason, strict=True)]
+    return Table(header=["seed", "why the task was not done"], rows=rows)
+
+
+def seed_ranges(seeds: Sequence[int]) -> str:
     """'100 to 119' for seeds in a row, else all of them."""
-    if len(seeds) > 2 and seeds == list(range(seeds[0], seeds[-1] + 1)):
+    if len(seeds) > 2 and list(seeds) == list(range(seeds[0], seeds[-1] + 1)):
         return f"{seeds[0]} to {seeds[-1]}"
     return ", ".join(map(str, seeds))
 
 
-def draw_results(summaries: list[Summary]) -> Figure:
-    """Every episode's final error of opening and axis, by modality."""
-    rows = result_rows(summaries)
-    scale, unit = (_DEG, "deg") if _is_revolute(rows) else (1000.0, "mm")
-    modalities = [name for name in palette.MODALITY if name in set(rows.get("modality", []))]
-    figure = Figure(figsize=(8.5, 3.2), layout="constrained")
-    panels = figure.subplots(1, 2)
-    quantities = (
-        ("configuration_error", scale, f"opening error at the end [{unit}]"),
-        ("axis_angle_error", _DEG, "axis direction error at the end [deg]"),
+def title(name: str, figures: pd.DataFrame) -> str:
+    seeds = [int(seed) for seed in figures["seed"].unique()]
+    episodes = "1 episode" if len(seeds) == 1 else f"{len(seeds)} episodes"
+    return f"{name}: {episodes}, seeds {seed_ranges(seeds)}"
+
+
+def running_notes(figures: pd.DataFrame) -> list[str]:
+    """What the computer did: real-time factor and memory."""
+    notes = []
+    factor = _values(figures, "", "real_time_factor")
+    if factor is not None and np.any(np.isfinite(factor[0])):
+        median, least = np.nanmedian(factor[0]), np.nanmin(factor[0])
+        notes.append(f"Real-time factor: median {median:.2f}, least {least:.2f}.")
+    memory = _values(figures, "", "peak_memory")
+    if memory is not None and np.any(np.isfinite(memory[0])):
+        notes.append(f"Peak memory of an episode: at most {np.nanmax(memory[0]) / 1e9:.2f} GB.")
+    return notes
+
+
+HOW_TO_READ = (
+    "Errors by modality: median (5 % to 95 % of the episodes) of the magnitude, where an estimate"
+    " that is missing counts as infinitely large ('none'). Exploration and exploitation: mean ±"
+    " standard deviation of the distance from the target that was truly reached."
+)
+
+
+def markdown(name: str, experiment: Experiment, figures: pd.DataFrame, made_by: str) -> str:
+    """An experiment's tables and its failures in Markdown.
+
+    Args:
+        made_by: How the figures were made: command, version and date.
+    """
+    parts = [f"# {title(name, figures)}", made_by]
+    parts += [table.markdown() for table in experiment_tables(experiment, figures)]
+    parts += [HOW_TO_READ, *running_notes(figures)]
+    failures = failures_table(figures)
+    if failures.rows:
+        parts.append(failures.markdown())
+    return "\n\n".join(filter(None, parts)) + "\n"
+
+
+def overall_table(figures: Mapping[str, pd.DataFrame]) -> Table:
+    """One row per experiment, by name, and one of all of them."""
+    rows = {row.figure: row for row in (*EPISODE_ROWS, *MODALITY_ROWS)}
+    columns = (
+        ("task done", "", "success"),
+        ("type right, vision", "vision", "type_right"),
+        ("type right, proprioception", "proprioception", "type_right"),
+        ("type right, cross-modal", "crossmodal", "type_right"),
+        ("error at the end, cross-modal", "crossmodal", "configuration_error"),
+        ("exploration error", "", "exploration_error"),
+        ("exploitation error", "", "exploitation_error"),
     )
-    for axes, (key, factor, title) in zip(panels, quantities, strict=True):
-        for level, name in enumerate(modalities):
-            column = pd.to_numeric(rows.loc[rows["modality"] == name, key], errors="coerce")
-            values = factor * column.dropna().abs().to_numpy()
-            if len(values) == 0:
-                continue
-            spread = level + np.linspace(-0.22, 0.22, len(values))
-            color = palette.MODALITY[name]
-            axes.scatter(values, spread, s=26, color=color, alpha=0.75, lw=0)
-            median = float(np.median(values))
-            axes.plot([median, median], [level - 0.36, level + 0.36], color=color, lw=2.6)
-        axes.set_xscale("log")
-        axes.set_yticks(range(len(modalities)), [palette.MODALITY_LABEL[n] for n in modalities])
-        axes.set_ylim(len(modalities) - 0.45, -0.55)
-        axes.set_title(title, loc="left", fontsize=10)
-        axes.grid(axis="x", color="#E6E6E6")
-        axes.set_axisbelow(True)
-        axes.spines[["top", "right"]].set_visible(False)
-    return figure
-
-
-def write_results(
-    folder: Path, name: str, references: dict[str, str], summaries: list[Summary]
-) -> list[Path]:
-    """Writes the CSV file, the table and the picture; nothing where no episode has ended."""
-    if not summaries:
-        return []
-    csv, table, picture = (folder / file for file in RESULT_FILES)
-    rows = result_rows(summaries)
-    return [
-        write_atomically(csv, lambda path: rows.to_csv(path, index=False)),
-        write_text(table, markdown(name, references, summaries)),
-        write_atomically(picture, lambda path: save(draw_results(summaries), path)),
+    table = Table(header=["experiment", *(header for header, _, _ in columns)])
+    flags: dict[int, list[Array]] = {}
+    for name, frame in figures.items():
+        cells = [name]
+        for index, (_, modality, key) in enumerate(columns):
+            found = _values(frame, modality, key)
+            if key in ("success", "type_right"):
+                # Episodes that broke off count here too.
+                found = found or (np.full(frame["seed"].nunique(), np.nan), "")
+                flags.setdefault(index, []).append(found[0])
+            if key in _TRIAL_FIGURES and not EXPERIMENTS[name].returns:
+                found = None
+            cells.append("-" if found is None else rows[key].cell(*found))
+        table.rows.append(cells)
+    together = {index: np.concatenate(values) for index, values in flags.items()}
+    totals = [
+        f"{count(together[index])} ({100.0 * np.mean(together[index] == 1.0):.0f} %)"
+        if index in together
+        else ""
+        for index in range(len(columns))
     ]
+    table.rows.append(["all", *totals])
+    return table

@@ -4,16 +4,7 @@ import resource
 import sys
 from pathlib import Path
 
-_CLEAR = Path("/proc/self/clear_refs")
 _STATUS = Path("/proc/self/status")
-
-
-def reset_peak_memory() -> None:
-    """Starts a new measurement where the system can; elsewhere the peak is the process' own."""
-    try:
-        _CLEAR.write_text("5")  # Sets VmHWM back to what is held now.
-    except OSError:
-        return
 
 
 def peak_memory() -> int:

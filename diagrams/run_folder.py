@@ -9,7 +9,7 @@ import json
 import os
 import platform
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -43,6 +43,10 @@ _SOURCE_TYPES = {".py", ".sdf", ".urdf", ".yaml", ".obj", ".mtl", ".png", ".npz"
 # Modules that only show results: a change there leaves finished episodes valid.
 _PRESENTATION = {
     "command_line.py",
+    "episode_process.py",
+    "experiment_figures.py",
+    "experiment_report.py",
+    "experiment_runner.py",
     "experiment_table.py",
     "experiments.py",
     "figures.py",
@@ -153,8 +157,9 @@ def versions() -> dict[str, str]:
     return found
 
 
+@cache
 def source_hash() -> str:
-    """Hash of every file of the program that can change an episode."""
+    """Hash of every file that can change an episode, as they were when it was first asked for."""
     root = Path(__file__).parent.parent
     digest = hashlib.sha256()
     for package in _PACKAGES:

@@ -12,8 +12,11 @@ import pytest
 from synthetic_episode import synthetic_episode
 from typer.testing import CliRunner
 
-from diagrams import command_line
+from diagrams import command_line, episode_process
 from diagrams.command_line import GentleInterrupt, app
+from diagrams.episode_process import failed_summary
+from diagrams.experiments import EXPERIMENTS
+from diagrams.run_folder import finished_summary, write_scenario
 from diagrams.scenario import Scenario
 
 RUNNER = CliRunner()
@@ -161,6 +164,8 @@ def test_an_interrupt_before_anything_was_recorded_leaves_no_folder(
         ["evaluate", "cupboard"],
         ["evaluate", "drawer", "--seeds", "a:b"],
         ["evaluate", "drawer", "--seeds", "5:5"],
+        ["evaluate", "drawer", "--backend", "rey"],
+        ["evaluate", "drawer", "--set", "duratoin=3"],
         ["diagram", "drawer", "--modality", "touch"],
         ["diagram", "drawer", "--out", "malformed.yaml"],
     ],
@@ -203,13 +208,29 @@ def test_an_interrupt_waits_for_the_step_to_end_and_a_second_one_does_not() -> N
     assert signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch, fake_episode: types.SimpleNamespace) -> None:
+    """Lets an evaluation's episodes run in the test's own process."""
+
+    def run_apart(scenario: Scenario, folder: Path, environment: Any) -> dict[str, Any]:
+        write_scenario(folder, scenario)
+        episode_process.run_here(folder)
+        if fake_episode.stops_early:
+            raise KeyboardInterrupt
+        summary = finished_summary(folder, scenario)
+        return summary or failed_summary(scenario, episode_process._reason(folder, 1))
+
+    monkeypatch.setattr(episode_process, "run_apart", run_apart)
+
+
+@pytest.mark.usefixtures("in_this_process")
 def test_evaluate_goes_on_where_it_was_and_reports_failures(
     fake_episode: types.SimpleNamespace,
 ) -> None:
-    command = ["evaluate", "drawer", "--seeds", "3:5", "--out", "here", "--backend", "threading"]
+    command = ["evaluate", "drawer", "--seeds", "3:5", "--out", "here"]
     first = RUNNER.invoke(app, command)
     assert first.exit_code == 0, first.output
-    assert "| opening error at the end, median (p90) |" in first.output
+    assert "| configuration error at the end |" in first.output
     assert len(fake_episode.runs) == 2
     fake_episode.error = RuntimeError("the solver\ngave up")
     second = RUNNER.invoke(app, [*command[:3], "3:6", *command[4:]])
@@ -220,14 +241,30 @@ def test_evaluate_goes_on_where_it_was_and_reports_failures(
     assert "gave up" in Path("here/seed-0005/error.txt").read_text()
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_an_interrupted_evaluation_stops_and_its_table_has_what_was_finished(
     fake_episode: types.SimpleNamespace,
 ) -> None:
-    command = ["evaluate", "drawer", "--out", "here", "--backend", "threading", "--seeds"]
-    assert RUNNER.invoke(app, [*command, "3"]).exit_code == 0
+    command = ["evaluate", "drawer", "--out", "here", "--seeds"]
+    assert RUNNER.invoke(app, [*command, "3:4"]).exit_code == 0
     fake_episode.stops_early = True
     stopped = RUNNER.invoke(app, [*command, "3:6"])
     assert stopped.exit_code == 130
     assert "interrupted after 1 episode(s)" in stopped.stderr
-    assert "# drawer: 1 episodes, seeds 3" in stopped.stdout
+    assert "# drawer: 1 episode, seeds 3" in stopped.stdout
     assert len(fake_episode.runs) == 2
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_all_experiments_end_in_one_table_and_single_ones_are_taken_over(
+    fake_episode: types.SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = {name: EXPERIMENTS[name] for name in ("drawer", "drawer-lights-off")}
+    monkeypatch.setattr("diagrams.experiments.EXPERIMENTS", kept)
+    assert RUNNER.invoke(app, ["evaluate", "drawer", "--seeds", "1"]).exit_code == 0
+    result = RUNNER.invoke(app, ["evaluate", "all", "--seeds", "1"])
+    assert result.exit_code == 0, result.output
+    assert [name for name, *_ in fake_episode.runs] == ["drawer", "drawer-lights-off"]
+    assert "| all | 2/2 (100 %) |" in result.output
+    assert Path("runs/evaluate/report.html").is_file()
+    assert Path("runs/evaluate/drawer/report.html").is_file()

@@ -147,7 +147,8 @@ class Episode:
                 builder.Connect(station.GetOutputPort(port.get_name()), port)
         readers: list[System] = [self.recorder]
         if meshcat is not None:
-            view = MeshcatView(MeshcatViewConfig(), meshcat, scenario.modalities)
+            config = MeshcatViewConfig(parent_moves=parent_moves(self.station))
+            view = MeshcatView(config, meshcat, scenario.modalities)
             readers.append(builder.AddNamedSystem("meshcat_view", view))
             scene = builder.AddNamedSystem(
                 "meshcat_scene",
@@ -229,8 +230,7 @@ class Episode:
         for modality, (start, stop) in self._stopwatches.items():
             pairs = zip(start.marks, stop.marks, strict=False)
             self.recorder.modalities[modality].tick_times = [b - a for a, b in pairs]
-        joint_type, axis_W, point_W = joint_truth(station)
-        truth = self.recorder.truth(station.joint.name(), joint_type, axis_W, point_W)
+        truth = self.recorder.truth(station.joint.name(), *joint_truth(station))
         failure = task_failure(scenario.task, truth, self.events)
         intrinsics = station.intrinsics
         return EpisodeResult(
@@ -278,12 +278,22 @@ def _add_readout(builder: DiagramBuilder, station: System, network: Diagram) -> 
         builder.Connect(readout.GetOutputPort(name), station.GetInputPort(name))
 
 
-def joint_truth(station: Station) -> tuple[JointType, Array, Array]:
-    """Type, axis (3,) and a point (3,) on it, in the world, of the explored joint."""
+def joint_truth(station: Station) -> tuple[JointType, Array, Array, bool]:
+    """The explored joint: type, axis (3,) and a point (3,) on it in W, whether its parent moves."""
     plant, joint = station.scene.plant, station.joint
     X_WJ = joint.frame_on_parent().CalcPoseInWorld(plant.CreateDefaultContext())
     joint_type, axis_J = _type_and_axis(joint)
-    return joint_type, X_WJ.rotation() @ axis_J, X_WJ.translation()
+    return (
+        joint_type,
+        X_WJ.rotation() @ axis_J,
+        X_WJ.translation(),
+        parent_moves(station),
+    )
+
+
+def parent_moves(station: Station) -> bool:
+    """Whether the explored joint hangs on a body that can move, as the lid of a free box does."""
+    return not station.scene.plant.IsAnchored(station.joint.parent_body())
 
 
 def _type_and_axis(joint: Joint) -> tuple[JointType, Array]:

@@ -25,6 +25,8 @@ class Truth:
         configuration: The joint's position q (T,), [m or rad].
         X_WB: Pose (T, 4, 4) of the moved body.
         grasp_time: The instant the hand was closed, [s]; estimated configurations count from here.
+        parent_moves: Whether the joint's parent can move too; axis and point are those before
+            anything moved.
     """
 
     joint_name: str
@@ -35,6 +37,7 @@ class Truth:
     configuration: Array
     X_WB: Array
     grasp_time: float
+    parent_moves: bool = False
 
     def opening(self) -> Array:
         """The joint's travel since the grasp (T,), [m or rad]; zero at the first tick after it."""

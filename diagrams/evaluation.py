@@ -68,7 +68,7 @@ def _tick_rows(
     joint = series.joints[k]
     if joint is not None:
         _joint_rows(joint, series, k, truth, scalar, vector)
-        body = next((b for b in tick.bodies.bodies if b.body_id == joint.child_id), None)
+        body = tick.bodies.find(joint.child_id)
         if body is not None and len(truth.times):
             _body_rows(body, tick.time, truth, vector)
     if tick.grasp is not None:

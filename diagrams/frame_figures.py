@@ -12,7 +12,7 @@ from diagrams import palette
 from diagrams.episode_record import EpisodeResult, FrameRecord, TickRecord, Truth
 from diagrams.figures import STYLE, new_figure
 from diagrams.joint_drawing import draw_joint, joint_color
-from diagrams.joint_evaluation import motion_start, select_joint
+from diagrams.joint_evaluation import joint_now, motion_start
 from diagrams.run_report import describe_configuration
 from systems.port_values import STATIC_BODY, FeatureBelief, JointBelief, JointType
 
@@ -85,9 +85,9 @@ def _draw_frame(
         u, v = features.uv.T
         colors = [palette.body_color(owner) for owner in owners]
         axes.scatter(u, v, s=9, c=colors, edgecolors="#202020", linewidths=0.35)
-    joint = select_joint(tick.joints)
+    joint = joint_now(tick.joints, tick.bodies, result.truth.parent_moves)
     if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
-        body = next((b for b in tick.bodies.bodies if b.body_id == joint.child_id), None)
+        body = tick.bodies.find(joint.child_id)
         if draw_joint(axes, joint, body, result.camera):
             joints.add(joint.type)
     dark = any(frame.time in interval for interval in result.scenario.disturbances.lights_off)

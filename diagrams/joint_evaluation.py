@@ -5,7 +5,7 @@ So estimates are first turned to the side of the true axis.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,7 @@ from diagrams.episode_record import TickRecord, Truth
 from systems.port_values import (
     INTERACTED_BODY,
     STATIC_BODY,
+    BodyMotions,
     JointBelief,
     JointBeliefs,
     JointModelBelief,
@@ -77,15 +78,59 @@ def share_inside(nees: Array, degrees: int) -> float:
     return float(np.mean((nees >= low) & (nees <= high)))
 
 
-def select_joint(joints: JointBeliefs) -> JointBelief | None:
-    """The joint to the environment that an episode is about.
+def select_joint(joints: JointBeliefs, parent_moves: bool = False) -> JointBelief | None:
+    """The joint that an episode is about.
 
-    That is the joint of the body in the hand; vision alone does not know that body, and there it is
-    the joint that has been observed for longest.
+    To the environment, that is the joint of the body in the hand; vision alone does not know that
+    body, and there it is the joint that has been observed for longest. Where the true joint's
+    parent moves too (the lid of a box that slides), only a joint between two moving bodies will do.
     """
-    candidates = [joint for joint in joints.joints if joint.parent_id == STATIC_BODY]
-    held = [joint for joint in candidates if joint.child_id == INTERACTED_BODY]
+    candidates = [
+        joint for joint in joints.joints if (joint.parent_id != STATIC_BODY) == parent_moves
+    ]
+    held = [joint for joint in candidates if is_held(joint)]
     return max(held or candidates, key=lambda joint: joint.updates, default=None)
+
+
+def is_held(joint: JointBelief) -> bool:
+    """Whether one of the joint's bodies is the one in the hand."""
+    return INTERACTED_BODY in (joint.parent_id, joint.child_id)
+
+
+def in_world(joint: JointBelief, X_WP: Array) -> JointBelief:
+    """The same belief with axes and points in W, the parent at X_WP (4, 4)."""
+    R_WP = X_WP[:3, :3]
+    models = {
+        joint_type: replace(
+            model,
+            axis_P=R_WP @ model.axis_P,
+            axis_covariance=R_WP @ model.axis_covariance @ R_WP.T,
+            p_PA=R_WP @ model.p_PA + X_WP[:3, 3],
+            p_PA_covariance=R_WP @ model.p_PA_covariance @ R_WP.T,
+        )
+        for joint_type, model in joint.models.items()
+    }
+    return replace(joint, models=models)
+
+
+def joint_at_reference(
+    joints: JointBeliefs, bodies: BodyMotions, parent_moves: bool
+) -> JointBelief | None:
+    """The episode's joint in W, its parent where it was before anything moved."""
+    joint = select_joint(joints, parent_moves)
+    if joint is None or joint.parent_id == STATIC_BODY:
+        return joint
+    parent = bodies.find(joint.parent_id)
+    return None if parent is None else in_world(joint, parent.X_WB_reference)
+
+
+def joint_now(joints: JointBeliefs, bodies: BodyMotions, parent_moves: bool) -> JointBelief | None:
+    """The episode's joint in W, its parent where it is now."""
+    joint = select_joint(joints, parent_moves)
+    if joint is None or joint.parent_id == STATIC_BODY:
+        return joint
+    parent = bodies.find(joint.parent_id)
+    return None if parent is None else in_world(joint, parent.motion.X)
 
 
 @dataclass(kw_only=True)
@@ -96,7 +141,8 @@ class JointSeries:
 
     Attributes:
         times: (T,) [s].
-        joints: The joint believed in at each tick, None where there is none.
+        joints: The joint believed in at each tick, in W before anything moved; None where there is
+            none.
         opening: True travel since the grasp (T,).
         configuration: Of the likeliest type (T,), on the true axis' side, counted from the grasp;
             that of a rigid one does not change.
@@ -134,12 +180,12 @@ def joint_series(ticks: Sequence[TickRecord], truth: Truth) -> JointSeries:
              "distance_error", "configuration_nees", "axis_nees")  # fmt: skip
     columns = {name: np.full(len(ticks), np.nan) for name in names}
     probability = np.full(len(ticks), np.nan)
-    joints = [select_joint(tick.joints) for tick in ticks]
+    joints = [joint_at_reference(tick.joints, tick.bodies, truth.parent_moves) for tick in ticks]
     for k, joint in enumerate(joints):
         if joint is None:
             continue
         probability[k] = joint.probabilities.get(truth.joint_type, 0.0)
-        before = 0.0 if joint.child_id == INTERACTED_BODY else travel_before_grasp(truth)
+        before = 0.0 if is_held(joint) else travel_before_grasp(truth)
         for name, value in _compare(joint, truth, opening[k], before).items():
             columns[name][k] = value
     right = np.array([joint is not None and joint.type == truth.joint_type for joint in joints])

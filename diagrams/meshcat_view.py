@@ -13,7 +13,7 @@ from pydrake.systems.framework import Context, InputPort, LeafSystem
 
 from diagrams import palette
 from diagrams.joint_drawing import JointSketch, perpendicular_axes, sketch_joint
-from diagrams.joint_evaluation import select_joint
+from diagrams.joint_evaluation import joint_now
 from diagrams.run_report import describe_configuration
 from diagrams.text_board import text_board
 from diagrams.yaml_schema import ScenarioError, one_line
@@ -42,6 +42,7 @@ class MeshcatViewConfig:
     # Where the page is first seen from, and what the texts face, p_WV, [m]; and its target.
     viewpoint: np.ndarray = field(default_factory=lambda: np.array([-0.25, 0.75, 1.45]))
     looking_at: np.ndarray = field(default_factory=lambda: np.array([0.6, -0.2, 0.85]))
+    parent_moves: bool = False  # Draw the joint between two moving bodies, not to the environment.
 
 
 def start_meshcat(host: str = "localhost") -> Meshcat:
@@ -94,6 +95,7 @@ class MeshcatView(LeafSystem):
             value = getattr(config, name)
             if not value > 0:
                 raise ValueError(f"MeshcatView: need {name} > 0, got {value!r}")
+        self._parent_moves = config.parent_moves
         meshcat.Delete(ROOT)  # What an earlier view may have left.
         meshcat.SetCameraPose(config.viewpoint, config.looking_at)
         self._ports: dict[str, dict[str, InputPort]] = {}
@@ -117,10 +119,12 @@ class MeshcatView(LeafSystem):
             values = {
                 name: port.Eval(context) for name, port in ports.items() if port.HasValue(context)
             }
-            bodies = values.get("body_motions", BodyMotions()).bodies
+            bodies: BodyMotions = values.get("body_motions", BodyMotions())
             layer = self._layers[modality]
-            layer.draw_features(time, values.get("features", _NO_FEATURES), bodies)
-            layer.draw_joint(time, select_joint(values.get("joints", JointBeliefs())), bodies)
+            layer.draw_features(time, values.get("features", _NO_FEATURES), bodies.bodies)
+            joints = values.get("joints", JointBeliefs())
+            joint = joint_now(joints, bodies, self._parent_moves)
+            layer.draw_joint(time, joint, bodies.bodies)
 
 
 _NO_FEATURES = FeatureBelief(

@@ -93,7 +93,14 @@ class EpisodeRecorder(LeafSystem):
         self.DeclarePeriodicPublishEvent(config.period, 0.0, self._record_truth)
         self.DeclarePeriodicPublishEvent(config.period, 0.5 * config.period, self._record_beliefs)
 
-    def truth(self, joint_name: str, joint_type: JointType, axis_W: Array, point_W: Array) -> Truth:
+    def truth(
+        self,
+        joint_name: str,
+        joint_type: JointType,
+        axis_W: Array,
+        point_W: Array,
+        parent_moves: bool = False,
+    ) -> Truth:
         """The recorded truth, completed by the constants of the joint."""
         return Truth(
             joint_name=joint_name,
@@ -104,6 +111,7 @@ class EpisodeRecorder(LeafSystem):
             configuration=np.array(self._configurations),
             X_WB=np.array(self._X_WB).reshape(-1, 4, 4),
             grasp_time=self._grasp_time,
+            parent_moves=parent_moves,
         )
 
     def _record_truth(self, context: Context) -> None:

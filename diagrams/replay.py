@@ -139,10 +139,9 @@ def replay(
         simulator.AdvanceTo((tick + 0.6) * period)
         if progress is not None:
             progress(tick * period)
-    joint_type, axis_W, point_W = joint_truth(station)
     return EpisodeResult(
         scenario=scenario,
-        truth=recorder.truth(station.joint.name(), joint_type, axis_W, point_W),
+        truth=recorder.truth(station.joint.name(), *joint_truth(station)),
         modalities=recorder.modalities,
         camera=PinholeCamera(
             K=station.intrinsics.intrinsic_matrix(), X_WC=station.X_WC.GetAsMatrix4()

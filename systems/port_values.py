@@ -157,6 +157,10 @@ class BodyMotions:
 
     bodies: list[BodyMotion] = field(default_factory=list)
 
+    def find(self, body_id: int) -> BodyMotion | None:
+        """The body of this number, None where it is not known."""
+        return next((body for body in self.bodies if body.body_id == body_id), None)
+
 
 @dataclass(kw_only=True)
 class BodyPrediction:

@@ -11,7 +11,6 @@ from maths import se3
 from systems.port_values import (
     INTERACTED_BODY,
     STATIC_BODY,
-    BodyMotion,
     BodyMotions,
     EndEffectorBelief,
     GraspBelief,
@@ -153,7 +152,7 @@ class InteractedJoint(LeafSystem):
         if joint.parent_id != STATIC_BODY:
             motions = self._read(context, "body_motions")
             assert isinstance(motions, BodyMotions)
-            parent = _find(motions, joint.parent_id)
+            parent = motions.find(joint.parent_id)
             if parent is None:
                 return np.full(7, np.nan)
             S_W = se3.adjoint(parent.motion.X) @ S_W
@@ -179,7 +178,3 @@ class InteractedJoint(LeafSystem):
         if isinstance(grasp, GraspBelief):
             failed = grasp.probabilities[GraspType.FAILED]
         output.SetAtIndex(0, failed)
-
-
-def _find(motions: BodyMotions, body_id: int) -> BodyMotion | None:
-    return next((body for body in motions.bodies if body.body_id == body_id), None)

@@ -306,8 +306,7 @@ class GraspModel(RecursiveFilter):
 
     def _calc_grasp(self, context: Context, state: Any) -> GraspState:
         motions = self._read(self._bodies, context) if self._bodies.HasValue(context) else None
-        bodies = [] if motions is None else motions.bodies
-        body = next((b for b in bodies if b.body_id == INTERACTED_BODY), None)
+        body = None if motions is None else motions.find(INTERACTED_BODY)
         if self._read(self._active, context)[0] <= 0.5 or not isinstance(body, InteractedBody):
             return self._nothing_held
         end_effector = self._read(self._end_effector, context)

@@ -62,7 +62,7 @@ def sight(
     config: InteractedBodyMotionConfig,
 ) -> Sighting | None:
     """Registers the features that belong to the interacted body; None if they are too few."""
-    body = next((b for b in motions.bodies if b.body_id == INTERACTED_BODY), None)
+    body = motions.find(INTERACTED_BODY)
     if body is None:
         return None
     _, rows, seen = np.intersect1d(body.feature_ids, features.ids, return_indices=True)

@@ -1,8 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
-from synthetic_episode import joint_belief, synthetic_episode
+from synthetic_episode import body_motion, joint_belief, synthetic_episode
 
 from diagrams.episode_record import TickRecord, Truth
 from diagrams.joint_evaluation import (
@@ -10,6 +12,7 @@ from diagrams.joint_evaluation import (
     axis_distance_error,
     axis_nees,
     axis_sign,
+    joint_now,
     joint_series,
     last_seen,
     motion_start,
@@ -19,7 +22,13 @@ from diagrams.joint_evaluation import (
     share_inside,
     type_settled_at,
 )
-from systems.port_values import BodyMotions, JointBelief, JointBeliefs, JointType
+from systems.port_values import (
+    INTERACTED_BODY,
+    BodyMotions,
+    JointBelief,
+    JointBeliefs,
+    JointType,
+)
 
 RNG = np.random.default_rng(5)
 AXIS = np.array([0.6, 0.0, 0.8])
@@ -177,3 +186,29 @@ def test_a_modality_that_loses_its_joint_is_last_seen_before() -> None:
     assert last is not None
     assert_allclose(series.times[last], 9.4666, atol=1e-3)
     assert np.isnan(series.error[last + 1])
+
+
+def test_a_joint_between_moving_bodies_is_compared_where_its_parent_was_at_the_reference() -> None:
+    R_WP = Rotation.from_euler("xyz", [0.3, -0.2, 0.5]).as_matrix()
+    X_WP_0, X_WP = np.eye(4), np.eye(4)
+    X_WP_0[:3, :3], X_WP_0[:3, 3] = R_WP, [0.4, -0.1, 0.7]
+    X_WP[:3, :3], X_WP[:3, 3] = Rotation.from_rotvec([0, 0, 0.2]).as_matrix(), [0.5, 0.0, 0.7]
+    truth = truth_of(np.array([0.0, 0.0, 0.3, 0.6]), JointType.REVOLUTE)
+    truth.parent_moves = True
+    p_PA = R_WP.T @ (truth.point_W + 0.2 * AXIS - X_WP_0[:3, 3])
+    lid = replace(
+        joint_belief(JointType.REVOLUTE, R_WP.T @ AXIS, 0.6, 0.01, 0.01, point=p_PA),
+        parent_id=INTERACTED_BODY,
+        child_id=2,
+    )
+    to_the_room = joint_belief(JointType.REVOLUTE, AXIS, 0.9, 0.01, 0.01)
+    beliefs = JointBeliefs(joints=[to_the_room, lid])
+    bodies = BodyMotions(bodies=[body_motion(INTERACTED_BODY, X_WP, X_WP_0, np.zeros(0))])
+    series = joint_series([TickRecord(time=3.0, joints=beliefs, bodies=bodies)], truth)
+    assert_allclose(series.axis_error, 0.0, atol=1e-9)
+    assert_allclose(series.distance_error, 0.0, atol=1e-9)
+    assert_allclose(series.error, 0.0, atol=1e-9)
+    drawn = joint_now(beliefs, bodies, parent_moves=True)
+    assert drawn is not None
+    assert_allclose(drawn.model.axis_P, X_WP[:3, :3] @ R_WP.T @ AXIS, atol=1e-12)
+    assert select_joint(JointBeliefs(joints=[to_the_room]), parent_moves=True) is None

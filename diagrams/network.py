@@ -121,6 +121,13 @@ def joints_from_the_hand() -> KinematicModelConfig:
     )
 
 
+def joints_from_both() -> KinematicModelConfig:
+    """As from features; in the dark the body tells by itself what of its error lasts."""
+    model = joints_from_features()
+    model.filters.lasting_time = 5.0
+    return model
+
+
 @dataclass(kw_only=True)
 class PerceptionConfig:
     """One config per filter; the joints' differ by what measures the bodies.
@@ -138,7 +145,7 @@ class PerceptionConfig:
     bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
     joints_vision: KinematicModelConfig = field(default_factory=joints_from_features)
     joints_proprioception: KinematicModelConfig = field(default_factory=joints_from_the_hand)
-    joints_crossmodal: KinematicModelConfig = field(default_factory=joints_from_features)
+    joints_crossmodal: KinematicModelConfig = field(default_factory=joints_from_both)
 
 
 @dataclass(kw_only=True)

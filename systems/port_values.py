@@ -126,6 +126,8 @@ class BodyMotion:
         feature_ids: (K,) features assigned to the body.
         p_BF: Their constant positions in the body (K, 3), [m].
         p_BF_covariance: (K, 3, 3), [m^2].
+        lasting_covariance: (6, 6), in B, of that part of the pose's error that stays for seconds:
+            more measurements of the kind do not average it away.
     """
 
     body_id: int
@@ -134,6 +136,7 @@ class BodyMotion:
     feature_ids: Ids
     p_BF: Array
     p_BF_covariance: Array
+    lasting_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
 
 
 @dataclass(kw_only=True)

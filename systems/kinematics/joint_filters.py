@@ -89,7 +89,9 @@ class JointFilters:
             fast=1.0,
             slow=0.0,
         )
-        self._correlated = config.correlation_time > 0.0 or has_slow_error(config)
+        self._correlated = (
+            config.correlation_time > 0.0 or has_slow_error(config) or config.lasting_time > 0.0
+        )
         self._log_prior = np.log(
             [
                 config.prior_prismatic,
@@ -142,7 +144,12 @@ class JointFilters:
         )
 
     def update(
-        self, state: JointFiltersState, X_PB: Array, covariance: Array, time: float
+        self,
+        state: JointFiltersState,
+        X_PB: Array,
+        covariance: Array,
+        time: float,
+        lasting: Array | None = None,
     ) -> JointFiltersState:
         """The state after one measurement of the child's pose.
 
@@ -151,11 +158,12 @@ class JointFilters:
             X_PB: Measured (4, 4).
             covariance: Of the measurement (6, 6), in B.
             time: Of the measurement, [s], not before the last.
+            lasting: The part (6, 6) of the covariance that stays, see `BodyMotion`; none if None.
         """
         models = Models(*[x.copy() for x in state.models])
         packets = copy_packets(state.packets)
         dt = time - state.time
-        R = frame_covariance(covariance, dt, self.config)
+        R = frame_covariance(covariance, dt, self.config, lasting)
         priors = self._priors
         if self._correlated:
             fast, slow = error_shares(covariance, R, dt, self.config)

@@ -44,6 +44,8 @@ class JointFiltersConfig:
         slow_rotation: Standard deviation of a slow error in rotation, [rad].
         slow_translation: The same in translation, [m].
         slow_time: How long the slow error lasts, [s].
+        lasting_time: How long what a measurement itself calls lasting does, [s]; zero to take it
+            for white.
         memory: Packets kept, at least 12.
         coarseness: Share of the motion's mean square that one packet may span, in (0, 1).
     """
@@ -62,6 +64,7 @@ class JointFiltersConfig:
     slow_rotation: float = 0.0
     slow_translation: float = 0.0
     slow_time: float = 1.0
+    lasting_time: float = 0.0
     memory: int = 24
     coarseness: float = 0.05
 
@@ -87,6 +90,7 @@ def check_joint_filters_config(config: JointFiltersConfig, owner: str) -> None:
         "correlation_time": "s",
         "slow_rotation": "rad",
         "slow_translation": "m",
+        "lasting_time": "s",
     }.items():
         if not (value := getattr(config, name)) >= 0.0 or not np.isfinite(value):
             raise ValueError(f"{owner}: need {name} >= 0 {unit}, got {value!r}")
@@ -109,8 +113,17 @@ def has_slow_error(config: JointFiltersConfig) -> bool:
     return config.slow_rotation > 0.0 or config.slow_translation > 0.0
 
 
-def frame_covariance(covariance: Array, dt: float, config: JointFiltersConfig) -> Array:
-    """The covariance (6, 6) that one of a stream of measurements `dt` apart counts with."""
+def frame_covariance(
+    covariance: Array, dt: float, config: JointFiltersConfig, lasting: Array | None = None
+) -> Array:
+    """The covariance (6, 6) that one of a stream of measurements `dt` apart counts with.
+
+    Args:
+        covariance: Of the measurement (6, 6).
+        dt: Since the last one, [s].
+        config: Says how long errors stay.
+        lasting: The part (6, 6) of the covariance whose error stays for `lasting_time`.
+    """
     R = covariance + _FLOOR
     if dt <= 0.0:
         return R
@@ -120,6 +133,8 @@ def frame_covariance(covariance: Array, dt: float, config: JointFiltersConfig) -
     if has_slow_error(config):
         slow = np.repeat([config.slow_rotation**2, config.slow_translation**2], 3)
         R = R + np.diag(slow) * max(1.0, 2.0 * config.slow_time / dt)
+    if lasting is not None:
+        R = R + lasting * max(0.0, 2.0 * config.lasting_time / dt - 1.0)
     return R
 
 
@@ -133,12 +148,9 @@ def error_shares(
     """Of R from `frame_covariance`: the share that is new at each measurement, and the slow one."""
     if dt <= 0.0:
         return 1.0, 0.0
-    given = 1.0
-    if has_slow_error(config):
-        white = frame_covariance(covariance, dt, _without_slow_error(config))
-        given = float(np.trace(np.linalg.solve(R, white))) / 6.0
+    white = frame_covariance(covariance, dt, _without_slow_error(config))
+    given = float(np.trace(np.linalg.solve(R, white))) / 6.0
     r = np.exp(-dt / config.correlation_time) if config.correlation_time > 0.0 else 0.0
-    lasting = (
-        (1.0 - given) * min(1.0, 0.5 * dt / config.slow_time) if has_slow_error(config) else 0.0
-    )
+    stays = max(config.slow_time if has_slow_error(config) else 0.0, config.lasting_time)
+    lasting = (1.0 - given) * min(1.0, 0.5 * dt / stays) if stays > 0.0 else 0.0
     return given * (1.0 - r) ** 2 / (1.0 + r), given * r * (1.0 - r) / (1.0 + r) + lasting

@@ -76,14 +76,17 @@ def _pose(motion: MotionBelief) -> PoseBelief:
     return PoseBelief(X=motion.X, covariance=motion.covariance[:6, :6])
 
 
-def measured_pose(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[PoseBelief, Array]:
-    """X_PB of a pair now, and its pose (4, 4) at the reference."""
+def measured_pose(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[PoseBelief, Array, Array]:
+    """X_PB of a pair now, what lasts of its covariance (6, 6), and X_PB (4, 4) at the reference."""
     child = bodies[pair[1]]
     if pair[0] == STATIC_BODY:
-        return _pose(child.motion), child.X_WB_reference
+        return _pose(child.motion), child.lasting_covariance, child.X_WB_reference
     parent = bodies[pair[0]]
     X_PB_reference = se3.inverse(parent.X_WB_reference) @ child.X_WB_reference
-    return relative_pose(_pose(parent.motion), _pose(child.motion)), X_PB_reference
+    pose = relative_pose(_pose(parent.motion), _pose(child.motion))
+    Ad = se3.adjoint(se3.inverse(pose.X))
+    lasting = child.lasting_covariance + Ad @ parent.lasting_covariance @ Ad.T
+    return pose, lasting, X_PB_reference
 
 
 def update_pairs(
@@ -112,10 +115,10 @@ def update_pairs(
     for pair in sorted(measured | set(level.pairs)):
         state = level.pairs.get(pair)
         if pair in measured:
-            pose, X_PB_reference = measured_pose(pair, bodies)
+            pose, lasting, X_PB_reference = measured_pose(pair, bodies)
             if state is None:
                 state = filters.start(X_PB_reference, pose.covariance, time - reference_age, *pair)
-            pairs[pair] = filters.update(state, pose.X, pose.covariance, time)
+            pairs[pair] = filters.update(state, pose.X, pose.covariance, time, lasting)
         elif state is not None and time - state.time <= patience:
             pairs[pair] = state
     motions = {i: m for i, m in level.motions.items() if any(i in pair for pair in pairs)}

@@ -98,6 +98,8 @@ class BodyState:
         V: V_WB_B (6,), with covariance V_covariance (6, 6).
         feature_ids: The features seen last.
         grasp_type: Under which f and k have their present meaning.
+        unseen: (6, 6), in B, by what the pose's covariance has grown since features corrected it.
+            The hand's errors are behind it, which change slowly.
     """
 
     hand: BentHand
@@ -109,6 +111,7 @@ class BodyState:
     V_covariance: Array
     feature_ids: Ids
     grasp_type: GraspType
+    unseen: Array
 
     def __deepcopy__(self, memo: dict[int, object]) -> "BodyState":
         return self
@@ -166,6 +169,12 @@ def square_root(covariance: Array) -> Array:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T)
 
 
+def positive_part(matrix: Array) -> Array:
+    """The nearest positive semidefinite matrix to a symmetric one (n, n)."""
+    values, vectors = np.linalg.eigh(symmetric(matrix))
+    return np.asarray(vectors * np.maximum(values, 0.0) @ vectors.T)
+
+
 def line_sensitivity(free: FreeMotion, tau: Array, turned: float, slides: bool) -> Array:
     """How an error of axis and point (6,) moves the body, in H, against the mean; (6, 6).
 
@@ -204,6 +213,7 @@ def start_body(hand: BentHand, grasp: GraspBelief) -> BodyState:
         V_covariance=1e-4 * np.eye(6),
         feature_ids=np.zeros(0, dtype=np.int64),
         grasp_type=grasp.type,
+        unseen=np.zeros((6, 6)),
     )
 
 
@@ -267,7 +277,10 @@ def predict_body(
     x = F @ body.x
     X_WB = before.X_WH @ step @ se3.inverse(before.X_WH) @ body.X_WB @ se3.exp(x[:6])
     x[:6] = 0.0
-    return replace(body, hand=hand, X_WB=X_WB, x=x, P=symmetric(P))
+    Ad = se3.adjoint(se3.inverse(X_WB) @ body.X_WB)
+    growth = P[:6, :6] - Ad @ body.P[:6, :6] @ Ad.T
+    unseen = positive_part(Ad @ body.unseen @ Ad.T + growth)
+    return replace(body, hand=hand, X_WB=X_WB, x=x, P=symmetric(P), unseen=unseen)
 
 
 def _slip(tau: Array, config: InteractedBodyMotionConfig) -> Array:
@@ -335,4 +348,4 @@ def correct_body(
     x = x + correction
     X_WB = body.X_WB @ se3.exp(x[:6])
     x[:6] = 0.0
-    return replace(body, X_WB=X_WB, x=x, P=P, feature_ids=feature_ids)
+    return replace(body, X_WB=X_WB, x=x, P=P, feature_ids=feature_ids, unseen=np.zeros((6, 6)))

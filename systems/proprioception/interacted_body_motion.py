@@ -118,6 +118,7 @@ def body_motions(state: InteractedState) -> BodyMotions:
                 p_BF_covariance=(
                     np.zeros((0, 3, 3)) if sighting is None else sighting.body.p_BF_covariance[rows]
                 ),
+                lasting_covariance=body.unseen,
                 seen=None if sighting is None else sighting.pose,
                 seen_offset_covariance=(
                     np.zeros((6, 6)) if sighting is None else sighting.offset_covariance

@@ -300,3 +300,36 @@ def test_the_config_is_read_from_yaml() -> None:
     assert config.acceleration_densities == [1e-5]
     with pytest.raises(RuntimeError, match="memori"):
         yaml_load_typed(schema=JointFiltersConfig, data="{memori: 40}")
+
+
+def _slide_then_drift(config: JointFiltersConfig, *, declared: bool) -> tuple:
+    """A slide seen well for 4 s, then felt for 6 s with an error that bends slowly aside.
+
+    Returns:
+        Probability of a prismatic joint and the angle of its axis to the true one, [rad].
+    """
+    rng = np.random.default_rng(0)
+    filters = JointFilters(config)
+    state = filters.start(np.eye(4), 1e-12 * np.eye(6), -1.0)
+    sigma = np.repeat([1e-3, 2e-4], 3)
+    for k in range(1, 150):
+        time, unseen = k / 15, max(0.0, k / 15 - 4.0)
+        X = se3.exp(np.array([0.0, 0.0, 0.0, 0.02 * time, 0.0, 0.0]))
+        drift = np.array([0.0, 0.0, 8e-3, 0.0, 2e-3, 0.0]) * unseen
+        lasting = np.diag(np.repeat([4e-3, 1e-3], 3) * unseen) ** 2
+        X = X @ se3.exp(drift) @ se3.exp(sigma * rng.normal(size=6))
+        covariance = np.diag(sigma**2) + lasting
+        state = filters.update(state, X, covariance, time, lasting if declared else None)
+    belief = filters.belief(state)
+    slide = belief.models[PRISMATIC]
+    return belief.probabilities[PRISMATIC], _angle(slide, np.array([1.0, 0.0, 0.0]))
+
+
+def test_a_lasting_error_does_not_bend_a_slide_that_was_seen_well() -> None:
+    config = JointFiltersConfig(lasting_time=5.0, slow_rotation=3e-3, slow_translation=3e-4)
+    right, angle = _slide_then_drift(config, declared=True)
+    assert right > 0.99
+    assert angle < np.deg2rad(0.3)
+    wrong, off = _slide_then_drift(config, declared=False)
+    assert wrong < 0.5
+    assert off > np.deg2rad(1.0)

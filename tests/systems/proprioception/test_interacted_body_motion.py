@@ -235,6 +235,19 @@ def test_covariances_stay_symmetric_and_positive() -> None:
         assert np.linalg.eigvalsh(tick.prior.covariance).min() > 0.0
 
 
+def test_what_grows_unseen_lasts_until_it_is_seen_again() -> None:
+    ticks = run(Scene(displacement=pull(), dark_from=3.0, duration=6.0), 5, vision=True)
+    lasting = [tick.body.lasting_covariance for tick in ticks]
+    seen = [tick.body.seen is not None for tick in ticks]
+    assert sum(seen) > 30
+    assert not any(matrix.any() for matrix, sees in zip(lasting, seen, strict=True) if sees)
+    last = ticks[-1].body
+    growth = np.diag(last.lasting_covariance)[3:]
+    assert np.all(growth > 0.0)
+    assert np.all(growth < np.diag(last.motion.covariance)[3:6])
+    assert np.trace(lasting[-1][3:, 3:]) > 2.0 * np.trace(lasting[-30][3:, 3:])
+
+
 def test_the_prior_does_not_depend_on_vision() -> None:
     system = InteractedBodyMotion(CONFIG, corrected_by_vision=True)
     prior = system.GetOutputPort("body_prior").get_index()

@@ -38,6 +38,7 @@ class GraspSequenceConfig:
     pull_stiffness: float = 400.0  # [N/m]
     pull_damping: float = 200.0  # [N s/m]
     mass: float = 1.0  # [kg m^2], [kg]
+    anticipation: float = 0.1  # Between the joint's motion and the hand's stop for it, [s].
     # The return ends once the perceived joint is as near as this to its start, as way of the hand.
     return_tolerance: float = 0.002  # [m]
     return_patience: float = 3.0  # How long after the planned end it may still be late, [s].
@@ -46,7 +47,7 @@ class GraspSequenceConfig:
     doubt_time: float = 0.5  # [s]
     failure_probability: float = 0.5
     slip: float = 0.06  # [m]
-    retries: int = 1  # How often a lost grasp is tried again,
+    retries: int = 2  # How often a lost grasp is tried again,
     retry_distance: float = 0.15  # where the hand is still as near to the handle as this, [m].
     release_time: float = 4.0  # For opening the hand, backing off and going before the handle, [s].
     comply: bool = True  # Whether to switch to the compliant gains once the hand has closed.
@@ -129,7 +130,7 @@ def release_motion(X_WE: Array, X_WE_next: Array, distance: float, s: float) -> 
 
 
 def moved_by_joint(X_WE: Array, joint: Array, q: float) -> Array:
-    """Where the joint, (7,) S_W and q, has taken a pose of E that it had at another q."""
+    """Where the joint, (8,) S_W, q and its rate, has taken a pose of E that it had at another q."""
     if np.isnan(joint[6]):
         return X_WE
     return np.asarray(se3.exp(joint[:6] * (joint[6] - q)) @ X_WE)
@@ -174,7 +175,7 @@ class Perceived:
     Attributes:
         time: [s]
         X_WE: The end-effector's measured pose (4, 4).
-        joint: (7,) the body's unit screw S_W and q; NaN while no joint has been perceived.
+        joint: (8,) the body's unit screw S_W, q and its rate; NaN until a joint is perceived.
         hand_rate: Way of the hand per unit of q, [m per m or rad]; NaN likewise.
         failure: Probability that the hand has lost the body.
         plan_time_left: Until the planned end of the return, [s].
@@ -243,7 +244,8 @@ def next_state(
     way = float(np.linalg.norm(now.X_WE[:3, 3] - state.X_WE_start[:3, 3]))
     over = (over or way >= config.travel) and np.isinf(state.doubted_since)
     if goal.travel is not None and known:
-        over = over or bool(abs(now.joint[6]) >= goal.travel)
+        q = now.joint[6] + config.anticipation * now.joint[7]
+        over = over or bool(abs(q) >= goal.travel)
     if not over:
         return state
     if goal.travel is not None and not known:
@@ -354,7 +356,7 @@ class GraspSequence(LeafSystem):
         self._stiff = stiff_gains(config)
         self._compliant = exploration_gains(config, direction_E) if config.comply else self._stiff
         self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
-        self._joint = self.DeclareVectorInputPort("joint_remembered", 7)
+        self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
         self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
         self._failure = self.DeclareVectorInputPort("grasp_failure_latest", 1)
         self._time_left = self.DeclareVectorInputPort("plan_time_left", 1)

@@ -155,7 +155,7 @@ class TrajectoryGenerator(LeafSystem):
     - joint_state_measured: (14,) positions [rad] and velocities [rad/s].
     - motion_desired, gains_desired: `DesiredMotion` and `ImpedanceGains` until RETURN.
     - phase: (1,) `Phase`.
-    - joint_remembered: (7,) the body's unit screw S_W at Wo and its q, of `JointMemory`.
+    - joint_remembered: (8,) of `JointMemory`, its q [m or rad] is used.
     - end_effector_screw_remembered: (6,) S_WE, in W at Wo, per unit of q.
     - motion_commanded, gains_commanded: for the impedance controller.
     - plan_time_left: (1,) until the planned end, negative after it; infinite without a plan, [s].
@@ -178,7 +178,7 @@ class TrajectoryGenerator(LeafSystem):
         self._desired = self.DeclareAbstractInputPort("motion_desired", Value[object]())
         self._gains = self.DeclareAbstractInputPort("gains_desired", Value[object]())
         self._phase = self.DeclareVectorInputPort("phase", 1)
-        self._joint = self.DeclareVectorInputPort("joint_remembered", 7)
+        self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
         self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
         state = self.DeclareAbstractState(Value[object](None))
         on_state = {self.abstract_state_ticket(state)}

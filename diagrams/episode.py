@@ -150,6 +150,9 @@ class Episode:
             config = MeshcatViewConfig(parent_moves=parent_moves(self.station))
             view = MeshcatView(config, meshcat, scenario.modalities)
             readers.append(builder.AddNamedSystem("meshcat_view", view))
+            builder.Connect(
+                station.GetOutputPort("path_planned"), view.GetInputPort("path_planned")
+            )
             scene = builder.AddNamedSystem(
                 "meshcat_scene",
                 MeshcatVisualizer(meshcat, MeshcatVisualizerParams(publish_period=1.0 / 16.0)),

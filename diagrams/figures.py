@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from diagrams import palette
 from diagrams.episode_record import EpisodeResult
 from diagrams.joint_evaluation import JointSeries, joint_series, last_seen, motion_start
+from diagrams.manipulation import later_events
 from systems.port_values import JointType
 
 Array = npt.NDArray[np.float64]
@@ -156,10 +157,11 @@ def _limit_time(axes: Axes, result: EpisodeResult) -> None:
 def _mark_events(axes: Axes, result: EpisodeResult, *, label: bool) -> None:
     """Vertical lines where something happens, shades where the camera sees less."""
     disturbances = result.scenario.disturbances
-    # The two lie close together: their names stand on either side.
+    # The first two lie close together: their names stand on either side.
     events = [
         ("grasped ", result.truth.grasp_time, "right"),
         ("moving", motion_start(result.truth), "left"),
+        *((event.name, event.time, "left") for event in later_events(result.events)),
     ]
     for name, time, side in events:
         if time is not None and np.isfinite(time) and time < result.duration:

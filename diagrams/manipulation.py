@@ -29,6 +29,12 @@ def begun(events: Sequence[Event], phase: ControlPhase) -> list[float]:
     return [event.time for event in events if event.name == _NAMES[phase]]
 
 
+def later_events(events: Sequence[Event]) -> list[Event]:
+    """What follows the first exploration."""
+    start = min(begun(events, ControlPhase.EXPLORE), default=np.inf)
+    return [event for event in events if event.time > start]
+
+
 def task_phases(task: Task, truth: Truth, events: Sequence[Event]) -> dict[str, Phase]:
     """Target and true travel of exploration and exploitation, [m or rad].
 

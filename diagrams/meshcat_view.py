@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.common.value import AbstractValue
+from pydrake.common.value import AbstractValue, Value
 from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, MeshcatParams, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.perception import BaseField, Fields, PointCloud
@@ -82,7 +82,10 @@ class MeshcatView(LeafSystem):
         - <modality>_body_motions_latest
         - <modality>_features_latest
 
+        - path_planned
+
     - `JointBeliefs`, `BodyMotions` and `FeatureBelief`; what has no source stays unconnected.
+    - `path_planned`: poses (N, 4, 4) in W of the end-effector's planned way; N = 0 without a plan.
 
     Frames: W world, B a moving body, J joint (z along the axis), V the viewer.
     """
@@ -111,6 +114,8 @@ class MeshcatView(LeafSystem):
             }
             self._layers[modality] = _Layer(meshcat, f"{ROOT}/{modality}", config)
             meshcat.SetProperty(f"{ROOT}/{modality}", "visible", modality == shown)
+        self._path = self.DeclareAbstractInputPort("path_planned", Value[object]())
+        self._plan = _PlannedPath(meshcat, f"{ROOT}/planned_path", config)
         self.DeclarePeriodicPublishEvent(config.period, 0.0, self._draw)
 
     def _draw(self, context: Context) -> None:
@@ -125,6 +130,8 @@ class MeshcatView(LeafSystem):
             joints = values.get("joints", JointBeliefs())
             joint = joint_now(joints, bodies, self._parent_moves)
             layer.draw_joint(time, joint, bodies.bodies)
+        if self._path.HasValue(context):
+            self._plan.draw(time, self._path.Eval(context))
 
 
 _NO_FEATURES = FeatureBelief(
@@ -134,6 +141,41 @@ _NO_FEATURES = FeatureBelief(
     covariance=np.zeros((0, 3, 3)),
     age=np.zeros(0, dtype=np.int64),
 )
+
+
+class _PlannedPath:
+    """The way that the end-effector has before it; every `refresh_interval` a new line."""
+
+    def __init__(self, meshcat: Meshcat, path: str, config: MeshcatViewConfig) -> None:
+        self._meshcat = meshcat
+        self._path = path
+        self._interval = config.refresh_interval
+        self._shown = ""
+        self._drawn = -np.inf
+        self._lines = 0
+
+    def draw(self, time: float, X_WE: Array) -> None:
+        """Replaces the line when it is time; hides it without a plan."""
+        if len(X_WE) > 0 and time < self._drawn + self._interval - 1e-6:
+            return
+        if self._shown:
+            self._meshcat.SetProperty(self._shown, "visible", False, time)
+            self._shown = ""
+        if len(X_WE) == 0:
+            return
+        self._lines += 1
+        self._drawn = time
+        self._shown = f"{self._path}/line_{self._lines}"
+        color = Rgba(*palette.rgb(palette.PLAN))
+        self._meshcat.SetLine(self._shown, X_WE[:, :3, 3].T, 4.0, color)
+        show_from(self._meshcat, self._shown, time)
+
+
+def show_from(meshcat: Meshcat, path: str, time: float) -> None:
+    """Makes an object appear in the recording when it was made, not before."""
+    if time > 0.0:
+        meshcat.SetProperty(path, "visible", False, 0.0)
+    meshcat.SetProperty(path, "visible", True, time)
 
 
 class _Layer:
@@ -187,14 +229,8 @@ class _Layer:
         moving = palette.body_color(body_id)
         color = Rgba(*palette.rgb(moving if body_id else palette.RESTING_IN_SCENE))
         self._meshcat.SetObject(path, cloud, self._config.point_size, color)
-        self._show_from(path, time)
+        show_from(self._meshcat, path, time)
         self._clouds[body_id] = path
-
-    def _show_from(self, path: str, time: float) -> None:
-        """Makes an object appear in the recording when it was made, not before."""
-        if time > 0.0:
-            self._meshcat.SetProperty(path, "visible", False, 0.0)
-        self._meshcat.SetProperty(path, "visible", True, time)
 
     def draw_joint(self, time: float, joint: JointBelief | None, bodies: list[BodyMotion]) -> None:
         """Moves and scales the likeliest joint's shapes; hides the others."""
@@ -210,7 +246,7 @@ class _Layer:
             if kind is not None:
                 if kind not in self._made:
                     self._make_joint(kind)
-                self._show_from(self._joint_path(kind), time)
+                show_from(self._meshcat, self._joint_path(kind), time)
             self._shown = kind
         if sketch is None or joint is None:
             return
@@ -265,7 +301,7 @@ class _Layer:
             red, green, blue = (round(255 * c) for c in palette.rgb(palette.JOINT[sketch.type]))
             board = text_board(text, _BOARD_HEIGHT, (red, green, blue))
             self._meshcat.SetObject(self._text_path, board)
-            self._show_from(self._text_path, time)
+            show_from(self._meshcat, self._text_path, time)
         if self._text_path:
             self._meshcat.SetTransform(self._text_path, self._text_pose(sketch.center_W), time)
 

@@ -20,6 +20,7 @@ JOINT = {
     JointType.RIGID: "#8C8C8C",
     JointType.DISCONNECTED: "#BBBBBB",
 }
+PLAN = "#2255EE"  # The way before the hand.
 _STATIC = "#D0D0D0"
 _INTERACTED = "#FFCC22"
 _OTHERS = ("#33BBEE", "#EE3377", "#99DD55", "#BB88FF")

@@ -132,12 +132,27 @@ def speed(summary: dict[str, Any]) -> str:
     return text
 
 
+def manipulation(result: EpisodeResult, summary: dict[str, Any]) -> list[str]:
+    """What the robot did, and what that truly came to in each phase of a task with a goal."""
+    if result.scenario.task.goal is None:
+        return []
+    kind = result.truth.joint_type
+    done = ", ".join(f"{event.name} from {event.time:.1f} s" for event in result.events)
+    rows = [["", "goal", "reached", "error"]]
+    for name, phase in summary["phases"].items():
+        values = (phase["target"], phase["reached"], phase["error"])
+        rows.append([name, *(format_opening(value, None, kind) for value in values)])
+    return [done, *align(rows)]
+
+
 def report(result: EpisodeResult, summary: dict[str, Any], written: list[Path]) -> str:
     """All that a person wants to know after a run."""
     lines = ["", "Perceived joint:"]
     lines += [f"  {line}" for line in perceived(result)]
     if summary["modalities"]:
         lines += ["", "Against the truth:"] + [f"  {line}" for line in comparison(summary)]
+    if done := manipulation(result, summary):
+        lines += ["", "Manipulation:"] + [f"  {line}" for line in done]
     lines += ["", speed(summary), "", "Files:"]
     lines += [f"  {path}" for path in written]
     if result.failure is not None and not result.interrupted:

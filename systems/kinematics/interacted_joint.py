@@ -113,8 +113,9 @@ class InteractedJoint(LeafSystem):
 
     - Inputs: `JointBeliefs`, `BodyMotions`, `GraspBelief`, `PoseBelief` X_EH and
       `EndEffectorBelief`; those that the modality lacks stay unconnected.
-    - joint_latest: (7,) the body's unit screw S_W in W at Wo, rotation before translation, and
-      the configuration q, [m or rad], zero where the body was grasped. NaN while no joint is known.
+    - joint_latest: (8,) the body's unit screw S_W in W at Wo, rotation before translation, and
+      the configuration q, [m or rad], zero where the body was grasped, and its rate. NaN while no
+      joint is known.
     - end_effector_screw_latest: (6,) of E in W at Wo per unit of q; NaN likewise.
     - grasp_failure_latest: (1,) probability that the hand has lost the body; zero without
       proprioception.
@@ -133,7 +134,7 @@ class InteractedJoint(LeafSystem):
             name: self.DeclareAbstractInputPort(f"{name}_latest", Value[object]())
             for name in ("joints", "body_motions", "grasp", "hand_bending", "end_effector")
         }
-        self.DeclareVectorOutputPort("joint_latest", 7, self._calc_joint)
+        self.DeclareVectorOutputPort("joint_latest", 8, self._calc_joint)
         self.DeclareVectorOutputPort("end_effector_screw_latest", 6, self._calc_end_effector)
         self.DeclareVectorOutputPort("grasp_failure_latest", 1, self._calc_failure)
 
@@ -147,16 +148,16 @@ class InteractedJoint(LeafSystem):
         by_touch = self._ports["grasp"].HasValue(context)
         joint = choose_joint(joints, self._config, body_is_known=by_touch)
         if joint is None:
-            return np.full(7, np.nan)
+            return np.full(8, np.nan)
         S_W = screw(joint.type, joint.model)
         if joint.parent_id != STATIC_BODY:
             motions = self._read(context, "body_motions")
             assert isinstance(motions, BodyMotions)
             parent = motions.find(joint.parent_id)
             if parent is None:
-                return np.full(7, np.nan)
+                return np.full(8, np.nan)
             S_W = se3.adjoint(parent.motion.X) @ S_W
-        return np.append(S_W, joint.model.configuration[0])
+        return np.concatenate([S_W, joint.model.configuration])
 
     def _calc_joint(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._joint(context))

@@ -28,7 +28,7 @@ def moved(q: float) -> np.ndarray:
 
 
 def perceived(time: float, q: float | None, **others: object) -> Perceived:
-    joint = np.full(7, np.nan) if q is None else np.append(SLIDE, q)
+    joint = np.full(8, np.nan) if q is None else np.append(SLIDE, [q, 0.0])
     now = Perceived(
         time=time,
         X_WE=moved(q or 0.0),
@@ -66,6 +66,13 @@ def test_exploration_goes_on_until_the_perceived_joint_reaches_the_goal() -> Non
     assert step(exploring(), perceived(1.0, 0.2), Goal(travel=0.2)).phase == Phase.STOP
 
 
+def test_the_hand_is_stopped_as_much_earlier_as_the_joint_is_fast() -> None:
+    joint = np.append(SLIDE, [0.199, 0.02])
+    assert step(exploring(), perceived(1.0, 0.199, joint=joint)).phase == Phase.RETURN
+    joint = np.append(SLIDE, [0.199, -0.02])
+    assert step(exploring(), perceived(1.0, 0.199, joint=joint)).phase == Phase.EXPLORE
+
+
 def test_the_return_ends_at_the_start_and_not_before_the_plan_does() -> None:
     state = replace(exploring(), phase=Phase.RETURN, task=Phase.RETURN)
     assert step(state, perceived(9.0, 0.001, plan_time_left=0.5)).phase == Phase.RETURN
@@ -99,10 +106,10 @@ def test_a_lost_grasp_is_tried_again_where_the_joint_has_left_the_handle(why: st
         assert state.phase == phase
         assert state.lost == (phase != Phase.RETURN)
         time += 10.0
+    state = replace(state, attempts=CONFIG.retries)
     state = step(state, perceived(time, 0.1, failure=0.9))
     state = step(state, perceived(time + 1.0, 0.1, failure=0.9))
-    assert state.phase == Phase.STOP, "there is one retry"
-    assert state.lost
+    assert (state.phase, state.lost) == (Phase.STOP, True)
 
 
 def test_a_hand_far_from_the_handle_gives_up() -> None:

@@ -137,7 +137,7 @@ def generator_at(phase: Phase) -> tuple[TrajectoryGenerator, Simulator]:
     generator.GetInputPort("gains_desired").FixValue(context, AbstractValue.Make(gains))
     generator.GetInputPort("phase").FixValue(context, [float(phase)])
     screw_W = np.array([0.0, 0, 0, 0, 1, 0])
-    generator.GetInputPort("joint_remembered").FixValue(context, np.append(screw_W, 0.1))
+    generator.GetInputPort("joint_remembered").FixValue(context, np.append(screw_W, [0.1, 0.0]))
     generator.GetInputPort("end_effector_screw_remembered").FixValue(context, screw_W)
     return generator, simulator
 

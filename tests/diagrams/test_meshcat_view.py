@@ -5,6 +5,7 @@ from base64 import b64decode
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from pydrake.common.value import Value
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
@@ -52,6 +53,21 @@ def test_features_joint_and_text_are_drawn(
     assert meshcat.HasPath(f"{layer}/features/set_7/body_0")
     assert meshcat.HasPath(f"{layer}/features/set_7/body_1")
     assert meshcat.HasPath(f"{layer}/text")
+
+
+def test_the_planned_path_is_drawn_anew_while_there_is_a_plan(meshcat: Meshcat) -> None:
+    view = MeshcatView(MeshcatViewConfig(), meshcat, [])
+    simulator = Simulator(view)
+    port = view.GetInputPort("path_planned")
+    path = "/perception/planned_path"
+    value = port.FixValue(simulator.get_mutable_context(), Value[object](np.zeros((0, 4, 4))))
+    simulator.AdvanceTo(0.5)
+    assert not meshcat.HasPath(path)
+    value.GetMutableData().set_value(np.array([np.eye(4), np.eye(4)]))
+    simulator.AdvanceTo(1.55)
+    assert meshcat.HasPath(f"{path}/line_1")
+    assert meshcat.HasPath(f"{path}/line_2")
+    assert not meshcat.HasPath(f"{path}/line_3")
 
 
 def test_nothing_is_drawn_of_a_joint_before_it_is_believed_in(meshcat: Meshcat) -> None:

@@ -80,7 +80,7 @@ def test_the_screw_moves_points_as_the_joint_does() -> None:
     assert_allclose(se3.exp(S_W * q) @ on_axis, on_axis, atol=1e-12)
     moved = se3.exp(S_W * q) @ np.array([1.3, 0.1, 0.0, 1.0])
     assert_allclose(moved[:2], [0.3 + np.cos(q), 0.1 + np.sin(q)], atol=1e-12)
-    assert_allclose(read([joint(JointType.PRISMATIC, q)]), [0, 0, 0, 0, 0, 1, q])
+    assert_allclose(read([joint(JointType.PRISMATIC, q)]), [0, 0, 0, 0, 0, 1, q, 0.0])
 
 
 @pytest.mark.parametrize(

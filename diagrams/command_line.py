@@ -4,6 +4,7 @@ import contextlib
 import logging
 import signal
 import sys
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
@@ -80,13 +81,23 @@ def one_line_errors() -> Iterator[None]:
 
     logging.getLogger("drake").setLevel(logging.ERROR)  # Its notes are not for a user.
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.showwarning = _show_warning
+            yield
     except ScenarioError as error:
         typer.echo(f"crossmodal: {error}", err=True)
         raise typer.Exit(BAD_INPUT) from None
     except KeyboardInterrupt:
         typer.echo("crossmodal: interrupted before there was anything to keep", err=True)
         raise typer.Exit(INTERRUPTED) from None
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *rest: Any) -> None:
+    """A warning in one line, the program's own without where in the program it arose."""
+    if category.__module__.startswith("diagrams."):
+        typer.echo(f"crossmodal: warning: {message}", err=True)
+    else:
+        typer.echo(warnings.formatwarning(message, category, *rest[:2]), err=True, nl=False)
 
 
 @app.command("list")
@@ -109,7 +120,8 @@ def list_command() -> None:
 @app.command(
     "run",
     epilog="Examples:  crossmodal run drawer --seed 7 --meshcat   |   crossmodal run my.yaml"
-    " --set disturbances.lights_off.0.start=5 --out runs/dark",
+    " --set disturbances.lights_off.0.start=5 --out runs/dark   |   crossmodal run drawer"
+    " --object my/cabinet.urdf --grasp-frame upper_grip",
 )
 def run_command(
     scenario: Annotated[str, typer.Argument(help="A scenario's name or a path to a YAML file.")],
@@ -126,6 +138,28 @@ def run_command(
     host: Annotated[
         str, typer.Option(help="Interface that Meshcat listens on; '*' for all of them.")
     ] = "localhost",
+    own_object: Annotated[
+        Path | None,
+        typer.Option(
+            "--object", metavar="FILE", help="Any SDF or URDF, in place of the scenario's object."
+        ),
+    ] = None,
+    grasp_frame: Annotated[
+        str, typer.Option(help="Its frame or link to grasp: x out of the object, y along the bar.")
+    ] = "",
+    joint: Annotated[
+        str, typer.Option(help="Its joint to explore. [default: the nearest to the grasp]")
+    ] = "",
+    pull_direction: Annotated[
+        str, typer.Option(metavar="X,Y,Z", help="In the grasped frame. [default: 1,0,0]")
+    ] = "",
+    object_pose: Annotated[
+        str,
+        typer.Option(
+            metavar="X,Y,Z,ROLL,PITCH,YAW",
+            help="Of its model frame, [m] and [rad]. [default: handle where the scenario's is]",
+        ),
+    ] = "",
     recording: Annotated[bool, typer.Option(help="Write meshcat.html.")] = True,
     record_sensors: Annotated[
         bool, typer.Option("--record-sensors", help="Keep the sensor streams, for `replay`.")
@@ -138,6 +172,7 @@ def run_command(
 ) -> None:
     """Simulate one episode and write what was perceived into a folder."""
     with one_line_errors():
+        from diagrams.own_object import OwnObject, own_object_assignments, refuse_without_object
         from diagrams.run_folder import SENSORS_FILE, default_folder, open_run_folder
         from diagrams.scenario import load_scenario
 
@@ -149,6 +184,22 @@ def run_command(
         if modalities is not None:
             names = [name.strip() for name in modalities.split(",")]
             assignments.append(f"modalities=[{', '.join(names)}]")
+        if own_object is None:
+            refuse_without_object(
+                grasp_frame=grasp_frame,
+                joint=joint,
+                pull_direction=pull_direction,
+                object_pose=object_pose,
+            )
+        else:
+            own = OwnObject(
+                model=own_object,
+                grasp_frame=grasp_frame,
+                joint=joint,
+                pull_direction=pull_direction,
+                pose=object_pose,
+            )
+            assignments = own_object_assignments(scenario, assignments, own) + assignments
         chosen = load_scenario(scenario, assignments)
         folder = open_run_folder(out or default_folder(chosen), force)
         try:

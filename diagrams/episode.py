@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import Value
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
@@ -41,12 +41,14 @@ def draw_placement(scenario: Scenario, seed: int) -> ObjectPlacement:
     thing, variation = scenario.object, scenario.object.variation
     rng = np.random.default_rng((seed, 0))
     position = thing.position + variation.position * rng.uniform(-1.0, 1.0, 3)
-    yaw = np.deg2rad(thing.yaw + variation.yaw * rng.uniform(-1.0, 1.0))
+    turned = np.deg2rad(variation.yaw * rng.uniform(-1.0, 1.0))
     friction = thing.friction * (1.0 + variation.friction * rng.uniform(-1.0, 1.0))
     texture = str(rng.choice(variation.textures)) if variation.textures else ""
     return ObjectPlacement(
         model=object_model_file(scenario),
-        X_WO=RigidTransform(RollPitchYaw(0.0, 0.0, yaw), position),
+        X_WO=RigidTransform(
+            RotationMatrix.MakeZRotation(turned) @ thing.pose().rotation(), position
+        ),
         free=thing.free,
         friction=friction,
         texture=texture,

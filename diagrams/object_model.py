@@ -1,9 +1,12 @@
 """Reads an articulated object's model alone, to see whether it has what a scenario names."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
@@ -13,12 +16,27 @@ from plants.robot import add_package
 from systems.port_values import JointType
 
 
-def check_object_model(model: Path, *, joint: str, frame: str, source: str) -> JointType:
-    """Raises a ScenarioError unless the model can be read and has the joint and the frame.
+@dataclass(kw_only=True)
+class ObjectModel:
+    """What a model alone says about the explored joint and the handle.
 
-    Returns:
-        The joint's type.
+    Attributes:
+        joint_type: Prismatic or revolute.
+        lower: Least position of the joint, [m or rad].
+        upper: Its largest.
+        X_OH: Pose of the handle's frame in the model's, all joints at zero.
+        lever: Distance of the handle from a revolute joint's axis, [m]; 0 for a prismatic one.
     """
+
+    joint_type: JointType
+    lower: float
+    upper: float
+    X_OH: RigidTransform
+    lever: float
+
+
+def read_object_model(model: Path, *, joint: str, frame: str, source: str) -> ObjectModel:
+    """Raises a ScenarioError unless the model can be read and has the joint and the frame."""
     plant = MultibodyPlant(0.0)
     parser = Parser(plant)
     add_package(parser)
@@ -48,7 +66,28 @@ def check_object_model(model: Path, *, joint: str, frame: str, source: str) -> J
         raise ScenarioError(
             f"{source}: object.joint: '{joint}' is a {kind} joint; allowed: prismatic, revolute"
         )
-    return JointType(kind)
+    return _facts(plant, instance, joint, frame)
+
+
+def _facts(
+    plant: MultibodyPlant, instance: ModelInstanceIndex, joint_name: str, frame: str
+) -> ObjectModel:
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    joint = plant.GetJointByName(joint_name, instance)
+    handle = plant.GetFrameByName(frame, instance)
+    X_OH = handle.CalcPose(context, plant.GetFrameByName("__model__", instance))
+    lever = 0.0
+    if joint.type_name() == JointType.REVOLUTE:
+        p_JH = handle.CalcPose(context, joint.frame_on_parent()).translation()
+        lever = float(np.linalg.norm(np.cross(joint.revolute_axis(), p_JH)))
+    return ObjectModel(
+        joint_type=JointType(joint.type_name()),
+        lower=float(joint.position_lower_limits()[0]),
+        upper=float(joint.position_upper_limits()[0]),
+        X_OH=X_OH,
+        lever=lever,
+    )
 
 
 def _names(

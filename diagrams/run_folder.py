@@ -8,6 +8,7 @@ import hashlib
 import json
 import os
 import platform
+import shutil
 from collections.abc import Callable
 from functools import cache, partial
 from importlib import metadata
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from pydrake.common.yaml import yaml_dump_typed
 
 from diagrams.episode_record import EpisodeResult
+from diagrams.own_object import keep_object
 from diagrams.scenario import Scenario
 from diagrams.yaml_schema import ScenarioError, one_line
 
@@ -27,6 +29,7 @@ SCENARIO_FILE = "scenario.yaml"
 ESTIMATES_FILE = "estimates.parquet"
 SUMMARY_FILE = "summary.json"
 MESHCAT_FILE = "meshcat.html"
+MODEL_FOLDER = "model"  # The copy of an imported object.
 SENSORS_FILE = "sensors.mcap"
 FIGURE_FILES = ("figures/errors.png", "figures/opening.png", "figures/frames.png")
 OWN_FILES = (
@@ -108,7 +111,18 @@ def write_text(path: Path, text: str) -> Path:
 def write_scenario(folder: Path, scenario: Scenario) -> Path:
     """Writes the resolved scenario with the versions that run it; it can be run again as it is."""
     scenario.versions = versions()
-    return write_text(folder / SCENARIO_FILE, yaml_dump_typed(scenario))
+    model = Path(scenario.object.model)
+    if not model.is_absolute():
+        shutil.rmtree(folder / MODEL_FOLDER, ignore_errors=True)
+        return write_text(folder / SCENARIO_FILE, yaml_dump_typed(scenario))
+    try:
+        kept = keep_object(model, folder / MODEL_FOLDER)
+        scenario.object.model = str(kept.relative_to(folder))
+        return write_text(folder / SCENARIO_FILE, yaml_dump_typed(scenario))
+    except OSError as error:
+        raise ScenarioError(f"{folder}: cannot be written: {one_line(error)}") from None
+    finally:
+        scenario.object.model = str(model)
 
 
 def write_run(folder: Path, result: EpisodeResult) -> list[Path]:

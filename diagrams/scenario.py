@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from pydrake.math import RigidTransform, RollPitchYaw
 
 from diagrams.network import MODALITIES, PerceptionConfig, check_cut
-from diagrams.object_model import check_object_model
+from diagrams.object_model import read_object_model
+from diagrams.own_object import imported
 from diagrams.station import ControlConfig, SensorsConfig
 from diagrams.yaml_schema import ScenarioError, apply_override, load_typed, read_yaml, suggestion
 from models import SDF_DIR
@@ -62,16 +64,26 @@ class ObjectVariation:
 class ObjectConfig:
     """The articulated object and the joint of it that the robot explores."""
 
-    model: str = "chest_drawer.sdf"  # SDF or URDF, beside the scenario's file or in models/sdf.
-    joint: str = "slide"
-    handle_frame: str = "handle"
+    # A file of models/sdf, or any SDF or URDF beside the scenario's file, which is imported.
+    model: str = "chest_drawer.sdf"
+    joint: str = "slide"  # The explored one; empty: the nearest that moves the handle's frame.
+    handle_frame: str = "handle"  # x out of the object, y along the bar; a link's name will do.
     position: np.ndarray = field(default_factory=lambda: np.array([0.865, -0.25, 0.86]))  # [m]
+    roll: float = 0.0  # [deg]
+    pitch: float = 0.0  # [deg]
     yaw: float = 180.0  # [deg]
+    # Whether position and yaw are the handle's, with the object upright, or the model frame's.
+    place_handle: bool = False
     free: bool = False  # Whether it only rests on the table; otherwise it is fixed there.
     # Where the hand pulls to explore, in the handle's frame; out of the object is x.
     pull_direction: np.ndarray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     friction: float = 6.0  # Of the joint, [N or N m].
     variation: ObjectVariation = field(default_factory=ObjectVariation)
+
+    def pose(self) -> RigidTransform:
+        """Pose of the model's frame in the world, before variation."""
+        angles = np.deg2rad([self.roll, self.pitch, self.yaw])
+        return RigidTransform(RollPitchYaw(angles), self.position)
 
 
 @dataclass(kw_only=True)
@@ -136,19 +148,34 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
     scenario = load_typed(Scenario, document, str(path))
     scenario.name = scenario.name or path.stem
     scenario.modalities.sort(key=lambda name: [*MODALITIES, name].index(name))
-    model = _model_file(scenario.object.model, path)
-    if model.is_relative_to(SDF_DIR):
-        model = model.relative_to(SDF_DIR)
-    scenario.object.model = str(model)
+    scenario.object.model = str(_model_file(scenario.object.model, path))
     check_scenario(scenario, str(path))
-    check_object_model(
-        object_model_file(scenario),
-        joint=scenario.object.joint,
-        frame=scenario.object.handle_frame,
-        source=str(path),
-    )
+    _resolve_object(scenario.object, str(path))
     _spread_network_period(scenario, str(path))
     return scenario
+
+
+def _resolve_object(thing: ObjectConfig, source: str) -> None:
+    """Imports a model that does not come with the program, and places it by its own frame."""
+    model = Path(thing.model)
+    if model.is_relative_to(SDF_DIR):
+        thing.model = str(model.relative_to(SDF_DIR))
+    else:
+        found = imported(
+            model, joint=thing.joint, frame=thing.handle_frame, free=thing.free, source=source
+        )
+        thing.model, thing.joint = str(found.model), found.joint
+        thing.handle_frame = found.grasp_frame
+    facts = read_object_model(
+        SDF_DIR / thing.model, joint=thing.joint, frame=thing.handle_frame, source=source
+    )
+    if thing.place_handle:
+        x_axis, p_OH = facts.X_OH.rotation().col(0), facts.X_OH.translation()
+        heading = np.arctan2(x_axis[1], x_axis[0]) if np.hypot(*x_axis[:2]) > 0.1 else 0.0
+        thing.yaw = float(np.rad2deg(np.deg2rad(thing.yaw) - heading))
+        thing.roll = thing.pitch = 0.0
+        thing.position = thing.position - thing.pose().rotation() @ p_OH
+        thing.place_handle = False
 
 
 def object_model_file(scenario: Scenario) -> Path:

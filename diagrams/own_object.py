@@ -1,0 +1,168 @@
+"""Objects that do not come with the program: imported when a scenario names them."""
+
+import hashlib
+import os
+import shutil
+import tempfile
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from diagrams.object_model import read_object_model
+from diagrams.yaml_schema import ScenarioError
+from plants.object_import.object_import import MODEL_FILE, ImportedObject, import_object
+
+
+class ObjectWarning(UserWarning):
+    """What an import changed or assumed."""
+
+
+@dataclass(kw_only=True)
+class OwnObject:
+    """What the command line says about an object of the user's own.
+
+    Attributes:
+        model: SDF or URDF file.
+        grasp_frame: Frame or link of it, x out of the object, y along the bar.
+        joint: The joint to explore; empty for the nearest one above the grasped link.
+        pull_direction: In the grasped frame, as `x,y,z`; empty for x.
+        pose: Of the model's frame in the world, as `x,y,z,roll,pitch,yaw`, [m, rad]; empty puts
+            the grasped frame where the handle of the scenario's own object is.
+    """
+
+    model: Path
+    grasp_frame: str
+    joint: str = ""
+    pull_direction: str = ""
+    pose: str = ""
+
+
+def imported(model: Path, *, joint: str, frame: str, free: bool, source: str) -> ImportedObject:
+    """The imported copy of a model, in a folder of its own that is named after its content.
+
+    Raises:
+        ScenarioError: where the model cannot be converted.
+    """
+    store = Path(tempfile.gettempdir()) / f"crossmodal-objects-{os.getuid()}"
+    store.mkdir(mode=0o700, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=store) as scratch:
+        folder = Path(scratch) / "model"
+        try:
+            result = import_object(model, folder, grasp_frame=frame, joint=joint)
+        except ValueError as error:
+            raise ScenarioError(f"{source}: object: {error}") from None
+        if result.model.parent == folder:
+            place = store / _content_hash(folder)
+            if not place.exists():
+                # Another process may be faster with the same content.
+                try:
+                    folder.rename(place)
+                except OSError:
+                    if not place.exists():
+                        raise
+            result.model = place / MODEL_FILE
+            if result.is_floating and not free:
+                result.warnings.append(
+                    "nothing fixes the model to the world, so its root is fixed there;"
+                    " with object.free = true it rests on the table"
+                )
+    for line in result.warnings:
+        warnings.warn(f"{model.name}: {line}", ObjectWarning, stacklevel=2)
+    return result
+
+
+def _content_hash(folder: Path) -> str:
+    digest = hashlib.sha256()
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        digest.update(str(path.relative_to(folder)).encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def own_object_assignments(scenario: str, given: Sequence[str], own: OwnObject) -> list[str]:
+    """The assignments `key.path=value` that put an own object in place of a scenario's.
+
+    Friction becomes what the scenario's is at the hand, and the opening asked for what the joint's
+    limits allow.
+
+    Args:
+        scenario: Name or path.
+        given: The user's assignments, to know where the scenario's own object stands.
+    """
+    from diagrams.scenario import load_scenario, object_model_file
+
+    base = load_scenario(scenario, given)
+    at_base = read_object_model(
+        object_model_file(base),
+        joint=base.object.joint,
+        frame=base.object.handle_frame,
+        source=scenario,
+    )
+    made = imported(
+        own.model,
+        joint=own.joint,
+        frame=own.grasp_frame,
+        free=base.object.free,
+        source="--object",
+    )
+    facts = read_object_model(made.model, joint=made.joint, frame=made.grasp_frame, source="")
+    pull = _numbers("--pull-direction", own.pull_direction or "1,0,0", 3)
+    pulling = base.object.friction / (at_base.lever if at_base.lever else 1.0)
+    values: dict[str, object] = {
+        "model": str(made.model.resolve()),
+        "joint": made.joint,
+        "handle_frame": made.grasp_frame,
+        "pull_direction": pull,
+        "friction": float(pulling * facts.lever if facts.lever else pulling),
+        "variation.textures": [],
+    }
+    if own.pose:
+        pose = _numbers("--object-pose", own.pose, 6)
+        angles = np.rad2deg(pose[3:]).tolist()
+        values |= dict(zip(("roll", "pitch", "yaw"), angles, strict=True))
+        values |= {"place_handle": False, "position": pose[:3]}
+    else:
+        X_WH = base.object.pose() @ at_base.X_OH
+        x_axis = X_WH.rotation().col(0)
+        values |= {
+            "place_handle": True,
+            "position": X_WH.translation().tolist(),
+            "yaw": float(np.rad2deg(np.arctan2(x_axis[1], x_axis[0]))),
+        }
+    lines = [f"object.{key}={value}" for key, value in values.items()]
+    travel = max(abs(facts.lower), abs(facts.upper))
+    if base.task.opening > 0.9 * travel:
+        lines.append(f"task.opening={float(0.9 * travel)}")
+    return lines
+
+
+def refuse_without_object(**options: str) -> None:
+    """Raises a ScenarioError for options that say something about no object."""
+    for name, value in options.items():
+        if value:
+            raise ScenarioError(
+                f"--{name.replace('_', '-')} {value}: is about the object that --object FILE names;"
+                f" in a scenario it is a key below object"
+            )
+
+
+def _numbers(option: str, text: str, count: int) -> list[float]:
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count or not np.all(np.isfinite(values)):
+        raise ScenarioError(f"{option} {text}: expected {count} numbers with commas between them")
+    return values
+
+
+def keep_object(model: Path, folder: Path) -> Path:
+    """Copies an imported model with its meshes into a run's folder; returns the copy's SDF."""
+    target = folder / MODEL_FILE
+    if model.resolve() != target.resolve():
+        shutil.rmtree(folder, ignore_errors=True)
+        shutil.copytree(model.parent, folder)
+    return target

@@ -1,0 +1,1 @@
+"""Puts models as they are found in the wild into a form that the simulation takes."""

@@ -1,0 +1,156 @@
+"""Reads meshes of any common format and writes them as OBJ, which Drake renders and touches."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import trimesh
+
+Array = npt.NDArray[np.float64]
+Warn = Callable[[str], None]
+
+LARGEST = 10.0  # A larger mesh was meant in millimetres, [m].
+MANY_FACES = 20_000  # From here on contact with a mesh is slow.
+_CREASE = 0.6  # Edges sharper than this stay sharp in the shading, [rad].
+# glTF is y-up by its standard; models here are z-up.
+_X_FROM_Y_UP = trimesh.transformations.rotation_matrix(np.pi / 2, [1.0, 0.0, 0.0])
+
+
+@dataclass(kw_only=True)
+class Surface:
+    """A part of a mesh with one material.
+
+    Attributes:
+        mesh: In the frame of the link's geometry, [m].
+        color: RGBA (4,) in [0, 1]; None where the file gives none.
+        texture: A PIL image; None without.
+    """
+
+    mesh: trimesh.Trimesh
+    color: Array | None
+    texture: object | None
+
+
+def read_surfaces(path: Path, scale: Array, warn: Warn) -> list[Surface]:
+    """The surfaces in a mesh file, one for each of its materials.
+
+    Units that a COLLADA file declares are applied, its up-axis is not (as in ROS); glTF is turned
+    from y-up to z-up (as in Drake). A mesh larger than `LARGEST` is read as millimetres.
+
+    Args:
+        scale: Along x, y and z (3,).
+
+    Raises:
+        ValueError: in one line, if the file holds no triangles or cannot be read.
+    """
+    try:
+        scene = trimesh.load_scene(path)
+    except Exception as error:  # Every loader of trimesh raises its own kinds.
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(f"{path}: cannot be read as a mesh: {reason}") from error
+    placed: dict[object, list[trimesh.Trimesh]] = {}
+    for node in scene.graph.nodes_geometry:
+        X_SG, name = scene.graph[node]
+        geometry = scene.geometry[name]
+        if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces):
+            mesh = geometry.copy()
+            mesh.apply_transform(X_SG)
+            placed.setdefault(_material_key(mesh), []).append(mesh)
+    if not placed:
+        raise ValueError(f"{path}: holds no triangles")
+    if scene.units is not None:
+        scale = scale * trimesh.units.unit_conversion(scene.units, "meters")
+    surfaces = []
+    for meshes in placed.values():
+        mesh = trimesh.util.concatenate(meshes) if len(meshes) > 1 else meshes[0]
+        color, texture = _look(meshes[0])
+        surfaces.append(Surface(mesh=mesh, color=color, texture=texture))
+    _to_metres(path, surfaces, scale, warn)
+    return surfaces
+
+
+def _to_metres(path: Path, surfaces: list[Surface], scale: Array, warn: Warn) -> None:
+    is_gltf = path.suffix.lower() in (".glb", ".gltf")
+    for surface in surfaces:
+        if is_gltf:
+            surface.mesh.apply_transform(_X_FROM_Y_UP)
+        surface.mesh.apply_transform(np.diag([*scale, 1.0]))
+    bounds = np.array([surface.mesh.bounds for surface in surfaces])
+    extent = float(np.max(bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)))
+    if not np.isfinite(extent) or extent <= 0:
+        raise ValueError(f"{path}: has no extent; its scale is {scale.tolist()}")
+    if extent > LARGEST:
+        warn(
+            f"{path.name}: {extent:.0f} m large, read as millimetres;"
+            " give the mesh a <scale> of 0.001 to say so"
+        )
+        for surface in surfaces:
+            surface.mesh.apply_scale(0.001)
+
+
+def _material_key(mesh: trimesh.Trimesh) -> object:
+    material = getattr(mesh.visual, "material", None)
+    if material is not None:
+        return hash(material)
+    color, _ = _look(mesh)
+    return None if color is None else tuple(color.round(3))
+
+
+def _look(mesh: trimesh.Trimesh) -> tuple[Array | None, object | None]:
+    """Colour and texture of a mesh."""
+    visual = mesh.visual
+    if visual.kind == "texture":
+        material = visual.material
+        if isinstance(material, trimesh.visual.material.PBRMaterial):
+            material = material.to_simple()
+        texture = material.image if visual.uv is not None else None
+        return np.asarray(material.main_color, dtype=float) / 255.0, texture
+    if visual.kind in ("face", "vertex"):
+        colors = visual.face_colors if visual.kind == "face" else visual.vertex_colors
+        return np.asarray(colors, dtype=float).mean(axis=0) / 255.0, None
+    return None, None
+
+
+def write_obj(surface: Surface, path: Path) -> None:
+    """Writes OBJ with normals; with MTL and PNG beside it where there is a colour or texture."""
+    mesh = surface.mesh
+    uv = getattr(mesh.visual, "uv", None)
+    if uv is None and len(mesh.faces) < 200_000:
+        mesh = trimesh.graph.smooth_shade(mesh, angle=_CREASE, facet_minarea=None)
+    lines = []
+    if surface.color is not None or surface.texture is not None:
+        lines = [f"mtllib {path.stem}.mtl", "usemtl surface"]
+        _write_mtl(surface, path)
+    lines += _rows("v", mesh.vertices) + _rows("vn", mesh.vertex_normals)
+    pattern = "{0}//{0}"
+    if uv is not None:
+        lines += _rows("vt", uv)
+        pattern = "{0}/{0}/{0}"
+    lines += ["f " + " ".join(pattern.format(i) for i in face) for face in mesh.faces + 1]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _write_mtl(surface: Surface, path: Path) -> None:
+    color = np.ones(4) if surface.color is None else surface.color
+    lines = ["newmtl surface", "Ks 0 0 0"]
+    if surface.texture is not None:
+        color = np.array([1.0, 1.0, 1.0, color[3]])
+        image = surface.texture.convert("RGB")  # type: ignore[attr-defined]
+        image.save(path.with_suffix(".png"))
+        lines.append(f"map_Kd {path.stem}.png")
+    lines.append("Kd " + " ".join(f"{value:.6g}" for value in color[:3]))
+    lines.append(f"d {color[3]:.6g}")
+    path.with_suffix(".mtl").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _rows(kind: str, values: Array) -> list[str]:
+    return [f"{kind} " + " ".join(f"{value:.9g}" for value in row) for row in np.asarray(values)]
+
+
+def merged(surfaces: list[Surface]) -> Surface:
+    """All surfaces as one, without looks, for contact."""
+    meshes = [trimesh.Trimesh(s.mesh.vertices, s.mesh.faces) for s in surfaces]
+    mesh = trimesh.util.concatenate(meshes) if len(meshes) > 1 else meshes[0]
+    return Surface(mesh=mesh, color=None, texture=None)

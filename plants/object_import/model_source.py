@@ -1,0 +1,387 @@
+"""Reads SDF or URDF as found in the wild and repairs what Drake's parser does not take."""
+
+import copy
+import os
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import numpy.typing as npt
+
+from plants.object_import.meshes import (
+    MANY_FACES,
+    Surface,
+    Warn,
+    merged,
+    read_surfaces,
+    write_obj,
+)
+
+Array = npt.NDArray[np.float64]
+
+_PATH_VARIABLES = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH", "GAZEBO_MODEL_PATH",
+                   "GZ_SIM_RESOURCE_PATH")  # fmt: skip
+_MODEL_TYPES = {"robot": "URDF", "sdf": "SDF"}
+_IMPORTED = "crossmodal_imported"
+ElementTree.register_namespace("drake", "drake.mit.edu")
+_DRAKE = "{drake.mit.edu}"
+
+
+@dataclass(kw_only=True)
+class Mimic:
+    """q = multiplier * q(leader) + offset."""
+
+    leader: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(kw_only=True)
+class ModelSource:
+    """A repaired model, ready for Drake's parser.
+
+    Attributes:
+        root: Its XML; meshes are OBJ files with absolute names.
+        suffix: `.sdf` or `.urdf`.
+        masses: Links whose inertia the file does not give, with their mass [kg] where it does.
+        mimics: By the name of the following joint.
+        is_imported: Whether the file is a copy that an import has written.
+    """
+
+    root: Element
+    suffix: str
+    masses: dict[str, float | None] = field(default_factory=dict)
+    mimics: dict[str, Mimic] = field(default_factory=dict)
+    is_imported: bool = False
+
+
+def read_model(path: Path) -> ModelSource:
+    """The model in a file, as it stands.
+
+    Raises:
+        ValueError: in one line, if the file is neither SDF nor URDF.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        root = ElementTree.fromstring(_with_known_prefixes(text))
+    except FileNotFoundError:
+        raise ValueError(f"{path}: there is no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: cannot be read as SDF or URDF: {error}") from None
+    except ElementTree.ParseError as error:
+        raise ValueError(f"{path}: is not valid XML: {error}") from None
+    if "http://www.ros.org/wiki/xacro" in text:
+        raise ValueError(
+            f"{path}: is a xacro file; expand it first: xacro {path.name} > model.urdf"
+        )
+    if root.tag not in _MODEL_TYPES:
+        raise ValueError(f"{path}: <{root.tag}> is neither SDF (<sdf>) nor URDF (<robot>)")
+    suffix = f".{_MODEL_TYPES[root.tag].lower()}"
+    return ModelSource(root=root, suffix=suffix, is_imported=f"<!-- {_IMPORTED} " in text)
+
+
+def _with_known_prefixes(text: str) -> str:
+    """Declares the namespace prefixes that are used without a declaration, as many files do."""
+    used = set(re.findall(r"</?([A-Za-z_]\w*):\w", text)) | set(
+        re.findall(r"\s([A-Za-z_]\w*):\w+\s*=\s*[\"']", text)
+    )
+    missing = [
+        prefix for prefix in sorted(used - {"xmlns", "xml"}) if f"xmlns:{prefix}=" not in text
+    ]
+    uris = {prefix: "drake.mit.edu" if prefix == "drake" else prefix for prefix in missing}
+    declared = "".join(f' xmlns:{prefix}="{uri}"' for prefix, uri in uris.items())
+    return re.sub(r"<(sdf|robot)\b", rf"<\1{declared}", text, count=1)
+
+
+class Repair:
+    """Changes a model in place until Drake's parser takes it; says what it changes.
+
+    Args:
+        source: The file.
+        folder: Where converted meshes are written.
+        warn: Takes one line for each change that a user should know of.
+    """
+
+    def __init__(self, source: Path, folder: Path, warn: Warn) -> None:
+        self._source, self._folder, self._warn = source, folder, warn
+        self._links: dict[str, list[str]] = {}  # By what is said about them.
+        self._written: dict[tuple[object, ...], list[Path]] = {}
+
+    def run(self, model: ModelSource) -> None:
+        """Repairs the model.
+
+        Raises:
+            ValueError: in one line that names file, element and fix, for what cannot be repaired.
+        """
+        root = model.root
+        self._expand_includes(root, self._source.parent)
+        for element in list(root.iter()):
+            for name in ("transmission", "plugin", "sensor", "gazebo"):
+                for child in element.findall(name):
+                    element.remove(child)
+        for link in root.iter("link"):
+            self._repair_geometry(link)
+            self._repair_friction(link)
+            self._repair_inertia(link, model)
+        for joint in root.iter("joint"):
+            self._note_mimic(joint, model)
+        for what, links in self._links.items():
+            self._warn(f"{what}: {', '.join(links)}")
+
+    def _note(self, what: str, link: Element) -> None:
+        """Says something about a link, once for all links of which it is true."""
+        self._links.setdefault(what, []).append(link.get("name", ""))
+
+    def _expand_includes(self, element: Element, base: Path) -> None:
+        """Puts included models into the file, and makes the names of all files absolute."""
+        for node in element.iter():
+            self._make_absolute(node, base)
+        for parent in list(element.iter()):
+            for include in parent.findall("include"):
+                parent[list(parent).index(include)] = self._included(include, base)
+
+    def _included(self, include: Element, base: Path) -> Element:
+        uri = (include.findtext("uri") or "").strip()
+        path = self._find(uri, base, "<include><uri>")
+        if path.is_dir():
+            path = path / "model.sdf"
+        if include.get("merge") == "true":
+            raise ValueError(
+                f"{self._source}: <include merge='true'> of '{uri}' is not supported;"
+                " write the model's links into the file"
+            )
+        root = read_model(path).root
+        model = root.find("model")
+        if model is None:
+            raise ValueError(f"{path}: holds no <model> to include")
+        model = copy.deepcopy(model)
+        self._expand_includes(model, path.parent)
+        model.set("name", (include.findtext("name") or model.get("name") or "").strip())
+        for key in ("pose", "static"):
+            replacement = include.find(key)
+            if replacement is not None:
+                for old in model.findall(key):
+                    model.remove(old)
+                model.insert(0, replacement)
+        placed = include.find("placement_frame")
+        if placed is not None and placed.text:
+            model.set("placement_frame", placed.text.strip())
+        return model
+
+    def _make_absolute(self, node: Element, base: Path) -> None:
+        if node.tag == "mesh" and node.get("filename") is not None:  # URDF
+            node.set("filename", str(self._find(node.get("filename", ""), base, "<mesh>")))
+        elif node.tag == "texture" and node.get("filename") is not None:
+            node.set("filename", str(self._find(node.get("filename", ""), base, "<texture>")))
+        elif node.tag == "mesh" and node.find("uri") is not None:  # SDF
+            uri = node.find("uri")
+            assert uri is not None
+            uri.text = str(self._find((uri.text or "").strip(), base, "<mesh><uri>"))
+        elif node.tag == "material":
+            self._find_texture(node, base)
+
+    def _find_texture(self, material: Element, base: Path) -> None:
+        maps = [material.find(f"{_DRAKE}diffuse_map"), material.find("./pbr/metal/albedo_map")]
+        for texture in maps:
+            if texture is not None and texture.text:
+                path = str(self._find(texture.text.strip(), base, "<material>"))
+                for old in material.findall(f"{_DRAKE}diffuse_map"):
+                    material.remove(old)
+                ElementTree.SubElement(material, f"{_DRAKE}diffuse_map").text = path
+                return
+
+    def _find(self, uri: str, base: Path, element: str) -> Path:
+        """The file that a URI names.
+
+        `package://` and `model://` names are looked for in the folders around the file, then in
+        the folders of the usual environment variables.
+        """
+        scheme, separator, rest = uri.partition("://")
+        if not separator:
+            candidates = [base / uri]
+        elif scheme == "file":
+            candidates = [Path(rest), base / rest]
+        elif scheme in ("package", "model"):
+            candidates = self._in_packages(rest, base)
+        else:
+            raise ValueError(
+                f"{self._source}: {element} '{uri}': {scheme}:// is not supported; save the file"
+                " beside the model and name it relatively"
+            )
+        for candidate in candidates:
+            if candidate.exists():
+                return candidate.resolve()
+        hint = "; put the package beside the model or into ROS_PACKAGE_PATH" if separator else ""
+        raise ValueError(f"{self._source}: {element} '{uri}': there is no such file{hint}")
+
+    def _in_packages(self, rest: str, base: Path) -> list[Path]:
+        package, _, inside = rest.partition("/")
+        ancestors = [base.resolve(), *base.resolve().parents]
+        around = [folder / package / inside for folder in ancestors]
+        for variable in _PATH_VARIABLES:
+            for folder in filter(None, os.environ.get(variable, "").split(os.pathsep)):
+                around += [Path(folder) / package / inside]
+                around += [Path(folder) / "share" / package / inside]
+                if Path(folder).name == package:
+                    around.append(Path(folder) / inside)
+        # A package whose folder has another name, such as a download's.
+        return around + [folder / inside for folder in ancestors[:4]]
+
+    def _repair_geometry(self, link: Element) -> None:
+        for kind in ("visual", "collision"):
+            for shape in link.findall(kind):
+                geometry = shape.find("geometry")
+                if geometry is None or not len(geometry):
+                    link.remove(shape)
+                elif geometry.find("mesh") is None:
+                    self._keep_if_bounded(link, shape, geometry[0].tag)
+        if not link.findall("collision") and link.findall("visual"):
+            self._note("no collision geometry, so what is seen is touched", link)
+            for visual in link.findall("visual"):
+                shape = copy.deepcopy(visual)
+                shape.tag = "collision"
+                if shape.get("name"):
+                    shape.set("name", f"collision_{shape.get('name')}")
+                for material in shape.findall("material"):
+                    shape.remove(material)
+                link.append(shape)
+        for kind in ("visual", "collision"):
+            for shape in link.findall(kind):
+                self._convert_mesh(link, shape)
+
+    def _keep_if_bounded(self, link: Element, shape: Element, tag: str) -> None:
+        if tag not in ("box", "cylinder", "sphere", "capsule", "ellipsoid"):
+            self._note(f"<{tag}> left out", link)
+            link.remove(shape)
+
+    def _convert_mesh(self, link: Element, shape: Element) -> None:
+        mesh = shape.find("geometry/mesh")
+        if mesh is None:
+            return
+        uri = mesh.find("uri")
+        path = Path(mesh.get("filename") or (uri.text if uri is not None else None) or "")
+        text = mesh.get("scale") or mesh.findtext("scale") or "1 1 1"
+        scale = self._numbers(text, (1, 3), f"link '{link.get('name')}': <mesh> scale")
+        files = self._converted(path, np.broadcast_to(scale, 3), shape.tag == "visual")
+        place = list(link).index(shape)
+        link.remove(shape)
+        for number, file in enumerate(files):
+            part = copy.deepcopy(shape)
+            if part.get("name") and number:
+                part.set("name", f"{part.get('name')}_{number}")
+            element = part.find("geometry/mesh")
+            assert element is not None
+            element.clear()
+            if mesh.get("filename") is not None:
+                element.set("filename", str(file))
+            else:
+                ElementTree.SubElement(element, "uri").text = str(file)
+            link.insert(place + number, part)
+
+    def _converted(self, path: Path, scale: Array, is_visual: bool) -> list[Path]:
+        key = (path, *scale, is_visual)
+        if key not in self._written:
+            surfaces = read_surfaces(path, scale, self._warn)
+            faces = sum(len(surface.mesh.faces) for surface in surfaces)
+            if not is_visual and faces > MANY_FACES:
+                self._warn(
+                    f"{path.name}: contact with {faces} triangles is slow;"
+                    " give the link a simpler <collision>"
+                )
+            self._written[key] = self._write(
+                path.stem, surfaces if is_visual else [merged(surfaces)], is_visual
+            )
+        return self._written[key]
+
+    def _write(self, stem: str, surfaces: list[Surface], is_visual: bool) -> list[Path]:
+        self._folder.mkdir(parents=True, exist_ok=True)
+        kind = "visual" if is_visual else "contact"
+        stem = re.sub(r"\W", "_", stem)
+        files = []
+        for number, surface in enumerate(surfaces):
+            file = self._folder / f"{stem}_{len(self._written)}_{kind}_{number}.obj"
+            write_obj(surface, file)
+            files.append(file)
+        return files
+
+    def _repair_friction(self, link: Element) -> None:
+        """SDF's default mu2 is 1, and Drake refuses a dynamic friction above the static one."""
+        for ode in link.iter("ode"):
+            mu = ode.findtext("mu")
+            if mu is None:
+                continue
+            for old in ode.findall("mu2"):
+                mu = str(min(float(mu), float(old.text or mu)))
+                ode.remove(old)
+            for name in ("mu", "mu2"):
+                for old in ode.findall(name):
+                    ode.remove(old)
+                ElementTree.SubElement(ode, name).text = mu
+
+    def _repair_inertia(self, link: Element, model: ModelSource) -> None:
+        name, inertial = link.get("name", ""), link.find("inertial")
+        if inertial is None:
+            model.masses[name] = None
+            if link.findall("visual") or link.findall("collision"):
+                self._note("no inertia, so that of the geometry", link)
+            return
+        mass, inertia = _inertia(inertial)
+        if inertia is not None and mass is not None and _is_physical(mass, inertia):
+            return
+        link.remove(inertial)
+        usable = mass is not None and np.isfinite(mass) and mass > 0
+        model.masses[name] = mass if usable else None
+        what = "inertia" if usable else "mass"
+        self._note(f"{what} that no body can have, so that of the geometry", link)
+
+    def _note_mimic(self, joint: Element, model: ModelSource) -> None:
+        for parent in (joint, *joint.findall("axis")):
+            for mimic in parent.findall("mimic"):
+                parent.remove(mimic)
+                model.mimics[joint.get("name", "")] = Mimic(
+                    leader=mimic.get("joint", ""),
+                    multiplier=float(mimic.get("multiplier") or mimic.findtext("multiplier") or 1),
+                    offset=float(mimic.get("offset") or mimic.findtext("offset") or 0),
+                )
+
+    def _numbers(self, text: str, counts: tuple[int, ...], what: str) -> Array:
+        try:
+            values = np.array(text.split(), dtype=float)
+        except ValueError:
+            values = np.zeros(0)
+        if len(values) not in counts or not np.all(np.isfinite(values)) or np.any(values == 0):
+            raise ValueError(f"{self._source}: {what} = '{text}', but it must be numbers, not zero")
+        return values
+
+
+def _inertia(inertial: Element) -> tuple[float | None, Array | None]:
+    """Mass and inertia matrix (3, 3) of an <inertial>, each None where it is not given."""
+
+    def number(element: Element | None, key: str) -> float | None:
+        text = None
+        if element is not None:
+            text = element.get("value") if key == "value" else element.get(key)
+            text = text or (element.text if key == "value" else element.findtext(key))
+        try:
+            return None if text is None else float(text)
+        except ValueError:
+            return None
+
+    mass = number(inertial.find("mass"), "value")
+    inertia = inertial.find("inertia")
+    diagonal = [number(inertia, key) for key in ("ixx", "iyy", "izz")]
+    if inertia is None or any(value is None for value in diagonal):
+        return mass, None
+    xy, xz, yz = (number(inertia, key) or 0.0 for key in ("ixy", "ixz", "iyz"))
+    xx, yy, zz = diagonal
+    return mass, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
+
+
+def _is_physical(mass: float, inertia: Array) -> bool:
+    if not (np.isfinite(mass) and mass > 0 and np.all(np.isfinite(inertia))):
+        return False
+    moments = np.linalg.eigvalsh(inertia)
+    return bool(moments[0] > 0 and moments[0] + moments[1] >= (1 - 1e-6) * moments[2])

@@ -1,0 +1,203 @@
+"""Imports an articulated object from any SDF or URDF file."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.tree import BodyIndex, Frame, FrameIndex, Joint, RigidBody
+from pydrake.systems.framework import DiagramBuilder
+
+from plants.object_import.flat_model import (
+    DENSITY,
+    Chain,
+    FlatModelWriter,
+    FlatNames,
+    find_chain,
+    flat_names,
+)
+from plants.object_import.meshes import Warn
+from plants.object_import.model_source import ModelSource, Repair, read_model
+
+MODEL_FILE = "object.sdf"
+
+
+@dataclass(kw_only=True)
+class ImportedObject:
+    """What an import made.
+
+    Attributes:
+        model: The written SDF: one model, links, joints and frames by their own names.
+        joint: Name of the explored joint in it.
+        grasp_frame: Name of the grasped frame in it.
+        is_floating: Whether the file fixes nothing of the object to the world.
+        warnings: What was changed or assumed, a line each.
+    """
+
+    model: Path
+    joint: str
+    grasp_frame: str
+    is_floating: bool
+    warnings: list[str]
+
+
+def import_object(
+    source: Path, folder: Path, *, grasp_frame: str, joint: str = ""
+) -> ImportedObject:
+    """Writes a self-contained copy of a model that the simulation takes.
+
+    The copy is `object.sdf` in `folder`, with its meshes (OBJ) and textures beside it. Of several
+    models in a file it holds the one that the grasped frame belongs to. What the copy's collision
+    geometry touches while it is grasped is rigid and hydroelastic; the object does not collide with
+    itself, its joints' limits hold it together. Masses that are not given come from the geometry,
+    at 600 kg/m^3 (wood).
+
+    Args:
+        source: SDF or URDF; one that an earlier import wrote is taken as it is.
+        folder: Where the copy goes; made where it is missing.
+        grasp_frame: A frame or link of the model, x out of the object, y along the bar.
+        joint: The joint to explore; by default the nearest moving one above the grasped link.
+
+    Raises:
+        ValueError: in one line that says what to change, for what cannot be converted.
+    """
+    warnings: list[str] = []
+    model = read_model(source)
+
+    def warn(line: str) -> None:
+        if line not in warnings:
+            warnings.append(line)
+
+    folder.mkdir(parents=True, exist_ok=True)
+    if not model.is_imported:
+        Repair(source, folder.resolve() / "meshes", warn).run(model)
+    plant, scene_graph = _parse(model, source, folder.resolve())
+    names = flat_names(plant)
+    frame = _find_frame(plant, names, grasp_frame, source)
+    chain = find_chain(plant, frame.body(), source, warn)
+    explored = _find_joint(plant, names, chain, joint, grasp_frame, source, warn)
+    _check_limits(explored, source)
+    imported = ImportedObject(
+        model=source if model.is_imported else folder / MODEL_FILE,
+        joint=names.joints[int(explored.index())],
+        grasp_frame=names.frames.get(int(frame.index()), names.bodies[int(frame.body().index())]),
+        is_floating=chain.is_floating,
+        warnings=warnings,
+    )
+    if model.is_imported:
+        return imported
+    if any(model.masses.get(body.name(), 1.0) is None for body in chain.bodies):
+        warn(f"masses that the file does not give are those of the geometry at {DENSITY:g} kg/m^3")
+    X_WM = _model_pose(plant, frame.body(), chain)
+    writer = FlatModelWriter(plant, scene_graph, model, chain, names, X_WM, folder.resolve(), warn)
+    sdf = writer.element()
+    comment = f"<!-- crossmodal_imported from {source.name}\n" + "".join(
+        f"     {line}\n" for line in warnings
+    )
+    text = ElementTree.tostring(sdf, encoding="unicode")
+    header = '<?xml version="1.0"?>\n' + comment.replace("--", "- -").replace("<!- -", "<!--")
+    imported.model.write_text(f"{header}-->\n{text}\n", encoding="utf-8")
+    return imported
+
+
+def _parse(model: ModelSource, source: Path, folder: Path) -> tuple[MultibodyPlant, SceneGraph]:
+    """The model alone in a plant."""
+    # Couplings of joints need the SAP solver and a discrete plant.
+    config = MultibodyPlantConfig(time_step=0.001, discrete_contact_approximation="sap")
+    plant, scene_graph = AddMultibodyPlant(config, DiagramBuilder())
+    repaired = folder / f".repaired{model.suffix}"
+    ElementTree.ElementTree(model.root).write(repaired, encoding="unicode")
+    try:
+        parser = Parser(plant)
+        parser.SetAutoRenaming(True)
+        parser.AddModels(str(source if model.is_imported else repaired))
+        plant.Finalize()
+    except (RuntimeError, ValueError) as error:
+        reason = " ".join(str(error).replace(str(repaired), source.name).split())
+        raise ValueError(f"{source}: cannot be parsed: {reason}") from None
+    finally:
+        repaired.unlink()
+    return plant, scene_graph
+
+
+def _find_frame(plant: MultibodyPlant, names: FlatNames, wanted: str, source: Path) -> Frame:
+    links = {
+        name: plant.get_body(BodyIndex(index)).body_frame() for index, name in names.bodies.items()
+    }
+    frames = {name: plant.get_frame(FrameIndex(index)) for index, name in names.frames.items()}
+    found = {**links, **frames}.get(_flat(wanted))
+    if found is not None:
+        return found
+    listed = f"frames: {_listed(frames)}; links: {_listed(links)}"
+    if not wanted:
+        raise ValueError(
+            f"{source}: which frame is grasped? Name it by --grasp-frame or object.handle_frame"
+            f" (x out of the object, y along the bar); {listed}"
+        )
+    raise ValueError(f"{source}: has no frame or link '{wanted}'; {listed}")
+
+
+def _find_joint(
+    plant: MultibodyPlant,
+    names: FlatNames,
+    chain: Chain,
+    wanted: str,
+    grasp_frame: str,
+    source: Path,
+    warn: Warn,
+) -> Joint:
+    moving = {names.joints[int(joint.index())]: joint for joint in chain.joints}
+    if not moving:
+        raise ValueError(
+            f"{source}: no prismatic or revolute joint moves '{grasp_frame}'; choose a frame on a"
+            " link that moves"
+        )
+    name = _flat(wanted) or next(iter(moving))
+    if name not in moving:
+        known = names.joints.values()
+        what = "does not move" if name in known else "is no joint of the model, none that moves"
+        raise ValueError(
+            f"{source}: joint '{wanted}' {what} '{grasp_frame}'; those that do: {_listed(moving)}"
+        )
+    if len(moving) > 1:
+        warn(
+            f"'{grasp_frame}' is moved by {_listed(moving)}; '{name}' is explored, the truth of its"
+            " axis is that of the start"
+        )
+    return moving[name]
+
+
+def _check_limits(joint: Joint, source: Path) -> None:
+    lower, upper = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
+    if not lower < upper:
+        raise ValueError(
+            f"{source}: joint '{joint.name()}': its limits {lower:g} to {upper:g} leave no travel;"
+            " change its <limit>"
+        )
+    if not lower <= 0 <= upper:
+        raise ValueError(
+            f"{source}: joint '{joint.name()}': its limits {lower:g} to {upper:g} leave out 0,"
+            " where it starts; shift its <limit> and origin"
+        )
+
+
+def _model_pose(plant: MultibodyPlant, grasped: RigidBody, chain: Chain) -> RigidTransform:
+    """Pose X_WM of the frame that places the object: its model's, or its root link's in a URDF."""
+    context = plant.CreateDefaultContext()
+    top = plant.GetModelInstanceName(grasped.model_instance()).split("::")[0]
+    instance = plant.GetModelInstanceByName(top)
+    if plant.HasFrameNamed("__model__", instance):
+        return plant.GetFrameByName("__model__", instance).CalcPoseInWorld(context)
+    return plant.EvalBodyPoseInWorld(context, chain.root)
+
+
+def _flat(name: str) -> str:
+    return name.replace("::", ".")
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names) or "none"

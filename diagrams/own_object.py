@@ -53,7 +53,7 @@ def imported(model: Path, *, joint: str, frame: str, free: bool, source: str) ->
         try:
             result = import_object(model, folder, grasp_frame=frame, joint=joint)
         except ValueError as error:
-            raise ScenarioError(f"{source}: object: {error}") from None
+            raise ScenarioError(f"{source}: {error}") from None
         if result.model.parent == folder:
             place = store / _content_hash(folder)
             if not place.exists():

@@ -162,7 +162,11 @@ def _resolve_object(thing: ObjectConfig, source: str) -> None:
         thing.model = str(model.relative_to(SDF_DIR))
     else:
         found = imported(
-            model, joint=thing.joint, frame=thing.handle_frame, free=thing.free, source=source
+            model,
+            joint=thing.joint,
+            frame=thing.handle_frame,
+            free=thing.free,
+            source=f"{source}: object.model",
         )
         thing.model, thing.joint = str(found.model), found.joint
         thing.handle_frame = found.grasp_frame

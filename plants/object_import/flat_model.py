@@ -308,7 +308,10 @@ class FlatModelWriter:
     def _add_visual(self, link: Element, geometry: GeometryId, name: str) -> None:
         element = SubElement(link, "visual", {"name": name})
         _add_pose(element, self._inspector.GetPoseInFrame(geometry))
-        self._add_shape(element, self._inspector.GetShape(geometry))
+        shape = self._inspector.GetShape(geometry)
+        self._add_shape(element, shape)
+        if isinstance(shape, Mesh) and Path(shape.source().path()).with_suffix(".mtl").exists():
+            return  # The mesh has its own look.
         properties = self._inspector.GetPerceptionProperties(geometry)
         if properties is None:
             properties = self._inspector.GetIllustrationProperties(geometry)

@@ -7,12 +7,15 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import trimesh
+from PIL import Image
 
 Array = npt.NDArray[np.float64]
 Warn = Callable[[str], None]
 
 LARGEST = 10.0  # A larger mesh was meant in millimetres, [m].
 MANY_FACES = 20_000  # From here on contact with a mesh is slow.
+_MOST_REPEATS = 64  # Of a texture within a mesh.
+_LARGEST_IMAGE = 2048  # [pixels]
 _CREASE = 0.6  # Edges sharper than this stay sharp in the shading, [rad].
 # glTF is y-up by its standard; models here are z-up.
 _X_FROM_Y_UP = trimesh.transformations.rotation_matrix(np.pi / 2, [1.0, 0.0, 0.0])
@@ -30,7 +33,7 @@ class Surface:
 
     mesh: trimesh.Trimesh
     color: Array | None
-    texture: object | None
+    texture: Image.Image | None
 
 
 def read_surfaces(path: Path, scale: Array, warn: Warn) -> list[Surface]:
@@ -65,7 +68,7 @@ def read_surfaces(path: Path, scale: Array, warn: Warn) -> list[Surface]:
     surfaces = []
     for meshes in placed.values():
         mesh = trimesh.util.concatenate(meshes) if len(meshes) > 1 else meshes[0]
-        color, texture = _look(meshes[0])
+        color, texture = _look(mesh)
         surfaces.append(Surface(mesh=mesh, color=color, texture=texture))
     _to_metres(path, surfaces, scale, warn)
     return surfaces
@@ -98,7 +101,7 @@ def _material_key(mesh: trimesh.Trimesh) -> object:
     return None if color is None else tuple(color.round(3))
 
 
-def _look(mesh: trimesh.Trimesh) -> tuple[Array | None, object | None]:
+def _look(mesh: trimesh.Trimesh) -> tuple[Array | None, Image.Image | None]:
     """Colour and texture of a mesh."""
     visual = mesh.visual
     if visual.kind == "texture":
@@ -106,11 +109,29 @@ def _look(mesh: trimesh.Trimesh) -> tuple[Array | None, object | None]:
         if isinstance(material, trimesh.visual.material.PBRMaterial):
             material = material.to_simple()
         texture = material.image if visual.uv is not None else None
+        if texture is not None:
+            visual.uv, texture = _without_repeats(visual.uv, texture)
         return np.asarray(material.main_color, dtype=float) / 255.0, texture
     if visual.kind in ("face", "vertex"):
         colors = visual.face_colors if visual.kind == "face" else visual.vertex_colors
         return np.asarray(colors, dtype=float).mean(axis=0) / 255.0, None
     return None, None
+
+
+def _without_repeats(uv: Array, image: Image.Image) -> tuple[Array, Image.Image]:
+    """Texture coordinates within one image, which is laid side by side where they repeat it.
+
+    Drake's renderer repeats no image on a mesh.
+    """
+    first = np.floor(uv.min(axis=0) + 1e-6)
+    count = np.maximum(np.ceil(uv.max(axis=0) - 1e-6) - first, 1.0)
+    if count.prod() > _MOST_REPEATS:
+        return uv, image
+    tiled = Image.fromarray(
+        np.tile(np.asarray(image.convert("RGB")), (*count[::-1].astype(int), 1))
+    )
+    tiled.thumbnail((_LARGEST_IMAGE, _LARGEST_IMAGE))
+    return (uv - first) / count, tiled
 
 
 def write_obj(surface: Surface, path: Path) -> None:
@@ -137,8 +158,7 @@ def _write_mtl(surface: Surface, path: Path) -> None:
     lines = ["newmtl surface", "Ks 0 0 0"]
     if surface.texture is not None:
         color = np.array([1.0, 1.0, 1.0, color[3]])
-        image = surface.texture.convert("RGB")  # type: ignore[attr-defined]
-        image.save(path.with_suffix(".png"))
+        surface.texture.convert("RGB").save(path.with_suffix(".png"))
         lines.append(f"map_Kd {path.stem}.png")
     lines.append("Kd " + " ".join(f"{value:.6g}" for value in color[:3]))
     lines.append(f"d {color[3]:.6g}")

@@ -129,9 +129,9 @@ def _find_frame(plant: MultibodyPlant, names: FlatNames, wanted: str, source: Pa
         name: plant.get_body(BodyIndex(index)).body_frame() for index, name in names.bodies.items()
     }
     frames = {name: plant.get_frame(FrameIndex(index)) for index, name in names.frames.items()}
-    found = {**links, **frames}.get(_flat(wanted))
-    if found is not None:
-        return found
+    for name, frame in {**frames, **links}.items():
+        if wanted and (wanted == name or _scoped(plant, frame).endswith(f"::{wanted}")):
+            return frame
     listed = f"frames: {_listed(frames)}; links: {_listed(links)}"
     if not wanted:
         raise ValueError(
@@ -156,7 +156,10 @@ def _find_joint(
             f"{source}: no prismatic or revolute joint moves '{grasp_frame}'; choose a frame on a"
             " link that moves"
         )
-    name = _flat(wanted) or next(iter(moving))
+    name = wanted or next(iter(moving))
+    for own_name, joint in moving.items():
+        if wanted and _scoped(plant, joint).endswith(f"::{wanted}"):
+            name = own_name
     if name not in moving:
         known = names.joints.values()
         what = "does not move" if name in known else "is no joint of the model, none that moves"
@@ -195,8 +198,9 @@ def _model_pose(plant: MultibodyPlant, grasped: RigidBody, chain: Chain) -> Rigi
     return plant.EvalBodyPoseInWorld(context, chain.root)
 
 
-def _flat(name: str) -> str:
-    return name.replace("::", ".")
+def _scoped(plant: MultibodyPlant, element: Frame | Joint) -> str:
+    """The element's name behind those of the models that it is nested in."""
+    return f"{plant.GetModelInstanceName(element.model_instance())}::{element.name()}"
 
 
 def _listed(names: Iterable[str]) -> str:

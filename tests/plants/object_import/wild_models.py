@@ -142,7 +142,7 @@ def write_cabinet(folder: Path) -> Path:
 
 
 def write_chest(folder: Path) -> Path:
-    """URDF: a chest that floats, with a lid that opens to negative angles, and a mimicking latch."""
+    """URDF: a chest that floats, with a lid that opens to negative angles, a mimicking latch."""
     folder.mkdir(parents=True, exist_ok=True)
     lid = trimesh.util.concatenate([box([0.3, 0.36, 0.012], [0.15, 0, 0.006]),
                                     box([0.012, 0.36, 0.05], [0.306, 0, -0.01]),
@@ -173,6 +173,8 @@ def write_dae(mesh: trimesh.Trimesh, path: Path) -> None:
     """COLLADA in centimetres; the exporter writes metres and knows no units."""
     mesh = mesh.copy()
     mesh.apply_scale(100.0)
+    brown = trimesh.visual.material.SimpleMaterial(diffuse=[150, 110, 70, 255])
+    mesh.visual = trimesh.visual.TextureVisuals(material=brown)
     text = trimesh.exchange.dae.export_collada(mesh).decode()
     assert "<asset>" in text
     path.write_text(text.replace("<asset>", '<asset><unit name="centimeter" meter="0.01"/>'))

@@ -1,0 +1,248 @@
+"""Models as they are found in the wild: what is converted, what is refused, and how it is said."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from pydrake.geometry import Mesh
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
+from wild_models import box, write_cabinet, write_chest, write_door
+
+from plants.object_import.object_import import ImportedObject, import_object
+
+BOX = "<geometry><box size='0.1 0.1 0.1'/></geometry>"
+
+
+def read(imported: ImportedObject) -> MultibodyPlant:
+    """The written model, its root on the world."""
+    plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.001)
+    (instance,) = Parser(plant).AddModels(str(imported.model))
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("__model__", instance))
+    plant.Finalize()
+    return plant
+
+
+def urdf(folder: Path, body: str) -> Path:
+    path = folder / "model.urdf"
+    path.write_text(f"<robot name='m'>{body}</robot>")
+    return path
+
+
+def slider(link: str, joint: str = "<limit lower='0' upper='1'/>") -> str:
+    return (
+        f"<link name='a'/>{link}<joint name='j' type='prismatic'><parent link='a'/>"
+        f"<child link='b'/><axis xyz='1 0 0'/>{joint}</joint>"
+    )
+
+
+def refusal(path: Path, folder: Path, frame: str = "b", joint: str = "") -> str:
+    with pytest.raises(ValueError, match=r".") as caught:
+        import_object(path, folder / "out", grasp_frame=frame, joint=joint)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("write", "frame", "joint", "travel"),
+    [
+        (write_door, "grip", "hinge", (-np.inf, np.inf)),
+        (write_cabinet, "upper_grip", "upper", (0.0, 0.35)),
+        (write_chest, "grip", "lid_hinge", (-1.5, 0.0)),
+    ],
+)
+def test_a_wild_model_becomes_one_self_contained_model_with_its_own_names(
+    write: Callable[[Path], Path], frame: str, joint: str, travel: tuple, tmp_path: Path
+) -> None:
+    source = write(tmp_path / "wild")
+    imported = import_object(source, tmp_path / "out", grasp_frame=frame)
+    assert imported.joint == joint
+    (tmp_path / "wild").rename(tmp_path / "gone")
+    plant = read(imported)
+    found = plant.GetJointByName(joint)
+    limits = found.position_lower_limits()[0], found.position_upper_limits()[0]
+    assert_allclose(limits, travel)
+    assert plant.HasFrameNamed(imported.grasp_frame)
+    assert all(len(line) < 120 and "\n" not in line for line in imported.warnings)
+
+
+def test_an_imported_model_is_imported_again_as_it_is(tmp_path: Path) -> None:
+    first = import_object(write_cabinet(tmp_path), tmp_path / "out", grasp_frame="upper_grip")
+    again = import_object(
+        first.model, tmp_path / "again", grasp_frame=first.grasp_frame, joint=first.joint
+    )
+    assert again.model == first.model
+    assert again.warnings == []
+    assert (again.joint, again.grasp_frame) == (first.joint, first.grasp_frame)
+
+
+def test_the_same_model_gives_the_same_copy(tmp_path: Path) -> None:
+    source = write_cabinet(tmp_path)
+    copies = [
+        import_object(source, tmp_path / name, grasp_frame="upper_grip").model.parent
+        for name in ("one", "two")
+    ]
+    files = [sorted(path.relative_to(copy) for path in copy.rglob("*.*")) for copy in copies]
+    assert files[0] == files[1]
+    assert all((copies[0] / f).read_bytes() == (copies[1] / f).read_bytes() for f in files[0])
+
+
+def test_meshes_of_every_kind_keep_their_size_and_place(tmp_path: Path) -> None:
+    cabinet = import_object(write_cabinet(tmp_path), tmp_path / "out", grasp_frame="upper_grip")
+    door = import_object(write_door(tmp_path / "d"), tmp_path / "door", grasp_frame="grip")
+    assert any("read as millimetres" in line for line in door.warnings)
+    expected = {
+        "case": ([-0.41, -0.23, -0.25], [-0.01, 0.23, 0.25]),  # Centimetres in COLLADA.
+        "upper": ([0.0, -0.205, -0.1], [0.097, 0.205, 0.1]),  # glTF, y-up.
+        "leaf": ([0.0, 0.0, -0.2], [0.097, 0.36, 0.2]),  # Millimetres in STL.
+    }
+    for imported, names in ((cabinet, ("case", "upper")), (door, ("leaf",))):
+        plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.001)
+        Parser(plant).AddModels(str(imported.model))
+        inspector = scene_graph.model_inspector()
+        for name in names:
+            link = next(
+                body
+                for index in plant.GetBodyIndices(plant.GetModelInstanceByName("object"))
+                if (body := plant.get_body(index)).name().split(".")[-1] == name
+            )
+            (shape,) = plant.GetCollisionGeometriesForBody(link)
+            assert isinstance(inspector.GetShape(shape), Mesh)
+            hull = inspector.GetConvexHull(shape)
+            vertices = np.array([hull.vertex(i) for i in range(hull.num_vertices())])
+            assert_allclose(vertices.min(axis=0), expected[name][0], atol=2e-3)
+            assert_allclose(vertices.max(axis=0), expected[name][1], atol=2e-3)
+
+
+def test_missing_and_impossible_inertias_come_from_the_geometry(tmp_path: Path) -> None:
+    box_link = (
+        "<link name='b'><inertial><mass value='{}'/><inertia ixx='1' iyy='0.1' izz='0.1' ixy='0'"
+        " ixz='0' iyz='0'/></inertial><collision><origin xyz='0.3 0 0'/>" + BOX + "</collision>"
+        "</link>"
+    )
+    for mass, expected in (("2", 2.0), ("0", 0.6), ("-1", 0.6)):
+        path = urdf(tmp_path, slider(box_link.format(mass)))
+        imported = import_object(path, tmp_path / f"out{mass}", grasp_frame="b")
+        inertia = read(imported).GetBodyByName("b").default_spatial_inertia()
+        assert_allclose(inertia.get_mass(), expected)
+        assert_allclose(inertia.get_com(), [0.3, 0, 0], atol=1e-12)
+        assert inertia.IsPhysicallyValid()
+
+
+def test_a_possible_inertia_and_a_given_friction_are_kept(tmp_path: Path) -> None:
+    path = tmp_path / "m.sdf"
+    path.write_text(
+        "<sdf version='1.9'><model name='m'><link name='a'/><link name='b'><inertial><pose>0.1 0 0"
+        " 0 0 0</pose><mass>3</mass><inertia><ixx>0.1</ixx><iyy>0.2</iyy><izz>0.25</izz><ixy>0.01"
+        "</ixy></inertia></inertial><collision name='c'><geometry><sphere><radius>0.1</radius>"
+        "</sphere></geometry><surface><friction><ode><mu>0.3</mu></ode></friction></surface>"
+        "</collision></link><joint name='j' type='prismatic'><parent>a</parent><child>b</child>"
+        "<axis><xyz>0 1 0</xyz></axis></joint></model></sdf>"
+    )
+    imported = import_object(path, tmp_path / "out", grasp_frame="b")
+    inertia = read(imported).GetBodyByName("b").default_spatial_inertia()
+    central = inertia.Shift(inertia.get_com()).CalcRotationalInertia()
+    assert_allclose(central.get_moments(), [0.1, 0.2, 0.25])
+    assert_allclose(central.get_products()[0], 0.01)
+    assert "<drake:mu_static>0.3<" in imported.model.read_text()
+
+
+def test_only_what_moves_with_the_grasp_becomes_rigid_hydroelastic(tmp_path: Path) -> None:
+    imported = import_object(write_cabinet(tmp_path), tmp_path / "out", grasp_frame="upper_grip")
+    assert imported.model.read_text().count("<drake:rigid_hydroelastic") == 1
+
+
+def test_mimic_joints_and_springs_stay(tmp_path: Path) -> None:
+    chest = import_object(write_chest(tmp_path), tmp_path / "out", grasp_frame="grip")
+    assert chest.is_floating
+    assert '<drake:mimic joint="lid_hinge" multiplier="0.5" offset="0.0"' in chest.model.read_text()
+
+
+def test_of_several_moving_joints_the_nearest_is_explored_and_others_can_be(tmp_path: Path) -> None:
+    source = write_cabinet(tmp_path)
+    nearest = import_object(source, tmp_path / "one", grasp_frame="tray")
+    assert nearest.joint == "tray_slide"
+    assert any("tray_slide, lower" in line for line in nearest.warnings)
+    assert (
+        import_object(source, tmp_path / "two", grasp_frame="tray", joint="lower").joint == "lower"
+    )
+    message = refusal(source, tmp_path, "tray", "upper")
+    assert "joint 'upper' does not move 'tray'; those that do: tray_slide, lower" in message
+
+
+def test_names_are_listed_where_one_is_missing_or_unknown(tmp_path: Path) -> None:
+    source = write_cabinet(tmp_path)
+    for frame in ("", "knob"):
+        message = refusal(source, tmp_path, frame)
+        assert "upper_grip, " in message
+        assert "tray" in message
+    assert "no prismatic or revolute joint moves 'case'" in refusal(source, tmp_path, "case")
+
+
+def test_packages_are_found_by_their_environment_variable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "elsewhere" / "parts").mkdir(parents=True)
+    box([0.1, 0.1, 0.1], [0, 0, 0]).export(tmp_path / "elsewhere" / "parts" / "b.stl")
+    mesh = "<geometry><mesh filename='package://parts/b.stl' scale='2 1 1'/></geometry>"
+    path = urdf(tmp_path, slider(f"<link name='b'><visual>{mesh}</visual></link>"))
+    assert "<mesh> 'package://parts/b.stl': there is no such file" in refusal(path, tmp_path)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "elsewhere"))
+    imported = import_object(path, tmp_path / "out", grasp_frame="b")
+    assert_allclose(read(imported).GetBodyByName("b").default_mass(), 600 * 0.002)
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        (slider("<link name='b'/>", "<limit lower='0' upper='0'/>"), "leave no travel"),
+        (slider("<link name='b'/>", "<limit lower='1' upper='2'/>"), "leave out 0"),
+        (slider("<link name='b'/>").replace("prismatic", "fixed"), "no prismatic or revolute"),
+        (slider("<link name='c'/>"), "cannot be parsed"),
+        (slider("<link name='b'><visual><geometry><mesh filename='http://x/m.stl'/></geometry>"
+                "</visual></link>"), "http:// is not supported"),
+        (slider("<link name='b'><visual><geometry><mesh filename='model.urdf'/></geometry>"
+                "</visual></link>"), "cannot be read as a mesh"),
+        (slider("<link name='b'/>") + "<link name='c'/><joint name='k' type='fixed'><parent "
+         "link='c'/><child link='b'/></joint>", "child of two joints"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_converted_is_refused_in_one_line(
+    body: str, expected: str, tmp_path: Path
+) -> None:
+    message = refusal(urdf(tmp_path, body), tmp_path)
+    assert expected in message
+    assert "model.urdf" in message
+
+
+def test_files_of_other_kinds_are_refused_in_one_line(tmp_path: Path) -> None:
+    for text, expected in (
+        ("<mujoco/>", "neither SDF"),
+        ("<robot>", "not valid XML"),
+        ("<robot xmlns:xacro='http://www.ros.org/wiki/xacro'/>", "expand it first"),
+    ):
+        path = tmp_path / "model.xml"
+        path.write_text(text)
+        assert expected in refusal(path, tmp_path)
+    assert "no such file" in refusal(tmp_path / "none.sdf", tmp_path)
+
+
+def test_included_models_are_written_into_the_copy(tmp_path: Path) -> None:
+    (tmp_path / "shelf").mkdir()
+    (tmp_path / "shelf" / "model.sdf").write_text(
+        "<sdf version='1.9'><model name='shelf'><link name='b'><visual name='v'><geometry><mesh>"
+        "<uri>b.stl</uri></mesh></geometry></visual></link></model></sdf>"
+    )
+    box([0.1, 0.1, 0.1], [0, 0, 0]).export(tmp_path / "shelf" / "b.stl")
+    path = tmp_path / "rack.sdf"
+    path.write_text(
+        "<sdf version='1.9'><model name='rack'><link name='a'/><include><name>top</name><pose>0 0 1"
+        " 0 0 0</pose><uri>model://shelf</uri></include><joint name='j' type='prismatic'><parent>a"
+        "</parent><child>top::b</child><axis><xyz>1 0 0</xyz></axis></joint></model></sdf>"
+    )
+    plant = read(import_object(path, tmp_path / "out", grasp_frame="top::b"))
+    pose = plant.GetBodyByName("b").EvalPoseInWorld(plant.CreateDefaultContext())
+    assert_allclose(pose.translation(), [0, 0, 1])

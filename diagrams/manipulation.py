@@ -43,7 +43,7 @@ def task_phases(task: Task, truth: Truth, events: Sequence[Event]) -> dict[str, 
     """
     opening = truth.opening()
     if task.goal is None:
-        reached = float(opening[-1]) if len(opening) else 0.0
+        reached = float(abs(opening[-1])) if len(opening) else 0.0
         return {"exploration": Phase(target=task.opening, reached=reached)}
     returns = begun(events, ControlPhase.RETURN)
     turn = returns[0] + 0.5 if returns else np.inf

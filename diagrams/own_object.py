@@ -133,9 +133,11 @@ def own_object_assignments(scenario: str, given: Sequence[str], own: OwnObject) 
             "yaw": float(np.rad2deg(np.arctan2(x_axis[1], x_axis[0]))),
         }
     lines = [f"object.{key}={value}" for key, value in values.items()]
-    travel = max(abs(facts.lower), abs(facts.upper))
-    if base.task.opening > 0.9 * travel:
-        lines.append(f"task.opening={float(0.9 * travel)}")
+    most = 0.9 * max(abs(facts.lower), abs(facts.upper))
+    for key in ("opening", "goal"):
+        wanted = getattr(base.task, key)
+        if wanted is not None and wanted > most:
+            lines.append(f"task.{key}={float(most)}")
     return lines
 
 

@@ -232,6 +232,7 @@ def _simulate(
     from tqdm import tqdm
 
     from diagrams.episode import run_episode
+    from maths.compiled import compilation_timed
 
     viewer = _start_meshcat(host, announce=live) if live or recording else None
     bar = tqdm(
@@ -241,7 +242,11 @@ def _simulate(
         " [{elapsed}<{remaining}]",
         disable=None,
     )
-    with GentleInterrupt() as interrupt, bar:
+
+    def announce() -> None:
+        bar.write("Compiling the filters' inner loops: a minute more, this first time.")
+
+    with GentleInterrupt() as interrupt, bar, compilation_timed(announce):
 
         def progress(time: float) -> None:
             interrupt.check()

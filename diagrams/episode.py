@@ -28,6 +28,7 @@ from diagrams.sensor_recorder import SensorRecorder
 from diagrams.station import PERCEIVED_INPUTS, Station, StationConfig, make_station
 from diagrams.station_systems import Light
 from diagrams.yaml_schema import ScenarioError
+from maths.compiled import compilation_timed
 from plants.camera_view import camera_intrinsics, looking_at
 from plants.manipulation_scene import ObjectPlacement
 from systems.kinematics.interacted_joint import InteractedJoint, InteractedJointConfig
@@ -202,20 +203,21 @@ class Episode:
         stop_time = scenario.control.sequence.stop_time
         end, stopped, interrupted = scenario.duration, False, False
         began = time.perf_counter()
-        try:
-            while (now := root.get_time()) < end - 1e-9:
-                simulator.AdvanceTo(min(now + scenario.network_period, end))
-                phase = self._note_phase(station_context)
-                if not stopped and phase == ControlPhase.STOP:
-                    stopped, end = True, min(end, root.get_time() + stop_time)
-                if progress is not None:
-                    progress(root.get_time())
-        except KeyboardInterrupt:
-            interrupted = True
-        finally:
-            if self._sensor_log is not None:
-                self._sensor_log.close()
-        wall_time = time.perf_counter() - began
+        with compilation_timed() as compiling:
+            try:
+                while (now := root.get_time()) < end - 1e-9:
+                    simulator.AdvanceTo(min(now + scenario.network_period, end))
+                    phase = self._note_phase(station_context)
+                    if not stopped and phase == ControlPhase.STOP:
+                        stopped, end = True, min(end, root.get_time() + stop_time)
+                    if progress is not None:
+                        progress(root.get_time())
+            except KeyboardInterrupt:
+                interrupted = True
+            finally:
+                if self._sensor_log is not None:
+                    self._sensor_log.close()
+        wall_time = time.perf_counter() - began - compiling.seconds
         return self._result(root.get_time(), wall_time, interrupted)
 
     def _note_phase(self, station_context: Context) -> ControlPhase:

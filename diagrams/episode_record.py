@@ -129,7 +129,7 @@ class EpisodeResult:
         frames: Some camera images, in order of time.
         camera: Where they were taken from.
         duration: Simulated time, [s].
-        wall_time: Of the simulation, without setting up and writing, [s].
+        wall_time: Of the simulation, without setting up, compiling and writing, [s].
         failure: Why the task was not done, in one line; None for a success.
         phases: By name; the exploration always.
         events: In order of time.

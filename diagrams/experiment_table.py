@@ -115,8 +115,8 @@ def quantile(values: npt.ArrayLike, share: float) -> float:
 def median_and_range(values: npt.ArrayLike, unit: str, digits: int = 1) -> str:
     """'median (5 % to 95 %) unit' of magnitudes in SI; 'none' for what is missing."""
     values = np.asarray(values, dtype=float)
-    if len(values) == 0:
-        return "-"
+    if not np.any(np.isfinite(values)):
+        return "none"
     scale, readable = _READABLE[unit]
 
     def text(share: float) -> str:
@@ -170,7 +170,8 @@ class Row:
 
 
 def _milliseconds(values: Array, unit: str) -> str:
-    return median_and_range(1000.0 * values, "", 1) + " ms"
+    known = values[np.isfinite(values)]
+    return median_and_range(1000.0 * known, "", 1) + " ms" if len(known) else "-"
 
 
 EPISODE_ROWS = (

@@ -4,7 +4,41 @@ Compiled code is kept in `__pycache__` and made anew when the file of a function
 when only a function that it calls in another file does: delete the folder after such a change.
 """
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
 import numba
+from numba.core.event import Event, TimingListener, install_listener
 
 # Sums may be reordered and divisions are not checked; NaN and infinity keep their meaning.
 hot = numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz", "arcp"})
+
+
+class CompilationTime(TimingListener):
+    """The wall time that has gone into compiling; what is read from the disk takes none."""
+
+    def __init__(self, announce: Callable[[], None] | None) -> None:
+        super().__init__()
+        self._announce = announce
+
+    def on_start(self, event: Event) -> None:
+        if self._announce is not None:
+            self._announce()
+            self._announce = None
+        super().on_start(event)
+
+    @property
+    def seconds(self) -> float:
+        """So far, [s]."""
+        return float(self.duration) if self.done else 0.0
+
+
+@contextmanager
+def compilation_timed(announce: Callable[[], None] | None = None) -> Iterator[CompilationTime]:
+    """Measures what is compiled inside it.
+
+    Args:
+        announce: Called once, before the first function is compiled.
+    """
+    with install_listener("numba:compile", CompilationTime(announce)) as time:
+        yield time

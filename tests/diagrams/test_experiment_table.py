@@ -123,12 +123,13 @@ def test_an_episode_that_broke_off_counts_against_every_modality() -> None:
     assert rows["exploration error"] == ["0.6 ± 0.0 deg (1 without)", "1.3 deg", ""]
     assert rows["joint type right at the end"][:2] == ["0/4", "3/4"]
     assert rows["configuration error at the end"] == [
-        "none (none to none) deg",
+        "none",
         "4.0 (1.3 to none) deg",
         "5 deg",
         "2 deg",
     ]
     assert rows["axis' NEES inside 95 % bounds"][:2] == ["-", "80 %"]
+    assert rows["tick"][1] == "20.0 (20.0 to 20.0) ms"
     assert "exploitation error" not in rows
 
 

@@ -1,0 +1,30 @@
+"""Compiling is told apart from running."""
+
+import time
+
+import numba
+
+from maths.compiled import compilation_timed
+
+
+def test_only_the_first_call_of_a_function_compiles_and_it_is_announced_once() -> None:
+    announced: list[bool] = []
+
+    @numba.njit
+    def double(x: float) -> float:
+        return 2.0 * x
+
+    @numba.njit
+    def double_twice(x: float) -> float:
+        return double(double(x))
+
+    with compilation_timed(lambda: announced.append(True)) as first:
+        began = time.perf_counter()
+        assert double_twice(1.0) == 4.0
+        passed = time.perf_counter() - began
+    assert announced == [True]
+    assert 0.0 < first.seconds <= passed
+    with compilation_timed(lambda: announced.append(True)) as second:
+        assert double_twice(2.0) == 8.0
+    assert announced == [True]
+    assert second.seconds == 0.0

@@ -9,6 +9,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
 from controllers.grasp_sequence import minimum_jerk
 from controllers.impedance import DesiredMotion, ImpedanceGains
+from controllers.joint_memory import turns
 from controllers.phases import Phase, is_held
 from controllers.robot_kinematics import ArmModel
 from maths import se3
@@ -42,6 +43,7 @@ class Plan:
         start: When it begins, [s].
         duration: [s]
         q_start: Where the joint is then, [m or rad]; the goal is zero.
+        turns: Whether it is a revolute one.
         X_WE: Where the end-effector is wanted now (4, 4).
         motion: What is commanded now.
         gains: Likewise.
@@ -50,6 +52,7 @@ class Plan:
     start: float
     duration: float
     q_start: float
+    turns: bool
     X_WE: Array
     motion: DesiredMotion
     gains: ImpedanceGains
@@ -215,13 +218,15 @@ class TrajectoryGenerator(LeafSystem):
         time, q = context.get_time(), float(np.asarray(self._joint.Eval(context))[6])
         screw_W = np.asarray(self._screw.Eval(context))
         X_WE = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context))).X_WE
-        if plan is None:
+        turning = turns(np.asarray(self._joint.Eval(context)))
+        if plan is None or plan.turns != turning:
             rate = float(np.linalg.norm((se3.adjoint(se3.inverse(X_WE)) @ screw_W)[3:]))
             plan = Plan(
                 start=time,
                 duration=plan_duration(q, rate, self._config.speed),
                 q_start=q,
-                X_WE=X_WE,
+                turns=turning,
+                X_WE=X_WE if plan is None else plan.X_WE,
                 motion=self._desired.Eval(context),
                 gains=self._gains.Eval(context),
             )

@@ -42,7 +42,9 @@ def about_vertical(point: np.ndarray) -> np.ndarray:
 def plan_from(q: float, X_WE: np.ndarray, duration: float) -> Plan:
     still = DesiredMotion(X_WE=X_WE, V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
     gains = ImpedanceGains(stiffness=np.eye(6), damping=np.eye(6), mass=np.eye(6))
-    return Plan(start=0.0, duration=duration, q_start=q, X_WE=X_WE, motion=still, gains=gains)
+    return Plan(
+        start=0.0, duration=duration, q_start=q, turns=False, X_WE=X_WE, motion=still, gains=gains
+    )
 
 
 def follow(screw_W: np.ndarray, q_0: float, X_0: np.ndarray) -> tuple[list[Plan], list[float]]:

@@ -18,7 +18,7 @@ from systems.proprioception.interacted_body_motion import (
     InteractedBodyMotion,
     InteractedBodyMotionConfig,
 )
-from systems.vision.body_tracking import RigidBodyMotionConfig
+from systems.vision.body_level import RigidBodyMotionConfig
 from systems.vision.feature_motion import FeatureMotion
 from systems.vision.feature_tracks import FeatureMotionConfig
 from systems.vision.rigid_body_motion import RigidBodyMotion

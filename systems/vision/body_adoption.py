@@ -9,7 +9,7 @@ from maths import se3
 from maths.gaussian import nees
 from systems.port_values import INTERACTED_BODY, Array, PoseBelief
 from systems.vision.body_filter import BodyFilter
-from systems.vision.body_tracking import RigidBodyMotionConfig, TrackedBody
+from systems.vision.body_level import RigidBodyMotionConfig, TrackedBody
 from systems.vision.feature_history import FeatureHistory
 
 _CHANCE = 22.46  # Squared distance of 6 dof that 0.1 % exceed.

@@ -1,4 +1,4 @@
-"""Birth of rigid bodies from features that stopped standing still, and the tick of all bodies."""
+"""Birth of rigid bodies from features that stopped standing still."""
 
 from dataclasses import replace
 
@@ -9,14 +9,11 @@ from systems.port_values import (
     INTERACTED_BODY,
     STATIC_BODY,
     Array,
-    BodyPredictions,
-    FeatureBelief,
     Ids,
     PoseBelief,
 )
 from systems.vision import body_filter, body_tracking
-from systems.vision.body_adoption import adopt
-from systems.vision.body_tracking import (
+from systems.vision.body_level import (
     BodyLevel,
     RestPositions,
     RigidBodyMotionConfig,
@@ -239,26 +236,3 @@ def give_birth(
     assigned[rows] = born.body_id
     history = replace(history, body=assigned, suspicion=suspicion)
     return [*bodies, born], history, level.next_id + 1
-
-
-def step(
-    config: RigidBodyMotionConfig,
-    level: BodyLevel,
-    features: FeatureBelief,
-    joints: BodyPredictions,
-    prior: PoseBelief | None,
-) -> BodyLevel:
-    """One tick of all bodies."""
-    tick = level.tick + 1
-    history = body_tracking.remember_features(config, level, features)
-    bodies, history = body_tracking.advance_all(config, level, history, joints, prior)
-    bodies, history = adopt(config, bodies, history, prior, tick)
-    history = body_tracking.associate(config, bodies, history)
-    bodies, history = body_tracking.merged(config, bodies, history)
-    bodies, history, next_id = give_birth(config, level, bodies, history, prior)
-    living = [body for body in bodies if body_tracking.is_alive(config, body)]
-    history = body_tracking.cast_out(config, living, history)
-    history = body_tracking.afresh(config, living, history)
-    living = body_tracking.without_strays(config, living, history)
-    living = [body_tracking.with_anchors(config, body, history) for body in living]
-    return BodyLevel(tick=tick, next_id=next_id, history=history, bodies=living)

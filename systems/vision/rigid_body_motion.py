@@ -16,12 +16,36 @@ from systems.port_values import (
     MotionBelief,
     PoseBelief,
 )
-from systems.vision import camera_geometry
-from systems.vision.body_birth import step
-from systems.vision.body_tracking import BodyLevel, RigidBodyMotionConfig, TrackedBody, no_bodies
+from systems.vision import body_tracking, camera_geometry, feature_association
+from systems.vision.body_adoption import adopt
+from systems.vision.body_birth import give_birth
+from systems.vision.body_level import BodyLevel, RigidBodyMotionConfig, TrackedBody, no_bodies
 from systems.vision.checks import require_fields
 from systems.vision.feature_history import displacements
 from systems.vision.feature_tracks import no_features
+
+
+def step(
+    config: RigidBodyMotionConfig,
+    level: BodyLevel,
+    features: FeatureBelief,
+    joints: BodyPredictions,
+    prior: PoseBelief | None,
+) -> BodyLevel:
+    """One tick of all bodies."""
+    tick = level.tick + 1
+    history = body_tracking.remember_features(config, level, features)
+    bodies, history = body_tracking.advance_all(config, level, history, joints, prior)
+    bodies, history = adopt(config, bodies, history, prior, tick)
+    history = feature_association.associate(config, bodies, history)
+    bodies, history = feature_association.merged(config, bodies, history)
+    bodies, history, next_id = give_birth(config, level, bodies, history, prior)
+    living = [body for body in bodies if body_tracking.is_alive(config, body)]
+    history = feature_association.cast_out(config, living, history)
+    history = feature_association.afresh(config, living, history)
+    living = feature_association.without_strays(config, living, history)
+    living = [body_tracking.with_anchors(config, body, history) for body in living]
+    return BodyLevel(tick=tick, next_id=next_id, history=history, bodies=living)
 
 
 def predicted_features(
@@ -114,8 +138,8 @@ class RigidBodyMotion(LeafSystem):
     - `features_predicted`: `FeatureBelief` at the next tick, from the state: every remembered
       feature, by id; `uv` projected into the camera, `age` zero.
 
-    Source: of the role, R. Martin-Martin and O. Brock, Cross-modal interpretation of multi-modal
-    sensor streams, sections III and V; the filter and the tests are our own.
+    Source: the role is that of Martín-Martín and Brock, IROS 2017, sections III and V;
+    filter and tests are our own.
     """
 
     def __init__(

@@ -217,7 +217,7 @@ def test_the_documented_ports_are_the_declared_ones(system_class: type, camera: 
     if system_class is FeatureMotion:
         system = FeatureMotion(FeatureMotionConfig(), camera, X_WC)
     else:
-        from systems.vision.body_tracking import RigidBodyMotionConfig
+        from systems.vision.body_level import RigidBodyMotionConfig
 
         system = RigidBodyMotion(RigidBodyMotionConfig(), camera, X_WC, True)
     block = re.search(

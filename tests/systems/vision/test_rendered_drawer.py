@@ -10,7 +10,7 @@ from pydrake.systems.sensors import CameraInfo
 
 from maths import se3
 from systems.port_values import BodyMotion
-from systems.vision.body_tracking import RigidBodyMotionConfig
+from systems.vision.body_level import RigidBodyMotionConfig
 from systems.vision.feature_motion import FeatureMotion
 from systems.vision.feature_tracks import FeatureMotionConfig
 from systems.vision.rigid_body_motion import RigidBodyMotion

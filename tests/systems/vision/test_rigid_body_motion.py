@@ -17,7 +17,7 @@ from systems.port_values import (
     FeatureBelief,
     PoseBelief,
 )
-from systems.vision.body_tracking import RigidBodyMotionConfig
+from systems.vision.body_level import RigidBodyMotionConfig
 from systems.vision.rigid_body_motion import RigidBodyMotion
 
 X_WC = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0.7], [0, 0, 0, 1]])

@@ -1,0 +1,180 @@
+"""Which features belong to which rigid body, by how they moved."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from systems.port_values import INTERACTED_BODY, STATIC_BODY, Array
+from systems.vision import body_filter
+from systems.vision.body_level import RigidBodyMotionConfig, TrackedBody
+from systems.vision.body_tracking import corrected
+from systems.vision.feature_history import (
+    OUTCAST,
+    FeatureHistory,
+    displacements,
+    squared_distances,
+)
+
+
+def body_against_static(
+    config: RigidBodyMotionConfig, body: TrackedBody, history: FeatureHistory
+) -> tuple[Array, Array]:
+    """Log likelihood ratios (N,) of moving with the body over standing still, and fits (N,).
+
+    Both hypotheses explain the displacement from the earlier mean position to the newest, with the
+    covariance of both means and, for the body, of its pose; zero where there is too little to tell.
+    The fit is the squared Mahalanobis distance under the body.
+    """
+    use_rest = history.rest_until <= body.reference_tick
+    moving = displacements(
+        history,
+        newest=config.newest,
+        X_WB=body.path,
+        use_rest=use_rest,
+        X_WB_rest=body.X_WB_reference,
+    )
+    standing = displacements(history, newest=config.newest, use_rest=use_rest)
+    enough = history.seen & (moving.count_new >= 2) & (moving.count_old >= 4)
+    ratio, fit = np.zeros(len(enough)), np.full(len(enough), np.inf)
+    if not enough.any():
+        return ratio, fit
+    floor = config.feature_floor**2 * np.eye(3)
+    J = body_filter.pose_jacobian(moving.p_new[enough])
+    pose = J @ body.filter.P[:6, :6] @ J.transpose(0, 2, 1)
+    S = (moving.C_old + moving.C_new)[enough] + pose + floor
+    chi, log_determinant = squared_distances((moving.p_new - moving.p_old)[enough], S)
+    S = (standing.C_old + standing.C_new)[enough] + floor
+    chi_static, log_static = squared_distances((standing.p_new - standing.p_old)[enough], S)
+    ratio[enough] = 0.5 * (chi_static + log_static - chi - log_determinant)
+    fit[enough] = chi
+    return ratio, fit
+
+
+def _distances(history: FeatureHistory, body_id: int) -> Array:
+    """Each feature's distance (N,) to the nearest feature of a body, [m]; zero if it has none."""
+    members = history.p_W[history.body == body_id, -1]
+    if len(members) == 0:
+        return np.zeros(len(history.ids))
+    difference = history.p_W[:, None, -1] - members
+    return np.asarray(np.sqrt(np.min(np.sum(difference**2, axis=2), axis=1)))
+
+
+def associate(
+    config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
+) -> FeatureHistory:
+    """Assigns features to the body whose motion explains theirs, releases those it does not.
+
+    A body is compact: the farther a feature is from its known ones, the more it takes.
+    """
+    if not bodies or len(history.ids) == 0:
+        return history
+    tests = [body_against_static(config, body, history) for body in bodies]
+    ids = np.array([body.body_id for body in bodies])
+    ratios = np.array([np.where(fit < config.gate, ratio, -np.inf) for ratio, fit in tests])
+    distances = np.array([_distances(history, body.body_id) for body in bodies])
+    ratios -= np.minimum(0.5 * (distances / config.extent) ** 2, config.max_penalty)
+    best = np.argmax(ratios, axis=0)
+    highest = ratios[best, np.arange(len(history.ids))]
+    assigned = history.body.copy()
+    joins = (history.body == STATIC_BODY) & (highest > config.association)
+    for i, body_id in enumerate(ids):
+        first = joins & (best == i)
+        # A body that has no feature yet gets several at once, or an outlier would steer it.
+        if not np.any(history.body == body_id) and np.sum(first) < config.keep_support:
+            joins &= ~first
+    assigned[joins] = ids[best[joins]]
+    for i, (ratio, _) in enumerate(tests):
+        mine = history.body == ids[i]
+        assigned[mine & (ratio < -config.association)] = STATIC_BODY
+        # Another moving body explains it better than its own.
+        moves = mine & (highest > np.maximum(ratio, 0.0) + config.association)
+        assigned[moves] = ids[best[moves]]
+    changed = assigned != history.body
+    return replace(history, body=assigned, suspicion=np.where(changed, 0, history.suspicion))
+
+
+def merged(
+    config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
+) -> tuple[list[TrackedBody], FeatureHistory]:
+    """Gives a body's features to an older one that explains the motion of nearly all of them."""
+    assigned, suspicion = history.body.copy(), history.suspicion.copy()
+    kept: list[TrackedBody] = []
+    for body in bodies:
+        mine = assigned == body.body_id
+        adopted = False
+        for older in kept:
+            if body.reference_tick < older.held_since:
+                continue  # Adoption keeps what was seen before the hand closed.
+            ratio, fit = body_against_static(config, older, history)
+            told = mine & (np.abs(ratio) > config.association)
+            if np.sum(told) < config.keep_support or body.body_id == INTERACTED_BODY:
+                continue
+            shared = told & (ratio > config.association) & (fit < config.gate)
+            if np.sum(shared) >= config.merging_share * np.sum(told):
+                assigned[mine], suspicion[mine] = older.body_id, 0
+                adopted = True
+                break
+        if not adopted:
+            kept.append(body)
+    return kept, replace(history, body=assigned, suspicion=suspicion)
+
+
+def without_strays(
+    config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
+) -> list[TrackedBody]:
+    """Removes the anchors of features that do not belong to the body, and what they did to it."""
+    kept = []
+    for body in bodies:
+        strays = body.filter.ids[
+            np.isin(body.filter.ids, history.ids[history.body != body.body_id])
+        ]
+        if len(strays):
+            sigma = np.repeat([config.jump_rotation, config.jump_translation], 3)
+            filtered = body_filter.rebuilt(body_filter.remove_anchors(body.filter, strays), sigma)
+            body = replace(body, filter=corrected(config, filtered, history))
+        kept.append(body)
+    return kept
+
+
+def cast_out(
+    config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
+) -> FeatureHistory:
+    """Takes features from bodies that they disagreed with or slid on; they are ignored a while."""
+    slid = np.zeros(len(history.ids), bool)
+    for body in bodies:
+        drifted = body.filter.ids[body_filter.drifted(body.filter, config.gate)]
+        slid |= (history.body == body.body_id) & np.isin(history.ids, drifted)
+    outcast = history.body == OUTCAST
+    worn = ~outcast & (history.body != STATIC_BODY) & (history.suspicion >= config.max_suspicion)
+    suspicion = np.where(outcast, history.suspicion + 1, history.suspicion)
+    return replace(
+        history,
+        body=np.where(worn | slid, OUTCAST, history.body),
+        suspicion=np.where(worn | slid, 0, suspicion),
+    )
+
+
+def afresh(
+    config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
+) -> FeatureHistory:
+    """Frees features whose body ended, or that have been suspicious for long.
+
+    All their samples but the newest are forgotten.
+    """
+    numbers = [STATIC_BODY, OUTCAST, *(body.body_id for body in bodies)]
+    unbound = (history.body == STATIC_BODY) | (history.body == OUTCAST)
+    rows = unbound & (history.suspicion >= config.max_free_suspicion)
+    rows |= ~np.isin(history.body, numbers)
+    if not rows.any():
+        return history
+    information = history.information.copy()
+    information[rows, :-1] = 0.0
+    return replace(
+        history,
+        body=np.where(rows, STATIC_BODY, history.body),
+        information=information,
+        rest_information=np.where(rows[:, None, None], 0.0, history.rest_information),
+        rest_moment=np.where(rows[:, None], 0.0, history.rest_moment),
+        rest_until=np.where(rows, -1, history.rest_until),
+        suspicion=np.where(rows, 0, history.suspicion),
+    )

@@ -42,8 +42,8 @@ class GraspSequenceConfig:
     # The return ends once the perceived joint is as near as this to its start, as way of the hand.
     return_tolerance: float = 0.002  # [m]
     return_patience: float = 3.0  # How long after the planned end it may still be late, [s].
-    # A grasp is given up once it has been doubted so long: for the belief that it has failed, or
-    # because the hand is not where the perceived joint would have taken it.
+    # A grasp is given up once it has been doubted so long: when it is believed to have failed and
+    # the hand is not where the perceived joint would have taken it.
     doubt_time: float = 0.5  # [s]
     failure_probability: float = 0.5
     slip: float = 0.06  # [m]
@@ -177,7 +177,7 @@ class Perceived:
         X_WE: The end-effector's measured pose (4, 4).
         joint: (8,) the body's unit screw S_W, q and its rate; NaN until a joint is perceived.
         hand_rate: Way of the hand per unit of q, [m per m or rad]; NaN likewise.
-        failure: Probability that the hand has lost the body.
+        failure: Probability that the hand has lost the body, NaN where nobody can tell.
         plan_time_left: Until the planned end of the return, [s].
     """
 
@@ -204,11 +204,11 @@ class Goal:
 
 
 def is_doubtful(state: SequenceState, now: Perceived, config: GraspSequenceConfig) -> bool:
-    """Whether the hand seems to hold nothing."""
+    """Whether the hand seems to hold nothing: each sign alone may be an error of perception."""
     X_WE = moved_by_joint(state.X_WE_held, now.joint, state.q_grasp)
     slip = np.linalg.norm(X_WE[:3, 3] - now.X_WE[:3, 3])
-    slipped = not np.isnan(now.joint[6]) and slip > config.slip
-    return bool(now.failure > config.failure_probability or slipped)
+    believed = np.isnan(now.failure) or now.failure > config.failure_probability
+    return bool(believed and slip > config.slip)
 
 
 def next_state(
@@ -304,7 +304,7 @@ class GraspSequence(LeafSystem):
 
     - joint_state_measured: (14,) positions [rad] and velocities [rad/s].
     - joint_remembered, end_effector_screw_remembered: of `JointMemory`.
-    - grasp_failure_latest: (1,) probability that the hand has lost the body.
+    - grasp_failure_latest: (1,) probability that the hand has lost the body, NaN if unknown.
     - plan_time_left: (1,) of `TrajectoryGenerator`, [s].
     - What is not connected is not known; without a goal to be perceived nothing of it is read.
     - phase: (1,) `Phase`.
@@ -441,7 +441,7 @@ class GraspSequence(LeafSystem):
             X_WE=X_WE,
             joint=read(self._joint, np.nan),
             hand_rate=float(np.linalg.norm(screw_E[3:])),
-            failure=float(read(self._failure, 0.0)[0]),
+            failure=float(read(self._failure, np.nan)[0]),
             plan_time_left=float(read(self._time_left, np.inf)[0]),
         )
         following = next_state(self._state(context), now, self._goal, self._config)

@@ -117,7 +117,7 @@ class InteractedJoint(LeafSystem):
       the configuration q, [m or rad], zero where the body was grasped, and its rate. NaN while no
       joint is known.
     - end_effector_screw_latest: (6,) of E in W at Wo per unit of q; NaN likewise.
-    - grasp_failure_latest: (1,) probability that the hand has lost the body; zero without
+    - grasp_failure_latest: (1,) probability that the hand has lost the body; NaN without
       proprioception.
 
     Frames: W world, E nominal end-effector, H bent end-effector, P the joint's parent.
@@ -175,7 +175,7 @@ class InteractedJoint(LeafSystem):
 
     def _calc_failure(self, context: Context, output: BasicVector) -> None:
         grasp = self._read(context, "grasp")
-        failed = 0.0
+        failed = np.nan
         if isinstance(grasp, GraspBelief):
             failed = grasp.probabilities[GraspType.FAILED]
         output.SetAtIndex(0, failed)

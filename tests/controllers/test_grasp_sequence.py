@@ -27,6 +27,12 @@ def moved(q: float) -> np.ndarray:
     return np.asarray(se3.exp(SLIDE * q) @ X_GRASP)
 
 
+def off_the_handle(distance: float) -> np.ndarray:
+    X_WE = moved(0.1)
+    X_WE[:3, 3] += [-distance, 0.0, 0.0]
+    return X_WE
+
+
 def perceived(time: float, q: float | None, **others: object) -> Perceived:
     joint = np.full(8, np.nan) if q is None else np.append(SLIDE, [q, 0.0])
     now = Perceived(
@@ -83,17 +89,22 @@ def test_the_return_ends_at_the_start_and_not_before_the_plan_does() -> None:
 
 
 def test_a_passing_doubt_does_not_end_a_grasp() -> None:
-    state = step(exploring(), perceived(1.0, 0.1, failure=0.9))
+    doubt = {"failure": 0.9, "X_WE": off_the_handle(0.08)}
+    state = step(exploring(), perceived(1.0, 0.1, **doubt))
     state = step(state, perceived(1.2, 0.1))
-    state = step(state, perceived(1.3 + CONFIG.doubt_time, 0.1, failure=0.9))
+    state = step(state, perceived(1.3 + CONFIG.doubt_time, 0.1, **doubt))
     assert state.phase == Phase.EXPLORE
 
 
-@pytest.mark.parametrize("why", ["believed", "slipped"])
-def test_a_lost_grasp_is_tried_again_where_the_joint_has_left_the_handle(why: str) -> None:
-    away = moved(0.1)
-    away[:3, 3] += [-0.08, 0.0, 0.0]
-    doubt = {"failure": 0.9} if why == "believed" else {"X_WE": away}
+def test_one_sign_of_a_lost_grasp_is_not_enough() -> None:
+    for sign in ({"failure": 0.9}, {"X_WE": off_the_handle(0.08)}):
+        state = step(exploring(), perceived(1.0, 0.1, **sign))
+        assert step(state, perceived(2.0, 0.1, **sign)).phase == Phase.EXPLORE
+
+
+@pytest.mark.parametrize("failure", [0.9, np.nan])
+def test_a_lost_grasp_is_tried_again_where_the_joint_has_left_the_handle(failure: float) -> None:
+    doubt = {"failure": failure, "X_WE": off_the_handle(0.08)}
     state = replace(exploring(), phase=Phase.RETURN, task=Phase.RETURN)
     state = step(state, perceived(1.0, 0.1, **doubt))
     state = step(state, perceived(1.1 + CONFIG.doubt_time, 0.1, **doubt))
@@ -107,16 +118,15 @@ def test_a_lost_grasp_is_tried_again_where_the_joint_has_left_the_handle(why: st
         assert state.lost == (phase != Phase.RETURN)
         time += 10.0
     state = replace(state, attempts=CONFIG.retries)
-    state = step(state, perceived(time, 0.1, failure=0.9))
-    state = step(state, perceived(time + 1.0, 0.1, failure=0.9))
+    state = step(state, perceived(time, 0.1, **doubt))
+    state = step(state, perceived(time + 1.0, 0.1, **doubt))
     assert (state.phase, state.lost) == (Phase.STOP, True)
 
 
 def test_a_hand_far_from_the_handle_gives_up() -> None:
-    away = moved(0.1)
-    away[:3, 3] += [-CONFIG.retry_distance - 0.01, 0.0, 0.0]
-    state = step(exploring(), perceived(1.0, 0.1, X_WE=away))
-    state = step(state, perceived(2.0, 0.1, X_WE=away))
+    doubt = {"failure": 0.9, "X_WE": off_the_handle(CONFIG.retry_distance + 0.01)}
+    state = step(exploring(), perceived(1.0, 0.1, **doubt))
+    state = step(state, perceived(2.0, 0.1, **doubt))
     assert (state.phase, state.lost) == (Phase.STOP, True)
 
 

@@ -81,10 +81,10 @@ class MeshcatView(LeafSystem):
         - <modality>_joints_latest
         - <modality>_body_motions_latest
         - <modality>_features_latest
-
         - path_planned
 
-    - `JointBeliefs`, `BodyMotions` and `FeatureBelief`; what has no source stays unconnected.
+    - `<modality>_joints_latest`, `<modality>_body_motions_latest`, `<modality>_features_latest`:
+      `JointBeliefs`, `BodyMotions` and `FeatureBelief`; what has no source stays unconnected.
     - `path_planned`: poses (N, 4, 4) in W of the end-effector's planned way; N = 0 without a plan.
 
     Frames: W world, B a moving body, J joint (z along the axis), V the viewer.

@@ -55,8 +55,9 @@ class EpisodeRecorder(LeafSystem):
     - `color_image`: `ImageRgba8U`. - `interaction_active` (1): non-zero while the hand holds.
     - `cheat_configuration` (1): the joint's true position, [m or rad]. - `cheat_body_pose`:
       `RigidTransform` X_WB of the moved body.
-    - Per modality `JointBeliefs`, `BodyMotions`, `FeatureBelief` and `GraspBelief`; those without a
-      source stay unconnected, as may the image.
+    - `<modality>_joints_latest`, `<modality>_body_motions_latest`, `<modality>_features_latest` and
+      `<modality>_grasp_latest`: `JointBeliefs`, `BodyMotions`, `FeatureBelief` and `GraspBelief`;
+      those without a source stay unconnected, as may the image.
 
     Frames: W world, B the moved body.
     """
@@ -192,10 +193,9 @@ class TickStopwatch(LeafSystem):
 
         name: TickStopwatch
         input_ports:
-        - input_0
         - input_<n>
 
-    The inputs are abstract, of any type given.
+    - input_<n>: abstract, of any type given.
     """
 
     def __init__(self, period: float, inputs: Sequence[AbstractValue] = ()) -> None:

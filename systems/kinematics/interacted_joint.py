@@ -8,6 +8,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from maths import se3
+from systems.checks import require
 from systems.port_values import (
     INTERACTED_BODY,
     STATIC_BODY,
@@ -21,7 +22,6 @@ from systems.port_values import (
     JointType,
     PoseBelief,
 )
-from systems.sensors.checks import require
 
 Array = npt.NDArray[np.float64]
 
@@ -111,8 +111,9 @@ class InteractedJoint(LeafSystem):
         - end_effector_screw_latest
         - grasp_failure_latest
 
-    - Inputs: `JointBeliefs`, `BodyMotions`, `GraspBelief`, `PoseBelief` X_EH and
-      `EndEffectorBelief`; those that the modality lacks stay unconnected.
+    - joints_latest: `JointBeliefs`; body_motions_latest: `BodyMotions`; grasp_latest:
+      `GraspBelief`; hand_bending_latest: `PoseBelief` X_EH; end_effector_latest:
+      `EndEffectorBelief`. Those that the modality lacks stay unconnected.
     - joint_latest: (8,) the body's unit screw S_W in W at Wo, rotation before translation, and
       the configuration q, [m or rad], zero where the body was grasped, and its rate. NaN while no
       joint is known.

@@ -10,9 +10,9 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
 
 from maths import se3
+from systems.checks import require
 from systems.port_values import EndEffectorBelief, SampleWindow
 from systems.proprioception.recursive_filter import RecursiveFilter, require_positive
-from systems.sensors.checks import require
 
 Array = npt.NDArray[np.float64]
 

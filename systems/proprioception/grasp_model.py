@@ -8,6 +8,7 @@ import numpy.typing as npt
 from pydrake.systems.framework import Context
 
 from maths import se3
+from systems.checks import require
 from systems.port_values import (
     INTERACTED_BODY,
     BodyMotions,
@@ -31,7 +32,6 @@ from systems.proprioception.grasp_filters import (
     start_filter,
 )
 from systems.proprioception.recursive_filter import RecursiveFilter, require_positive
-from systems.sensors.checks import require
 
 Array = npt.NDArray[np.float64]
 

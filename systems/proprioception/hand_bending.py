@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context
 
 from maths import se3
 from models import WEIGHTS_DIR
+from systems.checks import require
 from systems.port_values import EndEffectorBelief, PoseBelief, SampleWindow
 from systems.proprioception.bending_network import (
     BendingNetwork,
@@ -20,7 +21,6 @@ from systems.proprioception.bending_network import (
 )
 from systems.proprioception.bent_hand import screw
 from systems.proprioception.recursive_filter import RecursiveFilter, require_positive
-from systems.sensors.checks import require
 
 Array = npt.NDArray[np.float64]
 

@@ -9,6 +9,7 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, InputPort
 
 from maths import se3
+from systems.checks import require
 from systems.port_values import (
     INTERACTED_BODY,
     BodyMotion,
@@ -32,7 +33,6 @@ from systems.proprioception.interacted_body_filter import (
     with_velocity,
 )
 from systems.proprioception.recursive_filter import RecursiveFilter, require_positive
-from systems.sensors.checks import require
 
 Array = npt.NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from pydrake.systems.framework import (
     ValueProducer,
 )
 
-from systems.sensors.checks import require
+from systems.checks import require
 
 
 def require_positive(system: str, config: object, units: dict[str, str]) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from systems.sensors.checks import require
+from systems.checks import require
 from systems.sensors.randomness import WhiteNoise, make_generator
 from systems.sensors.sampled_sensor import SampledSensor
 

@@ -7,7 +7,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from systems.sensors.checks import require
+from systems.checks import require
 from systems.sensors.randomness import random_bytes
 
 Depth = npt.NDArray[np.float32]

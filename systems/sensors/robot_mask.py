@@ -23,7 +23,7 @@ from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuil
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, RgbdSensor
 
-from systems.sensors.checks import require
+from systems.checks import require
 
 Array = npt.NDArray[np.float64]
 Grey = npt.NDArray[np.uint8]

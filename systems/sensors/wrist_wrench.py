@@ -10,7 +10,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from systems.sensors.checks import require
+from systems.checks import require
 from systems.sensors.randomness import WhiteNoise, make_generator
 from systems.sensors.sampled_sensor import SampledSensor
 

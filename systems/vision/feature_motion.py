@@ -6,9 +6,9 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, LeafSystem, State, ValueProducer
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, ImageRgba8U
 
+from systems.checks import require_fields
 from systems.port_values import Array
 from systems.vision import camera_geometry, feature_detection
-from systems.vision.checks import require_fields
 from systems.vision.feature_tracks import (
     FeatureMotionConfig,
     FeatureTracks,

@@ -6,6 +6,7 @@ from pydrake.systems.framework import Context, LeafSystem, State, ValueProducer
 from pydrake.systems.sensors import CameraInfo
 
 from maths import se3
+from systems.checks import require_fields
 from systems.port_values import (
     STATIC_BODY,
     Array,
@@ -20,7 +21,6 @@ from systems.vision import body_tracking, camera_geometry, feature_association
 from systems.vision.body_adoption import adopt
 from systems.vision.body_birth import give_birth
 from systems.vision.body_level import BodyLevel, RigidBodyMotionConfig, TrackedBody, no_bodies
-from systems.vision.checks import require_fields
 from systems.vision.feature_history import displacements
 from systems.vision.feature_tracks import no_features
 

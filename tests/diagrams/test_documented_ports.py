@@ -1,0 +1,81 @@
+"""The ports in the docstrings of all systems of an episode are the ports that they declare."""
+
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+
+import pytest
+from pydrake.systems.framework import Diagram, System
+
+from diagrams.episode import Episode
+from diagrams.meshcat_view import MeshcatView, MeshcatViewConfig, start_meshcat
+from diagrams.scenario import load_scenario
+
+_ROOMS = ("systems.", "controllers.", "plants.", "diagrams.")
+
+
+def systems_within(diagram: Diagram) -> Iterator[System]:
+    for system in diagram.GetSystems():
+        yield system
+        if isinstance(system, Diagram):
+            yield from systems_within(system)
+
+
+def documented(cls: type, kind: str) -> list[str]:
+    """Names of one kind of ports in the docstring; what stands in <...> or (...) may vary."""
+    block = re.search(rf"\n( +){kind}_ports:\n((?:\1- .*\n)*)", cls.__doc__ or "")
+    return re.findall(r"- ([\w<>()]+)", block.group(2)) if block else []
+
+
+def matches(name: str, documented_name: str) -> bool:
+    pattern = re.sub(r"<\w+>|\(\w+\)", r"\\w+", documented_name)
+    return re.fullmatch(pattern, name) is not None
+
+
+@pytest.fixture(scope="module")
+def declared() -> dict[type, dict[str, set[str]]]:
+    """By class of our own, the names of input and output ports that its instances declare."""
+    scenario = load_scenario("drawer-return")
+    episode = Episode(scenario, 0)
+    view = MeshcatView(MeshcatViewConfig(), start_meshcat(), scenario.modalities)
+    ports: dict[type, dict[str, set[str]]] = defaultdict(lambda: {"input": set(), "output": set()})
+    for system in [*systems_within(episode.diagram), view]:
+        if type(system).__module__.startswith(_ROOMS):
+            for i in range(system.num_input_ports()):
+                ports[type(system)]["input"].add(system.get_input_port(i).get_name())
+            for i in range(system.num_output_ports()):
+                ports[type(system)]["output"].add(system.get_output_port(i).get_name())
+    return ports
+
+
+def test_all_filters_sensors_and_controllers_are_in_the_episode(
+    declared: dict[type, dict[str, set[str]]],
+) -> None:
+    names = {cls.__name__ for cls in declared}
+    assert {"FeatureMotion", "GraspModel", "KinematicModel", "CameraNoise", "RobotMask"} <= names
+    assert {"ImpedanceController", "ExplorationController", "PneumaticHand"} <= names
+    assert len(names) > 20
+
+
+@pytest.mark.parametrize("kind", ["input", "output"])
+def test_documented_ports_are_the_declared_ones(
+    declared: dict[type, dict[str, set[str]]], kind: str
+) -> None:
+    for cls, ports in declared.items():
+        assert f"name: {cls.__name__}\n" in (cls.__doc__ or ""), cls
+        names = documented(cls, kind)
+        for port in ports[kind]:
+            assert any(matches(port, name) for name in names), (
+                f"{cls.__name__}: {port} undocumented"
+            )
+        for name in names:
+            found = any(matches(port, name) for port in ports[kind])
+            assert found, f"{cls.__name__}: there is no {kind} port {name}"
+
+
+def test_every_port_is_explained(declared: dict[type, dict[str, set[str]]]) -> None:
+    for cls in declared:
+        text = cls.__doc__ or ""
+        for kind in ("input", "output"):
+            for name in documented(cls, kind):
+                assert text.count(name) > 1, f"{cls.__name__}: {name} is only listed"

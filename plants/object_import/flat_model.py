@@ -241,7 +241,9 @@ class FlatModelWriter:
     def element(self) -> Element:
         """The <sdf> element."""
         sdf = Element("sdf", {"version": "1.9", "xmlns:drake": "drake.mit.edu"})
-        model = SubElement(sdf, "model", {"name": "object"})
+        # The model's frame belongs to its canonical link, and it is welded to the world.
+        root_name = self._body_name(self._chain.root)
+        model = SubElement(sdf, "model", {"name": "object", "canonical_link": root_name})
         if int(self._chain.root.index()) == 0:
             self._add_root(model)
         for body in self._chain.bodies:

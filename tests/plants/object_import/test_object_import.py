@@ -155,6 +155,13 @@ def test_only_what_moves_with_the_grasp_becomes_rigid_hydroelastic(tmp_path: Pat
     assert imported.model.read_text().count("<drake:rigid_hydroelastic") == 1
 
 
+def test_the_models_frame_stands_on_the_root(tmp_path: Path) -> None:
+    imported = import_object(write_door(tmp_path), tmp_path / "out", grasp_frame="grip")
+    plant = MultibodyPlant(0.0)
+    (instance,) = Parser(plant).AddModels(str(imported.model))
+    assert plant.GetFrameByName("__model__", instance).body().name() == "case"
+
+
 def test_mimic_joints_and_springs_stay(tmp_path: Path) -> None:
     chest = import_object(write_chest(tmp_path), tmp_path / "out", grasp_frame="grip")
     assert chest.is_floating

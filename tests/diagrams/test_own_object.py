@@ -1,0 +1,129 @@
+"""An object of the user's own in place of a scenario's: from options to a run's folder."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from pydrake.common.yaml import yaml_dump_typed
+
+from diagrams.object_model import read_object_model
+from diagrams.own_object import ObjectWarning, OwnObject, own_object_assignments
+from diagrams.run_folder import write_scenario
+from diagrams.scenario import Scenario, load_scenario, object_model_file
+from diagrams.yaml_schema import ScenarioError
+from models import MODELS_DIR
+
+pytestmark = pytest.mark.filterwarnings("ignore::diagrams.own_object.ObjectWarning")
+EXAMPLE = MODELS_DIR / "examples" / "two_drawers.urdf"
+DOOR = """<robot name='door'><link name='case'/><link name='leaf'><visual><geometry>
+<box size='0.02 0.4 0.4'/></geometry></visual></link><joint name='hinge' type='revolute'>
+<origin xyz='0 0.2 0'/><parent link='case'/><child link='leaf'/><axis xyz='0 0 1'/>
+<limit lower='-0.1' upper='0' effort='0' velocity='1'/></joint><link name='knob'/><joint name='fix'
+type='fixed'><origin xyz='0.05 -0.5 0.1' rpy='0 0 0.5'/><parent link='leaf'/><child link='knob'/>
+</joint></robot>"""
+
+
+def loaded(*given: str, **own: str) -> Scenario:
+    values: dict = {"model": EXAMPLE, "grasp_frame": "left_handle"} | own
+    lines = own_object_assignments("drawer", given, OwnObject(**values))
+    return load_scenario("drawer", [*lines, *given])
+
+
+def handle_pose(scenario: Scenario) -> np.ndarray:
+    thing = scenario.object
+    model = read_object_model(
+        object_model_file(scenario), joint=thing.joint, frame=thing.handle_frame, source=""
+    )
+    return (thing.pose() @ model.X_OH).GetAsMatrix4()
+
+
+def test_the_grasped_frame_comes_where_the_scenarios_handle_is() -> None:
+    scenario = loaded()
+    assert scenario.object.joint == "left_slide"
+    assert_allclose(handle_pose(scenario), handle_pose(load_scenario("drawer")), atol=1e-9)
+    assert scenario.object.variation.yaw == load_scenario("drawer").object.variation.yaw
+
+
+def test_a_turned_frame_turns_the_object_about_the_vertical_only(tmp_path: Path) -> None:
+    (tmp_path / "door.urdf").write_text(DOOR)
+    scenario = loaded(model=tmp_path / "door.urdf", grasp_frame="knob")
+    assert_allclose(handle_pose(scenario), handle_pose(load_scenario("drawer")), atol=1e-9)
+    assert_allclose(scenario.object.pose().rotation().col(2), [0, 0, 1], atol=1e-12)
+
+
+def test_friction_is_that_at_the_hand_and_the_opening_within_the_limits(tmp_path: Path) -> None:
+    (tmp_path / "door.urdf").write_text(DOOR)
+    scenario = loaded(model=tmp_path / "door.urdf", grasp_frame="knob")
+    assert_allclose(scenario.object.friction, 6.0 * np.hypot(0.05, 0.5))
+    assert_allclose(scenario.task.opening, 0.09)
+    assert loaded("object.friction=2").object.friction == 2.0
+
+
+def test_an_asked_pose_is_that_of_the_models_frame_in_radians() -> None:
+    scenario = loaded(pose="0.9,0.1,0.8,0.1,0.2,3", pull_direction="0,1,0")
+    assert_allclose(scenario.object.pose().translation(), [0.9, 0.1, 0.8])
+    angles = scenario.object.pose().rotation().ToRollPitchYaw().vector()
+    assert_allclose(angles, [0.1, 0.2, 3])
+    assert scenario.object.pull_direction.tolist() == [0, 1, 0]
+
+
+def test_a_scenario_file_says_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        f"object: {{model: {EXAMPLE}, joint: '', handle_frame: right_handle, place_handle: true,"
+        " position: [0.8, -0.2, 0.9], yaw: 170}\n"
+    )
+    scenario = load_scenario(str(path))
+    assert scenario.object.joint == "right_slide"
+    assert_allclose(handle_pose(scenario)[:3, 3], [0.8, -0.2, 0.9])
+
+
+def test_a_runs_folder_repeats_the_run_without_the_original(tmp_path: Path) -> None:
+    scenario = loaded()
+    path = write_scenario(tmp_path / "run", scenario)
+    moved = (tmp_path / "run").rename(tmp_path / "moved")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ObjectWarning)
+        again = load_scenario(str(moved / path.name))
+    copy = object_model_file(again)
+    assert copy == moved / "model" / "object.sdf"
+    assert copy.read_bytes() == object_model_file(scenario).read_bytes()
+    again.object.model, again.versions = scenario.object.model, {}
+    scenario.versions = {}
+    assert yaml_dump_typed(again) == yaml_dump_typed(scenario)
+
+
+def test_a_run_with_an_object_of_the_program_leaves_no_model_of_an_earlier_one(
+    tmp_path: Path,
+) -> None:
+    write_scenario(tmp_path, loaded())
+    write_scenario(tmp_path, load_scenario("drawer"))
+    assert not (tmp_path / "model").exists()
+
+
+def test_what_is_assumed_is_said() -> None:
+    with pytest.warns(ObjectWarning) as caught:
+        loaded()
+    lines = [str(warning.message) for warning in caught]
+    assert any("nothing fixes the model to the world" in line for line in lines)
+    assert any("600 kg/m^3" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("own", "expected"),
+    [
+        ({"grasp_frame": ""}, "left_handle, right_drawer, right_handle"),
+        ({"grasp_frame": "knob"}, "has no frame or link 'knob'"),
+        ({"joint": "right_slide"}, "does not move 'left_handle'; those that do: left_slide"),
+        ({"pull_direction": "1,0"}, "--pull-direction 1,0: expected 3 numbers"),
+        ({"pose": "1,0,0,nan,0,0"}, "expected 6 numbers"),
+        ({"model": Path("none.sdf")}, "none.sdf: there is no such file"),
+    ],
+)
+def test_bad_options_are_refused_in_one_line(own: dict, expected: str) -> None:
+    with pytest.raises(ScenarioError, match=r".") as caught:
+        loaded(**own)
+    assert expected in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -1,6 +1,7 @@
 """One episode: a scenario and a seed, simulated to the end."""
 
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from diagrams.episode_record import EpisodeResult, Event, PinholeCamera
 from diagrams.manipulation import event_name, task_failure, task_phases
 from diagrams.meshcat_view import MeshcatView, MeshcatViewConfig, recorded_page
 from diagrams.network import RobotKnowledge, make_network
+from diagrams.own_object import ObjectWarning, overlaps
 from diagrams.process_memory import peak_memory
 from diagrams.recorder import EpisodeRecorder, RecorderConfig, TickStopwatch
 from diagrams.scenario import Scenario, object_model_file
@@ -68,7 +70,7 @@ def build_station(scenario: Scenario, seed: int) -> Station:
         covered=[(cover.start, cover.end) for cover in disturbances.camera_covered],
     )
     try:
-        return make_station(
+        station = make_station(
             StationConfig(
                 plant=scenario.plant,
                 hand=scenario.hand,
@@ -87,6 +89,9 @@ def build_station(scenario: Scenario, seed: int) -> Station:
         )
     except ValueError as error:
         raise ScenarioError(f"{scenario.name}: {error}") from error
+    for line in overlaps(station):
+        warnings.warn(f"{scenario.name}: {line}", ObjectWarning, stacklevel=2)
+    return station
 
 
 def build_networks(scenario: Scenario, station: Station) -> dict[str, Diagram]:

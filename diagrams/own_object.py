@@ -8,12 +8,18 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diagrams.object_model import read_object_model
 from diagrams.yaml_schema import ScenarioError
 from plants.object_import.object_import import MODEL_FILE, ImportedObject, import_object
+
+if TYPE_CHECKING:
+    from diagrams.station import Station
+
+_DEEPEST_OVERLAP = 0.005  # [m]
 
 
 class ObjectWarning(UserWarning):
@@ -159,6 +165,30 @@ def _numbers(option: str, text: str, count: int) -> list[float]:
     if len(values) != count or not np.all(np.isfinite(values)):
         raise ScenarioError(f"{option} {text}: expected {count} numbers with commas between them")
     return values
+
+
+def overlaps(station: "Station") -> list[str]:
+    """What of the object is inside something else at the start, by more than 5 mm, a line each."""
+    scene, context = station.scene, station.diagram.CreateDefaultContext()
+    station.SetInitialState(context)
+    query = scene.scene_graph.get_query_output_port().Eval(
+        scene.scene_graph.GetMyContextFromRoot(context)
+    )
+    inspector, deepest = query.inspector(), dict[tuple[str, str], float]()
+    for pair in query.ComputePointPairPenetration():
+        bodies = [
+            scene.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
+            for geometry in (pair.id_A, pair.id_B)
+        ]
+        bodies.sort(key=lambda body: body.model_instance() != scene.object)
+        if bodies[0].model_instance() == scene.object and pair.depth > _DEEPEST_OVERLAP:
+            names = bodies[0].name(), bodies[1].name()
+            deepest[names] = max(deepest.get(names, 0.0), pair.depth)
+    return [
+        f"link '{link}' starts {100 * depth:.0f} cm inside '{other}'; place the object elsewhere"
+        " (object.position)"
+        for (link, other), depth in deepest.items()
+    ]
 
 
 def keep_object(model: Path, folder: Path) -> Path:

@@ -27,5 +27,9 @@ def inverse_kinematics(arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array
     solver.prog().SetInitialGuess(solver.q(), q_guess)
     result = Solve(solver.prog())
     if not result.is_success():
-        raise ValueError(f"the arm does not reach the handle at {p.round(3).tolist()} m")
+        direction = X_WE.rotation().col(2).round(2).tolist()
+        raise ValueError(
+            f"the arm does not reach the handle at {p.round(3).tolist()} m along {direction};"
+            " place the object elsewhere (object.position)"
+        )
     return np.asarray(result.GetSolution(solver.q()))

@@ -8,8 +8,9 @@ import pytest
 from numpy.testing import assert_allclose
 from pydrake.common.yaml import yaml_dump_typed
 
+from diagrams.episode import build_station
 from diagrams.object_model import read_object_model
-from diagrams.own_object import ObjectWarning, OwnObject, own_object_assignments
+from diagrams.own_object import ObjectWarning, OwnObject, overlaps, own_object_assignments
 from diagrams.run_folder import write_scenario
 from diagrams.scenario import Scenario, load_scenario, object_model_file
 from diagrams.yaml_schema import ScenarioError
@@ -127,3 +128,16 @@ def test_bad_options_are_refused_in_one_line(own: dict, expected: str) -> None:
         loaded(**own)
     assert expected in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_an_object_in_the_way_of_the_hand_is_said_to_be(tmp_path: Path) -> None:
+    assert overlaps(build_station(loaded(), 0)) == []
+    (tmp_path / "door.urdf").write_text(DOOR.replace("0.02 0.4 0.4", "0.5 0.9 0.4"))
+    scenario = loaded(model=tmp_path / "door.urdf", grasp_frame="knob")
+    with pytest.warns(ObjectWarning, match=r"link 'leaf' starts \d+ cm inside 'palm'"):
+        build_station(scenario, 0)
+
+
+def test_a_handle_out_of_reach_is_refused_in_one_line() -> None:
+    with pytest.raises(ScenarioError, match=r"does not reach .* place the object elsewhere"):
+        build_station(loaded(pose="3,0,0.9,0,0,0"), 0)

@@ -25,6 +25,7 @@ class Truth:
         configuration: The joint's position q (T,), [m or rad].
         X_WB: Pose (T, 4, 4) of the moved body.
         grasp_time: The instant the hand was closed, [s]; estimated configurations count from here.
+        regrasp_times: When it was closed again after a lost grasp, [s]; then they count from there.
         parent_moves: Whether the joint's parent can move too; axis and point are those before
             anything moved.
     """
@@ -38,6 +39,13 @@ class Truth:
     X_WB: Array
     grasp_time: float
     parent_moves: bool = False
+    regrasp_times: list[float] = field(default_factory=list)
+
+    def last_grasp(self, time: float) -> float:
+        """When the hand was last closed before `time`, [s]; else when it was closed first."""
+        return max(
+            (again for again in self.regrasp_times if again <= time), default=self.grasp_time
+        )
 
     def opening(self) -> Array:
         """The joint's travel since the grasp (T,), [m or rad]; zero at the first tick after it."""

@@ -113,7 +113,7 @@ def _joint_rows(
 def _body_rows(body: BodyMotion, time: float, truth: Truth, vector: Any) -> None:
     X_WB, X_WB_0 = body.motion.X, body.X_WB_reference
     now = min(int(np.searchsorted(truth.times, time - 1e-9)), len(truth.times) - 1)
-    grasp = min(int(np.searchsorted(truth.times, truth.grasp_time)), len(truth.times) - 1)
+    grasp = min(int(np.searchsorted(truth.times, truth.last_grasp(time))), len(truth.times) - 1)
     moved = truth.X_WB[now] @ se3.inverse(truth.X_WB[grasp])
     X_WB_true = moved @ X_WB_0
     R = X_WB[:3, :3]

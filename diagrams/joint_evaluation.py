@@ -185,7 +185,8 @@ def joint_series(ticks: Sequence[TickRecord], truth: Truth) -> JointSeries:
         if joint is None:
             continue
         probability[k] = joint.probabilities.get(truth.joint_type, 0.0)
-        before = 0.0 if is_held(joint) else travel_before_grasp(truth)
+        held = is_held(joint)
+        before = -travel_at_grasp(times[k], truth) if held else travel_before_grasp(truth)
         for name, value in _compare(joint, truth, opening[k], before).items():
             columns[name][k] = value
     right = np.array([joint is not None and joint.type == truth.joint_type for joint in joints])
@@ -204,6 +205,16 @@ def opening_at(times: Array, truth: Truth) -> Array:
     if len(truth.times) == 0:
         return np.full(len(times), np.nan)
     return np.interp(times, truth.times, truth.opening())
+
+
+def travel_at_grasp(time: float, truth: Truth) -> float:
+    """True travel where the body in the hand was grasped, [m or rad]: zero but after a lost grasp.
+
+    Perception begins anew with another grasp, so only what it says since then is judged.
+    """
+    if not truth.regrasp_times:
+        return 0.0
+    return float(opening_at(np.array([truth.last_grasp(time)]), truth)[0])
 
 
 def travel_before_grasp(truth: Truth) -> float:

@@ -77,7 +77,8 @@ class EpisodeRecorder(LeafSystem):
         self._times: list[float] = []
         self._configurations: list[float] = []
         self._X_WB: list[Array] = []
-        self._grasp_time = float("nan")
+        self._grasp_times: list[float] = []
+        self._held = False
 
         self._color = self.DeclareAbstractInputPort("color_image", Value(ImageRgba8U()))
         self._active = self.DeclareVectorInputPort("interaction_active", 1)
@@ -111,7 +112,8 @@ class EpisodeRecorder(LeafSystem):
             times=np.array(self._times),
             configuration=np.array(self._configurations),
             X_WB=np.array(self._X_WB).reshape(-1, 4, 4),
-            grasp_time=self._grasp_time,
+            grasp_time=self._grasp_times[0] if self._grasp_times else float("nan"),
+            regrasp_times=self._grasp_times[1:],
             parent_moves=parent_moves,
         )
 
@@ -120,8 +122,10 @@ class EpisodeRecorder(LeafSystem):
         self._times.append(time)
         self._configurations.append(float(np.asarray(self._configuration.Eval(context))[0]))
         self._X_WB.append(np.asarray(self._body_pose.Eval(context).GetAsMatrix4()))
-        if np.isnan(self._grasp_time) and np.asarray(self._active.Eval(context))[0] > 0.5:
-            self._grasp_time = time
+        held = bool(np.asarray(self._active.Eval(context))[0] > 0.5)
+        if held and not self._held:
+            self._grasp_times.append(time)
+        self._held = held
         due = not self.frames or time >= self.frames[-1].time + self._frame_interval - 1e-6
         if due and self._color.HasValue(context):
             color = np.array(self._color.Eval(context).data[:, :, :3])

@@ -110,6 +110,16 @@ def test_the_true_opening_counts_from_the_grasp() -> None:
     assert len(truth.opening()) == 4
 
 
+def test_after_a_lost_grasp_the_estimate_counts_from_the_next_one() -> None:
+    truth = truth_of(np.array([0.0, 0.0, 0.05, 0.06, 0.10]))
+    truth.regrasp_times = [3.0]
+    first = joint_belief(JointType.PRISMATIC, AXIS, 0.052, 0.002, 0.01)
+    second = joint_belief(JointType.PRISMATIC, AXIS, 0.041, 0.002, 0.01)
+    series = joint_series([tick(2.0, first), tick(4.0, second)], truth)
+    assert_allclose(series.error, [0.002, 0.001])
+    assert_allclose(series.configuration, [0.052, 0.101])
+
+
 def test_a_rigid_belief_means_no_opening_and_a_wrong_moving_type_has_no_error() -> None:
     truth = truth_of(np.array([0.0, 0.0, 0.05]))
     rigid = joint_belief(JointType.RIGID, AXIS, 0.3, 0.1, 0.1)

@@ -266,7 +266,8 @@ class Episode:
 def connect_latest(
     builder: DiagramBuilder, network: Diagram, modality: str, reader: System
 ) -> None:
-    for quantity in ("joints", "body_motions", "features", "grasp"):
+    quantities = ("joints", "body_motions", "features", "grasp", "end_effector", "hand_bending")
+    for quantity in quantities:
         output, port = f"{quantity}_latest", f"{modality}_{quantity}_latest"
         if network.HasOutputPort(output) and reader.HasInputPort(port):
             builder.Connect(network.GetOutputPort(output), reader.GetInputPort(port))

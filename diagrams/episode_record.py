@@ -7,7 +7,15 @@ import numpy as np
 import numpy.typing as npt
 
 from diagrams.scenario import Scenario
-from systems.port_values import BodyMotions, FeatureBelief, GraspBelief, JointBeliefs, JointType
+from systems.port_values import (
+    BodyMotions,
+    FeatureBelief,
+    GraspBelief,
+    JointBeliefs,
+    JointType,
+    MotionBelief,
+    PoseBelief,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -65,6 +73,8 @@ class TickRecord:
         bodies: The moving bodies.
         grasp: None without proprioception.
         feature_count: Tracked point features; 0 without vision.
+        end_effector: None without proprioception, like the next.
+        hand_bending: X_EH.
     """
 
     time: float
@@ -72,6 +82,8 @@ class TickRecord:
     bodies: BodyMotions
     grasp: GraspBelief | None = None
     feature_count: int = 0
+    end_effector: MotionBelief | None = None
+    hand_bending: PoseBelief | None = None
 
 
 @dataclass(kw_only=True)

@@ -38,7 +38,9 @@ def estimates_table(result: EpisodeResult) -> pd.DataFrame:
       on a revolute axis, with the nearest true point;
     - `type_probability` (one component per joint type);
     - `body_position` (x, y, z), [m], and `body_rotation`, a rotation vector since the reference;
-    - `grasp_probability` (one component per grasp type) and `feature_count`.
+    - `grasp_probability` (one component per grasp type) and `feature_count`;
+    - `end_effector_position` (x, y, z), [m], and `hand_bending`, the bent hand's position (x, y, z)
+      in the end-effector's frame, [m].
     """
     rows: list[Row] = []
     for modality, record in result.modalities.items():
@@ -76,6 +78,14 @@ def _tick_rows(
             scalar("grasp_probability", str(grasp_type), probability)
     if tick.feature_count:
         scalar("feature_count", "", float(tick.feature_count))
+    unknown = np.full(3, np.nan)
+    for name, belief in (
+        ("end_effector_position", tick.end_effector),
+        ("hand_bending", tick.hand_bending),
+    ):
+        if belief is not None:
+            R, P = belief.X[:3, :3], belief.covariance[3:6, 3:6]
+            vector(name, belief.X[:3, 3], R @ P @ R.T, unknown)
     return rows
 
 

@@ -14,10 +14,12 @@ from pydrake.systems.sensors import ImageRgba8U
 from diagrams.episode_record import FrameRecord, ModalityRecord, TickRecord, Truth
 from systems.port_values import (
     BodyMotions,
+    EndEffectorBelief,
     FeatureBelief,
     GraspBelief,
     JointBeliefs,
     JointType,
+    PoseBelief,
 )
 
 Array = npt.NDArray[np.float64]
@@ -51,13 +53,17 @@ class EpisodeRecorder(LeafSystem):
         - <modality>_body_motions_latest
         - <modality>_features_latest
         - <modality>_grasp_latest
+        - <modality>_end_effector_latest
+        - <modality>_hand_bending_latest
 
     - `color_image`: `ImageRgba8U`. - `interaction_active` (1): non-zero while the hand holds.
     - `cheat_configuration` (1): the joint's true position, [m or rad]. - `cheat_body_pose`:
       `RigidTransform` X_WB of the moved body.
-    - `<modality>_joints_latest`, `<modality>_body_motions_latest`, `<modality>_features_latest` and
-      `<modality>_grasp_latest`: `JointBeliefs`, `BodyMotions`, `FeatureBelief` and `GraspBelief`;
-      those without a source stay unconnected, as may the image.
+    - `<modality>_joints_latest`, `<modality>_body_motions_latest`, `<modality>_features_latest`,
+      `<modality>_grasp_latest`, `<modality>_end_effector_latest` and
+      `<modality>_hand_bending_latest`: `JointBeliefs`, `BodyMotions`, `FeatureBelief`,
+      `GraspBelief`, `EndEffectorBelief` and `PoseBelief` X_EH; those without a source stay
+      unconnected, as may the image.
 
     Frames: W world, B the moved body.
     """
@@ -147,6 +153,8 @@ class EpisodeRecorder(LeafSystem):
                     bodies=values.get("body_motions", BodyMotions()),
                     grasp=values.get("grasp"),
                     feature_count=0 if features is None else len(features.ids),
+                    end_effector=values.get("end_effector"),
+                    hand_bending=values.get("hand_bending"),
                 )
             )
             if features is not None and self.frames and self.frames[-1].time == time:
@@ -182,6 +190,10 @@ def _belief_models() -> dict[str, object]:
         "body_motions": BodyMotions(),
         "features": features,
         "grasp": grasp,
+        "end_effector": EndEffectorBelief(
+            X=np.eye(4), V=np.zeros(6), covariance=np.eye(12), offset_loading=np.zeros((6, 0))
+        ),
+        "hand_bending": PoseBelief(X=np.eye(4), covariance=np.eye(6)),
     }
 
 

@@ -44,7 +44,7 @@ class GraspSequenceConfig:
     return_patience: float = 3.0  # How long after the planned end it may still be late, [s].
     # A grasp is given up once it has been doubted so long: when it is believed to have failed and
     # the hand is not where the perceived joint would have taken it.
-    doubt_time: float = 0.5  # [s]
+    doubt_time: float = 1.0  # [s]
     failure_probability: float = 0.5
     slip: float = 0.06  # [m]
     retries: int = 2  # How often a lost grasp is tried again,
@@ -175,7 +175,8 @@ class Perceived:
     Attributes:
         time: [s]
         X_WE: The end-effector's measured pose (4, 4).
-        joint: (8,) the body's unit screw S_W, q and its rate; NaN until a joint is perceived.
+        joint: (8,) the body's unit screw S_W, q and its rate; NaN until a joint is perceived, the
+            rate whenever it is only remembered.
         hand_rate: Way of the hand per unit of q, [m per m or rad]; NaN likewise.
         failure: Probability that the hand has lost the body, NaN where nobody can tell.
         plan_time_left: Until the planned end of the return, [s].
@@ -205,6 +206,8 @@ class Goal:
 
 def is_doubtful(state: SequenceState, now: Perceived, config: GraspSequenceConfig) -> bool:
     """Whether the hand seems to hold nothing: each sign alone may be an error of perception."""
+    if np.isnan(now.joint[7]) and not np.isnan(now.joint[6]):
+        return False
     X_WE = moved_by_joint(state.X_WE_held, now.joint, state.q_grasp)
     slip = np.linalg.norm(X_WE[:3, 3] - now.X_WE[:3, 3])
     believed = np.isnan(now.failure) or now.failure > config.failure_probability
@@ -244,7 +247,7 @@ def next_state(
     way = float(np.linalg.norm(now.X_WE[:3, 3] - state.X_WE_start[:3, 3]))
     over = (over or way >= config.travel) and np.isinf(state.doubted_since)
     if goal.travel is not None and known:
-        q = now.joint[6] + config.anticipation * now.joint[7]
+        q = now.joint[6] + config.anticipation * np.nan_to_num(now.joint[7])
         over = over or bool(abs(q) >= goal.travel)
     if not over:
         return state

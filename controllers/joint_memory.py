@@ -35,9 +35,9 @@ def remember(memory: Array, seen: Array, held: bool, period: float, patience: fl
         patience: Until another type of joint is believed, [s].
     """
     memory = memory.copy()
+    memory[7] = np.nan
     if not held:
         memory[14] = 0.0 if np.isnan(memory[6]) else memory[6]
-        memory[7] = 0.0 * memory[6]
         memory[15] = 0.0
     elif not np.isnan(seen[6]):
         other = not np.isnan(memory[6]) and turns(seen) != turns(memory)
@@ -68,7 +68,8 @@ class JointMemory(LeafSystem):
       [m or rad], and the rate of q; NaN while unknown. Unconnected, nothing is ever known.
     - end_effector_screw_latest: (6,) of E in W at Wo, per unit of q.
     - phase: (1,) `Phase`.
-    - joint_remembered: (8,) the same, q since the first grasp; NaN until a joint was perceived.
+    - joint_remembered: (8,) the same, q since the first grasp; NaN until a joint was perceived. The
+      rate is NaN whenever the joint is only remembered.
     - end_effector_screw_remembered: (6,) likewise.
 
     Args:

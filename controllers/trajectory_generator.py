@@ -97,7 +97,7 @@ def advance(
     plan: Plan,
     X_WE: Array,
     screw_W: Array,
-    q: float,
+    q: float | None,
     time: float,
     config: TrajectoryGeneratorConfig,
 ) -> Plan:
@@ -105,17 +105,18 @@ def advance(
 
     With u = qdot_plan + k (q_plan - q) the perceived joint is drawn onto the plan, whatever hand
     and handle yield. Only the rest of the path follows the newest screw: nothing jumps when the
-    estimate gets better. Where the hand cannot follow, the plan waits.
+    estimate gets better. While the joint is not perceived, k is zero; where the hand cannot follow,
+    the plan waits.
 
     Args:
         plan: The last one.
         X_WE: The end-effector's measured pose.
         screw_W: The end-effector's twist (6,) in W at Wo per unit of q, by the latest estimates.
-        q: Perceived configuration, [m or rad].
+        q: Perceived configuration, [m or rad]; None while it is not perceived.
         time: Of the update, [s].
     """
     q_plan, rate = plan.joint(time)
-    u = rate + config.feedback * (q_plan - q)
+    u = rate if q is None else rate + config.feedback * (q_plan - q)
     S_E = se3.adjoint(se3.inverse(X_WE)) @ screw_W
     hand_rate = max(float(np.linalg.norm(S_E[3:])), 1e-6)
     ahead = se3.log(se3.inverse(X_WE) @ plan.X_WE)[3:] @ S_E[3:] / hand_rate
@@ -158,7 +159,7 @@ class TrajectoryGenerator(LeafSystem):
     - joint_state_measured: (14,) positions [rad] and velocities [rad/s].
     - motion_desired, gains_desired: `DesiredMotion` and `ImpedanceGains` until RETURN.
     - phase: (1,) `Phase`.
-    - joint_remembered: (8,) of `JointMemory`, its q [m or rad] is used.
+    - joint_remembered: (8,) of `JointMemory`, of which the type and q [m or rad] are used.
     - end_effector_screw_remembered: (6,) S_WE, in W at Wo, per unit of q.
     - motion_commanded, gains_commanded: for the impedance controller.
     - plan_time_left: (1,) until the planned end, negative after it; infinite without a plan, [s].
@@ -215,10 +216,11 @@ class TrajectoryGenerator(LeafSystem):
             return
         if plan is None and phase != Phase.RETURN:
             return
-        time, q = context.get_time(), float(np.asarray(self._joint.Eval(context))[6])
+        time, joint = context.get_time(), np.asarray(self._joint.Eval(context))
+        q = float(joint[6])
         screw_W = np.asarray(self._screw.Eval(context))
         X_WE = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context))).X_WE
-        turning = turns(np.asarray(self._joint.Eval(context)))
+        turning = turns(joint)
         if plan is None or plan.turns != turning:
             rate = float(np.linalg.norm((se3.adjoint(se3.inverse(X_WE)) @ screw_W)[3:]))
             plan = Plan(
@@ -230,7 +232,8 @@ class TrajectoryGenerator(LeafSystem):
                 motion=self._desired.Eval(context),
                 gains=self._gains.Eval(context),
             )
-        plan = advance(plan, X_WE, screw_W, q, time, self._config)
+        perceived = None if np.isnan(joint[7]) else q
+        plan = advance(plan, X_WE, screw_W, perceived, time, self._config)
         state.get_mutable_abstract_state(0).set_value(plan)
 
     def _calc_motion(self, context: Context, output: Value) -> None:

@@ -33,7 +33,7 @@ class InteractedJointConfig:
     """How certain a joint has to be before anyone acts on it."""
 
     least_probability: float = 0.9  # Of its type.
-    largest_axis_angle: float = 0.15  # Standard deviation of its axis, [rad].
+    largest_axis_angle: float = 0.5  # Standard deviation of its axis, [rad].
 
 
 def screw(joint_type: JointType, model: JointModelBelief) -> Array:

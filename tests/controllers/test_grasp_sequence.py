@@ -99,7 +99,7 @@ def test_a_passing_doubt_does_not_end_a_grasp() -> None:
 def test_one_sign_of_a_lost_grasp_is_not_enough() -> None:
     for sign in ({"failure": 0.9}, {"X_WE": off_the_handle(0.08)}):
         state = step(exploring(), perceived(1.0, 0.1, **sign))
-        assert step(state, perceived(2.0, 0.1, **sign)).phase == Phase.EXPLORE
+        assert step(state, perceived(2.1, 0.1, **sign)).phase == Phase.EXPLORE
 
 
 @pytest.mark.parametrize("failure", [0.9, np.nan])
@@ -119,14 +119,21 @@ def test_a_lost_grasp_is_tried_again_where_the_joint_has_left_the_handle(failure
         time += 10.0
     state = replace(state, attempts=CONFIG.retries)
     state = step(state, perceived(time, 0.1, **doubt))
-    state = step(state, perceived(time + 1.0, 0.1, **doubt))
+    state = step(state, perceived(time + 1.1, 0.1, **doubt))
     assert (state.phase, state.lost) == (Phase.STOP, True)
+
+
+def test_a_joint_that_is_only_remembered_says_nothing_of_the_hand() -> None:
+    joint = np.append(SLIDE, [0.1, np.nan])
+    doubt = {"failure": 0.9, "X_WE": off_the_handle(0.08), "joint": joint}
+    state = step(exploring(), perceived(1.0, 0.1, **doubt))
+    assert step(state, perceived(2.1, 0.1, **doubt)).phase == Phase.EXPLORE
 
 
 def test_a_hand_far_from_the_handle_gives_up() -> None:
     doubt = {"failure": 0.9, "X_WE": off_the_handle(CONFIG.retry_distance + 0.01)}
     state = step(exploring(), perceived(1.0, 0.1, **doubt))
-    state = step(state, perceived(2.0, 0.1, **doubt))
+    state = step(state, perceived(2.1, 0.1, **doubt))
     assert (state.phase, state.lost) == (Phase.STOP, True)
 
 

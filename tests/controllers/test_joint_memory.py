@@ -23,6 +23,7 @@ def test_a_gap_in_perception_is_bridged() -> None:
     memory = remember(memory, np.full(14, np.nan), held=True)
     assert_allclose(memory[6], 0.1)
     assert_allclose(memory[:6], S)
+    assert np.isnan(memory[7]), "what is only remembered has no rate"
 
 
 def test_an_axis_that_turns_around_keeps_its_side() -> None:

@@ -109,6 +109,15 @@ def test_a_better_screw_turns_the_rest_of_the_path_without_a_jump() -> None:
     assert step[4] < 0.0
 
 
+def test_without_perception_the_plan_goes_on_as_it_is() -> None:
+    config = TrajectoryGeneratorConfig()
+    plan = plan_from(0.2, np.eye(4), 10.0)
+    for k in range(1100):
+        X_WE = plan.X_WE
+        plan = advance(plan, X_WE, np.array([0.0, 0, 0, 1, 0, 0]), None, k * 0.01, config)
+    assert_allclose(plan.X_WE[0, 3], -0.2, atol=1e-6)
+
+
 def test_the_plan_waits_for_a_hand_that_is_held_up() -> None:
     config = TrajectoryGeneratorConfig()
     plan = plan_from(0.2, np.eye(4), 2.0)

@@ -87,7 +87,7 @@ def test_the_screw_moves_points_as_the_joint_does() -> None:
     "uncertain",
     [
         joint(JointType.PRISMATIC, 0.1, probability=0.8),
-        joint(JointType.PRISMATIC, 0.1, axis_std=0.3),
+        joint(JointType.PRISMATIC, 0.1, axis_std=0.8),
         joint(JointType.RIGID, 0.1),
     ],
 )

@@ -7,6 +7,7 @@ import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from controllers.phases import Phase
 from controllers.robot_kinematics import ArmModel, ArmState
 from maths import se3
 
@@ -43,6 +44,7 @@ class ImpedanceConfig:
     posture_stiffness: float = 4.0  # Of the null space, [N m/rad].
     posture_damping: float = 0.4  # Of the null space, [N m s/rad].
     torque_limit: float = 60.0  # Of every joint, [N m].
+    tare_time: float = 0.3  # In which the offset takes up what the spring holds, [s].
 
 
 def impedance_wrench(state: ArmState, desired: DesiredMotion, gains: ImpedanceGains) -> Array:
@@ -70,7 +72,11 @@ def posture_torque(state: ArmState, q_posture: Array, stiffness: float, damping:
 class ImpedanceController(LeafSystem):
     """Makes the end-effector a mass-spring-damper around the desired motion.
 
-    tau = J^T (K log(X^-1 X_des) + D (V_des - V) + M A_des) + bias + null-space posture.
+    tau = J^T (K log(X^-1 X_des) + D (V_des - V) + M A_des) + bias + null-space posture + offset.
+
+    Encoders that are off make the arm's weight wrong, by more than the compliant spring and a hand
+    that holds a bar can bear. So while the arm approaches and nothing touches it, the offset
+    integrates the spring's torque J^T K log(X^-1 X_des); then it is kept.
 
     .. pydrake_system::
 
@@ -79,13 +85,17 @@ class ImpedanceController(LeafSystem):
         - joint_state_measured
         - motion_desired
         - gains_commanded
+        - phase
         output_ports:
         - torque_commanded
 
     - joint_state_measured: (14,) positions [rad] and velocities [rad/s] from the encoders.
     - motion_desired: `DesiredMotion`.
     - gains_commanded: `ImpedanceGains`.
+    - phase: (1,) `Phase`; the offset stays zero if not connected.
     - torque_commanded: (7,) [N m], held over the period.
+
+    State: the torque commanded (7,) and the offset (7,), [N m].
 
     Frames: W world, E end-effector. Source: crossmodal paper, section VI; stiffness on SE(3) by
     the logarithm of the pose error in E.
@@ -93,8 +103,11 @@ class ImpedanceController(LeafSystem):
 
     def __init__(self, config: ImpedanceConfig, arm: ArmModel, q_posture: Array) -> None:
         super().__init__()
-        if not config.period > 0:
-            raise ValueError(f"ImpedanceController: need period > 0 s, got {config.period!r}")
+        for name in ("period", "tare_time"):
+            if not getattr(config, name) > 0:
+                raise ValueError(
+                    f"ImpedanceController: need {name} > 0 s, got {getattr(config, name)!r}"
+                )
         self._config = config
         self._arm = arm
         self._q_posture = q_posture.copy()
@@ -103,16 +116,27 @@ class ImpedanceController(LeafSystem):
         self._desired = self.DeclareAbstractInputPort("motion_desired", AbstractValue.Make(still))
         soft = ImpedanceGains(stiffness=np.eye(6), damping=np.eye(6), mass=np.eye(6))
         self._gains = self.DeclareAbstractInputPort("gains_commanded", AbstractValue.Make(soft))
-        state = self.DeclareDiscreteState(7)
-        self.DeclareStateOutputPort("torque_commanded", state)
+        self._phase = self.DeclareVectorInputPort("phase", 1)
+        torque = self.DeclareDiscreteState(7)
+        self._offset = self.DeclareDiscreteState(7)
+        self.DeclareStateOutputPort("torque_commanded", torque)
         self.DeclarePeriodicDiscreteUpdateEvent(config.period, 0.0, self._update)
 
     def _update(self, context: Context, next_state: DiscreteValues) -> None:
         arm = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context)))
-        wrench = impedance_wrench(arm, self._desired.Eval(context), self._gains.Eval(context))
-        torque = arm.J_E.T @ wrench + arm.tau_bias
-        torque += posture_torque(
-            arm, self._q_posture, self._config.posture_stiffness, self._config.posture_damping
+        config, desired, gains = (
+            self._config,
+            self._desired.Eval(context),
+            self._gains.Eval(context),
         )
-        limit = self._config.torque_limit
-        next_state.get_mutable_vector().SetFromVector(np.clip(torque, -limit, limit))
+        offset = np.array(context.get_discrete_state(self._offset).value())
+        if self._phase.HasValue(context) and self._phase.Eval(context)[0] == Phase.APPROACH:
+            spring = gains.stiffness @ se3.log(se3.inverse(arm.X_WE) @ desired.X_WE)
+            offset += config.period / config.tare_time * (arm.J_E.T @ spring)
+        torque = arm.J_E.T @ impedance_wrench(arm, desired, gains) + arm.tau_bias + offset
+        torque += posture_torque(
+            arm, self._q_posture, config.posture_stiffness, config.posture_damping
+        )
+        limit = config.torque_limit
+        next_state.get_mutable_value(0)[:] = np.clip(torque, -limit, limit)
+        next_state.get_mutable_value(self._offset)[:] = offset

@@ -251,6 +251,11 @@ def check_scenario(scenario: Scenario, source: str) -> None:
     _check_vector("object.pull_direction", scenario.object.pull_direction, source, unit="")
     if not np.any(scenario.object.pull_direction):
         raise ScenarioError(f"{source}: object.pull_direction must not be all zero")
+    if scenario.control.posture.shape != (7,) or not np.all(np.isfinite(scenario.control.posture)):
+        raise ScenarioError(
+            f"{source}: control.posture = {scenario.control.posture.tolist()},"
+            " but it must be 7 numbers, [rad]"
+        )
     _check_camera(scenario.camera, source)
     _check_variation(scenario.object.variation, source)
     if not (SDF_DIR / scenario.plant.scene).is_file():

@@ -59,9 +59,8 @@ from systems.sensors.wrist_wrench import ReactionWrench, WristWrenchConfig, Wris
 
 Array = npt.NDArray[np.float64]
 
-# A posture near which all of the taught grasps lie, far from the joints' limits, [rad].
-NOMINAL_POSTURE = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0])
-_RENDERER = "vtk"
+# A visual that accepts the colour renderer only is transparent to the depth camera.
+_RENDERERS = ("colour", "depth")
 # What control is told of the perceived joint; see `InteractedJoint`.
 PERCEIVED_INPUTS = ("joint_latest", "end_effector_screw_latest", "grasp_failure_latest")
 
@@ -83,6 +82,10 @@ class ControlConfig:
     trajectory: TrajectoryGeneratorConfig = field(default_factory=TrajectoryGeneratorConfig)
     # With this the object is locked and the hand moves about it, to learn how it bends.
     excitation: BendingExcitationConfig | None = None
+    # Posture (7,) near the taught grasp's, far from the joints' limits on all of the way, [rad].
+    posture: np.ndarray = field(
+        default_factory=lambda: np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0])
+    )
     # How well a person guides the hand to the handle, standard deviations.
     guidance_translation: float = 0.004  # [m]
     guidance_rotation: float = 0.03  # [rad]
@@ -248,7 +251,7 @@ def _taught_postures(wiring: _Wiring, X_WHandle: RigidTransform) -> tuple[Array,
     )
     X_WE = facing(X_WHandle) @ X_guided
     back = RigidTransform([0.0, 0.0, -control.sequence.approach_distance])
-    q_grasp = inverse_kinematics(wiring.arm, X_WE, NOMINAL_POSTURE)
+    q_grasp = inverse_kinematics(wiring.arm, X_WE, control.posture)
     return q_grasp, inverse_kinematics(wiring.arm, X_WE @ back, q_grasp)
 
 
@@ -357,6 +360,7 @@ def _add_control(
         (sequence, "phase", exploration, "phase"),
         (sequence, "phase", memory, "phase"),
         (sequence, "phase", generator, "phase"),
+        (sequence, "phase", impedance, "phase"),
         (generator, "plan_time_left", sequence, "plan_time_left"),
         *(
             (memory, port, target, port)
@@ -387,15 +391,19 @@ def _add_vision(
 ) -> None:
     builder, scene_graph = wiring.builder, wiring.scene.scene_graph
     sensors = wiring.config.sensors
-    scene_graph.AddRenderer(_RENDERER, MakeRenderEngineVtk(_room_light()))
-    core = RenderCameraCore(_RENDERER, intrinsics, ClippingRange(0.05, 10.0), RigidTransform())
+    for name in _RENDERERS:
+        scene_graph.AddRenderer(name, MakeRenderEngineVtk(_room_light()))
+    colour, depth = (
+        RenderCameraCore(name, intrinsics, ClippingRange(0.05, 10.0), RigidTransform())
+        for name in _RENDERERS
+    )
     camera = builder.AddNamedSystem(
         "rgbd_sensor",
         RgbdSensor(
             scene_graph.world_frame_id(),
             X_WC,
-            ColorRenderCamera(core),
-            DepthRenderCamera(core, DepthRange(0.1, 8.0)),
+            ColorRenderCamera(colour),
+            DepthRenderCamera(depth, DepthRange(0.1, 8.0)),
         ),
     )
     noise = builder.AddNamedSystem(

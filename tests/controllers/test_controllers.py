@@ -82,6 +82,32 @@ def test_an_arm_at_its_goal_is_held_against_gravity_only() -> None:
     assert np.abs(torque).max() > 1.0
 
 
+def test_what_the_spring_holds_before_contact_is_taken_over_and_then_kept() -> None:
+    state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
+    config = ImpedanceConfig()
+    controller = ImpedanceController(config, arm_model(), Q)
+    error = np.array([0.01, 0, 0, 0, 0.002, 0])
+    simulator = Simulator(controller)
+    context = simulator.get_mutable_context()
+    phase = controller.GetInputPort("phase")
+    phase.FixValue(context, [float(Phase.APPROACH)])
+    for name, value in (
+        ("motion_desired", desired(state.X_WE @ se3.exp(error))),
+        ("gains_commanded", gains(100.0)),
+    ):
+        controller.GetInputPort(name).FixValue(context, AbstractValue.Make(value))
+    controller.GetInputPort("joint_state_measured").FixValue(
+        context, np.concatenate([Q, np.zeros(7)])
+    )
+    simulator.AdvanceTo(config.tare_time - 0.5 * config.period)
+    spring = state.J_E.T @ (100.0 * error)
+    port = controller.GetOutputPort("torque_commanded")
+    assert_allclose(port.Eval(context), state.tau_bias + 2.0 * spring, atol=1e-6)
+    phase.FixValue(context, [float(Phase.EXPLORE)])
+    simulator.AdvanceTo(1.0)
+    assert_allclose(port.Eval(context), state.tau_bias + 2.0 * spring, atol=1e-6)
+
+
 def test_a_hand_that_lags_pulls_the_goal_ahead_in_the_wanted_direction() -> None:
     wanted = np.array([0, 0, 0, 0, 0, -0.02])
     X = explore_step(np.eye(4), 0.5 * wanted, wanted, 0.1)

@@ -86,6 +86,7 @@ def test_the_network_period_reaches_every_filter_and_window() -> None:
         ("object.friction=-1", "object.friction = -1.0"),
         ("object.position=[1, 2]", "object.position = [1.0, 2.0], but it must be 3 numbers"),
         ("object.pull_direction=[0, 0, 0]", "object.pull_direction must not be all zero"),
+        ("control.posture=[1, 2]", "control.posture = [1.0, 2.0], but it must be 7 numbers"),
         ("object.pull_direction=[1]", "object.pull_direction = [1.0], but it must be 3 numbers"),
         ("object.model=no_such.sdf", "object.model = 'no_such.sdf': there is no such file"),
         ("object.joint=slid", "has no joint 'slid'; did you mean 'slide'?"),

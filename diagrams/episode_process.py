@@ -35,14 +35,13 @@ _COMMAND = (sys.executable, "-m", "diagrams.episode_process")
 _RUNNING: set[subprocess.Popen[bytes]] = set()
 
 
-def thread_limits(jobs: int) -> dict[str, str]:
-    """Environment with which `jobs` episodes side by side share this machine's cores."""
-    share = max(1, (os.cpu_count() or 1) // max(jobs, 1))
+def thread_limits(cores: int) -> dict[str, str]:
+    """Environment that keeps an episode to so many cores."""
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
     limits = dict.fromkeys(names, "1")
     # Mesa's software renderer draws in the calling thread when told to use none of its own.
-    limits["LP_NUM_THREADS"] = "0" if share == 1 else str(share)
-    limits["OPENCV_FOR_THREADS_NUM"] = str(share)
+    limits["LP_NUM_THREADS"] = "0" if cores == 1 else str(cores)
+    limits["OPENCV_FOR_THREADS_NUM"] = str(cores)
     return limits
 
 

@@ -1,9 +1,10 @@
 """Runs the episodes of an experiment, goes on where it was stopped, and writes what came out."""
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+import os
+import socket
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,12 @@ from diagrams.run_folder import (
     write_text,
 )
 from diagrams.scenario import Scenario, load_scenario
-from diagrams.yaml_schema import ScenarioError, suggestion
+from diagrams.yaml_schema import ScenarioError, one_line, suggestion
 
 Summary = dict[str, Any]
 _MARKER = "evaluation.json"
-# The threads of joblib's backend only wait: each episode has a process of its own.
-BACKENDS = {"processes": "threading", "ray": "ray"}
+# joblib's threads only wait: each episode has a process of its own, on a cluster on any machine.
+BACKENDS = ("processes", "ray")
 
 
 @dataclass(kw_only=True)
@@ -56,26 +57,45 @@ def connect(workers: Workers) -> None:
         return
     try:
         import ray
-        from ray.util.joblib import register_ray
     except ImportError:
         raise ScenarioError(
             "--backend ray: Ray is not installed; pip install 'crossmodal[cluster]'"
         ) from None
     root = str(Path(__file__).parent.parent)
     try:
+        _knock(workers.address)
         ray.init(
             address=workers.address or "auto",
             runtime_env={"env_vars": {"PYTHONPATH": root}},
             ignore_reinit_error=True,
             logging_level="ERROR",
         )
-    except (ConnectionError, ValueError, RuntimeError) as error:
+    except (OSError, ValueError, RuntimeError) as error:
         where = workers.address or "this machine"
         raise ScenarioError(
             f"--backend ray: no Ray cluster answers at {where}; start one with 'ray start --head'"
             " or name it with --address"
         ) from error
-    register_ray()
+
+
+def _knock(address: str) -> None:
+    """Raises an OSError where nobody listens, for which Ray itself would wait for minutes."""
+    host, _, port = address.rpartition("://")[2].rpartition(":")
+    if host and port.isdigit():
+        socket.create_connection((host, int(port)), timeout=5.0).close()
+
+
+def run_on_cluster(scenario: Scenario, folder: Path, environment: Mapping[str, str]) -> Summary:
+    """As `run_apart`, on whichever machine of the cluster has a core to spare."""
+    import ray
+
+    run_there = ray.remote(num_cpus=1, max_retries=0)(episode_process.run_apart)
+    try:
+        summary: Summary = ray.get(run_there.remote(scenario, folder, environment))
+    except ray.exceptions.RayError as error:
+        reason = one_line(error).partition(". ")[0]
+        return episode_process.failed_summary(scenario, f"worker died ({reason})")
+    return summary
 
 
 def open_evaluation_folder(
@@ -143,7 +163,7 @@ def run_episodes(
     scenarios: Sequence[Scenario], folder: Path, workers: Workers
 ) -> Iterator[Summary]:
     """Yields the summary of each episode: first what the folder has already, then as they end."""
-    from joblib import Parallel, delayed, parallel_config
+    from joblib import Parallel, delayed
 
     folder = folder.resolve()
     waiting = []
@@ -154,12 +174,17 @@ def run_episodes(
             waiting.append((scenario, place))
         else:
             yield done
-    limits = episode_process.thread_limits(workers.jobs)
-    run = partial(episode_process.run_apart, environment=limits)
-    with parallel_config(backend=BACKENDS[workers.backend], n_jobs=workers.jobs):
-        yield from Parallel(return_as="generator_unordered", pre_dispatch="n_jobs", batch_size=1)(
-            delayed(run)(scenario, place) for scenario, place in waiting
-        )
+    on_cluster = workers.backend == "ray"
+    run_one = run_on_cluster if on_cluster else episode_process.run_apart
+    cores = 1 if on_cluster else max(1, (os.cpu_count() or 1) // workers.jobs)
+    limits = episode_process.thread_limits(cores)
+    parallel = Parallel(
+        n_jobs=workers.jobs,
+        backend="threading",
+        return_as="generator_unordered",
+        pre_dispatch="n_jobs",
+    )
+    yield from parallel(delayed(run_one)(scenario, place, limits) for scenario, place in waiting)
 
 
 @dataclass(kw_only=True)

@@ -18,7 +18,7 @@ from diagrams.run_folder import ESTIMATES_FILE, SUMMARY_FILE
 from diagrams.scenario import Scenario
 from diagrams.yaml_schema import ScenarioError
 
-_OTHER_COLORS = ("#CCBB44", "#228833", "#66CCEE", "#EE6677", "#999933", "#882255")
+_OTHER_COLORS = ("#222255", "#66CCEE", "#CCBB44", "#228833", "#999999", "#663333")
 
 
 @dataclass(kw_only=True)
@@ -69,11 +69,17 @@ def _names(estimates: pd.DataFrame) -> list[str]:
 
 
 def _rows(estimates: pd.DataFrame, name: str, quantity: str, component: str) -> pd.DataFrame:
-    return estimates[
+    """What one network believed, with NaN at the ticks at which it believed nothing."""
+    chosen = estimates[
         (estimates["modality"] == name)
         & (estimates["quantity"] == quantity)
         & (estimates["component"] == component)
     ]
+    if chosen.empty:
+        return chosen
+    ticks = pd.Index(np.unique(estimates["time"]), name="time")
+    numbers = chosen.set_index("time")[["estimate", "std", "truth"]]
+    return numbers.reindex(ticks).reset_index()
 
 
 def _shade_darkness(axes: Axes, scenario: Scenario | None, end: float) -> None:
@@ -152,7 +158,7 @@ def draw_probabilities(
     chosen = estimates[estimates["quantity"] == quantity]
     names = _names(chosen)
     with mpl.rc_context(STYLE):
-        figure = new_figure(9.0, 0.9 + 1.5 * max(len(names), 1))
+        figure = new_figure(9.0, 1.0 + 1.6 * max(len(names), 1))
         all_axes = np.atleast_1d(figure.subplots(max(len(names), 1), 1, sharex=True))
         for axes, name in zip(all_axes, names, strict=False):
             table = chosen[chosen["modality"] == name].pivot_table(
@@ -166,8 +172,8 @@ def draw_probabilities(
             axes.stackplot(table.index, table.to_numpy().T, labels=kinds, colors=colors, alpha=0.8)
             _shade_darkness(axes, scenario, float(table.index.max()))
             axes.set_ylim(0.0, 1.0)
-            axes.set_ylabel(_label(name))
-        all_axes[0].set_title(quantity.replace("_", " "))
+            axes.set_title(_label(name))
+        figure.suptitle(quantity.replace("_", " "))
         all_axes[-1].set_xlabel("time [s]")
         handles, labels = all_axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=4)

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 
 from diagrams.episode_record import EpisodeResult
 from diagrams.evaluation import estimates_table
+from diagrams.joint_evaluation import joint_series
 from diagrams.network import CROSSMODAL_WIRES
 from diagrams.replay import SensorReplay, Wiring, load_recorded_scenario, replay
 from diagrams.run_folder import ESTIMATES_FILE, SENSORS_FILE
@@ -63,6 +64,15 @@ def test_features_join_the_body_in_the_hand_only_through_its_prior(
 ) -> None:
     assert held_features(replayed, "crossmodal") >= 4
     assert held_features(replayed, "unguided") == 0
+
+
+def test_without_that_prior_the_axis_is_worse_in_the_dark(replayed: EpisodeResult) -> None:
+    angle = {
+        name: joint_series(replayed.modalities[name].ticks, replayed.truth).axis_error[-1]
+        for name in ("crossmodal", "unguided")
+    }
+    assert angle["crossmodal"] < np.deg2rad(1.0)
+    assert not angle["unguided"] < 2.0 * angle["crossmodal"]  # True, too, without any axis.
 
 
 def test_with_every_wire_cut_the_hand_learns_nothing_from_the_eye(replayed: EpisodeResult) -> None:

@@ -1,0 +1,129 @@
+"""The objects that come along: sane models, and mechanics that follow from their numbers."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialVelocity
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from models import SDF_DIR
+from plants.joint_friction import JointFriction
+from plants.manipulation_scene import (
+    ManipulationScene,
+    ObjectPlacement,
+    PlantConfig,
+    add_manipulation_scene,
+    object_joints,
+)
+
+OBJECTS = {
+    "chest_drawer.sdf": "slide",
+    "cupboard_door.sdf": "hinge",
+    "glass_door.sdf": "hinge",
+    "sliding_door.sdf": "slide",
+    "tripod.sdf": "pan",
+    "cardboard_box.sdf": "hinge",
+}
+
+
+def alone(model: str) -> MultibodyPlant:
+    plant = MultibodyPlant(0.0)
+    Parser(plant).AddModels(str(SDF_DIR / model))
+    plant.Finalize()
+    return plant
+
+
+@pytest.mark.parametrize("model", OBJECTS)
+def test_bodies_weigh_what_such_things_weigh(model: str) -> None:
+    plant = alone(model)
+    for index in plant.GetBodyIndices(plant.GetFrameByName("handle").model_instance()):
+        inertia = plant.get_body(index).default_spatial_inertia()
+        assert inertia.IsPhysicallyValid()
+        assert 0.05 < inertia.get_mass() < 20.0
+        radius = np.sqrt(inertia.get_unit_inertia().get_moments().max())
+        assert 0.02 < radius < 0.5
+
+
+@pytest.mark.parametrize(("model", "joint"), OBJECTS.items())
+def test_the_closed_joint_is_at_a_limit_or_between_and_the_handle_moves_with_it(
+    model: str, joint: str
+) -> None:
+    plant = alone(model)
+    context = plant.CreateDefaultContext()
+    moved = plant.GetJointByName(joint)
+    handle = plant.GetFrameByName("handle")
+    assert handle.body().index() == moved.child_body().index()
+    lower, upper = moved.position_lower_limits()[0], moved.position_upper_limits()[0]
+    assert lower <= 0.0 < upper < np.inf
+    start = handle.CalcPoseInWorld(context).translation()
+    moved_by = 0.05
+    q = plant.GetPositions(context)
+    q[moved.position_start()] = moved_by
+    plant.SetPositions(context, q)
+    way = np.linalg.norm(handle.CalcPoseInWorld(context).translation() - start)
+    assert 0.1 * moved_by < way <= 1.01 * moved_by
+
+
+class Released:
+    """An object in the scene, the robot far off, its joints free to move."""
+
+    def __init__(self, model: str, X_WO: RigidTransform, friction: float, **placement: bool):
+        builder = DiagramBuilder()
+        placed = ObjectPlacement(
+            model=Path(SDF_DIR / model), X_WO=X_WO, friction=friction, **placement
+        )
+        self.scene: ManipulationScene = add_manipulation_scene(builder, PlantConfig(), placed)
+        plant = self.scene.plant
+        rub = builder.AddSystem(JointFriction(plant, self.scene.friction))
+        builder.Connect(plant.get_state_output_port(), rub.get_input_port())
+        builder.Connect(rub.get_output_port(), plant.get_applied_generalized_force_input_port())
+        self.simulator = Simulator(builder.Build())
+        self.context = plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
+        for robot in (self.scene.arm, self.scene.hand):
+            plant.get_actuation_input_port(robot).FixValue(
+                self.context, np.zeros(plant.num_actuated_dofs(robot))
+            )
+
+
+def test_the_sliding_panel_slows_down_by_friction_and_damping() -> None:
+    """m v' = -F - b v."""
+    released = Released("sliding_door.sdf", RigidTransform([0.9, 0, 1.5]), friction=4.0)
+    plant = released.scene.plant
+    slide = plant.GetJointByName("slide")
+    mass = plant.GetBodyByName("panel").default_spatial_inertia().get_mass()
+    slide.set_translation(released.context, 0.05)
+    slide.set_translation_rate(released.context, 0.5)
+    released.simulator.AdvanceTo(0.15)
+    damping = slide.default_damping()
+    expected = (0.5 + 4.0 / damping) * np.exp(-damping / mass * 0.15) - 4.0 / damping
+    assert 0.05 < expected < 0.45
+    assert_allclose(slide.get_translation_rate(released.context), expected, rtol=0.03)
+
+
+def test_the_free_carton_slides_on_the_table_as_far_as_its_feet_let_it() -> None:
+    """s = v^2 / (2 mu g)."""
+    X_WO = RigidTransform([1.0, -0.25, 0.70])
+    released = Released("cardboard_box.sdf", X_WO, friction=5.0, free=True)
+    plant = released.scene.plant
+    box = plant.GetBodyByName("box")
+    released.simulator.AdvanceTo(0.5)
+    before = box.EvalPoseInWorld(released.context).translation()
+    assert_allclose(before, X_WO.translation(), atol=2e-3)
+    velocity = SpatialVelocity(np.zeros(3), np.array([0.0, 0.5, 0.0]))
+    plant.SetFreeBodySpatialVelocity(context=released.context, body=box, V_JpJc=velocity)
+    released.simulator.AdvanceTo(1.2)
+    way = box.EvalPoseInWorld(released.context).translation() - before
+    assert_allclose(way[1], 0.5**2 / (2 * 0.254 * 9.81), rtol=0.1)
+    assert_allclose(way[[0, 2]], 0.0, atol=5e-3)
+
+
+def test_the_lid_is_a_joint_of_the_free_carton() -> None:
+    released = Released("cardboard_box.sdf", RigidTransform([1, 0, 0.7]), 5.0, free=True)
+    scene = released.scene
+    assert [j.name() for j in object_joints(scene.plant, scene.object)] == ["hinge"]

@@ -153,7 +153,10 @@ def run_command(
         ),
     ] = None,
     grasp_frame: Annotated[
-        str, typer.Option(help="Its frame or link to grasp: x out of the object, y along the bar.")
+        str,
+        typer.Option(
+            help="Its frame or link to grasp (x out of the object, y along the bar), or LINK@POSE."
+        ),
     ] = "",
     joint: Annotated[
         str, typer.Option(help="Its joint to explore. [default: the nearest to the grasp]")

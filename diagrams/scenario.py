@@ -67,7 +67,8 @@ class ObjectConfig:
     # A file of models/sdf, or any SDF or URDF beside the scenario's file, which is imported.
     model: str = "chest_drawer.sdf"
     joint: str = "slide"  # The explored one; empty: the nearest that moves the handle's frame.
-    handle_frame: str = "handle"  # x out of the object, y along the bar; a link's name will do.
+    # x out of the object, y along the bar; for an import also a link, or LINK@x,y,z,roll,pitch,yaw.
+    handle_frame: str = "handle"
     position: np.ndarray = field(default_factory=lambda: np.array([0.865, -0.25, 0.86]))  # [m]
     roll: float = 0.0  # [deg]
     pitch: float = 0.0  # [deg]

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 from pydrake.geometry import SceneGraph
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
-from pydrake.multibody.tree import BodyIndex, Frame, FrameIndex, Joint, RigidBody
+from pydrake.multibody.tree import BodyIndex, FixedOffsetFrame, Frame, FrameIndex, Joint, RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
 from plants.object_import.flat_model import (
@@ -59,7 +60,8 @@ def import_object(
     Args:
         source: SDF or URDF; one that an earlier import wrote is taken as it is.
         folder: Where the copy goes; made where it is missing.
-        grasp_frame: A frame or link of the model, x out of the object, y along the bar.
+        grasp_frame: A frame or link of the model, x out of the object, y along the bar; or
+            `NAME@x,y,z,roll,pitch,yaw`, a pose in it, [m] and [rad].
         joint: The joint to explore; by default the nearest moving one above the grasped link.
 
     Raises:
@@ -73,22 +75,27 @@ def import_object(
             warnings.append(line)
 
     folder.mkdir(parents=True, exist_ok=True)
-    if not model.is_imported:
+    wanted, at, pose = grasp_frame.partition("@")
+    as_it_is = model.is_imported and not at
+    if not as_it_is:
         Repair(source, folder.resolve() / "meshes", warn).run(model)
     plant, scene_graph = _parse(model, source, folder.resolve())
+    frame = _find_frame(plant, flat_names(plant), wanted, source)
+    if at:
+        frame = plant.AddFrame(FixedOffsetFrame("grasp", frame, _offset(pose, grasp_frame)))
+    plant.Finalize()
     names = flat_names(plant)
-    frame = _find_frame(plant, names, grasp_frame, source)
     chain = find_chain(plant, frame.body(), source, warn)
     explored = _find_joint(plant, names, chain, joint, grasp_frame, source, warn)
     _check_limits(explored, source)
     imported = ImportedObject(
-        model=source if model.is_imported else folder / MODEL_FILE,
+        model=source if as_it_is else folder / MODEL_FILE,
         joint=names.joints[int(explored.index())],
         grasp_frame=names.frames.get(int(frame.index()), names.bodies[int(frame.body().index())]),
         is_floating=chain.is_floating,
         warnings=warnings,
     )
-    if model.is_imported:
+    if as_it_is:
         return imported
     if any(model.masses.get(body.name(), 1.0) is None for body in chain.bodies):
         warn(f"masses that the file does not give are those of the geometry at {DENSITY:g} kg/m^3")
@@ -115,7 +122,6 @@ def _parse(model: ModelSource, source: Path, folder: Path) -> tuple[MultibodyPla
         parser = Parser(plant)
         parser.SetAutoRenaming(True)
         parser.AddModels(str(source if model.is_imported else repaired))
-        plant.Finalize()
     except (RuntimeError, ValueError) as error:
         reason = " ".join(str(error).replace(str(repaired), source.name).split())
         raise ValueError(f"{source}: cannot be parsed: {reason}") from None
@@ -136,9 +142,22 @@ def _find_frame(plant: MultibodyPlant, names: FlatNames, wanted: str, source: Pa
     if not wanted:
         raise ValueError(
             f"{source}: which frame is grasped? Name it by --grasp-frame or object.handle_frame"
-            f" (x out of the object, y along the bar); {listed}"
+            f" (x out of the object, y along the bar; NAME@x,y,z,roll,pitch,yaw is a pose in one);"
+            f" {listed}"
         )
     raise ValueError(f"{source}: has no frame or link '{wanted}'; {listed}")
+
+
+def _offset(pose: str, grasp_frame: str) -> RigidTransform:
+    try:
+        values = [float(part) for part in pose.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != 6 or not np.all(np.isfinite(values)):
+        raise ValueError(
+            f"{grasp_frame}: behind the @ must stand x,y,z,roll,pitch,yaw, [m] and [rad]"
+        )
+    return RigidTransform(RollPitchYaw(values[3:]), values[:3])
 
 
 def _find_joint(

@@ -180,6 +180,16 @@ def test_of_several_moving_joints_the_nearest_is_explored_and_others_can_be(tmp_
     assert "joint 'upper' does not move 'tray'; those that do: tray_slide, lower" in message
 
 
+def test_a_pose_in_a_link_serves_as_the_grasped_frame(tmp_path: Path) -> None:
+    path = urdf(tmp_path, slider("<link name='b'/>"))
+    imported = import_object(path, tmp_path / "out", grasp_frame="b@0.1,0.2,0.3,0,0,1.5")
+    plant = read(imported)
+    pose = plant.GetFrameByName(imported.grasp_frame).CalcPoseInWorld(plant.CreateDefaultContext())
+    assert_allclose(pose.translation(), [0.1, 0.2, 0.3])
+    assert_allclose(pose.rotation().ToRollPitchYaw().vector(), [0, 0, 1.5], atol=1e-12)
+    assert "x,y,z,roll,pitch,yaw" in refusal(path, tmp_path, "b@0.1,0.2")
+
+
 def test_names_are_listed_where_one_is_missing_or_unknown(tmp_path: Path) -> None:
     source = write_cabinet(tmp_path)
     for frame in ("", "knob"):

@@ -229,6 +229,7 @@ class FlatModelWriter:
         self._context: Context = plant.CreateDefaultContext()
         plant.SetPositions(self._context, self._zero_positions())
         self._X_WM, self._folder, self._warn = X_WM, folder, warn
+        self._textures: dict[str, str] = {}
 
     def _zero_positions(self) -> Array:
         """All joints at zero; free bodies where the file puts them."""
@@ -249,12 +250,16 @@ class FlatModelWriter:
         for body in self._chain.bodies:
             self._add_link(model, body)
         chosen = {int(body.index()) for body in self._chain.bodies}
-        for joint in written_joints(self._plant):
-            is_inside = int(joint.parent_body().index()) in chosen or (
-                int(self._chain.root.index()) == 0 and int(joint.parent_body().index()) == 0
-            )
-            if int(joint.child_body().index()) in chosen and is_inside:
-                self._add_joint(model, joint)
+        above = chosen | {int(self._chain.root.index())}
+        joints = [
+            joint
+            for joint in written_joints(self._plant)
+            if int(joint.child_body().index()) in chosen
+            and int(joint.parent_body().index()) in above
+        ]
+        leaders = {joint.name(): self._names.joints[int(joint.index())] for joint in joints}
+        for joint in joints:
+            self._add_joint(model, joint, leaders)
         for index, frame_name in self._names.frames.items():
             frame = self._plant.get_frame(FrameIndex(index))
             if int(frame.body().index()) in chosen:
@@ -323,10 +328,16 @@ class FlatModelWriter:
         rgba = [0.6, 0.6, 0.6, 1.0] if color is None else list(color.rgba)
         SubElement(material, "diffuse").text = _text([1.0] * 4 if texture else rgba)
         if texture:
-            copied = self._folder / "textures" / Path(texture).name
-            copied.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(texture, copied)
-            SubElement(material, f"{_DRAKE}diffuse_map").text = f"textures/{copied.name}"
+            SubElement(material, f"{_DRAKE}diffuse_map").text = self._copied(texture)
+
+    def _copied(self, texture: str) -> str:
+        """Name of a texture's copy relative to the model."""
+        if texture not in self._textures:
+            name = f"textures/{len(self._textures)}_{Path(texture).name}"
+            (self._folder / "textures").mkdir(exist_ok=True)
+            shutil.copyfile(texture, self._folder / name)
+            self._textures[texture] = name
+        return self._textures[texture]
 
     def _add_collision(
         self, link: Element, geometry: GeometryId, name: str, is_gripped: bool
@@ -369,7 +380,7 @@ class FlatModelWriter:
         for key, values in sizes.items():
             SubElement(inner, key).text = _text(values)
 
-    def _add_joint(self, model: Element, joint: Joint) -> None:
+    def _add_joint(self, model: Element, joint: Joint, leaders: dict[str, str]) -> None:
         kind = "prismatic" if isinstance(joint, PrismaticJoint) else "revolute"
         is_fixed = not moves(joint)
         name = self._names.joints[int(joint.index())]
@@ -401,9 +412,11 @@ class FlatModelWriter:
         SubElement(dynamics, "damping").text = repr(float(joint.default_damping_vector()[0]))
         self._add_spring(dynamics, joint)
         mimic = self._source.mimics.get(joint.name())
-        if mimic is not None:
+        if mimic is not None and mimic.leader not in leaders:
+            self._warn(f"joint '{name}' mimics '{mimic.leader}', which there is not; it is free")
+        elif mimic is not None:
             values = {"multiplier": repr(mimic.multiplier), "offset": repr(mimic.offset)}
-            SubElement(element, f"{_DRAKE}mimic", {"joint": mimic.leader, **values})
+            SubElement(element, f"{_DRAKE}mimic", {"joint": leaders[mimic.leader], **values})
 
     def _add_spring(self, dynamics: Element, joint: Joint) -> None:
         for index in range(self._plant.num_force_elements()):

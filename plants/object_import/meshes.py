@@ -12,7 +12,7 @@ from PIL import Image
 Array = npt.NDArray[np.float64]
 Warn = Callable[[str], None]
 
-LARGEST = 10.0  # A larger mesh was meant in millimetres, [m].
+LARGEST = 10.0  # Larger meshes were meant in millimetres, [m].
 MANY_FACES = 20_000  # From here on contact with a mesh is slow.
 _MOST_REPEATS = 64  # Of a texture within a mesh.
 _LARGEST_IMAGE = 2048  # [pixels]
@@ -36,11 +36,11 @@ class Surface:
     texture: Image.Image | None
 
 
-def read_surfaces(path: Path, scale: Array, warn: Warn) -> list[Surface]:
+def read_surfaces(path: Path, scale: Array) -> list[Surface]:
     """The surfaces in a mesh file, one for each of its materials.
 
     Units that a COLLADA file declares are applied, its up-axis is not (as in ROS); glTF is turned
-    from y-up to z-up (as in Drake). A mesh larger than `LARGEST` is read as millimetres.
+    from y-up to z-up (as in Drake).
 
     Args:
         scale: Along x, y and z (3,).
@@ -70,27 +70,19 @@ def read_surfaces(path: Path, scale: Array, warn: Warn) -> list[Surface]:
         mesh = trimesh.util.concatenate(meshes) if len(meshes) > 1 else meshes[0]
         color, texture = _look(mesh)
         surfaces.append(Surface(mesh=mesh, color=color, texture=texture))
-    _to_metres(path, surfaces, scale, warn)
+    for surface in surfaces:
+        if path.suffix.lower() in (".glb", ".gltf"):
+            surface.mesh.apply_transform(_X_FROM_Y_UP)
+        surface.mesh.apply_transform(np.diag([*scale, 1.0]))
+    if not 0 < extent(surfaces) < np.inf:
+        raise ValueError(f"{path}: has no extent")
     return surfaces
 
 
-def _to_metres(path: Path, surfaces: list[Surface], scale: Array, warn: Warn) -> None:
-    is_gltf = path.suffix.lower() in (".glb", ".gltf")
-    for surface in surfaces:
-        if is_gltf:
-            surface.mesh.apply_transform(_X_FROM_Y_UP)
-        surface.mesh.apply_transform(np.diag([*scale, 1.0]))
+def extent(surfaces: list[Surface]) -> float:
+    """The longest edge of the surfaces' bounding box, [m]."""
     bounds = np.array([surface.mesh.bounds for surface in surfaces])
-    extent = float(np.max(bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)))
-    if not np.isfinite(extent) or extent <= 0:
-        raise ValueError(f"{path}: has no extent; its scale is {scale.tolist()}")
-    if extent > LARGEST:
-        warn(
-            f"{path.name}: {extent:.0f} m large, read as millimetres;"
-            " give the mesh a <scale> of 0.001 to say so"
-        )
-        for surface in surfaces:
-            surface.mesh.apply_scale(0.001)
+    return float(np.max(bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)))
 
 
 def _material_key(mesh: trimesh.Trimesh) -> object:

@@ -12,9 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from plants.object_import.meshes import (
+    LARGEST,
     MANY_FACES,
     Surface,
     Warn,
+    extent,
     merged,
     read_surfaces,
     write_obj,
@@ -25,6 +27,7 @@ Array = npt.NDArray[np.float64]
 _PATH_VARIABLES = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH", "GAZEBO_MODEL_PATH",
                    "GZ_SIM_RESOURCE_PATH")  # fmt: skip
 _MODEL_TYPES = {"robot": "URDF", "sdf": "SDF"}
+_SCENERY = ("sun", "ground_plane")  # Gazebo's own, in most of its worlds.
 _IMPORTED = "crossmodal_imported"
 ElementTree.register_namespace("drake", "drake.mit.edu")
 _DRAKE = "{drake.mit.edu}"
@@ -65,11 +68,11 @@ def read_model(path: Path) -> ModelSource:
         ValueError: in one line, if the file is neither SDF nor URDF.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = _decoded(path.read_bytes())
         root = ElementTree.fromstring(_with_known_prefixes(text))
     except FileNotFoundError:
         raise ValueError(f"{path}: there is no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
         raise ValueError(f"{path}: cannot be read as SDF or URDF: {error}") from None
     except ElementTree.ParseError as error:
         raise ValueError(f"{path}: is not valid XML: {error}") from None
@@ -81,6 +84,13 @@ def read_model(path: Path) -> ModelSource:
         raise ValueError(f"{path}: <{root.tag}> is neither SDF (<sdf>) nor URDF (<robot>)")
     suffix = f".{_MODEL_TYPES[root.tag].lower()}"
     return ModelSource(root=root, suffix=suffix, is_imported=f"<!-- {_IMPORTED} " in text)
+
+
+def _decoded(content: bytes) -> str:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
 
 
 def _with_known_prefixes(text: str) -> str:
@@ -108,7 +118,8 @@ class Repair:
     def __init__(self, source: Path, folder: Path, warn: Warn) -> None:
         self._source, self._folder, self._warn = source, folder, warn
         self._links: dict[str, list[str]] = {}  # By what is said about them.
-        self._written: dict[tuple[object, ...], list[Path]] = {}
+        self._surfaces: dict[tuple[Path, tuple[float, ...]], list[Surface]] = {}
+        self._written: dict[object, list[Path]] = {}
 
     def run(self, model: ModelSource) -> None:
         """Repairs the model.
@@ -119,11 +130,15 @@ class Repair:
         root = model.root
         self._expand_includes(root, self._source.parent)
         for element in list(root.iter()):
-            for name in ("transmission", "plugin", "sensor", "gazebo"):
+            for name in ("transmission", "plugin", "sensor", "gazebo", "actor", "state", "light"):
                 for child in element.findall(name):
                     element.remove(child)
         for link in root.iter("link"):
             self._repair_geometry(link)
+        self._read_meshes(root)
+        for link in root.iter("link"):
+            for shape in link.findall("visual") + link.findall("collision"):
+                self._convert_mesh(link, shape)
             self._repair_friction(link)
             self._repair_inertia(link, model)
         for joint in root.iter("joint"):
@@ -141,6 +156,10 @@ class Repair:
             self._make_absolute(node, base)
         for parent in list(element.iter()):
             for include in parent.findall("include"):
+                uri = include.findtext("uri") or ""
+                if uri.strip().rpartition("/")[2] in _SCENERY:
+                    parent.remove(include)
+                    continue
                 parent[list(parent).index(include)] = self._included(include, base)
 
     def _included(self, include: Element, base: Path) -> Element:
@@ -248,9 +267,6 @@ class Repair:
                 for material in shape.findall("material"):
                     shape.remove(material)
                 link.append(shape)
-        for kind in ("visual", "collision"):
-            for shape in link.findall(kind):
-                self._convert_mesh(link, shape)
 
     def _keep_if_bounded(self, link: Element, shape: Element, tag: str) -> None:
         if tag not in ("box", "cylinder", "sphere", "capsule", "ellipsoid"):
@@ -261,11 +277,7 @@ class Repair:
         mesh = shape.find("geometry/mesh")
         if mesh is None:
             return
-        uri = mesh.find("uri")
-        path = Path(mesh.get("filename") or (uri.text if uri is not None else None) or "")
-        text = mesh.get("scale") or mesh.findtext("scale") or "1 1 1"
-        scale = self._numbers(text, (1, 3), f"link '{link.get('name')}': <mesh> scale")
-        files = self._converted(path, np.broadcast_to(scale, 3), shape.tag == "visual")
+        files = self._converted(self._mesh_key(mesh), shape.tag == "visual")
         place = list(link).index(shape)
         link.remove(shape)
         for number, file in enumerate(files):
@@ -281,10 +293,37 @@ class Repair:
                 ElementTree.SubElement(element, "uri").text = str(file)
             link.insert(place + number, part)
 
-    def _converted(self, path: Path, scale: Array, is_visual: bool) -> list[Path]:
-        key = (path, *scale, is_visual)
+    def _mesh_key(self, mesh: Element) -> tuple[Path, tuple[float, ...]]:
+        """File and scale of a <mesh>."""
+        path = Path(mesh.get("filename") or mesh.findtext("uri") or "")
+        text = mesh.get("scale") or mesh.findtext("scale") or "1 1 1"
+        scale = self._numbers(text, (1, 3), f"<mesh> {path.name}: scale")
+        return path, tuple(np.broadcast_to(scale, 3).tolist())
+
+    def _read_meshes(self, root: Element) -> None:
+        """Reads all meshes; those of a scale at which one is huge were meant in millimetres."""
+        for geometry in root.iter("geometry"):
+            mesh = geometry.find("mesh")
+            if mesh is not None:
+                path, scale = self._mesh_key(mesh)
+                if (path, scale) not in self._surfaces:
+                    self._surfaces[path, scale] = read_surfaces(path, np.array(scale))
+        sizes = {key: extent(surfaces) for key, surfaces in self._surfaces.items()}
+        for scale in {scale for (_, scale), size in sizes.items() if size > LARGEST}:
+            alike = {path: size for (path, other), size in sizes.items() if other == scale}
+            path = max(alike, key=lambda path: alike[path])
+            self._warn(
+                f"{path.name}: {alike[path]:.0f} m large, so meshes of its scale are read as"
+                " millimetres; say so by a <scale> of 0.001"
+            )
+            for path in alike:
+                for surface in self._surfaces[path, scale]:
+                    surface.mesh.apply_scale(0.001)
+
+    def _converted(self, mesh: tuple[Path, tuple[float, ...]], is_visual: bool) -> list[Path]:
+        path, key = mesh[0], (mesh, is_visual)
         if key not in self._written:
-            surfaces = read_surfaces(path, scale, self._warn)
+            surfaces = self._surfaces[mesh]
             faces = sum(len(surface.mesh.faces) for surface in surfaces)
             if not is_visual and faces > MANY_FACES:
                 self._warn(

@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import DiagramBuilder
 
 from diagrams.yaml_schema import ScenarioError, one_line, suggestion
 from plants.robot import add_package
@@ -26,6 +28,7 @@ class ObjectModel:
         upper: Its largest.
         X_OH: Pose of the handle's frame in the model's, all joints at zero.
         lever: Distance of the handle from a revolute joint's axis, [m]; 0 for a prismatic one.
+        bottom: Height of its lowest point that can be touched in the model's frame, [m].
     """
 
     joint_type: JointType
@@ -33,11 +36,12 @@ class ObjectModel:
     upper: float
     X_OH: RigidTransform
     lever: float
+    bottom: float
 
 
 def read_object_model(model: Path, *, joint: str, frame: str, source: str) -> ObjectModel:
     """Raises a ScenarioError unless the model can be read and has the joint and the frame."""
-    plant = MultibodyPlant(0.0)
+    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
     parser = Parser(plant)
     add_package(parser)
     try:
@@ -66,11 +70,15 @@ def read_object_model(model: Path, *, joint: str, frame: str, source: str) -> Ob
         raise ScenarioError(
             f"{source}: object.joint: '{joint}' is a {kind} joint; allowed: prismatic, revolute"
         )
-    return _facts(plant, instance, joint, frame)
+    return _facts(plant, scene_graph, instance, joint, frame)
 
 
 def _facts(
-    plant: MultibodyPlant, instance: ModelInstanceIndex, joint_name: str, frame: str
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    instance: ModelInstanceIndex,
+    joint_name: str,
+    frame: str,
 ) -> ObjectModel:
     plant.Finalize()
     context = plant.CreateDefaultContext()
@@ -87,7 +95,23 @@ def _facts(
         upper=float(joint.position_upper_limits()[0]),
         X_OH=X_OH,
         lever=lever,
+        bottom=_bottom(plant, scene_graph, instance),
     )
+
+
+def _bottom(plant: MultibodyPlant, scene_graph: SceneGraph, instance: ModelInstanceIndex) -> float:
+    context, inspector = plant.CreateDefaultContext(), scene_graph.model_inspector()
+    X_OW = plant.GetFrameByName("__model__", instance).CalcPoseInWorld(context).inverse()
+    heights = [0.0]
+    for body in map(plant.get_body, plant.GetBodyIndices(instance)):
+        X_OB = X_OW @ plant.EvalBodyPoseInWorld(context, body)
+        for geometry in plant.GetCollisionGeometriesForBody(body):
+            box = inspector.GetObbInGeometryFrame(geometry)
+            if box is not None:
+                X_OX = X_OB @ inspector.GetPoseInFrame(geometry) @ box.pose()
+                reach = np.abs(X_OX.rotation().matrix()[2]) @ box.half_width()
+                heights.append(float(X_OX.translation()[2] - reach))
+    return min(heights)
 
 
 def _names(

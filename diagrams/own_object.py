@@ -36,7 +36,8 @@ class OwnObject:
         joint: The joint to explore; empty for the nearest one above the grasped link.
         pull_direction: In the grasped frame, as `x,y,z`; empty for x.
         pose: Of the model's frame in the world, as `x,y,z,roll,pitch,yaw`, [m, rad]; empty puts
-            the grasped frame where the handle of the scenario's own object is.
+            the grasped frame where the handle of the scenario's own object is, or as much above as
+            keeps the object out of the table.
     """
 
     model: Path
@@ -133,9 +134,15 @@ def own_object_assignments(scenario: str, given: Sequence[str], own: OwnObject) 
     else:
         X_WH = base.object.pose() @ at_base.X_OH
         x_axis = X_WH.rotation().col(0)
+        # It stands no lower than the scenario's own object, or it would be inside the table.
+        low_base = (
+            at_base.bottom - at_base.X_OH.translation()[2] + base.object.variation.position[2]
+        )
+        low = facts.bottom - facts.X_OH.translation()[2]
+        lift = [0.0, 0.0, max(0.0, float(low_base - low))]
         values |= {
             "place_handle": True,
-            "position": X_WH.translation().tolist(),
+            "position": (X_WH.translation() + lift).tolist(),
             "yaw": float(np.rad2deg(np.arctan2(x_axis[1], x_axis[0]))),
         }
     lines = [f"object.{key}={value}" for key, value in values.items()]

@@ -41,7 +41,7 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.framework import Context
 
-from plants.object_import.meshes import Warn
+from plants.object_import.meshes import Warn, encloses_volume
 from plants.object_import.model_source import ModelSource
 
 Array = npt.NDArray[np.float64]
@@ -49,6 +49,7 @@ Array = npt.NDArray[np.float64]
 DENSITY = 600.0  # Of wood, for links whose mass the file does not give, [kg/m^3].
 _HULL_DENSITY = 150.0  # Of the hull of a mesh that encloses nothing: a hollow thing, [kg/m^3].
 _LEAST_MASS, _LEAST_RADIUS = 1e-3, 0.03  # Of a link without geometry, [kg], gyration [m].
+_UNLIMITED = 1e6  # Larger limits are none, [m] or [rad].
 _DRAKE = "drake:"
 
 
@@ -403,9 +404,9 @@ class FlatModelWriter:
         SubElement(axis, "xyz").text = _text(direction)
         limit = SubElement(axis, "limit")
         lower, upper = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
-        if np.isfinite(lower):
+        if lower > -_UNLIMITED:
             SubElement(limit, "lower").text = repr(float(lower))
-        if np.isfinite(upper):
+        if upper < _UNLIMITED:
             SubElement(limit, "upper").text = repr(float(upper))
         SubElement(limit, "effort").text = "0"  # No motor.
         dynamics = SubElement(axis, "dynamics")
@@ -439,13 +440,13 @@ class FlatModelWriter:
 
 def _spatial_inertia(shape: Shape) -> SpatialInertia:
     """Of a shape at a plausible density; of its hull if it encloses no volume."""
+    density = DENSITY
+    if isinstance(shape, Mesh) and not encloses_volume(Path(shape.source().path())):
+        shape, density = Convex(shape.source().path()), _HULL_DENSITY
     try:
-        inertia = CalcSpatialInertia(shape, DENSITY)
-        if inertia.IsPhysicallyValid() and inertia.get_mass() > 0:
-            return inertia
-    except RuntimeError:
-        pass
-    return CalcSpatialInertia(Convex(shape.source().path()), _HULL_DENSITY)
+        return CalcSpatialInertia(shape, density)
+    except (RuntimeError, ValueError):  # A flat sheet.
+        return SpatialInertia.Zero()
 
 
 def _with_mass(mass: float, p_BBcm: Array, unit: Array) -> SpatialInertia:

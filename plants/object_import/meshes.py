@@ -126,6 +126,19 @@ def _without_repeats(uv: Array, image: Image.Image) -> tuple[Array, Image.Image]
     return (uv - first) / count, tiled
 
 
+def write_contact_obj(surface: Surface, path: Path) -> None:
+    """Writes OBJ of shape alone, its triangles joined at their corners."""
+    mesh = surface.mesh
+    lines = _rows("v", mesh.vertices) + ["f {} {} {}".format(*face) for face in mesh.faces + 1]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def encloses_volume(path: Path) -> bool:
+    """Whether the mesh in a file has an inside."""
+    mesh = trimesh.load_mesh(path)
+    return bool(mesh.is_watertight and mesh.volume > 0)
+
+
 def write_obj(surface: Surface, path: Path) -> None:
     """Writes OBJ with normals; with MTL and PNG beside it where there is a colour or texture."""
     mesh = surface.mesh
@@ -165,4 +178,7 @@ def merged(surfaces: list[Surface]) -> Surface:
     """All surfaces as one, without looks, for contact."""
     meshes = [trimesh.Trimesh(s.mesh.vertices, s.mesh.faces) for s in surfaces]
     mesh = trimesh.util.concatenate(meshes) if len(meshes) > 1 else meshes[0]
+    mesh.merge_vertices()
+    if mesh.is_watertight and mesh.volume < 0:
+        mesh.invert()  # Contact needs to know the inside.
     return Surface(mesh=mesh, color=None, texture=None)

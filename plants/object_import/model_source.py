@@ -19,6 +19,7 @@ from plants.object_import.meshes import (
     extent,
     merged,
     read_surfaces,
+    write_contact_obj,
     write_obj,
 )
 
@@ -142,6 +143,7 @@ class Repair:
             self._repair_friction(link)
             self._repair_inertia(link, model)
         for joint in root.iter("joint"):
+            self._repair_limits(joint)
             self._note_mimic(joint, model)
         for what, links in self._links.items():
             self._warn(f"{what}: {', '.join(links)}")
@@ -342,7 +344,7 @@ class Repair:
         files = []
         for number, surface in enumerate(surfaces):
             file = self._folder / f"{stem}_{len(self._written)}_{kind}_{number}.obj"
-            write_obj(surface, file)
+            (write_obj if is_visual else write_contact_obj)(surface, file)
             files.append(file)
         return files
 
@@ -380,11 +382,28 @@ class Repair:
         for parent in (joint, *joint.findall("axis")):
             for mimic in parent.findall("mimic"):
                 parent.remove(mimic)
-                model.mimics[joint.get("name", "")] = Mimic(
-                    leader=mimic.get("joint", ""),
-                    multiplier=float(mimic.get("multiplier") or mimic.findtext("multiplier") or 1),
-                    offset=float(mimic.get("offset") or mimic.findtext("offset") or 0),
-                )
+                values = {
+                    key: self._number(mimic.get(key) or mimic.findtext(key), joint, usual)
+                    for key, usual in (("multiplier", 1.0), ("offset", 0.0))
+                }
+                leader = mimic.get("joint", "")
+                model.mimics[joint.get("name", "")] = Mimic(leader=leader, **values)
+
+    def _repair_limits(self, joint: Element) -> None:
+        """URDF knows no infinite limits, so none is given instead."""
+        for limit in joint.findall("limit"):
+            for key in ("lower", "upper"):
+                value = self._number(limit.get(key), joint, np.inf)
+                if key in limit.attrib and not np.isfinite(value):
+                    del limit.attrib[key]
+
+    def _number(self, text: str | None, joint: Element, usual: float) -> float:
+        try:
+            return usual if text is None else float(text)
+        except ValueError:
+            raise ValueError(
+                f"{self._source}: joint '{joint.get('name')}': '{text}' must be a number"
+            ) from None
 
     def _numbers(self, text: str, counts: tuple[int, ...], what: str) -> Array:
         try:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from numpy.testing import assert_allclose
 from pydrake.geometry import Mesh
 from pydrake.multibody.parsing import Parser
@@ -199,6 +200,32 @@ def test_names_are_listed_where_one_is_missing_or_unknown(tmp_path: Path) -> Non
         assert "upper_grip, " in message
         assert "tray" in message
     assert "no prismatic or revolute joint moves 'case'" in refusal(source, tmp_path, "case")
+
+
+def test_infinite_limits_are_none(tmp_path: Path) -> None:
+    for number, limit in enumerate(("lower='-inf' upper='inf'", "lower='-1e16' upper='1e16'", "")):
+        path = urdf(tmp_path, slider("<link name='b'/>", f"<limit {limit} effort='1'/>"))
+        imported = import_object(path, tmp_path / str(number), grasp_frame="b")
+        assert np.all(np.isinf(read(imported).GetJointByName("j").position_upper_limits()))
+    assert "joint 'j': 'far' must be a number" in refusal(
+        urdf(tmp_path, slider("<link name='b'/>", "<limit lower='0' upper='far'/>")), tmp_path
+    )
+
+
+def test_meshes_inside_out_and_open_meshes_have_a_mass(tmp_path: Path) -> None:
+    reversed_box = box([0.1, 0.1, 0.1], [0, 0, 0])
+    reversed_box.invert()
+    reversed_box.export(tmp_path / "reversed.stl")
+    opened = box([0.1, 0.1, 0.1], [0, 0, 0])
+    opened.update_faces(np.arange(12) > 1)
+    opened.export(tmp_path / "open.stl")
+    trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).export(tmp_path / "flat.stl")
+    for name, mass in (("reversed", 0.6), ("open", 0.15), ("flat", 0.0)):
+        mesh = f"<geometry><mesh filename='{name}.stl'/></geometry>"
+        path = urdf(tmp_path, slider(f"<link name='b'><visual>{mesh}</visual></link>"))
+        imported = import_object(path, tmp_path / name, grasp_frame="b")
+        actual = read(imported).GetBodyByName("b").default_mass()
+        assert_allclose(actual, mass, rtol=1e-5, atol=0.01)
 
 
 def test_packages_are_found_by_their_environment_variable(

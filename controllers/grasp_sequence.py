@@ -43,12 +43,12 @@ class GraspSequenceConfig:
     return_tolerance: float = 0.002  # [m]
     return_patience: float = 3.0  # How long after the planned end it may still be late, [s].
     # A grasp is given up once it has been doubted so long: when it is believed to have failed and
-    # the hand is not where the perceived joint would have taken it.
+    # the hand is not where the perceived joint would have taken it. The return is finished first.
     doubt_time: float = 1.0  # [s]
     failure_probability: float = 0.5
     slip: float = 0.06  # [m]
     retries: int = 2  # How often a lost grasp is tried again,
-    retry_distance: float = 0.15  # where the hand is still as near to the handle as this, [m].
+    retry_distance: float = 0.12  # where the hand is still as near to the handle as this, [m].
     release_time: float = 4.0  # For opening the hand, backing off and going before the handle, [s].
     comply: bool = True  # Whether to switch to the compliant gains once the hand has closed.
 
@@ -236,13 +236,16 @@ def next_state(
         doubted = is_doubtful(state, now, config)
         since = min(state.doubted_since, now.time) if doubted else np.inf
         state = replace(state, doubted_since=since)
-        if now.time - since >= config.doubt_time:
-            return _lose_grasp(state, now, config)
+    lost = now.time - state.doubted_since >= config.doubt_time
     if state.phase == Phase.RETURN:
         late = now.plan_time_left <= -config.return_patience
         there = abs(now.joint[6]) * now.hand_rate <= config.return_tolerance
-        over = late or bool(there and now.plan_time_left <= 0.0)
+        over = (late or lost or bool(there)) and now.plan_time_left <= 0.0
+        if over and lost and not there:
+            return _lose_grasp(state, now, config)
         return _enter(state, Phase.STOP, now) if over else state
+    if lost:
+        return _lose_grasp(state, now, config)
     known = not np.isnan(now.joint[6])
     way = float(np.linalg.norm(now.X_WE[:3, 3] - state.X_WE_start[:3, 3]))
     over = (over or way >= config.travel) and np.isinf(state.doubted_since)

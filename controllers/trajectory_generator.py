@@ -24,6 +24,7 @@ class TrajectoryGeneratorConfig:
     period: float = 0.01  # Update period, [s].
     speed: float = 0.04  # Highest planned speed of the hand, [m/s].
     feedback: float = 1.0  # How fast the perceived joint is drawn onto the plan, [1/s].
+    failure_probability: float = 0.5  # Of the grasp, above which the joint draws nothing.
     lead: float = 0.03  # How far the plan may run ahead of the hand, [m].
     # Stiff along the motion, [N/m], [N s/m]; compliant across it; rotation [N m/rad], [N m s/rad].
     stiffness_along: float = 1000.0
@@ -105,8 +106,8 @@ def advance(
 
     With u = qdot_plan + k (q_plan - q) the perceived joint is drawn onto the plan, whatever hand
     and handle yield. Only the rest of the path follows the newest screw: nothing jumps when the
-    estimate gets better. While the joint is not perceived, k is zero; where the hand cannot follow,
-    the plan waits.
+    estimate gets better. While the joint is not perceived in the hand, k is zero; where the hand
+    cannot follow, the plan waits.
 
     Args:
         plan: The last one.
@@ -150,6 +151,7 @@ class TrajectoryGenerator(LeafSystem):
         - phase
         - joint_remembered
         - end_effector_screw_remembered
+        - grasp_failure_latest
         output_ports:
         - motion_commanded
         - gains_commanded
@@ -161,6 +163,8 @@ class TrajectoryGenerator(LeafSystem):
     - phase: (1,) `Phase`.
     - joint_remembered: (8,) of `JointMemory`, of which the type and q [m or rad] are used.
     - end_effector_screw_remembered: (6,) S_WE, in W at Wo, per unit of q.
+    - grasp_failure_latest: (1,) probability that the hand has lost the body; NaN or unconnected if
+      unknown.
     - motion_commanded, gains_commanded: for the impedance controller.
     - plan_time_left: (1,) until the planned end, negative after it; infinite without a plan, [s].
     - path_planned: poses (N, 4, 4) of E in W from now to the goal by the latest screw; N = 0
@@ -184,6 +188,7 @@ class TrajectoryGenerator(LeafSystem):
         self._phase = self.DeclareVectorInputPort("phase", 1)
         self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
         self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
+        self._failure = self.DeclareVectorInputPort("grasp_failure_latest", 1)
         state = self.DeclareAbstractState(Value[object](None))
         on_state = {self.abstract_state_ticket(state)}
         self.DeclareAbstractOutputPort(
@@ -232,7 +237,11 @@ class TrajectoryGenerator(LeafSystem):
                 motion=self._desired.Eval(context),
                 gains=self._gains.Eval(context),
             )
-        perceived = None if np.isnan(joint[7]) else q
+        failed = (
+            self._failure.HasValue(context)
+            and self._failure.Eval(context)[0] > self._config.failure_probability
+        )
+        perceived = None if failed or np.isnan(joint[7]) else q
         plan = advance(plan, X_WE, screw_W, perceived, time, self._config)
         state.get_mutable_abstract_state(0).set_value(plan)
 

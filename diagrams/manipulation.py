@@ -65,17 +65,16 @@ def task_failure(task: Task, truth: Truth, events: Sequence[Event]) -> str | Non
             return None
         return f"opened {reached:.3f} of the {task.opening:g} asked for"
     names = [event.name for event in events]
-    if "grasp lost" in names:
-        return f"the grasp was lost after {reached:.3f} of the {task.goal:g} to explore"
+    after = "; the grasp was believed lost" if "grasp lost" in names else ""
     if abs(reached - task.goal) > task.tolerance:
-        return f"exploration ended at {reached:.3f}, the goal is {task.goal:g}"
+        return f"exploration ended at {reached:.3f}, the goal is {task.goal:g}{after}"
     if not task.return_to_start:
         return None
     if not begun(events, ControlPhase.RETURN):
-        return "exploration did not end in time"
-    if not begun(events, ControlPhase.STOP):
+        return f"exploration did not end in time{after}"
+    if not after and not begun(events, ControlPhase.STOP):
         return "the return did not end in time"
     end = phases["exploitation"].reached
     if end > task.tolerance:
-        return f"brought back to {end:.3f} from its start, {task.tolerance:g} is near enough"
+        return f"brought back to {end:.3f} from its start, {task.tolerance:g} is near enough{after}"
     return None

@@ -370,8 +370,11 @@ def _add_control(
     ):
         builder.Connect(source.GetOutputPort(output), target.GetInputPort(port))
     for port in PERCEIVED_INPUTS:
-        owner = sequence if sequence.HasInputPort(port) else memory
-        builder.ExportInput(owner.GetInputPort(port), port)
+        source = builder.ExportInput(
+            (sequence if sequence.HasInputPort(port) else memory).GetInputPort(port), port
+        )
+        if generator.HasInputPort(port):
+            builder.ConnectInput(source, generator.GetInputPort(port))
     builder.ExportOutput(generator.GetOutputPort("path_planned"), "path_planned")
     builder.Connect(impedance.get_output_port(), plant.get_actuation_input_port(wiring.scene.arm))
     for port in ("pressure_commanded", "sealed"):

@@ -105,8 +105,12 @@ def test_one_sign_of_a_lost_grasp_is_not_enough() -> None:
 @pytest.mark.parametrize("failure", [0.9, np.nan])
 def test_a_lost_grasp_is_tried_again_where_the_joint_has_left_the_handle(failure: float) -> None:
     doubt = {"failure": failure, "X_WE": off_the_handle(0.08)}
+    doubt["plan_time_left"] = 1.0
     state = replace(exploring(), phase=Phase.RETURN, task=Phase.RETURN)
-    state = step(state, perceived(1.0, 0.1, **doubt))
+    state = step(state, perceived(0.0, 0.1, **doubt))
+    state = step(state, perceived(0.1 + CONFIG.doubt_time, 0.1, **doubt))
+    assert state.phase == Phase.RETURN, "what was begun is finished first"
+    doubt["plan_time_left"] = -0.01
     state = step(state, perceived(1.1 + CONFIG.doubt_time, 0.1, **doubt))
     assert state.phase == Phase.RELEASE
     assert state.lost

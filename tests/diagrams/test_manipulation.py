@@ -53,7 +53,7 @@ def test_exploration_counts_at_its_turning_point_and_exploitation_at_the_end() -
         (
             (0.0, 0.1, 0.1),
             events((2.0, ControlPhase.STOP), lost=True),
-            "the grasp was lost after 0.100",
+            "exploration ended at 0.100, the goal is 0.2; the grasp was believed lost",
         ),
     ],
 )

@@ -16,7 +16,7 @@ help:
 	@echo "make test       lint, types and tests"
 	@echo "make lint       ruff and mypy"
 	@echo "make pytest     tests only (ARGS=tests/systems/vision: some of them)"
-	@echo "make bench      time per tick, real-time factor, joint filters beside the batch limit"
+	@echo "make bench      time per tick, real-time factor, joint filters, episodes per hour"
 	@echo "make evaluate   all experiments over SEEDS=$(SEEDS) with JOBS=$(JOBS), beside the paper"
 
 # The stamp is written last, so that an interrupted installation starts again.
@@ -42,6 +42,7 @@ pytest: $(INSTALLED)
 bench: $(INSTALLED)
 	$(BIN)/python -m benchmarks.episode
 	$(BIN)/python -m benchmarks.joint_filters $(ARGS)
+	$(BIN)/python -m benchmarks.evaluation
 
 evaluate: $(INSTALLED)
 	$(BIN)/crossmodal evaluate all --seeds $(SEEDS) --jobs $(JOBS) $(ARGS)

@@ -112,17 +112,17 @@ def _show_warning(
 def list_command() -> None:
     """Show the scenarios, experiments and networks that there are."""
     with one_line_errors():
-        from diagrams.experiments import EXPERIMENTS
+        from diagrams.experiments import ALL, find_experiments
         from diagrams.scenario import load_scenario, scenario_files
 
         typer.echo("Scenarios (crossmodal run NAME):")
         for name, path in scenario_files().items():
-            typer.echo(f"  {name:16}{load_scenario(str(path)).description}")
+            typer.echo(f"  {name:19}{load_scenario(str(path)).description}")
         typer.echo("Experiments (crossmodal evaluate NAME):")
-        for name, experiment in EXPERIMENTS.items():
-            typer.echo(f"  {name:16}{experiment.description}")
+        for name, experiment in find_experiments(ALL).items():
+            typer.echo(f"  {name:19}{experiment.description}")
         typer.echo("Networks (crossmodal train NAME):")
-        typer.echo("  hand-bending    the soft hand's bending from wrench and air pressure")
+        typer.echo("  hand-bending       the soft hand's bending from wrench and air pressure")
 
 
 @app.command(

@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from diagrams import palette
 from diagrams.figures import STYLE, new_figure
@@ -227,6 +228,7 @@ def draw_errors_at_end(figures: pd.DataFrame) -> Figure:
                 median = float(values.median())
                 axes.plot([median, median], [level - 0.36, level + 0.36], color=color, lw=2.6)
             axes.set_xscale("log")
+            axes.xaxis.set_minor_formatter(NullFormatter())
             axes.set_yticks(range(len(modalities)), [palette.MODALITY_LABEL[n] for n in modalities])
             axes.set_ylim(len(modalities) - 0.45, -0.55)
             axes.set_title(f"{title} [{unit}]")

@@ -18,8 +18,10 @@ from diagrams.episode_process import failed_summary
 from diagrams.experiments import EXPERIMENTS
 from diagrams.run_folder import finished_summary, write_scenario
 from diagrams.scenario import Scenario
+from models import MODELS_DIR
 
 RUNNER = CliRunner()
+EXAMPLE = MODELS_DIR / "examples" / "two_drawers.urdf"
 Progress = Callable[[float], None] | None
 
 
@@ -182,6 +184,28 @@ def test_bad_input_is_answered_in_one_line_with_status_two(
     assert result.stderr.count("\n") == 1
     assert fake_episode.runs == []
     assert sorted(path.name for path in Path().iterdir()) == ["malformed.yaml"]
+
+
+def test_an_own_object_takes_the_place_of_the_scenarios_and_its_changes_are_told(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    command = ["run", "drawer", "--object", str(EXAMPLE), "--no-recording", "--out", "here"]
+    refused = RUNNER.invoke(app, command)
+    assert refused.exit_code == 2
+    assert refused.stderr.count("\n") == 1
+    assert "left_handle" in refused.stderr
+    result = RUNNER.invoke(app, [*command, "--grasp-frame", "right_handle"])
+    assert result.exit_code == 0, result.output
+    assert "crossmodal: warning: two_drawers.urdf: no inertia" in result.stderr
+    assert "joint: right_slide" in Path("here/scenario.yaml").read_text()
+    assert Path("here/model/object.sdf").is_file()
+
+
+def test_options_about_an_object_need_one(fake_episode: types.SimpleNamespace) -> None:
+    result = RUNNER.invoke(app, ["run", "drawer", "--joint", "hinge"])
+    assert result.exit_code == 2
+    assert "--object FILE" in result.stderr
+    assert fake_episode.runs == []
 
 
 @pytest.mark.parametrize("arguments", [["run"], ["run", "drawer", "--sed", "3"], ["fly"],

@@ -14,10 +14,11 @@ import numpy as np
 
 from diagrams.object_model import read_object_model
 from diagrams.yaml_schema import ScenarioError
-from plants.object_import.object_import import MODEL_FILE, ImportedObject, import_object
+from plants.object_import import MODEL_FILE
 
 if TYPE_CHECKING:
     from diagrams.station import Station
+    from plants.object_import.object_import import ImportedObject
 
 _DEEPEST_OVERLAP = 0.005  # [m]
 
@@ -47,12 +48,14 @@ class OwnObject:
     pose: str = ""
 
 
-def imported(model: Path, *, joint: str, frame: str, free: bool, source: str) -> ImportedObject:
+def imported(model: Path, *, joint: str, frame: str, free: bool, source: str) -> "ImportedObject":
     """The imported copy of a model, in a folder of its own that is named after its content.
 
     Raises:
         ScenarioError: where the model cannot be converted.
     """
+    from plants.object_import.object_import import import_object  # Slow: trimesh.
+
     store = Path(tempfile.gettempdir()) / f"crossmodal-objects-{os.getuid()}"
     store.mkdir(mode=0o700, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=store) as scratch:

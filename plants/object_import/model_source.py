@@ -95,7 +95,11 @@ def _decoded(content: bytes) -> str:
 
 
 def _with_known_prefixes(text: str) -> str:
-    """Declares the namespace prefixes that are used without a declaration, as many files do."""
+    """Declares the namespace prefixes that are used without a declaration, as many files do.
+
+    Drake knows its own elements by their prefix, whatever it is declared as.
+    """
+    text = re.sub(r"xmlns:drake\s*=\s*(\"[^\"]*\"|'[^']*')", 'xmlns:drake="drake.mit.edu"', text)
     used = set(re.findall(r"</?([A-Za-z_]\w*):\w", text)) | set(
         re.findall(r"\s([A-Za-z_]\w*):\w+\s*=\s*[\"']", text)
     )

@@ -13,6 +13,7 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, Multibody
 from pydrake.multibody.tree import BodyIndex, FixedOffsetFrame, Frame, FrameIndex, Joint, RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
+from plants.object_import import MODEL_FILE
 from plants.object_import.flat_model import (
     DENSITY,
     Chain,
@@ -23,8 +24,6 @@ from plants.object_import.flat_model import (
 )
 from plants.object_import.meshes import Warn
 from plants.object_import.model_source import ModelSource, Repair, read_model
-
-MODEL_FILE = "object.sdf"
 
 
 @dataclass(kw_only=True)

@@ -153,6 +153,23 @@ def test_a_possible_inertia_and_a_given_friction_are_kept(tmp_path: Path) -> Non
     assert "<drake:mu_static>0.3<" in imported.model.read_text()
 
 
+@pytest.mark.parametrize("declared", ["", " xmlns:drake='http://drake.mit.edu'"])
+def test_drakes_own_elements_are_kept_however_they_are_declared(
+    declared: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "m.sdf"
+    path.write_text(
+        f"<sdf version='1.9'{declared}><model name='m'><link name='a'/><link name='b'>"
+        "<collision name='c'><geometry><sphere><radius>0.1</radius></sphere></geometry>"
+        "<drake:proximity_properties><drake:mu_static>0.7</drake:mu_static><drake:mu_dynamic>0.6"
+        "</drake:mu_dynamic></drake:proximity_properties></collision></link>"
+        "<joint name='j' type='prismatic'><parent>a</parent><child>b</child><axis><xyz>0 1 0</xyz>"
+        "</axis></joint></model></sdf>"
+    )
+    imported = import_object(path, tmp_path / "out", grasp_frame="b")
+    assert "<drake:mu_static>0.7<" in imported.model.read_text()
+
+
 def test_only_what_moves_with_the_grasp_becomes_rigid_hydroelastic(tmp_path: Path) -> None:
     imported = import_object(write_cabinet(tmp_path), tmp_path / "out", grasp_frame="upper_grip")
     assert imported.model.read_text().count("<drake:rigid_hydroelastic") == 1

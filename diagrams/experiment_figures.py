@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -118,8 +119,25 @@ def spread(series: Sequence[tuple[Array, Array]], step: float) -> tuple[Array, A
     return np.asarray(kept * step, dtype=float), quantiles
 
 
+def common_events(summaries: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Median time [s] of what the robot began in at least half of the episodes, by name."""
+    times: dict[str, list[float]] = {}
+    for summary in summaries:
+        first = {event["name"]: event["time"] for event in reversed(summary.get("events", []))}
+        for name, time in first.items():
+            times.setdefault(name, []).append(time)
+    return {
+        name: float(np.median(found))
+        for name, found in times.items()
+        if 2 * len(found) >= len(summaries)
+    }
+
+
 def draw_errors_over_time(
-    episodes: Sequence[Mapping[str, ErrorsOverTime]], step: float, disturbances: Disturbances
+    episodes: Sequence[Mapping[str, ErrorsOverTime]],
+    step: float,
+    disturbances: Disturbances,
+    events: Mapping[str, float],
 ) -> Figure | None:
     """Median and 5 to 95 % band over the seeds of each modality's errors; None without episodes.
 
@@ -127,6 +145,7 @@ def draw_errors_over_time(
         episodes: Errors by modality.
         step: Between two ticks, [s].
         disturbances: To be marked.
+        events: Times to be marked, [s], by name.
     """
     known = [errors for episode in episodes for errors in episode.values()]
     if not known:
@@ -152,7 +171,7 @@ def draw_errors_over_time(
             if quantity != "probability":
                 axes.set_yscale("log", nonpositive="clip")
                 axes.set_ylim(bottom=max(_SMALLEST, axes.get_ylim()[0]))
-            _mark(axes, disturbances, label=axes is grid[0])
+            _mark(axes, disturbances, events, label=axes is grid[0])
         grid[2].set_ylim(-0.03, 1.05)
         grid[2].set_xlabel("time [s]")
         handles, labels = grid[0].get_legend_handles_labels()
@@ -179,8 +198,15 @@ def _draw_spread(
         label = "_"  # Once in the legend.
 
 
-def _mark(axes: Axes, disturbances: Disturbances, *, label: bool) -> None:
+def _mark(
+    axes: Axes, disturbances: Disturbances, events: Mapping[str, float], *, label: bool
+) -> None:
     left, right = axes.get_xlim()
+    for name, time in events.items():
+        if left <= time <= right:
+            axes.axvline(time, color=palette.QUIET, lw=0.9, ls=(0, (4, 3)))
+            if label:
+                _note(axes, time, name, lines_below=1)
     spans = [("lights off", interval) for interval in disturbances.lights_off]
     spans += [("camera covered", interval) for interval in disturbances.camera_covered]
     for name, interval in spans:
@@ -189,16 +215,20 @@ def _mark(axes: Axes, disturbances: Disturbances, *, label: bool) -> None:
         axes.axvspan(interval.start, min(interval.end, right), color="black", alpha=0.06, lw=0)
         axes.axvline(interval.start, color=palette.TRUTH, lw=1.1)
         if label:
-            axes.annotate(
-                name,
-                (interval.start, 1.0),
-                xycoords=("data", "axes fraction"),
-                xytext=(3, -3),
-                textcoords="offset points",
-                va="top",
-                fontsize=8.5,
-            )
+            _note(axes, interval.start, name)
     axes.set_xlim(left, right)
+
+
+def _note(axes: Axes, time: float, text: str, lines_below: int = 0) -> None:
+    axes.annotate(
+        text,
+        (time, 1.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(3, -3 - 11 * lines_below),
+        textcoords="offset points",
+        va="top",
+        fontsize=8.5,
+    )
 
 
 def draw_errors_at_end(figures: pd.DataFrame) -> Figure:

@@ -13,7 +13,12 @@ import jinja2
 import pandas as pd
 from PIL import Image
 
-from diagrams.experiment_figures import draw_errors_at_end, draw_errors_over_time, read_errors
+from diagrams.experiment_figures import (
+    common_events,
+    draw_errors_at_end,
+    draw_errors_over_time,
+    read_errors,
+)
 from diagrams.experiment_runner import Evaluation, episode_folder
 from diagrams.experiment_table import (
     HOW_TO_READ,
@@ -88,6 +93,7 @@ def write_experiment(evaluation: Evaluation, origin: str) -> list[Path]:
             read_errors(_episode_folders(evaluation)),
             evaluation.scenarios[0].network_period,
             evaluation.scenarios[0].disturbances,
+            common_events(evaluation.summaries),
         ),
         END_FILE: draw_errors_at_end(figures),
     }

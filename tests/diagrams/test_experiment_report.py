@@ -9,6 +9,7 @@ from synthetic_episode import LIGHTS_OFF, PERIOD, synthetic_episode
 
 from diagrams.evaluation import estimates_table
 from diagrams.experiment_figures import (
+    common_events,
     draw_errors_at_end,
     draw_errors_over_time,
     errors_over_time,
@@ -81,13 +82,24 @@ def test_the_spread_of_nothing_is_empty() -> None:
 def test_the_disturbance_is_marked_and_the_units_are_for_people() -> None:
     episode = synthetic_episode(JointType.REVOLUTE)
     errors = errors_over_time(estimates_table(episode))
-    figure = draw_errors_over_time([errors, errors], PERIOD, episode.scenario.disturbances)
+    disturbances = episode.scenario.disturbances
+    figure = draw_errors_over_time([errors, errors], PERIOD, disturbances, {"returning": 8.0})
     assert figure is not None
     axes = figure.axes[0]
     assert axes.get_title(loc="left") == "configuration error [deg]"
-    assert [text.get_text() for text in axes.texts] == ["lights off"]
+    assert [text.get_text() for text in axes.texts] == ["returning", "lights off"]
     assert any(np.allclose(line.get_xdata(), LIGHTS_OFF) for line in axes.lines)
-    assert draw_errors_over_time([{}], PERIOD, episode.scenario.disturbances) is None
+    assert draw_errors_over_time([{}], PERIOD, disturbances, {}) is None
+
+
+def test_events_are_marked_where_half_of_the_episodes_have_them() -> None:
+    def summary(**times: float) -> dict[str, Any]:
+        return {"events": [{"name": name, "time": time} for name, time in times.items()]}
+
+    twice = {"events": [{"name": "exploring", "time": time} for time in (5.0, 9.0)]}
+    assert common_events([summary(exploring=3.0, returning=8.0), twice, {}, {}]) == {
+        "exploring": 4.0
+    }
 
 
 def test_pictures_are_drawn_even_if_all_episodes_broke() -> None:

@@ -129,7 +129,7 @@ def list_command() -> None:
     "run",
     epilog="Examples:  crossmodal run drawer --seed 7 --meshcat   |   crossmodal run my.yaml"
     " --set disturbances.lights_off.0.start=5 --out runs/dark   |   crossmodal run drawer"
-    " --object my/cabinet.urdf --grasp-frame upper_grip",
+    " --object models/examples/two_drawers.urdf --grasp-frame left_handle",
 )
 def run_command(
     scenario: Annotated[str, typer.Argument(help="A scenario's name or a path to a YAML file.")],

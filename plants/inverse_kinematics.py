@@ -8,10 +8,13 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.solvers import Solve
 
 Array = npt.NDArray[np.float64]
+_RESTARTS = 8
 
 
 def inverse_kinematics(arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array) -> Array:
     """Joint positions (7,) that put E at `X_WE`, far from the joints' limits.
+
+    The solver stops short of a pose here and there; then it starts again from around `q_guess`.
 
     Raises:
         ValueError: if the pose is out of reach.
@@ -24,12 +27,13 @@ def inverse_kinematics(arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array
     solver.AddOrientationConstraint(world, X_WE.rotation(), frame, RotationMatrix(), 1e-3)
     weight = np.diag(1.0 / (upper - lower) ** 2)
     solver.prog().AddQuadraticErrorCost(weight, 0.5 * (lower + upper), solver.q())
-    solver.prog().SetInitialGuess(solver.q(), q_guess)
-    result = Solve(solver.prog())
-    if not result.is_success():
-        direction = X_WE.rotation().col(2).round(2).tolist()
-        raise ValueError(
-            f"the arm does not reach the handle at {p.round(3).tolist()} m along {direction};"
-            " place the object elsewhere (object.position)"
-        )
-    return np.asarray(result.GetSolution(solver.q()))
+    around = np.random.default_rng(0).normal(0.0, 0.2, (_RESTARTS, 7))
+    for guess in q_guess + np.vstack([np.zeros(7), around]):
+        result = Solve(solver.prog(), guess)
+        if result.is_success():
+            return np.asarray(result.GetSolution(solver.q()))
+    direction = X_WE.rotation().col(2).round(2).tolist()
+    raise ValueError(
+        f"the arm does not reach the handle at {p.round(3).tolist()} m along {direction};"
+        " place the object elsewhere (object.position)"
+    )

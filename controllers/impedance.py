@@ -44,7 +44,7 @@ class ImpedanceConfig:
     posture_stiffness: float = 4.0  # Of the null space, [N m/rad].
     posture_damping: float = 0.4  # Of the null space, [N m s/rad].
     torque_limit: float = 60.0  # Of every joint, [N m].
-    tare_time: float = 0.3  # In which the offset takes up what the spring holds, [s].
+    tare_time: float = 0.3  # In which the offset takes up what springs hold, [s].
 
 
 def impedance_wrench(state: ArmState, desired: DesiredMotion, gains: ImpedanceGains) -> Array:
@@ -76,7 +76,7 @@ class ImpedanceController(LeafSystem):
 
     Encoders that are off make the arm's weight wrong, by more than the compliant spring and a hand
     that holds a bar can bear. So while the arm approaches and nothing touches it, the offset
-    integrates the spring's torque J^T K log(X^-1 X_des); then it is kept.
+    integrates the torques of spring, J^T K log(X^-1 X_des), and posture; then it is kept.
 
     .. pydrake_system::
 
@@ -130,13 +130,14 @@ class ImpedanceController(LeafSystem):
             self._gains.Eval(context),
         )
         offset = np.array(context.get_discrete_state(self._offset).value())
-        if self._phase.HasValue(context) and self._phase.Eval(context)[0] == Phase.APPROACH:
-            spring = gains.stiffness @ se3.log(se3.inverse(arm.X_WE) @ desired.X_WE)
-            offset += config.period / config.tare_time * (arm.J_E.T @ spring)
-        torque = arm.J_E.T @ impedance_wrench(arm, desired, gains) + arm.tau_bias + offset
-        torque += posture_torque(
+        posture = posture_torque(
             arm, self._q_posture, config.posture_stiffness, config.posture_damping
         )
+        if self._phase.HasValue(context) and self._phase.Eval(context)[0] == Phase.APPROACH:
+            spring = gains.stiffness @ se3.log(se3.inverse(arm.X_WE) @ desired.X_WE)
+            offset += config.period / config.tare_time * (arm.J_E.T @ spring + posture)
+        torque = arm.J_E.T @ impedance_wrench(arm, desired, gains) + arm.tau_bias + offset
+        torque += posture
         limit = config.torque_limit
         next_state.get_mutable_value(0)[:] = np.clip(torque, -limit, limit)
         next_state.get_mutable_value(self._offset)[:] = offset

@@ -104,6 +104,8 @@ def _reason(folder: Path, status: int) -> str:
         return (folder / ERROR_FILE).read_text(encoding="utf-8").splitlines()[0]
     except (OSError, IndexError):
         pass
+    if (folder / SUMMARY_FILE).is_file():
+        return "the program's files have changed since the evaluation began"
     how = signal.Signals(-status).name if status < 0 else f"exit status {status}"
     return f"worker died ({how}), see {LOG_FILE}"
 
@@ -124,7 +126,9 @@ def run_here(folder: Path) -> int:
 
 
 def _end_with_parent() -> None:
-    sys.stdin.buffer.read()
+    # Not by sys.stdin: its lock would be missing when the interpreter ends.
+    while os.read(0, 1024):
+        pass
     os._exit(1)
 
 

@@ -34,6 +34,7 @@ with (folder.parent / "runs.txt").open("a") as log: log.write(f"{seed}\\n")
 if seed == 3: os.kill(os.getpid(), signal.SIGKILL)
 if seed == 5: (folder / "error.txt").write_text("RuntimeError: gave up\\n\\nTraceback"); sys.exit(1)
 if seed == 7: sys.exit(3)
+if seed == 9: (folder / "summary.json").write_text("{}"); sys.exit()
 shutil.copy(prepared, folder / "summary.json")
 """
 
@@ -59,13 +60,14 @@ def runs(folder: Path) -> list[int]:
 
 
 def test_a_dead_worker_is_a_row_and_takes_no_other_along(fake_worker: Path) -> None:
-    one = evaluation(fake_worker, [2, 3, 4, 5, 6, 7])
+    one = evaluation(fake_worker, [2, 3, 4, 5, 6, 7, 9])
     assert run(one, Workers(jobs=2))
-    assert [summary["seed"] for summary in one.summaries] == [2, 3, 4, 5, 6, 7]
+    assert [summary["seed"] for summary in one.summaries] == [2, 3, 4, 5, 6, 7, 9]
     reasons = {summary["seed"]: summary["failure"] for summary in one.summaries}
     assert reasons[3] == "worker died (SIGKILL), see log.txt"
     assert reasons[5] == "RuntimeError: gave up"
     assert reasons[7] == "worker died (exit status 3), see log.txt"
+    assert reasons[9] == "the program's files have changed since the evaluation began"
     assert [seed for seed, reason in reasons.items() if reason is None] == [2, 4, 6]
 
 

@@ -52,7 +52,13 @@ ABLATIONS = {
         flow="the grasp learnt with the eye carries the hand's reading when the light is off",
         scenario="cupboard-door",
         wire="interacted_body_to_grasp",
-        overrides=["disturbances.lights_off=[{start: 10.0}]"],
+        overrides=["disturbances.lights_off=[{start: 14.0}]"],
+    ),
+    "taught-by-the-eye": Ablation(
+        flow="what the eye has corrected carries the hand's reading when the light is off",
+        scenario="cupboard-door",
+        wire="features_to_interacted_body",
+        overrides=["disturbances.lights_off=[{start: 14.0}]"],
     ),
     "body-in-the-hand": Ablation(
         flow="the body felt by the hand tells the eye which features are its own",

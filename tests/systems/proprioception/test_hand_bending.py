@@ -251,3 +251,9 @@ def test_impossible_values_are_refused(trained: tuple, field: str, value: object
     setattr(config, field, value)
     with pytest.raises(ValueError, match=f"HandBending: {field}"):
         HandBending(config, trained[0])
+
+
+def test_perception_does_not_import_torch() -> None:
+    root = Path(__file__).parents[3]
+    for room in ("systems", "controllers", "plants", "maths"):
+        assert all("torch" not in path.read_text() for path in (root / room).rglob("*.py")), room

@@ -42,7 +42,7 @@ class InteractedBodyMotionConfig:
     hinge_curvature: float = 3.0  # One over the radius of a hinge, 1 sigma, [rad/m].
     rotation_velocity_noise: float = 0.02  # Of the bending's rate and of slip, [rad/s].
     translation_velocity_noise: float = 4.0e-3  # [m/s]
-    minimum_features: int = 4  # Fewer say nothing about the body.
+    minimum_features: int = 8  # Fewer may all be edges that slide over a plain body.
     inlier_share: float = 0.5  # Of the features seen, at least so many agree on one pose.
     anchor_rotation_floor: float = 2.0e-3  # Common error of the features' positions, [rad].
     anchor_translation_floor: float = 3.0e-4  # [m]

@@ -161,7 +161,11 @@ def _check(config: FeatureMotionConfig) -> None:
     require_fields("FeatureMotion", config, shares.split(), "in (0, 1)", lambda x: 0 < x < 1)
     require_fields("FeatureMotion", config, ["max_incidence"], "in (0, pi/2) rad", _is_acute)
     require_fields(
-        "FeatureMotion", config, ["max_features", "shape_ticks"], ">= 1", lambda x: x >= 1
+        "FeatureMotion",
+        config,
+        ["max_features", "shape_ticks", "birth_ticks"],
+        ">= 1",
+        lambda x: x >= 1,
     )
     require_fields("FeatureMotion", config, ["flow_window"], ">= 3 px", lambda x: x >= 3)
 

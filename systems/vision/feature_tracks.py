@@ -25,6 +25,7 @@ class FeatureMotionConfig:
     corner_noise_factor: float = 15.0  # Corner strength over that of the image's noise.
     min_contrast: float = 2.5  # Standard deviation of a patch, [grey levels].
     min_correlation: float = 0.8  # ZNCC below which a feature is not seen.
+    birth_ticks: int = 2  # New features are looked for every so many ticks, [ticks].
     probation: int = 3  # A feature so young has to be recognised at every tick, [ticks].
     young_correlation: float = 0.92  # ZNCC below which a young one is not worth following.
     probation_pause: int = 60  # Nothing is born for so long where one failed, [ticks].
@@ -79,6 +80,7 @@ class FeatureTracks:
         uv_image: Pixels in it (N, 2); NaN where a feature was not seen in it.
         blackout: Whether nearly all features went unseen.
         failed: Where young features failed, and ticks left of that memory (M, 3).
+        since_birth: Ticks since new features were looked for.
     """
 
     ids: Ids
@@ -95,6 +97,7 @@ class FeatureTracks:
     uv_image: Array
     blackout: bool
     failed: Array
+    since_birth: int
 
     def __deepcopy__(self, memo: dict[int, object]) -> "FeatureTracks":
         return self
@@ -140,6 +143,7 @@ def no_tracks(config: FeatureMotionConfig) -> FeatureTracks:
         uv_image=np.zeros((0, 2)),
         blackout=False,
         failed=np.zeros((0, 3)),
+        since_birth=config.birth_ticks,
     )
 
 
@@ -476,7 +480,9 @@ def track(
 ) -> FeatureTracks:
     """One tick: follow what exists, then replace what was lost."""
     tracks = follow(config, tracks, frame, predicted)
+    waited = tracks.since_birth + 1
     missing = config.max_features - len(tracks.ids)
-    if tracks.blackout or missing < max(1, config.max_features // 20):
-        return tracks
-    return give_birth(config, tracks, frame)
+    due = waited >= config.birth_ticks and missing >= max(1, config.max_features // 20)
+    if tracks.blackout or not due:
+        return replace(tracks, since_birth=waited)
+    return replace(give_birth(config, tracks, frame), since_birth=0)

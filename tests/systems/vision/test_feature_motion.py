@@ -235,5 +235,5 @@ def test_the_documented_ports_are_the_declared_ones(system_class: type, camera: 
 def test_impossible_values_are_refused_by_name(
     camera: CameraInfo, field: str, value: float
 ) -> None:
-    with pytest.raises(ValueError, match=rf"FeatureMotion: {field} is {value!r}"):
+    with pytest.raises(ValueError, match=rf"FeatureMotion: {field} = {value!r}"):
         FeatureMotion(replace(FeatureMotionConfig(), **{field: value}), camera, X_WC)

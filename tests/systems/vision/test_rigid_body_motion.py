@@ -364,5 +364,5 @@ def test_features_are_predicted_where_their_body_takes_them(
 def test_impossible_values_are_refused_by_name(
     camera: CameraInfo, field: str, value: float
 ) -> None:
-    with pytest.raises(ValueError, match=rf"RigidBodyMotion: {field} is {value!r}"):
+    with pytest.raises(ValueError, match=rf"RigidBodyMotion: {field} = {value!r}"):
         RigidBodyMotion(replace(RigidBodyMotionConfig(), **{field: value}), camera, X_WC)

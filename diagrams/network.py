@@ -106,9 +106,9 @@ def check_cut(cut: Sequence[str]) -> None:
 
 
 def joints_from_features() -> KinematicModelConfig:
-    """Bodies followed by the eye drift by some tenths of a millimetre for seconds."""
+    """Bodies followed by the eye drift by a tenth of a millimetre or two for seconds."""
     return KinematicModelConfig(
-        filters=JointFiltersConfig(slow_rotation=3e-3, slow_translation=3e-4, slow_time=2.0)
+        filters=JointFiltersConfig(slow_rotation=1.5e-3, slow_translation=1.5e-4, slow_time=2.0)
     )
 
 
@@ -122,10 +122,12 @@ def joints_from_the_hand() -> KinematicModelConfig:
 
 
 def joints_from_both() -> KinematicModelConfig:
-    """As from features; in the dark the body tells by itself what of its error lasts."""
-    model = joints_from_features()
-    model.filters.lasting_time = 5.0
-    return model
+    """The hand pulls at what the eye sees; in the dark the body tells what of its error lasts."""
+    return KinematicModelConfig(
+        filters=JointFiltersConfig(
+            slow_rotation=3e-3, slow_translation=3e-4, slow_time=2.0, lasting_time=5.0
+        )
+    )
 
 
 @dataclass(kw_only=True)

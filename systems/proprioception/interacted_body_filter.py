@@ -38,6 +38,8 @@ class InteractedBodyMotionConfig:
     hand_error_time: float = 30.0  # How long the bent hand's error stays the same, [s].
     slip_rotation: float = 0.03  # Slip in the hand per way moved, [rad/m^0.5].
     slip_translation: float = 2.0e-3  # [m/m^0.5]
+    settling_rotation: float = 0.05  # How the grip may settle while the eye sees nothing, [rad].
+    settling_translation: float = 6.0e-3  # [m]
     lever: float = 0.1  # Way of the hand per rotation, when counting its way, [m/rad].
     hinge_curvature: float = 3.0  # One over the radius of a hinge, 1 sigma, [rad/m].
     rotation_velocity_noise: float = 0.02  # Of the bending's rate and of slip, [rad/s].
@@ -98,8 +100,8 @@ class BodyState:
         V: V_WB_B (6,), with covariance V_covariance (6, 6).
         feature_ids: The features seen last.
         grasp_type: Under which f and k have their present meaning.
-        unseen: (6, 6), in B, by what the pose's covariance has grown since features corrected it.
-            The hand's errors are behind it, which change slowly.
+        unseen: (6, 6), in B, by what the pose's covariance has grown since features corrected it,
+            and before they ever did, what the grip may settle by; these errors change slowly.
     """
 
     hand: BentHand
@@ -196,8 +198,13 @@ def line_sensitivity(free: FreeMotion, tau: Array, turned: float, slides: bool) 
     return A
 
 
-def start_body(hand: BentHand, grasp: GraspBelief) -> BodyState:
-    """The body at its reference: B has the world's axes and sits at the hand's origin."""
+def start_body(hand: BentHand, grasp: GraspBelief, config: InteractedBodyMotionConfig) -> BodyState:
+    """The body at its reference: B has the world's axes and sits at the hand's origin.
+
+    A hand that settles on the handle after that misleads about the body, slowly, until features
+    say where it is.
+    """
+    settling = np.repeat([config.settling_rotation, config.settling_translation], 3)
     X_WB = np.eye(4)
     X_WB[:3, 3] = hand.X_WH[:3, 3]
     layout = Layout(hand.loading.shape[1])
@@ -213,7 +220,7 @@ def start_body(hand: BentHand, grasp: GraspBelief) -> BodyState:
         V_covariance=1e-4 * np.eye(6),
         feature_ids=np.zeros(0, dtype=np.int64),
         grasp_type=grasp.type,
-        unseen=np.zeros((6, 6)),
+        unseen=np.diag(settling**2),
     )
 
 

@@ -218,6 +218,8 @@ class InteractedBodyMotion(RecursiveFilter):
         units = {
             "period": "s",
             "hand_error_time": "s",
+            "settling_rotation": "rad",
+            "settling_translation": "m",
             "lever": "m/rad",
             "hinge_curvature": "rad/m",
             "rotation_velocity_noise": "rad/s",
@@ -244,7 +246,7 @@ class InteractedBodyMotion(RecursiveFilter):
             hand = bent_hand(end_effector, bending)
             before = self._stored(context).body
             if before is None:
-                body = start_body(hand, grasp)
+                body = start_body(hand, grasp, self._config)
             else:
                 body = predict_body(before, hand, grasp, self._config)
             Ad = se3.adjoint(se3.inverse(bending.X))

@@ -48,7 +48,7 @@ def grasp(kind: GraspType, axis: np.ndarray, point: np.ndarray) -> GraspBelief:
 def pair(seed: int) -> tuple[BodyState, BentHand, GraspBelief]:
     rng = np.random.default_rng(seed)
     belief = grasp(GraspType.PERFECT, np.array([0.0, 1.0, 0.0]), np.array([0.02, 0.0, 0.05]))
-    body = start_body(hand(rng, se3.exp(rng.normal(size=6))), belief)
+    body = start_body(hand(rng, se3.exp(rng.normal(size=6))), belief, InteractedBodyMotionConfig())
     after = hand(rng, body.hand.X_WH @ se3.exp(0.3 * rng.normal(size=6)))
     return body, after, belief
 

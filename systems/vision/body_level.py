@@ -45,6 +45,8 @@ class RigidBodyMotionConfig:
     jump_translation: float = 0.03  # The same for a shift, [m].
     prior_rotation_walk: float = 0.05  # Of the prior while no feature is seen, [rad/sqrt(s)].
     prior_translation_walk: float = 0.01  # The same, [m/sqrt(s)].
+    handle_way: float = 2.5e-3  # How well the hand knows the handle's way over the window, [m].
+    handle_noise: float = 1e-3  # Of a feature's displacement over the window, at least, [m].
     adoption_way: float = 0.003  # Of the hand before a body may turn out to be held by it, [m].
     seed: int = 0  # Of RANSAC.
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from systems.port_values import INTERACTED_BODY, STATIC_BODY, Array
+from systems.port_values import INTERACTED_BODY, STATIC_BODY, Array, Ids
 from systems.vision import body_filter
 from systems.vision.body_level import RigidBodyMotionConfig, TrackedBody
 from systems.vision.body_tracking import corrected
@@ -59,6 +59,60 @@ def _distances(history: FeatureHistory, body_id: int) -> Array:
     return np.asarray(np.sqrt(np.min(np.sum(difference**2, axis=2), axis=1)))
 
 
+def take_the_handle_along(
+    config: RigidBodyMotionConfig, body: TrackedBody, history: FeatureHistory, rows: Ids
+) -> bool:
+    """Whether features that would join the interacted body move its handle as the hand does.
+
+    A body that the hand alone has carried for a while is known roughly, so that a neighbour's
+    features (the box under the lid that is being closed) may fit it one by one. Together they show
+    their own rigid motion; what that makes of the handle must agree with the hand, which knows the
+    handle's way to some millimetres whatever the body's rotation is.
+    """
+    moved = displacements(
+        history.select(rows),
+        newest=config.newest,
+        X_WB=body.path,
+        use_rest=np.zeros(len(rows), bool),
+        X_WB_rest=body.X_WB_reference,
+    )
+    told = (moved.count_new >= 2) & (moved.count_old >= 4)
+    if np.sum(told) < config.keep_support:
+        return True
+    J = body_filter.pose_jacobian(moved.p_new[told]).reshape(-1, 6)  # B sits at the handle.
+    rest = (moved.p_new - moved.p_old)[told].reshape(-1)
+    information = J.T @ J
+    twist = np.linalg.lstsq(information, J.T @ rest, rcond=1e-9)[0]
+    residual = rest - J @ twist
+    variance = max(float(np.mean(residual**2)), config.handle_noise**2)
+    covariance = variance * np.linalg.pinv(information)[3:, 3:]
+    covariance += config.handle_way**2 * np.eye(3)
+    return bool(twist[3:] @ np.linalg.solve(covariance, twist[3:]) < config.gate)
+
+
+def without_followers_of_another(
+    config: RigidBodyMotionConfig,
+    bodies: list[TrackedBody],
+    history: FeatureHistory,
+    ratios: Array,
+) -> Array:
+    """The log likelihood ratios (M, N) of the bodies, -inf where the handle forbids a feature.
+
+    Only features that would outnumber those which support the interacted body have to show it.
+    """
+    best = np.argmax(ratios, axis=0)
+    wants = ratios[best, np.arange(len(history.ids))] > config.association
+    wants &= history.body != INTERACTED_BODY
+    for i, body in enumerate(bodies):
+        rows = np.nonzero(wants & (best == i))[0]
+        if body.body_id != INTERACTED_BODY or len(rows) <= body.support:
+            continue
+        if not take_the_handle_along(config, body, history, rows):
+            ratios = ratios.copy()
+            ratios[i, rows] = -np.inf
+    return ratios
+
+
 def associate(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> FeatureHistory:
@@ -73,6 +127,7 @@ def associate(
     ratios = np.array([np.where(fit < config.gate, ratio, -np.inf) for ratio, fit in tests])
     distances = np.array([_distances(history, body.body_id) for body in bodies])
     ratios -= np.minimum(0.5 * (distances / config.extent) ** 2, config.max_penalty)
+    ratios = without_followers_of_another(config, bodies, history, ratios)
     best = np.argmax(ratios, axis=0)
     highest = ratios[best, np.arange(len(history.ids))]
     assigned = history.body.copy()
@@ -110,6 +165,10 @@ def merged(
             if np.sum(told) < config.keep_support or body.body_id == INTERACTED_BODY:
                 continue
             shared = told & (ratio > config.association) & (fit < config.gate)
+            rows = np.nonzero(shared)[0]
+            outnumbered = older.body_id == INTERACTED_BODY and len(rows) > older.support
+            if outnumbered and not take_the_handle_along(config, older, history, rows):
+                continue
             if np.sum(shared) >= config.merging_share * np.sum(told):
                 assigned[mine], suspicion[mine] = older.body_id, 0
                 adopted = True

@@ -47,6 +47,9 @@ class GraspSequenceConfig:
     doubt_time: float = 1.0  # [s]
     failure_probability: float = 0.5
     slip: float = 0.06  # [m]
+    # A hand that holds nothing curls up: once the sealed pressure in every chamber has fallen to
+    # this share of what it was around the handle, the grasp is lost. It is 0.9 and more while held.
+    empty_pressure: float = 0.8
     retries: int = 2  # How often a lost grasp is tried again,
     retry_distance: float = 0.12  # where the hand is still as near to the handle as this, [m].
     release_time: float = 4.0  # For opening the hand, backing off and going before the handle, [s].
@@ -146,7 +149,8 @@ class SequenceState:
         X_WE_start: and where the end-effector was then (4, 4).
         X_WE_grasp: Where the hand closes or has closed (4, 4), and
         q_grasp: the joint's perceived configuration there, [m or rad].
-        X_WE_held: Where the end-effector was when it had closed (4, 4).
+        X_WE_held: Where the end-effector was when it had closed (4, 4), with
+        pressure_held: the chambers' pressure (4,), [Pa].
         task: EXPLORE, or RETURN once exploration is over.
         attempts: Grasps tried again.
         lost: Whether the grasp is believed lost.
@@ -159,6 +163,7 @@ class SequenceState:
     X_WE_grasp: Array
     q_grasp: float
     X_WE_held: Array
+    pressure_held: Array
     task: Phase
     attempts: int
     lost: bool
@@ -175,6 +180,7 @@ class Perceived:
     Attributes:
         time: [s]
         X_WE: The end-effector's measured pose (4, 4).
+        pressure: Measured in the chambers (4,), [Pa]; NaN where it is not known.
         joint: (8,) the body's unit screw S_W, q and its rate; NaN until a joint is perceived, the
             rate whenever it is only remembered.
         hand_rate: Way of the hand per unit of q, [m per m or rad]; NaN likewise.
@@ -184,6 +190,7 @@ class Perceived:
 
     time: float
     X_WE: Array
+    pressure: Array
     joint: Array
     hand_rate: float
     failure: float
@@ -214,6 +221,11 @@ def is_doubtful(state: SequenceState, now: Perceived, config: GraspSequenceConfi
     return bool(believed and slip > config.slip)
 
 
+def is_empty(state: SequenceState, now: Perceived, config: GraspSequenceConfig) -> bool:
+    """Whether every finger has curled further than it could around the handle."""
+    return bool(np.all(now.pressure < config.empty_pressure * state.pressure_held))
+
+
 def next_state(
     state: SequenceState, now: Perceived, goal: Goal, config: GraspSequenceConfig
 ) -> SequenceState:
@@ -231,21 +243,25 @@ def next_state(
     if state.phase < Phase.CLOSE:
         return _enter(state, Phase(state.phase + 1), now) if over else state
     if state.phase == Phase.CLOSE:
-        return replace(_enter(state, state.task, now), X_WE_held=now.X_WE) if over else state
+        if not over:
+            return state
+        state = _enter(state, state.task, now)
+        return replace(state, X_WE_held=now.X_WE, pressure_held=now.pressure)
     if goal.travel is not None:
         doubted = is_doubtful(state, now, config)
         since = min(state.doubted_since, now.time) if doubted else np.inf
         state = replace(state, doubted_since=since)
-    lost = now.time - state.doubted_since >= config.doubt_time
+    doubted_long = now.time - state.doubted_since >= config.doubt_time
+    lost = doubted_long or is_empty(state, now, config)
     if state.phase == Phase.RETURN:
         late = now.plan_time_left <= -config.return_patience
         there = abs(now.joint[6]) * now.hand_rate <= config.return_tolerance
         over = (late or lost or bool(there)) and now.plan_time_left <= 0.0
         if over and lost and not there:
-            return _lose_grasp(state, now, config)
+            return _lose_grasp(state, now, goal, config)
         return _enter(state, Phase.STOP, now) if over else state
     if lost:
-        return _lose_grasp(state, now, config)
+        return _lose_grasp(state, now, goal, config)
     known = not np.isnan(now.joint[6])
     way = float(np.linalg.norm(now.X_WE[:3, 3] - state.X_WE_start[:3, 3]))
     over = (over or way >= config.travel) and np.isinf(state.doubted_since)
@@ -255,7 +271,7 @@ def next_state(
     if not over:
         return state
     if goal.travel is not None and not known:
-        return _lose_grasp(state, now, config)
+        return _lose_grasp(state, now, goal, config)
     following = Phase.RETURN if goal.return_to_start else Phase.STOP
     return replace(_enter(state, following, now), task=following)
 
@@ -271,11 +287,16 @@ def _enter(state: SequenceState, phase: Phase, now: Perceived) -> SequenceState:
     )
 
 
-def _lose_grasp(state: SequenceState, now: Perceived, config: GraspSequenceConfig) -> SequenceState:
-    """Goes back to the handle where the hand is near and has not tried too often, else stops."""
+def _lose_grasp(
+    state: SequenceState, now: Perceived, goal: Goal, config: GraspSequenceConfig
+) -> SequenceState:
+    """Goes back to the handle where the hand is near and has not tried too often, else stops.
+
+    Without a perceived goal nobody knows where the handle has gone, so it stops.
+    """
     X_WE_grasp = moved_by_joint(state.X_WE_grasp, now.joint, state.q_grasp)
     near = np.linalg.norm(X_WE_grasp[:3, 3] - now.X_WE[:3, 3]) <= config.retry_distance
-    if not near or state.attempts >= config.retries:
+    if goal.travel is None or not near or state.attempts >= config.retries:
         return replace(_enter(state, Phase.STOP, now), lost=True)
     return replace(
         _enter(state, Phase.RELEASE, now),
@@ -294,6 +315,7 @@ class GraspSequence(LeafSystem):
         name: GraspSequence
         input_ports:
         - joint_state_measured
+        - pressure_measured
         - joint_remembered
         - end_effector_screw_remembered
         - grasp_failure_latest
@@ -309,12 +331,13 @@ class GraspSequence(LeafSystem):
         - closure_commanded
 
     - joint_state_measured: (14,) positions [rad] and velocities [rad/s].
+    - pressure_measured: (4,) gauge pressure in the chambers, [Pa].
     - joint_remembered, end_effector_screw_remembered: of `JointMemory`.
     - grasp_failure_latest: (1,) probability that the hand has lost the body, NaN if unknown.
     - plan_time_left: (1,) of `TrajectoryGenerator`, [s].
     - What is not connected is not known; without a goal to be perceived nothing of it is read.
     - phase: (1,) `Phase`.
-    - interaction_active: (1,) one while the hand is closed around the body.
+    - interaction_active: (1,) one while the hand is closed around the body, as far as it can feel.
     - grasp_lost: (1,) one from the instant a grasp is given up to the next one.
     - motion_desired: `DesiredMotion` of release and approach, then the grasp pose held.
     - gains_desired: `ImpedanceGains`.
@@ -362,6 +385,7 @@ class GraspSequence(LeafSystem):
         self._stiff = stiff_gains(config)
         self._compliant = exploration_gains(config, direction_E) if config.comply else self._stiff
         self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
+        self._pressure = self.DeclareVectorInputPort("pressure_measured", 4)
         self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
         self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
         self._failure = self.DeclareVectorInputPort("grasp_failure_latest", 1)
@@ -373,6 +397,7 @@ class GraspSequence(LeafSystem):
             X_WE_grasp=X_WE_grasp.copy(),
             q_grasp=0.0,
             X_WE_held=X_WE_grasp.copy(),
+            pressure_held=np.zeros(4),
             task=Phase.EXPLORE,
             attempts=0,
             lost=False,
@@ -389,7 +414,7 @@ class GraspSequence(LeafSystem):
             vector(name, 1, lambda c, out: out.SetAtIndex(0, float(of(self._state(c)))))
 
         vector("phase", 1, lambda c, out: out.SetAtIndex(0, float(self._state(c).phase)))
-        flag("interaction_active", lambda state: is_held(state.phase))
+        flag("interaction_active", lambda state: is_held(state.phase) and not state.lost)
         flag("sealed", lambda state: is_held(state.phase))
         flag("grasp_lost", lambda state: state.lost)
         vector("pressure_commanded", 4, self._calc_pressure)
@@ -445,6 +470,7 @@ class GraspSequence(LeafSystem):
         now = Perceived(
             time=context.get_time(),
             X_WE=X_WE,
+            pressure=read(self._pressure, np.nan),
             joint=read(self._joint, np.nan),
             hand_rate=float(np.linalg.norm(screw_E[3:])),
             failure=float(read(self._failure, np.nan)[0]),

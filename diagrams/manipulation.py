@@ -15,12 +15,13 @@ _NAMES = {
     ControlPhase.RETURN: "returning",
     ControlPhase.STOP: "stopped",
 }
+GRASP_LOST = "grasp lost"
 
 
 def event_name(phase: ControlPhase, grasp_lost: bool) -> str | None:
     """What begins with a phase of the control; None for what needs no mention."""
     if phase == ControlPhase.STOP and grasp_lost:
-        return "grasp lost"
+        return GRASP_LOST
     return _NAMES.get(phase)
 
 
@@ -60,12 +61,12 @@ def task_failure(task: Task, truth: Truth, events: Sequence[Event]) -> str | Non
     """Why the task was not done, in one line; None where it was."""
     phases = task_phases(task, truth, events)
     reached = phases["exploration"].reached
+    lost = [event.time for event in events if event.name == GRASP_LOST]
+    after = f"; the grasp was believed lost at {lost[0]:.1f} s" if lost else ""
     if task.goal is None:
         if reached >= task.opening:
             return None
-        return f"opened {reached:.3f} of the {task.opening:g} asked for"
-    names = [event.name for event in events]
-    after = "; the grasp was believed lost" if "grasp lost" in names else ""
+        return f"opened {reached:.3f} of the {task.opening:g} asked for{after}"
     if abs(reached - task.goal) > task.tolerance:
         return f"exploration ended at {reached:.3f}, the goal is {task.goal:g}{after}"
     if not task.return_to_start:

@@ -28,6 +28,9 @@ class ObjectModel:
         upper: Its largest.
         X_OH: Pose of the handle's frame in the model's, all joints at zero.
         lever: Distance of the handle from a revolute joint's axis, [m]; 0 for a prismatic one.
+        way_H: Unit vector (3,) in the handle's frame: where the handle goes from zero towards the
+            joint's farther limit; zero for one on a revolute joint's axis.
+        two_ways: Whether both limits are equally far.
         bottom: Height of its lowest point that can be touched in the model's frame, [m].
     """
 
@@ -36,6 +39,8 @@ class ObjectModel:
     upper: float
     X_OH: RigidTransform
     lever: float
+    way_H: np.ndarray
+    two_ways: bool
     bottom: float
 
 
@@ -85,16 +90,26 @@ def _facts(
     joint = plant.GetJointByName(joint_name, instance)
     handle = plant.GetFrameByName(frame, instance)
     X_OH = handle.CalcPose(context, plant.GetFrameByName("__model__", instance))
+    X_JH = handle.CalcPose(context, joint.frame_on_parent())
     lever = 0.0
     if joint.type_name() == JointType.REVOLUTE:
-        p_JH = handle.CalcPose(context, joint.frame_on_parent()).translation()
-        lever = float(np.linalg.norm(np.cross(joint.revolute_axis(), p_JH)))
+        way_J = np.cross(joint.revolute_axis(), X_JH.translation())
+        lever = float(np.linalg.norm(way_J))
+        way_J = way_J / lever if lever > 1e-6 else np.zeros(3)
+    else:
+        way_J = joint.translation_axis()
+    lower, upper = (
+        float(limits[0])
+        for limits in (joint.position_lower_limits(), joint.position_upper_limits())
+    )
     return ObjectModel(
         joint_type=JointType(joint.type_name()),
-        lower=float(joint.position_lower_limits()[0]),
-        upper=float(joint.position_upper_limits()[0]),
+        lower=lower,
+        upper=upper,
         X_OH=X_OH,
         lever=lever,
+        way_H=X_JH.rotation().inverse() @ way_J * (1.0 if upper >= -lower else -1.0),
+        two_ways=upper == -lower,
         bottom=_bottom(plant, scene_graph, instance),
     )
 

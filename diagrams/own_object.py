@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagrams.object_model import read_object_model
+from diagrams.object_model import ObjectModel, read_object_model
 from diagrams.yaml_schema import ScenarioError
 from plants.object_import import MODEL_FILE
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from plants.object_import.object_import import ImportedObject
 
 _DEEPEST_OVERLAP = 0.005  # [m]
+_WIDEST_PULL = 60.0  # From the way that the joint allows, [deg].
 
 
 class ObjectWarning(UserWarning):
@@ -175,6 +176,27 @@ def _numbers(option: str, text: str, count: int) -> list[float]:
     if len(values) != count or not np.all(np.isfinite(values)):
         raise ScenarioError(f"{option} {text}: expected {count} numbers with commas between them")
     return values
+
+
+def check_pull(facts: ObjectModel, pull_direction: np.ndarray, joint: str, frame: str) -> None:
+    """Warns of a pull that hardly moves the joint: it wrenches the handle out of the hand."""
+    if not np.any(facts.way_H):
+        return
+    along = float(facts.way_H @ pull_direction / np.linalg.norm(pull_direction))
+    along = abs(along) if facts.two_ways else along
+    angle = np.rad2deg(np.arccos(np.clip(along, -1.0, 1.0)))
+    if angle > _WIDEST_PULL:
+        given, better = (
+            ",".join(f"{component + 0.0:.2g}" for component in np.round(vector, 2))
+            for vector in (pull_direction, facts.way_H)
+        )
+        warnings.warn(
+            f"the pull along {given} of '{frame}' is {angle:.0f} deg off the way that '{joint}'"
+            f" lets it go, and may lose the handle; along it is {better} (--pull-direction or"
+            " object.pull_direction)",
+            ObjectWarning,
+            stacklevel=2,
+        )
 
 
 def overlaps(station: "Station") -> list[str]:

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from diagrams.episode_record import EpisodeResult
 from diagrams.joint_evaluation import axis_sign, joint_series, last_seen
+from diagrams.manipulation import GRASP_LOST
 from diagrams.palette import MODALITY_LABEL
 from systems.port_values import JointBelief, JointType
 
@@ -133,8 +134,12 @@ def speed(summary: dict[str, Any]) -> str:
 
 
 def manipulation(result: EpisodeResult, summary: dict[str, Any]) -> list[str]:
-    """What the robot did, and what that truly came to in each phase of a task with a goal."""
-    if result.scenario.task.goal is None:
+    """What the robot did, and what that truly came to in each phase.
+
+    Nothing for a mere exploration that went as it should.
+    """
+    lost = any(event.name == GRASP_LOST for event in result.events)
+    if result.scenario.task.goal is None and not lost:
         return []
     kind = result.truth.joint_type
     done = ", ".join(f"{event.name} from {event.time:.1f} s" for event in result.events)

@@ -12,7 +12,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from diagrams.network import MODALITIES, PerceptionConfig, check_cut
 from diagrams.object_model import read_object_model
-from diagrams.own_object import imported
+from diagrams.own_object import check_pull, imported
 from diagrams.station import ControlConfig, SensorsConfig
 from diagrams.yaml_schema import ScenarioError, apply_override, load_typed, read_yaml, suggestion
 from models import SDF_DIR
@@ -159,7 +159,8 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
 def _resolve_object(thing: ObjectConfig, source: str) -> None:
     """Imports a model that does not come with the program, and places it by its own frame."""
     model = Path(thing.model)
-    if model.is_relative_to(SDF_DIR):
+    is_own = not model.is_relative_to(SDF_DIR)
+    if not is_own:
         thing.model = str(model.relative_to(SDF_DIR))
     else:
         found = imported(
@@ -174,6 +175,8 @@ def _resolve_object(thing: ObjectConfig, source: str) -> None:
     facts = read_object_model(
         SDF_DIR / thing.model, joint=thing.joint, frame=thing.handle_frame, source=source
     )
+    if is_own:
+        check_pull(facts, thing.pull_direction, thing.joint, thing.handle_frame)
     if thing.place_handle:
         x_axis, p_OH = facts.X_OH.rotation().col(0), facts.X_OH.translation()
         heading = np.arctan2(x_axis[1], x_axis[0]) if np.hypot(*x_axis[:2]) > 0.1 else 0.0

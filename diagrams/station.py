@@ -342,6 +342,10 @@ def _add_control(
         "impedance", ImpedanceController(control.impedance, arm, q_taught)
     )
     pneumatics = builder.GetSubsystemByName("pneumatics")
+    builder.Connect(
+        builder.GetSubsystemByName("pressure").GetOutputPort("pressure_measured"),
+        sequence.GetInputPort("pressure_measured"),
+    )
     memory = builder.AddNamedSystem("joint_memory", JointMemory(control.sequence.period))
     generator = builder.AddNamedSystem(
         "trajectory_generator", TrajectoryGenerator(control.trajectory, arm)

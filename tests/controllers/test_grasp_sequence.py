@@ -20,6 +20,7 @@ from maths import se3
 CONFIG = GraspSequenceConfig()
 GOAL = Goal(travel=0.2, return_to_start=True)
 SLIDE = np.array([0.0, 0, 0, -1, 0, 0])
+HELD = np.array([6.0e4, 6.0e4, 6.0e4, 8.0e4])
 X_GRASP = se3.exp(np.array([0.1, 0.2, 0.3, 0.6, 0.0, 0.8]))
 
 
@@ -38,6 +39,7 @@ def perceived(time: float, q: float | None, **others: object) -> Perceived:
     now = Perceived(
         time=time,
         X_WE=moved(q or 0.0),
+        pressure=HELD,
         joint=joint,
         hand_rate=1.0,
         failure=0.0,
@@ -54,6 +56,7 @@ def exploring() -> SequenceState:
         X_WE_grasp=X_GRASP,
         q_grasp=0.0,
         X_WE_held=X_GRASP,
+        pressure_held=HELD,
         task=Phase.EXPLORE,
         attempts=0,
         lost=False,
@@ -139,6 +142,23 @@ def test_a_hand_far_from_the_handle_gives_up() -> None:
     state = step(exploring(), perceived(1.0, 0.1, **doubt))
     state = step(state, perceived(2.1, 0.1, **doubt))
     assert (state.phase, state.lost) == (Phase.STOP, True)
+
+
+def test_an_empty_hand_has_lost_its_grasp_whatever_is_perceived() -> None:
+    assert step(exploring(), perceived(1.0, 0.1, pressure=0.7 * HELD)).phase == Phase.RELEASE
+    state = step(exploring(), perceived(1.0, None, pressure=0.7 * HELD), Goal())
+    assert (state.phase, state.lost) == (Phase.STOP, True)
+    one_finger_off = HELD * [0.7, 0.7, 0.95, 0.7]
+    for pressure in (one_finger_off, np.full(4, np.nan)):
+        state = step(exploring(), perceived(1.0, 0.1, pressure=pressure), Goal())
+        assert state.phase == Phase.EXPLORE
+
+
+def test_the_pressure_of_the_grasp_is_that_at_which_the_hand_has_closed() -> None:
+    state = replace(exploring(), phase=Phase.CLOSE, pressure_held=np.zeros(4))
+    state = step(state, perceived(CONFIG.close_time, 0.0, pressure=0.9 * HELD))
+    assert state.phase == Phase.EXPLORE
+    assert_allclose(state.pressure_held, 0.9 * HELD)
 
 
 def test_a_joint_that_is_never_perceived_counts_as_a_lost_grasp() -> None:

@@ -53,12 +53,19 @@ def test_exploration_counts_at_its_turning_point_and_exploitation_at_the_end() -
         (
             (0.0, 0.1, 0.1),
             events((2.0, ControlPhase.STOP), lost=True),
-            "exploration ended at 0.100, the goal is 0.2; the grasp was believed lost",
+            "exploration ended at 0.100, the goal is 0.2; the grasp was believed lost at 2.0 s",
         ),
     ],
 )
 def test_what_was_not_done_is_said(opening: tuple[float, ...], what: list[Event], why: str) -> None:
     assert why in str(task_failure(TASK, truth(*opening), what))
+
+
+def test_a_mere_exploration_says_too_that_the_grasp_was_lost() -> None:
+    lost = events((2.0, ControlPhase.STOP), lost=True)
+    failure = task_failure(Task(opening=0.2), truth(0.0, 0.1, 0.0), lost)
+    assert failure == "opened 0.000 of the 0.2 asked for; the grasp was believed lost at 2.0 s"
+    assert task_failure(Task(opening=0.2), truth(0.0, 0.1, 0.2), lost) is None
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,13 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from diagrams.episode import build_station
 from diagrams.object_model import read_object_model
-from diagrams.own_object import ObjectWarning, OwnObject, overlaps, own_object_assignments
+from diagrams.own_object import (
+    ObjectWarning,
+    OwnObject,
+    check_pull,
+    overlaps,
+    own_object_assignments,
+)
 from diagrams.run_folder import write_scenario
 from diagrams.scenario import Scenario, load_scenario, object_model_file
 from diagrams.yaml_schema import ScenarioError
@@ -121,6 +127,42 @@ def test_what_is_assumed_is_said() -> None:
     lines = [str(warning.message) for warning in caught]
     assert any("nothing fixes the model to the world" in line for line in lines)
     assert any("600 kg/m^3" in line for line in lines)
+
+
+def pull_warnings(tmp_path: Path, **own: str) -> list[str]:
+    (tmp_path / "door.urdf").write_text(DOOR)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ObjectWarning)
+        loaded(model=tmp_path / "door.urdf", **own)
+    return [str(one.message) for one in caught if "pull along" in str(one.message)]
+
+
+def test_a_pull_that_hardly_moves_the_joint_is_warned_of_with_a_better_one(tmp_path: Path) -> None:
+    # At 3,-4 from its hinge, which turns to negative angles only, the handle goes to -4,-3.
+    grasp = "leaf@0.3,-0.4,0,0,0,0"
+    (line,) = pull_warnings(tmp_path, grasp_frame=grasp, pull_direction="4,-3,0")
+    assert "pull along 4,-3,0 of 'grasp' is 106 deg off" in line
+    assert "along it is -0.8,-0.6,0" in line
+    (line,) = pull_warnings(tmp_path, grasp_frame=grasp, pull_direction="8,6,0")
+    assert "is 180 deg off" in line
+    assert pull_warnings(tmp_path, grasp_frame=grasp, pull_direction="-1,0,0") == []
+
+
+def test_a_joint_that_goes_both_ways_may_be_pushed_as_well(tmp_path: Path) -> None:
+    for limits, count in (("lower='-1' upper='1'", 0), ("lower='-1' upper='0'", 1)):
+        (tmp_path / "shelf.urdf").write_text(DOOR.replace("lower='-0.1' upper='0'", limits))
+        scenario = loaded(model=tmp_path / "shelf.urdf", grasp_frame="leaf@0,-0.4,0,0,0,0")
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", ObjectWarning)
+            check_pull(
+                read_object_model(
+                    object_model_file(scenario), joint="hinge", frame="grasp", source=""
+                ),
+                np.array([1.0, 0.0, 0.0]),
+                "hinge",
+                "grasp",
+            )
+        assert len(caught) == count
 
 
 @pytest.mark.parametrize(

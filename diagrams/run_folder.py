@@ -43,9 +43,10 @@ OWN_FILES = (
 
 _PACKAGES = ("maths", "models", "plants", "systems", "controllers", "diagrams")
 _SOURCE_TYPES = {".py", ".sdf", ".urdf", ".yaml", ".obj", ".mtl", ".png", ".npz", ".pt"}
-# Modules that only show results: a change there leaves finished episodes valid.
+# Modules and folders that only show results: a change there leaves finished episodes valid.
 _PRESENTATION = {
     "command_line.py",
+    "commands",
     "episode_process.py",
     "experiment_figures.py",
     "experiment_report.py",
@@ -178,8 +179,9 @@ def source_hash() -> str:
     digest = hashlib.sha256()
     for package in _PACKAGES:
         for path in sorted((root / package).rglob("*")):
-            if path.suffix in _SOURCE_TYPES and path.name not in _PRESENTATION:
-                digest.update(str(path.relative_to(root)).encode())
+            place = path.relative_to(root)
+            if path.suffix in _SOURCE_TYPES and _PRESENTATION.isdisjoint(place.parts):
+                digest.update(str(place).encode())
                 digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -1,0 +1,33 @@
+"""`crossmodal ablate`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from diagrams.commands.endings import one_line_errors
+
+EXAMPLES = "Example:  crossmodal ablate body-in-the-hand --seeds 0:5"
+
+
+def ablate_command(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Flows to cut. [default: all of them]")
+    ] = None,
+    seeds: Annotated[str, typer.Option(help="Like 0:3 (without 3), 7 or 1,4,9.")] = "0:3",
+    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/ablations"),
+) -> None:
+    """Cut the wires between the senses, one at a time, and write what that costs."""
+    with one_line_errors():
+        from tqdm import tqdm
+
+        from diagrams.ablations import ABLATIONS, find_ablation, run_ablations
+        from diagrams.experiments import parse_seeds
+        from diagrams.run_folder import write_text
+
+        chosen, numbers = names or list(ABLATIONS), parse_seeds(seeds)
+        for name in chosen:
+            find_ablation(name)
+        with tqdm(total=len(chosen) * len(numbers), unit="episode", disable=None) as bar:
+            table = run_ablations(chosen, numbers, out, bar.update)
+        typer.echo(f"{table}\n  {write_text(out / 'ablations.md', table)}")

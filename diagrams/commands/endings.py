@@ -1,0 +1,47 @@
+"""How a command ends: its exit status, and one line where the user's input is at fault."""
+
+import contextlib
+import logging
+import warnings
+from collections.abc import Iterator
+from typing import TextIO
+
+import typer
+
+BAD_INPUT = 2
+FAILED = 1
+INTERRUPTED = 130
+
+
+@contextlib.contextmanager
+def one_line_errors() -> Iterator[None]:
+    """Ends the command with one line and its exit status where the user's input is at fault."""
+    from diagrams.yaml_schema import ScenarioError
+
+    logging.getLogger("drake").setLevel(logging.ERROR)  # Its notes are not for a user.
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = _show_warning
+            yield
+    except ScenarioError as error:
+        typer.echo(f"crossmodal: {error}", err=True)
+        raise typer.Exit(BAD_INPUT) from None
+    except KeyboardInterrupt:
+        typer.echo("crossmodal: interrupted before there was anything to keep", err=True)
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """A warning in one line, the program's own without where in the program it arose."""
+    if category.__module__.startswith("diagrams."):
+        typer.echo(f"crossmodal: warning: {message}", err=True)
+    else:
+        text = warnings.formatwarning(message, category, filename, lineno, line)
+        typer.echo(text, file=file, err=True, nl=False)

@@ -1,0 +1,114 @@
+"""`crossmodal evaluate`."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from diagrams.commands.endings import FAILED, INTERRUPTED, one_line_errors
+from diagrams.commands.options import SetOption
+
+if TYPE_CHECKING:
+    from diagrams.experiment_runner import Evaluation, Workers
+
+EXAMPLES = (
+    "Examples:  crossmodal evaluate drawer --seeds 100:120 --jobs 2   |"
+    "   crossmodal evaluate all --seeds 20.  Run it again to go on where it was stopped."
+)
+
+
+def evaluate_command(
+    experiment: Annotated[str, typer.Argument(help="See 'crossmodal list'; 'all' for all.")],
+    seeds: Annotated[
+        str, typer.Option(help="Like 20 (from 100 on), 100:120 (without 120) or 1,4,9.")
+    ] = "20",
+    jobs: Annotated[int, typer.Option(min=1, help="Episodes at a time, one process each.")] = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the results. [default: runs/evaluate/NAME]")
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Start afresh where the folder has other results.")
+    ] = False,
+    backend: Annotated[
+        str, typer.Option(help="'processes' on this machine, or 'ray' for a cluster.")
+    ] = "processes",
+    address: Annotated[
+        str, typer.Option(help="Of the Ray cluster. [default: the one on this machine]")
+    ] = "",
+    overrides: SetOption = None,
+) -> None:
+    """Repeat an experiment over seeds and write tables and plots beside the paper's figures."""
+    with one_line_errors():
+        from diagrams import experiment_report as reports
+        from diagrams.experiment_runner import Workers, connect, prepare
+        from diagrams.experiments import ALL, find_experiments, parse_seeds
+
+        chosen = find_experiments(experiment)
+        numbers = parse_seeds(seeds)
+        root = Path("runs") / "evaluate"
+        if experiment == ALL:
+            top = out or root
+            folders = {name: top / name for name in chosen}
+        else:
+            folders = {experiment: out or root / experiment}
+        workers = Workers(jobs=jobs, backend=backend, address=address)
+        connect(workers)
+        evaluations = [
+            prepare(name, one, numbers, folders[name], overrides=overrides or [], force=force)
+            for name, one in chosen.items()
+        ]
+        origin = reports.made_by(
+            " ".join(
+                ["crossmodal evaluate", experiment, f"--seeds {seeds} --jobs {jobs}"]
+                + [f"--set {assignment}" for assignment in overrides or []]
+            )
+        )
+        written: list[Path] = []
+        finished = True
+        for evaluation in evaluations:
+            finished = finished and _run_evaluation(evaluation, workers)
+            written = reports.write_experiment(evaluation, origin) or written
+        if experiment == ALL:
+            written = reports.write_overview(evaluations, top, origin)
+    summaries = [summary for evaluation in evaluations for summary in evaluation.summaries]
+    _finish_evaluation(summaries, written, not finished)
+
+
+def _run_evaluation(evaluation: "Evaluation", workers: "Workers") -> bool:
+    """Runs an experiment behind a progress bar; returns False where it was interrupted."""
+    from tqdm import tqdm
+
+    from diagrams.experiment_runner import run
+
+    total = len(evaluation.scenarios)
+    with tqdm(total=total, desc=evaluation.name, unit="episode", disable=None) as bar:
+        done = 0
+
+        def progress(summary: dict[str, Any]) -> None:
+            nonlocal done
+            done += bool(summary["success"])
+            bar.update()
+            bar.set_postfix_str(f"{done} of {bar.n} done")
+            if not summary["success"]:
+                reason = f"{evaluation.name}, seed {summary['seed']}: {summary['failure']}"
+                bar.write(reason, file=sys.stderr)
+
+        return run(evaluation, workers, progress)
+
+
+def _finish_evaluation(
+    summaries: list[dict[str, Any]], written: list[Path], interrupted: bool
+) -> None:
+    for path in written:
+        if path.suffix == ".md":
+            typer.echo(path.read_text(encoding="utf-8"))
+    for path in written:
+        typer.echo(f"  {path}")
+    if interrupted:
+        typer.echo(
+            f"crossmodal: interrupted after {len(summaries)} episode(s); the same command goes on",
+            err=True,
+        )
+        raise typer.Exit(INTERRUPTED)
+    raise typer.Exit(0 if all(summary["success"] for summary in summaries) else FAILED)

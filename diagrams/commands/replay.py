@@ -1,0 +1,43 @@
+"""`crossmodal replay`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from diagrams.commands.endings import one_line_errors
+from diagrams.commands.options import ForceOption, SetOption
+from diagrams.commands.run_output import write_and_report
+
+EXAMPLES = (
+    "Example:  crossmodal run drawer --record-sensors --out runs/a, then"
+    "  crossmodal replay runs/a --set 'perception.cut=[interacted_body_to_grasp]'"
+)
+
+
+def replay_command(
+    run: Annotated[Path, typer.Argument(help="Folder of a run with --record-sensors.")],
+    out: Annotated[Path | None, typer.Option(help="Folder. [default: RUN/replay]")] = None,
+    force: ForceOption = False,
+    overrides: SetOption = None,
+) -> None:
+    """Perceive a recorded run again, with other filters or other wires, without simulating."""
+    with one_line_errors():
+        from tqdm import tqdm
+
+        from diagrams.replay import Wiring, load_recorded_scenario, replay
+        from diagrams.run_folder import open_run_folder
+
+        chosen = load_recorded_scenario(run, overrides or [])
+        folder = open_run_folder(out or run / "replay", force)
+        wirings = {
+            name: Wiring(modality=name, cut=chosen.perception.cut) for name in chosen.modalities
+        }
+        with tqdm(desc=f"{chosen.name}, seed {chosen.seed}", unit="tick", disable=None) as bar:
+
+            def progress(_: float) -> None:
+                bar.update()
+
+            result = replay(run, chosen, wirings, progress)
+        status = write_and_report(folder, result)
+    raise typer.Exit(status)

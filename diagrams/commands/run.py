@@ -1,0 +1,163 @@
+"""`crossmodal run`."""
+
+import contextlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from diagrams.commands.endings import one_line_errors
+from diagrams.commands.gentle_interrupt import GentleInterrupt
+from diagrams.commands.options import ForceOption, SetOption
+from diagrams.commands.run_output import write_and_report
+
+if TYPE_CHECKING:
+    from diagrams.episode_record import EpisodeResult
+    from diagrams.scenario import Scenario
+
+EXAMPLES = (
+    "Examples:  crossmodal run drawer --seed 7 --meshcat   |   crossmodal run my.yaml"
+    " --set disturbances.lights_off.0.start=5 --out runs/dark   |   crossmodal run drawer"
+    " --object models/examples/two_drawers.urdf --grasp-frame left_handle"
+)
+
+
+def run_command(
+    scenario: Annotated[str, typer.Argument(help="A scenario's name or a path to a YAML file.")],
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="What varies: object, offsets, noise.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the run. [default: runs/SCENARIO-seedSEED]")
+    ] = None,
+    force: ForceOption = False,
+    meshcat: Annotated[
+        bool, typer.Option("--meshcat", help="Print an address where it can be watched live.")
+    ] = False,
+    host: Annotated[
+        str, typer.Option(help="Interface that Meshcat listens on; '*' for all of them.")
+    ] = "localhost",
+    own_object: Annotated[
+        Path | None,
+        typer.Option(
+            "--object", metavar="FILE", help="Any SDF or URDF, in place of the scenario's object."
+        ),
+    ] = None,
+    grasp_frame: Annotated[
+        str,
+        typer.Option(
+            help="Its frame or link to grasp (x out of the object, y along the bar), or LINK@POSE."
+        ),
+    ] = "",
+    joint: Annotated[
+        str, typer.Option(help="Its joint to explore. [default: the nearest to the grasp]")
+    ] = "",
+    pull_direction: Annotated[
+        str, typer.Option(metavar="X,Y,Z", help="In the grasped frame. [default: 1,0,0]")
+    ] = "",
+    object_pose: Annotated[
+        str,
+        typer.Option(
+            metavar="X,Y,Z,ROLL,PITCH,YAW",
+            help="Of its model frame, [m] and [rad]. [default: handle where the scenario's is]",
+        ),
+    ] = "",
+    recording: Annotated[bool, typer.Option(help="Write meshcat.html.")] = True,
+    record_sensors: Annotated[
+        bool, typer.Option("--record-sensors", help="Keep the sensor streams, for `replay`.")
+    ] = False,
+    modalities: Annotated[
+        str | None, typer.Option(help="Comma-separated, of vision,proprioception,crossmodal.")
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="Longest simulated time, [s].")] = None,
+    overrides: SetOption = None,
+) -> None:
+    """Simulate one episode and write what was perceived into a folder."""
+    with one_line_errors():
+        from diagrams.own_object import OwnObject, own_object_assignments, refuse_without_object
+        from diagrams.run_folder import SENSORS_FILE, default_folder, open_run_folder
+        from diagrams.scenario import load_scenario
+
+        assignments = list(overrides or [])
+        if seed is not None:
+            assignments.append(f"seed={seed}")
+        if duration is not None:
+            assignments.append(f"duration={duration}")
+        if modalities is not None:
+            names = [name.strip() for name in modalities.split(",")]
+            assignments.append(f"modalities=[{', '.join(names)}]")
+        if own_object is None:
+            refuse_without_object(
+                grasp_frame=grasp_frame,
+                joint=joint,
+                pull_direction=pull_direction,
+                object_pose=object_pose,
+            )
+        else:
+            own = OwnObject(
+                model=own_object,
+                grasp_frame=grasp_frame,
+                joint=joint,
+                pull_direction=pull_direction,
+                pose=object_pose,
+            )
+            assignments = own_object_assignments(scenario, assignments, own) + assignments
+        chosen = load_scenario(scenario, assignments)
+        folder = open_run_folder(out or default_folder(chosen), force)
+        try:
+            sensors_file = folder / SENSORS_FILE if record_sensors else None
+            result = _simulate(
+                chosen, live=meshcat, host=host, recording=recording, sensors_file=sensors_file
+            )
+        finally:
+            _remove_if_empty(folder)
+        status = write_and_report(folder, result)
+    raise typer.Exit(status)
+
+
+def _remove_if_empty(folder: Path) -> None:
+    with contextlib.suppress(OSError):
+        folder.rmdir()
+
+
+def _simulate(
+    scenario: "Scenario", *, live: bool, host: str, recording: bool, sensors_file: Path | None
+) -> "EpisodeResult":
+    from tqdm import tqdm
+
+    from diagrams.episode import run_episode
+    from maths.compiled import compilation_timed
+
+    viewer = _start_meshcat(host, announce=live) if live or recording else None
+    bar = tqdm(
+        total=scenario.duration,
+        desc=f"{scenario.name}, seed {scenario.seed}",
+        bar_format="{desc}: {percentage:3.0f}% |{bar}| {n:.1f}/{total:.1f} s simulated"
+        " [{elapsed}<{remaining}]",
+        disable=None,
+    )
+
+    def announce() -> None:
+        bar.write("Compiling the filters' inner loops: a minute more, this first time.")
+
+    with GentleInterrupt() as interrupt, bar, compilation_timed(announce):
+
+        def progress(time: float) -> None:
+            interrupt.check()
+            bar.update(max(0.0, min(time, scenario.duration) - bar.n))
+
+        result = run_episode(
+            scenario, scenario.seed, meshcat=viewer, progress=progress, sensors_file=sensors_file
+        )
+        bar.total = bar.n  # An episode may end before its time is over.
+        bar.refresh()
+    return result
+
+
+def _start_meshcat(host: str, *, announce: bool) -> Any:
+    from diagrams.meshcat_view import start_meshcat
+
+    meshcat = start_meshcat(host)
+    if announce:
+        typer.echo(f"Watch it at {meshcat.web_url()}")
+    return meshcat

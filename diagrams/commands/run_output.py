@@ -1,0 +1,30 @@
+"""What a run leaves behind: its folder, a report and an exit status."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from diagrams.commands.endings import FAILED, INTERRUPTED
+
+if TYPE_CHECKING:
+    from diagrams.episode_record import EpisodeResult
+
+
+def write_and_report(folder: Path, result: "EpisodeResult") -> int:
+    """Writes the run, prints its report and returns the exit status."""
+    from diagrams.run_folder import SUMMARY_FILE, write_run
+    from diagrams.run_report import report
+
+    written = write_run(folder, result)
+    summary = json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))
+    typer.echo(report(result, summary, written))
+    if result.interrupted:
+        typer.echo(
+            f"crossmodal: interrupted at {result.duration:.1f} s; the files above hold what was"
+            " perceived until then",
+            err=True,
+        )
+        return INTERRUPTED
+    return 0 if result.failure is None else FAILED

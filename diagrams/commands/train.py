@@ -1,0 +1,44 @@
+"""`crossmodal train`, with one command for each network."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from diagrams.commands.endings import one_line_errors
+
+EXAMPLES = "Example:  crossmodal train hand-bending --jobs 2 --search"
+
+
+def train_hand_bending_command(
+    search: Annotated[
+        bool, typer.Option("--search", help="Also compare topologies by leave-one-out.")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of data and weights.")] = 0,
+    jobs: Annotated[int, typer.Option(min=1, help="Interactions simulated at a time.")] = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of weights and card. [default: models/weights]")
+    ] = None,
+) -> None:
+    """Train the networks that read the soft hand's bending from wrench and air pressure."""
+    with one_line_errors():
+        from tqdm import tqdm
+
+        from diagrams.network_training import (
+            INTERACTIONS,
+            simulate_interactions,
+            train_hand_bending,
+        )
+
+        simulated = tqdm(
+            simulate_interactions(seed, jobs=jobs),
+            total=INTERACTIONS,
+            desc="interactions",
+            disable=None,
+        )
+        interactions = list(simulated)
+        typer.echo("Training ..." + (" and comparing topologies ..." if search else ""))
+        written, card = train_hand_bending(interactions, seed=seed, search=search, folder=out)
+        typer.echo(f"\n{card}")
+        for path in written:
+            typer.echo(f"  {path}")

@@ -1,0 +1,59 @@
+import sys
+import types
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from diagrams import command_line
+from diagrams.command_line import app
+
+RUNNER = CliRunner()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["run", "drawr"],
+        ["run", "none.yaml"],
+        ["run", "malformed.yaml"],
+        ["run", "drawer", "--set", "sensors.encoders.noise_positio=1"],
+        ["run", "drawer", "--set", "plant.time_step=0"],
+        ["run", "drawer", "--set", "object.model=none.sdf"],
+        ["run", "drawer", "--set", "object.handle_frame=none"],
+        ["run", "drawer", "--modalities", "vision,smell"],
+        ["run", "drawer", "--duration", "-3"],
+        ["run", "drawer", "--out", "malformed.yaml/run"],
+        ["evaluate", "cupboard"],
+        ["evaluate", "drawer", "--seeds", "a:b"],
+        ["evaluate", "drawer", "--seeds", "5:5"],
+        ["evaluate", "drawer", "--backend", "rey"],
+        ["evaluate", "drawer", "--set", "duratoin=3"],
+        ["diagram", "drawer", "--modality", "touch"],
+        ["diagram", "drawer", "--out", "malformed.yaml"],
+    ],
+)
+def test_bad_input_is_answered_in_one_line_with_status_two(
+    arguments: list[str], fake_episode: types.SimpleNamespace
+) -> None:
+    Path("malformed.yaml").write_text("a: [1\n")
+    sys.modules["diagrams.episode"].build_networks = None  # type: ignore[attr-defined]
+    sys.modules["diagrams.episode"].build_station = None  # type: ignore[attr-defined]
+    result = RUNNER.invoke(app, arguments)
+    assert result.exit_code == 2, result.output
+    assert result.stderr.startswith("crossmodal: ")
+    assert result.stderr.count("\n") == 1
+    assert fake_episode.runs == []
+    assert sorted(path.name for path in Path().iterdir()) == ["malformed.yaml"]
+
+
+@pytest.mark.parametrize("arguments", [["run"], ["run", "drawer", "--sed", "3"], ["fly"],
+                                       ["run", "drawer", "--seed", "x"]])  # fmt: skip
+def test_bad_options_are_answered_in_one_line_with_status_two(
+    arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["crossmodal", *arguments])
+    assert command_line.main() == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("crossmodal: ")
+    assert captured.err.count("\n") == 1

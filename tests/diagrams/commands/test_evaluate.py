@@ -1,0 +1,77 @@
+import types
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from diagrams import episode_process
+from diagrams.command_line import app
+from diagrams.episode_process import failed_summary
+from diagrams.experiments import EXPERIMENTS
+from diagrams.run_folder import finished_summary, write_scenario
+from diagrams.scenario import Scenario
+
+RUNNER = CliRunner()
+
+
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch, fake_episode: types.SimpleNamespace) -> None:
+    """Lets an evaluation's episodes run in the test's own process."""
+
+    def run_apart(scenario: Scenario, folder: Path, environment: Any) -> dict[str, Any]:
+        write_scenario(folder, scenario)
+        episode_process.run_here(folder)
+        if fake_episode.stops_early:
+            raise KeyboardInterrupt
+        summary = finished_summary(folder, scenario)
+        return summary or failed_summary(scenario, episode_process._reason(folder, 1))
+
+    monkeypatch.setattr(episode_process, "run_apart", run_apart)
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_evaluate_goes_on_where_it_was_and_reports_failures(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    command = ["evaluate", "drawer", "--seeds", "3:5", "--out", "here"]
+    first = RUNNER.invoke(app, command)
+    assert first.exit_code == 0, first.output
+    assert "| configuration error at the end |" in first.output
+    assert len(fake_episode.runs) == 2
+    fake_episode.error = RuntimeError("the solver\ngave up")
+    second = RUNNER.invoke(app, [*command[:3], "3:6", *command[4:]])
+    assert second.exit_code == 1
+    assert len(fake_episode.runs) == 3
+    assert "| 5 | RuntimeError: the solver gave up |" in second.output
+    assert "2/3" in second.output
+    assert "gave up" in Path("here/seed-0005/error.txt").read_text()
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_an_interrupted_evaluation_stops_and_its_table_has_what_was_finished(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    command = ["evaluate", "drawer", "--out", "here", "--seeds"]
+    assert RUNNER.invoke(app, [*command, "3:4"]).exit_code == 0
+    fake_episode.stops_early = True
+    stopped = RUNNER.invoke(app, [*command, "3:6"])
+    assert stopped.exit_code == 130
+    assert "interrupted after 1 episode(s)" in stopped.stderr
+    assert "# drawer: 1 episode, seeds 3" in stopped.stdout
+    assert len(fake_episode.runs) == 2
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_all_experiments_end_in_one_table_and_single_ones_are_taken_over(
+    fake_episode: types.SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = {name: EXPERIMENTS[name] for name in ("drawer", "drawer-lights-off")}
+    monkeypatch.setattr("diagrams.experiments.EXPERIMENTS", kept)
+    assert RUNNER.invoke(app, ["evaluate", "drawer", "--seeds", "1"]).exit_code == 0
+    result = RUNNER.invoke(app, ["evaluate", "all", "--seeds", "1"])
+    assert result.exit_code == 0, result.output
+    assert [name for name, *_ in fake_episode.runs] == ["drawer", "drawer-lights-off"]
+    assert "| all | 2/2 (100 %) |" in result.output
+    assert Path("runs/evaluate/report.html").is_file()
+    assert Path("runs/evaluate/drawer/report.html").is_file()

@@ -1,0 +1,32 @@
+import subprocess
+import sys
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from diagrams import command_line
+from diagrams.command_line import app
+
+RUNNER = CliRunner()
+
+
+def test_help_teaches_by_example_and_needs_no_heavy_import() -> None:
+    code = (
+        "import sys; from diagrams import command_line;"
+        "heavy = {'pydrake', 'numpy', 'torch', 'cv2', 'matplotlib', 'pandas'} & set(sys.modules);"
+        "assert not heavy, heavy"
+    )
+    subprocess.run(
+        [sys.executable, "-c", code], check=True, cwd=Path(command_line.__file__).parents[1]
+    )
+    names = ("list", "run", "replay", "evaluate", "ablate", "diagram", "train")
+    for command in ([], *([name] for name in names), ["train", "hand-bending"]):
+        result = RUNNER.invoke(app, [*command, "--help"])
+        assert result.exit_code == 0
+        assert "crossmodal" in result.output
+
+
+def test_list_names_the_scenarios() -> None:
+    result = RUNNER.invoke(app, ["list"])
+    assert result.exit_code == 0
+    assert "drawer" in result.output

@@ -1,0 +1,89 @@
+import json
+import types
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from diagrams.command_line import app
+from models import MODELS_DIR
+
+RUNNER = CliRunner()
+EXAMPLE = MODELS_DIR / "examples" / "two_drawers.urdf"
+
+
+def test_a_run_writes_its_folder_and_reports_every_modality(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    result = RUNNER.invoke(app, ["run", "drawer", "--seed", "7", "--no-recording"])
+    assert result.exit_code == 0, result.output
+    assert fake_episode.runs == [("drawer", 7, False)]
+    folder = Path("runs/drawer-seed7")
+    assert json.loads((folder / "summary.json").read_text())["seed"] == 7
+    for word in ("vision:", "proprioception:", "cross-modal:", "opening error", "real-time factor",
+                 str(folder / "summary.json")):  # fmt: skip
+        assert word in result.output
+
+
+def test_a_second_run_into_the_same_folder_needs_force(fake_episode: types.SimpleNamespace) -> None:
+    command = ["run", "drawer", "--out", "here", "--no-recording"]
+    assert RUNNER.invoke(app, command).exit_code == 0
+    before = Path("here/summary.json").read_bytes()
+    refused = RUNNER.invoke(app, command)
+    assert refused.exit_code == 2
+    assert refused.stderr.count("\n") == 1
+    assert "--force" in refused.stderr
+    assert Path("here/summary.json").read_bytes() == before
+    assert len(fake_episode.runs) == 1
+    assert RUNNER.invoke(app, [*command, "--force"]).exit_code == 0
+
+
+def test_an_episode_that_misses_its_task_exits_with_one_and_keeps_its_files(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    fake_episode.failure = "the drawer was opened by 12.0 cm of 20.0 cm"
+    result = RUNNER.invoke(app, ["run", "drawer", "--out", "here", "--no-recording"])
+    assert result.exit_code == 1
+    assert "12.0 cm of 20.0 cm" in result.output
+    assert json.loads(Path("here/summary.json").read_text())["success"] is False
+
+
+def test_an_interrupted_run_keeps_what_there_is_and_says_so(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    fake_episode.interrupt = True
+    result = RUNNER.invoke(app, ["run", "drawer", "--out", "here", "--no-recording"])
+    assert result.exit_code == 130
+    assert "interrupted at" in result.stderr
+    assert json.loads(Path("here/summary.json").read_text())["interrupted"] is True
+
+
+def test_an_interrupt_before_anything_was_recorded_leaves_no_folder(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    fake_episode.error = KeyboardInterrupt()
+    result = RUNNER.invoke(app, ["run", "drawer", "--out", "here", "--no-recording"])
+    assert result.exit_code == 130
+    assert result.stderr.count("\n") == 1
+    assert not Path("here").exists()
+
+
+def test_an_own_object_takes_the_place_of_the_scenarios_and_its_changes_are_told(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    command = ["run", "drawer", "--object", str(EXAMPLE), "--no-recording", "--out", "here"]
+    refused = RUNNER.invoke(app, command)
+    assert refused.exit_code == 2
+    assert refused.stderr.count("\n") == 1
+    assert "left_handle" in refused.stderr
+    result = RUNNER.invoke(app, [*command, "--grasp-frame", "right_handle"])
+    assert result.exit_code == 0, result.output
+    assert "crossmodal: warning: two_drawers.urdf: no inertia" in result.stderr
+    assert "joint: right_slide" in Path("here/scenario.yaml").read_text()
+    assert Path("here/model/object.sdf").is_file()
+
+
+def test_options_about_an_object_need_one(fake_episode: types.SimpleNamespace) -> None:
+    result = RUNNER.invoke(app, ["run", "drawer", "--joint", "hinge"])
+    assert result.exit_code == 2
+    assert "--object FILE" in result.stderr
+    assert fake_episode.runs == []

@@ -48,7 +48,7 @@ class GraspSequenceConfig:
     failure_probability: float = 0.5
     slip: float = 0.06  # [m]
     # A hand that holds nothing curls up: once the sealed pressure in every chamber has fallen to
-    # this share of what it was around the handle, the grasp is lost. It is 0.9 and more while held.
+    # this share of what it was around the handle, the grasp is lost. A hand that holds keeps 0.88.
     empty_pressure: float = 0.8
     retries: int = 2  # How often a lost grasp is tried again,
     retry_distance: float = 0.12  # where the hand is still as near to the handle as this, [m].

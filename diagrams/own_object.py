@@ -1,12 +1,12 @@
 """Objects that do not come with the program: imported when a scenario names them."""
 
 import hashlib
-import os
 import shutil
 import tempfile
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,15 +50,16 @@ class OwnObject:
 
 
 def imported(model: Path, *, joint: str, frame: str, free: bool, source: str) -> "ImportedObject":
-    """The imported copy of a model, in a folder of its own that is named after its content.
+    """The imported copy of a model, in a folder that is there as long as this process is.
+
+    A run takes it along into its own folder.
 
     Raises:
         ScenarioError: where the model cannot be converted.
     """
     from plants.object_import.object_import import import_object  # Slow: trimesh.
 
-    store = Path(tempfile.gettempdir()) / f"crossmodal-objects-{os.getuid()}"
-    store.mkdir(mode=0o700, exist_ok=True)
+    store = Path(_store().name)
     with tempfile.TemporaryDirectory(dir=store) as scratch:
         folder = Path(scratch) / "model"
         try:
@@ -66,14 +67,9 @@ def imported(model: Path, *, joint: str, frame: str, free: bool, source: str) ->
         except ValueError as error:
             raise ScenarioError(f"{source}: {error}") from None
         if result.model.parent == folder:
-            place = store / _content_hash(folder)
+            place = store / content_hash(folder)
             if not place.exists():
-                # Another process may be faster with the same content.
-                try:
-                    folder.rename(place)
-                except OSError:
-                    if not place.exists():
-                        raise
+                folder.rename(place)
             result.model = place / MODEL_FILE
             if result.is_floating and not free:
                 result.warnings.append(
@@ -85,7 +81,13 @@ def imported(model: Path, *, joint: str, frame: str, free: bool, source: str) ->
     return result
 
 
-def _content_hash(folder: Path) -> str:
+@cache
+def _store() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="crossmodal-objects-")
+
+
+def content_hash(folder: Path) -> str:
+    """Of all its files, wherever it is."""
     digest = hashlib.sha256()
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         digest.update(str(path.relative_to(folder)).encode())

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from pydrake.common.yaml import yaml_dump_typed
 
 from diagrams.episode_record import EpisodeResult
-from diagrams.own_object import keep_object
+from diagrams.own_object import content_hash, keep_object
 from diagrams.scenario import Scenario
 from diagrams.yaml_schema import ScenarioError, one_line
 
@@ -187,13 +187,18 @@ def source_hash() -> str:
 
 
 def scenario_hash(scenario: Scenario) -> str:
-    """Hash of all that the scenario says, its versions left out."""
-    kept = scenario.versions
+    """Hash of all that the scenario says, its versions left out.
+
+    Of an imported object it matters what it is, not where its copy lies.
+    """
+    versions, model = scenario.versions, scenario.object.model
     scenario.versions = {}
+    if Path(model).is_absolute():
+        scenario.object.model = content_hash(Path(model).parent)
     try:
         return hashlib.sha256(yaml_dump_typed(scenario).encode()).hexdigest()[:16]
     finally:
-        scenario.versions = kept
+        scenario.versions, scenario.object.model = versions, model
 
 
 def fingerprint(scenario: Scenario) -> dict[str, str]:

@@ -1,12 +1,14 @@
 """An object of the user's own in place of a scenario's: from options to a run's folder."""
 
+import os
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from pydrake.common.yaml import yaml_dump_typed
 
 from diagrams.episode import build_station
 from diagrams.object_model import read_object_model
@@ -17,7 +19,7 @@ from diagrams.own_object import (
     overlaps,
     own_object_assignments,
 )
-from diagrams.run_folder import write_scenario
+from diagrams.run_folder import scenario_hash, write_scenario
 from diagrams.scenario import Scenario, load_scenario, object_model_file
 from diagrams.yaml_schema import ScenarioError
 from models import MODELS_DIR
@@ -108,9 +110,28 @@ def test_a_runs_folder_repeats_the_run_without_the_original(tmp_path: Path) -> N
     copy = object_model_file(again)
     assert copy == moved / "model" / "object.sdf"
     assert copy.read_bytes() == object_model_file(scenario).read_bytes()
-    again.object.model, again.versions = scenario.object.model, {}
-    scenario.versions = {}
-    assert yaml_dump_typed(again) == yaml_dump_typed(scenario)
+    assert scenario_hash(again) == scenario_hash(scenario)
+    copy.write_text(copy.read_text().replace("</mass>", "1</mass>"))
+    assert scenario_hash(again) != scenario_hash(scenario)
+
+
+def test_what_is_converted_does_not_outlive_the_process(tmp_path: Path) -> None:
+    code = (
+        "from pathlib import Path; from diagrams.own_object import imported;"
+        f"made = imported(Path({str(EXAMPLE)!r}), joint='', frame='left_handle', free=False,"
+        " source=''); assert made.model.is_file(); print(made.model)"
+    )
+    root = str(MODELS_DIR.parent)
+    environment = {**os.environ, "TMPDIR": str(tmp_path), "PYTHONPATH": root}
+    made = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", code],
+        env=environment,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    assert made.stdout.startswith(str(tmp_path))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_run_with_an_object_of_the_program_leaves_no_model_of_an_earlier_one(

@@ -128,6 +128,8 @@ class BodyMotion:
         p_BF_covariance: (K, 3, 3), [m^2].
         lasting_covariance: (6, 6), in B, of that part of the pose's error that stays for seconds:
             more measurements of the kind do not average it away.
+        reference_age: How long ago the body was last known to stand at its reference, [s]; NaN
+            where that is not known.
     """
 
     body_id: int
@@ -137,6 +139,7 @@ class BodyMotion:
     p_BF: Array
     p_BF_covariance: Array
     lasting_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    reference_age: float = float("nan")
 
 
 @dataclass(kw_only=True)

@@ -227,7 +227,7 @@ def give_birth(
     suspicion = history.suspicion.copy()
     suspicion[rows] = 0
     for body in bodies:
-        if body.body_id != INTERACTED_BODY or len(body.filter.ids) or prior is None:
+        if body.body_id != INTERACTED_BODY or body.support or prior is None:
             continue
         if is_interacted(config, body, consensus.X, prior):
             assigned[rows] = INTERACTED_BODY

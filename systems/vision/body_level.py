@@ -26,6 +26,7 @@ class RigidBodyMotionConfig:
     initial_linear_velocity: float = 0.02  # Standard deviation at the reference, [m/s].
     gate: float = 16.27  # Squared Mahalanobis distance of 3 dof that 0.1 % exceed.
     moving: float = 20.0  # The same beyond which a feature does not stand still.
+    nudged: float = 7.81  # The same beyond which it moved while the hand closed (5 %).
     better: float = 9.0  # By how much a motion fits a feature better to support it.
     association: float = 8.0  # Log likelihood ratio that assigns a feature, or releases it.
     extent: float = 0.05  # Distance to a body's features that counts as one deviation, [m].
@@ -45,6 +46,8 @@ class RigidBodyMotionConfig:
     jump_translation: float = 0.03  # The same for a shift, [m].
     prior_rotation_walk: float = 0.05  # Of the prior while no feature is seen, [rad/sqrt(s)].
     prior_translation_walk: float = 0.01  # The same, [m/sqrt(s)].
+    blind_rotation: float = 0.1  # Of the held body unseen: beyond, no one feature joins it, [rad].
+    blind_translation: float = 0.01  # The same, [m].
     handle_way: float = 2.5e-3  # How well the hand knows the handle's way over the window, [m].
     handle_noise: float = 1e-3  # Of a feature's displacement over the window, at least, [m].
     adoption_way: float = 0.003  # Of the hand before a body may turn out to be held by it, [m].

@@ -7,6 +7,7 @@ import numpy as np
 from maths import se3
 from systems.port_values import (
     INTERACTED_BODY,
+    STATIC_BODY,
     Array,
     BodyPredictions,
     FeatureBelief,
@@ -25,9 +26,12 @@ from systems.vision.feature_history import (
     FeatureHistory,
     Mask,
     displacements,
+    forget,
     remember,
     squared_distances,
 )
+
+_STILL = 5  # Ticks up to a reference that tell whether a feature was nudged before.
 
 
 def predict(config: RigidBodyMotionConfig, body: BodyFilter) -> BodyFilter:
@@ -165,7 +169,7 @@ def rest_positions(
         history,
         newest=0,
         use_rest=np.zeros(len(before), bool),
-        first_old=last - 4,
+        first_old=last + 1 - _STILL,
         last_old=last,
     )
     valid = (long.count_old >= 3) & (short.count_old >= 2)
@@ -177,6 +181,29 @@ def rest_positions(
         p[nudged], C[nudged] = short.p_old[nudged], short.C_old[nudged]
     C = C + config.anchor_floor**2 * np.eye(3)
     return RestPositions(ids=history.ids[valid], p_WF=p[valid], covariance=C[valid])
+
+
+def without_nudges(
+    config: RigidBodyMotionConfig, history: FeatureHistory, ticks: int
+) -> FeatureHistory:
+    """Forgets where free features were before they moved within the window's last ticks.
+
+    Closing the hand moves more than what it will hold. None of that is motion with the hand, which
+    counts from then on only.
+    """
+    window = history.p_W.shape[1]
+    free = history.body == STATIC_BODY
+    before = displacements(history, newest=0, last_old=window - 1)
+    now = displacements(
+        history, newest=0, use_rest=np.zeros(len(free), bool), first_old=window - ticks
+    )
+    told = np.nonzero(free & (before.count_old >= ticks) & (now.count_old >= 2))[0]
+    if len(told) == 0:
+        return history
+    S = now.C_old[told] + before.C_old[told]
+    distance, _ = squared_distances(now.p_old[told] - before.p_old[told], S)
+    rows = told[distance > config.nudged]
+    return forget(history, rows, ticks)
 
 
 def with_anchors(
@@ -290,6 +317,7 @@ def advance_all(
     history = replace(history, suspicion=suspicion)
     known = any(body.body_id == INTERACTED_BODY for body in bodies)
     if prior is not None and is_active(prior) and not known:
+        history = without_nudges(config, history, _STILL)
         bodies.insert(0, interacted_body(config, prior, history, level.tick + 1))
     return bodies, history
 

@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from systems.port_values import INTERACTED_BODY, STATIC_BODY, Array, Ids
+from systems.port_values import INTERACTED_BODY, STATIC_BODY, Array, Ids, PoseBelief
 from systems.vision import body_filter
 from systems.vision.body_level import RigidBodyMotionConfig, TrackedBody
-from systems.vision.body_tracking import corrected
+from systems.vision.body_tracking import corrected, follow_prior, is_active
 from systems.vision.feature_history import (
     OUTCAST,
     FeatureHistory,
     displacements,
+    forget,
     squared_distances,
 )
 
@@ -113,6 +114,20 @@ def without_followers_of_another(
     return ratios
 
 
+def is_blind(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
+    """Whether the hand alone has carried a body for so long that any one feature would fit it.
+
+    Only features that share a rigid motion can tell then.
+    """
+    if body.body_id != INTERACTED_BODY or body.support >= config.keep_support:
+        return False
+    variance = np.diagonal(body.filter.P)[:6]
+    return bool(
+        np.sum(variance[:3]) > config.blind_rotation**2
+        or np.sum(variance[3:]) > config.blind_translation**2
+    )
+
+
 def associate(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> FeatureHistory:
@@ -131,7 +146,8 @@ def associate(
     best = np.argmax(ratios, axis=0)
     highest = ratios[best, np.arange(len(history.ids))]
     assigned = history.body.copy()
-    joins = (history.body == STATIC_BODY) & (highest > config.association)
+    blind = np.array([is_blind(config, body) for body in bodies])
+    joins = (history.body == STATIC_BODY) & (highest > config.association) & ~blind[best]
     for i, body_id in enumerate(ids):
         first = joins & (best == i)
         # A body that has no feature yet gets several at once, or an outlier would steer it.
@@ -143,6 +159,7 @@ def associate(
         assigned[mine & (ratio < -config.association)] = STATIC_BODY
         # Another moving body explains it better than its own.
         moves = mine & (highest > np.maximum(ratio, 0.0) + config.association)
+        moves &= ~blind[best]
         assigned[moves] = ids[best[moves]]
     changed = assigned != history.body
     return replace(history, body=assigned, suspicion=np.where(changed, 0, history.suspicion))
@@ -160,6 +177,8 @@ def merged(
         for older in kept:
             if body.reference_tick < older.held_since:
                 continue  # Adoption keeps what was seen before the hand closed.
+            if older.body_id == INTERACTED_BODY and body.supported > config.window:
+                continue  # What the hand carries blindly may be anywhere; the body is not.
             ratio, fit = body_against_static(config, older, history)
             told = mine & (np.abs(ratio) > config.association)
             if np.sum(told) < config.keep_support or body.body_id == INTERACTED_BODY:
@@ -195,6 +214,40 @@ def without_strays(
     return kept
 
 
+def is_at_hand(config: RigidBodyMotionConfig, body: TrackedBody, prior: PoseBelief) -> bool:
+    """Whether the interacted body's features leave its handle where the hand holds it."""
+    R_BW = prior.X[:3, :3].T
+    error = R_BW @ (body.filter.X[:3, 3] - prior.X[:3, 3])
+    turned = R_BW @ body.filter.X[:3, :3]
+    S = prior.covariance[3:, 3:] + turned @ body.filter.P[3:6, 3:6] @ turned.T
+    S = S + config.prior_translation_walk**2 * np.eye(3)
+    return bool(error @ np.linalg.solve(S, error) < config.gate)
+
+
+def without_features_of_others(
+    config: RigidBodyMotionConfig,
+    bodies: list[TrackedBody],
+    history: FeatureHistory,
+    prior: PoseBelief | None,
+) -> tuple[list[TrackedBody], FeatureHistory]:
+    """Frees the interacted body's features if they take its handle out of the hand.
+
+    They are another body's then, and the body is where the hand has it.
+    """
+    if prior is None or not is_active(prior):
+        return bodies, history
+    kept = []
+    for body in bodies:
+        if body.body_id == INTERACTED_BODY and not is_at_hand(config, body, prior):
+            rows = np.nonzero(history.body == INTERACTED_BODY)[0]
+            history = forget(history, rows, 1)
+            before = replace(body.filter, X=np.ascontiguousarray(body.path[-2]))
+            alone = follow_prior(config, replace(body, filter=before), prior)
+            body = replace(alone, path=np.concatenate([body.path[:-1], prior.X[None]]))
+        kept.append(body)
+    return kept, history
+
+
 def cast_out(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> FeatureHistory:
@@ -226,14 +279,4 @@ def afresh(
     rows |= ~np.isin(history.body, numbers)
     if not rows.any():
         return history
-    information = history.information.copy()
-    information[rows, :-1] = 0.0
-    return replace(
-        history,
-        body=np.where(rows, STATIC_BODY, history.body),
-        information=information,
-        rest_information=np.where(rows[:, None, None], 0.0, history.rest_information),
-        rest_moment=np.where(rows[:, None], 0.0, history.rest_moment),
-        rest_until=np.where(rows, -1, history.rest_until),
-        suspicion=np.where(rows, 0, history.suspicion),
-    )
+    return forget(history, np.nonzero(rows)[0], 1)

@@ -270,6 +270,23 @@ def _means(
     return p[0], p[1], C[0], C[1], number[0], number[1]
 
 
+def forget(history: FeatureHistory, rows: Ids, ticks: int) -> FeatureHistory:
+    """Frees some features and forgets all of them but their samples of the last `ticks`."""
+    index = np.zeros(len(history.ids), bool)
+    index[rows] = True
+    information = history.information.copy()
+    information[index, :-ticks] = 0.0
+    return replace(
+        history,
+        body=np.where(index, STATIC_BODY, history.body),
+        information=information,
+        rest_information=np.where(index[:, None, None], 0.0, history.rest_information),
+        rest_moment=np.where(index[:, None], 0.0, history.rest_moment),
+        rest_until=np.where(index, -1, history.rest_until),
+        suspicion=np.where(index, 0, history.suspicion),
+    )
+
+
 def displacements(
     history: FeatureHistory,
     *,

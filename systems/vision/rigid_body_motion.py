@@ -45,6 +45,7 @@ def step(
     history = feature_association.afresh(config, living, history)
     living = feature_association.without_strays(config, living, history)
     living = [body_tracking.with_anchors(config, body, history) for body in living]
+    living, history = feature_association.without_features_of_others(config, living, history, prior)
     return BodyLevel(tick=tick, next_id=next_id, history=history, bodies=living)
 
 
@@ -80,7 +81,8 @@ def predicted_features(
     )
 
 
-def body_motion(body: TrackedBody) -> BodyMotion:
+def body_motion(body: TrackedBody, age: float) -> BodyMotion:
+    """What others are told of a body that stood at its reference `age` [s] ago."""
     return BodyMotion(
         body_id=body.body_id,
         motion=MotionBelief(
@@ -90,11 +92,16 @@ def body_motion(body: TrackedBody) -> BodyMotion:
         feature_ids=body.filter.ids,
         p_BF=body.filter.p_BF,
         p_BF_covariance=body.filter.p_BF_covariance,
+        reference_age=age,
     )
 
 
-def body_motions(level: BodyLevel) -> BodyMotions:
-    return BodyMotions(bodies=[body_motion(body) for body in level.bodies])
+def body_motions(level: BodyLevel, period: float) -> BodyMotions:
+    return BodyMotions(
+        bodies=[
+            body_motion(body, period * (level.tick - body.reference_tick)) for body in level.bodies
+        ]
+    )
 
 
 class RigidBodyMotion(LeafSystem):
@@ -210,10 +217,11 @@ class RigidBodyMotion(LeafSystem):
         output.set_value(step(self._config, self._stored(context), features, joints, prior))
 
     def _calc_estimated(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(body_motions(self._posterior.EvalAbstract(context).get_value()))
+        level = self._posterior.EvalAbstract(context).get_value()
+        output.set_value(body_motions(level, self._config.period))
 
     def _calc_latest(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(body_motions(self._stored(context)))
+        output.set_value(body_motions(self._stored(context), self._config.period))
 
     def _calc_predicted(self, context: Context, output: AbstractValue) -> None:
         predicted = predicted_features(
@@ -230,7 +238,7 @@ def _check(config: RigidBodyMotionConfig) -> None:
     positive = "period rest_samples angular_acceleration linear_acceleration rotation_sigma"
     positive += " initial_angular_velocity initial_linear_velocity gate moving better association"
     positive += " prior_rotation_walk prior_translation_walk jump_rotation jump_translation"
-    positive += " extent neighbourhood"
+    positive += " extent neighbourhood nudged blind_rotation blind_translation"
     floors = "feature_floor anchor_floor anchor_walk turn_walk max_penalty min_gain min_spread"
     floors += " patience memory max_suspicion max_free_suspicion seed"
     counts = "newest min_support keep_support"

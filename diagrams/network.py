@@ -188,13 +188,11 @@ def make_network(modality: str, config: PerceptionConfig, robot: RobotKnowledge)
         bodies = _add_vision(builder, config, robot, with_interacted_body=False)
         _wire(builder, bodies, "body_motions_estimated", model, "body_motions")
         _wire(builder, model, "bodies_predicted", bodies, "joint_predictions")
-        _export_outputs(builder, bodies, "body_motions_latest")
     elif modality == "proprioception":
         model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=1))
         body, grasp = _add_proprioception(builder, config, robot, corrected_by_vision=False)
         _wire(builder, body, "body_motions_estimated", grasp, "body_motions_estimated")
         _wire(builder, body, "body_motions_estimated", model, "body_motions")
-        _export_outputs(builder, body, "body_motions_latest")
     else:
         model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=2))
         _add_vision(builder, config, robot, with_interacted_body=True)
@@ -204,8 +202,7 @@ def make_network(modality: str, config: PerceptionConfig, robot: RobotKnowledge)
                 _connect(builder, wire)
         # What hand and eye know together of the interacted body counts, not what the eye knows.
         _wire(builder, body, "body_motions_estimated", model, "body_motions_1")
-        _export_outputs(builder, body, "body_motions_latest")
-    _export_outputs(builder, model, "joints_latest")
+    _export_outputs(builder, model, "joints_latest", "body_motions_latest")
     diagram = builder.Build()
     diagram.set_name(modality)
     return diagram

@@ -1,11 +1,13 @@
 """Which pairs of bodies have joint filters, and what each pair measures and predicts.
 
-Frames: W world, P parent, B child. A pair is (parent id, child id); the parent is `STATIC_BODY` or
-the body with the lower id.
+Frames: W world, P parent, B child, F the child's measured reference pose. A pair is (parent id,
+child id); the parent is `STATIC_BODY` or the body with the higher id, the younger one: until it
+began to move it belonged to the environment, so that what the environment says about the child's
+way is what the parent says about it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -32,12 +34,14 @@ class PairLevel:
 
     Attributes:
         pairs: Each pair's filters.
-        motions: Each body's motion when it was last measured.
+        bodies: Each body when it was last measured.
+        past: Each body's filters with the environment at the last ticks, the oldest first.
         ticks: Number of this tick, from one on.
     """
 
     pairs: dict[Pair, JointFiltersState]
-    motions: dict[int, MotionBelief]
+    bodies: dict[int, BodyMotion]
+    past: dict[int, list[JointFiltersState]]
     ticks: int
 
     def __deepcopy__(self, memo: dict[int, object]) -> "PairLevel":
@@ -61,7 +65,7 @@ def wanted_pairs(body_ids: Sequence[int], max_pairs: int) -> list[Pair]:
     """Every body with the static environment first, then the moving bodies with each other."""
     ids = sorted(body_ids)
     pairs = [(STATIC_BODY, child) for child in ids]
-    pairs += [(parent, child) for i, parent in enumerate(ids) for child in ids[i + 1 :]]
+    pairs += [(parent, child) for i, child in enumerate(ids) for parent in ids[i + 1 :]]
     return pairs[:max_pairs]
 
 
@@ -89,6 +93,23 @@ def measured_pose(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[PoseBelief
     return pose, lasting, X_PB_reference
 
 
+def inherited(
+    pair: Pair, bodies: dict[int, BodyMotion], past: list[JointFiltersState], time: float
+) -> JointFiltersState | None:
+    """The child's filters with the environment when the parent still belonged to it.
+
+    Poses of the child are relative to its own reference X_PF, so that only this is changed: to the
+    frame of the parent where it stood. None where that is too long ago.
+    """
+    parent = bodies[pair[0]]
+    stood = time - parent.reference_age  # NaN finds nothing.
+    before = [state for state in past if state.time <= stood + 1e-9]
+    if not before:
+        return None
+    X_PF = se3.inverse(parent.X_WB_reference) @ before[-1].X_PF
+    return replace(before[-1], parent_id=pair[0], X_PF=X_PF)
+
+
 def update_pairs(
     level: PairLevel,
     bodies: dict[int, BodyMotion],
@@ -97,6 +118,7 @@ def update_pairs(
     reference_age: float,
     patience: float,
     max_pairs: int,
+    heritage: int,
 ) -> PairLevel:
     """The level one tick later.
 
@@ -108,22 +130,29 @@ def update_pairs(
         reference_age: How long before a body was first measured its reference may be, [s].
         patience: How long a pair outlives its bodies' measurements, [s].
         max_pairs: Most pairs at a time.
+        heritage: Ticks whose filters with the environment are remembered.
     """
     time = (level.ticks + 1) * period
     measured = set(wanted_pairs(list(bodies), max_pairs))
-    pairs = {}
+    pairs: dict[Pair, JointFiltersState] = {}
     for pair in sorted(measured | set(level.pairs)):
         state = level.pairs.get(pair)
         if pair in measured:
             pose, lasting, X_PB_reference = measured_pose(pair, bodies)
+            if state is None and pair[0] != STATIC_BODY:
+                state = inherited(pair, bodies, level.past.get(pair[1], []), time)
             if state is None:
                 state = filters.start(X_PB_reference, pose.covariance, time - reference_age, *pair)
             pairs[pair] = filters.update(state, pose.X, pose.covariance, time, lasting)
         elif state is not None and time - state.time <= patience:
             pairs[pair] = state
-    motions = {i: m for i, m in level.motions.items() if any(i in pair for pair in pairs)}
-    motions.update({body_id: body.motion for body_id, body in bodies.items()})
-    return PairLevel(pairs=pairs, motions=motions, ticks=level.ticks + 1)
+    known = {i: body for i, body in level.bodies.items() if any(i in pair for pair in pairs)}
+    past = {
+        child: [*level.past.get(child, []), state][-heritage:]
+        for (parent, child), state in pairs.items()
+        if parent == STATIC_BODY
+    }
+    return PairLevel(pairs=pairs, bodies={**known, **bodies}, past=past, ticks=level.ticks + 1)
 
 
 def predict_bodies(
@@ -142,7 +171,7 @@ def predict_bodies(
             pose = filters.predict(state, joint_type, dt)
             source = joint_type.value
             if parent_id != STATIC_BODY:
-                pose = _on_parent(pose, level.motions[parent_id], period)
+                pose = _on_parent(pose, level.bodies[parent_id].motion, period)
                 source = f"{source} on {parent_id}"
             prediction = BodyPrediction(body_id=child_id, source=source, pose=pose)
             found.append((probability, prediction))

@@ -21,6 +21,8 @@ class KinematicModelConfig:
         reference_age: How long before a body was first measured its reference may be, [s].
         patience: How long a pair outlives its bodies' measurements, [s].
         max_pairs: Most pairs at a time; pairs with the static environment come first.
+        heritage: How long ago a body may have stood still last to take over what is known of
+            another one's joint to the environment that it belonged to, [s].
         least_probability: Of a joint type, for its prediction to be sent down.
     """
 
@@ -29,11 +31,12 @@ class KinematicModelConfig:
     reference_age: float = 1.0
     patience: float = 1.0
     max_pairs: int = 10
+    heritage: float = 3.0
     least_probability: float = 0.01
 
 
 def _check(config: KinematicModelConfig, inputs: int) -> None:
-    for name in ("period", "reference_age"):
+    for name in ("period", "reference_age", "heritage"):
         if not (value := getattr(config, name)) > 0.0 or not np.isfinite(value):
             raise ValueError(f"KinematicModel: need {name} > 0 s, got {value!r}")
     if not config.patience >= 0.0:
@@ -51,13 +54,14 @@ def _check(config: KinematicModelConfig, inputs: int) -> None:
 class KinematicModel(LeafSystem):
     """Joints between bodies: type, parameters and configuration, from relative poses.
 
-    For every pair of a parent P (the static environment, or a moving body of lower id) and a child
+    For every pair of a parent P (the static environment, or a moving body of higher id) and a child
     B, four models explain all relative poses measured so far,
 
         X_PB(t) = X_PF E(q(t)) Y exp(noise),
 
     with a constant screw E (prismatic, revolute), none (rigid) or a free walk (disconnected). Their
-    probabilities follow from their evidence; see `JointFilters`.
+    probabilities follow from their evidence; see `JointFilters`. A body that begins to move after B
+    belonged to the environment until then, and so takes over what is known of B's joint to it.
 
     .. pydrake_system::
 
@@ -68,12 +72,15 @@ class KinematicModel(LeafSystem):
         output_ports:
         - joints_estimated
         - joints_latest
+        - body_motions_latest
         - bodies_predicted
 
     - `body_motions`, `body_motions_1`, ...: `BodyMotions` of this tick in W; a later port overrides
       a body id of an earlier one. An unconnected port counts as empty.
     - `joints_estimated`: `JointBeliefs` of this tick, in P; for other filters only.
     - `joints_latest`: the same of the last tick, from the state.
+    - `body_motions_latest`: `BodyMotions` that the joints belong to, from the state; a body that is
+      not measured any more stays, as it was, for as long as its joints do.
     - `bodies_predicted`: `BodyPredictions` X_WB at the next tick, from the state: by every joint
       type that is probable enough, each child's likeliest first.
 
@@ -96,7 +103,7 @@ class KinematicModel(LeafSystem):
         self._bodies = [
             self.DeclareAbstractInputPort(name, AbstractValue.Make(BodyMotions())) for name in names
         ]
-        empty = PairLevel(pairs={}, motions={}, ticks=0)
+        empty = PairLevel(pairs={}, bodies={}, past={}, ticks=0)
         self._state = self.DeclareAbstractState(AbstractValue.Make(empty))
         state_only = {self.abstract_state_ticket(self._state)}
         self._posterior = self.DeclareCacheEntry(
@@ -116,6 +123,12 @@ class KinematicModel(LeafSystem):
             "joints_latest",
             lambda: AbstractValue.Make(JointBeliefs()),
             self._calc_latest,
+            prerequisites_of_calc=state_only,
+        )
+        self.DeclareAbstractOutputPort(
+            "body_motions_latest",
+            lambda: AbstractValue.Make(BodyMotions()),
+            self._calc_bodies,
             prerequisites_of_calc=state_only,
         )
         self.DeclareAbstractOutputPort(
@@ -142,6 +155,7 @@ class KinematicModel(LeafSystem):
                 config.reference_age,
                 config.patience,
                 config.max_pairs,
+                max(1, round(config.heritage / config.period)),
             )
         )
 
@@ -153,6 +167,10 @@ class KinematicModel(LeafSystem):
 
     def _calc_latest(self, context: Context, output: AbstractValue) -> None:
         output.set_value(self._beliefs(self._stored(context)))
+
+    def _calc_bodies(self, context: Context, output: AbstractValue) -> None:
+        level = self._stored(context)
+        output.set_value(BodyMotions(bodies=[level.bodies[i] for i in sorted(level.bodies)]))
 
     def _calc_predicted(self, context: Context, output: AbstractValue) -> None:
         config = self._config

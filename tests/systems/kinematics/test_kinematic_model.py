@@ -117,9 +117,14 @@ def test_predictions_and_latest_depend_on_the_state_alone() -> None:
     for i in range(2):
         through = [
             model.HasDirectFeedthrough(i, model.GetOutputPort(name).get_index())
-            for name in ("joints_estimated", "joints_latest", "bodies_predicted")
+            for name in (
+                "joints_estimated",
+                "joints_latest",
+                "body_motions_latest",
+                "bodies_predicted",
+            )
         ]
-        assert through == [True, False, False]
+        assert through == [True, False, False, False]
 
 
 def test_a_later_port_overrides_a_body_and_an_unconnected_one_is_empty() -> None:
@@ -146,11 +151,11 @@ def test_pairs_come_with_bodies_and_go_some_time_after_them() -> None:
     driver = Driver(KinematicModel(KinematicModelConfig(patience=0.2)))
     driver.set(_body(2, 0.0), _body(5, 0.0))
     driver.tick()
-    assert driver.pairs() == [(0, 2), (0, 5), (2, 5)]
+    assert driver.pairs() == [(0, 2), (0, 5), (5, 2)]
     driver.set(_body(5, 0.0))
     for _ in range(3):
         driver.tick()
-    assert driver.pairs() == [(0, 2), (0, 5), (2, 5)]
+    assert driver.pairs() == [(0, 2), (0, 5), (5, 2)]
     driver.tick()
     assert driver.pairs() == [(0, 5)]
     driver.set(_body(2, 0.0), _body(5, 0.0))
@@ -159,7 +164,7 @@ def test_pairs_come_with_bodies_and_go_some_time_after_them() -> None:
 
 
 def test_the_number_of_pairs_is_capped_and_the_environment_comes_first() -> None:
-    assert wanted_pairs([4, 1, 3], 4) == [(0, 1), (0, 3), (0, 4), (1, 3)]
+    assert wanted_pairs([4, 1, 3], 4) == [(0, 1), (0, 3), (0, 4), (3, 1)]
     assert wanted_pairs([7], 4) == [(0, 7)]
     driver = Driver(KinematicModel(KinematicModelConfig(max_pairs=2)))
     driver.set(*(_body(i, 0.0) for i in (1, 2, 3)))
@@ -177,7 +182,7 @@ def test_two_bodies_that_move_as_one_are_rigidly_connected() -> None:
     assert types == {
         (0, 2): JointType.PRISMATIC,
         (0, 3): JointType.PRISMATIC,
-        (2, 3): JointType.RIGID,
+        (3, 2): JointType.RIGID,
     }
 
 
@@ -200,12 +205,65 @@ def test_a_moving_parent_carries_its_child_s_prediction() -> None:
         driver.set(_body(2, x, 0.02, seed=k), _body(3, x, 0.02, seed=1000 + k))
         driver.tick()
     predictions = driver.model.GetOutputPort("bodies_predicted").Eval(driver.context).predictions
-    rigid = [p for p in predictions if p.source == "rigid on 2"]
+    rigid = [p for p in predictions if p.source == "rigid on 3"]
     assert len(rigid) == 1
-    assert rigid[0].body_id == 3
-    expected = _body(3, 0.02 * 61 / 15.0).motion.X
+    assert rigid[0].body_id == 2
+    expected = _body(2, 0.02 * 61 / 15.0).motion.X
     assert_allclose(rigid[0].pose.X, expected, atol=0.01)
     assert np.linalg.eigvalsh(rigid[0].pose.covariance).min() > 0.0
+
+
+def _lid(k: int, seed: int) -> tuple[BodyMotion, BodyMotion]:
+    """A lid (1) that turns by 0.1 rad/s for 60 ticks; its box (2) slides from tick 45 on."""
+    box, lid = _body(2, 0.01 * max(0, k - 45) / 15.0, seed=seed), _body(1, 0.0)
+    X_BoxLid = se3.inverse(box.X_WB_reference) @ lid.X_WB_reference
+    hinge = np.array([0.0, 0.1 * min(k, 60) / 15.0, 0.0, 0.0, 0.0, 0.0])
+    X_HingeLid = np.eye(4)
+    X_HingeLid[:3, 3] = [0.15, 0.0, 0.0]
+    turned = se3.inverse(X_HingeLid) @ se3.exp(hinge) @ X_HingeLid
+    slid = _body(2, 0.01 * max(0, k - 45) / 15.0).motion.X
+    noise = np.random.default_rng(1000 + seed).normal(size=6)
+    error = se3.exp(np.sqrt(np.diag(COVARIANCE)[:6]) * noise)
+    lid.motion.X = slid @ X_BoxLid @ turned @ error
+    box.reference_age = (k - 45) / 15.0
+    return lid, box
+
+
+def test_a_body_that_begins_to_move_takes_over_what_the_environment_knew() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig()))
+    for k in range(1, 91):
+        lid, box = _lid(k, seed=k)
+        driver.set(*([lid, box] if k >= 55 else [lid]))  # Seen to move only 10 ticks later.
+        driver.tick()
+    joint = next(j for j in driver.joints().joints if (j.parent_id, j.child_id) == (2, 1))
+    assert joint.type == JointType.REVOLUTE
+    assert abs(joint.model.configuration[0]) == pytest.approx(0.4, abs=0.02)
+    axis_in_box = np.array([0.0, 1.0, 0.0])
+    assert abs(joint.model.axis_P @ axis_in_box) > 0.99
+    assert joint.updates == 45 + 90 - 54
+
+
+def test_a_body_whose_rest_is_unknown_or_long_ago_takes_over_nothing() -> None:
+    for age in (float("nan"), 10.0):
+        driver = Driver(KinematicModel(KinematicModelConfig()))
+        for k in range(1, 57):
+            lid, box = _lid(k, seed=k)
+            box.reference_age = age
+            driver.set(*([lid, box] if k >= 55 else [lid]))
+            driver.tick()
+        joint = next(j for j in driver.joints().joints if (j.parent_id, j.child_id) == (2, 1))
+        assert joint.updates == 2
+
+
+def test_the_bodies_that_the_joints_know_are_handed_on_for_as_long_as_the_joints() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig(patience=0.2)))
+    driver.set(_body(2, 0.1), _body(5, 0.0))
+    driver.tick()
+    driver.set(_body(5, 0.0))
+    for known in ([2, 5], [2, 5], [2, 5], [5]):
+        driver.tick()
+        bodies = driver.model.GetOutputPort("body_motions_latest").Eval(driver.context).bodies
+        assert [body.body_id for body in bodies] == known
 
 
 def test_the_covariance_of_a_relative_pose_is_that_of_samples() -> None:
@@ -279,6 +337,7 @@ def test_the_loop_with_the_body_level_builds_and_each_predicts_the_other_s_next_
         ("period", float("nan")),
         ("reference_age", -1.0),
         ("patience", -0.1),
+        ("heritage", 0.0),
         ("max_pairs", 0),
         ("least_probability", 1.5),
     ],

@@ -68,6 +68,7 @@ def build_station(scenario: Scenario, seed: int) -> Station:
     light = Light(
         lights_off=[(off.start, off.end) for off in disturbances.lights_off],
         covered=[(cover.start, cover.end) for cover in disturbances.camera_covered],
+        lamp=view.lamp,
     )
     try:
         station = make_station(

@@ -48,6 +48,7 @@ class CameraView:
     horizontal_angle: float = 58.0  # Horizontal field of view, [deg].
     position: np.ndarray = field(default_factory=lambda: np.array([-0.05, 0.4, 1.42]))  # p_WC.
     looking_at: np.ndarray = field(default_factory=lambda: np.array([0.78, -0.27, 0.87]))  # [m].
+    lamp: float = 0.0  # Intensity of a lamp at the camera; the ceiling light's is 0.9.
 
 
 @dataclass(kw_only=True)
@@ -302,6 +303,8 @@ def _check_camera(camera: CameraView, source: str) -> None:
         )
     for key in ("position", "looking_at"):
         _check_vector(f"camera.{key}", getattr(camera, key), source)
+    if not 0 <= camera.lamp < np.inf:
+        raise ScenarioError(f"{source}: camera.lamp = {camera.lamp!r}, must be from 0 on")
     if np.allclose(camera.position, camera.looking_at):
         raise ScenarioError(f"{source}: camera.looking_at must differ from camera.position")
 

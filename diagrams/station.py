@@ -399,7 +399,7 @@ def _add_vision(
     builder, scene_graph = wiring.builder, wiring.scene.scene_graph
     sensors = wiring.config.sensors
     for name in _RENDERERS:
-        scene_graph.AddRenderer(name, MakeRenderEngineVtk(_room_light()))
+        scene_graph.AddRenderer(name, MakeRenderEngineVtk(_room_light(light.lamp)))
     colour, depth = (
         RenderCameraCore(name, intrinsics, ClippingRange(0.05, 10.0), RigidTransform())
         for name in _RENDERERS
@@ -444,16 +444,20 @@ def _add_vision(
     builder.ExportOutput(mask.GetOutputPort("robot_mask"), "robot_mask")
 
 
-def _room_light() -> RenderEngineVtkParams:
-    """A ceiling light and a window."""
-    return RenderEngineVtkParams(
-        default_clear_color=[0.7, 0.75, 0.8],
-        lights=[
+def _room_light(lamp: float) -> RenderEngineVtkParams:
+    """A ceiling light and a window, and the lamp at the camera."""
+    lights = [
+        LightParameter(
+            type="directional", direction=[0.5, -0.5, -1.0], intensity=0.9, frame="world"
+        ),
+        LightParameter(
+            type="directional", direction=[0.6, 0.7, -0.3], intensity=0.5, frame="world"
+        ),
+    ]
+    if lamp > 0.0:
+        lights.append(
             LightParameter(
-                type="directional", direction=[0.5, -0.5, -1.0], intensity=0.9, frame="world"
-            ),
-            LightParameter(
-                type="directional", direction=[0.6, 0.7, -0.3], intensity=0.5, frame="world"
-            ),
-        ],
-    )
+                type="directional", direction=[0.0, 0.0, 1.0], intensity=lamp, frame="camera"
+            )
+        )
+    return RenderEngineVtkParams(default_clear_color=[0.7, 0.75, 0.8], lights=lights)

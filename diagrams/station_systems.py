@@ -12,10 +12,15 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 @dataclass(kw_only=True)
 class Light:
-    """When the lights are off and when something covers the camera, as (start, end), [s]."""
+    """When the lights are off and when something covers the camera, as (start, end), [s].
+
+    Attributes:
+        lamp: Intensity of a lamp at the camera.
+    """
 
     lights_off: list[tuple[float, float]] = field(default_factory=list)
     covered: list[tuple[float, float]] = field(default_factory=list)
+    lamp: float = 0.0
 
 
 class Lighting(LeafSystem):

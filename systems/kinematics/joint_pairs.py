@@ -34,14 +34,16 @@ class PairLevel:
 
     Attributes:
         pairs: Each pair's filters.
-        bodies: Each body when it was last measured.
+        bodies: Each body when it was last measured, or resting since then.
         past: Each body's filters with the environment at the last ticks, the oldest first.
+        unseen: Ticks since each body was measured.
         ticks: Number of this tick, from one on.
     """
 
     pairs: dict[Pair, JointFiltersState]
     bodies: dict[int, BodyMotion]
     past: dict[int, list[JointFiltersState]]
+    unseen: dict[int, int]
     ticks: int
 
     def __deepcopy__(self, memo: dict[int, object]) -> "PairLevel":
@@ -110,6 +112,38 @@ def inherited(
     return replace(before[-1], parent_id=pair[0], X_PF=X_PF)
 
 
+def at_rest(body: BodyMotion, period: float, walk: Array) -> BodyMotion:
+    """A body that nobody sees any more, one tick later: where it was, and less and less certainly.
+
+    Args:
+        body: At the last tick.
+        period: Of the ticks, [s].
+        walk: (6,) standard deviation of its pose, in B, after one second, [rad, m].
+    """
+    growth = np.diag(walk**2 * period)
+    covariance = body.motion.covariance.copy()
+    covariance[:6, :6] += growth
+    return replace(
+        body,
+        motion=MotionBelief(X=body.motion.X, V=np.zeros(6), covariance=covariance),
+        lasting_covariance=body.lasting_covariance + growth,
+        reference_age=body.reference_age + period,
+    )
+
+
+def resting_parents(
+    level: PairLevel, bodies: dict[int, BodyMotion], period: float, walk: Array
+) -> dict[int, BodyMotion]:
+    """Parents that are not measured, as predicted: at rest for as long as they were followed."""
+    lost = {parent for parent, child in level.pairs if parent not in bodies and child in bodies}
+    resting = {}
+    for body_id in sorted(lost - {STATIC_BODY}):
+        body, unseen = level.bodies[body_id], period * (level.unseen[body_id] + 1)
+        if 2.0 * unseen <= body.reference_age:  # NaN is not followed.
+            resting[body_id] = at_rest(body, period, walk)
+    return resting
+
+
 def update_pairs(
     level: PairLevel,
     bodies: dict[int, BodyMotion],
@@ -119,6 +153,7 @@ def update_pairs(
     patience: float,
     max_pairs: int,
     heritage: int,
+    walk: Array,
 ) -> PairLevel:
     """The level one tick later.
 
@@ -131,16 +166,20 @@ def update_pairs(
         patience: How long a pair outlives its bodies' measurements, [s].
         max_pairs: Most pairs at a time.
         heritage: Ticks whose filters with the environment are remembered.
+        walk: See `at_rest`.
     """
     time = (level.ticks + 1) * period
+    resting = resting_parents(level, bodies, period, walk)
     measured = set(wanted_pairs(list(bodies), max_pairs))
+    measured |= {pair for pair in level.pairs if pair[0] in resting and pair[1] in bodies}
+    present = {**resting, **bodies}
     pairs: dict[Pair, JointFiltersState] = {}
     for pair in sorted(measured | set(level.pairs)):
         state = level.pairs.get(pair)
         if pair in measured:
-            pose, lasting, X_PB_reference = measured_pose(pair, bodies)
+            pose, lasting, X_PB_reference = measured_pose(pair, present)
             if state is None and pair[0] != STATIC_BODY:
-                state = inherited(pair, bodies, level.past.get(pair[1], []), time)
+                state = inherited(pair, present, level.past.get(pair[1], []), time)
             if state is None:
                 state = filters.start(X_PB_reference, pose.covariance, time - reference_age, *pair)
             pairs[pair] = filters.update(state, pose.X, pose.covariance, time, lasting)
@@ -152,7 +191,14 @@ def update_pairs(
         for (parent, child), state in pairs.items()
         if parent == STATIC_BODY
     }
-    return PairLevel(pairs=pairs, bodies={**known, **bodies}, past=past, ticks=level.ticks + 1)
+    unseen = {i: level.unseen[i] + 1 for i in known} | dict.fromkeys(bodies, 0)
+    return PairLevel(
+        pairs=pairs,
+        bodies={**known, **present},
+        past=past,
+        unseen=unseen,
+        ticks=level.ticks + 1,
+    )
 
 
 def predict_bodies(

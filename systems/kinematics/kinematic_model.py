@@ -23,6 +23,9 @@ class KinematicModelConfig:
         max_pairs: Most pairs at a time; pairs with the static environment come first.
         heritage: How long ago a body may have stood still last to take over what is known of
             another one's joint to the environment that it belonged to, [s].
+        rest_rotation: How far a parent that is not measured any more may have turned after one
+            second, [rad]; it is taken to rest for as long as it was followed.
+        rest_translation: The same for its way, [m].
         least_probability: Of a joint type, for its prediction to be sent down.
     """
 
@@ -32,13 +35,16 @@ class KinematicModelConfig:
     patience: float = 1.0
     max_pairs: int = 10
     heritage: float = 3.0
+    rest_rotation: float = 0.05
+    rest_translation: float = 0.01
     least_probability: float = 0.01
 
 
 def _check(config: KinematicModelConfig, inputs: int) -> None:
-    for name in ("period", "reference_age", "heritage"):
+    for name in ("period", "reference_age", "heritage", "rest_rotation", "rest_translation"):
         if not (value := getattr(config, name)) > 0.0 or not np.isfinite(value):
-            raise ValueError(f"KinematicModel: need {name} > 0 s, got {value!r}")
+            unit = {"rest_rotation": "rad", "rest_translation": "m"}.get(name, "s")
+            raise ValueError(f"KinematicModel: need {name} > 0 {unit}, got {value!r}")
     if not config.patience >= 0.0:
         raise ValueError(f"KinematicModel: need patience >= 0 s, got {config.patience!r}")
     if config.max_pairs < 1:
@@ -61,7 +67,8 @@ class KinematicModel(LeafSystem):
 
     with a constant screw E (prismatic, revolute), none (rigid) or a free walk (disconnected). Their
     probabilities follow from their evidence; see `JointFilters`. A body that begins to move after B
-    belonged to the environment until then, and so takes over what is known of B's joint to it.
+    belonged to the environment until then, and so takes over what is known of B's joint to it. A
+    parent that is not measured any more is taken to rest, with growing covariance.
 
     .. pydrake_system::
 
@@ -103,7 +110,7 @@ class KinematicModel(LeafSystem):
         self._bodies = [
             self.DeclareAbstractInputPort(name, AbstractValue.Make(BodyMotions())) for name in names
         ]
-        empty = PairLevel(pairs={}, bodies={}, past={}, ticks=0)
+        empty = PairLevel(pairs={}, bodies={}, past={}, unseen={}, ticks=0)
         self._state = self.DeclareAbstractState(AbstractValue.Make(empty))
         state_only = {self.abstract_state_ticket(self._state)}
         self._posterior = self.DeclareCacheEntry(
@@ -156,6 +163,7 @@ class KinematicModel(LeafSystem):
                 config.patience,
                 config.max_pairs,
                 max(1, round(config.heritage / config.period)),
+                np.repeat([config.rest_rotation, config.rest_translation], 3),
             )
         )
 

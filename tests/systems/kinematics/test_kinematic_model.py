@@ -255,6 +255,29 @@ def test_a_body_whose_rest_is_unknown_or_long_ago_takes_over_nothing() -> None:
         assert joint.updates == 2
 
 
+def test_a_joint_outlives_the_sight_of_its_parent_which_is_taken_to_rest() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig()))
+    for k in range(1, 101):
+        lid, box = _lid(k, seed=k)
+        driver.set(*([lid, box] if 55 <= k < 80 else [lid]))
+        if k < 80:
+            driver.tick()
+    before = next(j for j in driver.joints().joints if j.parent_id == 2)
+    lid, _ = _lid(79, seed=1)  # Both have stopped when the eye loses the box.
+    for age in range(1, 60):
+        driver.set(lid)
+        driver.tick()
+        joint = next((j for j in driver.joints().joints if j.parent_id == 2), None)
+        assert (joint is not None) == (age <= 33 + 15)  # As long as it was followed, then patience.
+        if joint is not None and age == 33:
+            assert joint.type == JointType.REVOLUTE
+            assert joint.model.configuration[0] == pytest.approx(
+                before.model.configuration[0], abs=0.02
+            )
+            variance = [j.model.configuration_covariance[0, 0] for j in (joint, before)]
+            assert variance[0] > 2.0 * variance[1]
+
+
 def test_the_bodies_that_the_joints_know_are_handed_on_for_as_long_as_the_joints() -> None:
     driver = Driver(KinematicModel(KinematicModelConfig(patience=0.2)))
     driver.set(_body(2, 0.1), _body(5, 0.0))
@@ -338,6 +361,8 @@ def test_the_loop_with_the_body_level_builds_and_each_predicts_the_other_s_next_
         ("reference_age", -1.0),
         ("patience", -0.1),
         ("heritage", 0.0),
+        ("rest_rotation", 0.0),
+        ("rest_translation", float("inf")),
         ("max_pairs", 0),
         ("least_probability", 1.5),
     ],

@@ -13,8 +13,8 @@ from pydrake.systems.sensors import ImageRgba8U
 
 from diagrams.episode_record import FrameRecord, ModalityRecord, TickRecord, Truth
 from systems.port_values import (
+    UNKNOWN_END_EFFECTOR,
     BodyMotions,
-    EndEffectorBelief,
     FeatureBelief,
     GraspBelief,
     JointBeliefs,
@@ -190,9 +190,7 @@ def _belief_models() -> dict[str, object]:
         "body_motions": BodyMotions(),
         "features": features,
         "grasp": grasp,
-        "end_effector": EndEffectorBelief(
-            X=np.eye(4), V=np.zeros(6), covariance=np.eye(12), offset_loading=np.zeros((6, 0))
-        ),
+        "end_effector": UNKNOWN_END_EFFECTOR,
         "hand_bending": PoseBelief(X=np.eye(4), covariance=np.eye(6)),
     }
 

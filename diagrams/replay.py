@@ -30,17 +30,9 @@ class SensorReplay(LeafSystem):
 
         name: SensorReplay
         output_ports:
-        - color_measured
-        - depth_measured
-        - robot_mask
-        - joint_state_window
-        - wrench_window
-        - pressure_window
-        - interaction_active
-        - cheat_configuration
-        - cheat_body_pose
+        - <stream>
 
-    Those that the file holds, typed like the station's.
+    - `<stream>`: each of `STREAMS` that the file holds, typed like the station's.
 
     Args:
         log: The streams.

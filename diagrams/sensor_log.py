@@ -265,6 +265,7 @@ HELD = (
     _number("cheat_configuration", "/cheat/configuration"),
     _pose("cheat_body_pose", "/cheat/body_pose"),
 )
+# All that a network hears, by the station's port, and the truth for the evaluation of a replay.
 STREAMS = {stream.port: stream for stream in (*WINDOWS, *HELD)}
 
 

@@ -16,17 +16,9 @@ class SensorRecorder(LeafSystem):
 
         name: SensorRecorder
         input_ports:
-        - color_measured
-        - depth_measured
-        - robot_mask
-        - joint_state_window
-        - wrench_window
-        - pressure_window
-        - interaction_active
-        - cheat_configuration
-        - cheat_body_pose
+        - <stream>
 
-    All as the station has them; the truth is kept for the evaluation of a replay.
+    - `<stream>`: each of `STREAMS`, as the station has it.
 
     Args:
         path: The file, replaced where it exists.

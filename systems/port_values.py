@@ -96,6 +96,12 @@ class EndEffectorBelief(MotionBelief):
         return white
 
 
+# What a port of this type holds before anyone has written to it.
+UNKNOWN_END_EFFECTOR = EndEffectorBelief(
+    X=np.eye(4), V=np.zeros(6), covariance=np.eye(12), offset_loading=np.zeros((6, 0))
+)
+
+
 @dataclass(kw_only=True)
 class FeatureBelief:
     """N tracked point features; a feature keeps its id as long as it is tracked.

@@ -11,8 +11,8 @@ from maths import se3
 from systems.checks import require
 from systems.port_values import (
     INTERACTED_BODY,
+    UNKNOWN_END_EFFECTOR,
     BodyMotions,
-    EndEffectorBelief,
     GraspBelief,
     GraspType,
     InteractedBody,
@@ -258,10 +258,9 @@ class GraspModel(RecursiveFilter):
         self._check(config)
         self._config = config
         nowhere = PoseBelief(X=np.eye(4), covariance=np.eye(6))
-        end_effector = EndEffectorBelief(
-            X=np.eye(4), V=np.zeros(6), covariance=np.eye(12), offset_loading=np.zeros((6, 0))
+        self._end_effector = self._declare_value_input(
+            "end_effector_estimated", UNKNOWN_END_EFFECTOR
         )
-        self._end_effector = self._declare_value_input("end_effector_estimated", end_effector)
         self._bending = self._declare_value_input("hand_bending_estimated", nowhere)
         self._bodies = self._declare_value_input("body_motions_estimated", BodyMotions())
         self._active = self.DeclareVectorInputPort("interaction_active", 1)

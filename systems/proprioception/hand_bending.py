@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context
 from maths import se3
 from models import WEIGHTS_DIR
 from systems.checks import require
-from systems.port_values import EndEffectorBelief, PoseBelief, SampleWindow
+from systems.port_values import UNKNOWN_END_EFFECTOR, PoseBelief, SampleWindow
 from systems.proprioception.bending_network import (
     BendingNetwork,
     bending_jacobian,
@@ -187,12 +187,11 @@ class HandBending(RecursiveFilter):
         )
         no_wrench = SampleWindow(times=np.zeros(0), values=np.zeros((0, 6)))
         no_pressure = SampleWindow(times=np.zeros(0), values=np.zeros((0, 4)))
-        unknown = EndEffectorBelief(
-            X=np.eye(4), V=np.zeros(6), covariance=np.eye(12), offset_loading=np.zeros((6, 0))
-        )
         self._wrench = self._declare_value_input("wrench_window", no_wrench)
         self._pressure = self._declare_value_input("pressure_window", no_pressure)
-        self._end_effector = self._declare_value_input("end_effector_estimated", unknown)
+        self._end_effector = self._declare_value_input(
+            "end_effector_estimated", UNKNOWN_END_EFFECTOR
+        )
         self._active = self.DeclareVectorInputPort("interaction_active", 1)
         mean, covariance = start_grasp()
         initial = BendingState(

@@ -12,9 +12,9 @@ from maths import se3
 from systems.checks import require
 from systems.port_values import (
     INTERACTED_BODY,
+    UNKNOWN_END_EFFECTOR,
     BodyMotion,
     BodyMotions,
-    EndEffectorBelief,
     FeatureBelief,
     InteractedBody,
     MotionBelief,
@@ -184,11 +184,10 @@ class InteractedBodyMotion(RecursiveFilter):
         self._check(config)
         self._config = config
         nowhere = PoseBelief(X=np.eye(4), covariance=np.eye(6))
-        end_effector = EndEffectorBelief(
-            X=np.eye(4), V=np.zeros(6), covariance=np.eye(12), offset_loading=np.zeros((6, 0))
-        )
         grasp = initial_grasp(GraspModelConfig())
-        self._end_effector = self._declare_value_input("end_effector_estimated", end_effector)
+        self._end_effector = self._declare_value_input(
+            "end_effector_estimated", UNKNOWN_END_EFFECTOR
+        )
         self._bending = self._declare_value_input("hand_bending_estimated", nowhere)
         self._grasp = self._declare_value_input("grasp_latest", grasp)
         self._active = self.DeclareVectorInputPort("interaction_active", 1)

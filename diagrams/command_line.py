@@ -43,9 +43,18 @@ def main() -> int:
             raise
         message = error.format_message()
         is_help = "\n" in message
-        typer.echo(message if is_help else f"crossmodal: {message}", err=not is_help)
+        typer.echo(
+            message if is_help else f"crossmodal: {message.rstrip('.')}{_help_of(error)}",
+            err=not is_help,
+        )
         return BAD_INPUT
     return int(status or 0)
+
+
+def _help_of(error: Exception) -> str:
+    """Where the command that was misused is explained."""
+    context = getattr(error, "ctx", None)
+    return "" if context is None else f"; see '{context.command_path} --help'"
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ class OwnObject:
         pull_direction: In the grasped frame, as `x,y,z`; empty for x.
         pose: Of the model's frame in the world, as `x,y,z,roll,pitch,yaw`, [m, rad]; empty puts
             the grasped frame where the handle of the scenario's own object is, or as much above as
-            keeps the object out of the table.
+            keeps the object out of the table; a free object stands on the table.
     """
 
     model: Path
@@ -140,15 +140,19 @@ def own_object_assignments(scenario: str, given: Sequence[str], own: OwnObject) 
     else:
         X_WH = base.object.pose() @ at_base.X_OH
         x_axis = X_WH.rotation().col(0)
-        # It stands no lower than the scenario's own object, or it would be inside the table.
-        low_base = (
-            at_base.bottom - at_base.X_OH.translation()[2] + base.object.variation.position[2]
-        )
-        low = facts.bottom - facts.X_OH.translation()[2]
-        lift = [0.0, 0.0, max(0.0, float(low_base - low))]
+        # It stands no lower than the scenario's own object, or it would be inside the table; one
+        # that is free stands there, or it would fall.
+        sway = base.object.variation.position
+        low_base = at_base.bottom - at_base.X_OH.translation()[2]
+        p_WH = X_WH.translation()
+        lift = float(low_base - facts.bottom + facts.X_OH.translation()[2])
+        if base.object.free:
+            values["variation.position"] = [*sway[:2].tolist(), 0.0]
+        else:
+            lift = max(0.0, lift + float(sway[2]))
         values |= {
             "place_handle": True,
-            "position": (X_WH.translation() + lift).tolist(),
+            "position": [*p_WH[:2].tolist(), float(p_WH[2]) + lift],
             "yaw": float(np.rad2deg(np.arctan2(x_axis[1], x_axis[0]))),
         }
     lines = [f"object.{key}={value}" for key, value in values.items()]

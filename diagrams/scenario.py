@@ -123,7 +123,8 @@ class Scenario:
 
 def scenario_files() -> dict[str, Path]:
     """The scenarios that come with the program, by name."""
-    return {path.stem: path for path in sorted(SCENARIO_FOLDER.glob("*.yaml"))}
+    found = {path.stem: path for path in SCENARIO_FOLDER.glob("*.yaml")}
+    return dict(sorted(found.items()))
 
 
 def find_scenario(name_or_path: str) -> Path:

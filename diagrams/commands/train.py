@@ -29,7 +29,10 @@ def train_hand_bending_command(
             simulate_interactions,
             train_hand_bending,
         )
+        from diagrams.run_folder import open_run_folder
+        from models import WEIGHTS_DIR
 
+        folder = open_run_folder(out or WEIGHTS_DIR, force=True)
         simulated = tqdm(
             simulate_interactions(seed, jobs=jobs),
             total=INTERACTIONS,
@@ -38,7 +41,7 @@ def train_hand_bending_command(
         )
         interactions = list(simulated)
         typer.echo("Training ..." + (" and comparing topologies ..." if search else ""))
-        written, card = train_hand_bending(interactions, seed=seed, search=search, folder=out)
+        written, card = train_hand_bending(interactions, seed=seed, search=search, folder=folder)
         typer.echo(f"\n{card}")
         for path in written:
             typer.echo(f"  {path}")

@@ -73,6 +73,16 @@ def test_an_object_that_would_be_inside_the_table_is_lifted(tmp_path: Path) -> N
         assert overlaps(build_station(scenario, 0)) == []
 
 
+def test_a_free_object_stands_on_the_table(tmp_path: Path) -> None:
+    for height in (0.1, 0.5):
+        (tmp_path / "door.urdf").write_text(DOOR.replace("0.02 0.4 0.4", f"0.02 0.4 {height}"))
+        scenario = loaded("object.free=true", model=tmp_path / "door.urdf", grasp_frame="knob")
+        assert scenario.object.variation.position[2] == 0.0
+        assert 0.70 < scenario.object.position[2] - 0.5 * height < 0.72  # The table's top is 0.7.
+        plant = build_station(scenario, 0).scene.plant
+        assert plant.GetBodyByName("case").is_floating_base_body()
+
+
 def test_friction_is_that_at_the_hand_and_the_opening_within_the_limits(tmp_path: Path) -> None:
     (tmp_path / "door.urdf").write_text(DOOR)
     scenario = loaded(model=tmp_path / "door.urdf", grasp_frame="knob")

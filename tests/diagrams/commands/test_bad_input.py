@@ -29,6 +29,7 @@ RUNNER = CliRunner()
         ["evaluate", "drawer", "--seeds", "5:5"],
         ["evaluate", "drawer", "--backend", "rey"],
         ["evaluate", "drawer", "--set", "duratoin=3"],
+        ["train", "hand-bending", "--out", "malformed.yaml/weights"],
         ["diagram", "drawer", "--modality", "touch"],
         ["diagram", "drawer", "--out", "malformed.yaml"],
     ],
@@ -57,3 +58,4 @@ def test_bad_options_are_answered_in_one_line_with_status_two(
     captured = capsys.readouterr()
     assert captured.err.startswith("crossmodal: ")
     assert captured.err.count("\n") == 1
+    assert "; see 'crossmodal" in captured.err

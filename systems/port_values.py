@@ -136,6 +136,9 @@ class BodyMotion:
             more measurements of the kind do not average it away.
         reference_age: How long ago the body was last known to stand at its reference, [s]; NaN
             where that is not known.
+        anchored: How many times the body was lost from sight and its new features were placed where
+            it was believed to be; the pose's error then got a part that is constant in B.
+        offset_covariance: (6, 6), in B, of that part; included in the motion's covariance.
     """
 
     body_id: int
@@ -146,6 +149,8 @@ class BodyMotion:
     p_BF_covariance: Array
     lasting_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     reference_age: float = float("nan")
+    anchored: int = 0
+    offset_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
 
 
 @dataclass(kw_only=True)

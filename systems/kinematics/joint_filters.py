@@ -8,7 +8,7 @@ Frames: P parent, B child, F the child's measured reference pose. All covariance
 perturbations in B.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,7 @@ from systems.kinematics.joint_filters_config import (
 from systems.kinematics.joint_geometry import PRISMATIC, REVOLUTE, dimension
 from systems.kinematics.joint_models import AXIS_SPREAD, Models, initial_models
 from systems.kinematics.joint_readout import predict_pose, read_joint
+from systems.kinematics.joint_reference import hand_over
 from systems.kinematics.joint_solver import Priors
 from systems.kinematics.joint_update import update as update_models
 from systems.kinematics.pose_packets import (
@@ -54,6 +55,9 @@ class JointFiltersState:
         updates: Measurements seen.
         models: Parameters, configuration, evidence.
         packets: Averaged measurements.
+        q_before: (2,) configuration, prismatic and revolute, at the present reference.
+        q_before_variance: (2,)
+        anchored: How many times parent and child had been anchored (`BodyMotion`) at the reference.
     """
 
     parent_id: int
@@ -63,6 +67,9 @@ class JointFiltersState:
     updates: int
     models: Models
     packets: Packets
+    q_before: Array
+    q_before_variance: Array
+    anchored: int = 0
 
     def __deepcopy__(self, memo: dict[int, object]) -> "JointFiltersState":
         return self
@@ -141,6 +148,34 @@ class JointFilters:
             updates=0,
             models=models,
             packets=packets,
+            q_before=np.zeros(2),
+            q_before_variance=np.zeros(2),
+        )
+
+    def refer(
+        self, state: JointFiltersState, X_PB: Array, covariance: Array, time: float
+    ) -> JointFiltersState:
+        """The state that goes on from a new reference, with what it knows of axes and types.
+
+        For when the child's pose has got a new constant error, which leaves its motion since then
+        as a screw about the same axis in P.
+
+        Args:
+            state: Before; left as it is.
+            X_PB: Measured (4, 4), the new reference.
+            covariance: Of that measurement without the constant error (6, 6), in B.
+            time: Of the reference, [s].
+        """
+        start = self.start(X_PB, covariance, time, state.parent_id, state.child_id)
+        X_FG = se3.inverse(state.X_PF) @ X_PB
+        q, variance = hand_over(
+            state.models, start.models, X_FG, time - state.time, self.config.axis_distance
+        )
+        return replace(
+            start,
+            updates=state.updates,
+            q_before=state.q_before + q,
+            q_before_variance=state.q_before_variance + variance,
         )
 
     def update(
@@ -170,15 +205,7 @@ class JointFilters:
             priors = priors._replace(fast=fast, slow=slow)
         X_FB = se3.inverse(state.X_PF) @ X_PB
         update_models(models, packets, X_FB, R, time, priors, _wants_restart(state))
-        return JointFiltersState(
-            parent_id=state.parent_id,
-            child_id=state.child_id,
-            X_PF=state.X_PF,
-            time=time,
-            updates=state.updates + 1,
-            models=models,
-            packets=packets,
-        )
+        return replace(state, time=time, updates=state.updates + 1, models=models, packets=packets)
 
     def probabilities(self, state: JointFiltersState) -> dict[JointType, float]:
         """Of each type, given all measurements."""
@@ -211,8 +238,8 @@ class JointFilters:
             axis_covariance=axis,
             p_PA=vectors[1],
             p_PA_covariance=point,
-            configuration=q,
-            configuration_covariance=q_covariance,
+            configuration=np.array([q[0] + state.q_before[kind], q[1]]),
+            configuration_covariance=q_covariance + np.diag([state.q_before_variance[kind], 0.0]),
         )
 
     def predict(self, state: JointFiltersState, joint_type: JointType, dt: float) -> PoseBelief:

@@ -233,7 +233,7 @@ def linearise(kind: int, m: Models, p: Packets, sigma_c: float, lin: Linear) -> 
     """Fills `lin` with all packets and the priors of theta, at the model's theta and q."""
     clear(lin)
     add_packets(kind, m, p, int(np.int64(0)), p.size[0], lin)
-    if m.prior_information[kind, 0, 0] > 0.0:
+    if np.trace(m.prior_information[kind]) > 0.0:
         _add_prior(kind, m, lin)
     if kind == RIGID:
         return

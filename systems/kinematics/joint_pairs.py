@@ -78,18 +78,20 @@ def relative_pose(parent: PoseBelief, child: PoseBelief) -> PoseBelief:
     return PoseBelief(X=X_PB, covariance=child.covariance + Ad @ parent.covariance @ Ad.T)
 
 
-def _pose(motion: MotionBelief) -> PoseBelief:
-    return PoseBelief(X=motion.X, covariance=motion.covariance[:6, :6])
+def _pose(body: BodyMotion) -> PoseBelief:
+    """Since the body was anchored, without the constant error that it has had since then."""
+    covariance = body.motion.covariance[:6, :6] - body.offset_covariance
+    return PoseBelief(X=body.motion.X, covariance=covariance)
 
 
 def measured_pose(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[PoseBelief, Array, Array]:
     """X_PB of a pair now, what lasts of its covariance (6, 6), and X_PB (4, 4) at the reference."""
     child = bodies[pair[1]]
     if pair[0] == STATIC_BODY:
-        return _pose(child.motion), child.lasting_covariance, child.X_WB_reference
+        return _pose(child), child.lasting_covariance, child.X_WB_reference
     parent = bodies[pair[0]]
     X_PB_reference = se3.inverse(parent.X_WB_reference) @ child.X_WB_reference
-    pose = relative_pose(_pose(parent.motion), _pose(child.motion))
+    pose = relative_pose(_pose(parent), _pose(child))
     Ad = se3.adjoint(se3.inverse(pose.X))
     lasting = child.lasting_covariance + Ad @ parent.lasting_covariance @ Ad.T
     return pose, lasting, X_PB_reference
@@ -178,10 +180,14 @@ def update_pairs(
         state = level.pairs.get(pair)
         if pair in measured:
             pose, lasting, X_PB_reference = measured_pose(pair, present)
+            anchored = sum(present[i].anchored for i in pair if i != STATIC_BODY)
             if state is None and pair[0] != STATIC_BODY:
                 state = inherited(pair, present, level.past.get(pair[1], []), time)
             if state is None:
                 state = filters.start(X_PB_reference, pose.covariance, time - reference_age, *pair)
+            elif anchored != state.anchored:
+                state = filters.refer(state, pose.X, pose.covariance, time)
+            state = replace(state, anchored=anchored)
             pairs[pair] = filters.update(state, pose.X, pose.covariance, time, lasting)
         elif state is not None and time - state.time <= patience:
             pairs[pair] = state

@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 
 _STEPS = 3  # Gauss-Newton steps per update at most,
 _FRESH_STEPS = 5  # and from a fresh start.
-_MEMORY = 40.0  # Nats by which packets no longer in memory can speak against a model.
+MEMORY = 40.0  # Nats by which packets no longer in memory can speak against a model.
 _MOVING = (PRISMATIC, REVOLUTE)
 
 
@@ -49,7 +49,7 @@ def remember(
         pose_packets.merge(p, k, priors.walk_rate)
         _forget_configuration(m, p, k + 1)
     pose_packets.append(p, X_FB, R, time, priors.walk_rate)
-    p.walk[0] = min(max(p.walk[0], -_MEMORY), _MEMORY)
+    p.walk[0] = min(max(p.walk[0], -MEMORY), MEMORY)
     last, dt = p.size[0] - 1, time - p.time[p.size[0] - 2]
     for kind in range(2):
         m.q[kind, last] = m.state[kind, 0] + dt * m.state[kind, 1]
@@ -85,7 +85,7 @@ def drop(m: Models, p: Packets, k: int, priors: Priors) -> None:
     _forget_configuration(m, p, k)
     solve_all(m, p, priors, 1)
     m.carried[:] += before - m.log_evidence
-    m.carried[:] = np.maximum(m.carried - m.carried.max(), -_MEMORY)
+    m.carried[:] = np.maximum(m.carried - m.carried.max(), -MEMORY)
 
 
 def _copy_model(kind: int, source: Models, target: Models) -> None:

@@ -102,6 +102,8 @@ class BodyState:
         grasp_type: Under which f and k have their present meaning.
         unseen: (6, 6), in B, by what the pose's covariance has grown since features corrected it,
             and before they ever did, what the grip may settle by; these errors change slowly.
+        anchored: See `BodyMotion`.
+        offset: (6, 6), in B, of the pose's constant error since then; not part of P.
     """
 
     hand: BentHand
@@ -114,13 +116,15 @@ class BodyState:
     feature_ids: Ids
     grasp_type: GraspType
     unseen: Array
+    anchored: int
+    offset: Array
 
     def __deepcopy__(self, memo: dict[int, object]) -> "BodyState":
         return self
 
     @property
     def pose(self) -> PoseBelief:
-        return PoseBelief(X=self.X_WB, covariance=self.P[:6, :6])
+        return PoseBelief(X=self.X_WB, covariance=self.P[:6, :6] + self.offset)
 
 
 @dataclass(kw_only=True)
@@ -221,6 +225,8 @@ def start_body(hand: BentHand, grasp: GraspBelief, config: InteractedBodyMotionC
         feature_ids=np.zeros(0, dtype=np.int64),
         grasp_type=grasp.type,
         unseen=np.diag(settling**2),
+        anchored=0,
+        offset=np.zeros((6, 6)),
     )
 
 
@@ -325,6 +331,30 @@ def with_velocity(
         + G @ np.diag(np.repeat(noise, 3)) @ G.T
     )
     return replace(body, V=G @ V_H + turn * rate, V_covariance=symmetric(covariance))
+
+
+def anchor_body(body: BodyState, seen: PoseBelief, feature_ids: Ids, anchored: int) -> BodyState:
+    """The body when features are back that were placed in it where the hand had carried it.
+
+    They know nothing of the pose's error until then, but say how the body moves from now on: that
+    error becomes a constant `offset`, and the pose is where they see it, up to their noise.
+    """
+    layout = Layout(body.hand.loading.shape[1])
+    x, P = fade(body.x, body.P, layout.b, 0.0)
+    offset = body.offset + P[:6, :6]
+    P[:6] = 0.0
+    P[:, :6] = 0.0
+    P[:6, :6] = seen.covariance
+    return replace(
+        body,
+        X_WB=seen.X,
+        x=x,
+        P=P,
+        feature_ids=feature_ids,
+        unseen=np.zeros((6, 6)),
+        anchored=anchored,
+        offset=offset,
+    )
 
 
 def correct_body(

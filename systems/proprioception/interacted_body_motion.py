@@ -27,6 +27,7 @@ from systems.proprioception.grasp_model import initial_grasp
 from systems.proprioception.interacted_body_filter import (
     BodyState,
     InteractedBodyMotionConfig,
+    anchor_body,
     correct_body,
     predict_body,
     start_body,
@@ -104,7 +105,7 @@ def body_motions(state: InteractedState) -> BodyMotions:
     if body is None:
         return BodyMotions()
     covariance = np.zeros((12, 12))
-    covariance[:6, :6] = body.P[:6, :6]
+    covariance[:6, :6] = body.pose.covariance
     covariance[6:, 6:] = body.V_covariance
     rows = np.zeros(0, dtype=np.int64) if sighting is None else sighting.rows
     return BodyMotions(
@@ -119,6 +120,8 @@ def body_motions(state: InteractedState) -> BodyMotions:
                     np.zeros((0, 3, 3)) if sighting is None else sighting.body.p_BF_covariance[rows]
                 ),
                 lasting_covariance=body.unseen,
+                anchored=body.anchored,
+                offset_covariance=body.offset,
                 seen=None if sighting is None else sighting.pose,
                 seen_offset_covariance=(
                     np.zeros((6, 6)) if sighting is None else sighting.offset_covariance
@@ -267,5 +270,8 @@ class InteractedBodyMotion(RecursiveFilter):
         if sighting is not None:
             ids = sighting.body.feature_ids[sighting.rows]
             offset = sighting.offset_covariance
-            body = correct_body(body, sighting.pose, offset, ids, self._config)
+            if sighting.body.anchored != body.anchored:
+                body = anchor_body(body, sighting.pose, ids, sighting.body.anchored)
+            else:
+                body = correct_body(body, sighting.pose, offset, ids, self._config)
         return InteractedState(body=body, sighting=sighting)

@@ -245,6 +245,14 @@ def add_present_anchors(body: BodyFilter, ids: Ids, p_WF: Array, covariance: Arr
     return _extended(body, ids, p_BF, J @ body.P[_POSE], blocks)
 
 
+def with_known_pose(body: BodyFilter) -> BodyFilter:
+    """The filter whose pose is right by definition."""
+    P = body.P.copy()
+    P[_POSE] = 0.0
+    P[:, _POSE] = 0.0
+    return replace(body, P=P)
+
+
 def remove_anchors(body: BodyFilter, ids: Ids) -> BodyFilter:
     """The filter without the anchors of these features."""
     keep = ~np.isin(body.ids, ids)

@@ -79,6 +79,7 @@ class TrackedBody:
         unsupported: Ticks since then.
         source: Which prediction fitted best at this tick.
         held_since: Tick at which the hand had closed, of the interacted body; -1 for others.
+        anchored: See `BodyMotion`.
     """
 
     body_id: int
@@ -92,6 +93,7 @@ class TrackedBody:
     unsupported: int = 0
     source: str = "reference"
     held_since: int = -1
+    anchored: int = 0
 
     def __deepcopy__(self, memo: dict[int, object]) -> "TrackedBody":
         return self

@@ -209,7 +209,11 @@ def without_nudges(
 def with_anchors(
     config: RigidBodyMotionConfig, body: TrackedBody, history: FeatureHistory
 ) -> TrackedBody:
-    """Gives anchors to assigned features that have none, as far as there is room."""
+    """Gives anchors to assigned features that have none, as far as there is room.
+
+    If these are all that the body has, and none was there when it stood at its reference, its pose
+    is from now on where it is believed to be, up to a constant (`BodyMotion.anchored`).
+    """
     waiting = (history.body == body.body_id) & history.seen
     waiting &= ~np.isin(history.ids, body.filter.ids)
     room = config.max_anchors - len(body.filter.ids)
@@ -232,6 +236,9 @@ def with_anchors(
         fits = body_filter.agreeing(filtered, anchors, p_WF, covariance, config.gate)
         filtered = body_filter.correct(filtered, anchors[fits], p_WF[fits], covariance[fits])
     late = rows[late[: room - len(first)]]
+    if len(filtered.ids) == 0:
+        filtered = body_filter.with_known_pose(filtered)
+        body = replace(body, anchored=body.anchored + 1)
     p_WF, covariance = newest_samples(history, late)
     filtered = body_filter.add_present_anchors(filtered, history.ids[late], p_WF, covariance)
     path = np.concatenate([body.path[:-1], filtered.X[None]])

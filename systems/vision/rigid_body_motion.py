@@ -93,6 +93,7 @@ def body_motion(body: TrackedBody, age: float) -> BodyMotion:
         p_BF=body.filter.p_BF,
         p_BF_covariance=body.filter.p_BF_covariance,
         reference_age=age,
+        anchored=body.anchored,
     )
 
 

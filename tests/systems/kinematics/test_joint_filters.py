@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from pydrake.common.yaml import yaml_load_typed
 from scipy.stats import chi2
-from synthetic_motion import Scene, at_rest, filter_states, simulate, stop_and_go, to_and_fro
+from synthetic_motion import Run, Scene, at_rest, filter_states, simulate, stop_and_go, to_and_fro
 
 from maths import se3
 from systems.kinematics.joint_filters import (
@@ -333,3 +333,68 @@ def test_a_lasting_error_does_not_bend_a_slide_that_was_seen_well() -> None:
     wrong, off = _slide_then_drift(config, declared=False)
     assert wrong < 0.5
     assert off > np.deg2rad(1.0)
+
+
+def _with_new_reference(joint: JointType, seed: int) -> tuple[JointFilters, list, Run, int]:
+    """Half of a motion measured roughly, then finely but for a constant error of the pose."""
+    scene = Scene(joint=joint, translation=1e-2, rotation=3.0)
+    fine = 0.05**2 * scene.covariance
+    run = simulate(scene, seed)
+    rng = np.random.default_rng((seed, 1))
+    half = len(run.times) // 2
+    offset = se3.exp(rng.multivariate_normal(np.zeros(6), scene.covariance))
+    filters = JointFilters(JointFiltersConfig())
+    states = [filters.start(run.measured[0], scene.covariance, 0.0)]
+    for k in range(1, len(run.times)):
+        time = float(run.times[k])
+        if k < half:
+            states.append(filters.update(states[-1], run.measured[k], scene.covariance, time))
+            continue
+        X = run.X_PB[k] @ offset @ se3.exp(rng.multivariate_normal(np.zeros(6), fine))
+        if k == half:
+            states.append(filters.refer(states[-1], X, fine, time))
+        else:
+            states.append(filters.update(states[-1], X, fine, time))
+    return filters, states, run, half
+
+
+@pytest.mark.parametrize("joint", [PRISMATIC, REVOLUTE])
+def test_a_new_reference_keeps_what_is_known_at_that_instant(joint: JointType) -> None:
+    filters, states, _, half = _with_new_reference(joint, 0)
+    before, after = (filters.belief(states[k]) for k in (half - 1, half))
+    old, new = before.models[joint], after.models[joint]
+    period = 1.0 / 15.0
+    assert after.type == joint
+    assert_allclose(new.axis_P, old.axis_P, atol=1e-9)
+    assert_allclose(new.axis_covariance, old.axis_covariance, atol=1e-9)
+    assert_allclose(
+        new.configuration[0], old.configuration[0] + period * old.configuration[1], atol=1e-9
+    )
+    assert new.configuration_covariance[0, 0] >= old.configuration_covariance[0, 0]
+    if joint == REVOLUTE:
+        assert_allclose(np.cross(new.p_PA - old.p_PA, old.axis_P), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("joint", [PRISMATIC, REVOLUTE])
+def test_what_follows_a_new_reference_is_as_wrong_as_it_says(joint: JointType) -> None:
+    inside, errors = [], []
+    for seed in range(40):
+        filters, states, run, half = _with_new_reference(joint, seed)
+        model = filters.belief(states[-1]).models[joint]
+        error = model.configuration[:1] - run.q[-1]
+        B = np.linalg.svd(model.axis_P[None])[2][1:]
+        inside.append(
+            [
+                _inside(error, model.configuration_covariance[:1, :1]),
+                _inside(B @ run.axis, B @ model.axis_covariance @ B.T),
+            ]
+        )
+        errors.append(
+            [_angle(filters.belief(states[half]).models[joint], run.axis), _angle(model, run.axis)]
+        )
+        assert filters.belief(states[-1]).type == joint
+    q_inside, axis_inside = np.mean(inside, axis=0)
+    assert 0.8 <= q_inside <= 1.0
+    assert 0.8 <= axis_inside <= 1.0
+    start, end = np.median(errors, axis=0)
+    assert end < 0.2 * start

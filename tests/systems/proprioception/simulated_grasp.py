@@ -48,6 +48,8 @@ class Scene:
         hand_alone: Displacement of the hand (4, 4) in W at a time, where it has left the body.
         axis: Of the grasp in H (3,), through point (3,).
         dark_from: [s].
+        lit_from: [s]; if above zero, the features are placed in the body where it is believed to be
+            when the light goes on.
         duration: [s].
     """
 
@@ -57,6 +59,7 @@ class Scene:
     axis: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
     point: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, -0.02]))
     dark_from: float = np.inf
+    lit_from: float = 0.0
     duration: float = 8.0
 
 
@@ -134,6 +137,7 @@ class Episode:
         self.X_reference[:3, 3] = X_WE[:3, 3]
         self.p_BF = self.p_WF - self.X_reference[:3, 3]
         self.p_BF_seen = self.p_BF + ANCHOR_SIGMA * rng.normal(size=self.p_BF.shape)
+        self.anchored = 0
 
     def X_WH(self, t: float) -> np.ndarray:
         coordinates = self.scene.coordinates(t)
@@ -174,8 +178,15 @@ class Episode:
         )
         return end_effector, bending
 
+    def place(self, t: float, X_WB: np.ndarray) -> None:
+        """Places the features in the body, which is believed to be at `X_WB`."""
+        error = se3.inverse(X_WB) @ self.X_WB(t)
+        self.p_BF_seen = self.p_BF_seen @ error[:3, :3].T + error[:3, 3]
+        self.anchored = 1
+
     def vision(self, t: float) -> tuple[FeatureBelief, BodyMotions]:
-        count = len(self.p_BF) if t < self.scene.dark_from else 0
+        lit = self.scene.lit_from <= t < self.scene.dark_from
+        count = len(self.p_BF) if lit else 0
         X = self.X_WB(t)
         p_WF = self.p_BF @ X[:3, :3].T + X[:3, 3]
         p_WF = p_WF + FEATURE_SIGMA * self.rng.normal(size=p_WF.shape)
@@ -196,6 +207,7 @@ class Episode:
             feature_ids=ids,
             p_BF=self.p_BF_seen,
             p_BF_covariance=np.tile(ANCHOR_SIGMA**2 * np.eye(3), (len(ids), 1, 1)),
+            anchored=self.anchored,
         )
         return features, BodyMotions(bodies=[body])
 
@@ -222,10 +234,14 @@ def run(
         context.SetTime(t)
         end_effector, bending = episode.streams(t)
         values = {"end_effector_estimated": end_effector, "hand_bending_estimated": bending}
-        if vision:
-            values["features_estimated"], values["body_motions_seen"] = episode.vision(t)
         for name, value in values.items():
             diagram.GetInputPort(name).FixValue(context, AbstractValue.Make(value))
+        if vision:
+            if 0.0 < scene.lit_from <= t and not episode.anchored:
+                episode.place(t, diagram.GetOutputPort("body_prior").Eval(context).X)
+            features, motions = episode.vision(t)
+            for name, value in (("features_estimated", features), ("body_motions_seen", motions)):
+                diagram.GetInputPort(name).FixValue(context, AbstractValue.Make(value))
         X_WB = episode.X_WB(t)
         ticks.append(
             Tick(

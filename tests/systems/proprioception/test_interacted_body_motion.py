@@ -248,6 +248,25 @@ def test_what_grows_unseen_lasts_until_it_is_seen_again() -> None:
     assert np.trace(lasting[-1][3:, 3:]) > 2.0 * np.trace(lasting[-30][3:, 3:])
 
 
+def test_features_that_come_late_tell_the_motion_since_but_not_the_pose() -> None:
+    scene = Scene(displacement=swing(), lit_from=5.0, duration=9.0)
+    lit = round(5.0 * 15.0) + 1
+    poses, motions, alone = [], [], []
+    for seed in range(12):
+        ticks = run(scene, seed, vision=True)
+        first, last = ticks[lit], ticks[-1]
+        assert first.body.anchored == last.body.anchored == 1
+        assert ticks[lit - 10].body.anchored == 0
+        np.testing.assert_array_equal(first.body.offset_covariance, last.body.offset_covariance)
+        poses.append(body_nees(last))
+        error = se3.log(se3.inverse(ticks[lit].body.motion.X) @ ticks[lit].X_WB)
+        X_since = last.body.motion.X @ se3.exp(error)
+        motions.append(np.linalg.norm(se3.log(se3.inverse(X_since) @ last.X_WB)[3:]))
+        alone.append(np.linalg.norm(body_error(last)[3:]))
+    assert nees_is_consistent(poses)
+    assert np.median(motions) < 0.3 * np.median(alone)
+
+
 def test_the_prior_does_not_depend_on_vision() -> None:
     system = InteractedBodyMotion(CONFIG, corrected_by_vision=True)
     prior = system.GetOutputPort("body_prior").get_index()

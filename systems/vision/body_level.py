@@ -18,6 +18,8 @@ class RigidBodyMotionConfig:
     newest: int = 3  # Ticks that make a feature's newest position, [ticks].
     feature_floor: float = 2e-4  # Added to a feature's standard deviation, [m].
     anchor_floor: float = 3e-4  # Error of an anchor that averaging does not remove, [m].
+    late_floor: float = 1e-3  # The same for features that a body has when it comes into view, [m].
+    anchor_support: int = 8  # So many it needs then.
     anchor_walk: float = 5e-5  # Drift of an anchor, [m/sqrt(s)].
     turn_walk: float = 3e-4  # The same per turn of its body, [m/sqrt(rad)].
     angular_acceleration: float = 1e-2  # Spectral density, [rad^2/s^3].

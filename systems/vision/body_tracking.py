@@ -236,10 +236,13 @@ def with_anchors(
         fits = body_filter.agreeing(filtered, anchors, p_WF, covariance, config.gate)
         filtered = body_filter.correct(filtered, anchors[fits], p_WF[fits], covariance[fits])
     late = rows[late[: room - len(first)]]
-    if len(filtered.ids) == 0:
-        filtered = body_filter.with_known_pose(filtered)
-        body = replace(body, anchored=body.anchored + 1)
     p_WF, covariance = newest_samples(history, late)
+    if len(filtered.ids) == 0:
+        if len(late) < config.anchor_support:
+            return body
+        filtered = body_filter.with_known_pose(filtered)
+        covariance = covariance + config.late_floor**2 * np.eye(3)
+        body = replace(body, anchored=body.anchored + 1)
     filtered = body_filter.add_present_anchors(filtered, history.ids[late], p_WF, covariance)
     path = np.concatenate([body.path[:-1], filtered.X[None]])
     return replace(body, filter=filtered, path=path)

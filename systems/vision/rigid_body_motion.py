@@ -240,9 +240,9 @@ def _check(config: RigidBodyMotionConfig) -> None:
     positive += " initial_angular_velocity initial_linear_velocity gate moving better association"
     positive += " prior_rotation_walk prior_translation_walk jump_rotation jump_translation"
     positive += " extent neighbourhood nudged blind_rotation blind_translation"
-    floors = "feature_floor anchor_floor anchor_walk turn_walk max_penalty min_gain min_spread"
-    floors += " patience memory max_suspicion max_free_suspicion seed"
-    counts = "newest min_support keep_support"
+    floors = "feature_floor anchor_floor late_floor anchor_walk turn_walk max_penalty min_gain"
+    floors += " min_spread patience memory max_suspicion max_free_suspicion seed"
+    counts = "newest min_support keep_support anchor_support"
     name = "RigidBodyMotion"
     require_fields(name, config, positive.split(), "> 0", lambda x: x > 0)
     require_fields(name, config, floors.split(), ">= 0", lambda x: x >= 0)

@@ -49,6 +49,7 @@ class Stream:
     on_body: int = 40
     still: int = 100
     ticks: int = 140
+    lit_from: int = 0
     dark_from: int = 10**6
 
     def __post_init__(self) -> None:
@@ -81,7 +82,8 @@ class Stream:
         covariance = covariance + (1e-4) ** 2 * np.eye(3)
         L = np.linalg.cholesky(covariance)
         p_W = p_W + np.einsum("nij,nj->ni", L, rng.normal(size=p_W.shape))
-        seen = (rng.random(len(ids)) > 0.03) & (k < self.dark_from)
+        lit = self.lit_from <= k < self.dark_from
+        seen = (rng.random(len(ids)) > 0.03) & lit
         order = rng.permutation(np.nonzero(seen)[0])
         return FeatureBelief(
             ids=ids[order],
@@ -316,6 +318,22 @@ def test_in_the_dark_the_interacted_body_follows_the_hand(play: Callable) -> Non
     motions = play(stream, None, priors)
     assert len(motions[-1]) == 1
     np.testing.assert_allclose(motions[-1][0].motion.X, priors[-1].X, atol=1e-12)
+
+
+def test_features_that_come_late_show_the_motion_since_they_came(play: Callable) -> None:
+    lit = 100
+    stream = Stream(kind="drawer", seed=10, lit_from=lit, ticks=lit + 120)
+    motions = play(stream, None, prior_path(stream, 30, 0.2, lead=0))
+    anchored = next(k for k, m in enumerate(motions) if m and m[0].anchored)
+    first, last = motions[anchored][0], motions[-1][0]
+    assert lit < anchored < lit + 45
+    assert last.anchored == 1
+    assert len(first.feature_ids) >= RigidBodyMotionConfig().anchor_support
+    assert set(last.feature_ids.tolist()) <= stream.moving_ids
+    assert np.linalg.norm(stream.error(first, anchored, 30)[3:]) > 0.01
+    moved = path("drawer", stream.ticks - 1) @ se3.inverse(path("drawer", anchored))
+    error = se3.log(se3.inverse(last.motion.X) @ moved @ first.motion.X)
+    assert np.linalg.norm(error[3:]) < 3e-3
 
 
 def test_the_interacted_body_ends_with_the_grasp(play: Callable) -> None:

@@ -79,6 +79,7 @@ def test_the_network_period_reaches_every_filter_and_window() -> None:
         ("modalities=vision", "must be a list"),
         ("camera.width=0", "camera.width = 0 pixels"),
         ("camera.horizontal_angle=180", "between 0 and 180 deg"),
+        ("camera.lamp=-0.1", "camera.lamp = -0.1"),
         ("camera.position=[0, 1]", "camera.position = [0.0, 1.0], but it must be 3 numbers"),
         ("camera.position=high", "camera.position = 'high', but it must be numbers in a list"),
         ("object.variation.yaw=-3", "object.variation.yaw = -3.0"),

@@ -7,7 +7,7 @@ import typer
 
 from diagrams.commands.endings import one_line_errors
 from diagrams.commands.options import ForceOption, SetOption
-from diagrams.commands.run_output import write_and_report
+from diagrams.commands.run_output import run_folder, write_and_report
 
 EXAMPLES = (
     "Example:  crossmodal run drawer --record-sensors --out runs/a, then"
@@ -26,18 +26,18 @@ def replay_command(
         from tqdm import tqdm
 
         from diagrams.replay import Wiring, load_recorded_scenario, replay
-        from diagrams.run_folder import open_run_folder
 
         chosen = load_recorded_scenario(run, overrides or [])
-        folder = open_run_folder(out or run / "replay", force)
         wirings = {
             name: Wiring(modality=name, cut=chosen.perception.cut) for name in chosen.modalities
         }
-        with tqdm(desc=f"{chosen.name}, seed {chosen.seed}", unit="tick", disable=None) as bar:
+        with run_folder(out or run / "replay", force) as folder:
+            title = f"{chosen.name}, seed {chosen.seed}"
+            with tqdm(desc=title, unit="tick", disable=None) as bar:
 
-            def progress(_: float) -> None:
-                bar.update()
+                def progress(_: float) -> None:
+                    bar.update()
 
-            result = replay(run, chosen, wirings, progress)
-        status = write_and_report(folder, result)
+                result = replay(run, chosen, wirings, progress)
+            status = write_and_report(folder, result)
     raise typer.Exit(status)

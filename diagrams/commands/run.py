@@ -1,6 +1,5 @@
 """`crossmodal run`."""
 
-import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,7 +8,7 @@ import typer
 from diagrams.commands.endings import one_line_errors
 from diagrams.commands.gentle_interrupt import GentleInterrupt
 from diagrams.commands.options import ForceOption, SetOption
-from diagrams.commands.run_output import write_and_report
+from diagrams.commands.run_output import run_folder, write_and_report
 
 if TYPE_CHECKING:
     from diagrams.episode_record import EpisodeResult
@@ -75,7 +74,7 @@ def run_command(
     """Simulate one episode and write what was perceived into a folder."""
     with one_line_errors():
         from diagrams.own_object import OwnObject, own_object_assignments, refuse_without_object
-        from diagrams.run_folder import SENSORS_FILE, default_folder, open_run_folder
+        from diagrams.run_folder import SENSORS_FILE, default_folder
         from diagrams.scenario import load_scenario
 
         assignments = list(overrides or [])
@@ -103,21 +102,13 @@ def run_command(
             )
             assignments = own_object_assignments(scenario, assignments, own) + assignments
         chosen = load_scenario(scenario, assignments)
-        folder = open_run_folder(out or default_folder(chosen), force)
-        try:
+        with run_folder(out or default_folder(chosen), force) as folder:
             sensors_file = folder / SENSORS_FILE if record_sensors else None
             result = _simulate(
                 chosen, live=meshcat, host=host, recording=recording, sensors_file=sensors_file
             )
-        finally:
-            _remove_if_empty(folder)
-        status = write_and_report(folder, result)
+            status = write_and_report(folder, result)
     raise typer.Exit(status)
-
-
-def _remove_if_empty(folder: Path) -> None:
-    with contextlib.suppress(OSError):
-        folder.rmdir()
 
 
 def _simulate(

@@ -1,6 +1,8 @@
 """What a run leaves behind: its folder, a report and an exit status."""
 
+import contextlib
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +12,19 @@ from diagrams.commands.endings import FAILED, INTERRUPTED
 
 if TYPE_CHECKING:
     from diagrams.episode_record import EpisodeResult
+
+
+@contextlib.contextmanager
+def run_folder(folder: Path, force: bool) -> Iterator[Path]:
+    """The opened folder of a run; one that nothing was written into is removed again."""
+    from diagrams.run_folder import open_run_folder
+
+    open_run_folder(folder, force)
+    try:
+        yield folder
+    finally:
+        with contextlib.suppress(OSError):
+            folder.rmdir()
 
 
 def write_and_report(folder: Path, result: "EpisodeResult") -> int:

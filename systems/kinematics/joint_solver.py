@@ -21,6 +21,7 @@ from systems.kinematics.pose_packets import Packets
 Array = npt.NDArray[np.float64]
 
 _STILL = 0.1  # Gain in log likelihood below which another step is not worth it, [nat].
+_SHORTER = 0.3  # Share of a step that is tried when the whole of it was too far.
 _PROMISED = 1.0  # Gain that a step not yet taken may count as evidence, [nat].
 _TILT = 0.7  # Most that one step may tilt an axis, [rad],
 _SHIFT = 0.5  # or move it, as a share of its distance.
@@ -136,34 +137,62 @@ def _trusted(kind: int, c: Array, step: Array) -> float:
 
 
 @hot
+def _move(kind: int, m: Models, priors: Priors, q: Array, step: Array) -> None:
+    """Moves theta by `step`; m.q came with it from `q`, linearly.
+
+    What it moved by is scaled so that paths keep their length where the axis moves away.
+    """
+    before = _lever(kind, m, priors)
+    retract(kind, m.Y[kind], m.a[kind], m.c[kind], step)
+    share = before / _lever(kind, m, priors)
+    for i in range(q.size):
+        m.q[kind, i] = q[i] + share * (m.q[kind, i] - q[i])
+
+
+@hot
 def solve_moving(kind: int, m: Models, p: Packets, priors: Priors, steps: int) -> None:
-    """Gauss-Newton with step halving on theta and all q; stores posterior and evidence."""
+    """Gauss-Newton with step shortening on theta and all q; stores posterior and evidence.
+
+    Only a step that promises next to nothing is taken without looking back: along a valley, as that
+    of an axis far away, a step can promise little, go far and end high up on the other side.
+
+    Args:
+        kind: `PRISMATIC` or `REVOLUTE`.
+        m: Models.
+        p: Packets.
+        priors: See `Priors`.
+        steps: Linearisations at most, two or more.
+    """
     lin = new_linear(p.time.size)
     best, trial = new_chain(), new_chain()
     previous, q_previous = -np.inf, m.q[kind].copy()
     Y, a, c = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy()
-    step = np.zeros(10)
+    step, dq = np.zeros(10), np.zeros(p.time.size)
     for i in range(steps):
         linearise(kind, m, p, priors.axis_distance, lin)
         evidence, S, value, gain = _solve_densities(kind, m, p, priors, lin, best, trial)
-        if i > 0 and i < steps - 1 and value < previous - 1.0:
-            step *= 0.3
+        if i < steps - 1 and value < previous:
+            share = _SHORTER if i < steps - 2 else 0.0
+            step *= share
             m.Y[kind], m.a[kind], m.c[kind] = Y, a, c
-            m.q[kind] = q_previous + 0.3 * (m.q[kind] - q_previous)
-            retract(kind, m.Y[kind], m.a[kind], m.c[kind], step)
+            m.q[kind] = q_previous + share * dq
+            _move(kind, m, priors, q_previous, step)
             continue
         previous = value
         Y[:], a[:], c[:], q_previous[:] = m.Y[kind], m.a[kind], m.c[kind], m.q[kind]
+        last = i >= steps - 2 or gain < _STILL
         best.step[:] *= _trusted(kind, m.c[kind], best.step)
+        if last and gain >= _STILL:
+            best.step[:] = 0.0
         step[:] = best.step
         sigma_v = priors.speed / _lever(kind, m, priors)
         smooth(dimension(kind), S, sigma_v, q_previous, p, lin, step, m.q[kind])
-        last = i == steps - 1 or gain < _STILL
         if last and priors.fast < 1.0:
             m.q[kind], q_smooth = q_previous, m.q[kind].copy()
             S = _track(kind, m, p, priors, lin, best, trial)
             m.q[kind] = q_smooth
-        retract(kind, m.Y[kind], m.a[kind], m.c[kind], step)
+        dq = m.q[kind] - q_previous
+        _move(kind, m, priors, q_previous, step)
         evidence -= max(gain - _PROMISED, 0.0)
         m.log_evidence[kind], m.density[kind] = evidence + m.carried[kind], S
         _store(kind, m, best)

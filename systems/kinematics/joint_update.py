@@ -20,8 +20,8 @@ from systems.kinematics.pose_packets import Packets
 
 Array = npt.NDArray[np.float64]
 
-_STEPS = 3  # Gauss-Newton steps per update at most,
-_FRESH_STEPS = 5  # and from a fresh start.
+_STEPS = 6  # Linearisations per update at most,
+_FRESH_STEPS = 8  # and from a fresh start.
 MEMORY = 40.0  # Nats by which packets no longer in memory can speak against a model.
 _MOVING = (PRISMATIC, REVOLUTE)
 
@@ -57,7 +57,7 @@ def remember(
 
 
 def solve_all(m: Models, p: Packets, priors: Priors, steps: int) -> None:
-    """Solves all four models, with at most `steps` Gauss-Newton steps each."""
+    """Solves all four models, linearised at most `steps` times each."""
     for kind in _MOVING:
         solve_moving(kind, m, p, priors, steps)
     solve_still(m, p, priors.axis_distance)
@@ -83,7 +83,7 @@ def drop(m: Models, p: Packets, k: int, priors: Priors) -> None:
         m.prior_value[kind] += lin.value[0]
     pose_packets.drop(p, k, priors.walk_rate)
     _forget_configuration(m, p, k)
-    solve_all(m, p, priors, 1)
+    solve_all(m, p, priors, 2)
     m.carried[:] += before - m.log_evidence
     m.carried[:] = np.maximum(m.carried - m.carried.max(), -MEMORY)
 

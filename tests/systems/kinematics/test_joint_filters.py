@@ -398,3 +398,20 @@ def test_what_follows_a_new_reference_is_as_wrong_as_it_says(joint: JointType) -
     assert 0.8 <= axis_inside <= 1.0
     start, end = np.median(errors, axis=0)
     assert end < 0.2 * start
+
+
+def test_the_evidence_of_a_wrong_axis_far_away_does_not_jump() -> None:
+    """To and fro on a straight path, felt by a hand that can turn: hardly a revolute joint."""
+    filters = JointFilters(
+        JointFiltersConfig(slow_rotation=0.05, slow_translation=6e-3, slow_time=5.0)
+    )
+    rng, evidence = np.random.default_rng(0), []
+    state = filters.start(np.eye(4), 1e-12 * np.eye(6), -1.0)
+    for k in range(450):
+        y = 0.02 * (15.0 - abs(k / 15 - 15.0))
+        X = se3.exp(np.array([0.0, 0.0, 0.0, 0.0, y, 0.0]) + 1e-4 * rng.normal(size=6))
+        shift = 1e-3 + 0.02 * y
+        deviation = np.array([0.02, 0.02, 0.02 + 1.5 * y, shift, shift, shift])
+        state = filters.update(state, X, np.diag(deviation**2), k / 15)
+        evidence.append(state.models.log_evidence[1])
+    assert np.abs(np.diff(evidence))[150:].max() < 2.0

@@ -113,16 +113,7 @@ def joints_from_features() -> KinematicModelConfig:
 
 
 def joints_from_the_hand() -> KinematicModelConfig:
-    """A hand that turns on the handle misleads about the body's rotation, and it does so slowly."""
-    return KinematicModelConfig(
-        filters=JointFiltersConfig(
-            correlation_time=2.0, slow_rotation=0.05, slow_translation=6e-3, slow_time=5.0
-        )
-    )
-
-
-def joints_from_both() -> KinematicModelConfig:
-    """The hand pulls at what the eye sees; in the dark the body tells what of its error lasts."""
+    """The hand pulls at what the eye sees; unseen, the body tells what of its error lasts."""
     return KinematicModelConfig(
         filters=JointFiltersConfig(
             slow_rotation=3e-3, slow_translation=3e-4, slow_time=2.0, lasting_time=5.0
@@ -147,7 +138,7 @@ class PerceptionConfig:
     bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
     joints_vision: KinematicModelConfig = field(default_factory=joints_from_features)
     joints_proprioception: KinematicModelConfig = field(default_factory=joints_from_the_hand)
-    joints_crossmodal: KinematicModelConfig = field(default_factory=joints_from_both)
+    joints_crossmodal: KinematicModelConfig = field(default_factory=joints_from_the_hand)
 
 
 @dataclass(kw_only=True)

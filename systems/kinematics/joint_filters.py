@@ -55,6 +55,7 @@ class JointFiltersState:
         updates: Measurements seen.
         models: Parameters, configuration, evidence.
         packets: Averaged measurements.
+        W_zero: See `read_joint`.
         q_before: (2,) configuration, prismatic and revolute, at the present reference.
         q_before_variance: (2,)
         anchored: How many times parent and child had been anchored (`BodyMotion`) at the reference.
@@ -67,6 +68,7 @@ class JointFiltersState:
     updates: int
     models: Models
     packets: Packets
+    W_zero: Array
     q_before: Array
     q_before_variance: Array
     anchored: int = 0
@@ -115,6 +117,7 @@ class JointFilters:
         time: float,
         parent_id: int = 0,
         child_id: int = 1,
+        settling: Array | None = None,
     ) -> JointFiltersState:
         """Filters at the reference, where q is zero.
 
@@ -124,10 +127,17 @@ class JointFilters:
             time: Of the reference, [s].
             parent_id: See `JointBelief`.
             child_id: See `JointBelief`.
+            settling: Covariance (6, 6), in B, of what later measurements differ by from the
+                reference without a motion of the child; nothing if None. It moves the path; q is
+                still counted from the measured reference.
         """
         config = self.config
         packets, models = empty_packets(config.memory), initial_models(config.memory)
-        R = frame_covariance(covariance, 0.0, config)
+        R: Array = frame_covariance(covariance, 0.0, config)
+        W_zero: Array = np.zeros((6, 6))
+        if settling is not None and settling.any():
+            R = R + settling
+            W_zero = np.asarray(np.linalg.inv(R))
         append(packets, np.eye(4), R, time, self._priors.walk_rate)
         for kind in range(3):
             n = dimension(kind)
@@ -148,6 +158,7 @@ class JointFilters:
             updates=0,
             models=models,
             packets=packets,
+            W_zero=W_zero,
             q_before=np.zeros(2),
             q_before_variance=np.zeros(2),
         )
@@ -171,6 +182,8 @@ class JointFilters:
         q, variance = hand_over(
             state.models, start.models, X_FG, time - state.time, self.config.axis_distance
         )
+        for kind in (PRISMATIC, REVOLUTE):
+            q[kind] += self._read(state, kind)[3][0] - state.models.state[kind, 0]
         return replace(
             start,
             updates=state.updates,
@@ -228,10 +241,13 @@ class JointFilters:
             updates=state.updates,
         )
 
+    def _read(
+        self, state: JointFiltersState, kind: int
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        return read_joint(kind, state.models, state.X_PF, self.config.axis_distance, state.W_zero)
+
     def _moving_belief(self, state: JointFiltersState, kind: int) -> JointModelBelief:
-        vectors, axis, point, q, q_covariance = read_joint(
-            kind, state.models, state.X_PF, self.config.axis_distance
-        )
+        vectors, axis, point, q, q_covariance = self._read(state, kind)
         return JointModelBelief(
             log_evidence=float(state.models.log_evidence[kind]),
             axis_P=vectors[0],

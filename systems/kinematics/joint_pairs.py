@@ -15,6 +15,7 @@ import numpy.typing as npt
 from maths import se3
 from systems.kinematics.joint_filters import JointFilters, JointFiltersState
 from systems.port_values import (
+    INTERACTED_BODY,
     STATIC_BODY,
     BodyMotion,
     BodyMotions,
@@ -184,7 +185,9 @@ def update_pairs(
             if state is None and pair[0] != STATIC_BODY:
                 state = inherited(pair, present, level.past.get(pair[1], []), time)
             if state is None:
-                state = filters.start(X_PB_reference, pose.covariance, time - reference_age, *pair)
+                # The body in the hand is at its reference when it is first measured.
+                age = period if pair == (STATIC_BODY, INTERACTED_BODY) else reference_age
+                state = filters.start(X_PB_reference, pose.covariance, time - age, *pair, lasting)
             elif anchored != state.anchored:
                 state = filters.refer(state, pose.X, pose.covariance, time)
             state = replace(state, anchored=anchored)

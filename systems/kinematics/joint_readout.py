@@ -17,6 +17,7 @@ from systems.kinematics.joint_geometry import (
     tangent_basis,
 )
 from systems.kinematics.joint_models import AXIS_SPREAD, Models
+from systems.kinematics.pose_packets import relative_log
 
 Array = npt.NDArray[np.float64]
 
@@ -36,13 +37,46 @@ def _projected(T: Array, Sigma: Array, first: int, out: Array) -> None:
 
 
 @hot
+def _zero(kind: int, m: Models, W: Array, k: Array) -> float:
+    """q at the point of the path nearest to the measured reference, in the metric W (6, 6).
+
+    Writes into `k` (6,) by how much less that is per error of Y.
+    """
+    B, G, J = np.empty((2, 3)), np.empty((5, 6)), np.empty((5, 6))
+    r, q = np.empty(6), 0.0
+    tangent_basis(m.a[kind], B)
+    screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], B, G)
+    jacobian(kind, G, q, J)
+    relative_log(m.Y[kind], np.eye(4), r)
+    for i in range(6):
+        k[i] = 0.0
+        for j in range(6):
+            k[i] += W[i, j] * J[0, j]
+    square = 0.0
+    for i in range(6):
+        square += k[i] * J[0, i]
+    for i in range(6):
+        k[i] /= square
+        q += k[i] * r[i]
+    return q
+
+
+@hot
 def read_joint(
-    kind: int, m: Models, X_PF: Array, axis_distance: float
+    kind: int, m: Models, X_PF: Array, axis_distance: float, W_zero: Array
 ) -> tuple[Array, Array, Array, Array, Array]:
     """A moving model's axis, axis point and configuration.
 
     While the rigid model may as well be true, in the share of its evidence, the axis may be any:
     the covariances are those of the mixture.
+
+    Args:
+        kind: `PRISMATIC` or `REVOLUTE`.
+        m: Models.
+        X_PF: Measured reference pose (4, 4).
+        axis_distance: See `Priors`.
+        W_zero: Zero (6, 6), or the metric in which the point of the path that is nearest to the
+            measured reference has q = 0.
 
     Returns:
         (axis_P, p_PA) (2, 3), axis covariance (3, 3), point covariance (3, 3), configuration (2,)
@@ -71,9 +105,15 @@ def read_joint(
             normal = (1.0 if i == j else 0.0) - vectors[0, i] * vectors[0, j]
             axis[i, j] += unmoved * (AXIS_SPREAD**2 * normal - axis[i, j])
             point[i, j] += unmoved * (axis_distance**2 * normal - point[i, j])
+    state, sensitivity = m.state[kind].copy(), np.ascontiguousarray(gain[:, :n].T)
+    if W_zero[0, 0] > 0.0:
+        shift = np.empty(6)
+        state[0] -= _zero(kind, m, W_zero, shift)
+        for i in range(6):
+            sensitivity[i, 0] += shift[i]
     configuration = np.empty((2, 2))
-    _projected(np.ascontiguousarray(gain[:, :n].T), m.covariance[kind], 0, configuration)
-    return vectors, axis, point, m.state[kind].copy(), configuration + m.P[kind]
+    _projected(sensitivity, m.covariance[kind], 0, configuration)
+    return vectors, axis, point, state, configuration + m.P[kind]
 
 
 @hot

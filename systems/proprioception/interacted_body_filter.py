@@ -40,6 +40,7 @@ class InteractedBodyMotionConfig:
     slip_translation: float = 2.0e-3  # [m/m^0.5]
     settling_rotation: float = 0.05  # How the grip may settle while the eye sees nothing, [rad].
     settling_translation: float = 6.0e-3  # [m]
+    settling_time: float = 2.0  # Until it has settled but for a share of 1/e, [s].
     lever: float = 0.1  # Way of the hand per rotation, when counting its way, [m/rad].
     hinge_curvature: float = 3.0  # One over the radius of a hinge, 1 sigma, [rad/m].
     rotation_velocity_noise: float = 0.02  # Of the bending's rate and of slip, [rad/s].
@@ -100,8 +101,9 @@ class BodyState:
         V: V_WB_B (6,), with covariance V_covariance (6, 6).
         feature_ids: The features seen last.
         grasp_type: Under which f and k have their present meaning.
-        unseen: (6, 6), in B, by what the pose's covariance has grown since features corrected it,
-            and before they ever did, what the grip may settle by; these errors change slowly.
+        unseen: (6, 6), in B, by what the pose's covariance has grown since features corrected it;
+            the hand's errors are behind it, which change slowly.
+        settling: (6, 6), in B, by what the grip still settles; none once features have been seen.
         anchored: See `BodyMotion`.
         offset: (6, 6), in B, of the pose's constant error since then; not part of P.
     """
@@ -116,6 +118,7 @@ class BodyState:
     feature_ids: Ids
     grasp_type: GraspType
     unseen: Array
+    settling: Array
     anchored: int
     offset: Array
 
@@ -205,8 +208,8 @@ def line_sensitivity(free: FreeMotion, tau: Array, turned: float, slides: bool) 
 def start_body(hand: BentHand, grasp: GraspBelief, config: InteractedBodyMotionConfig) -> BodyState:
     """The body at its reference: B has the world's axes and sits at the hand's origin.
 
-    A hand that settles on the handle after that misleads about the body, slowly, until features
-    say where it is.
+    A hand that settles on the handle after that misleads about the body, at the reference most,
+    until features say where it is.
     """
     settling = np.repeat([config.settling_rotation, config.settling_translation], 3)
     X_WB = np.eye(4)
@@ -224,7 +227,8 @@ def start_body(hand: BentHand, grasp: GraspBelief, config: InteractedBodyMotionC
         V_covariance=1e-4 * np.eye(6),
         feature_ids=np.zeros(0, dtype=np.int64),
         grasp_type=grasp.type,
-        unseen=np.diag(settling**2),
+        unseen=np.zeros((6, 6)),
+        settling=np.diag(settling**2),
         anchored=0,
         offset=np.zeros((6, 6)),
     )
@@ -290,10 +294,11 @@ def predict_body(
     x = F @ body.x
     X_WB = before.X_WH @ step @ se3.inverse(before.X_WH) @ body.X_WB @ se3.exp(x[:6])
     x[:6] = 0.0
-    Ad = se3.adjoint(se3.inverse(X_WB) @ body.X_WB)
-    growth = P[:6, :6] - Ad @ body.P[:6, :6] @ Ad.T
-    unseen = positive_part(Ad @ body.unseen @ Ad.T + growth)
-    return replace(body, hand=hand, X_WB=X_WB, x=x, P=symmetric(P), unseen=unseen)
+    unseen = positive_part(body.unseen + P[:6, :6] - body.P[:6, :6])
+    settling = np.exp(-2.0 * config.period / config.settling_time) * body.settling
+    return replace(
+        body, hand=hand, X_WB=X_WB, x=x, P=symmetric(P), unseen=unseen, settling=settling
+    )
 
 
 def _slip(tau: Array, config: InteractedBodyMotionConfig) -> Array:
@@ -352,6 +357,7 @@ def anchor_body(body: BodyState, seen: PoseBelief, feature_ids: Ids, anchored: i
         P=P,
         feature_ids=feature_ids,
         unseen=np.zeros((6, 6)),
+        settling=np.zeros((6, 6)),
         anchored=anchored,
         offset=offset,
     )
@@ -385,4 +391,5 @@ def correct_body(
     x = x + correction
     X_WB = body.X_WB @ se3.exp(x[:6])
     x[:6] = 0.0
-    return replace(body, X_WB=X_WB, x=x, P=P, feature_ids=feature_ids, unseen=np.zeros((6, 6)))
+    none = np.zeros((6, 6))
+    return replace(body, X_WB=X_WB, x=x, P=P, feature_ids=feature_ids, unseen=none, settling=none)

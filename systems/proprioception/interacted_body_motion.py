@@ -119,7 +119,7 @@ def body_motions(state: InteractedState) -> BodyMotions:
                 p_BF_covariance=(
                     np.zeros((0, 3, 3)) if sighting is None else sighting.body.p_BF_covariance[rows]
                 ),
-                lasting_covariance=body.unseen,
+                lasting_covariance=body.unseen + body.settling,
                 anchored=body.anchored,
                 offset_covariance=body.offset,
                 seen=None if sighting is None else sighting.pose,
@@ -222,6 +222,7 @@ class InteractedBodyMotion(RecursiveFilter):
             "hand_error_time": "s",
             "settling_rotation": "rad",
             "settling_translation": "m",
+            "settling_time": "s",
             "lever": "m/rad",
             "hinge_curvature": "rad/m",
             "rotation_velocity_noise": "rad/s",

@@ -308,3 +308,17 @@ def test_impossible_values_are_refused(field: str, value: float) -> None:
     setattr(config, field, value)
     with pytest.raises(ValueError, match=f"InteractedBodyMotion: {field}"):
         InteractedBodyMotion(config)
+
+
+def test_nothing_lasts_but_the_pose_error_and_a_grip_that_settles() -> None:
+    ticks = run(Scene(displacement=pull(), duration=8.0), 6, vision=False)
+    first = ticks[0].body.lasting_covariance
+    assert np.diag(first).min() > 0.0
+    for tick in ticks:
+        rest = tick.body.motion.covariance[:6, :6] + first - tick.body.lasting_covariance
+        assert np.linalg.eigvalsh(rest).min() > -1e-9
+    last = ticks[-1].body
+    assert np.all(
+        np.diag(last.lasting_covariance)
+        < 1e-3 * np.diag(first) + np.diag(last.motion.covariance)[:6]
+    )

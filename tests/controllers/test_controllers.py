@@ -186,6 +186,31 @@ def test_the_sequence_goes_through_its_phases_and_stops_after_its_travel() -> No
     assert phase_at(0.3) == Phase.STOP
 
 
+def test_a_hand_that_comes_away_empty_says_that_it_holds_nothing_any_more() -> None:
+    config = GraspSequenceConfig(approach_time=0.1, close_time=0.1)
+    state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
+    sequence = GraspSequence(config, arm_model(), state.X_WE, BACK)
+    simulator = Simulator(sequence)
+    context = simulator.get_mutable_context()
+    sequence.GetInputPort("joint_state_measured").FixValue(context, np.append(Q, np.zeros(7)))
+    held = np.array(config.closing_pressure)
+
+    def after(time: float, pressure: np.ndarray) -> dict[str, float]:
+        sequence.GetInputPort("pressure_measured").FixValue(context, pressure)
+        simulator.AdvanceTo(time)
+        names = ("phase", "interaction_active", "grasp_lost")
+        return {name: sequence.GetOutputPort(name).Eval(context)[0] for name in names}
+
+    holding = {"phase": Phase.EXPLORE, "interaction_active": 1, "grasp_lost": 0}
+    assert after(0.25, held) == holding
+    assert after(0.35, held * [0.7, 0.7, 0.9, 0.7]) == holding
+    assert after(0.45, 0.7 * held) == {
+        "phase": Phase.STOP,
+        "interaction_active": 0,
+        "grasp_lost": 1,
+    }
+
+
 def test_impossible_values_are_refused_by_name() -> None:
     with pytest.raises(ValueError, match="period"):
         ImpedanceController(ImpedanceConfig(period=0.0), arm_model(), Q)

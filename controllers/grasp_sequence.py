@@ -379,6 +379,10 @@ class GraspSequence(LeafSystem):
         ):
             if not getattr(config, name) > 0:
                 raise ValueError(f"GraspSequence: need {name} > 0, got {getattr(config, name)!r}")
+        if not 0.0 < config.empty_pressure < 1.0:
+            raise ValueError(
+                f"GraspSequence: need empty_pressure between 0 and 1, got {config.empty_pressure!r}"
+            )
         self._config = config
         self._arm = arm
         self._goal = goal or Goal()

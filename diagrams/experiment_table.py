@@ -327,7 +327,7 @@ def markdown(name: str, experiment: Experiment, figures: pd.DataFrame, made_by: 
 
 
 def overall_table(figures: Mapping[str, pd.DataFrame]) -> Table:
-    """One row per experiment, by name, and one of all of them."""
+    """One row per experiment, by name, beside the paper's errors, and one of all of them."""
     rows = {row.figure: row for row in (*EPISODE_ROWS, *MODALITY_ROWS)}
     columns = (
         ("task done", "", "success"),
@@ -338,7 +338,8 @@ def overall_table(figures: Mapping[str, pd.DataFrame]) -> Table:
         ("exploration error", "", "exploration_error"),
         ("exploitation error", "", "exploitation_error"),
     )
-    table = Table(header=["experiment", *(header for header, _, _ in columns)])
+    references = ("paper", "goal")
+    table = Table(header=["experiment", *(header for header, _, _ in columns), *references])
     flags: dict[int, list[Array]] = {}
     for name, frame in figures.items():
         cells = [name]
@@ -351,7 +352,7 @@ def overall_table(figures: Mapping[str, pd.DataFrame]) -> Table:
             if key in _TRIAL_FIGURES and not EXPERIMENTS[name].returns:
                 found = None
             cells.append("-" if found is None else rows[key].cell(*found))
-        table.rows.append(cells)
+        table.rows.append([*cells, *(_error_reference(name, kind) for kind in references)])
     together = {index: np.concatenate(values) for index, values in flags.items()}
     totals = [
         f"{count(together[index])} ({100.0 * np.mean(together[index] == 1.0):.0f} %)"
@@ -359,5 +360,13 @@ def overall_table(figures: Mapping[str, pd.DataFrame]) -> Table:
         else ""
         for index in range(len(columns))
     ]
-    table.rows.append(["all", *totals])
+    table.rows.append(["all", *totals, *("" for _ in references)])
     return table
+
+
+def _error_reference(name: str, kind: str) -> str:
+    """What an experiment's errors are compared with, by 'paper' or 'goal'."""
+    references = EXPERIMENTS[name].references
+    titles = ("configuration error at the end", "exploration error", "exploitation error")
+    texts = [getattr(references[title], kind) for title in titles if title in references]
+    return " / ".join(filter(None, texts)) or "-"

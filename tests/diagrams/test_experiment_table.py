@@ -181,6 +181,8 @@ def test_the_overall_table_adds_up_the_experiments() -> None:
     assert rows["drawer"]["exploration error"] == "-"
     assert rows["drawer"]["error at the end, cross-modal"] == "1.0 (1.0 to 1.0) mm"
     assert rows["box-lid"]["type right, cross-modal"] == "0/1"
+    assert rows["glass-door"]["paper"] == "1.3 ± 0.73 deg / 0.6 ± 0.5 deg"
+    assert rows["drawer"]["goal"] == "-"
 
 
 @pytest.mark.parametrize(

@@ -65,6 +65,11 @@ ABLATIONS = {
         scenario="drawer-lights-off",
         wire="interacted_body_to_vision",
     ),
+    "behind-the-arm": Ablation(
+        flow="the body felt by the hand tells the eye which features are its own, once they show",
+        scenario="door-occluded",
+        wire="interacted_body_to_vision",
+    ),
     "seen-reference": Ablation(
         flow="a body that only the eye follows is the reference of a joint felt by the hand",
         scenario="box-lid",

@@ -1,6 +1,5 @@
 """A recorded run drives the network again; other wirings on the very same measurements."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +13,7 @@ from diagrams.joint_evaluation import joint_series
 from diagrams.network import CROSSMODAL_WIRES
 from diagrams.replay import SensorReplay, Wiring, load_recorded_scenario, replay
 from diagrams.run_folder import ESTIMATES_FILE, SENSORS_FILE
-from diagrams.sensor_log import STREAMS, SensorLog
-from diagrams.sensor_recorder import SensorRecorder
+from diagrams.sensor_log import SensorLog
 from diagrams.yaml_schema import ScenarioError
 from systems.port_values import INTERACTED_BODY
 
@@ -111,12 +109,3 @@ def test_between_ticks_the_last_ticks_values_stay(recorded_run: Path) -> None:
     assert_allclose(port.Eval(context).times, at_tick)
     context.SetTime(2.0 + 1 / 15)
     assert_allclose(port.Eval(context).times[0], at_tick[-1] + 0.005)
-
-
-def test_documented_ports_are_the_declared_ones() -> None:
-    for system in (SensorRecorder, SensorReplay):
-        assert re.findall(r"^        - (\w+)$", system.__doc__, re.M) == list(
-            ["color_measured", "depth_measured", "robot_mask"]
-            + [name for name in STREAMS if name.endswith("window")]
-            + ["interaction_active", "cheat_configuration", "cheat_body_pose"]
-        )

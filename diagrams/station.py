@@ -17,6 +17,8 @@ from pydrake.geometry import (
     MakeRenderEngineVtk,
     RenderCameraCore,
     RenderEngineVtkParams,
+    Role,
+    SceneGraph,
 )
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
@@ -59,7 +61,7 @@ from systems.sensors.wrist_wrench import ReactionWrench, WristWrenchConfig, Wris
 
 Array = npt.NDArray[np.float64]
 
-# A visual that accepts the colour renderer only is transparent to the depth camera.
+# A visual that accepts the colour renderer only is transparent.
 _RENDERERS = ("colour", "depth")
 # What control is told of the perceived joint; see `InteractedJoint`.
 PERCEIVED_INPUTS = ("joint_latest", "end_effector_screw_latest", "grasp_failure_latest")
@@ -431,6 +433,18 @@ def _add_vision(
     builder.Connect(scene_graph.get_query_output_port(), camera.query_object_input_port())
     builder.Connect(camera.color_image_output_port(), noise.GetInputPort("color_image"))
     builder.Connect(camera.depth_image_32F_output_port(), noise.GetInputPort("depth_image"))
+    if _has_transparent_visuals(scene_graph):
+        panes = builder.AddNamedSystem(
+            "transparent_surfaces",
+            RgbdSensor(
+                scene_graph.world_frame_id(),
+                X_WC,
+                ColorRenderCamera(colour),
+                DepthRenderCamera(colour, DepthRange(0.1, 8.0)),
+            ),
+        )
+        builder.Connect(scene_graph.get_query_output_port(), panes.query_object_input_port())
+        builder.Connect(panes.depth_image_32F_output_port(), noise.GetInputPort("surface_image"))
     for port in ("illumination", "cover"):
         builder.Connect(lighting.GetOutputPort(port), noise.GetInputPort(port))
     builder.Connect(
@@ -442,6 +456,15 @@ def _add_vision(
     builder.ExportOutput(noise.GetOutputPort("color_measured"), "color_measured")
     builder.ExportOutput(noise.GetOutputPort("depth_measured"), "depth_measured")
     builder.ExportOutput(mask.GetOutputPort("robot_mask"), "robot_mask")
+
+
+def _has_transparent_visuals(scene_graph: SceneGraph) -> bool:
+    """Which renderers a visual names cannot be read in Python; those that take all name none."""
+    inspector = scene_graph.model_inspector()
+    return any(
+        inspector.GetPerceptionProperties(geometry).HasProperty("renderer", "accepting")
+        for geometry in inspector.GetAllGeometryIds(Role.kPerception)
+    )
 
 
 def _room_light(lamp: float) -> RenderEngineVtkParams:

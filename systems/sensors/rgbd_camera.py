@@ -26,6 +26,8 @@ from systems.sensors.depth_noise import (
 )
 from systems.sensors.randomness import make_generator, random_bytes
 
+_PANE = 1e-3  # By how much a surface lies before another at least, [m].
+
 
 @dataclass(kw_only=True)
 class CameraNoiseConfig:
@@ -42,7 +44,8 @@ class CameraNoise(LeafSystem):
     camera matches, disparity in steps of 1/8 px, so that depth comes in steps of 2.9 mm/m^2 z^2;
     no return outside the range, where the ray grazes the surface, and to the left of near objects,
     where the projector (to the right of the infrared camera) casts their shadow. Lighting does not
-    matter to depth: the camera brings its own.
+    matter to depth: the camera brings its own. Behind a transparent surface nothing returns: the
+    pattern passes it twice and is bent and mirrored away.
 
     Colour: shot and read noise, gamma, saturation. The auto-exposure follows the mean grey with a
     lag, so that a jump of the lighting gives some frames that are too dark or too bright.
@@ -60,6 +63,7 @@ class CameraNoise(LeafSystem):
         input_ports:
         - color_image
         - depth_image
+        - surface_image
         - illumination
         - cover
         output_ports:
@@ -68,6 +72,8 @@ class CameraNoise(LeafSystem):
 
     - `color_image`: `ImageRgba8U` of an `RgbdSensor`, under normal light.
     - `depth_image`: `ImageDepth32F` of the same sensor, [m]; 0 too near, inf too far.
+    - `surface_image`: `ImageDepth32F` of the same camera, [m], in which transparent surfaces are
+      solid; may stay unconnected where there are none.
     - `illumination`: (1,) light relative to normal; 0 lights off; 1 if not connected.
     - `cover`: (1,) above 0.5 something covers the camera; 0 if not connected.
     - `color_measured`: `ImageRgba8U`, alpha 255.
@@ -98,6 +104,7 @@ class CameraNoise(LeafSystem):
         depth_model = Value[ImageDepth32F](ImageDepth32F(intrinsics.width(), intrinsics.height()))
         self._color = self.DeclareAbstractInputPort("color_image", color_model)
         self._depth = self.DeclareAbstractInputPort("depth_image", depth_model)
+        self._surface = self.DeclareAbstractInputPort("surface_image", depth_model)
         self._illumination = self.DeclareVectorInputPort("illumination", 1)
         self._cover = self.DeclareVectorInputPort("cover", 1)
         self._exposure = self.DeclareDiscreteState([1.0, config.colour.grey_target])
@@ -126,6 +133,8 @@ class CameraNoise(LeafSystem):
             depth.baseline,
             float(np.cos(depth.grazing_angle)),
         )
+        if self._surface.HasValue(context):
+            valid &= self._surface.Eval(context).data[:, :, 0] > ideal - _PANE
         rng = self._rng(context, "depth")
         measured[:] = measure_depth(
             ideal,

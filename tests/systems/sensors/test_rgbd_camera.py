@@ -122,6 +122,17 @@ def test_a_covered_camera_sees_black_and_no_depth():
     assert not depth.any()
 
 
+def test_nothing_returns_from_behind_a_transparent_surface():
+    camera, context = fixed_camera()
+    surface = ImageDepth32F(WIDTH, HEIGHT)
+    surface.mutable_data[:] = 1.0
+    surface.mutable_data[:, : WIDTH // 2] = 0.9
+    camera.GetInputPort("surface_image").FixValue(context, surface)
+    _, depth = images(camera, context)
+    assert not depth[:, : WIDTH // 2].any()
+    assert depth[1:-1, WIDTH // 2 : -1].all()
+
+
 def test_depth_does_not_need_light():
     with_light, without = images(*fixed_camera()), images(*fixed_camera(illumination=0.0))
     np.testing.assert_array_equal(with_light[1], without[1])

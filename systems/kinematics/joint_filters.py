@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from maths import se3
+from maths.gaussian import symmetric
 from systems.kinematics.joint_filters_config import (
     JointFiltersConfig,
     check_joint_filters_config,
@@ -23,8 +24,13 @@ from systems.kinematics.joint_filters_config import (
 )
 from systems.kinematics.joint_geometry import PRISMATIC, REVOLUTE, dimension
 from systems.kinematics.joint_models import AXIS_SPREAD, Models, initial_models
-from systems.kinematics.joint_readout import predict_pose, read_joint
-from systems.kinematics.joint_reference import hand_over
+from systems.kinematics.joint_readout import predict_pose, read_axis, read_configuration
+from systems.kinematics.joint_reference import (
+    NOTHING_BEFORE,
+    Before,
+    configuration_before,
+    hand_over,
+)
 from systems.kinematics.joint_solver import Priors
 from systems.kinematics.joint_update import update as update_models
 from systems.kinematics.pose_packets import (
@@ -55,9 +61,8 @@ class JointFiltersState:
         updates: Measurements seen.
         models: Parameters, configuration, evidence.
         packets: Averaged measurements.
-        W_zero: See `read_joint`.
-        q_before: (2,) configuration, prismatic and revolute, at the present reference.
-        q_before_variance: (2,)
+        W_zero: See `read_configuration`.
+        before: The configurations at the reference.
         anchored: How many times parent and child had been anchored (`BodyMotion`) at the reference.
     """
 
@@ -69,8 +74,7 @@ class JointFiltersState:
     models: Models
     packets: Packets
     W_zero: Array
-    q_before: Array
-    q_before_variance: Array
+    before: Before
     anchored: int = 0
 
     def __deepcopy__(self, memo: dict[int, object]) -> "JointFiltersState":
@@ -159,8 +163,7 @@ class JointFilters:
             models=models,
             packets=packets,
             W_zero=W_zero,
-            q_before=np.zeros(2),
-            q_before_variance=np.zeros(2),
+            before=NOTHING_BEFORE,
         )
 
     def refer(
@@ -179,17 +182,16 @@ class JointFilters:
         """
         start = self.start(X_PB, covariance, time, state.parent_id, state.child_id)
         X_FG = se3.inverse(state.X_PF) @ X_PB
-        q, variance = hand_over(
-            state.models, start.models, X_FG, time - state.time, self.config.axis_distance
+        before = hand_over(
+            state.models,
+            state.before,
+            state.W_zero,
+            start.models,
+            X_FG,
+            time - state.time,
+            self.config.axis_distance,
         )
-        for kind in (PRISMATIC, REVOLUTE):
-            q[kind] += self._read(state, kind)[3][0] - state.models.state[kind, 0]
-        return replace(
-            start,
-            updates=state.updates,
-            q_before=state.q_before + q,
-            q_before_variance=state.q_before_variance + variance,
-        )
+        return replace(start, updates=state.updates, before=before)
 
     def update(
         self,
@@ -241,21 +243,22 @@ class JointFilters:
             updates=state.updates,
         )
 
-    def _read(
-        self, state: JointFiltersState, kind: int
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        return read_joint(kind, state.models, state.X_PF, self.config.axis_distance, state.W_zero)
-
     def _moving_belief(self, state: JointFiltersState, kind: int) -> JointModelBelief:
-        vectors, axis, point, q, q_covariance = self._read(state, kind)
+        m, n = state.models, dimension(kind)
+        vectors, axis, point = read_axis(kind, m, state.X_PF, self.config.axis_distance)
+        q, sensitivity = read_configuration(kind, m, state.W_zero)
+        q_before, slope = configuration_before(state.before, kind, m)
+        sensitivity[6:, 0] += slope
+        q_covariance = sensitivity.T @ m.covariance[kind, :n, :n] @ sensitivity + m.P[kind]
+        q_covariance[0, 0] += state.before.variance[kind]
         return JointModelBelief(
             log_evidence=float(state.models.log_evidence[kind]),
             axis_P=vectors[0],
             axis_covariance=axis,
             p_PA=vectors[1],
             p_PA_covariance=point,
-            configuration=np.array([q[0] + state.q_before[kind], q[1]]),
-            configuration_covariance=q_covariance + np.diag([state.q_before_variance[kind], 0.0]),
+            configuration=np.array([q[0] + q_before, q[1]]),
+            configuration_covariance=symmetric(q_covariance),
         )
 
     def predict(self, state: JointFiltersState, joint_type: JointType, dt: float) -> PoseBelief:

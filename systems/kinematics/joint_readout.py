@@ -62,10 +62,30 @@ def _zero(kind: int, m: Models, W: Array, k: Array) -> float:
 
 
 @hot
-def read_joint(
-    kind: int, m: Models, X_PF: Array, axis_distance: float, W_zero: Array
-) -> tuple[Array, Array, Array, Array, Array]:
-    """A moving model's axis, axis point and configuration.
+def read_configuration(kind: int, m: Models, W_zero: Array) -> tuple[Array, Array]:
+    """Configuration and rate since the reference, (2,), and their derivatives by theta (n, 2).
+
+    Args:
+        kind: `PRISMATIC` or `REVOLUTE`.
+        m: Models.
+        W_zero: Zero (6, 6), or the metric in which the point of the path that is nearest to the
+            measured reference has q = 0.
+    """
+    state = m.state[kind].copy()
+    sensitivity = np.ascontiguousarray(m.gain[kind][:, : dimension(kind)].T)
+    if W_zero[0, 0] > 0.0:
+        shift = np.empty(6)
+        state[0] -= _zero(kind, m, W_zero, shift)
+        for i in range(6):
+            sensitivity[i, 0] += shift[i]
+    return state, sensitivity
+
+
+@hot
+def read_axis(
+    kind: int, m: Models, X_PF: Array, axis_distance: float
+) -> tuple[Array, Array, Array]:
+    """A moving model's axis and axis point.
 
     While the rigid model may as well be true, in the share of its evidence, the axis may be any:
     the covariances are those of the mixture.
@@ -75,15 +95,12 @@ def read_joint(
         m: Models.
         X_PF: Measured reference pose (4, 4).
         axis_distance: See `Priors`.
-        W_zero: Zero (6, 6), or the metric in which the point of the path that is nearest to the
-            measured reference has q = 0.
 
     Returns:
-        (axis_P, p_PA) (2, 3), axis covariance (3, 3), point covariance (3, 3), configuration (2,)
-        and its covariance (2, 2). The point is NaN for a prismatic joint.
+        (axis_P, p_PA) (2, 3), axis covariance (3, 3) and point covariance (3, 3). The point is NaN
+        for a prismatic joint.
     """
-    n = dimension(kind)
-    a, c, gain = m.a[kind], m.c[kind], m.gain[kind]
+    a, c = m.a[kind], m.c[kind]
     B, T = np.empty((2, 3)), np.zeros((4, 3))
     tangent_basis(a, B)
     vectors, axis, point = np.full((2, 3), np.nan), np.empty((3, 3)), np.full((3, 3), np.nan)
@@ -105,15 +122,7 @@ def read_joint(
             normal = (1.0 if i == j else 0.0) - vectors[0, i] * vectors[0, j]
             axis[i, j] += unmoved * (AXIS_SPREAD**2 * normal - axis[i, j])
             point[i, j] += unmoved * (axis_distance**2 * normal - point[i, j])
-    state, sensitivity = m.state[kind].copy(), np.ascontiguousarray(gain[:, :n].T)
-    if W_zero[0, 0] > 0.0:
-        shift = np.empty(6)
-        state[0] -= _zero(kind, m, W_zero, shift)
-        for i in range(6):
-            sensitivity[i, 0] += shift[i]
-    configuration = np.empty((2, 2))
-    _projected(sensitivity, m.covariance[kind], 0, configuration)
-    return vectors, axis, point, state, configuration + m.P[kind]
+    return vectors, axis, point
 
 
 @hot

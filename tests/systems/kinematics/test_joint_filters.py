@@ -377,7 +377,7 @@ def test_a_new_reference_keeps_what_is_known_at_that_instant(joint: JointType) -
 
 @pytest.mark.parametrize("joint", [PRISMATIC, REVOLUTE])
 def test_what_follows_a_new_reference_is_as_wrong_as_it_says(joint: JointType) -> None:
-    inside, errors = [], []
+    inside, errors, configurations = [], [], []
     for seed in range(40):
         filters, states, run, half = _with_new_reference(joint, seed)
         model = filters.belief(states[-1]).models[joint]
@@ -389,6 +389,8 @@ def test_what_follows_a_new_reference_is_as_wrong_as_it_says(joint: JointType) -
                 _inside(B @ run.axis, B @ model.axis_covariance @ B.T),
             ]
         )
+        before = filters.belief(states[half]).models[joint].configuration[0] - run.q[half]
+        configurations.append(np.abs([before, error[0]]))
         errors.append(
             [_angle(filters.belief(states[half]).models[joint], run.axis), _angle(model, run.axis)]
         )
@@ -398,6 +400,9 @@ def test_what_follows_a_new_reference_is_as_wrong_as_it_says(joint: JointType) -
     assert 0.8 <= axis_inside <= 1.0
     start, end = np.median(errors, axis=0)
     assert end < 0.2 * start
+    if joint == REVOLUTE:  # The better axis says how large the angle at the reference was.
+        at_reference, at_end = np.median(configurations, axis=0)
+        assert at_end < 0.7 * at_reference
 
 
 def test_the_evidence_of_a_wrong_axis_far_away_does_not_jump() -> None:

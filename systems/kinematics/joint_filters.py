@@ -167,7 +167,12 @@ class JointFilters:
         )
 
     def refer(
-        self, state: JointFiltersState, X_PB: Array, covariance: Array, time: float
+        self,
+        state: JointFiltersState,
+        X_PB: Array,
+        covariance: Array,
+        time: float,
+        settling: Array | None = None,
     ) -> JointFiltersState:
         """The state that goes on from a new reference, with what it knows of axes and types.
 
@@ -179,8 +184,9 @@ class JointFilters:
             X_PB: Measured (4, 4), the new reference.
             covariance: Of that measurement without the constant error (6, 6), in B.
             time: Of the reference, [s].
+            settling: See `start`.
         """
-        start = self.start(X_PB, covariance, time, state.parent_id, state.child_id)
+        start = self.start(X_PB, covariance, time, state.parent_id, state.child_id, settling)
         X_FG = se3.inverse(state.X_PF) @ X_PB
         before = hand_over(
             state.models,

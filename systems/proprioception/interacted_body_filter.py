@@ -40,6 +40,8 @@ class InteractedBodyMotionConfig:
     slip_translation: float = 2.0e-3  # [m/m^0.5]
     settling_rotation: float = 0.05  # How the grip may settle while the eye sees nothing, [rad].
     settling_translation: float = 6.0e-3  # [m]
+    view_settling_rotation: float = 0.015  # How late features may, few and dim as they are, [rad].
+    view_settling_translation: float = 3.0e-3  # [m]
     settling_time: float = 2.0  # Until it has settled but for a share of 1/e, [s].
     lever: float = 0.1  # Way of the hand per rotation, when counting its way, [m/rad].
     hinge_curvature: float = 3.0  # One over the radius of a hinge, 1 sigma, [rad/m].
@@ -103,7 +105,8 @@ class BodyState:
         grasp_type: Under which f and k have their present meaning.
         unseen: (6, 6), in B, by what the pose's covariance has grown since features corrected it;
             the hand's errors are behind it, which change slowly.
-        settling: (6, 6), in B, by what the grip still settles; none once features have been seen.
+        settling: (6, 6), in B, by what the grip still settles; none once features have been seen,
+            unless these were placed late: then what they settle by.
         anchored: See `BodyMotion`.
         offset: (6, 6), in B, of the pose's constant error since then; not part of P.
     """
@@ -338,7 +341,13 @@ def with_velocity(
     return replace(body, V=G @ V_H + turn * rate, V_covariance=symmetric(covariance))
 
 
-def anchor_body(body: BodyState, seen: PoseBelief, feature_ids: Ids, anchored: int) -> BodyState:
+def anchor_body(
+    body: BodyState,
+    seen: PoseBelief,
+    feature_ids: Ids,
+    anchored: int,
+    config: InteractedBodyMotionConfig,
+) -> BodyState:
     """The body when features are back that were placed in it where the hand had carried it.
 
     They know nothing of the pose's error until then, but say how the body moves from now on: that
@@ -350,6 +359,7 @@ def anchor_body(body: BodyState, seen: PoseBelief, feature_ids: Ids, anchored: i
     P[:6] = 0.0
     P[:, :6] = 0.0
     P[:6, :6] = seen.covariance
+    settling = np.repeat([config.view_settling_rotation, config.view_settling_translation], 3)
     return replace(
         body,
         X_WB=seen.X,
@@ -357,7 +367,7 @@ def anchor_body(body: BodyState, seen: PoseBelief, feature_ids: Ids, anchored: i
         P=P,
         feature_ids=feature_ids,
         unseen=np.zeros((6, 6)),
-        settling=np.zeros((6, 6)),
+        settling=np.diag(settling**2),
         anchored=anchored,
         offset=offset,
     )
@@ -392,4 +402,7 @@ def correct_body(
     X_WB = body.X_WB @ se3.exp(x[:6])
     x[:6] = 0.0
     none = np.zeros((6, 6))
-    return replace(body, X_WB=X_WB, x=x, P=P, feature_ids=feature_ids, unseen=none, settling=none)
+    settling = body.settling if body.anchored else none
+    return replace(
+        body, X_WB=X_WB, x=x, P=P, feature_ids=feature_ids, unseen=none, settling=settling
+    )

@@ -223,6 +223,8 @@ class InteractedBodyMotion(RecursiveFilter):
             "settling_rotation": "rad",
             "settling_translation": "m",
             "settling_time": "s",
+            "view_settling_rotation": "rad",
+            "view_settling_translation": "m",
             "lever": "m/rad",
             "hinge_curvature": "rad/m",
             "rotation_velocity_noise": "rad/s",
@@ -272,7 +274,8 @@ class InteractedBodyMotion(RecursiveFilter):
             ids = sighting.body.feature_ids[sighting.rows]
             offset = sighting.offset_covariance
             if sighting.body.anchored != body.anchored:
-                body = anchor_body(body, sighting.pose, ids, sighting.body.anchored)
+                anchored = sighting.body.anchored
+                body = anchor_body(body, sighting.pose, ids, anchored, self._config)
             else:
                 body = correct_body(body, sighting.pose, offset, ids, self._config)
         return InteractedState(body=body, sighting=sighting)

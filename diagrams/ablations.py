@@ -48,11 +48,10 @@ class Ablation:
 
 
 ABLATIONS = {
-    "grasp-in-the-dark": Ablation(
-        flow="the grasp learnt with the eye carries the hand's reading when the light is off",
-        scenario="cupboard-door",
+    "grasp-out-of-sight": Ablation(
+        flow="the grasp learnt with the eye carries the hand when the lid is out of sight",
+        scenario="box-lid",
         wire="interacted_body_to_grasp",
-        overrides=["disturbances.lights_off=[{start: 14.0}]"],
     ),
     "taught-by-the-eye": Ablation(
         flow="what the eye has corrected carries the hand's reading when the light is off",

@@ -48,7 +48,8 @@ class GraspSequenceConfig:
     failure_probability: float = 0.5
     slip: float = 0.06  # [m]
     # A hand that holds nothing curls up: once the sealed pressure in every chamber has fallen to
-    # this share of what it was around the handle, the grasp is lost. A hand that holds keeps 0.88.
+    # this share of what it was around the handle, the grasp is lost. Around a bar it keeps 0.88 and
+    # more; a hand that curls past an edge and pushes it falls to 0.7, as an empty one does.
     empty_pressure: float = 0.8
     retries: int = 2  # How often a lost grasp is tried again,
     retry_distance: float = 0.12  # where the hand is still as near to the handle as this, [m].

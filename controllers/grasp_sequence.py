@@ -108,26 +108,26 @@ def stiff_gains(config: GraspSequenceConfig) -> ImpedanceGains:
     )
 
 
-def approach_motion(X_WE_grasp: Array, distance: float, s: float, duration: float) -> DesiredMotion:
-    """The straight approach along z of E at progress `s` in [0, 1]."""
+def approach_motion(X_WE_grasp: Array, back: Array, s: float, duration: float) -> DesiredMotion:
+    """The approach at progress `s` in [0, 1], from `back` (6,), a twist in E, to the grasp."""
     blend, rate, acceleration = minimum_jerk(s)
-    X_WE = X_WE_grasp @ se3.exp(np.array([0.0, 0, 0, 0, 0, -(1.0 - blend) * distance]))
-    along = np.array([0.0, 0, 0, 0, 0, distance])
     return DesiredMotion(
-        X_WE=X_WE, V_WE_E=along * rate / duration, A_WE_E=along * acceleration / duration**2
+        X_WE=X_WE_grasp @ se3.exp((1.0 - blend) * back),
+        V_WE_E=-back * rate / duration,
+        A_WE_E=-back * acceleration / duration**2,
     )
 
 
-def release_motion(X_WE: Array, X_WE_next: Array, distance: float, s: float) -> DesiredMotion:
-    """Waits for the hand to open, backs off along z of E, then goes straight to the next pose.
+def release_motion(X_WE: Array, X_WE_next: Array, back: Array, s: float) -> DesiredMotion:
+    """Waits for the hand to open, backs off, then goes straight to the next pose.
 
     Args:
         X_WE: Where the hand is opened (4, 4).
         X_WE_next: Where the next approach begins (4, 4).
-        distance: Of the way back, [m].
+        back: Twist (6,) in E of the way back.
         s: Progress in [0, 1], a third for each part.
     """
-    X_back = X_WE @ se3.exp(np.array([0.0, 0, 0, 0, 0, -distance]))
+    X_back = X_WE @ se3.exp(back)
     X = X_WE @ se3.exp(minimum_jerk(3 * s - 1)[0] * se3.log(se3.inverse(X_WE) @ X_back))
     X = X @ se3.exp(minimum_jerk(3 * s - 2)[0] * se3.log(se3.inverse(X_back) @ X_WE_next))
     return DesiredMotion(X_WE=X, V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
@@ -352,6 +352,7 @@ class GraspSequence(LeafSystem):
         config: Times, pressures, gains.
         arm: The robot's own model.
         X_WE_grasp: Where the hand closes (4, 4).
+        X_WE_before: Where the approach begins (4, 4).
         direction_E: Of the pull (3,), in E.
         goal: What ends the exploration, and whether the joint is brought back.
 
@@ -364,6 +365,7 @@ class GraspSequence(LeafSystem):
         config: GraspSequenceConfig,
         arm: ArmModel,
         X_WE_grasp: Array,
+        X_WE_before: Array,
         direction_E: Array,
         goal: Goal | None = None,
     ) -> None:
@@ -386,6 +388,7 @@ class GraspSequence(LeafSystem):
             )
         self._config = config
         self._arm = arm
+        self._back = se3.log(se3.inverse(X_WE_grasp) @ X_WE_before)
         self._goal = goal or Goal()
         self._stiff = stiff_gains(config)
         self._compliant = exploration_gains(config, direction_E) if config.comply else self._stiff
@@ -424,7 +427,7 @@ class GraspSequence(LeafSystem):
         flag("grasp_lost", lambda state: state.lost)
         vector("pressure_commanded", 4, self._calc_pressure)
         vector("closure_commanded", 1, self._calc_closure)
-        still = approach_motion(X_WE_grasp, config.approach_distance, 0.0, 1.0)
+        still = approach_motion(X_WE_grasp, self._back, 0.0, 1.0)
         self.DeclareAbstractOutputPort(
             "motion_desired", lambda: Value[object](still), self._calc_motion, on_time
         )
@@ -451,14 +454,14 @@ class GraspSequence(LeafSystem):
 
     def _calc_motion(self, context: Context, output: AbstractValue) -> None:
         config, state = self._config, self._state(context)
-        distance, time = config.approach_distance, config.approach_time
+        time = config.approach_time
         if state.phase == Phase.RELEASE:
-            X_WE_next = approach_motion(state.X_WE_grasp, distance, 0.0, time).X_WE
+            X_WE_next = approach_motion(state.X_WE_grasp, self._back, 0.0, time).X_WE
             progress = self._elapsed(context) / config.release_time
-            output.set_value(release_motion(state.X_WE_start, X_WE_next, distance, progress))
+            output.set_value(release_motion(state.X_WE_start, X_WE_next, self._back, progress))
             return
         s = self._elapsed(context) / time if state.phase == Phase.APPROACH else 1.0
-        output.set_value(approach_motion(state.X_WE_grasp, distance, s, time))
+        output.set_value(approach_motion(state.X_WE_grasp, self._back, s, time))
 
     def _calc_gains(self, context: Context, output: AbstractValue) -> None:
         exploring = is_held(self._state(context).phase)

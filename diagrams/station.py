@@ -210,12 +210,10 @@ def make_station(
     )
     q_grasp, q_start = _taught_postures(wiring, X_WHandle)
     encoders = _add_proprioception(wiring, q_grasp)
-    taught = np.zeros(14)
-    taught[:7] = q_grasp
-    # The hand was guided there by a person, so the arm knows the pose as its encoders read it.
-    taught = encoders.measure(taught, 0)
+    # A person guided the hand along the approach, so the arm knows it as its encoders read it.
+    taught = [encoders.measure(np.append(q, np.zeros(7)), 0)[:7] for q in (q_grasp, q_start)]
     direction_E = facing(RigidTransform()).rotation().inverse() @ pull_direction
-    sequence = _add_control(wiring, encoders, taught[:7], direction_E)
+    sequence = _add_control(wiring, encoders, taught[0], taught[1], direction_E)
     _add_vision(wiring, encoders, sequence, intrinsics, X_WC, light)
     return Station(
         diagram=builder.Build(),
@@ -318,14 +316,20 @@ def _finger_selection(scene: ManipulationScene) -> Array:
 
 
 def _add_control(
-    wiring: _Wiring, encoders: JointEncoders, q_taught: Array, direction_E: Array
+    wiring: _Wiring,
+    encoders: JointEncoders,
+    q_taught: Array,
+    q_before: Array,
+    direction_E: Array,
 ) -> GraspSequence:
     builder, plant, control = wiring.builder, wiring.scene.plant, wiring.config.control
     arm = ArmModel(wiring.arm)
-    X_WE = arm.Evaluate(np.concatenate([q_taught, np.zeros(7)])).X_WE
+    X_WE, X_WE_before = (
+        arm.Evaluate(np.concatenate([q, np.zeros(7)])).X_WE for q in (q_taught, q_before)
+    )
     sequence = builder.AddNamedSystem(
         "grasp_sequence",
-        GraspSequence(control.sequence, arm, X_WE, direction_E, wiring.config.goal),
+        GraspSequence(control.sequence, arm, X_WE, X_WE_before, direction_E, wiring.config.goal),
     )
     if control.excitation is None:
         exploration = builder.AddNamedSystem(

@@ -164,7 +164,7 @@ def test_the_blend_has_the_derivatives_it_claims() -> None:
 def test_the_sequence_goes_through_its_phases_and_stops_after_its_travel() -> None:
     config = GraspSequenceConfig(approach_time=0.1, close_time=0.1, travel=0.05)
     state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
-    sequence = GraspSequence(config, arm_model(), state.X_WE, BACK)
+    sequence = GraspSequence(config, arm_model(), state.X_WE, state.X_WE, BACK)
     simulator = Simulator(sequence)
     context = simulator.get_mutable_context()
     port = sequence.GetInputPort("joint_state_measured")
@@ -189,7 +189,7 @@ def test_the_sequence_goes_through_its_phases_and_stops_after_its_travel() -> No
 def test_a_hand_that_comes_away_empty_says_that_it_holds_nothing_any_more() -> None:
     config = GraspSequenceConfig(approach_time=0.1, close_time=0.1)
     state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
-    sequence = GraspSequence(config, arm_model(), state.X_WE, BACK)
+    sequence = GraspSequence(config, arm_model(), state.X_WE, state.X_WE, BACK)
     simulator = Simulator(sequence)
     context = simulator.get_mutable_context()
     sequence.GetInputPort("joint_state_measured").FixValue(context, np.append(Q, np.zeros(7)))

@@ -11,6 +11,7 @@ from controllers.grasp_sequence import (
     GraspSequenceConfig,
     Perceived,
     SequenceState,
+    approach_motion,
     next_state,
     release_motion,
 )
@@ -21,6 +22,7 @@ CONFIG = GraspSequenceConfig()
 GOAL = Goal(travel=0.2, return_to_start=True)
 SLIDE = np.array([0.0, 0, 0, -1, 0, 0])
 HELD = np.array([6.0e4, 6.0e4, 6.0e4, 8.0e4])
+BACK = np.array([0.02, -0.01, 0.03, 0.01, 0.02, -0.1])
 X_GRASP = se3.exp(np.array([0.1, 0.2, 0.3, 0.6, 0.0, 0.8]))
 
 
@@ -174,6 +176,15 @@ def test_without_a_goal_nothing_perceived_matters() -> None:
 def test_the_release_leads_from_the_hand_to_the_next_approach() -> None:
     X_next = moved(0.1)
     for s, X in ((0.0, X_GRASP), (1 / 3, X_GRASP), (1.0, X_next)):
-        assert_allclose(release_motion(X_GRASP, X_next, 0.1, s).X_WE, X, atol=1e-9)
-    back = se3.inverse(X_GRASP) @ release_motion(X_GRASP, X_next, 0.1, 2 / 3).X_WE
-    assert_allclose(back[:3, 3], [0.0, 0.0, -0.1], atol=1e-9)
+        assert_allclose(release_motion(X_GRASP, X_next, BACK, s).X_WE, X, atol=1e-9)
+    back = se3.inverse(X_GRASP) @ release_motion(X_GRASP, X_next, BACK, 2 / 3).X_WE
+    assert_allclose(back, se3.exp(BACK), atol=1e-9)
+
+
+def test_the_approach_leads_along_the_taught_way() -> None:
+    assert_allclose(approach_motion(X_GRASP, BACK, 0.0, 2.0).X_WE, X_GRASP @ se3.exp(BACK))
+    assert_allclose(approach_motion(X_GRASP, BACK, 1.0, 2.0).X_WE, X_GRASP, atol=1e-12)
+    before, now, after = (approach_motion(X_GRASP, BACK, 0.3 + h, 2.0) for h in (-1e-6, 0.0, 1e-6))
+    moved_by = se3.log(se3.inverse(before.X_WE) @ after.X_WE)
+    assert_allclose(now.V_WE_E, moved_by / (2e-6 * 2.0), atol=1e-6)
+    assert_allclose(now.A_WE_E, (after.V_WE_E - before.V_WE_E) / (2e-6 * 2.0), atol=1e-6)

@@ -185,8 +185,11 @@ def update_pairs(
             if state is None and pair[0] != STATIC_BODY:
                 state = inherited(pair, present, level.past.get(pair[1], []), time)
             if state is None:
-                # The body in the hand is at its reference when it is first measured.
-                age = period if pair == (STATIC_BODY, INTERACTED_BODY) else reference_age
+                age = reference_age
+                if pair[1] == INTERACTED_BODY and pair[1] not in level.bodies:
+                    # The body in the hand is at its reference when it is first measured; closing
+                    # the hand may have moved its parent from where that was first.
+                    age, X_PB_reference = period, pose.X
                 state = filters.start(X_PB_reference, pose.covariance, time - age, *pair, lasting)
             elif anchored != state.anchored:
                 state = filters.refer(state, pose.X, pose.covariance, time, lasting)

@@ -24,6 +24,7 @@ from systems.port_values import (
     PoseBelief,
 )
 
+SETTLING = np.diag(np.repeat([2.5e-3, 3.6e-5], 3))
 COVARIANCE = np.diag(np.repeat([1e-5, 1e-6, 1e-4, 1e-4], 3))
 
 
@@ -253,6 +254,22 @@ def test_a_body_whose_rest_is_unknown_or_long_ago_takes_over_nothing() -> None:
             driver.tick()
         joint = next(j for j in driver.joints().joints if (j.parent_id, j.child_id) == (2, 1))
         assert joint.updates == 2
+
+
+def test_a_joint_starts_where_its_parent_is_when_the_child_is_grasped() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig()))
+    for k in range(1, 71):
+        box = _body(2, 0.0, seed=k)
+        box.motion.X[2, 3] += 0.02 * min(k, 20) / 20.0  # Lifted while the hand closes.
+        lid, _ = _lid(max(k - 25, 0), seed=k)
+        if k < 40:
+            lid.lasting_covariance = SETTLING * np.exp((25 - k) / 15.0)
+        box.reference_age = k / 15.0
+        driver.set(*([lid, box] if k >= 25 else [box]))
+        driver.tick()
+    joint = next(j for j in driver.joints().joints if (j.parent_id, j.child_id) == (2, 1))
+    assert joint.type == JointType.REVOLUTE
+    assert abs(joint.model.configuration[0]) == pytest.approx(0.3, abs=0.02)
 
 
 def test_a_joint_outlives_the_sight_of_its_parent_which_is_taken_to_rest() -> None:

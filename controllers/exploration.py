@@ -7,7 +7,7 @@ import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, LeafSystem, State
 
-from controllers.grasp_sequence import unit
+from controllers.grasp_motion import unit
 from controllers.impedance import DesiredMotion
 from controllers.phases import Phase
 from controllers.robot_kinematics import ArmModel

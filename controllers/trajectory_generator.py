@@ -7,7 +7,7 @@ import numpy.typing as npt
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
-from controllers.grasp_sequence import minimum_jerk
+from controllers.grasp_motion import minimum_jerk
 from controllers.impedance import DesiredMotion, ImpedanceGains
 from controllers.joint_memory import turns
 from controllers.phases import Phase, is_held

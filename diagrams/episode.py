@@ -15,7 +15,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
-from controllers.grasp_sequence import Goal
+from controllers.grasp_decisions import Goal
 from controllers.phases import Phase as ControlPhase
 from diagrams.episode_record import EpisodeResult, Event, PinholeCamera
 from diagrams.manipulation import event_name, task_failure, task_phases
@@ -27,7 +27,9 @@ from diagrams.recorder import EpisodeRecorder, RecorderConfig, TickStopwatch
 from diagrams.scenario import Scenario, object_model_file
 from diagrams.sensor_log import SensorLogWriter
 from diagrams.sensor_recorder import SensorRecorder
-from diagrams.station import PERCEIVED_INPUTS, Station, StationConfig, make_station
+from diagrams.station import Station, make_station
+from diagrams.station_config import StationConfig
+from diagrams.station_control import PERCEIVED_INPUTS
 from diagrams.station_systems import Light
 from diagrams.yaml_schema import ScenarioError
 from maths.compiled import compilation_timed

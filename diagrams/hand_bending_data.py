@@ -8,7 +8,8 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 
 from controllers.bending_excitation import BendingExcitationConfig
-from diagrams.station import Station, StationConfig, make_station
+from diagrams.station import Station, make_station
+from diagrams.station_config import StationConfig
 from diagrams.station_systems import Light
 from maths import se3
 from models import SDF_DIR

@@ -13,7 +13,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from diagrams.network import MODALITIES, PerceptionConfig, check_cut
 from diagrams.object_model import read_object_model
 from diagrams.own_object import check_pull, imported
-from diagrams.station import ControlConfig, SensorsConfig
+from diagrams.station_config import ControlConfig, SensorsConfig
 from diagrams.yaml_schema import ScenarioError, apply_override, load_typed, read_yaml, suggestion
 from models import SDF_DIR
 from plants.manipulation_scene import PlantConfig

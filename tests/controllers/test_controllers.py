@@ -10,12 +10,9 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
 from controllers.exploration import ExplorationConfig, ExplorationController, explore_step
-from controllers.grasp_sequence import (
-    GraspSequence,
-    GraspSequenceConfig,
-    exploration_gains,
-    minimum_jerk,
-)
+from controllers.grasp_motion import exploration_gains, minimum_jerk
+from controllers.grasp_sequence import GraspSequence
+from controllers.grasp_sequence_config import GraspSequenceConfig
 from controllers.impedance import (
     DesiredMotion,
     ImpedanceConfig,

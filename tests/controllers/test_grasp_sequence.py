@@ -6,15 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from controllers.grasp_sequence import (
-    Goal,
-    GraspSequenceConfig,
-    Perceived,
-    SequenceState,
-    approach_motion,
-    next_state,
-    release_motion,
-)
+from controllers.grasp_decisions import Goal, Perceived, SequenceState, next_state
+from controllers.grasp_motion import approach_motion, release_motion
+from controllers.grasp_sequence_config import GraspSequenceConfig
 from controllers.phases import Phase
 from maths import se3
 

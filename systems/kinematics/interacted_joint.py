@@ -34,6 +34,7 @@ class InteractedJointConfig:
 
     least_probability: float = 0.9  # Of its type.
     largest_axis_angle: float = 0.5  # Standard deviation of its axis, [rad].
+    margin: float = 10.0  # By which a joint to another body has to explain more, [nat].
 
 
 def screw(joint_type: JointType, model: JointModelBelief) -> Array:
@@ -54,10 +55,18 @@ def is_certain(joint: JointBelief, config: InteractedJointConfig) -> bool:
     )
 
 
+def explained(joint: JointBelief) -> float:
+    """By how much the joint explains its child's motion better than none would, [nat]."""
+    return joint.model.log_evidence - joint.models[JointType.DISCONNECTED].log_evidence
+
+
 def choose_joint(
     joints: JointBeliefs, config: InteractedJointConfig, body_is_known: bool
 ) -> JointBelief | None:
-    """The joint to act on: of the body in the hand, to the environment rather than to another body.
+    """The joint to act on: of the body in the hand, to the environment or to what it hangs on.
+
+    A lid turns about its box: once the box slides, the joint between the two explains the lid's
+    motion better than one with the environment does.
 
     Args:
         joints: The kinematic model.
@@ -70,11 +79,14 @@ def choose_joint(
         for joint in joints.joints
         if is_certain(joint, config) and not (body_is_known and joint.child_id != INTERACTED_BODY)
     ]
-    return max(
-        candidates,
-        key=lambda joint: (joint.parent_id == STATIC_BODY, joint.updates),
-        default=None,
-    )
+
+    def preference(joint: JointBelief) -> tuple[float, int]:
+        of_environment = joint.parent_id == STATIC_BODY
+        if not body_is_known:
+            return float(of_environment), joint.updates
+        return explained(joint) + config.margin * of_environment, joint.updates
+
+    return max(candidates, key=preference, default=None)
 
 
 def end_effector_screw(S_W: Array, X_WE: Array, X_EH: Array, free_motion_H: Array) -> Array:
@@ -130,6 +142,7 @@ class InteractedJoint(LeafSystem):
         require(probable, "InteractedJoint", config, "least_probability", "from 0 to 1")
         positive = config.largest_axis_angle > 0.0
         require(positive, "InteractedJoint", config, "largest_axis_angle", "> 0 rad")
+        require(config.margin >= 0.0, "InteractedJoint", config, "margin", ">= 0 nat")
         self._config = config
         self._ports = {
             name: self.DeclareAbstractInputPort(f"{name}_latest", Value[object]())

@@ -1,5 +1,7 @@
 """What control is told of the joint in the hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -36,9 +38,10 @@ def joint(
     probability: float = 0.99,
     axis_std: float = 0.01,
     updates: int = 10,
+    explained: float = 0.0,
 ) -> JointBelief:
     model = JointModelBelief(
-        log_evidence=0.0,
+        log_evidence=7.0 + explained,
         axis_P=np.array([0.0, 0.0, 1.0]),
         axis_covariance=np.diag([axis_std**2, axis_std**2, 0.0]) / 2,
         p_PA=np.array([0.3, 0.1, 0.0]),
@@ -52,7 +55,7 @@ def joint(
         parent_id=parent,
         child_id=child,
         probabilities=probabilities,
-        models=dict.fromkeys(JointType, model),
+        models=dict.fromkeys(JointType, replace(model, log_evidence=7.0)) | {kind: model},
         updates=updates,
     )
 
@@ -108,6 +111,15 @@ def test_the_body_in_the_hand_comes_first_and_its_joint_to_the_environment() -> 
     assert chosen(seen, between, beside) is beside
     assert chosen(seen, between) is None
     assert chosen(seen, between, body_is_known=False) is seen
+
+
+@pytest.mark.parametrize(("more", "parent"), [(0.9, STATIC_BODY), (1.1, 2)])
+def test_a_joint_to_another_body_has_to_explain_decisively_more(more: float, parent: int) -> None:
+    held = joint(JointType.REVOLUTE, 0.2, explained=200.0)
+    on_box = joint(JointType.REVOLUTE, 0.2, parent=2, explained=200.0 + more * CONFIG.margin)
+    found = choose_joint(JointBeliefs(joints=[held, on_box]), CONFIG, body_is_known=True)
+    assert found is not None
+    assert found.parent_id == parent
 
 
 def test_a_joint_of_a_moving_parent_goes_with_it() -> None:

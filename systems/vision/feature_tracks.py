@@ -51,7 +51,7 @@ class FeatureMotionConfig:
     depth_radius: int = 7  # A surface is fitted to a window of 2 radius + 1, [px].
     depth_share: float = 0.85  # Share of that window that has to lie on the surface.
     max_incidence: float = (
-        1.25  # Angle of a ray to a surface's normal beyond which it is lost, [rad].
+        1.15  # Angle of a ray to a surface's normal beyond which it is lost, [rad].
     )
     min_shape: float = 0.4  # Size to which a patch may shrink in one direction.
     depth_step: float = 0.02  # Jump between neighbours that makes a depth edge, [m].

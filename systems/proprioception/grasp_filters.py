@@ -44,7 +44,7 @@ class GraspModelConfig:
     )  # On the bar, [m].
     axis_deviation: float = 0.2  # How far the bar may point elsewhere, [rad].
     point_deviation: float = 0.015  # How far it may lie elsewhere, [m].
-    rotation_rate: float = 0.1  # Of the body about the bar, random walk, [rad/s^0.5].
+    rotation_rate: float = 0.05  # Of the body about the bar, random walk, [rad/s^0.5].
     sliding_rate: float = 0.02  # Of the body along the bar, [m/s^0.5].
     axis_rate: float = 0.01  # Of the axis in the soft palm, random walk, [rad/s^0.5].
     point_rate: float = 3.0e-3  # Of the point on it, [m/s^0.5].

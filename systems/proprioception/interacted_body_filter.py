@@ -54,7 +54,6 @@ class InteractedBodyMotionConfig:
     surprise: float = 22.5  # Squared innovation above which the grasp has slipped (99.9 %), [-].
     surprise_rotation: float = 0.05  # By how much then, [rad].
     surprise_translation: float = 0.01  # [m]
-    convincing_features: int = 16  # Fewer cannot say so against the hand: they are ignored then.
 
 
 @dataclass(frozen=True)
@@ -374,37 +373,6 @@ def anchor_body(
     )
 
 
-def _innovation(
-    body: BodyState, seen: PoseBelief, offset_covariance: Array, feature_ids: Ids
-) -> tuple[Array, Array, Array, Array]:
-    """Mean x, covariance P, H and innovation (6,) of seen = X_WB exp(H (x + error) + noise)."""
-    layout = Layout(body.hand.loading.shape[1])
-    kept = np.isin(feature_ids, body.feature_ids).mean() if len(feature_ids) else 0.0
-    x, P = fade(body.x, body.P, layout.b, float(kept))
-    x, P = fade(x, P, layout.s, 0.0)
-    H = np.zeros((6, layout.size))
-    H[:, :6] = np.eye(6)
-    H[:, layout.b] = np.linalg.cholesky(offset_covariance)
-    return x, P, H, se3.log(se3.inverse(body.X_WB) @ seen.X) - H @ x
-
-
-def is_credible(
-    body: BodyState,
-    seen: PoseBelief,
-    offset_covariance: Array,
-    feature_ids: Ids,
-    config: InteractedBodyMotionConfig,
-) -> bool:
-    """Whether to believe what the features show: many of them, or where the hand may have it.
-
-    The last few on a surface that turns edge-on slide over it or belong to what is behind.
-    """
-    if len(feature_ids) >= config.convincing_features:
-        return True
-    _, P, H, innovation = _innovation(body, seen, offset_covariance, feature_ids)
-    return nees(innovation, H @ P @ H.T + seen.covariance) <= config.surprise
-
-
 def correct_body(
     body: BodyState,
     seen: PoseBelief,
@@ -418,7 +386,14 @@ def correct_body(
     learns from vision too, so its line's error is another one from now on. An innovation that
     nothing explains means that the body slipped: the pose's covariance grows first.
     """
-    x, P, H, innovation = _innovation(body, seen, offset_covariance, feature_ids)
+    layout = Layout(body.hand.loading.shape[1])
+    kept = np.isin(feature_ids, body.feature_ids).mean() if len(feature_ids) else 0.0
+    x, P = fade(body.x, body.P, layout.b, float(kept))
+    x, P = fade(x, P, layout.s, 0.0)
+    H = np.zeros((6, layout.size))
+    H[:, :6] = np.eye(6)
+    H[:, layout.b] = np.linalg.cholesky(offset_covariance)
+    innovation = se3.log(se3.inverse(body.X_WB) @ seen.X) - H @ x
     if nees(innovation, H @ P @ H.T + seen.covariance) > config.surprise:
         jump = np.repeat([config.surprise_rotation**2, config.surprise_translation**2], 3)
         P[:6, :6] += np.diag(jump)

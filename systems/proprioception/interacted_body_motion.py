@@ -29,7 +29,6 @@ from systems.proprioception.interacted_body_filter import (
     InteractedBodyMotionConfig,
     anchor_body,
     correct_body,
-    is_credible,
     predict_body,
     start_body,
     with_velocity,
@@ -241,10 +240,6 @@ class InteractedBodyMotion(RecursiveFilter):
         require(config.slip_rotation >= 0, name, config, "slip_rotation", ">= 0 rad/m^0.5")
         require(config.slip_translation >= 0, name, config, "slip_translation", ">= 0 m^0.5")
         require(config.minimum_features >= 3, name, config, "minimum_features", ">= 3")
-        least = config.minimum_features
-        wanted = f">= minimum_features = {least}"
-        convincing = config.convincing_features >= least
-        require(convincing, name, config, "convincing_features", wanted)
         require(0 < config.inlier_share <= 1, name, config, "inlier_share", "in (0, 1]")
 
     def _calc_prior(self, context: Context, value: AbstractValue) -> None:
@@ -281,8 +276,6 @@ class InteractedBodyMotion(RecursiveFilter):
             if sighting.body.anchored != body.anchored:
                 anchored = sighting.body.anchored
                 body = anchor_body(body, sighting.pose, ids, anchored, self._config)
-            elif not is_credible(body, sighting.pose, offset, ids, self._config):
-                sighting = None
             else:
                 body = correct_body(body, sighting.pose, offset, ids, self._config)
         return InteractedState(body=body, sighting=sighting)

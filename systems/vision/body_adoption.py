@@ -54,7 +54,8 @@ def moves_with_hand(
     """Whether a body has moved since the hand closed, and as the hand's prior says.
 
     Both displacements are compared at the interacted body's frame; the body's own uncertainty is
-    that since its reference, which is no less than that since the hand closed.
+    that since its reference, which is no less than that since the hand closed. A body that has gone
+    only a part of the handle's way is dragged along, like a box by its lid.
     """
     X_start = np.ascontiguousarray(held.path[-1 - age])
     T = se3.inverse(np.ascontiguousarray(body.path[-1 - age])) @ X_start
@@ -63,10 +64,13 @@ def moves_with_hand(
     moved = se3.log(se3.inverse(X_start) @ X_seen)
     error = se3.log(se3.inverse(X_seen) @ prior.X)
     slack = np.repeat([config.prior_rotation_walk, config.prior_translation_walk], 3)
+    way = np.linalg.norm(prior.X[:3, 3] - X_start[:3, 3])
+    missed = np.linalg.norm(prior.X[:3, 3] - X_seen[:3, 3])
     return bool(
         nees(moved, covariance) > _CHANCE
         and nees(error, covariance + prior.covariance + np.diag(slack**2)) < _CHANCE
-        and np.linalg.norm(prior.X[:3, 3] - X_start[:3, 3]) > config.adoption_way
+        and way > config.adoption_way
+        and missed < config.adoption_share * way
     )
 
 

@@ -53,6 +53,7 @@ class RigidBodyMotionConfig:
     handle_way: float = 2.5e-3  # How well the hand knows the handle's way over the window, [m].
     handle_noise: float = 1e-3  # Of a feature's displacement over the window, at least, [m].
     adoption_way: float = 0.003  # Of the hand before a body may turn out to be held by it, [m].
+    adoption_share: float = 0.5  # Of that way which the body may have missed then, [-].
     seed: int = 0  # Of RANSAC.
 
 

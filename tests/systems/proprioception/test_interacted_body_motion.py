@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from simulated_grasp import Episode, Scene, body_error, body_nees, pull, run, swing
 
 from maths import se3
-from systems.port_values import INTERACTED_BODY, FeatureBelief, GraspBelief, GraspType
+from systems.port_values import INTERACTED_BODY, GraspBelief, GraspType
 from systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
 from systems.proprioception.grasp_filters import GraspModelConfig, free_projection
 from systems.proprioception.grasp_model import initial_grasp
@@ -219,31 +219,6 @@ def test_features_of_another_body_do_not_move_it() -> None:
         Episode.vision = original  # type: ignore[method-assign]
     assert np.linalg.norm(body_error(tick)[3:]) < 3e-3
     assert not set(range(10)) & set(tick.body.feature_ids.tolist())
-
-
-@pytest.mark.parametrize(("count", "believed"), [(10, False), (25, True)])
-def test_the_last_features_cannot_say_that_the_body_stopped(count: int, believed: bool) -> None:
-    """All others are out of sight after 2.5 s, and these stay behind from then on."""
-    original, last = Episode.vision, np.zeros((0, 3))
-
-    def stuck(self: Episode, t: float) -> tuple:
-        nonlocal last
-        features, motions = original(self, t)
-        if t < 2.5:
-            last = features.p_WF[:count].copy()
-            return features, motions
-        left = {
-            name: getattr(features, name)[:count] for name in ("ids", "uv", "covariance", "age")
-        }
-        return FeatureBelief(p_WF=last, **left), motions
-
-    Episode.vision = stuck  # type: ignore[method-assign]
-    try:
-        tick = run(Scene(displacement=pull(), duration=4.0), 2, vision=True)[-1]
-    finally:
-        Episode.vision = original  # type: ignore[method-assign]
-    behind = np.linalg.norm(body_error(tick)[3:])
-    assert behind > 0.02 if believed else behind < 0.01
 
 
 def test_velocity_is_the_bodys() -> None:

@@ -1,12 +1,15 @@
 """A body that vision found goes on as the interacted one, described in another frame."""
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from maths import se3
+from systems.port_values import INTERACTED_BODY, PoseBelief
 from systems.vision import body_filter
-from systems.vision.body_adoption import moved_frame
+from systems.vision.body_adoption import moved_frame, moves_with_hand
 from systems.vision.body_filter import BodyFilter
+from systems.vision.body_level import RestPositions, RigidBodyMotionConfig, TrackedBody
 
 T = se3.exp(np.array([0.3, -0.2, 0.1, 0.2, 0.1, -0.3]))
 NOISE = np.tile(np.diag([1e-6, 2e-6, 4e-6]), (8, 1, 1))
@@ -46,3 +49,35 @@ def test_it_does_not_matter_whether_the_frame_moves_before_or_after_a_correction
 def test_no_anchor_seems_to_have_drifted_because_the_frame_moved() -> None:
     body, _ = make_body()
     assert not body_filter.drifted(moved_frame(body, T), 16.27).any()
+
+
+def tracked(body_id: int, way: float) -> TrackedBody:
+    """A body that has moved by `way` [m] along x over the last ten ticks."""
+    path = np.tile(np.eye(4), (20, 1, 1))
+    path[-10:, 0, 3] = np.linspace(0.1, 1.0, 10) * way
+    no_rest = RestPositions(
+        ids=np.zeros(0, dtype=np.int64), p_WF=np.zeros((0, 3)), covariance=np.zeros((0, 3, 3))
+    )
+    filtered = body_filter.at_reference(path[-1], np.full(6, 0.01))
+    filtered.P[:6, :6] = 1e-8 * np.eye(6)
+    return TrackedBody(
+        body_id=body_id,
+        filter=filtered,
+        X_WB_reference=np.eye(4),
+        reference_tick=0,
+        rest=no_rest,
+        path=path,
+    )
+
+
+@pytest.mark.parametrize(("share", "held"), [(1.0, True), (0.8, True), (0.3, False), (0.0, False)])
+def test_a_body_that_the_handle_drags_along_is_not_the_one_in_the_hand(
+    share: float, held: bool
+) -> None:
+    way = 0.01
+    X = np.eye(4)
+    X[0, 3] = way
+    sigma = np.repeat([0.05, 6e-3], 3)  # As the grip may still settle.
+    prior = PoseBelief(X=X, covariance=np.diag(sigma**2))
+    box, lid = tracked(2, share * way), tracked(INTERACTED_BODY, 0.0)
+    assert moves_with_hand(RigidBodyMotionConfig(), box, lid, prior, age=10) == held

@@ -54,6 +54,7 @@ class InteractedBodyMotionConfig:
     surprise: float = 22.5  # Squared innovation above which the grasp has slipped (99.9 %), [-].
     surprise_rotation: float = 0.05  # By how much then, [rad].
     surprise_translation: float = 0.01  # [m]
+    familiar_share: float = 0.5  # Of the features that show it, at least so many were seen before.
 
 
 @dataclass(frozen=True)
@@ -294,6 +295,8 @@ def predict_body(
     P = F @ body.P @ F.T + (1.0 - rho**2) * noise @ noise.T
     P[:6, :6] += G @ np.diag(_slip(tau, config)) @ G.T
 
+    F[:6, layout.n] = (rho - 1.0) * G @ now @ before.factor
+    F[layout.n, layout.n] = rho * np.linalg.solve(hand.factor, before.factor)
     x = F @ body.x
     X_WB = before.X_WH @ step @ se3.inverse(before.X_WH) @ body.X_WB @ se3.exp(x[:6])
     x[:6] = 0.0
@@ -379,12 +382,13 @@ def correct_body(
     offset_covariance: Array,
     feature_ids: Ids,
     config: InteractedBodyMotionConfig,
-) -> BodyState:
+) -> BodyState | None:
     """Corrects by the pose that the features show, seen = X_WB exp(xi + offset b + noise).
 
     The offset stays as far as the features are the same as at the last tick that saw any; the grasp
     learns from vision too, so its line's error is another one from now on. An innovation that
-    nothing explains means that the body slipped: the pose's covariance grows first.
+    nothing explains means that the body slipped: the pose's covariance grows first. Only features
+    seen before can show that; others are on something else then: None.
     """
     layout = Layout(body.hand.loading.shape[1])
     kept = np.isin(feature_ids, body.feature_ids).mean() if len(feature_ids) else 0.0
@@ -395,6 +399,8 @@ def correct_body(
     H[:, layout.b] = np.linalg.cholesky(offset_covariance)
     innovation = se3.log(se3.inverse(body.X_WB) @ seen.X) - H @ x
     if nees(innovation, H @ P @ H.T + seen.covariance) > config.surprise:
+        if kept < config.familiar_share:
+            return None
         jump = np.repeat([config.surprise_rotation**2, config.surprise_translation**2], 3)
         P[:6, :6] += np.diag(jump)
     correction, P = joseph_update(P, H, seen.covariance, innovation)

@@ -277,5 +277,9 @@ class InteractedBodyMotion(RecursiveFilter):
                 anchored = sighting.body.anchored
                 body = anchor_body(body, sighting.pose, ids, anchored, self._config)
             else:
-                body = correct_body(body, sighting.pose, offset, ids, self._config)
+                corrected = correct_body(body, sighting.pose, offset, ids, self._config)
+                if corrected is None:
+                    sighting = None
+                else:
+                    body = corrected
         return InteractedState(body=body, sighting=sighting)

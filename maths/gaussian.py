@@ -50,3 +50,9 @@ def log_likelihood(e: Array, S: Array) -> float:
     L = np.linalg.cholesky(S)
     log_determinant = 2.0 * np.sum(np.log(np.diag(L)))
     return -0.5 * (nees(e, S) + log_determinant + e.size * np.log(2.0 * np.pi))
+
+
+def diagonal_blocks(P: Array) -> Array:
+    """The (K, 3, 3) blocks on the diagonal of a covariance (3K, 3K)."""
+    k = np.arange(len(P) // 3)
+    return np.asarray(P.reshape(len(k), 3, len(k), 3)[k, :, k, :])

@@ -131,7 +131,7 @@ class BodyMotion:
         X_WB_reference: X_WB (4, 4) at the reference, before the body moved.
         feature_ids: (K,) features assigned to the body.
         p_BF: Their constant positions in the body (K, 3), [m].
-        p_BF_covariance: (K, 3, 3), [m^2].
+        p_BF_covariance: (3K, 3K), [m^2]: features placed in the body together are wrong together.
         lasting_covariance: (6, 6), in B, of that part of the pose's error that stays for seconds:
             more measurements of the kind do not average it away.
         reference_age: How long ago the body was last known to stand at its reference, [s]; NaN

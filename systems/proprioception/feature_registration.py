@@ -5,6 +5,7 @@ import numpy as np
 import numpy.typing as npt
 
 from maths import se3
+from maths.gaussian import diagonal_blocks
 
 Array = npt.NDArray[np.float64]
 
@@ -26,7 +27,8 @@ def register(
 
     Args:
         X_start: X_WB (4, 4) to start from; it decides nothing else, unless features are too few.
-        p_BF: Positions in the body (K, 3), with covariances P_BF (K, 3, 3).
+        p_BF: Positions in the body (K, 3), with their covariance P_BF (3K, 3K): features that were
+            placed in the body at the same time share the error that its pose had then.
         p_WF: Positions seen (K, 3), with one frame's covariances R_WF (K, 3, 3).
 
     Returns:
@@ -36,7 +38,7 @@ def register(
     """
     R = X_start[:3, :3]
     R_BF = R.T @ R_WF @ R
-    W = np.asarray(np.linalg.inv(R_BF + P_BF), dtype=float)
+    W = np.asarray(np.linalg.inv(R_BF + diagonal_blocks(P_BF)), dtype=float)
     J = np.zeros((len(p_BF), 3, 6))
     J[:, [0, 1, 2], [1, 2, 0]] = p_BF[:, [2, 0, 1]]
     J[:, [0, 1, 2], [2, 0, 1]] = -p_BF[:, [1, 2, 0]]
@@ -49,7 +51,9 @@ def register(
     covariance = np.linalg.inv(information)
     gain = covariance @ gain
     noise = (gain @ R_BF[inside] @ gain.transpose(0, 2, 1)).sum(axis=0)
-    anchors = (gain @ P_BF[inside] @ gain.transpose(0, 2, 1)).sum(axis=0)
+    A = gain.transpose(1, 0, 2).reshape(6, -1)
+    rows = np.repeat(inside, 3)
+    anchors = A @ P_BF[np.ix_(rows, rows)] @ A.T
     return X, noise + _WEAK * covariance @ covariance, anchors, distance
 
 

@@ -295,6 +295,7 @@ def predict_body(
     P = F @ body.P @ F.T + (1.0 - rho**2) * noise @ noise.T
     P[:6, :6] += G @ np.diag(_slip(tau, config)) @ G.T
 
+    # Surer about the bending does not mean that it bent back: the mean error in metres stays.
     F[:6, layout.n] = (rho - 1.0) * G @ now @ before.factor
     F[layout.n, layout.n] = rho * np.linalg.solve(hand.factor, before.factor)
     x = F @ body.x

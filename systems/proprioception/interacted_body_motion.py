@@ -56,6 +56,12 @@ class Sighting:
     rows: npt.NDArray[np.int64]
 
 
+def covariance_of(body: BodyMotion, features: npt.NDArray[np.int64]) -> Array:
+    """Of the positions in the body (3K, 3K) of K of its features, by their rows."""
+    rows = (3 * features[:, None] + np.arange(3)).ravel()
+    return np.asarray(body.p_BF_covariance[np.ix_(rows, rows)])
+
+
 def sight(
     X_start: Array,
     features: FeatureBelief,
@@ -72,7 +78,7 @@ def sight(
     X, white, offset, distance = register(
         np.ascontiguousarray(X_start),
         body.p_BF[rows],
-        body.p_BF_covariance[rows],
+        covariance_of(body, rows),
         features.p_WF[seen],
         features.covariance[seen],
     )
@@ -117,7 +123,7 @@ def body_motions(state: InteractedState) -> BodyMotions:
                 feature_ids=rows if sighting is None else sighting.body.feature_ids[rows],
                 p_BF=np.zeros((0, 3)) if sighting is None else sighting.body.p_BF[rows],
                 p_BF_covariance=(
-                    np.zeros((0, 3, 3)) if sighting is None else sighting.body.p_BF_covariance[rows]
+                    np.zeros((0, 0)) if sighting is None else covariance_of(sighting.body, rows)
                 ),
                 lasting_covariance=body.unseen + body.settling,
                 anchored=body.anchored,

@@ -26,7 +26,7 @@ def moved_frame(body: BodyFilter, T: Array) -> BodyFilter:
         V=Ad @ body.V,
         p_BF=body.p_BF @ R.T + T_inverse[:3, 3],
         p_BF_first=body.p_BF_first @ R.T + T_inverse[:3, 3],
-        C_first=R @ body.C_first @ R.T,
+        C_first=J[12:, 12:] @ body.C_first @ J[12:, 12:].T,
         P=J @ body.P @ J.T,
     )
 

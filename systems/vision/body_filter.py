@@ -16,6 +16,7 @@ import numpy.typing as npt
 import scipy.linalg
 
 from maths import se3
+from maths.gaussian import diagonal_blocks
 from systems.port_values import Array, Ids
 
 Mask = npt.NDArray[np.bool_]
@@ -34,7 +35,7 @@ class BodyFilter:
         ids: Features with an anchor (K,).
         p_BF: Anchors (K, 3), [m].
         p_BF_first: What they were when they were added (K, 3), [m].
-        C_first: Their covariance then (K, 3, 3), [m^2].
+        C_first: Their covariance then (3K, 3K), [m^2]; those added together share the pose's error.
         P: Covariance (12 + 3K, 12 + 3K).
     """
 
@@ -52,9 +53,7 @@ class BodyFilter:
     @property
     def p_BF_covariance(self) -> Array:
         """Marginal covariances of the anchors (K, 3, 3), [m^2]."""
-        count = len(self.ids)
-        blocks = self.P[_MOTION:, _MOTION:].reshape(count, 3, count, 3)
-        return np.asarray(blocks[np.arange(count), :, np.arange(count)])
+        return diagonal_blocks(self.P[_MOTION:, _MOTION:])
 
 
 def at_reference(X_WB: Array, sigma_V: Array) -> BodyFilter:
@@ -67,7 +66,7 @@ def at_reference(X_WB: Array, sigma_V: Array) -> BodyFilter:
         ids=np.zeros(0, np.int64),
         p_BF=np.zeros((0, 3)),
         p_BF_first=np.zeros((0, 3)),
-        C_first=np.zeros((0, 3, 3)),
+        C_first=np.zeros((0, 0)),
         P=P,
     )
 
@@ -219,8 +218,9 @@ def _extended(body: BodyFilter, ids: Ids, p_BF: Array, rows: Array, blocks: Arra
         p_BF_first=np.concatenate([body.p_BF_first, p_BF]),
         P=P,
     )
-    added = grown.p_BF_covariance[len(body.ids) :]
-    return replace(grown, C_first=np.concatenate([body.C_first, added]))
+    C_first = P[_MOTION:, _MOTION:].copy()
+    C_first[: old - _MOTION, : old - _MOTION] = body.C_first
+    return replace(grown, C_first=C_first)
 
 
 def add_rest_anchors(
@@ -264,7 +264,7 @@ def remove_anchors(body: BodyFilter, ids: Ids) -> BodyFilter:
         ids=body.ids[keep],
         p_BF=body.p_BF[keep],
         p_BF_first=body.p_BF_first[keep],
-        C_first=body.C_first[keep],
+        C_first=body.C_first[np.ix_(rows[_MOTION:], rows[_MOTION:])],
         P=body.P[np.ix_(rows, rows)],
     )
 
@@ -275,7 +275,9 @@ def drifted(body: BodyFilter, gate: float) -> Mask:
     A patch that lies on two surfaces slides slowly, and its anchor follows.
     """
     e = body.p_BF - body.p_BF_first
-    return np.asarray(np.einsum("ki,kij,kj->k", e, np.linalg.inv(body.C_first), e) > gate)
+    return np.asarray(
+        np.einsum("ki,kij,kj->k", e, np.linalg.inv(diagonal_blocks(body.C_first)), e) > gate
+    )
 
 
 def rebuilt(body: BodyFilter, sigma: Array) -> BodyFilter:
@@ -287,7 +289,7 @@ def rebuilt(body: BodyFilter, sigma: Array) -> BodyFilter:
     P[_POSE, _POSE] = np.diag(sigma**2)
     P[6:_MOTION, 6:_MOTION] = body.P[6:_MOTION, 6:_MOTION]
     if len(body.ids):
-        P[_MOTION:, _MOTION:] = scipy.linalg.block_diag(*body.C_first)
+        P[_MOTION:, _MOTION:] = body.C_first
     return replace(body, p_BF=body.p_BF_first, P=P)
 
 

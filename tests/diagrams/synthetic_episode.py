@@ -77,7 +77,7 @@ def body_motion(body_id: int, X_WB: Array, X_WB_0: Array, feature_ids: Array) ->
         X_WB_reference=X_WB_0,
         feature_ids=feature_ids.astype(np.int64),
         p_BF=np.zeros((count, 3)),
-        p_BF_covariance=np.zeros((count, 3, 3)),
+        p_BF_covariance=np.zeros((3 * count, 3 * count)),
     )
 
 

@@ -132,7 +132,7 @@ def test_a_joint_of_a_moving_parent_goes_with_it() -> None:
         X_WB_reference=np.eye(4),
         feature_ids=np.zeros(0, dtype=np.int64),
         p_BF=none,
-        p_BF_covariance=np.zeros((0, 3, 3)),
+        p_BF_covariance=np.zeros((0, 0)),
     )
     S_W = read([joint(JointType.REVOLUTE, 0.1, parent=2)], [parent])[:6]
     on_axis = X_WP @ np.array([0.3, 0.1, -0.4, 1.0])

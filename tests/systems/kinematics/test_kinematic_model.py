@@ -43,7 +43,7 @@ def _body(body_id: int, x: float, V: float = 0.0, seed: int | None = None) -> Bo
         X_WB_reference=reference,
         feature_ids=np.zeros(0, np.int64),
         p_BF=np.zeros((0, 3)),
-        p_BF_covariance=np.zeros((0, 3, 3)),
+        p_BF_covariance=np.zeros((0, 0)),
     )
 
 

@@ -206,7 +206,7 @@ class Episode:
             X_WB_reference=self.X_reference,
             feature_ids=ids,
             p_BF=self.p_BF_seen,
-            p_BF_covariance=np.tile(ANCHOR_SIGMA**2 * np.eye(3), (len(ids), 1, 1)),
+            p_BF_covariance=ANCHOR_SIGMA**2 * np.eye(3 * len(ids)),
             anchored=self.anchored,
         )
         return features, BodyMotions(bodies=[body])

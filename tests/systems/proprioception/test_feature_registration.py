@@ -9,7 +9,7 @@ from systems.proprioception.feature_registration import register
 def features(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points of a plate (count, 3) with covariances of their anchors and of one frame."""
     p = rng.uniform(-0.2, 0.2, (count, 3)) * [0.1, 1.0, 1.0]
-    anchors = np.tile(np.diag([1e-6, 1e-6, 4e-6]), (count, 1, 1))
+    anchors = np.diag(np.tile([1e-6, 1e-6, 4e-6], count))
     noise = np.tile(np.diag([1e-6, 4e-6, 1e-6]), (count, 1, 1))
     return p, anchors, noise
 
@@ -43,12 +43,22 @@ def test_covariances_agree_with_simulated_errors() -> None:
     X = se3.exp(0.5 * rng.normal(size=6))
     values = []
     for _ in range(200):
-        anchors = p + np.sqrt(np.diag(P[0])) * rng.normal(size=p.shape)
+        anchors = p + np.sqrt(np.diag(P)).reshape(p.shape) * rng.normal(size=p.shape)
         seen = p @ X[:3, :3].T + X[:3, 3] + np.sqrt(np.diag(R[0])) * rng.normal(size=p.shape)
         found, white, common, _ = register(X, anchors, P, seen, R)
         e = se3.log(se3.inverse(found) @ X)
         values.append(e @ np.linalg.solve(white + common, e))
     assert 5.3 < np.mean(values) < 6.9
+
+
+def test_features_placed_at_a_wrong_pose_say_how_wrong_together() -> None:
+    """Twenty of them tell that pose no better than one does: its error is in all of them."""
+    rng = np.random.default_rng(4)
+    p, P, R = features(rng, 20)
+    J = np.hstack([np.vstack([-se3.skew(q) for q in p]), np.tile(np.eye(3), (20, 1))])
+    pose = np.diag(np.repeat([0.02**2, 0.005**2], 3))
+    _, _, common, _ = register(np.eye(4), p, P + J @ pose @ J.T, p.copy(), R)
+    assert np.all(np.diag(common) > 0.95 * np.diag(pose))
 
 
 def test_two_features_leave_a_rotation_unknown() -> None:

@@ -77,7 +77,7 @@ def test_a_known_hand_error_moves_the_body_as_the_corrected_hand_would(part: str
     moved = predict_body(replace(body, x=x), after, belief, CONFIG)
     rho = np.exp(-CONFIG.period / CONFIG.hand_error_time) if part == "n" else 1.0
     before_by = body.hand.loading if part == "c" else body.hand.factor
-    after_by = after.loading if part == "c" else rho * after.factor
+    after_by = after.loading if part == "c" else rho * body.hand.factor
     corrected_before = replace(
         body, hand=replace(body.hand, X_WH=body.hand.X_WH @ se3.exp(before_by @ error))
     )

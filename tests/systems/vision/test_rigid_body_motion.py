@@ -238,7 +238,7 @@ def test_without_features_a_body_coasts_with_growing_doubt_and_is_then_given_up(
 def test_every_covariance_is_symmetric_and_positive_definite(play: Callable) -> None:
     for motions in play(Stream(kind="door", seed=1)):
         for body in motions:
-            for matrix in (body.motion.covariance, *body.p_BF_covariance):
+            for matrix in (body.motion.covariance, body.p_BF_covariance):
                 np.testing.assert_allclose(matrix, matrix.T, atol=1e-18)
                 assert np.linalg.eigvalsh(matrix).min() > 0.0
 

@@ -246,7 +246,8 @@ class InteractedBodyMotion(RecursiveFilter):
         require(config.slip_rotation >= 0, name, config, "slip_rotation", ">= 0 rad/m^0.5")
         require(config.slip_translation >= 0, name, config, "slip_translation", ">= 0 m^0.5")
         require(config.minimum_features >= 3, name, config, "minimum_features", ">= 3")
-        require(0 < config.inlier_share <= 1, name, config, "inlier_share", "in (0, 1]")
+        for share in ("inlier_share", "familiar_share"):
+            require(0 < getattr(config, share) <= 1, name, config, share, "in (0, 1]")
 
     def _calc_prior(self, context: Context, value: AbstractValue) -> None:
         body: BodyState | None = None

@@ -221,6 +221,29 @@ def test_features_of_another_body_do_not_move_it() -> None:
     assert not set(range(10)) & set(tick.body.feature_ids.tolist())
 
 
+@pytest.mark.parametrize("familiar", [True, False])
+def test_only_features_seen_before_show_a_slip(familiar: bool) -> None:
+    """From 2.5 s on all features say that the body is 5 cm off; other features are not believed."""
+    original = Episode.vision
+
+    def shifted(self: Episode, t: float) -> tuple:
+        features, motions = original(self, t)
+        if t >= 2.5:
+            features.p_WF[:] += [0.0, 0.05, 0.0]
+            if not familiar:
+                features.ids = features.ids + 1000
+                motions.bodies[0].feature_ids = motions.bodies[0].feature_ids + 1000
+        return features, motions
+
+    Episode.vision = shifted  # type: ignore[method-assign]
+    try:
+        tick = run(Scene(displacement=pull(), duration=4.0), 2, vision=True)[-1]
+    finally:
+        Episode.vision = original  # type: ignore[method-assign]
+    off = np.linalg.norm(body_error(tick)[3:])
+    assert off > 0.03 if familiar else off < 0.01
+
+
 def test_velocity_is_the_bodys() -> None:
     ticks = run(Scene(displacement=pull(), duration=3.0), 3, vision=True)
     V = ticks[-1].body.motion.V

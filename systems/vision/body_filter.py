@@ -53,7 +53,12 @@ class BodyFilter:
     @property
     def p_BF_covariance(self) -> Array:
         """Marginal covariances of the anchors (K, 3, 3), [m^2]."""
-        return diagonal_blocks(self.P[_MOTION:, _MOTION:])
+        return diagonal_blocks(self.anchor_covariance)
+
+    @property
+    def anchor_covariance(self) -> Array:
+        """Joint covariance of the anchors (3K, 3K), [m^2]."""
+        return self.P[_MOTION:, _MOTION:].copy()
 
 
 def at_reference(X_WB: Array, sigma_V: Array) -> BodyFilter:
@@ -218,7 +223,7 @@ def _extended(body: BodyFilter, ids: Ids, p_BF: Array, rows: Array, blocks: Arra
         p_BF_first=np.concatenate([body.p_BF_first, p_BF]),
         P=P,
     )
-    C_first = P[_MOTION:, _MOTION:].copy()
+    C_first = grown.anchor_covariance
     C_first[: old - _MOTION, : old - _MOTION] = body.C_first
     return replace(grown, C_first=C_first)
 

@@ -91,7 +91,7 @@ def body_motion(body: TrackedBody, age: float) -> BodyMotion:
         X_WB_reference=body.X_WB_reference,
         feature_ids=body.filter.ids,
         p_BF=body.filter.p_BF,
-        p_BF_covariance=body.filter.P[12:, 12:].copy(),
+        p_BF_covariance=body.filter.anchor_covariance,
         reference_age=age,
         anchored=body.anchored,
     )

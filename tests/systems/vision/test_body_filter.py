@@ -166,3 +166,17 @@ def test_a_sliding_anchor_is_noticed() -> None:
     drifted = body_filter.drifted(body, GATE)
     assert drifted[4]
     assert drifted.sum() <= 2
+
+
+def test_what_anchors_have_in_common_outlives_a_rebuilding() -> None:
+    body = body_filter.inflated(
+        body_filter.at_reference(np.eye(4), np.full(6, 0.05)), np.repeat([0.02, 0.005], 3)
+    )
+    p_WF = np.random.default_rng(7).normal(scale=0.1, size=(6, 3))
+    body = body_filter.add_present_anchors(
+        body, np.arange(6), p_WF, np.tile(1e-8 * np.eye(3), (6, 1, 1))
+    )
+    fewer = body_filter.remove_anchors(body, np.array([2]))
+    again = body_filter.rebuilt(fewer, np.full(6, 0.1))
+    assert_allclose(again.anchor_covariance, fewer.anchor_covariance)
+    assert np.abs(again.anchor_covariance[:3, 3:6]).max() > 1e-5

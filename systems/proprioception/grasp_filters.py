@@ -22,6 +22,7 @@ from maths import se3
 from maths.gaussian import joseph_update, log_likelihood, nees, symmetric
 from systems.port_values import GraspType
 from systems.proprioception.bent_hand import BentHand, cross, free_rotation, free_sliding, screw
+from systems.proprioception.grasp_failure import GraspFailureConfig
 
 Array = npt.NDArray[np.float64]
 
@@ -34,10 +35,9 @@ _COORDINATES = {GraspType.PERFECT: 0, GraspType.REVOLUTE: 1, GraspType.CYLINDRIC
 @dataclass(kw_only=True)
 class GraspModelConfig:
     period: float = 1.0 / 15.0  # Tick, [s].
-    prior_perfect: float = 0.7  # Probability when the hand closes, [-].
-    prior_revolute: float = 0.2
+    prior_perfect: float = 0.72  # Probability when the hand closes, if it holds the body, [-].
+    prior_revolute: float = 0.21
     prior_cylindrical: float = 0.07
-    prior_failed: float = 0.03
     axis_H: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))  # Fingers' curl.
     p_HA: np.ndarray = field(
         default_factory=lambda: np.array([0.0, 0.0, -0.02])
@@ -51,12 +51,11 @@ class GraspModelConfig:
     hand_error_time: float = 30.0  # How long the bent hand's error stays the same, [s].
     slip_rotation: float = 0.03  # Slip per way of the hand, [rad/m^0.5].
     slip_translation: float = 2.0e-3  # [m/m^0.5]
-    failed_rotation: float = 0.05  # How a body that nobody holds moves, [rad/s^0.5].
-    failed_translation: float = 0.01  # [m/s^0.5]
     memory: float = 2.0  # Of the evidence, [s].
     loss_limit: float = 10.0  # Most that one tick speaks against a type, [nat].
     gate: float = 30.0  # Squared innovation above which a filter is not corrected, [-].
     patience: float = 1.0  # A filter that explains nothing so long starts afresh, [s].
+    failure: GraspFailureConfig = field(default_factory=GraspFailureConfig)
 
 
 @dataclass(kw_only=True)
@@ -311,21 +310,6 @@ def morphology(config: GraspModelConfig) -> tuple[Array, Array]:
     """The hand's grasping axis (3,), a unit vector in H, and a point on it (3,)."""
     axis = np.asarray(config.axis_H, dtype=float)
     return axis / np.linalg.norm(axis), np.asarray(config.p_HA, dtype=float)
-
-
-def failed_likelihood(
-    z: Array, R: Array, z_before: Array, R_before: Array, ticks: int, config: GraspModelConfig
-) -> float:
-    """Log likelihood of z if the body stayed where `z_before` says, up to a random walk.
-
-    Args:
-        z: X_HB (4, 4) now; z_before: X_HB now of a body that has not moved since it was last seen.
-        R: White noise of z (6, 6), in H, and R_before of z_before.
-        ticks: Since it was last seen.
-    """
-    walk = np.repeat([config.failed_rotation**2, config.failed_translation**2], 3)
-    S = R + R_before + np.diag(walk * config.period * ticks)
-    return float(log_likelihood(se3.log(z @ se3.inverse(z_before)), S))
 
 
 def free_projection(grasp_type: GraspType, axis: Array, point: Array) -> Array:

@@ -19,14 +19,15 @@ from systems.port_values import (
     PoseBelief,
 )
 from systems.proprioception.bent_hand import BentHand, bent_hand
+from systems.proprioception.grasp_failure import GraspFailure, compare
 from systems.proprioception.grasp_filters import (
     HELD_TYPES,
     GraspFilter,
     GraspModelConfig,
     correct_filter,
-    failed_likelihood,
     follow,
     free_projection,
+    morphology,
     plausibility,
     predict_filter,
     start_filter,
@@ -40,14 +41,17 @@ TYPES = (*HELD_TYPES, GraspType.FAILED)
 
 def prior_probabilities(config: GraspModelConfig) -> Array:
     """Of the types (4,), in the order of `TYPES`."""
-    return np.array(
-        [
-            config.prior_perfect,
-            config.prior_revolute,
-            config.prior_cylindrical,
-            config.prior_failed,
-        ]
-    )
+    failed = config.failure.prior
+    held = [config.prior_perfect, config.prior_revolute, config.prior_cylindrical]
+    return np.append((1.0 - failed) * np.array(held), failed)
+
+
+def weigh(evidence: Array, failure: GraspFailure, config: GraspModelConfig) -> Array:
+    """Probabilities of the types (4,) from the log evidence (3,) of those that hold."""
+    score = np.log(prior_probabilities(config)[:-1]) + evidence
+    weights = np.exp(score - score.max())
+    failed = failure.probability(config.failure)
+    return np.append((1.0 - failed) * weights / weights.sum(), failed)
 
 
 @dataclass(kw_only=True)
@@ -57,20 +61,16 @@ class GraspState:
     Attributes:
         belief: The port value.
         filters: One per held type; empty while nothing is held.
-        evidence: Log evidence (4,) that fades, in the order of `TYPES`.
+        evidence: Log evidence (3,) that fades, in the order of `HELD_TYPES`.
         hand: The bent hand at the last tick.
-        X_WB_seen: Where the body was seen last (4, 4), with white covariance in B (6, 6).
-        seen_covariance: (6, 6)
-        ticks_unseen: Ticks since then.
+        failure: Whether the body still goes where the hand goes.
     """
 
     belief: GraspBelief
     filters: list[GraspFilter]
     evidence: Array
     hand: BentHand | None
-    X_WB_seen: Array
-    seen_covariance: Array
-    ticks_unseen: int
+    failure: GraspFailure
 
     def __deepcopy__(self, memo: dict[int, object]) -> "GraspState":
         return self
@@ -113,14 +113,13 @@ def initial_grasp(config: GraspModelConfig) -> GraspBelief:
 
 
 def initial_state(config: GraspModelConfig) -> GraspState:
+    nowhere = PoseBelief(X=np.eye(4), covariance=np.eye(6))
     return GraspState(
         belief=initial_grasp(config),
         filters=[],
-        evidence=np.zeros(4),
+        evidence=np.zeros(3),
         hand=None,
-        X_WB_seen=np.eye(4),
-        seen_covariance=np.eye(6),
-        ticks_unseen=0,
+        failure=GraspFailure(X_WH=np.eye(4), body=nowhere),
     )
 
 
@@ -128,15 +127,14 @@ def start_state(hand: BentHand, body: InteractedBody, config: GraspModelConfig) 
     """The filters at the reference, where X_HB is known."""
     z_0 = se3.inverse(hand.X_WH) @ body.motion.X
     filters = [start_filter(kind, z_0, hand.loading, config) for kind in HELD_TYPES]
+    at_reference = PoseBelief(X=body.motion.X, covariance=body.motion.covariance[:6, :6])
     covariance = measured_covariance(hand, z_0, body.motion.covariance[:6, :6])
     return GraspState(
         belief=make_belief(prior_probabilities(config), filters, z_0, covariance, config),
         filters=filters,
-        evidence=np.zeros(4),
+        evidence=np.zeros(3),
         hand=hand,
-        X_WB_seen=body.motion.X,
-        seen_covariance=body.motion.covariance[:6, :6] + 1e-10 * np.eye(6),
-        ticks_unseen=0,
+        failure=GraspFailure(X_WH=hand.X_WH, body=at_reference),
     )
 
 
@@ -153,9 +151,7 @@ def reaffirm(
         filters=filters,
         evidence=state.evidence,
         hand=hand,
-        X_WB_seen=state.X_WB_seen,
-        seen_covariance=state.seen_covariance,
-        ticks_unseen=state.ticks_unseen + 1,
+        failure=state.failure,
     )
 
 
@@ -180,28 +176,13 @@ def learn(
     Ad = se3.adjoint(z)
     R = Ad @ seen.covariance @ Ad.T
     factor: Any = np.linalg.cholesky(hand.factor @ hand.factor.T + Ad @ offset_covariance @ Ad.T)
-    z_still = se3.inverse(hand.X_WH) @ state.X_WB_seen
-    Ad_still = se3.adjoint(z_still)
     results = [correct_filter(f, z, R, hand, factor, config) for f in state.filters]
-    likelihoods = np.array(
-        [
-            *(likelihood for _, likelihood in results),
-            failed_likelihood(
-                z,
-                R,
-                z_still,
-                Ad_still @ state.seen_covariance @ Ad_still.T,
-                state.ticks_unseen + 1,
-                config,
-            ),
-        ]
-    )
+    likelihoods = np.array([likelihood for _, likelihood in results])
     likelihoods = np.maximum(likelihoods - likelihoods.max(), -config.loss_limit)
     evidence = np.exp(-config.period / config.memory) * state.evidence + likelihoods
-    usual = np.array([*(plausibility(f, config) for f, _ in results), 0.0])
-    score = np.log(prior_probabilities(config)) + evidence + usual
-    weights = np.exp(score - score.max())
-    probabilities = weights / weights.sum()
+    usual = np.array([plausibility(f, config) for f, _ in results])
+    failure = compare(state.failure, hand.X_WH, seen, morphology(config)[1], config.failure)
+    probabilities = weigh(evidence + usual, failure, config)
     covariance = measured_covariance(hand, z, seen.covariance + offset_covariance)
     filters = [refresh(f, z, hand, config) for f, _ in results]
     return GraspState(
@@ -209,9 +190,7 @@ def learn(
         filters=filters,
         evidence=evidence - evidence.max(),
         hand=hand,
-        X_WB_seen=seen.X,
-        seen_covariance=seen.covariance,
-        ticks_unseen=0,
+        failure=failure,
     )
 
 
@@ -276,7 +255,6 @@ class GraspModel(RecursiveFilter):
             "prior_perfect": "",
             "prior_revolute": "",
             "prior_cylindrical": "",
-            "prior_failed": "",
             "axis_deviation": "rad",
             "point_deviation": "m",
             "rotation_rate": "rad/s^0.5",
@@ -284,8 +262,6 @@ class GraspModel(RecursiveFilter):
             "point_rate": "m/s^0.5",
             "sliding_rate": "m/s^0.5",
             "hand_error_time": "s",
-            "failed_rotation": "rad/s^0.5",
-            "failed_translation": "m/s^0.5",
             "memory": "s",
             "loss_limit": "nat",
             "gate": "",
@@ -300,6 +276,10 @@ class GraspModel(RecursiveFilter):
             require(finite, "GraspModel", config, name, "three finite numbers")
         length = float(np.linalg.norm(config.axis_H))
         require(length > 1e-6, "GraspModel", config, "axis_H", "a direction")
+        units = {"prior": "", "way": "m", "rest": "m", "limit": "nat"}
+        require_positive("GraspModel", config.failure, units)
+        require(config.failure.prior < 1, "GraspModel", config.failure, "prior", "< 1")
+        require(config.failure.shift >= 0, "GraspModel", config.failure, "shift", ">= 0")
         total = float(prior_probabilities(config).sum())
         require(abs(total - 1.0) < 1e-6, "GraspModel", config, "prior_perfect", "a sum of one")
 

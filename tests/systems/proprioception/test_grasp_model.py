@@ -142,22 +142,22 @@ def test_tangent_basis_is_orthonormal() -> None:
 
 
 def test_a_hand_that_catches_the_body_again_holds_it_again() -> None:
-    """It leaves the body for two seconds, grasps it elsewhere and pulls on."""
+    """It leaves the body for six seconds, grasps it elsewhere and pulls on."""
 
     def hand_alone(t: float) -> np.ndarray:
         return pull()(t)
 
     def displacement(t: float) -> np.ndarray:
-        return pull()(min(t, 2.0) + max(t - 4.0, 0.0))
+        return pull()(min(t, 2.0) + max(t - 8.0, 0.0))
 
     scene = Scene(
         displacement=displacement,
         coordinates=lambda t: (0.0, 0.0) if t < 2.0 else None,
         hand_alone=hand_alone,
-        duration=10.0,
+        duration=16.0,
     )
     ticks = run(scene, 0, vision=True)
-    assert ticks[60].grasp.type == GraspType.FAILED
+    assert ticks[int(8.0 * 15)].grasp.type == GraspType.FAILED
     assert ticks[-1].grasp.type == GraspType.PERFECT
 
 

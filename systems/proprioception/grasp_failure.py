@@ -1,0 +1,82 @@
+"""Whether the body still goes where the hand goes: evidence over the hand's way, not over time.
+
+A handle that shifts in the fingers contradicts every grasp for some ticks, and a slow body moves
+hardly more within a tick than one that nobody holds. What tells a lost body from one that shifts is
+whether it has come along once the hand has gone some way.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from maths import se3
+from maths.gaussian import log_likelihood
+from systems.port_values import PoseBelief
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(kw_only=True)
+class GraspFailureConfig:
+    prior: float = 0.03  # Probability of a failed grasp when the hand closes, [-].
+    way: float = 0.05  # Of the hand, after which the comparison begins anew, [m].
+    rest: float = 7.0e-3  # How far a body that nobody holds is pushed, 1 sigma, [m].
+    shift: float = 0.3  # How far one that is held shifts, per way of the hand, 1 sigma, [-].
+    limit: float = 5.0  # Most that is remembered from one comparison to the next, [nat].
+
+
+@dataclass(kw_only=True)
+class GraspFailure:
+    """Log odds that the grasp has failed; never written after it is made.
+
+    Attributes:
+        X_WH: The bent hand (4, 4) when the comparison began.
+        body: The body then, as vision saw it.
+        remembered: Log odds then, beside the prior's, [nat].
+        now: Log odds now, beside the prior's, [nat].
+    """
+
+    X_WH: Array
+    body: PoseBelief
+    remembered: float = 0.0
+    now: float = 0.0
+
+    def probability(self, config: GraspFailureConfig) -> float:
+        odds = np.log(config.prior / (1.0 - config.prior)) + self.now
+        return float(1.0 / (1.0 + np.exp(-odds)))
+
+
+def position_covariance(body: PoseBelief, p_WP: Array) -> Array:
+    """Covariance (3, 3) in W of a point of the body that is at p_WP (3,)."""
+    J = np.hstack([-se3.skew(p_WP - body.X[:3, 3]) @ body.X[:3, :3], body.X[:3, :3]])
+    return np.asarray(J @ body.covariance @ J.T)
+
+
+def compare(
+    failure: GraspFailure, X_WH: Array, body: PoseBelief, p_HA: Array, config: GraspFailureConfig
+) -> GraspFailure:
+    """The odds after a tick at which vision sees the body.
+
+    Args:
+        failure: Of the last such tick.
+        X_WH: The bent hand (4, 4).
+        body: As vision alone sees it.
+        p_HA: The handle in the hand (3,), [m].
+        config: How far lost and held bodies go.
+    """
+    before = failure.X_WH[:3, :3] @ p_HA + failure.X_WH[:3, 3]
+    hand_way = X_WH[:3, :3] @ p_HA + X_WH[:3, 3] - before
+    moved = body.X @ se3.inverse(failure.body.X)
+    body_way = moved[:3, :3] @ before + moved[:3, 3] - before
+    lost = position_covariance(body, before + body_way)
+    lost += position_covariance(failure.body, before) + config.rest**2 * np.eye(3)
+    held = lost + (config.shift * np.linalg.norm(hand_way)) ** 2 * np.eye(3)
+    odds = log_likelihood(body_way, lost) - log_likelihood(body_way - hand_way, held)
+    now = float(failure.remembered + odds)
+    if np.linalg.norm(hand_way) < config.way:
+        return GraspFailure(
+            X_WH=failure.X_WH, body=failure.body, remembered=failure.remembered, now=now
+        )
+    remembered = float(np.clip(now, -config.limit, config.limit))
+    return GraspFailure(X_WH=X_WH, body=body, remembered=remembered, now=remembered)

@@ -7,7 +7,6 @@ import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, LeafSystem, State
 
-from controllers.grasp_motion import unit
 from controllers.impedance import DesiredMotion
 from controllers.phases import Phase
 from controllers.robot_kinematics import ArmModel
@@ -45,12 +44,14 @@ class ExplorationController(LeafSystem):
         input_ports:
         - joint_state_measured
         - motion_desired
+        - pull_direction
         - phase
         output_ports:
         - motion_commanded
 
     - joint_state_measured: (14,) positions [rad] and velocities [rad/s].
     - motion_desired: `DesiredMotion` of the grasp sequence, passed on before exploration.
+    - pull_direction: (3,) unit vector in E.
     - phase: (1,) `Phase`.
     - motion_commanded: `DesiredMotion` for the impedance controller.
 
@@ -59,13 +60,12 @@ class ExplorationController(LeafSystem):
     Args:
         config: Speed and gain.
         arm: The robot's own model.
-        direction_E: Of the pull (3,), in E.
 
     Raises:
         ValueError: for impossible values.
     """
 
-    def __init__(self, config: ExplorationConfig, arm: ArmModel, direction_E: Array) -> None:
+    def __init__(self, config: ExplorationConfig, arm: ArmModel) -> None:
         super().__init__()
         for name in ("period", "gain", "speed"):
             if not getattr(config, name) > 0:
@@ -74,10 +74,10 @@ class ExplorationController(LeafSystem):
                 )
         self._config = config
         self._arm = arm
-        self._direction = unit(direction_E, "direction_E")
         self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
         still = DesiredMotion(X_WE=np.eye(4), V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
         self._desired = self.DeclareAbstractInputPort("motion_desired", AbstractValue.Make(still))
+        self._direction = self.DeclareVectorInputPort("pull_direction", 3)
         self._phase = self.DeclareVectorInputPort("phase", 1)
         state = self.DeclareAbstractState(AbstractValue.Make(still))
         self.DeclareStateOutputPort("motion_commanded", state)
@@ -94,10 +94,11 @@ class ExplorationController(LeafSystem):
             return
         last: DesiredMotion = context.get_abstract_state(0).get_value()
         arm = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context)))
+        direction = np.asarray(self._direction.Eval(context))
         wanted = np.zeros(6)
         if phase == Phase.EXPLORE:
-            wanted[3:] = self._config.speed * self._direction
-        pull = np.outer(self._direction, self._direction)
+            wanted[3:] = self._config.speed * direction
+        pull = np.outer(direction, direction)
         along_pull = np.zeros((6, 6))
         along_pull[3:, 3:] = pull
         error = along_pull @ se3.log(se3.inverse(arm.X_WE) @ last.X_WE)

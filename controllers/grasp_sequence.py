@@ -35,6 +35,7 @@ class GraspSequence(LeafSystem):
         - end_effector_screw_remembered
         - grasp_failure_latest
         - plan_time_left
+        - pull_direction
         output_ports:
         - phase
         - interaction_active
@@ -50,6 +51,7 @@ class GraspSequence(LeafSystem):
     - joint_remembered, end_effector_screw_remembered: of `JointMemory`.
     - grasp_failure_latest: (1,) probability that the hand has lost the body, NaN if unknown.
     - plan_time_left: (1,) of `TrajectoryGenerator`, [s].
+    - pull_direction: (3,) unit vector in E, along which the gains are stiff while exploring.
     - What is not connected is not known; without a goal to be perceived nothing of it is read.
     - phase: (1,) `Phase`.
     - interaction_active: (1,) one while the hand is closed around the body, as far as it can feel.
@@ -67,7 +69,6 @@ class GraspSequence(LeafSystem):
         arm: The robot's own model.
         X_WE_grasp: Where the hand closes (4, 4).
         X_WE_before: Where the approach begins (4, 4).
-        direction_E: Of the pull (3,), in E.
         goal: What ends the exploration, and whether the joint is brought back.
 
     Raises:
@@ -80,7 +81,6 @@ class GraspSequence(LeafSystem):
         arm: ArmModel,
         X_WE_grasp: Array,
         X_WE_before: Array,
-        direction_E: Array,
         goal: Goal | None = None,
     ) -> None:
         super().__init__()
@@ -105,13 +105,13 @@ class GraspSequence(LeafSystem):
         self._back = se3.log(se3.inverse(X_WE_grasp) @ X_WE_before)
         self._goal = goal or Goal()
         self._stiff = stiff_gains(config)
-        self._compliant = exploration_gains(config, direction_E) if config.comply else self._stiff
         self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
         self._pressure = self.DeclareVectorInputPort("pressure_measured", 4)
         self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
         self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
         self._failure = self.DeclareVectorInputPort("grasp_failure_latest", 1)
         self._time_left = self.DeclareVectorInputPort("plan_time_left", 1)
+        self._direction = self.DeclareVectorInputPort("pull_direction", 3)
         first = SequenceState(
             phase=Phase.APPROACH,
             since=0.0,
@@ -146,7 +146,10 @@ class GraspSequence(LeafSystem):
             "motion_desired", lambda: Value[object](still), self._calc_motion, on_time
         )
         self.DeclareAbstractOutputPort(
-            "gains_desired", lambda: Value[object](self._stiff), self._calc_gains, on_state
+            "gains_desired",
+            lambda: Value[object](self._stiff),
+            self._calc_gains,
+            on_state | {self._direction.ticket()},
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
 
@@ -178,8 +181,11 @@ class GraspSequence(LeafSystem):
         output.set_value(approach_motion(state.X_WE_grasp, self._back, s, time))
 
     def _calc_gains(self, context: Context, output: AbstractValue) -> None:
-        exploring = is_held(self._state(context).phase)
-        output.set_value(self._compliant if exploring else self._stiff)
+        if self._config.comply and is_held(self._state(context).phase):
+            direction = np.asarray(self._direction.Eval(context))
+            output.set_value(exploration_gains(self._config, direction))
+        else:
+            output.set_value(self._stiff)
 
     def _update(self, context: Context, state: State) -> None:
         def read(port: InputPort, unknown: float) -> Array:

@@ -202,11 +202,14 @@ def _mark(
     axes: Axes, disturbances: Disturbances, events: Mapping[str, float], *, label: bool
 ) -> None:
     left, right = axes.get_xlim()
-    for name, time in events.items():
+    line, last = 1, -np.inf
+    for name, time in sorted(events.items(), key=lambda event: event[1]):
         if left <= time <= right:
             axes.axvline(time, color=palette.QUIET, lw=0.9, ls=(0, (4, 3)))
+            line = line + 1 if time - last < 0.1 * (right - left) else 1
+            last = time
             if label:
-                _note(axes, time, name, lines_below=1)
+                _note(axes, time, name, lines_below=line)
     spans = [("lights off", interval) for interval in disturbances.lights_off]
     spans += [("camera covered", interval) for interval in disturbances.camera_covered]
     for name, interval in spans:

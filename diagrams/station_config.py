@@ -11,6 +11,7 @@ from controllers.exploration import ExplorationConfig
 from controllers.grasp_decisions import Goal
 from controllers.grasp_sequence_config import GraspSequenceConfig
 from controllers.impedance import ImpedanceConfig
+from controllers.pull_direction import PullDirectionConfig
 from controllers.trajectory_generator import TrajectoryGeneratorConfig
 from plants.manipulation_scene import ManipulationScene, PlantConfig
 from plants.pneumatic_hand import PneumaticHandConfig
@@ -34,6 +35,7 @@ class SensorsConfig:
 class ControlConfig:
     sequence: GraspSequenceConfig = field(default_factory=GraspSequenceConfig)
     exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
+    pull_direction: PullDirectionConfig = field(default_factory=PullDirectionConfig)
     impedance: ImpedanceConfig = field(default_factory=ImpedanceConfig)
     trajectory: TrajectoryGeneratorConfig = field(default_factory=TrajectoryGeneratorConfig)
     # With this the object is locked and the hand moves about it, to learn how it bends.

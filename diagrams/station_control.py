@@ -9,6 +9,7 @@ from controllers.exploration import ExplorationController
 from controllers.grasp_sequence import GraspSequence
 from controllers.impedance import ImpedanceController
 from controllers.joint_memory import JointMemory
+from controllers.pull_direction import PullDirection
 from controllers.robot_kinematics import ArmModel
 from controllers.trajectory_generator import TrajectoryGenerator
 from diagrams.station_config import StationWiring
@@ -51,12 +52,16 @@ def add_control(
     )
     sequence = builder.AddNamedSystem(
         "grasp_sequence",
-        GraspSequence(control.sequence, arm, X_WE, X_WE_before, direction_E, wiring.config.goal),
+        GraspSequence(control.sequence, arm, X_WE, X_WE_before, wiring.config.goal),
+    )
+    pull = builder.AddNamedSystem(
+        "pull_direction", PullDirection(control.pull_direction, arm, direction_E)
     )
     if control.excitation is None:
         exploration = builder.AddNamedSystem(
-            "exploration", ExplorationController(control.exploration, arm, direction_E)
+            "exploration", ExplorationController(control.exploration, arm)
         )
+        builder.Connect(pull.get_output_port(), exploration.GetInputPort("pull_direction"))
         builder.Connect(
             encoders.GetOutputPort("joint_state_measured"),
             exploration.GetInputPort("joint_state_measured"),
@@ -78,7 +83,7 @@ def add_control(
     generator = builder.AddNamedSystem(
         "trajectory_generator", TrajectoryGenerator(control.trajectory, arm)
     )
-    for system in (sequence, generator, impedance):
+    for system in (sequence, pull, generator, impedance):
         builder.Connect(
             encoders.GetOutputPort("joint_state_measured"),
             system.GetInputPort("joint_state_measured"),
@@ -91,13 +96,15 @@ def add_control(
         (generator, "gains_commanded", impedance, "gains_commanded"),
         (sequence, "phase", exploration, "phase"),
         (sequence, "phase", memory, "phase"),
+        (sequence, "phase", pull, "phase"),
+        (pull, "pull_direction", sequence, "pull_direction"),
         (sequence, "phase", generator, "phase"),
         (sequence, "phase", impedance, "phase"),
         (generator, "plan_time_left", sequence, "plan_time_left"),
         *(
             (memory, port, target, port)
             for port in ("joint_remembered", "end_effector_screw_remembered")
-            for target in (sequence, generator)
+            for target in (sequence, pull, generator)
         ),
     ):
         builder.Connect(source.GetOutputPort(output), target.GetInputPort(port))

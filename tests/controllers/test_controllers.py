@@ -22,6 +22,7 @@ from controllers.impedance import (
     posture_torque,
 )
 from controllers.phases import Phase
+from controllers.pull_direction import PullDirection, PullDirectionConfig
 from controllers.robot_kinematics import ArmModel
 from maths import se3
 from plants.robot import make_arm_with_load
@@ -114,8 +115,9 @@ def test_a_hand_that_lags_pulls_the_goal_ahead_in_the_wanted_direction() -> None
 
 def explore_once(phase: Phase) -> tuple[np.ndarray, DesiredMotion]:
     state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
-    controller = ExplorationController(ExplorationConfig(), arm_model(), BACK)
+    controller = ExplorationController(ExplorationConfig(), arm_model())
     context = controller.CreateDefaultContext()
+    controller.GetInputPort("pull_direction").FixValue(context, BACK)
     controller.GetInputPort("joint_state_measured").FixValue(
         context, np.concatenate([Q, np.zeros(7)])
     )
@@ -161,7 +163,7 @@ def test_the_blend_has_the_derivatives_it_claims() -> None:
 def test_the_sequence_goes_through_its_phases_and_stops_after_its_travel() -> None:
     config = GraspSequenceConfig(approach_time=0.1, close_time=0.1, travel=0.05)
     state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
-    sequence = GraspSequence(config, arm_model(), state.X_WE, state.X_WE, BACK)
+    sequence = GraspSequence(config, arm_model(), state.X_WE, state.X_WE)
     simulator = Simulator(sequence)
     context = simulator.get_mutable_context()
     port = sequence.GetInputPort("joint_state_measured")
@@ -186,7 +188,7 @@ def test_the_sequence_goes_through_its_phases_and_stops_after_its_travel() -> No
 def test_a_hand_that_comes_away_empty_says_that_it_holds_nothing_any_more() -> None:
     config = GraspSequenceConfig(approach_time=0.1, close_time=0.1)
     state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
-    sequence = GraspSequence(config, arm_model(), state.X_WE, state.X_WE, BACK)
+    sequence = GraspSequence(config, arm_model(), state.X_WE, state.X_WE)
     simulator = Simulator(sequence)
     context = simulator.get_mutable_context()
     sequence.GetInputPort("joint_state_measured").FixValue(context, np.append(Q, np.zeros(7)))
@@ -212,6 +214,46 @@ def test_impossible_values_are_refused_by_name() -> None:
     with pytest.raises(ValueError, match="period"):
         ImpedanceController(ImpedanceConfig(period=0.0), arm_model(), Q)
     with pytest.raises(ValueError, match="speed"):
-        ExplorationController(ExplorationConfig(speed=-1.0), arm_model(), BACK)
+        ExplorationController(ExplorationConfig(speed=-1.0), arm_model())
     with pytest.raises(ValueError, match="direction_E"):
-        ExplorationController(ExplorationConfig(), arm_model(), 0.0 * BACK)
+        PullDirection(PullDirectionConfig(), arm_model(), 0.0 * BACK)
+    with pytest.raises(ValueError, match="limit"):
+        PullDirection(PullDirectionConfig(limit=120.0), arm_model(), BACK)
+
+
+def pull_towards(tangent_E: np.ndarray, q: float = 0.1, **config: float) -> np.ndarray:
+    """The pull after 2 s of exploring a joint along which the hand goes by `tangent_E`."""
+    state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
+    system = PullDirection(PullDirectionConfig(follow_joint=True, **config), arm_model(), BACK)
+    simulator = Simulator(system)
+    context = simulator.get_mutable_context()
+    screw_W = se3.adjoint(state.X_WE) @ np.concatenate([np.zeros(3), tangent_E])
+    for name, value in (
+        ("joint_state_measured", np.concatenate([Q, np.zeros(7)])),
+        ("joint_remembered", np.concatenate([np.zeros(6), [q, 0.0]])),
+        ("end_effector_screw_remembered", screw_W),
+        ("phase", [float(Phase.EXPLORE)]),
+    ):
+        system.GetInputPort(name).FixValue(context, value)
+    simulator.AdvanceTo(2.0)
+    return np.asarray(system.get_output_port().Eval(context))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_pull_turns_to_the_joint_whatever_sign_its_configuration_has(sign: float) -> None:
+    tangent = np.array([0.0, 0.6, -0.8])
+    assert_allclose(pull_towards(sign * 0.3 * tangent, q=sign), tangent, atol=1e-3)
+
+
+def test_the_pull_stays_as_taught_while_the_joint_is_unknown_hardly_moved_or_absurd() -> None:
+    tangent = np.array([0.0, 0.6, -0.8])
+    assert_allclose(pull_towards(np.full(3, np.nan), q=np.nan), BACK)
+    assert_allclose(pull_towards(tangent, q=0.02), BACK)
+    assert_allclose(pull_towards(np.array([0.0, 0.8, -0.6]), limit=50.0), BACK)
+
+
+def test_the_pull_turns_within_its_time() -> None:
+    tangent = np.array([0.0, 0.6, -0.8])
+    angle = np.arctan2(tangent[1], -tangent[2])
+    (y, z) = pull_towards(tangent, time=2.0)[1:]
+    assert_allclose(np.arctan2(y, -z) / angle, 1.0 - np.exp(-1.0), atol=0.05)

@@ -187,7 +187,8 @@ def joint_series(ticks: Sequence[TickRecord], truth: Truth) -> JointSeries:
         probability[k] = joint.probabilities.get(truth.joint_type, 0.0)
         held = is_held(joint)
         before = -travel_at_grasp(times[k], truth) if held else travel_before_grasp(truth)
-        for name, value in _compare(joint, truth, opening[k], before).items():
+        reversible = truth.parent_moves and not held
+        for name, value in _compare(joint, truth, opening[k], before, reversible).items():
             columns[name][k] = value
     right = np.array([joint is not None and joint.type == truth.joint_type for joint in joints])
     return JointSeries(
@@ -227,7 +228,14 @@ def travel_before_grasp(truth: Truth) -> float:
     return -float(opening[0]) if len(opening) else 0.0
 
 
-def _compare(joint: JointBelief, truth: Truth, opening: float, before: float) -> dict[str, float]:
+def _compare(
+    joint: JointBelief, truth: Truth, opening: float, before: float, reversible: bool
+) -> dict[str, float]:
+    """The joint's figures by name.
+
+    Which of two bodies that are only seen carries the other is a convention: `KinematicModel` goes
+    by which was found first. If `reversible`, the configuration counts the way that fits the truth.
+    """
     if joint.type == JointType.RIGID:
         return {"configuration": -before, "error": -before - opening}
     if joint.type == JointType.DISCONNECTED:
@@ -235,7 +243,11 @@ def _compare(joint: JointBelief, truth: Truth, opening: float, before: float) ->
     model: JointModelBelief = joint.model
     sign = axis_sign(model.axis_P, truth.axis_W)
     variance = float(model.configuration_covariance[0, 0])
-    configuration = sign * float(model.configuration[0]) - before
+    q = sign * float(model.configuration[0])
+    target = opening + before
+    if reversible and abs(-q - target) < abs(q - target):
+        q = -q
+    configuration = q - before
     compared = {
         "configuration": configuration,
         "configuration_std": float(np.sqrt(max(variance, 0.0))),

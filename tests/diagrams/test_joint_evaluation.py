@@ -222,3 +222,19 @@ def test_a_joint_between_moving_bodies_is_compared_where_its_parent_was_at_the_r
     assert drawn is not None
     assert_allclose(drawn.model.axis_P, X_WP[:3, :3] @ R_WP.T @ AXIS, atol=1e-12)
     assert select_joint(JointBeliefs(joints=[to_the_room]), parent_moves=True) is None
+
+
+@pytest.mark.parametrize("q", [0.6, -0.6])
+def test_of_two_bodies_that_are_only_seen_either_may_be_the_parent(q: float) -> None:
+    truth = truth_of(np.array([0.0, 0.0, 0.3, 0.6]), JointType.REVOLUTE)
+    truth.parent_moves = True
+    lid = joint_belief(JointType.REVOLUTE, AXIS, q, 0.01, 0.01, point=truth.point_W)
+    bodies = BodyMotions(bodies=[body_motion(3, np.eye(4), np.eye(4), np.zeros(0))])
+
+    def error(child_id: int) -> float:
+        joint = replace(lid, parent_id=3, child_id=child_id)
+        tick = TickRecord(time=3.0, joints=JointBeliefs(joints=[joint]), bodies=bodies)
+        return float(joint_series([tick], truth).error[0])
+
+    assert_allclose(error(child_id=2), 0.0, atol=1e-9)
+    assert_allclose(error(child_id=INTERACTED_BODY), q - 0.6, atol=1e-9)

@@ -5,7 +5,7 @@ hardly more within a tick than one that nobody holds. What tells a lost body fro
 whether it has come along once the hand has gone some way.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -75,8 +75,6 @@ def compare(
     odds = log_likelihood(body_way, lost) - log_likelihood(body_way - hand_way, held)
     now = float(failure.remembered + odds)
     if np.linalg.norm(hand_way) < config.way:
-        return GraspFailure(
-            X_WH=failure.X_WH, body=failure.body, remembered=failure.remembered, now=now
-        )
+        return replace(failure, now=now)
     remembered = float(np.clip(now, -config.limit, config.limit))
     return GraspFailure(X_WH=X_WH, body=body, remembered=remembered, now=remembered)

@@ -39,6 +39,20 @@ def joseph_update(P: Array, H: Array, R: Array, e: Array) -> tuple[Array, Array]
 
 
 @numba.njit(cache=True)
+def schmidt_update(
+    P: Array, H: Array, R: Array, e: Array, considered: npt.NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """As `joseph_update`, without correcting the states (n,) that are only `considered`."""
+    PHt = P @ np.ascontiguousarray(H.T)
+    S = symmetric(H @ PHt + R)
+    K = np.ascontiguousarray(np.linalg.solve(S, np.ascontiguousarray(PHt.T)).T)
+    K[considered] = 0.0
+    A = np.eye(P.shape[0]) - K @ H
+    posterior = A @ P @ np.ascontiguousarray(A.T) + K @ R @ np.ascontiguousarray(K.T)
+    return K @ e, symmetric(posterior)
+
+
+@numba.njit(cache=True)
 def nees(e: Array, P: Array) -> float:
     """Normalised error squared e^T P^-1 e of the error `e` (n,) under its covariance (n, n)."""
     return float(e @ np.linalg.solve(P, e))

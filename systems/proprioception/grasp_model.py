@@ -48,10 +48,13 @@ def prior_probabilities(config: GraspModelConfig) -> Array:
 
 def weigh(evidence: Array, failure: GraspFailure, config: GraspModelConfig) -> Array:
     """Probabilities of the types (4,) from the log evidence (3,) of those that hold."""
-    score = np.log(prior_probabilities(config)[:-1]) + evidence
+    prior = prior_probabilities(config)[:-1]
+    prior /= prior.sum()
+    score = np.log(prior) + evidence
     weights = np.exp(score - score.max())
+    held = (1.0 - config.change) * weights / weights.sum() + config.change * prior
     failed = failure.probability(config.failure)
-    return np.append((1.0 - failed) * weights / weights.sum(), failed)
+    return np.append((1.0 - failed) * held, failed)
 
 
 @dataclass(kw_only=True)

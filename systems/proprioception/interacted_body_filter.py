@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from maths import se3
-from maths.gaussian import joseph_update, nees, symmetric
+from maths.gaussian import nees, schmidt_update, symmetric
 from systems.port_values import GraspBelief, GraspType, Ids, PoseBelief
 from systems.proprioception.bent_hand import BentHand, cross, screw
 
@@ -404,7 +404,10 @@ def correct_body(
             return None
         jump = np.repeat([config.surprise_rotation**2, config.surprise_translation**2], 3)
         P[:6, :6] += np.diag(jump)
-    correction, P = joseph_update(P, H, seen.covariance, innovation)
+    considered = np.zeros(layout.size, dtype=bool)
+    considered[layout.f] = True
+    considered[layout.k] = body.grasp_type not in (GraspType.REVOLUTE, GraspType.CYLINDRICAL)
+    correction, P = schmidt_update(P, H, seen.covariance, innovation, considered)
     x = x + correction
     X_WB = body.X_WB @ se3.exp(x[:6])
     x[:6] = 0.0

@@ -18,31 +18,25 @@ def symmetric(P: Array) -> Array:
 
 
 @numba.njit(cache=True)
-def joseph_update(P: Array, H: Array, R: Array, e: Array) -> tuple[Array, Array]:
-    """One Kalman correction in Joseph form, symmetric and positive semidefinite at any gain.
+def schmidt_update(
+    P: Array, H: Array, R: Array, e: Array, considered: npt.NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """One Kalman correction that leaves some states as they are, but knows that they may be wrong.
+
+    In Joseph form, symmetric and positive semidefinite at any gain.
 
     Args:
         P: Prior covariance (n, n).
         H: Jacobian (m, n) of the predicted measurement.
         R: Measurement covariance (m, m).
         e: Innovation (m,), measured minus predicted.
+        considered: Which states (n,) are not corrected.
 
     Returns:
         The correction K e (n,) and the posterior covariance (n, n).
+
+    Source: S. F. Schmidt, "Application of state-space methods to navigation problems", 1966.
     """
-    PHt = P @ np.ascontiguousarray(H.T)
-    S = symmetric(H @ PHt + R)
-    K = np.ascontiguousarray(np.linalg.solve(S, np.ascontiguousarray(PHt.T)).T)
-    A = np.eye(P.shape[0]) - K @ H
-    posterior = A @ P @ np.ascontiguousarray(A.T) + K @ R @ np.ascontiguousarray(K.T)
-    return K @ e, symmetric(posterior)
-
-
-@numba.njit(cache=True)
-def schmidt_update(
-    P: Array, H: Array, R: Array, e: Array, considered: npt.NDArray[np.bool_]
-) -> tuple[Array, Array]:
-    """As `joseph_update`, without correcting the states (n,) that are only `considered`."""
     PHt = P @ np.ascontiguousarray(H.T)
     S = symmetric(H @ PHt + R)
     K = np.ascontiguousarray(np.linalg.solve(S, np.ascontiguousarray(PHt.T)).T)
@@ -50,6 +44,12 @@ def schmidt_update(
     A = np.eye(P.shape[0]) - K @ H
     posterior = A @ P @ np.ascontiguousarray(A.T) + K @ R @ np.ascontiguousarray(K.T)
     return K @ e, symmetric(posterior)
+
+
+@numba.njit(cache=True)
+def joseph_update(P: Array, H: Array, R: Array, e: Array) -> tuple[Array, Array]:
+    """The correction of every state, see `schmidt_update`."""
+    return schmidt_update(P, H, R, e, np.zeros(P.shape[0], dtype=np.bool_))
 
 
 @numba.njit(cache=True)

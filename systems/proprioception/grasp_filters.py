@@ -52,7 +52,7 @@ class GraspModelConfig:
     slip_rotation: float = 0.03  # Slip per way of the hand, [rad/m^0.5].
     slip_translation: float = 2.0e-3  # [m/m^0.5]
     memory: float = 0.7  # Of the evidence, [s].
-    change: float = 0.1  # Probability that the grip is another one by now, [-].
+    lodging: float = 0.1  # Probability that a loose grasp has become firm, [-].
     loss_limit: float = 10.0  # Most that one tick speaks against a type, [nat].
     gate: float = 30.0  # Squared innovation above which a filter is not corrected, [-].
     patience: float = 1.0  # A filter that explains nothing so long starts afresh, [s].

@@ -47,12 +47,15 @@ def prior_probabilities(config: GraspModelConfig) -> Array:
 
 
 def weigh(evidence: Array, failure: GraspFailure, config: GraspModelConfig) -> Array:
-    """Probabilities of the types (4,) from the log evidence (3,) of those that hold."""
-    prior = prior_probabilities(config)[:-1]
-    prior /= prior.sum()
-    score = np.log(prior) + evidence
+    """Probabilities of the types (4,) from the log evidence (3,) of those that hold.
+
+    A handle that turns in soft fingers may lodge between them at any time, unseen in the dark: a
+    grasp that was loose has become firm with probability `lodging`.
+    """
+    score = np.log(prior_probabilities(config)[:-1]) + evidence
     weights = np.exp(score - score.max())
-    held = (1.0 - config.change) * weights / weights.sum() + config.change * prior
+    held = (1.0 - config.lodging) * weights / weights.sum()
+    held[HELD_TYPES.index(GraspType.PERFECT)] += config.lodging
     failed = failure.probability(config.failure)
     return np.append((1.0 - failed) * held, failed)
 
@@ -204,7 +207,8 @@ class GraspModel(RecursiveFilter):
     cylindrical (turning about it and sliding along it) and failed (the body stays where it was,
     loosely). Axis and point start from the hand's morphology and are constants in H. Measurement:
     z = X_WH^-1 X_WB. The types are weighed by the log likelihood of their innovations, under the
-    real innovation covariance, with a memory of `memory` seconds.
+    real innovation covariance, with a memory of `memory` seconds. A loose grasp is never beyond
+    doubt, for it may have become a firm one (`lodging`).
 
     Only what vision alone says about the body (`InteractedBody.seen`) is independent of the grasp.
     In the proprioception-only wiring, and in the dark, the body's pose is computed through the
@@ -279,6 +283,7 @@ class GraspModel(RecursiveFilter):
             require(finite, "GraspModel", config, name, "three finite numbers")
         length = float(np.linalg.norm(config.axis_H))
         require(length > 1e-6, "GraspModel", config, "axis_H", "a direction")
+        require(0 <= config.lodging < 1, "GraspModel", config, "lodging", "in [0, 1)")
         units = {"prior": "", "way": "m", "rest": "m", "limit": "nat"}
         require_positive("GraspModel", config.failure, units)
         require(config.failure.prior < 1, "GraspModel", config.failure, "prior", "< 1")

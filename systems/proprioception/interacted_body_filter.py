@@ -7,14 +7,17 @@ Error state, all but the first in units of their own standard deviation:
     n   (6,)  what else is wrong with the bent hand's pose; fades slowly into another value
     b   (6,)  how wrong the features' positions in the body are, as a pose error in B
     f   (2,)  how much of the hand's turning about the grasping axis and of its sliding along it the
-              body follows, against what the likeliest grasp says; a constant
+              body follows, against what the likeliest grasp says; a constant, only considered
     k   (3,)  how much the body turns about the axis per way of its handle, if the grasp lets it;
-              a constant, as the body of a hinge turns by one radian per radius
+              a constant, as the body of a hinge turns by one radian per radius; only considered
+              unless the likeliest grasp lets it
     s   (6,)  how wrong the grasping axis and the point on it are; the same as long as nobody sees
 
 The constants make the displacement's error honest over time: they are the same at every tick, so
 they grow with the way that the hand has moved and do not average away. Vision, while it lasts,
-measures them too, and so improves what proprioception says in the dark.
+measures them too, and so improves what proprioception says in the dark. What the grasp transmits
+is learnt by the grasp model alone: states that are only considered make the pose less certain and
+are not corrected.
 """
 
 from dataclasses import dataclass, replace
@@ -29,6 +32,7 @@ from systems.proprioception.bent_hand import BentHand, cross, screw
 
 Array = npt.NDArray[np.float64]
 
+_LOOSE_TYPES = (GraspType.REVOLUTE, GraspType.CYLINDRICAL)
 _REFERENCE_VARIANCE = 1e-12  # The reference pose is so by definition, [rad^2, m^2].
 
 
@@ -404,9 +408,9 @@ def correct_body(
             return None
         jump = np.repeat([config.surprise_rotation**2, config.surprise_translation**2], 3)
         P[:6, :6] += np.diag(jump)
-    considered = np.zeros(layout.size, dtype=bool)
+    considered = np.zeros(layout.size, dtype=np.bool_)
     considered[layout.f] = True
-    considered[layout.k] = body.grasp_type not in (GraspType.REVOLUTE, GraspType.CYLINDRICAL)
+    considered[layout.k] = body.grasp_type not in _LOOSE_TYPES
     correction, P = schmidt_update(P, H, seen.covariance, innovation, considered)
     x = x + correction
     X_WB = body.X_WB @ se3.exp(x[:6])

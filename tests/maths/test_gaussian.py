@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 
-from maths.gaussian import joseph_update, log_likelihood, nees
+from maths.gaussian import joseph_update, log_likelihood, nees, schmidt_update
 
 
 def _spd(rng: np.random.Generator, n: int) -> np.ndarray:
@@ -21,6 +21,20 @@ def test_joseph_update_agrees_with_the_information_form(n: int, m: int) -> None:
     expected = np.linalg.inv(np.linalg.inv(P) + H.T @ np.linalg.inv(R) @ H)
     assert_allclose(posterior, expected, atol=1e-9)
     assert_allclose(dx, expected @ H.T @ np.linalg.solve(R, e), atol=1e-9)
+
+
+def test_a_considered_state_is_not_corrected_and_its_error_is_accounted_for() -> None:
+    rng = np.random.default_rng(2)
+    P, R, H = _spd(rng, 5), _spd(rng, 2), rng.normal(size=(2, 5))
+    considered = np.array([False, False, True, False, True])
+    _, posterior = schmidt_update(P, H, R, np.zeros(2), considered)
+    assert_allclose(posterior[np.ix_(considered, considered)], P[np.ix_(considered, considered)])
+    draws = 200_000
+    x = rng.multivariate_normal(np.zeros(5), P, draws)
+    z = x @ H.T + rng.multivariate_normal(np.zeros(2), R, draws)
+    gain = np.array([schmidt_update(P, H, R, e, considered)[0] for e in np.eye(2)])
+    assert_allclose(gain[:, considered], 0.0)
+    assert_allclose(np.cov((x - z @ gain).T), posterior, atol=0.02 * np.abs(P).max())
 
 
 def test_posterior_stays_symmetric_positive_definite_over_many_exact_measurements() -> None:

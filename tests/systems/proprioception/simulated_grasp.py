@@ -99,16 +99,22 @@ class AutoRegression:
 
 
 def make_diagram(
-    vision: bool, body_config: InteractedBodyMotionConfig, grasp_config: GraspModelConfig
+    vision: bool,
+    body_config: InteractedBodyMotionConfig,
+    grasp_config: GraspModelConfig,
+    grasp_wire: bool = True,
 ) -> Diagram:
-    """Body and grasp filter in their loop, with the hand's ports exported."""
+    """Body and grasp filter in their loop, with the hand's ports exported.
+
+    Without `grasp_wire` the grasp model does not see the body and stays the prior.
+    """
     builder = DiagramBuilder()
     body = builder.AddNamedSystem("body", InteractedBodyMotion(body_config, vision))
     grasp = builder.AddNamedSystem("grasp", GraspModel(grasp_config))
     builder.Connect(grasp.GetOutputPort("grasp_latest"), body.GetInputPort("grasp_latest"))
-    builder.Connect(
-        body.GetOutputPort("body_motions_estimated"), grasp.GetInputPort("body_motions_estimated")
-    )
+    if grasp_wire:
+        seen = grasp.GetInputPort("body_motions_estimated")
+        builder.Connect(body.GetOutputPort("body_motions_estimated"), seen)
     for name in ("end_effector_estimated", "hand_bending_estimated", "interaction_active"):
         builder.ExportInput(body.GetInputPort(name), name)
         builder.ConnectInput(name, grasp.GetInputPort(name))
@@ -218,6 +224,7 @@ def run(
     vision: bool,
     body_config: InteractedBodyMotionConfig | None = None,
     grasp_config: GraspModelConfig | None = None,
+    grasp_wire: bool = True,
 ) -> list[Tick]:
     """Both filters over one episode."""
     episode = Episode(scene, seed)
@@ -225,6 +232,7 @@ def run(
         vision,
         body_config or InteractedBodyMotionConfig(),
         grasp_config or GraspModelConfig(),
+        grasp_wire,
     )
     context = diagram.CreateDefaultContext()
     diagram.GetInputPort("interaction_active").FixValue(context, 1.0)

@@ -42,6 +42,15 @@ def test_vision_tells_the_type_of_grasp(kind: GraspType) -> None:
         assert run(SCENES[kind], seed, vision=True)[-1].grasp.type == kind
 
 
+@pytest.mark.parametrize("kind", [GraspType.REVOLUTE, GraspType.CYLINDRICAL])
+def test_a_loose_grasp_is_never_beyond_doubt(kind: GraspType) -> None:
+    """What is seen of the grip now says little about how it will be held later."""
+    belief = run(SCENES[kind], 0, vision=True)[-1].grasp
+    assert belief.type == kind
+    held = 1.0 - belief.probabilities[GraspType.FAILED]
+    assert belief.probabilities[GraspType.PERFECT] / held >= CONFIG.lodging
+
+
 def test_a_flap_that_turns_in_the_hand_is_a_revolute_grasp() -> None:
     scene = Scene(
         displacement=swing(), coordinates=lambda t: (-0.9 * 0.02 * t / 0.35, 0.0), duration=5.0

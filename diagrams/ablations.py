@@ -47,17 +47,20 @@ class Ablation:
     overrides: list[str] = field(default_factory=list)
 
 
+_DARK = ["disturbances.lights_off=[{start: 14.0}]"]
+
 ABLATIONS = {
-    "grasp-out-of-sight": Ablation(
-        flow="the grasp learnt with the eye carries the hand when the lid is out of sight",
-        scenario="box-lid",
+    "grasp-in-the-dark": Ablation(
+        flow="the grasp learnt with the eye carries the hand when the light is off",
+        scenario="cupboard-door",
         wire="interacted_body_to_grasp",
+        overrides=_DARK,
     ),
     "taught-by-the-eye": Ablation(
         flow="what the eye has corrected carries the hand's reading when the light is off",
         scenario="cupboard-door",
         wire="features_to_interacted_body",
-        overrides=["disturbances.lights_off=[{start: 14.0}]"],
+        overrides=_DARK,
     ),
     "body-in-the-hand": Ablation(
         flow="the body felt by the hand tells the eye which features are its own",

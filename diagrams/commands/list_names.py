@@ -8,8 +8,9 @@ EXAMPLES = "Example:  crossmodal list, then  crossmodal run cupboard-door"
 
 
 def list_command() -> None:
-    """Show the scenarios, experiments and networks that there are."""
+    """Show the scenarios, experiments, flows and networks that there are."""
     with one_line_errors():
+        from diagrams.ablations import ABLATIONS
         from diagrams.experiments import ALL, find_experiments
         from diagrams.scenario import load_scenario, scenario_files
 
@@ -19,5 +20,8 @@ def list_command() -> None:
         typer.echo("Experiments (crossmodal evaluate NAME):")
         for name, experiment in find_experiments(ALL).items():
             typer.echo(f"  {name:19}{experiment.description}")
+        typer.echo("Flows of information (crossmodal ablate NAME):")
+        for name, ablation in ABLATIONS.items():
+            typer.echo(f"  {name:19}{ablation.flow}")
         typer.echo("Networks (crossmodal train NAME):")
         typer.echo("  hand-bending       the soft hand's bending from wrench and air pressure")

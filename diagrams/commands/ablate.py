@@ -12,7 +12,8 @@ EXAMPLES = "Example:  crossmodal ablate body-in-the-hand --seeds 0:5"
 
 def ablate_command(
     names: Annotated[
-        list[str] | None, typer.Argument(help="Flows to cut, see crossmodal list. [default: all of them]")
+        list[str] | None,
+        typer.Argument(help="Flows to cut, see crossmodal list. [default: all of them]"),
     ] = None,
     seeds: Annotated[str, typer.Option(help="Like 0:3 (without 3), 7 or 1,4,9.")] = "0:3",
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/ablations"),

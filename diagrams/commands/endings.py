@@ -1,6 +1,7 @@
 """How a command ends: its exit status, and one line where the user's input is at fault."""
 
 import contextlib
+import errno
 import logging
 import warnings
 from collections.abc import Iterator
@@ -26,6 +27,11 @@ def one_line_errors() -> Iterator[None]:
     except ScenarioError as error:
         typer.echo(f"crossmodal: {error}", err=True)
         raise typer.Exit(BAD_INPUT) from None
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        typer.echo("crossmodal: no space left for the results: free some or change --out", err=True)
+        raise typer.Exit(FAILED) from None
     except KeyboardInterrupt:
         typer.echo("crossmodal: interrupted before there was anything to keep", err=True)
         raise typer.Exit(INTERRUPTED) from None

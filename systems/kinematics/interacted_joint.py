@@ -30,9 +30,9 @@ MOVING_TYPES = (JointType.PRISMATIC, JointType.REVOLUTE)
 
 @dataclass(kw_only=True)
 class InteractedJointConfig:
-    """How certain a joint has to be before anyone acts on it."""
+    """How likely a joint has to be before anyone acts on it."""
 
-    least_probability: float = 0.9  # Of its type.
+    least_probability: float = 0.5  # Of its type.
     largest_axis_angle: float = 0.5  # Standard deviation of its axis, [rad].
     margin: float = 10.0  # By which a joint to another body has to explain more, [nat].
 
@@ -44,8 +44,8 @@ def screw(joint_type: JointType, model: JointModelBelief) -> Array:
     return np.concatenate([model.axis_P, np.cross(model.p_PA, model.axis_P)])
 
 
-def is_certain(joint: JointBelief, config: InteractedJointConfig) -> bool:
-    """Whether a joint moves for certain, and about or along an axis that is known."""
+def is_likely(joint: JointBelief, config: InteractedJointConfig) -> bool:
+    """Whether it is likely that a joint moves, and about or along which axis."""
     if joint.type not in MOVING_TYPES:
         return False
     variance = float(np.trace(joint.model.axis_covariance))
@@ -70,14 +70,14 @@ def choose_joint(
 
     Args:
         joints: The kinematic model.
-        config: How certain it has to be.
+        config: How likely it has to be.
         body_is_known: Whether there is a body in the hand; vision alone does not know it and takes
             the joint that has been observed for longest.
     """
     candidates = [
         joint
         for joint in joints.joints
-        if is_certain(joint, config) and not (body_is_known and joint.child_id != INTERACTED_BODY)
+        if is_likely(joint, config) and not (body_is_known and joint.child_id != INTERACTED_BODY)
     ]
 
     def preference(joint: JointBelief) -> tuple[float, int]:

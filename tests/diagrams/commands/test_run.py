@@ -1,3 +1,4 @@
+import errno
 import json
 import types
 from pathlib import Path
@@ -87,3 +88,11 @@ def test_options_about_an_object_need_one(fake_episode: types.SimpleNamespace) -
     assert result.exit_code == 2
     assert "--object FILE" in result.stderr
     assert fake_episode.runs == []
+
+
+def test_a_full_disk_is_said_in_one_line(fake_episode: types.SimpleNamespace) -> None:
+    fake_episode.error = OSError(errno.ENOSPC, "No space left on device")
+    result = RUNNER.invoke(app, ["run", "drawer", "--out", "full"])
+    assert result.exit_code == 1
+    assert "no space left" in result.stderr.splitlines()[-1]
+    assert "Traceback" not in result.output

@@ -87,15 +87,20 @@ def test_the_screw_moves_points_as_the_joint_does() -> None:
 
 
 @pytest.mark.parametrize(
-    "uncertain",
+    "unlikely",
     [
-        joint(JointType.PRISMATIC, 0.1, probability=0.8),
+        joint(JointType.PRISMATIC, 0.1, probability=0.45),
         joint(JointType.PRISMATIC, 0.1, axis_std=0.8),
         joint(JointType.RIGID, 0.1),
     ],
 )
-def test_nothing_is_said_of_a_joint_that_is_not_certain(uncertain: JointBelief) -> None:
-    assert np.all(np.isnan(read([uncertain])))
+def test_nothing_is_said_of_a_joint_that_is_not_likely(unlikely: JointBelief) -> None:
+    assert np.all(np.isnan(read([unlikely])))
+
+
+def test_a_joint_likelier_than_all_others_together_is_acted_on() -> None:
+    """A slide felt by the hand alone may leave a far hinge possible up to its goal."""
+    assert_allclose(read([joint(JointType.PRISMATIC, 0.1, probability=0.6)])[6], 0.1)
 
 
 def test_the_body_in_the_hand_comes_first_and_its_joint_to_the_environment() -> None:

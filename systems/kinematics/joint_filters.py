@@ -222,7 +222,7 @@ class JointFilters:
         R = frame_covariance(covariance, dt, self.config, lasting)
         priors = self._priors
         if self._correlated:
-            fast, slow = error_shares(covariance, R, dt, self.config)
+            fast, slow = error_shares(covariance, R, dt, self.config, lasting)
             priors = priors._replace(fast=fast, slow=slow)
         X_FB = se3.inverse(state.X_PF) @ X_PB
         update_models(models, packets, X_FB, R, time, priors, _wants_restart(state))

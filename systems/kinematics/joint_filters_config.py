@@ -9,6 +9,7 @@ from systems.kinematics.pose_packets import FIRST, RECENT
 
 Array = npt.NDArray[np.float64]
 
+_LEAST_NEW = 1e-2  # Of a measurement's variance: whatever of it stays, something is new.
 _FLOOR = 1e-12 * np.eye(6)  # [rad^2, m^2], for covariances given as exact.
 
 
@@ -143,14 +144,24 @@ def _without_slow_error(config: JointFiltersConfig) -> JointFiltersConfig:
 
 
 def error_shares(
-    covariance: Array, R: Array, dt: float, config: JointFiltersConfig
+    covariance: Array,
+    R: Array,
+    dt: float,
+    config: JointFiltersConfig,
+    lasting: Array | None = None,
 ) -> tuple[float, float]:
     """Of R from `frame_covariance`: the share that is new at each measurement, and the slow one."""
     if dt <= 0.0:
         return 1.0, 0.0
-    white = frame_covariance(covariance, dt, _without_slow_error(config))
-    given = float(np.trace(np.linalg.solve(R, white))) / 6.0
+
+    def share(part: Array) -> float:
+        return float(np.trace(np.linalg.solve(R, part))) / 6.0
+
+    given = share(frame_covariance(covariance, dt, _without_slow_error(config)))
     r = np.exp(-dt / config.correlation_time) if config.correlation_time > 0.0 else 0.0
     stays = max(config.slow_time if has_slow_error(config) else 0.0, config.lasting_time)
-    lasting = (1.0 - given) * min(1.0, 0.5 * dt / stays) if stays > 0.0 else 0.0
-    return given * (1.0 - r) ** 2 / (1.0 + r), given * r * (1.0 - r) / (1.0 + r) + lasting
+    slow = (1.0 - given) * min(1.0, 0.5 * dt / stays) if stays > 0.0 else 0.0
+    new = given
+    if lasting is not None and config.lasting_time > 0.0:
+        new = max(given - share(lasting), _LEAST_NEW * given)
+    return new * (1.0 - r) ** 2 / (1.0 + r), given * r * (1.0 - r) / (1.0 + r) + slow

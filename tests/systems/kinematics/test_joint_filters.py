@@ -335,6 +335,34 @@ def test_a_lasting_error_does_not_bend_a_slide_that_was_seen_well() -> None:
     assert off > np.deg2rad(1.0)
 
 
+@pytest.mark.parametrize("declared", [True, False])
+def test_a_body_that_stops_is_not_believed_to_go_on_for_a_lasting_error(declared: bool) -> None:
+    """A slide felt by the hand alone: off by a millimetre that stays, and by little that is new."""
+    config = JointFiltersConfig(lasting_time=5.0, slow_rotation=3e-3, slow_translation=3e-4)
+    rng = np.random.default_rng(0)
+    filters = JointFilters(config)
+    state = filters.start(np.eye(4), 1e-12 * np.eye(6), -1.0)
+    new = np.diag(np.repeat([1e-4, 5e-5], 3) ** 2)
+    errors = []
+    for k in range(1, 150):
+        time = k / 15
+        way = 0.02 * min(time, 8.0)
+        off = np.array([0.0, 0.0, 0.0, 1e-3 * min(time, 1.0), 0.0, 0.0])
+        X = se3.exp(
+            np.array([0.0, 0.0, 0.0, way, 0.0, 0.0])
+            + off
+            + rng.multivariate_normal(np.zeros(6), new)
+        )
+        lasting = np.diag(np.repeat([0.05, 4e-3], 3) * min(time, 1.0)) ** 2
+        state = filters.update(state, X, new + lasting, time, lasting if declared else None)
+        slide = filters.belief(state).models[PRISMATIC]
+        errors.append(slide.configuration[0] - way)
+    pulled, stopped = np.array(errors[60:118]), np.array(errors[121:])
+    assert_allclose(pulled, 1e-3, atol=5e-4)
+    assert (np.abs(stopped - 1e-3).max() < 1e-3) == declared
+    assert not declared or np.sqrt(slide.configuration_covariance[0, 0]) > 3e-3
+
+
 def _with_new_reference(joint: JointType, seed: int) -> tuple[JointFilters, list, Run, int]:
     """Half of a motion measured roughly, then finely but for a constant error of the pose."""
     scene = Scene(joint=joint, translation=1e-2, rotation=3.0)

@@ -103,13 +103,18 @@ def run_ablation(ablation: Ablation, seed: int, folder: Path) -> dict[str, Any]:
         pass
     open_run_folder(folder, force=True)
     sensors_file = folder / SENSORS_FILE
-    write_run(folder, run_episode(scenario, seed, sensors_file=sensors_file))
-    result = replay(
-        folder,
-        load_recorded_scenario(folder),
-        dict(zip(WIRINGS, (Wiring(), Wiring(cut=[ablation.wire])), strict=True)),
-    )
-    sensors_file.unlink()  # Some hundred MB, and the seed makes them again.
+    try:
+        episode = run_episode(scenario, seed, sensors_file=sensors_file)
+        if episode.interrupted:
+            raise KeyboardInterrupt
+        write_run(folder, episode)
+        result = replay(
+            folder,
+            load_recorded_scenario(folder),
+            dict(zip(WIRINGS, (Wiring(), Wiring(cut=[ablation.wire])), strict=True)),
+        )
+    finally:
+        sensors_file.unlink(missing_ok=True)  # Some hundred MB, and the seed makes them again.
     perceived = summarise(result)["modalities"]
     wirings = {name: perceived[name]["joints"][0] for name in WIRINGS}
     write_text(folder / _RESULT_FILE, json.dumps(key | {"wirings": wirings}, indent=2) + "\n")

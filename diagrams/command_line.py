@@ -1,6 +1,8 @@
 """The `crossmodal` command. What a command needs is imported when it runs, so help is instant."""
 
 import sys
+from importlib.metadata import version
+from typing import Annotated
 
 import typer
 
@@ -23,6 +25,24 @@ train_app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
+
+
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"crossmodal {version('crossmodal')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_say_version, is_eager=True, help="Say the version."),
+    ] = False,
+) -> None:
+    pass
+
+
 app.command("list", epilog=list_names.EXAMPLES)(list_names.list_command)
 app.command("run", epilog=run.EXAMPLES)(run.run_command)
 app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)

@@ -31,7 +31,7 @@ from diagrams.station import Station, make_station
 from diagrams.station_config import StationConfig
 from diagrams.station_control import PERCEIVED_INPUTS
 from diagrams.station_systems import Light
-from diagrams.yaml_schema import ScenarioError
+from diagrams.yaml_schema import ScenarioError, building
 from maths.compiled import compilation_timed
 from plants.camera_view import camera_intrinsics, looking_at
 from plants.manipulation_scene import ObjectPlacement
@@ -72,7 +72,7 @@ def build_station(scenario: Scenario, seed: int) -> Station:
         covered=[(cover.start, cover.end) for cover in disturbances.camera_covered],
         lamp=view.lamp,
     )
-    try:
+    with building(scenario.name):
         station = make_station(
             StationConfig(
                 plant=scenario.plant,
@@ -90,8 +90,6 @@ def build_station(scenario: Scenario, seed: int) -> Station:
             light,
             seed,
         )
-    except ValueError as error:
-        raise ScenarioError(f"{scenario.name}: {error}") from error
     for line in overlaps(station):
         warnings.warn(f"{scenario.name}: {line}", ObjectWarning, stacklevel=2)
     return station
@@ -100,13 +98,11 @@ def build_station(scenario: Scenario, seed: int) -> Station:
 def build_networks(scenario: Scenario, station: Station) -> dict[str, Diagram]:
     """One network for each of the scenario's modalities."""
     robot = RobotKnowledge(arm=station.arm, intrinsics=station.intrinsics, X_WC=station.X_WC)
-    try:
+    with building(scenario.name):
         return {
             modality: make_network(modality, scenario.perception, robot)
             for modality in scenario.modalities
         }
-    except ValueError as error:
-        raise ScenarioError(f"{scenario.name}: {error}") from error
 
 
 class Episode:

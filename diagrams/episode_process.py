@@ -56,13 +56,17 @@ def run_apart(scenario: Scenario, folder: Path, environment: Mapping[str, str]) 
     Returns:
         The episode's summary, or that of a failure with its reason.
     """
-    open_run_folder(folder, force=True)
-    for name in (SUMMARY_FILE, ERROR_FILE):
-        (folder / name).unlink(missing_ok=True)
-    write_scenario(folder, scenario)
+    try:
+        open_run_folder(folder, force=True)
+        for name in (SUMMARY_FILE, ERROR_FILE):
+            (folder / name).unlink(missing_ok=True)
+        write_scenario(folder, scenario)
+        log = (folder / LOG_FILE).open("wb")
+    except (OSError, ScenarioError) as error:
+        return failed_summary(scenario, one_line(error))
     root = str(Path(__file__).parent.parent)
     paths = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
-    with (folder / LOG_FILE).open("wb") as log:
+    with log:
         process = subprocess.Popen(
             [*_COMMAND, str(folder.resolve())],
             stdin=subprocess.PIPE,

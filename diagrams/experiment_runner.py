@@ -123,6 +123,13 @@ def open_evaluation_folder(
                     f"{folder}: holds {what} '{found.get(key)}', not '{wanted[key]}';"
                     " choose another --out, or start afresh with --force"
                 )
+        for name, version in versions().items():
+            before = found.get("versions", {}).get(name, version)
+            if before != version:
+                raise ScenarioError(
+                    f"{folder}: holds results of {name} {before}, not {version};"
+                    " choose another --out, or start afresh with --force"
+                )
     open_run_folder(folder, force=force or found is not None)
     if found is not None and force:
         _remove_episodes(folder)
@@ -226,8 +233,13 @@ def prepare(
         scenario.seed = seed
         scenarios.append(scenario)
     open_evaluation_folder(folder, name, scenarios[0], force=force)
+    done = [finished_summary(episode_folder(folder, one.seed), one) for one in scenarios]
     return Evaluation(
-        name=name, experiment=experiment, scenarios=scenarios, folder=folder, summaries=[]
+        name=name,
+        experiment=experiment,
+        scenarios=scenarios,
+        folder=folder,
+        summaries=[summary for summary in done if summary is not None],
     )
 
 
@@ -237,6 +249,7 @@ def run(
     progress: Callable[[Summary], None] = lambda summary: None,
 ) -> bool:
     """Runs the episodes that are missing; returns False if a KeyboardInterrupt ended it early."""
+    evaluation.summaries.clear()
     try:
         for summary in run_episodes(evaluation.scenarios, evaluation.folder, workers):
             evaluation.summaries.append(summary)

@@ -11,7 +11,6 @@ All networks of a run (the full one and the partial ones) are trained together a
 
 from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,15 +32,6 @@ STEPS = 1500
 LEARNING_RATE = 0.01
 WEIGHT_DECAY = 1e-3
 LEAST_SPREAD = 0.02  # Of the partial networks, as a share of a label's size.
-
-
-def load_interactions(folder: Path) -> list[Interaction]:
-    """Reads every npz file of a folder, in order of names, with arrays `inputs` and `labels`."""
-    interactions = []
-    for path in sorted(folder.glob("*.npz")):
-        with np.load(path) as arrays:
-            interactions.append((np.asarray(arrays["inputs"]), np.asarray(arrays["labels"])))
-    return interactions
 
 
 def relative_to_first(labels: Array) -> Array:

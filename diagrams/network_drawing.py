@@ -125,9 +125,8 @@ def network_dot(diagram: Diagram, title: str) -> str:
         lines.append(
             f'  in{index} [label="{_quantity(port)}", shape=plain, style="", fontcolor="#555555"];'
         )
-        names_of_port = {port: f"in{index}"}
         lines += [
-            _edge_line(wire, names_of_port[port], names[wire.target])
+            _edge_line(wire, f"in{index}", names[wire.target])
             for wire in all_wires
             if wire.source is None and wire.source_port == port
         ]

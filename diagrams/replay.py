@@ -1,5 +1,7 @@
 """Recorded sensor streams drive the network again: other wirings on the very same measurements."""
 
+import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,10 +13,10 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
 
 from diagrams.episode import build_station, connect_latest, joint_truth
-from diagrams.episode_record import EpisodeResult, PinholeCamera
+from diagrams.episode_record import EpisodeResult, Event, Phase, PinholeCamera
 from diagrams.network import RobotKnowledge, make_network
 from diagrams.recorder import EpisodeRecorder, RecorderConfig
-from diagrams.run_folder import SCENARIO_FILE, SENSORS_FILE
+from diagrams.run_folder import SCENARIO_FILE, SENSORS_FILE, SUMMARY_FILE
 from diagrams.scenario import Scenario, load_scenario
 from diagrams.sensor_log import STREAMS, SensorLog
 from diagrams.yaml_schema import ScenarioError
@@ -141,7 +143,27 @@ def replay(
         duration=log.end,
         wall_time=perf_counter() - began,
         frames=recorder.frames,
+        **_outcome(folder),
     )
+
+
+def _outcome(folder: Path) -> dict[str, Any]:
+    """What the recorded run came to; perceiving it again changes nothing of that."""
+    try:
+        summary = json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return {
+        "failure": summary["failure"],
+        "phases": {
+            name: Phase(
+                target=phase["target"],
+                reached=math.nan if phase["reached"] is None else phase["reached"],
+            )
+            for name, phase in summary["phases"].items()
+        },
+        "events": [Event(time=event["time"], name=event["name"]) for event in summary["events"]],
+    }
 
 
 def _diagram(

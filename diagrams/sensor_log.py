@@ -291,9 +291,12 @@ class SensorLogWriter:
             self._writer.write_message(stream.topic, schema, message, log_time=stamp)
 
     def close(self) -> None:
-        self._writer.finish()
-        self._file.close()
-        os.replace(self._unfinished, self.path)
+        try:
+            self._writer.finish()
+            self._file.close()
+            os.replace(self._unfinished, self.path)
+        finally:
+            self._unfinished.unlink(missing_ok=True)
 
 
 class SensorLog:

@@ -176,9 +176,3 @@ def left_jacobian_inverse(xi: Array) -> Array:
 def right_jacobian(xi: Array) -> Array:
     """J (6, 6) with exp(xi + d) ~ exp(xi) exp(J d); `xi` is (6,)."""
     return left_jacobian(-xi)
-
-
-@numba.njit(cache=True)
-def right_jacobian_inverse(xi: Array) -> Array:
-    """The inverse (6, 6) of `right_jacobian`, for angles below 2 pi."""
-    return left_jacobian_inverse(-xi)

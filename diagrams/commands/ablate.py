@@ -15,7 +15,9 @@ def ablate_command(
         list[str] | None,
         typer.Argument(help="Flows to cut, see crossmodal list. [default: all of them]"),
     ] = None,
-    seeds: Annotated[str, typer.Option(help="Like 0:3 (without 3), 7 or 1,4,9.")] = "0:3",
+    seeds: Annotated[
+        str, typer.Option(help="Like 0:3 (without 3), 5,7 or 20 (from 100 on).")
+    ] = "0:3",
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/ablations"),
 ) -> None:
     """Cut the wires between the senses, one at a time, and write what that costs."""

@@ -33,7 +33,7 @@ def one_line_errors() -> Iterator[None]:
         typer.echo("crossmodal: no space left for the results: free some or change --out", err=True)
         raise typer.Exit(FAILED) from None
     except KeyboardInterrupt:
-        typer.echo("crossmodal: interrupted before there was anything to keep", err=True)
+        typer.echo("crossmodal: interrupted; nothing unfinished is kept", err=True)
         raise typer.Exit(INTERRUPTED) from None
 
 

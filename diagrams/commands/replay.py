@@ -26,8 +26,11 @@ def replay_command(
         from tqdm import tqdm
 
         from diagrams.replay import Wiring, load_recorded_scenario, replay
+        from diagrams.yaml_schema import ScenarioError
 
         chosen = load_recorded_scenario(run, overrides or [])
+        if out is not None and out.resolve() == run.resolve():
+            raise ScenarioError(f"--out {out}: holds the recorded run itself; choose another")
         wirings = {
             name: Wiring(modality=name, cut=chosen.perception.cut) for name in chosen.modalities
         }
@@ -39,5 +42,4 @@ def replay_command(
                     bar.update()
 
                 result = replay(run, chosen, wirings, progress)
-            status = write_and_report(folder, result)
-    raise typer.Exit(status)
+            write_and_report(folder, result)

@@ -107,6 +107,8 @@ def run_command(
             result = _simulate(
                 chosen, live=meshcat, host=host, recording=recording, sensors_file=sensors_file
             )
+            if not recording:
+                result.meshcat_html = None
             status = write_and_report(folder, result)
     raise typer.Exit(status)
 

@@ -4,9 +4,11 @@ import json
 from pathlib import Path
 
 import pytest
+from synthetic_episode import synthetic_episode
 
 from diagrams import ablations
 from diagrams.ablations import ABLATIONS, Ablation, find_ablation, run_ablation, table
+from diagrams.episode_record import EpisodeResult
 from diagrams.network import CROSSMODAL_WIRES
 from diagrams.run_folder import fingerprint
 from diagrams.scenario import load_scenario
@@ -60,3 +62,18 @@ def test_a_finished_ablation_is_not_simulated_again(
     assert run_ablation(ablation, 4, tmp_path) == wirings
     with pytest.raises(AssertionError, match="simulated"):
         run_ablation(ablation, 5, tmp_path)
+
+
+def test_an_interrupted_ablation_is_no_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def simulate(*_: object, sensors_file: Path) -> EpisodeResult:
+        sensors_file.touch()
+        result = synthetic_episode(seed=4)
+        result.interrupted = True
+        return result
+
+    monkeypatch.setattr(ablations, "run_episode", simulate)
+    with pytest.raises(KeyboardInterrupt):
+        run_ablation(ABLATIONS["body-in-the-hand"], 4, tmp_path)
+    assert not any(tmp_path.iterdir())

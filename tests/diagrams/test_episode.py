@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from diagrams.episode import run_episode
+from diagrams.episode import build_station, run_episode
 from diagrams.episode_record import EpisodeResult
 from diagrams.run_folder import SUMMARY_FILE, open_run_folder, write_run
 from diagrams.scenario import load_scenario
+from diagrams.yaml_schema import ScenarioError
 from systems.port_values import JointType
 
 TIMINGS = {"wall_time", "real_time_factor", "peak_memory", "tick"}
@@ -76,3 +77,9 @@ def test_the_same_seed_gives_the_same_summary(episode: EpisodeResult, tmp_path: 
     again = short_episode()
     first, second = summary(episode, tmp_path / "a"), summary(again, tmp_path / "b")
     assert without_timings(first) == without_timings(second)
+
+
+@pytest.mark.parametrize("assignment", ["plant.contact_approximation=foo", "plant.scene=table.sdf"])
+def test_what_drake_refuses_is_a_fault_of_the_scenario(assignment: str) -> None:
+    with pytest.raises(ScenarioError, match=r"^drawer: "):
+        build_station(load_scenario("drawer", [assignment]), 0)

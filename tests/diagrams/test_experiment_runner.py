@@ -99,6 +99,30 @@ def test_an_interrupt_keeps_what_has_finished(fake_worker: Path) -> None:
     assert len(runs(fake_worker)) == 2
 
 
+def test_what_has_finished_is_known_before_anything_is_run(fake_worker: Path) -> None:
+    """So that an overview is whole, however early the next run is interrupted."""
+    run(evaluation(fake_worker, [2, 3]), Workers())
+    assert [one["seed"] for one in evaluation(fake_worker, [2, 3, 4]).summaries] == [2]
+
+
+def test_an_episode_whose_folder_cannot_be_made_is_a_row(tmp_path: Path) -> None:
+    (tmp_path / "seed-0000").write_text("a file")
+    summary = run_apart(load_scenario("drawer"), tmp_path / "seed-0000", {})
+    assert not summary["success"]
+    assert "seed-0000: cannot be written" in summary["failure"]
+
+
+def test_results_of_another_drake_are_not_mixed_in(tmp_path: Path) -> None:
+    scenario = load_scenario("drawer")
+    open_evaluation_folder(tmp_path, "drawer", scenario)
+    marker = tmp_path / "evaluation.json"
+    found = json.loads(marker.read_text())
+    found["versions"]["drake"] = "1.0.0"
+    marker.write_text(json.dumps(found))
+    with pytest.raises(ScenarioError, match=r"results of drake 1\.0\.0, not .*--force"):
+        open_evaluation_folder(tmp_path, "drawer", scenario)
+
+
 def test_a_process_that_is_killed_while_it_runs_is_reported(tmp_path: Path) -> None:
     scenario = load_scenario("drawer")
 

@@ -1,5 +1,6 @@
 """A recorded run drives the network again; other wirings on the very same measurements."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +9,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from diagrams.episode_record import EpisodeResult
-from diagrams.evaluation import estimates_table
+from diagrams.evaluation import estimates_table, summarise
 from diagrams.joint_evaluation import joint_series
 from diagrams.network import CROSSMODAL_WIRES
 from diagrams.replay import SensorReplay, Wiring, load_recorded_scenario, replay
-from diagrams.run_folder import ESTIMATES_FILE, SENSORS_FILE
+from diagrams.run_folder import ESTIMATES_FILE, SENSORS_FILE, SUMMARY_FILE
 from diagrams.sensor_log import SensorLog
 from diagrams.yaml_schema import ScenarioError
 from systems.port_values import INTERACTED_BODY
@@ -45,6 +46,12 @@ def test_a_replay_believes_what_the_episode_believed(
     assert len(both) > 20
     assert_allclose(both.estimate_x, both.estimate_y, atol=5e-6)
     assert_allclose(both.truth_x, both.truth_y, atol=1e-12)
+
+
+def test_a_replay_reports_what_the_run_came_to(recorded_run: Path, replayed: EpisodeResult) -> None:
+    then, now = json.loads((recorded_run / SUMMARY_FILE).read_text()), summarise(replayed)
+    for key in ("success", "failure", "phases", "events"):
+        assert now[key] == then[key]
 
 
 def held_features(replayed: EpisodeResult, name: str) -> int:

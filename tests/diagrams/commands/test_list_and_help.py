@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 from typer.testing import CliRunner
@@ -26,7 +27,14 @@ def test_help_teaches_by_example_and_needs_no_heavy_import() -> None:
         assert "crossmodal" in result.output
 
 
-def test_list_names_the_scenarios() -> None:
+def test_list_names_the_scenarios_and_the_flows() -> None:
     result = RUNNER.invoke(app, ["list"])
     assert result.exit_code == 0
     assert "drawer" in result.output
+    assert "grasp-in-the-dark" in result.output
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    result = RUNNER.invoke(app, ["--version"])
+    assert result.exit_code == 0
+    assert result.output == f"crossmodal {version('crossmodal')}\n"

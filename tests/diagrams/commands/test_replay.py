@@ -15,6 +15,15 @@ def test_a_replay_needs_a_recorded_run() -> None:
     assert "runs/none: holds no scenario.yaml" in result.stderr
 
 
+def test_a_replay_does_not_replace_the_run_itself() -> None:
+    write_scenario(Path("run"), load_scenario("drawer"))
+    Path("run/sensors.mcap").touch()
+    result = RUNNER.invoke(app, ["replay", "run", "--out", "run", "--force"])
+    assert result.exit_code == 2
+    assert "--out run: holds the recorded run itself" in result.stderr
+    assert Path("run/sensors.mcap").exists()
+
+
 def test_a_recording_that_is_cut_off_is_refused_and_leaves_no_folder() -> None:
     scenario = load_scenario("drawer")
     write_scenario(Path("run"), scenario)

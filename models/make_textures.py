@@ -1,7 +1,7 @@
 """Makes the object textures from a seed: `python -m models.make_textures`.
 
 Each is a tileable pattern with detail at many scales, as on veneered or printed fronts, so that
-corners are found at any distance.
+corners are found at any distance; those called plain are paint, on which there are none.
 """
 
 import cv2
@@ -22,6 +22,12 @@ PALETTES: dict[str, tuple[tuple[float, ...], tuple[float, ...], float, int]] = {
     "terrazzo": ((0.35, 0.33, 0.32), (0.85, 0.83, 0.80), 1.0, 260),
     "carton": ((0.55, 0.41, 0.26), (0.80, 0.65, 0.46), 5.0, 70),
     "carton_print": ((0.42, 0.22, 0.12), (0.84, 0.70, 0.52), 1.5, 110),
+    # Paint: the same everywhere.
+    "plain_white": ((0.86, 0.85, 0.82), (0.86, 0.85, 0.82), 1.0, 0),
+    "plain_grey": ((0.55, 0.56, 0.58), (0.55, 0.56, 0.58), 1.0, 0),
+    "plain_sand": ((0.74, 0.66, 0.52), (0.74, 0.66, 0.52), 1.0, 0),
+    "plain_blue": ((0.24, 0.33, 0.45), (0.24, 0.33, 0.45), 1.0, 0),
+    "plain_black": ((0.09, 0.09, 0.10), (0.09, 0.09, 0.10), 1.0, 0),
 }
 
 

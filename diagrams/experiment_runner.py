@@ -1,6 +1,7 @@
 """Runs the episodes of an experiment, goes on where it was stopped, and writes what came out."""
 
 import json
+import logging
 import os
 import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -68,7 +69,7 @@ def connect(workers: Workers) -> None:
             address=workers.address or "auto",
             runtime_env={"env_vars": {"PYTHONPATH": root}},
             ignore_reinit_error=True,
-            logging_level="ERROR",
+            logging_level=logging.ERROR,
         )
     except (OSError, ValueError, RuntimeError) as error:
         where = workers.address or "this machine"

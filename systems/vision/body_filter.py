@@ -208,6 +208,12 @@ def correct(body: BodyFilter, index: Ids, p_WF: Array, covariance: Array) -> Bod
     )
 
 
+def _excess(C: Array, P: Array) -> Array:
+    """By how much a covariance C (n, n) exceeds P, in the directions where it does."""
+    values, vectors = np.linalg.eigh(C - P)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
+
+
 def _extended(body: BodyFilter, ids: Ids, p_BF: Array, rows: Array, blocks: Array) -> BodyFilter:
     """Appends anchors with covariances `rows` with the present state and `blocks` of their own."""
     old, new = len(body.P), 3 * len(ids)
@@ -224,7 +230,7 @@ def _extended(body: BodyFilter, ids: Ids, p_BF: Array, rows: Array, blocks: Arra
         P=P,
     )
     C_first = grown.anchor_covariance
-    C_first[: old - _MOTION, : old - _MOTION] = body.C_first
+    C_first[: old - _MOTION, : old - _MOTION] += _excess(body.C_first, body.anchor_covariance)
     return replace(grown, C_first=C_first)
 
 

@@ -180,3 +180,17 @@ def test_what_anchors_have_in_common_outlives_a_rebuilding() -> None:
     again = body_filter.rebuilt(fewer, np.full(6, 0.1))
     assert_allclose(again.anchor_covariance, fewer.anchor_covariance)
     assert np.abs(again.anchor_covariance[:3, 3:6]).max() > 1e-5
+
+
+def test_what_a_rebuilt_filter_starts_from_is_a_covariance_after_anchors_have_drifted() -> None:
+    body = resting()
+    for _ in range(50):  # All of them together come to be known less well than when they were added.
+        body = body_filter.predict(body, 1 / 15, np.full(6, 1e-2), 1e-3, 0.0)
+        body = body_filter.correct(body, np.arange(12), P_WF, C_SEEN)
+    ids = np.arange(20, 25)
+    body = body_filter.add_present_anchors(body, ids, P_WF[:5] + 0.02, C_SEEN[:5])
+    rebuilt = body_filter.rebuilt(body, np.full(6, 1e-2))
+    assert np.linalg.eigvalsh(rebuilt.P)[0] > 0.0
+    before = np.repeat(body.ids < 20, 3)
+    grown = rebuilt.P[12:, 12:][np.ix_(before, before)] - resting().C_first
+    assert np.linalg.eigvalsh(grown)[0] > -1e-12

@@ -10,8 +10,9 @@ from contextlib import contextmanager
 import numba
 from numba.core.event import Event, TimingListener, install_listener
 
-# Sums may be reordered and divisions are not checked; NaN and infinity keep their meaning.
-hot = numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz", "arcp"})
+# Without fast maths: a function is optimised differently within each caller, and which copy runs
+# depends on what was on the disk. What may be reordered then has other last digits.
+hot = numba.njit(cache=True, error_model="numpy")
 
 
 class CompilationTime(TimingListener):

@@ -62,9 +62,13 @@ def run_chain(
     q: Array,
     p: Packets,
     lin: Linear,
+    step: Array,
+    since: int,
     chain: Chain,
 ) -> float:
-    """Filters all q; returns the log likelihood at dtheta = 0.
+    """Filters all q; returns the log likelihood of the packets from `since` on at dtheta = step.
+
+    What does not depend on S is left out of it, unless all packets count and the step is zero.
 
     Args:
         n: Dimension of theta.
@@ -74,6 +78,8 @@ def run_chain(
         q: Where each packet was linearised (K,).
         p: Packets.
         lin: They, linearised.
+        step: (10,) see above.
+        since: See above.
         chain: Result.
     """
     m, M, H, h = chain.m, chain.M, chain.H, chain.h
@@ -98,7 +104,11 @@ def run_chain(
         for i in range(n):
             M[0, i] += dt * M[1, i]
             e_theta[i] = -lin.beta[k, i] / alpha - M[0, i]
-        value -= 0.5 * (np.log(alpha * C) + e * e / C)
+        if k >= since:
+            moved = e
+            for i in range(n):
+                moved += e_theta[i] * step[i]
+            value -= 0.5 * (np.log(alpha * C) + moved * moved / C)
         k0, k1 = p00 / C, p01 / C
         m[0] += k0 * e
         m[1] += k1 * e
@@ -109,9 +119,10 @@ def run_chain(
             scaled = e_theta[i] / C
             for j in range(i + 1):
                 H[i, j] += scaled * e_theta[j]
+        share = noise / alpha / C
         p11 -= k1 * p01
-        p01 -= k0 * p01
-        p00 -= k0 * p00
+        p01 *= share
+        p00 *= share
     chain.P[0], chain.P[1], chain.P[2] = p00, p01, p11
     return value
 

@@ -16,7 +16,7 @@ from systems.kinematics.joint_chain import Chain, new_chain, run_chain, smooth, 
 from systems.kinematics.joint_geometry import PRISMATIC, REVOLUTE, RIGID, dimension, retract
 from systems.kinematics.joint_linearisation import Linear, linearise, new_linear
 from systems.kinematics.joint_models import Models
-from systems.kinematics.pose_packets import Packets
+from systems.kinematics.pose_packets import RECENT, Packets
 
 Array = npt.NDArray[np.float64]
 
@@ -69,11 +69,11 @@ def _solve_densities(
     Returns:
         Log evidence with the density marginalised, the best density S, its log likelihood and gain.
     """
-    n, lever = dimension(kind), _lever(kind, m, priors)
+    n, lever, still = dimension(kind), _lever(kind, m, priors), np.zeros(10)
     total, top, best_S, best_value, best_gain = 0.0, -np.inf, 0.0, 0.0, 0.0
     for density in priors.densities:
         S = density / lever**2
-        value = run_chain(n, S, priors.speed / lever, 1.0, m.q[kind], p, lin, trial)
+        value = run_chain(n, S, priors.speed / lever, 1.0, m.q[kind], p, lin, still, 0, trial)
         evidence, gain = solve(n, value, trial)
         if evidence > top:
             total = total * np.exp(top - evidence) + 1.0
@@ -91,18 +91,16 @@ def _track(
 ) -> float:
     """Filters q anew with the errors' fast share only, into `best`; returns its density S.
 
-    A slow error moves along with q: following the measurement is then better than smoothing it.
+    A slow error moves along with q: following the measurement is then better than smoothing it. S
+    is the likeliest of the newest packets: in a long even motion, a stop would drown.
     What theta is worth stays as it is; the slow share comes on top of the variance of q.
     """
     n, lever, q = dimension(kind), _lever(kind, m, priors), m.q[kind].copy()
+    speed, since = priors.speed / lever, p.size[0] - RECENT
     top, best_S = -np.inf, 0.0
     for density in priors.densities:
         S = density / lever**2
-        value = run_chain(n, S, priors.speed / lever, priors.fast, q, p, lin, trial)
-        for i in range(n):
-            value += trial.h[i] * best.step[i] - 0.5 * trial.H[i, i] * best.step[i] ** 2
-            for j in range(i):
-                value -= trial.H[i, j] * best.step[i] * best.step[j]
+        value = run_chain(n, S, speed, priors.fast, q, p, lin, best.step, since, trial)
         if value > top:
             top, best_S = value, S
             best.m[:], best.M[:], best.P[:] = trial.m, trial.M, trial.P

@@ -67,11 +67,7 @@ def correlated_noise(rng: np.random.Generator, shape: tuple[int, int], window: i
     return (summed - np.float32(127.5 * window**2)) * np.float32(1.0 / sigma)
 
 
-# Allows what lets loops vectorise and leaves infinities and NaN alone, which the images hold.
-_FAST = {"contract", "arcp"}
-
-
-@numba.njit(cache=True, error_model="numpy", fastmath=_FAST)
+@numba.njit(cache=True, error_model="numpy")
 def returns(
     depth: Depth,
     intrinsics: tuple[float, float, float, float],
@@ -124,7 +120,7 @@ def returns(
     return valid
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_FAST)
+@numba.njit(cache=True, error_model="numpy")
 def measure_depth(
     depth: Depth,
     valid: npt.NDArray[np.bool_],

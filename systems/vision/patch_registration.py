@@ -59,7 +59,7 @@ def concatenate(first: Templates, second: Templates) -> Templates:
     )
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True)
 def _sample(image: Image, u: float, v: float, A: Array, radius: int, out: Image) -> bool:
     """Bilinear patch around (u, v) under the map A; False if it leaves the image."""
     height, width = image.shape
@@ -81,34 +81,49 @@ def _sample(image: Image, u: float, v: float, A: Array, radius: int, out: Image)
     return True
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True)
+def _correlation(patch: Image, template: Image) -> float:
+    """Inner product, in lanes: a compiler must not reorder sums, and one chain of them is slow."""
+    n = patch.shape[0]
+    s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = np.float32(0.0)
+    for k in range(0, n - 7, 8):
+        s0 += patch[k] * template[k]
+        s1 += patch[k + 1] * template[k + 1]
+        s2 += patch[k + 2] * template[k + 2]
+        s3 += patch[k + 3] * template[k + 3]
+        s4 += patch[k + 4] * template[k + 4]
+        s5 += patch[k + 5] * template[k + 5]
+        s6 += patch[k + 6] * template[k + 6]
+        s7 += patch[k + 7] * template[k + 7]
+    for k in range(n - n % 8, n):
+        s0 += patch[k] * template[k]
+    return float(((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7)))
+
+
+@numba.njit(cache=True)
 def _normalise(patch: Image) -> float:
     """Removes the mean and scales to unit norm in place; returns the standard deviation."""
     n = patch.shape[0]
-    mean = np.float32(0.0)
-    for k in range(n):
-        mean += patch[k]
-    mean /= n
-    square = np.float32(0.0)
+    s0 = s1 = s2 = s3 = np.float32(0.0)
+    for k in range(0, n - 3, 4):
+        s0 += patch[k]
+        s1 += patch[k + 1]
+        s2 += patch[k + 2]
+        s3 += patch[k + 3]
+    for k in range(n - n % 4, n):
+        s0 += patch[k]
+    mean = ((s0 + s1) + (s2 + s3)) / np.float32(n)
     for k in range(n):
         patch[k] -= mean
-        square += patch[k] * patch[k]
-    norm = np.sqrt(square)
+    norm = np.sqrt(np.float32(_correlation(patch, patch)))
     if norm > 0.0:
+        share = np.float32(1.0) / norm
         for k in range(n):
-            patch[k] /= norm
+            patch[k] *= share
     return float(norm) / np.sqrt(n)
 
 
 @numba.njit(cache=True)
-def _correlation(patch: Image, template: Image) -> float:
-    total = np.float32(0.0)
-    for k in range(patch.shape[0]):
-        total += patch[k] * template[k]
-    return float(total)
-
-
-@numba.njit(cache=True, fastmath=True)
 def _derivatives(gradients: Image, radius: int, values: Image) -> Array:
     """Inner products (6,) of `values` (n,) with the derivatives to shift and affine map."""
     products = np.zeros(6)

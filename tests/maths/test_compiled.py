@@ -1,10 +1,27 @@
-"""Compiling is told apart from running."""
+"""Compiling is told apart from running, and compiled code gives the same digits every time."""
 
+import importlib
+import pkgutil
 import time
 
 import numba
+import pytest
+from numba.core.registry import CPUDispatcher
 
+import maths
+import systems
 from maths.compiled import compilation_timed
+
+
+@pytest.mark.parametrize("package", [maths, systems])
+def test_no_function_may_be_reordered_by_its_compiler(package: object) -> None:
+    found = 0
+    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        for name, value in vars(importlib.import_module(module.name)).items():
+            if isinstance(value, CPUDispatcher):
+                found += 1
+                assert not value.targetoptions.get("fastmath"), f"{module.name}.{name}"
+    assert found > 5
 
 
 def test_only_the_first_call_of_a_function_compiles_and_it_is_announced_once() -> None:

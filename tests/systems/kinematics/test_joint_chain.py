@@ -44,10 +44,10 @@ def _problem(kind: int) -> tuple[Models, Packets]:
     return m, p
 
 
-def _prior_of_q() -> np.ndarray:
+def _prior_of_q(density: float = S) -> np.ndarray:
     """Covariance (K, K) of the white-acceleration process from q = 0."""
     s, t = np.minimum.outer(TIMES, TIMES), np.maximum.outer(TIMES, TIMES)
-    return S * (s**2 * t / 2.0 - s**3 / 6.0) + SIGMA_V**2 * s * t
+    return density * (s**2 * t / 2.0 - s**3 / 6.0) + SIGMA_V**2 * s * t
 
 
 def _jacobian(kind: int, m: Models) -> tuple[np.ndarray, np.ndarray]:
@@ -110,7 +110,7 @@ def test_normal_equations_and_likelihood_are_those_of_the_dense_problem(kind: in
         tangent_basis(m.a[kind], B)
         h[8:] -= B @ m.c[kind] / SIGMA_C**2
         value -= 0.5 * m.c[kind] @ m.c[kind] / SIGMA_C**2 + 2.0 * np.log(SIGMA_C)
-    found = run_chain(n, S, SIGMA_V, 1.0, m.q[kind], p, lin, chain)
+    found = run_chain(n, S, SIGMA_V, 1.0, m.q[kind], p, lin, np.zeros(10), 0, chain)
     assert_allclose(found, value, rtol=1e-5)
     assert_allclose(chain.h[:n], h, rtol=1e-4, atol=1e-4 * np.abs(h).max())
     assert_allclose(np.tril(chain.H[:n, :n]), np.tril(H), rtol=1e-4, atol=1e-5 * np.abs(H).max())
@@ -123,7 +123,7 @@ def test_the_last_configuration_and_its_variance_are_those_of_the_dense_problem(
     J, Jq, z, R = _dense(kind, m, p)
     lin, chain = new_linear(K), new_chain()
     linearise(kind, m, p, SIGMA_C, lin)
-    run_chain(n, S, SIGMA_V, 1.0, m.q[kind], p, lin, chain)
+    run_chain(n, S, SIGMA_V, 1.0, m.q[kind], p, lin, np.zeros(10), 0, chain)
     prior = _prior_of_q()
     C = R + Jq @ prior @ Jq.T
     gain = prior @ Jq.T @ np.linalg.inv(C)
@@ -136,13 +136,32 @@ def test_the_last_configuration_and_its_variance_are_those_of_the_dense_problem(
     assert_allclose(q, gain @ (z - J @ step[:n]), atol=1e-6)
 
 
+def test_densities_are_compared_by_the_newest_packets_at_the_moved_joint() -> None:
+    """The likelihood of the last three given all before, but for what does not depend on S."""
+    m, p = _problem(REVOLUTE)
+    J, Jq, z, R = _dense(REVOLUTE, m, p)
+    lin, chain = new_linear(K), new_chain()
+    linearise(REVOLUTE, m, p, SIGMA_C, lin)
+    step, since = 2e-3 * np.arange(10.0), K - 3
+    found, expected = [], []
+    for scale in (1.0, 30.0):
+        found.append(
+            run_chain(10, scale * S, SIGMA_V, 1.0, m.q[REVOLUTE], p, lin, step, since, chain)
+        )
+        C = R + Jq @ _prior_of_q(scale * S) @ Jq.T
+        before, e = 6 * since, z - J @ step
+        whole = multivariate_normal(cov=C).logpdf(e)
+        expected.append(whole - multivariate_normal(cov=C[:before, :before]).logpdf(e[:before]))
+    assert_allclose(found[1] - found[0], expected[1] - expected[0], rtol=1e-3)
+
+
 def test_the_evidence_is_the_integral_over_theta() -> None:
     """Laplace's approximation is exact here: theta enters linearly, with a Gaussian prior."""
     m, p = _problem(PRISMATIC)
     J, Jq, z, R = _dense(PRISMATIC, m, p)
     lin, chain = new_linear(K), new_chain()
     linearise(PRISMATIC, m, p, SIGMA_C, lin)
-    value = run_chain(8, S, SIGMA_V, 1.0, m.q[PRISMATIC], p, lin, chain)
+    value = run_chain(8, S, SIGMA_V, 1.0, m.q[PRISMATIC], p, lin, np.zeros(10), 0, chain)
     evidence, _ = solve(8, value, chain)
     spread = 30.0  # All but flat in the pose, as the evidence has it.
     prior = np.diag([spread**2] * 6 + [AXIS_SPREAD**2] * 2)

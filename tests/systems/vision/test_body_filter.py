@@ -184,7 +184,9 @@ def test_what_anchors_have_in_common_outlives_a_rebuilding() -> None:
 
 def test_what_a_rebuilt_filter_starts_from_is_a_covariance_after_anchors_have_drifted() -> None:
     body = resting()
-    for _ in range(50):  # All of them together come to be known less well than when they were added.
+    for _ in range(
+        50
+    ):  # All of them together come to be known less well than when they were added.
         body = body_filter.predict(body, 1 / 15, np.full(6, 1e-2), 1e-3, 0.0)
         body = body_filter.correct(body, np.arange(12), P_WF, C_SEEN)
     ids = np.arange(20, 25)

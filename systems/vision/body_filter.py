@@ -23,6 +23,7 @@ Mask = npt.NDArray[np.bool_]
 
 _POSE = slice(0, 6)
 _MOTION = 12
+_EXACT = 1e-12  # Of a position that is known exactly, [m^2].
 
 
 @dataclass(kw_only=True)
@@ -208,10 +209,15 @@ def correct(body: BodyFilter, index: Ids, p_WF: Array, covariance: Array) -> Bod
     )
 
 
-def _excess(C: Array, P: Array) -> Array:
-    """By how much a covariance C (n, n) exceeds P, in the directions where it does."""
-    values, vectors = np.linalg.eigh(C - P)
-    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
+def _still_common(C: Array, P: Array, cross: Array) -> Array:
+    """What states known to P (n, n) now have in common with others, `cross` (n, m), at C (n, n).
+
+    In the directions in which C is smaller it shrinks by as much as their standard deviations, so
+    that C, it and the others' covariance still make a covariance.
+    """
+    P = P + _EXACT * np.eye(len(P))
+    ratio, W = scipy.linalg.eigh(C, P)
+    return np.asarray(P @ (W * np.sqrt(np.clip(ratio, 0.0, 1.0))) @ (W.T @ cross))
 
 
 def _extended(body: BodyFilter, ids: Ids, p_BF: Array, rows: Array, blocks: Array) -> BodyFilter:
@@ -230,7 +236,11 @@ def _extended(body: BodyFilter, ids: Ids, p_BF: Array, rows: Array, blocks: Arra
         P=P,
     )
     C_first = grown.anchor_covariance
-    C_first[: old - _MOTION, : old - _MOTION] += _excess(body.C_first, body.anchor_covariance)
+    known = old - _MOTION
+    if known and new:
+        cross = _still_common(body.C_first, body.anchor_covariance, C_first[:known, known:])
+        C_first[:known, known:], C_first[known:, :known] = cross, cross.T
+    C_first[:known, :known] = body.C_first
     return replace(grown, C_first=C_first)
 
 

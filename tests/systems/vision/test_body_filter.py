@@ -184,9 +184,7 @@ def test_what_anchors_have_in_common_outlives_a_rebuilding() -> None:
 
 def test_what_a_rebuilt_filter_starts_from_is_a_covariance_after_anchors_have_drifted() -> None:
     body = resting()
-    for _ in range(
-        50
-    ):  # All of them together come to be known less well than when they were added.
+    for _ in range(50):  # What all of them have in common is known less well in the end.
         body = body_filter.predict(body, 1 / 15, np.full(6, 1e-2), 1e-3, 0.0)
         body = body_filter.correct(body, np.arange(12), P_WF, C_SEEN)
     ids = np.arange(20, 25)
@@ -194,5 +192,13 @@ def test_what_a_rebuilt_filter_starts_from_is_a_covariance_after_anchors_have_dr
     rebuilt = body_filter.rebuilt(body, np.full(6, 1e-2))
     assert np.linalg.eigvalsh(rebuilt.P)[0] > 0.0
     before = np.repeat(body.ids < 20, 3)
-    grown = rebuilt.P[12:, 12:][np.ix_(before, before)] - resting().C_first
-    assert np.linalg.eigvalsh(grown)[0] > -1e-12
+    assert_allclose(rebuilt.P[12:, 12:][np.ix_(before, before)], resting().C_first)
+
+
+def test_what_new_anchors_share_with_old_ones_is_kept_where_these_are_known_better_now() -> None:
+    body = predicted(resting())
+    body = body_filter.correct(body, np.arange(12), P_WF, C_SEEN)
+    body = body_filter.add_present_anchors(body, np.arange(20, 25), P_WF[:5] + 0.02, C_SEEN[:5])
+    before = np.repeat(body.ids < 20, 3)
+    shared = body.anchor_covariance[np.ix_(before, ~before)]
+    assert_allclose(body.C_first[np.ix_(before, ~before)], shared, rtol=1e-3, atol=1e-11)

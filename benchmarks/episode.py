@@ -16,9 +16,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 from tqdm import tqdm
 
-from controllers.phases import Phase
-from diagrams.episode import Episode
-from diagrams.scenario import load_scenario
+from controllers.interaction.phases import Phase
+from diagrams.crossmodal.scenario import load_scenario
+from diagrams.run.episode import Episode
 
 IMAGES = ("color_measured", "depth_measured", "robot_mask")
 # In the order of the data flow: system and the output that holds its posterior.

@@ -12,8 +12,8 @@ from time import perf_counter
 
 from tqdm import tqdm
 
-from diagrams.experiment_runner import Workers, run_episodes
-from diagrams.scenario import Scenario, load_scenario
+from diagrams.crossmodal.scenario import Scenario, load_scenario
+from diagrams.evaluation.campaign import Workers, run_episodes
 
 
 def scenarios(name: str, duration: float, seeds: range) -> list[Scenario]:

@@ -24,9 +24,9 @@ def ablate_command(
     with one_line_errors():
         from tqdm import tqdm
 
-        from diagrams.ablations import ABLATIONS, find_ablation, run_ablations
-        from diagrams.experiments import parse_seeds
-        from diagrams.run_folder import write_text
+        from diagrams.crossmodal.ablations import ABLATIONS, find_ablation, run_ablations
+        from diagrams.crossmodal.experiments import parse_seeds
+        from diagrams.run.run_folder import write_text
 
         chosen, numbers = names or list(ABLATIONS), parse_seeds(seeds)
         for name in chosen:

@@ -24,12 +24,12 @@ def diagram_command(
 ) -> None:
     """Draw the network of filters with its wires."""
     with one_line_errors():
-        from diagrams.episode import build_networks, build_station
-        from diagrams.network_drawing import network_dot, render_svg
-        from diagrams.palette import MODALITY_LABEL
-        from diagrams.run_folder import write_text
-        from diagrams.scenario import MODALITIES, load_scenario
-        from diagrams.yaml_schema import ScenarioError, suggestion
+        from diagrams.crossmodal.scenario import MODALITIES, load_scenario
+        from diagrams.drawing.diagram_drawing import network_dot, render_svg
+        from diagrams.drawing.palette import MODALITY_LABEL
+        from diagrams.run.episode import build_networks, build_station
+        from diagrams.run.run_folder import write_text
+        from diagrams.run.yaml_schema import ScenarioError, suggestion
 
         if modality not in MODALITIES:
             raise ScenarioError(

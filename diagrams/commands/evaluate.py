@@ -10,7 +10,7 @@ from diagrams.commands.endings import FAILED, INTERRUPTED, one_line_errors
 from diagrams.commands.options import SetOption
 
 if TYPE_CHECKING:
-    from diagrams.experiment_runner import Evaluation, Workers
+    from diagrams.evaluation.campaign import Evaluation, Workers
 
 EXAMPLES = (
     "Examples:  crossmodal evaluate drawer --seeds 100:120 --jobs 2   |"
@@ -40,9 +40,9 @@ def evaluate_command(
 ) -> None:
     """Repeat an experiment over seeds and write tables and plots beside the paper's figures."""
     with one_line_errors():
-        from diagrams import experiment_report as reports
-        from diagrams.experiment_runner import Workers, connect, prepare
-        from diagrams.experiments import ALL, find_experiments, parse_seeds
+        from diagrams.crossmodal.experiments import ALL, find_experiments, parse_seeds
+        from diagrams.evaluation import campaign_report as reports
+        from diagrams.evaluation.campaign import Workers, connect, prepare
 
         chosen = find_experiments(experiment)
         numbers = parse_seeds(seeds)
@@ -79,7 +79,7 @@ def _run_evaluation(evaluation: "Evaluation", workers: "Workers") -> bool:
     """Runs an experiment behind a progress bar; returns False where it was interrupted."""
     from tqdm import tqdm
 
-    from diagrams.experiment_runner import run
+    from diagrams.evaluation.campaign import run
 
     total = len(evaluation.scenarios)
     with tqdm(total=total, desc=evaluation.name, unit="episode", disable=None) as bar:

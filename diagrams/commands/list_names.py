@@ -10,9 +10,9 @@ EXAMPLES = "Example:  crossmodal list, then  crossmodal run cupboard-door"
 def list_command() -> None:
     """Show the scenarios, experiments, flows and networks that there are."""
     with one_line_errors():
-        from diagrams.ablations import ABLATIONS
-        from diagrams.experiments import ALL, find_experiments
-        from diagrams.scenario import load_scenario, scenario_files
+        from diagrams.crossmodal.ablations import ABLATIONS
+        from diagrams.crossmodal.experiments import ALL, find_experiments
+        from diagrams.crossmodal.scenario import load_scenario, scenario_files
 
         typer.echo("Scenarios (crossmodal run NAME):")
         for name, path in scenario_files().items():

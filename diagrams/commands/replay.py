@@ -25,8 +25,8 @@ def replay_command(
     with one_line_errors():
         from tqdm import tqdm
 
-        from diagrams.replay import Wiring, load_recorded_scenario, replay
-        from diagrams.yaml_schema import ScenarioError
+        from diagrams.run.replay import Wiring, load_recorded_scenario, replay
+        from diagrams.run.yaml_schema import ScenarioError
 
         chosen = load_recorded_scenario(run, overrides or [])
         if out is not None and out.resolve() == run.resolve():

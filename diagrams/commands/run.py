@@ -11,8 +11,8 @@ from diagrams.commands.options import ForceOption, SetOption
 from diagrams.commands.run_output import run_folder, write_and_report
 
 if TYPE_CHECKING:
-    from diagrams.episode_record import EpisodeResult
-    from diagrams.scenario import Scenario
+    from diagrams.crossmodal.scenario import Scenario
+    from diagrams.run.record import EpisodeResult
 
 EXAMPLES = (
     "Examples:  crossmodal run drawer --seed 7 --meshcat   |   crossmodal run my.yaml"
@@ -73,9 +73,13 @@ def run_command(
 ) -> None:
     """Simulate one episode and write what was perceived into a folder."""
     with one_line_errors():
-        from diagrams.own_object import OwnObject, own_object_assignments, refuse_without_object
-        from diagrams.run_folder import SENSORS_FILE, default_folder
-        from diagrams.scenario import load_scenario
+        from diagrams.crossmodal.objects.own_object import (
+            OwnObject,
+            own_object_assignments,
+            refuse_without_object,
+        )
+        from diagrams.crossmodal.scenario import load_scenario
+        from diagrams.run.run_folder import SENSORS_FILE, default_folder
 
         assignments = list(overrides or [])
         if seed is not None:
@@ -118,7 +122,7 @@ def _simulate(
 ) -> "EpisodeResult":
     from tqdm import tqdm
 
-    from diagrams.episode import run_episode
+    from diagrams.run.episode import run_episode
     from maths.compiled import compilation_timed
 
     viewer = _start_meshcat(host, announce=live) if live or recording else None
@@ -148,7 +152,7 @@ def _simulate(
 
 
 def _start_meshcat(host: str, *, announce: bool) -> Any:
-    from diagrams.meshcat_view import start_meshcat
+    from diagrams.crossmodal.meshcat_view import start_meshcat
 
     meshcat = start_meshcat(host)
     if announce:

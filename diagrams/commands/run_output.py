@@ -11,13 +11,13 @@ import typer
 from diagrams.commands.endings import FAILED, INTERRUPTED
 
 if TYPE_CHECKING:
-    from diagrams.episode_record import EpisodeResult
+    from diagrams.run.record import EpisodeResult
 
 
 @contextlib.contextmanager
 def run_folder(folder: Path, force: bool) -> Iterator[Path]:
     """The opened folder of a run; one that nothing was written into is removed again."""
-    from diagrams.run_folder import open_run_folder
+    from diagrams.run.run_folder import open_run_folder
 
     open_run_folder(folder, force)
     try:
@@ -29,8 +29,8 @@ def run_folder(folder: Path, force: bool) -> Iterator[Path]:
 
 def write_and_report(folder: Path, result: "EpisodeResult") -> int:
     """Writes the run, prints its report and returns the exit status."""
-    from diagrams.run_folder import SUMMARY_FILE, write_run
-    from diagrams.run_report import report
+    from diagrams.crossmodal.results.report import report
+    from diagrams.run.run_folder import SUMMARY_FILE, write_run
 
     written = write_run(folder, result)
     summary = json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))

@@ -24,12 +24,12 @@ def train_hand_bending_command(
     with one_line_errors():
         from tqdm import tqdm
 
-        from diagrams.network_training import (
+        from diagrams.crossmodal.training.network_training import (
             INTERACTIONS,
             simulate_interactions,
             train_hand_bending,
         )
-        from diagrams.run_folder import open_run_folder
+        from diagrams.run.run_folder import open_run_folder
         from models import WEIGHTS_DIR
 
         folder = open_run_folder(out or WEIGHTS_DIR, force=True)

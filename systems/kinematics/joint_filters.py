@@ -22,18 +22,22 @@ from systems.kinematics.joint_filters_config import (
     frame_covariance,
     has_slow_error,
 )
-from systems.kinematics.joint_geometry import PRISMATIC, REVOLUTE, dimension
-from systems.kinematics.joint_models import AXIS_SPREAD, Models, initial_models
-from systems.kinematics.joint_readout import predict_pose, read_axis, read_configuration
-from systems.kinematics.joint_reference import (
+from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE, dimension
+from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
+from systems.kinematics.joint_solver.joint_readout import (
+    predict_pose,
+    read_axis,
+    read_configuration,
+)
+from systems.kinematics.joint_solver.joint_reference import (
     NOTHING_BEFORE,
     Before,
     configuration_before,
     hand_over,
 )
-from systems.kinematics.joint_solver import Priors
-from systems.kinematics.joint_update import update as update_models
-from systems.kinematics.pose_packets import (
+from systems.kinematics.joint_solver.joint_solver import Priors
+from systems.kinematics.joint_solver.joint_update import update as update_models
+from systems.kinematics.joint_solver.pose_packets import (
     Packets,
     append,
     copy_packets,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from systems.kinematics.pose_packets import FIRST, RECENT
+from systems.kinematics.joint_solver.pose_packets import FIRST, RECENT
 
 Array = npt.NDArray[np.float64]
 

@@ -5,7 +5,7 @@ the hand's weight, torque [N m] then force [N]; then four chamber pressures, gau
 hand already loads it, and sensors have biases, so both networks see how the reading has changed
 since the first instant of the grasp, u - u_0: the preload and the biases cancel, and
 log X_EH = f(u - u_0) - f(0) is zero there by construction. The networks are trained in the same way
-(`diagrams/hand_bending_training.py`).
+(`diagrams/crossmodal/training/hand_bending_training.py`).
 """
 
 from dataclasses import dataclass, fields

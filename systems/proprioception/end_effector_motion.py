@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context
 from maths import se3
 from systems.checks import require
 from systems.port_values import EndEffectorBelief, SampleWindow
-from systems.proprioception.recursive_filter import RecursiveFilter, require_positive
+from systems.recursive_filter import RecursiveFilter, require_positive
 
 Array = npt.NDArray[np.float64]
 

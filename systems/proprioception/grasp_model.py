@@ -32,7 +32,7 @@ from systems.proprioception.grasp_filters import (
     predict_filter,
     start_filter,
 )
-from systems.proprioception.recursive_filter import RecursiveFilter, require_positive
+from systems.recursive_filter import RecursiveFilter, require_positive
 
 Array = npt.NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from systems.proprioception.bending_network import (
     predict_deviation,
 )
 from systems.proprioception.bent_hand import screw
-from systems.proprioception.recursive_filter import RecursiveFilter, require_positive
+from systems.recursive_filter import RecursiveFilter, require_positive
 
 Array = npt.NDArray[np.float64]
 

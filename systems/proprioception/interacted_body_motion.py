@@ -33,7 +33,7 @@ from systems.proprioception.interacted_body_filter import (
     start_body,
     with_velocity,
 )
-from systems.proprioception.recursive_filter import RecursiveFilter, require_positive
+from systems.recursive_filter import RecursiveFilter, require_positive
 
 Array = npt.NDArray[np.float64]
 

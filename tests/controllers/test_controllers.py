@@ -9,11 +9,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
-from controllers.exploration import ExplorationConfig, ExplorationController, explore_step
-from controllers.grasp_motion import exploration_gains, minimum_jerk
-from controllers.grasp_sequence import GraspSequence
-from controllers.grasp_sequence_config import GraspSequenceConfig
-from controllers.impedance import (
+from controllers.arm.impedance import (
     DesiredMotion,
     ImpedanceConfig,
     ImpedanceController,
@@ -21,11 +17,19 @@ from controllers.impedance import (
     impedance_wrench,
     posture_torque,
 )
-from controllers.phases import Phase
-from controllers.pull_direction import PullDirection, PullDirectionConfig
-from controllers.robot_kinematics import ArmModel
+from controllers.arm.kinematics import ArmModel
+from controllers.interaction.exploration import (
+    ExplorationConfig,
+    ExplorationController,
+    explore_step,
+)
+from controllers.interaction.grasp_motion import exploration_gains, minimum_jerk
+from controllers.interaction.grasp_sequence import GraspSequence
+from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
+from controllers.interaction.phases import Phase
+from controllers.interaction.pull_direction import PullDirection, PullDirectionConfig
 from maths import se3
-from plants.robot import make_arm_with_load
+from plants.robots.wam import make_arm_with_load
 
 Q = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.1])
 BACK = np.array([0.0, 0.0, -1.0])

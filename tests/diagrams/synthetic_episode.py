@@ -6,7 +6,8 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, State
 
-from diagrams.episode_record import (
+from diagrams.crossmodal.scenario import Interval, Scenario
+from diagrams.run.record import (
     EpisodeResult,
     FrameRecord,
     ModalityRecord,
@@ -14,7 +15,6 @@ from diagrams.episode_record import (
     TickRecord,
     Truth,
 )
-from diagrams.scenario import Interval, Scenario
 from maths import se3
 from systems.port_values import (
     INTERACTED_BODY,
@@ -298,3 +298,17 @@ def connect_all(builder: DiagramBuilder, source: LeafSystem, sink: LeafSystem) -
         port = sink.get_input_port(index)
         if source.HasOutputPort(port.get_name()):
             builder.Connect(source.GetOutputPort(port.get_name()), port)
+
+
+def empty_episode() -> EpisodeResult:
+    """An episode that a person stopped before its first tick."""
+    result = synthetic_episode()
+    result.interrupted, result.duration, result.wall_time = True, 0.0, 0.0
+    result.frames.clear()
+    truth = result.truth
+    truth.times, truth.configuration = np.zeros(0), np.zeros(0)
+    truth.X_WB, truth.grasp_time = np.zeros((0, 4, 4)), float("nan")
+    for record in result.modalities.values():
+        record.ticks.clear()
+        record.tick_times.clear()
+    return result

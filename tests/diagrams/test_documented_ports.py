@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import pytest
 from pydrake.systems.framework import Diagram, System
 
-from diagrams.episode import Episode
-from diagrams.meshcat_view import MeshcatView, MeshcatViewConfig, start_meshcat
-from diagrams.scenario import load_scenario
+from diagrams.crossmodal.meshcat_view import MeshcatView, MeshcatViewConfig, start_meshcat
+from diagrams.crossmodal.scenario import load_scenario
+from diagrams.run.episode import Episode
 
 _ROOMS = ("systems.", "controllers.", "plants.", "diagrams.")
 

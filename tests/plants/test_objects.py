@@ -14,7 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from models import SDF_DIR
 from plants.joint_friction import JointFriction
-from plants.manipulation_scene import (
+from plants.scene import (
     ManipulationScene,
     ObjectPlacement,
     PlantConfig,

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from synthetic_episode import synthetic_episode
 
-from diagrams.scenario import Scenario
+from diagrams.crossmodal.scenario import Scenario
 
 Progress = Callable[[float], None] | None
 
@@ -52,7 +52,7 @@ def fake_episode(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
                     result.interrupted = True
         return result
 
-    module = types.ModuleType("diagrams.episode")
+    module = types.ModuleType("diagrams.run.episode")
     module.run_episode = run_episode  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "diagrams.episode", module)
+    monkeypatch.setitem(sys.modules, "diagrams.run.episode", module)
     return fake

@@ -38,8 +38,8 @@ def test_bad_input_is_answered_in_one_line_with_status_two(
     arguments: list[str], fake_episode: types.SimpleNamespace
 ) -> None:
     Path("malformed.yaml").write_text("a: [1\n")
-    sys.modules["diagrams.episode"].build_networks = None  # type: ignore[attr-defined]
-    sys.modules["diagrams.episode"].build_station = None  # type: ignore[attr-defined]
+    sys.modules["diagrams.run.episode"].build_networks = None  # type: ignore[attr-defined]
+    sys.modules["diagrams.run.episode"].build_station = None  # type: ignore[attr-defined]
     result = RUNNER.invoke(app, arguments)
     assert result.exit_code == 2, result.output
     assert result.stderr.startswith("crossmodal: ")

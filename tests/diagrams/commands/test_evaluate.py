@@ -5,12 +5,12 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from diagrams import episode_process
 from diagrams.command_line import app
-from diagrams.episode_process import failed_summary
-from diagrams.experiments import EXPERIMENTS
-from diagrams.run_folder import finished_summary, write_scenario
-from diagrams.scenario import Scenario
+from diagrams.crossmodal.experiments import EXPERIMENTS
+from diagrams.crossmodal.scenario import Scenario
+from diagrams.run import process
+from diagrams.run.process import failed_summary
+from diagrams.run.run_folder import finished_summary, write_scenario
 
 RUNNER = CliRunner()
 
@@ -21,13 +21,13 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch, fake_episode: types.SimpleN
 
     def run_apart(scenario: Scenario, folder: Path, environment: Any) -> dict[str, Any]:
         write_scenario(folder, scenario)
-        episode_process.run_here(folder)
+        process.run_here(folder)
         if fake_episode.stops_early:
             raise KeyboardInterrupt
         summary = finished_summary(folder, scenario)
-        return summary or failed_summary(scenario, episode_process._reason(folder, 1))
+        return summary or failed_summary(scenario, process._reason(folder, 1))
 
-    monkeypatch.setattr(episode_process, "run_apart", run_apart)
+    monkeypatch.setattr(process, "run_apart", run_apart)
 
 
 @pytest.mark.usefixtures("in_this_process")
@@ -67,7 +67,7 @@ def test_all_experiments_end_in_one_table_and_single_ones_are_taken_over(
     fake_episode: types.SimpleNamespace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kept = {name: EXPERIMENTS[name] for name in ("drawer", "drawer-lights-off")}
-    monkeypatch.setattr("diagrams.experiments.EXPERIMENTS", kept)
+    monkeypatch.setattr("diagrams.crossmodal.experiments.EXPERIMENTS", kept)
     assert RUNNER.invoke(app, ["evaluate", "drawer", "--seeds", "1"]).exit_code == 0
     result = RUNNER.invoke(app, ["evaluate", "all", "--seeds", "1"])
     assert result.exit_code == 0, result.output

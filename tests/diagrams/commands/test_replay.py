@@ -3,8 +3,8 @@ from pathlib import Path
 from typer.testing import CliRunner
 
 from diagrams.command_line import app
-from diagrams.run_folder import write_scenario
-from diagrams.scenario import load_scenario
+from diagrams.crossmodal.scenario import load_scenario
+from diagrams.run.run_folder import write_scenario
 
 RUNNER = CliRunner()
 

@@ -8,7 +8,11 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RollPitchYaw
 from synthetic_hand import PRELOAD, bending_path, interaction, reading
 
-from diagrams.hand_bending_training import relative_to_first, search_topology, train
+from diagrams.crossmodal.training.hand_bending_training import (
+    relative_to_first,
+    search_topology,
+    train,
+)
 from maths import se3
 from systems.port_values import EndEffectorBelief, PoseBelief, SampleWindow
 from systems.proprioception.bending_network import (

@@ -1,0 +1,143 @@
+"""Operational-space impedance control on SE(3)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+
+from controllers.arm.kinematics import ArmModel, ArmState
+from controllers.interaction.phases import Phase
+from maths import se3
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(kw_only=True)
+class ImpedanceGains:
+    """Virtual spring, damper and mass, each (6, 6) in E, rotation first (SI)."""
+
+    stiffness: Array
+    damping: Array
+    mass: Array
+
+
+@dataclass(kw_only=True)
+class DesiredMotion:
+    """Where the end-effector should be.
+
+    Attributes:
+        X_WE: Pose (4, 4).
+        V_WE_E: Velocity (6,), [rad/s, m/s].
+        A_WE_E: Acceleration (6,), [rad/s^2, m/s^2].
+    """
+
+    X_WE: Array
+    V_WE_E: Array
+    A_WE_E: Array
+
+
+@dataclass(kw_only=True)
+class ImpedanceConfig:
+    period: float = 0.005  # Update period, [s].
+    posture_stiffness: float = 4.0  # Of the null space, [N m/rad].
+    posture_damping: float = 0.4  # Of the null space, [N m s/rad].
+    torque_limit: float = 60.0  # Of every joint, [N m].
+    tare_time: float = 0.3  # In which the offset takes up what springs hold, [s].
+
+
+def impedance_wrench(state: ArmState, desired: DesiredMotion, gains: ImpedanceGains) -> Array:
+    """F_E = K log(X_WE^-1 X_WE_des) + D (V_des - V) + M A_des, (6,) in E.
+
+    The arm's own inertia is not reshaped: M multiplies the desired acceleration only. Cancelling
+    the true inertia needs the contact force within a millisecond or so, and the wrist sensor gives
+    it at 100 Hz.
+    """
+    error = se3.log(se3.inverse(state.X_WE) @ desired.X_WE)
+    return (
+        gains.stiffness @ error
+        + gains.damping @ (desired.V_WE_E - state.V_WE_E)
+        + gains.mass @ desired.A_WE_E
+    )
+
+
+def posture_torque(state: ArmState, q_posture: Array, stiffness: float, damping: float) -> Array:
+    """Spring and damper towards `q_posture` (7,), projected so that E feels no wrench."""
+    tau = stiffness * (q_posture - state.q) - damping * state.v
+    wrench, *_ = np.linalg.lstsq(state.J_E.T, tau, rcond=1e-3)
+    return tau - state.J_E.T @ wrench
+
+
+class ImpedanceController(LeafSystem):
+    """Makes the end-effector a mass-spring-damper around the desired motion.
+
+    tau = J^T (K log(X^-1 X_des) + D (V_des - V) + M A_des) + bias + null-space posture + offset.
+
+    Encoders that are off make the arm's weight wrong, by more than the compliant spring and a hand
+    that holds a bar can bear. So while the arm approaches and nothing touches it, the offset
+    integrates the torques of spring, J^T K log(X^-1 X_des), and posture; then it is kept.
+
+    .. pydrake_system::
+
+        name: ImpedanceController
+        input_ports:
+        - joint_state_measured
+        - motion_desired
+        - gains_commanded
+        - phase
+        output_ports:
+        - torque_commanded
+
+    - joint_state_measured: (14,) positions [rad] and velocities [rad/s] from the encoders.
+    - motion_desired: `DesiredMotion`.
+    - gains_commanded: `ImpedanceGains`.
+    - phase: (1,) `Phase`; the offset stays zero if not connected.
+    - torque_commanded: (7,) [N m], held over the period.
+
+    State: the torque commanded (7,) and the offset (7,), [N m].
+
+    Frames: W world, E end-effector. Source: crossmodal paper, section VI; stiffness on SE(3) by
+    the logarithm of the pose error in E.
+    """
+
+    def __init__(self, config: ImpedanceConfig, arm: ArmModel, q_posture: Array) -> None:
+        super().__init__()
+        for name in ("period", "tare_time"):
+            if not getattr(config, name) > 0:
+                raise ValueError(
+                    f"ImpedanceController: need {name} > 0 s, got {getattr(config, name)!r}"
+                )
+        self._config = config
+        self._arm = arm
+        self._q_posture = q_posture.copy()
+        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
+        still = DesiredMotion(X_WE=np.eye(4), V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
+        self._desired = self.DeclareAbstractInputPort("motion_desired", AbstractValue.Make(still))
+        soft = ImpedanceGains(stiffness=np.eye(6), damping=np.eye(6), mass=np.eye(6))
+        self._gains = self.DeclareAbstractInputPort("gains_commanded", AbstractValue.Make(soft))
+        self._phase = self.DeclareVectorInputPort("phase", 1)
+        torque = self.DeclareDiscreteState(7)
+        self._offset = self.DeclareDiscreteState(7)
+        self.DeclareStateOutputPort("torque_commanded", torque)
+        self.DeclarePeriodicDiscreteUpdateEvent(config.period, 0.0, self._update)
+
+    def _update(self, context: Context, next_state: DiscreteValues) -> None:
+        arm = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context)))
+        config, desired, gains = (
+            self._config,
+            self._desired.Eval(context),
+            self._gains.Eval(context),
+        )
+        offset = np.array(context.get_discrete_state(self._offset).value())
+        posture = posture_torque(
+            arm, self._q_posture, config.posture_stiffness, config.posture_damping
+        )
+        if self._phase.HasValue(context) and self._phase.Eval(context)[0] == Phase.APPROACH:
+            spring = gains.stiffness @ se3.log(se3.inverse(arm.X_WE) @ desired.X_WE)
+            offset += config.period / config.tare_time * (arm.J_E.T @ spring + posture)
+        torque = arm.J_E.T @ impedance_wrench(arm, desired, gains) + arm.tau_bias + offset
+        torque += posture
+        limit = config.torque_limit
+        next_state.get_mutable_value(0)[:] = np.clip(torque, -limit, limit)
+        next_state.get_mutable_value(self._offset)[:] = offset

@@ -1,0 +1,88 @@
+"""Moves the hand about a handle that does not give, to learn how the hand bends."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import Context, LeafSystem
+
+from controllers.arm.impedance import DesiredMotion
+from controllers.interaction.phases import Phase
+from maths import se3
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(kw_only=True)
+class BendingExcitationConfig:
+    rise_time: float = 1.0  # Over which the motion grows to its full size, [s].
+    slowest: float = 0.05  # Lowest frequency, [Hz].
+    fastest: float = 0.3  # Highest frequency, [Hz].
+    waves: int = 4  # Sines per direction.
+    rotation: float = 0.06  # Standard deviation about each axis of E, [rad].
+    lateral: float = 0.003  # Standard deviation along x and y of E, [m].
+    pull: float = 0.006  # Mean and standard deviation of the pull along -z of E, [m].
+
+
+class SmoothPath:
+    """A sum of sines in each of six directions of E, drawn from a seed; zero at the start."""
+
+    def __init__(self, config: BendingExcitationConfig, seed: int) -> None:
+        rng = np.random.default_rng((seed, 3))
+        size = np.repeat([config.rotation, config.lateral], 3)
+        size[5] = config.pull
+        shape = (6, config.waves)
+        self._config = config
+        self._frequency = 2 * np.pi * rng.uniform(config.slowest, config.fastest, shape)
+        self._phase = rng.uniform(0.0, 2 * np.pi, shape)
+        self._size = size[:, None] * np.sqrt(2.0 / config.waves)
+
+    def __call__(self, elapsed: float) -> Array:
+        """The tangent vector (6,) at `elapsed` [s] since the start."""
+        waves = self._size * np.sin(self._frequency * elapsed + self._phase)
+        xi = waves.sum(axis=1)
+        xi[5] -= self._config.pull
+        return np.asarray(xi * np.clip(elapsed / self._config.rise_time, 0.0, 1.0))
+
+
+class BendingExcitation(LeafSystem):
+    """Takes the place of the exploration where the object is fixed to the world.
+
+    .. pydrake_system::
+
+        name: BendingExcitation
+        input_ports:
+        - motion_desired
+        - phase
+        output_ports:
+        - motion_commanded
+
+    - motion_desired: `DesiredMotion` of the grasp sequence.
+    - phase: (1,) `Phase`.
+    - motion_commanded: the same, and once the hand has closed a smooth path about it.
+
+    Args:
+        start: When exploration starts, [s].
+    """
+
+    def __init__(self, config: BendingExcitationConfig, start: float, seed: int) -> None:
+        super().__init__()
+        self._path = SmoothPath(config, seed)
+        self._start = start
+        still = DesiredMotion(X_WE=np.eye(4), V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
+        self._desired = self.DeclareAbstractInputPort("motion_desired", AbstractValue.Make(still))
+        self._phase = self.DeclareVectorInputPort("phase", 1)
+        self.DeclareAbstractOutputPort(
+            "motion_commanded", lambda: AbstractValue.Make(still), self._calc
+        )
+
+    def _calc(self, context: Context, output: AbstractValue) -> None:
+        desired: DesiredMotion = self._desired.Eval(context)
+        if self._phase.Eval(context)[0] < Phase.EXPLORE:
+            output.set_value(desired)
+            return
+        offset = se3.exp(self._path(context.get_time() - self._start))
+        output.set_value(
+            DesiredMotion(X_WE=desired.X_WE @ offset, V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
+        )

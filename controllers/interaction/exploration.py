@@ -1,0 +1,109 @@
+"""Velocity-based exploration: pull, and let the object's own freedom bend the path."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import Context, LeafSystem, State
+
+from controllers.arm.impedance import DesiredMotion
+from controllers.arm.kinematics import ArmModel
+from controllers.interaction.phases import Phase
+from maths import se3
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(kw_only=True)
+class ExplorationConfig:
+    period: float = 0.01  # Update period, [s].
+    gain: float = 0.1  # k_p of the paper, share of the velocity error added per update, [s].
+    speed: float = 0.02  # Desired speed in the pulling direction, [m/s].
+
+
+def explore_step(X_WE_desired: Array, V_WE_E: Array, V_WE_E_wanted: Array, gain: float) -> Array:
+    """The next desired pose, X_des exp(k_p (V_wanted - V_measured)).
+
+    The error has to speed the goal up when the hand lags, so it is wanted minus measured; the
+    paper prints the difference the other way round, which pushes the goal backwards.
+    Source: crossmodal paper, section VI.
+    """
+    return X_WE_desired @ se3.exp(gain * (V_WE_E_wanted - V_WE_E))
+
+
+class ExplorationController(LeafSystem):
+    """Moves the desired pose so that the hand reaches a wanted velocity while it explores.
+
+    p_des(t) = exp(k_p (v_wanted - v_measured)) p_des(t-1), in the pulling direction; the compliant
+    directions have nothing to push against, so there the desired pose follows the hand.
+
+    .. pydrake_system::
+
+        name: ExplorationController
+        input_ports:
+        - joint_state_measured
+        - motion_desired
+        - pull_direction
+        - phase
+        output_ports:
+        - motion_commanded
+
+    - joint_state_measured: (14,) positions [rad] and velocities [rad/s].
+    - motion_desired: `DesiredMotion` of the grasp sequence, passed on before exploration.
+    - pull_direction: (3,) unit vector in E.
+    - phase: (1,) `Phase`.
+    - motion_commanded: `DesiredMotion` for the impedance controller.
+
+    State: the desired pose X_WE and its velocity, and the last phase.
+
+    Args:
+        config: Speed and gain.
+        arm: The robot's own model.
+
+    Raises:
+        ValueError: for impossible values.
+    """
+
+    def __init__(self, config: ExplorationConfig, arm: ArmModel) -> None:
+        super().__init__()
+        for name in ("period", "gain", "speed"):
+            if not getattr(config, name) > 0:
+                raise ValueError(
+                    f"ExplorationController: need {name} > 0, got {getattr(config, name)!r}"
+                )
+        self._config = config
+        self._arm = arm
+        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
+        still = DesiredMotion(X_WE=np.eye(4), V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
+        self._desired = self.DeclareAbstractInputPort("motion_desired", AbstractValue.Make(still))
+        self._direction = self.DeclareVectorInputPort("pull_direction", 3)
+        self._phase = self.DeclareVectorInputPort("phase", 1)
+        state = self.DeclareAbstractState(AbstractValue.Make(still))
+        self.DeclareStateOutputPort("motion_commanded", state)
+        self.DeclareInitializationUnrestrictedUpdateEvent(self._pass_on)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
+
+    def _pass_on(self, context: Context, state: State) -> None:
+        state.get_mutable_abstract_state(0).set_value(self._desired.Eval(context))
+
+    def _update(self, context: Context, state: State) -> None:
+        phase = int(np.asarray(self._phase.Eval(context))[0])
+        if phase < Phase.EXPLORE:
+            self._pass_on(context, state)
+            return
+        last: DesiredMotion = context.get_abstract_state(0).get_value()
+        arm = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context)))
+        direction = np.asarray(self._direction.Eval(context))
+        wanted = np.zeros(6)
+        if phase == Phase.EXPLORE:
+            wanted[3:] = self._config.speed * direction
+        pull = np.outer(direction, direction)
+        along_pull = np.zeros((6, 6))
+        along_pull[3:, 3:] = pull
+        error = along_pull @ se3.log(se3.inverse(arm.X_WE) @ last.X_WE)
+        measured = along_pull @ arm.V_WE_E
+        X_WE = explore_step(arm.X_WE @ se3.exp(error), measured, wanted, self._config.gain)
+        state.get_mutable_abstract_state(0).set_value(
+            DesiredMotion(X_WE=X_WE, V_WE_E=wanted, A_WE_E=np.zeros(6))
+        )

@@ -1,0 +1,86 @@
+"""How the hand moves and gives way around a grasp."""
+
+import numpy as np
+import numpy.typing as npt
+
+from controllers.arm.impedance import DesiredMotion, ImpedanceGains
+from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
+from maths import se3
+
+Array = npt.NDArray[np.float64]
+
+
+def minimum_jerk(s: float) -> tuple[float, float, float]:
+    """Position, velocity and acceleration of the minimum-jerk blend at s in [0, 1]."""
+    s = min(max(s, 0.0), 1.0)
+    return (
+        s**3 * (10 - 15 * s + 6 * s**2),
+        s**2 * (30 - 60 * s + 30 * s**2),
+        s * (60 - 180 * s + 120 * s**2),
+    )
+
+
+def unit(direction: Array, name: str) -> Array:
+    """`direction` (3,) with length one.
+
+    Raises:
+        ValueError: if it has no direction, under this `name`.
+    """
+    length = np.linalg.norm(direction)
+    if np.shape(direction) != (3,) or not 0 < length < np.inf:
+        raise ValueError(f"{name} = {np.asarray(direction).tolist()}: need 3 numbers, not all zero")
+    return np.asarray(direction / length)
+
+
+def exploration_gains(config: GraspSequenceConfig, direction_E: Array) -> ImpedanceGains:
+    """Compliant in all directions, stiff in the pulling direction (3,) of E."""
+    direction = unit(direction_E, "direction_E")
+    pull = np.zeros((6, 6))
+    pull[3:, 3:] = np.outer(direction, direction)
+    free = np.eye(6) - pull
+    return ImpedanceGains(
+        stiffness=config.compliant_stiffness * free + config.pull_stiffness * pull,
+        damping=config.compliant_damping * free + config.pull_damping * pull,
+        mass=config.mass * np.eye(6),
+    )
+
+
+def stiff_gains(config: GraspSequenceConfig) -> ImpedanceGains:
+    """Holds the pose while the hand approaches and closes."""
+    ones = np.ones(3)
+    return ImpedanceGains(
+        stiffness=np.diag(
+            np.concatenate([config.stiff_rotation * ones, config.stiff_translation * ones])
+        ),
+        damping=np.diag(
+            np.concatenate(
+                [config.stiff_rotation_damping * ones, config.stiff_translation_damping * ones]
+            )
+        ),
+        mass=config.mass * np.eye(6),
+    )
+
+
+def approach_motion(X_WE_grasp: Array, back: Array, s: float, duration: float) -> DesiredMotion:
+    """The approach at progress `s` in [0, 1], from `back` (6,), a twist in E, to the grasp."""
+    blend, rate, acceleration = minimum_jerk(s)
+    return DesiredMotion(
+        X_WE=X_WE_grasp @ se3.exp((1.0 - blend) * back),
+        V_WE_E=-back * rate / duration,
+        A_WE_E=-back * acceleration / duration**2,
+    )
+
+
+def release_motion(X_WE: Array, X_WE_next: Array, back: Array, s: float) -> DesiredMotion:
+    """Waits for the hand to open, backs off, then goes straight to the next pose.
+
+    Args:
+        X_WE: Where the hand is opened (4, 4).
+        X_WE_next: Where the next approach begins (4, 4).
+        back: Twist (6,) in E of the way back.
+        s: Progress in [0, 1], a third for each part.
+    """
+    X_back = X_WE @ se3.exp(back)
+    X = X_WE @ se3.exp(minimum_jerk(3 * s - 1)[0] * se3.log(se3.inverse(X_WE) @ X_back))
+    X = X @ se3.exp(minimum_jerk(3 * s - 2)[0] * se3.log(se3.inverse(X_back) @ X_WE_next))
+    return DesiredMotion(X_WE=X, V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))

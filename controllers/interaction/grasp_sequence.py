@@ -1,0 +1,208 @@
+"""The sequence of a manipulation: approach the taught pose, close the hand, explore, return."""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import AbstractValue, Value
+from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, State
+
+from controllers.arm.kinematics import ArmModel
+from controllers.interaction.grasp_decisions import Goal, Perceived, SequenceState, next_state
+from controllers.interaction.grasp_motion import (
+    approach_motion,
+    exploration_gains,
+    release_motion,
+    stiff_gains,
+)
+from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
+from controllers.interaction.phases import Phase, is_held
+from maths import se3
+
+Array = npt.NDArray[np.float64]
+
+
+class GraspSequence(LeafSystem):
+    """Says which phase the manipulation is in, and what hand, arm and gains do in it.
+
+    .. pydrake_system::
+
+        name: GraspSequence
+        input_ports:
+        - joint_state_measured
+        - pressure_measured
+        - joint_remembered
+        - end_effector_screw_remembered
+        - grasp_failure_latest
+        - plan_time_left
+        - pull_direction
+        output_ports:
+        - phase
+        - interaction_active
+        - grasp_lost
+        - motion_desired
+        - gains_desired
+        - pressure_commanded
+        - sealed
+        - closure_commanded
+
+    - joint_state_measured: (14,) positions [rad] and velocities [rad/s].
+    - pressure_measured: (4,) gauge pressure in the chambers, [Pa].
+    - joint_remembered, end_effector_screw_remembered: of `JointMemory`.
+    - grasp_failure_latest: (1,) probability that the hand has lost the body, NaN if unknown.
+    - plan_time_left: (1,) of `TrajectoryGenerator`, [s].
+    - pull_direction: (3,) unit vector in E, along which the gains are stiff while exploring.
+    - What is not connected is not known; without a goal to be perceived nothing of it is read.
+    - phase: (1,) `Phase`.
+    - interaction_active: (1,) one while the hand is closed around the body, as far as it can feel.
+    - grasp_lost: (1,) one from the instant a grasp is given up to the next one.
+    - motion_desired: `DesiredMotion` of release and approach, then the grasp pose held.
+    - gains_desired: `ImpedanceGains`.
+    - pressure_commanded: (4,) gauge pressure, [Pa].
+    - sealed: (1,) one once the chambers' valves are closed.
+    - closure_commanded: (1,) 0 open to 1 closed, for the robot's picture of itself.
+
+    State: `SequenceState`.
+
+    Args:
+        config: Times, pressures, gains.
+        arm: The robot's own model.
+        X_WE_grasp: Where the hand closes (4, 4).
+        X_WE_before: Where the approach begins (4, 4).
+        goal: What ends the exploration, and whether the joint is brought back.
+
+    Raises:
+        ValueError: for impossible values.
+    """
+
+    def __init__(
+        self,
+        config: GraspSequenceConfig,
+        arm: ArmModel,
+        X_WE_grasp: Array,
+        X_WE_before: Array,
+        goal: Goal | None = None,
+    ) -> None:
+        super().__init__()
+        for name in (
+            "period",
+            "approach_time",
+            "close_time",
+            "explore_time_limit",
+            "travel",
+            "return_tolerance",
+            "slip",
+            "release_time",
+        ):
+            if not getattr(config, name) > 0:
+                raise ValueError(f"GraspSequence: need {name} > 0, got {getattr(config, name)!r}")
+        if not 0.0 < config.empty_pressure < 1.0:
+            raise ValueError(
+                f"GraspSequence: need empty_pressure between 0 and 1, got {config.empty_pressure!r}"
+            )
+        self._config = config
+        self._arm = arm
+        self._back = se3.log(se3.inverse(X_WE_grasp) @ X_WE_before)
+        self._goal = goal or Goal()
+        self._stiff = stiff_gains(config)
+        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
+        self._pressure = self.DeclareVectorInputPort("pressure_measured", 4)
+        self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
+        self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
+        self._failure = self.DeclareVectorInputPort("grasp_failure_latest", 1)
+        self._time_left = self.DeclareVectorInputPort("plan_time_left", 1)
+        self._direction = self.DeclareVectorInputPort("pull_direction", 3)
+        first = SequenceState(
+            phase=Phase.APPROACH,
+            since=0.0,
+            X_WE_start=X_WE_grasp.copy(),
+            X_WE_grasp=X_WE_grasp.copy(),
+            q_grasp=0.0,
+            X_WE_held=X_WE_grasp.copy(),
+            pressure_held=np.zeros(4),
+            task=Phase.EXPLORE,
+            attempts=0,
+            lost=False,
+            doubted_since=np.inf,
+        )
+        state = self.DeclareAbstractState(Value[object](first))
+        on_state = {self.abstract_state_ticket(state)}
+        on_time = on_state | {self.time_ticket()}
+
+        def vector(name: str, size: int, calc: object) -> None:
+            self.DeclareVectorOutputPort(name, size, calc, on_time)
+
+        def flag(name: str, of: Callable[[SequenceState], bool]) -> None:
+            vector(name, 1, lambda c, out: out.SetAtIndex(0, float(of(self._state(c)))))
+
+        vector("phase", 1, lambda c, out: out.SetAtIndex(0, float(self._state(c).phase)))
+        flag("interaction_active", lambda state: is_held(state.phase) and not state.lost)
+        flag("sealed", lambda state: is_held(state.phase))
+        flag("grasp_lost", lambda state: state.lost)
+        vector("pressure_commanded", 4, self._calc_pressure)
+        vector("closure_commanded", 1, self._calc_closure)
+        still = approach_motion(X_WE_grasp, self._back, 0.0, 1.0)
+        self.DeclareAbstractOutputPort(
+            "motion_desired", lambda: Value[object](still), self._calc_motion, on_time
+        )
+        self.DeclareAbstractOutputPort(
+            "gains_desired",
+            lambda: Value[object](self._stiff),
+            self._calc_gains,
+            on_state | {self._direction.ticket()},
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
+
+    def _state(self, context: Context) -> SequenceState:
+        state: SequenceState = context.get_abstract_state(0).get_value()
+        return state
+
+    def _elapsed(self, context: Context) -> float:
+        return context.get_time() - self._state(context).since
+
+    def _calc_pressure(self, context: Context, output: BasicVector) -> None:
+        closing = self._state(context).phase >= Phase.CLOSE
+        output.SetFromVector(np.asarray(self._config.closing_pressure) * closing)
+
+    def _calc_closure(self, context: Context, output: BasicVector) -> None:
+        phase = self._state(context).phase
+        closing = min(self._elapsed(context) / (0.5 * self._config.close_time), 1.0)
+        output.SetAtIndex(0, closing if phase == Phase.CLOSE else float(phase > Phase.CLOSE))
+
+    def _calc_motion(self, context: Context, output: AbstractValue) -> None:
+        config, state = self._config, self._state(context)
+        time = config.approach_time
+        if state.phase == Phase.RELEASE:
+            X_WE_next = approach_motion(state.X_WE_grasp, self._back, 0.0, time).X_WE
+            progress = self._elapsed(context) / config.release_time
+            output.set_value(release_motion(state.X_WE_start, X_WE_next, self._back, progress))
+            return
+        s = self._elapsed(context) / time if state.phase == Phase.APPROACH else 1.0
+        output.set_value(approach_motion(state.X_WE_grasp, self._back, s, time))
+
+    def _calc_gains(self, context: Context, output: AbstractValue) -> None:
+        if self._config.comply and is_held(self._state(context).phase):
+            direction = np.asarray(self._direction.Eval(context))
+            output.set_value(exploration_gains(self._config, direction))
+        else:
+            output.set_value(self._stiff)
+
+    def _update(self, context: Context, state: State) -> None:
+        def read(port: InputPort, unknown: float) -> Array:
+            if port.HasValue(context):
+                return np.asarray(port.Eval(context))
+            return np.full(port.size(), unknown)
+
+        X_WE = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context))).X_WE
+        screw_E = se3.adjoint(se3.inverse(X_WE)) @ read(self._screw, np.nan)
+        now = Perceived(
+            time=context.get_time(),
+            X_WE=X_WE,
+            pressure=read(self._pressure, np.nan),
+            joint=read(self._joint, np.nan),
+            hand_rate=float(np.linalg.norm(screw_E[3:])),
+            failure=float(read(self._failure, np.nan)[0]),
+            plan_time_left=float(read(self._time_left, np.inf)[0]),
+        )
+        following = next_state(self._state(context), now, self._goal, self._config)
+        state.get_mutable_abstract_state(0).set_value(following)

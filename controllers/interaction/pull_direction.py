@@ -1,0 +1,96 @@
+"""The direction in which exploration pulls: as taught, then along the joint as it is perceived."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+
+from controllers.arm.kinematics import ArmModel
+from controllers.interaction.grasp_motion import unit
+from controllers.interaction.phases import Phase
+from maths import se3
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(kw_only=True)
+class PullDirectionConfig:
+    period: float = 0.01  # Update period, [s].
+    follow_joint: bool = False  # Whether to pull along the perceived joint, not as taught.
+    start: float = 0.03  # Way of the hand by the joint from which on it is well enough known, [m].
+    time: float = 0.2  # In which the pull turns to the joint's direction but for 1/e, [s].
+    limit: float = 45.0  # A joint that leads farther away from the pull than this is wrong, [deg].
+
+
+class PullDirection(LeafSystem):
+    """Turns the pull, which is fixed in the hand, to where the perceived joint lets the hand go.
+
+    A hand that turns on its handle takes its direction of pulling along and soon pulls across the
+    joint: it shifts the handle in the fingers and drags the object along.
+
+    .. pydrake_system::
+
+        name: PullDirection
+        input_ports:
+        - joint_state_measured
+        - joint_remembered
+        - end_effector_screw_remembered
+        - phase
+        output_ports:
+        - pull_direction
+
+    - joint_state_measured: (14,) positions [rad] and velocities [rad/s].
+    - joint_remembered, end_effector_screw_remembered: of `JointMemory`; NaN while none is known.
+    - phase: (1,) `Phase`; the direction turns while it is EXPLORE, and is as taught before.
+    - pull_direction: (3,) unit vector in E.
+
+    State: the direction.
+
+    Args:
+        config: Whether and how fast to follow.
+        arm: The robot's own model.
+        direction_E: Taught (3,), in E.
+
+    Raises:
+        ValueError: for impossible values.
+    """
+
+    def __init__(self, config: PullDirectionConfig, arm: ArmModel, direction_E: Array) -> None:
+        super().__init__()
+        for name in ("period", "start", "time"):
+            if not getattr(config, name) > 0:
+                raise ValueError(f"PullDirection: need {name} > 0, got {getattr(config, name)!r}")
+        if not 0 < config.limit <= 90:
+            raise ValueError(f"PullDirection: need 0 < limit <= 90 deg, got {config.limit!r}")
+        self._config = config
+        self._arm = arm
+        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
+        self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
+        self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
+        self._phase = self.DeclareVectorInputPort("phase", 1)
+        self._taught = unit(direction_E, "direction_E")
+        state = self.DeclareDiscreteState(self._taught)
+        self.DeclareStateOutputPort("pull_direction", state)
+        if config.follow_joint:
+            self.DeclarePeriodicDiscreteUpdateEvent(config.period, 0.0, self._update)
+
+    def _update(self, context: Context, next_state: DiscreteValues) -> None:
+        phase = self._phase.Eval(context)[0]
+        if phase < Phase.EXPLORE:
+            next_state.get_mutable_vector().SetFromVector(self._taught)
+        if phase != Phase.EXPLORE:
+            return
+        config = self._config
+        X_WE = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context))).X_WE
+        tangent = (se3.adjoint(se3.inverse(X_WE)) @ np.asarray(self._screw.Eval(context)))[3:]
+        rate = float(np.linalg.norm(tangent))
+        if not rate * abs(float(self._joint.Eval(context)[6])) > config.start:
+            return
+        direction = np.asarray(context.get_discrete_state_vector().value())
+        along = float(tangent @ direction) / rate
+        if abs(along) < np.cos(np.deg2rad(config.limit)):
+            return
+        share = 1.0 - np.exp(-config.period / config.time)
+        direction = direction + share * (np.sign(along) * tangent / rate - direction)
+        next_state.get_mutable_vector().SetFromVector(direction / np.linalg.norm(direction))

@@ -1,0 +1,268 @@
+"""Plans with the perceived joint: brings it back to its start, online."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
+
+from controllers.arm.impedance import DesiredMotion, ImpedanceGains
+from controllers.arm.kinematics import ArmModel
+from controllers.interaction.grasp_motion import minimum_jerk
+from controllers.interaction.joint_memory import turns
+from controllers.interaction.phases import Phase, is_held
+from maths import se3
+
+Array = npt.NDArray[np.float64]
+
+_PEAK = 1.875  # Of the minimum-jerk blend's rate.
+
+
+@dataclass(kw_only=True)
+class TrajectoryGeneratorConfig:
+    period: float = 0.01  # Update period, [s].
+    speed: float = 0.04  # Highest planned speed of the hand, [m/s].
+    feedback: float = 1.0  # How fast the perceived joint is drawn onto the plan, [1/s].
+    failure_probability: float = 0.5  # Of the grasp, above which the joint draws nothing.
+    lead: float = 0.03  # How far the plan may run ahead of the hand, [m].
+    # Stiff along the motion, [N/m], [N s/m]; compliant across it; rotation [N m/rad], [N m s/rad].
+    stiffness_along: float = 1000.0
+    stiffness_across: float = 200.0
+    stiffness_rotation: float = 10.0
+    damping_along: float = 150.0
+    damping_across: float = 60.0
+    damping_rotation: float = 1.0
+    mass: float = 1.0  # [kg m^2], [kg]
+
+
+@dataclass(kw_only=True)
+class Plan:
+    """The joint's way to its start by minimum jerk; never written after it is made.
+
+    Attributes:
+        start: When it begins, [s].
+        duration: [s]
+        q_start: Where the joint is then, [m or rad]; the goal is zero.
+        turns: Whether it is a revolute one.
+        X_WE: Where the end-effector is wanted now (4, 4).
+        motion: What is commanded now.
+        gains: Likewise.
+    """
+
+    start: float
+    duration: float
+    q_start: float
+    turns: bool
+    X_WE: Array
+    motion: DesiredMotion
+    gains: ImpedanceGains
+
+    def __deepcopy__(self, memo: dict[int, object]) -> "Plan":
+        return self
+
+    def joint(self, time: float) -> tuple[float, float]:
+        """Planned configuration [m or rad] and its rate."""
+        blend, rate, _ = minimum_jerk((time - self.start) / self.duration)
+        return self.q_start * (1.0 - blend), -self.q_start * rate / self.duration
+
+
+def plan_duration(q: float, hand_rate: float, speed: float) -> float:
+    """How long the way from q to zero takes, [s], if the hand moves at `speed` [m/s] at most."""
+    return max(_PEAK * abs(q) * hand_rate / speed, 0.5)
+
+
+def path_gains(S_E: Array, config: TrajectoryGeneratorConfig) -> ImpedanceGains:
+    """Stiff where the end-effector is to go, compliant across.
+
+    Args:
+        S_E: Its wanted twist (6,) in E, of any length.
+    """
+    direction = S_E[3:] / max(float(np.linalg.norm(S_E[3:])), 1e-9)
+    along = np.zeros((6, 6))
+    along[3:, 3:] = np.outer(direction, direction)
+
+    def matrix(rotation: float, across: float, stiff: float) -> Array:
+        return np.asarray(np.diag([rotation] * 3 + [across] * 3) + (stiff - across) * along)
+
+    return ImpedanceGains(
+        stiffness=matrix(
+            config.stiffness_rotation, config.stiffness_across, config.stiffness_along
+        ),
+        damping=matrix(config.damping_rotation, config.damping_across, config.damping_along),
+        mass=config.mass * np.eye(6),
+    )
+
+
+def advance(
+    plan: Plan,
+    X_WE: Array,
+    screw_W: Array,
+    q: float | None,
+    time: float,
+    config: TrajectoryGeneratorConfig,
+) -> Plan:
+    """The next desired pose, X_des(t + dt) = exp(S_WE u dt) X_des(t).
+
+    With u = qdot_plan + k (q_plan - q) the perceived joint is drawn onto the plan, whatever hand
+    and handle yield. Only the rest of the path follows the newest screw: nothing jumps when the
+    estimate gets better. While the joint is not perceived in the hand, k is zero; where the hand
+    cannot follow, the plan waits.
+
+    Args:
+        plan: The last one.
+        X_WE: The end-effector's measured pose.
+        screw_W: The end-effector's twist (6,) in W at Wo per unit of q, by the latest estimates.
+        q: Perceived configuration, [m or rad]; None while it is not perceived.
+        time: Of the update, [s].
+    """
+    q_plan, rate = plan.joint(time)
+    u = rate if q is None else rate + config.feedback * (q_plan - q)
+    S_E = se3.adjoint(se3.inverse(X_WE)) @ screw_W
+    hand_rate = max(float(np.linalg.norm(S_E[3:])), 1e-6)
+    ahead = se3.log(se3.inverse(X_WE) @ plan.X_WE)[3:] @ S_E[3:] / hand_rate
+    if ahead * np.sign(u) >= config.lead:
+        u = 0.0
+    limit = 1.5 * config.speed / hand_rate
+    u = float(np.clip(u, -limit, limit))
+    X_next = se3.exp(screw_W * (u * config.period)) @ plan.X_WE
+    V_WE_E = se3.adjoint(se3.inverse(X_next)) @ screw_W * u
+    motion = DesiredMotion(X_WE=X_next, V_WE_E=V_WE_E, A_WE_E=np.zeros(6))
+    return replace(plan, X_WE=X_next, motion=motion, gains=path_gains(S_E, config))
+
+
+class TrajectoryGenerator(LeafSystem):
+    """Online trajectory generator: exploits the perceived joint to bring it back to its start.
+
+    In RETURN, it interpolates the joint from where it is perceived to zero. The body moves along
+    its screw, V_WB = S_W qdot, and as grasp and bending say which part of that the hand has to
+    follow, the end-effector moves with V_WE = S_WE qdot. The path is the integral of it from where
+    the hand is; each update reads the latest screw and the latest configuration.
+
+    Before RETURN the motion and gains of the exploration are passed on; after it the pose is held.
+
+    .. pydrake_system::
+
+        name: TrajectoryGenerator
+        input_ports:
+        - joint_state_measured
+        - motion_desired
+        - gains_desired
+        - phase
+        - joint_remembered
+        - end_effector_screw_remembered
+        - grasp_failure_latest
+        output_ports:
+        - motion_commanded
+        - gains_commanded
+        - plan_time_left
+        - path_planned
+
+    - joint_state_measured: (14,) positions [rad] and velocities [rad/s].
+    - motion_desired, gains_desired: `DesiredMotion` and `ImpedanceGains` until RETURN.
+    - phase: (1,) `Phase`.
+    - joint_remembered: (8,) of `JointMemory`, of which the type and q [m or rad] are used.
+    - end_effector_screw_remembered: (6,) S_WE, in W at Wo, per unit of q.
+    - grasp_failure_latest: (1,) probability that the hand has lost the body; NaN or unconnected if
+      unknown.
+    - motion_commanded, gains_commanded: for the impedance controller.
+    - plan_time_left: (1,) until the planned end, negative after it; infinite without a plan, [s].
+    - path_planned: poses (N, 4, 4) of E in W from now to the goal by the latest screw; N = 0
+      without a plan.
+
+    State: `Plan`, or None. Source: crossmodal paper, section VI.
+    """
+
+    def __init__(self, config: TrajectoryGeneratorConfig, arm: ArmModel) -> None:
+        super().__init__()
+        for name in ("period", "speed", "feedback", "lead"):
+            if not getattr(config, name) > 0:
+                raise ValueError(
+                    f"TrajectoryGenerator: need {name} > 0, got {getattr(config, name)!r}"
+                )
+        self._config = config
+        self._arm = arm
+        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
+        self._desired = self.DeclareAbstractInputPort("motion_desired", Value[object]())
+        self._gains = self.DeclareAbstractInputPort("gains_desired", Value[object]())
+        self._phase = self.DeclareVectorInputPort("phase", 1)
+        self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
+        self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
+        self._failure = self.DeclareVectorInputPort("grasp_failure_latest", 1)
+        state = self.DeclareAbstractState(Value[object](None))
+        on_state = {self.abstract_state_ticket(state)}
+        self.DeclareAbstractOutputPort(
+            "motion_commanded",
+            lambda: Value[object](),
+            self._calc_motion,
+            on_state | {self._desired.ticket()},
+        )
+        self.DeclareAbstractOutputPort(
+            "gains_commanded",
+            lambda: Value[object](),
+            self._calc_gains,
+            on_state | {self._gains.ticket()},
+        )
+        self.DeclareVectorOutputPort(
+            "plan_time_left", 1, self._calc_time_left, on_state | {self.time_ticket()}
+        )
+        self.DeclareAbstractOutputPort("path_planned", lambda: Value[object](), self._calc_path)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
+
+    def _plan(self, context: Context) -> Plan | None:
+        plan: Plan | None = context.get_abstract_state(0).get_value()
+        return plan
+
+    def _update(self, context: Context, state: State) -> None:
+        phase = self._phase.Eval(context)[0]
+        plan = self._plan(context)
+        if not is_held(phase):
+            state.get_mutable_abstract_state(0).set_value(None)
+            return
+        if plan is None and phase != Phase.RETURN:
+            return
+        time, joint = context.get_time(), np.asarray(self._joint.Eval(context))
+        q = float(joint[6])
+        screw_W = np.asarray(self._screw.Eval(context))
+        X_WE = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context))).X_WE
+        turning = turns(joint)
+        if plan is None or plan.turns != turning:
+            rate = float(np.linalg.norm((se3.adjoint(se3.inverse(X_WE)) @ screw_W)[3:]))
+            plan = Plan(
+                start=time,
+                duration=plan_duration(q, rate, self._config.speed),
+                q_start=q,
+                turns=turning,
+                X_WE=X_WE if plan is None else plan.X_WE,
+                motion=self._desired.Eval(context),
+                gains=self._gains.Eval(context),
+            )
+        failed = (
+            self._failure.HasValue(context)
+            and self._failure.Eval(context)[0] > self._config.failure_probability
+        )
+        perceived = None if failed or np.isnan(joint[7]) else q
+        plan = advance(plan, X_WE, screw_W, perceived, time, self._config)
+        state.get_mutable_abstract_state(0).set_value(plan)
+
+    def _calc_motion(self, context: Context, output: Value) -> None:
+        plan = self._plan(context)
+        output.set_value(self._desired.Eval(context) if plan is None else plan.motion)
+
+    def _calc_gains(self, context: Context, output: Value) -> None:
+        plan = self._plan(context)
+        output.set_value(self._gains.Eval(context) if plan is None else plan.gains)
+
+    def _calc_time_left(self, context: Context, output: BasicVector) -> None:
+        plan = self._plan(context)
+        left = np.inf if plan is None else plan.start + plan.duration - context.get_time()
+        output.SetAtIndex(0, left)
+
+    def _calc_path(self, context: Context, output: Value) -> None:
+        plan = self._plan(context)
+        if plan is None:
+            output.set_value(np.zeros((0, 4, 4)))
+            return
+        q, screw_W = self._joint.Eval(context)[6], np.asarray(self._screw.Eval(context))
+        path = [se3.exp(-screw_W * travel) @ plan.X_WE for travel in np.linspace(0.0, q, 25)]
+        output.set_value(np.array(path))

@@ -1,0 +1,281 @@
+"""The network of coupled filters: one factory, three wirings of the same systems."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
+from pydrake.systems.sensors import CameraInfo
+
+from systems.kinematics.joint_filters import JointFiltersConfig
+from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
+from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
+from systems.proprioception.grasp_model import GraspModel, GraspModelConfig
+from systems.proprioception.hand_bending import HandBending, HandBendingConfig
+from systems.proprioception.interacted_body_motion import (
+    InteractedBodyMotion,
+    InteractedBodyMotionConfig,
+)
+from systems.vision.bodies.body_level import RigidBodyMotionConfig
+from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
+from systems.vision.features.feature_motion import FeatureMotion
+from systems.vision.features.feature_tracks import FeatureMotionConfig
+
+MODALITIES = ("vision", "proprioception", "crossmodal")
+VISION_INPUTS = ("color_measured", "depth_measured", "robot_mask")
+PROPRIOCEPTION_INPUTS = (
+    "joint_state_window",
+    "wrench_window",
+    "pressure_window",
+    "interaction_active",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrossModalWire:
+    """A flow of information that a scenario may cut, by its connections.
+
+    Attributes:
+        carries: What, and what for.
+        connections: (system, output port, system, input port); every input works unconnected.
+    """
+
+    carries: str
+    connections: tuple[tuple[str, str, str, str], ...]
+
+
+CROSSMODAL_WIRES = {
+    "interacted_body_to_vision": CrossModalWire(
+        carries="where the hand takes its body, so that vision finds its features",
+        connections=(
+            ("interacted_body_motion", "body_prior", "rigid_body_motion", "interacted_body_prior"),
+        ),
+    ),
+    "features_to_interacted_body": CrossModalWire(
+        carries="the features of the body in the hand, which correct its pose",
+        connections=(
+            (
+                "feature_motion",
+                "features_estimated",
+                "interacted_body_motion",
+                "features_estimated",
+            ),
+            (
+                "rigid_body_motion",
+                "body_motions_estimated",
+                "interacted_body_motion",
+                "body_motions_estimated",
+            ),
+        ),
+    ),
+    "interacted_body_to_grasp": CrossModalWire(
+        carries="how the body in the hand was seen to move, from which the grasp is learnt",
+        connections=(
+            (
+                "interacted_body_motion",
+                "body_motions_estimated",
+                "grasp_model",
+                "body_motions_estimated",
+            ),
+        ),
+    ),
+    "visual_bodies_to_joints": CrossModalWire(
+        carries="bodies that only vision sees, to which the body in the hand may be jointed",
+        connections=(
+            ("rigid_body_motion", "body_motions_estimated", "kinematic_model", "body_motions"),
+        ),
+    ),
+    "joints_to_vision": CrossModalWire(
+        carries="where the joints expect the bodies, as one more prediction for vision",
+        connections=(
+            ("kinematic_model", "bodies_predicted", "rigid_body_motion", "joint_predictions"),
+        ),
+    ),
+}
+
+
+def check_cut(cut: Sequence[str]) -> None:
+    """Raises ValueError, naming the known wires, where one is unknown."""
+    for name in cut:
+        if name not in CROSSMODAL_WIRES:
+            raise ValueError(
+                f"perception.cut: unknown wire '{name}'; there are {', '.join(CROSSMODAL_WIRES)}"
+            )
+
+
+def joints_from_features() -> KinematicModelConfig:
+    """Bodies followed by the eye drift by a tenth of a millimetre or two for seconds."""
+    return KinematicModelConfig(
+        filters=JointFiltersConfig(slow_rotation=1.5e-3, slow_translation=1.5e-4, slow_time=2.0)
+    )
+
+
+def joints_from_the_hand() -> KinematicModelConfig:
+    """The hand pulls at what the eye sees; unseen, the body tells what of its error lasts."""
+    return KinematicModelConfig(
+        filters=JointFiltersConfig(
+            slow_rotation=3e-3, slow_translation=3e-4, slow_time=2.0, lasting_time=5.0
+        )
+    )
+
+
+@dataclass(kw_only=True)
+class PerceptionConfig:
+    """One config per filter; the joints' differ by what measures the bodies.
+
+    Attributes:
+        cut: Wires of `CROSSMODAL_WIRES` that the cross-modal network does without.
+    """
+
+    cut: list[str] = field(default_factory=list)
+    end_effector: EndEffectorMotionConfig = field(default_factory=EndEffectorMotionConfig)
+    hand_bending: HandBendingConfig = field(default_factory=HandBendingConfig)
+    grasp: GraspModelConfig = field(default_factory=GraspModelConfig)
+    interacted_body: InteractedBodyMotionConfig = field(default_factory=InteractedBodyMotionConfig)
+    features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
+    bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
+    joints_vision: KinematicModelConfig = field(default_factory=joints_from_features)
+    joints_proprioception: KinematicModelConfig = field(default_factory=joints_from_the_hand)
+    joints_crossmodal: KinematicModelConfig = field(default_factory=joints_from_the_hand)
+
+
+@dataclass(kw_only=True)
+class RobotKnowledge:
+    """What the robot knows of itself: its arm and where its camera is.
+
+    Attributes:
+        arm: Finalized plant with the arm, the hand a rigid load.
+        intrinsics: Of the camera.
+        X_WC: The camera's calibrated pose.
+    """
+
+    arm: MultibodyPlant
+    intrinsics: CameraInfo
+    X_WC: RigidTransform
+
+
+def make_network(modality: str, config: PerceptionConfig, robot: RobotKnowledge) -> Diagram:
+    """The filters of one modality, wired.
+
+    Inputs are those of `VISION_INPUTS` and `PROPRIOCEPTION_INPUTS` that the modality uses; outputs
+    are `joints_latest`, `body_motions_latest` and, where they exist, `features_latest`,
+    `grasp_latest`, `hand_bending_latest` and `end_effector_latest`.
+
+    Args:
+        modality: One of `MODALITIES`.
+
+    Raises:
+        ValueError: for an unknown modality or an impossible config value.
+    """
+    if modality not in MODALITIES:
+        raise ValueError(f"unknown modality '{modality}'; there are {', '.join(MODALITIES)}")
+    check_cut(config.cut)
+    builder = DiagramBuilder()
+    kinematics = getattr(config, f"joints_{modality}")
+    if modality == "vision":
+        model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=1))
+        bodies = _add_vision(builder, config, robot, with_interacted_body=False)
+        _wire(builder, bodies, "body_motions_estimated", model, "body_motions")
+        _wire(builder, model, "bodies_predicted", bodies, "joint_predictions")
+    elif modality == "proprioception":
+        model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=1))
+        body, grasp = _add_proprioception(builder, config, robot, corrected_by_vision=False)
+        _wire(builder, body, "body_motions_estimated", grasp, "body_motions_estimated")
+        _wire(builder, body, "body_motions_estimated", model, "body_motions")
+    else:
+        model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=2))
+        _add_vision(builder, config, robot, with_interacted_body=True)
+        body, _ = _add_proprioception(builder, config, robot, corrected_by_vision=True)
+        for name, wire in CROSSMODAL_WIRES.items():
+            if name not in config.cut:
+                _connect(builder, wire)
+        # What hand and eye know together of the interacted body counts, not what the eye knows.
+        _wire(builder, body, "body_motions_estimated", model, "body_motions_1")
+    _export_outputs(builder, model, "joints_latest", "body_motions_latest")
+    diagram = builder.Build()
+    diagram.set_name(modality)
+    return diagram
+
+
+def _add_vision(
+    builder: DiagramBuilder,
+    config: PerceptionConfig,
+    robot: RobotKnowledge,
+    with_interacted_body: bool,
+) -> System:
+    """Feature motion and, on top of it, rigid-body motion; returns the latter."""
+    X_WC = np.asarray(robot.X_WC.GetAsMatrix4())
+    features = _add(
+        builder, "feature_motion", FeatureMotion(config.features, robot.intrinsics, X_WC)
+    )
+    bodies = _add(
+        builder,
+        "rigid_body_motion",
+        RigidBodyMotion(config.bodies, robot.intrinsics, X_WC, with_interacted_body),
+    )
+    for port in VISION_INPUTS:
+        builder.ExportInput(features.GetInputPort(port), port)
+    _wire(builder, features, "features_estimated", bodies, "features_estimated")
+    _wire(builder, bodies, "features_predicted", features, "features_predicted")
+    _export_outputs(builder, features, "features_latest")
+    return bodies
+
+
+def _add_proprioception(
+    builder: DiagramBuilder,
+    config: PerceptionConfig,
+    robot: RobotKnowledge,
+    corrected_by_vision: bool,
+) -> tuple[System, System]:
+    """End-effector, bending, grasp and interacted body; returns the last and the grasp."""
+    end_effector = _add(
+        builder, "end_effector_motion", EndEffectorMotion(config.end_effector, robot.arm)
+    )
+    bending = _add(builder, "hand_bending", HandBending(config.hand_bending))
+    grasp = _add(builder, "grasp_model", GraspModel(config.grasp))
+    body = _add(
+        builder,
+        "interacted_body_motion",
+        InteractedBodyMotion(config.interacted_body, corrected_by_vision=corrected_by_vision),
+    )
+    builder.ExportInput(end_effector.GetInputPort("joint_state_window"), "joint_state_window")
+    for port in ("wrench_window", "pressure_window"):
+        builder.ExportInput(bending.GetInputPort(port), port)
+    active = builder.ExportInput(bending.GetInputPort("interaction_active"), "interaction_active")
+    for system in (grasp, body):
+        builder.ConnectInput(active, system.GetInputPort("interaction_active"))
+    for system in (bending, grasp, body):
+        _wire(builder, end_effector, "end_effector_estimated", system, "end_effector_estimated")
+    for system in (grasp, body):
+        _wire(builder, bending, "hand_bending_estimated", system, "hand_bending_estimated")
+    _wire(builder, grasp, "grasp_latest", body, "grasp_latest")
+    _export_outputs(builder, end_effector, "end_effector_latest")
+    _export_outputs(builder, bending, "hand_bending_latest")
+    _export_outputs(builder, grasp, "grasp_latest")
+    return body, grasp
+
+
+def _add(builder: DiagramBuilder, name: str, system: System) -> System:
+    return builder.AddNamedSystem(name, system)
+
+
+def _wire(builder: DiagramBuilder, source: System, output: str, target: System, port: str) -> None:
+    builder.Connect(source.GetOutputPort(output), target.GetInputPort(port))
+
+
+def _connect(builder: DiagramBuilder, wire: CrossModalWire) -> None:
+    for source, output, target, port in wire.connections:
+        _wire(
+            builder,
+            builder.GetSubsystemByName(source),
+            output,
+            builder.GetSubsystemByName(target),
+            port,
+        )
+
+
+def _export_outputs(builder: DiagramBuilder, system: System, *ports: str) -> None:
+    for port in ports:
+        builder.ExportOutput(system.GetOutputPort(port), port)

@@ -1,0 +1,329 @@
+"""Draws what the network believes into Meshcat, live and in the recording."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import AbstractValue, Value
+from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, MeshcatParams, Rgba
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.perception import BaseField, Fields, PointCloud
+from pydrake.systems.framework import Context, InputPort, LeafSystem
+
+from diagrams.crossmodal.results.report import describe_configuration
+from diagrams.drawing import palette
+from diagrams.drawing.text_board import text_board
+from diagrams.joints.joint_drawing import JointSketch, perpendicular_axes, sketch_joint
+from diagrams.joints.joint_metrics import joint_now
+from diagrams.run.yaml_schema import ScenarioError, one_line
+from systems.port_values import (
+    BodyMotion,
+    BodyMotions,
+    FeatureBelief,
+    JointBelief,
+    JointBeliefs,
+    JointType,
+)
+
+Array = npt.NDArray[np.float64]
+
+ROOT = "/perception"
+_BAR_RADIUS = 0.007  # [m]
+_BOARD_HEIGHT = 0.05  # [m]
+
+
+@dataclass(kw_only=True)
+class MeshcatViewConfig:
+    period: float = 0.1  # Between drawings, [s].
+    refresh_interval: float = 1.0  # Between new sets of features, [s]; between them they move.
+    text_interval: float = 0.5  # Least time between new texts, [s].
+    point_size: float = 0.012  # Of a feature, [m].
+    # Where the page is first seen from, and what the texts face, p_WV, [m]; and its target.
+    viewpoint: np.ndarray = field(default_factory=lambda: np.array([-0.25, 0.75, 1.45]))
+    looking_at: np.ndarray = field(default_factory=lambda: np.array([0.6, -0.2, 0.85]))
+    parent_moves: bool = False  # Draw the joint between two moving bodies, not to the environment.
+
+
+def start_meshcat(host: str = "localhost") -> Meshcat:
+    """A Meshcat server that only this machine can reach unless `host` says otherwise."""
+    try:
+        meshcat = Meshcat(MeshcatParams(host=host))
+    except RuntimeError as error:
+        raise ScenarioError(
+            f"--host {host}: Meshcat cannot listen there: {one_line(error)}"
+        ) from None
+    for path in ("/Grid", "/Axes"):
+        meshcat.SetProperty(path, "visible", False)
+    return meshcat
+
+
+def recorded_page(meshcat: Meshcat) -> str:
+    """The recording as one page that opens without a server."""
+    meshcat.PublishRecording()
+    return meshcat.StaticHtml()
+
+
+class MeshcatView(LeafSystem):
+    """Draws each modality's features, coloured by body, and joint into Meshcat.
+
+    A recording holds transforms and properties, no new geometry. So features are drawn as clouds
+    that are fixed in their body and move with it; every `refresh_interval` new clouds take the
+    place of the old ones, which are hidden. Joints are unit shapes that are scaled. All modalities
+    are drawn below `/perception`, one visible; the others can be switched on in Meshcat's tree.
+
+    What has been drawn is kept outside the Context, so one view serves one simulation.
+
+    .. pydrake_system::
+
+        name: MeshcatView
+        input_ports:
+        - <modality>_joints_latest
+        - <modality>_body_motions_latest
+        - <modality>_features_latest
+        - path_planned
+
+    - `<modality>_joints_latest`, `<modality>_body_motions_latest`, `<modality>_features_latest`:
+      `JointBeliefs`, `BodyMotions` and `FeatureBelief`; what has no source stays unconnected.
+    - `path_planned`: poses (N, 4, 4) in W of the end-effector's planned way; N = 0 without a plan.
+
+    Frames: W world, B a moving body, J joint (z along the axis), V the viewer.
+    """
+
+    def __init__(
+        self, config: MeshcatViewConfig, meshcat: Meshcat, modalities: Sequence[str]
+    ) -> None:
+        super().__init__()
+        for name in ("period", "refresh_interval", "text_interval", "point_size"):
+            value = getattr(config, name)
+            if not value > 0:
+                raise ValueError(f"MeshcatView: need {name} > 0, got {value!r}")
+        self._parent_moves = config.parent_moves
+        meshcat.Delete(ROOT)  # What an earlier view may have left.
+        meshcat.SetCameraPose(config.viewpoint, config.looking_at)
+        self._ports: dict[str, dict[str, InputPort]] = {}
+        self._layers: dict[str, _Layer] = {}
+        models = {"joints": JointBeliefs(), "body_motions": BodyMotions(), "features": _NO_FEATURES}
+        shown = "crossmodal" if "crossmodal" in modalities else next(iter(modalities), "")
+        for modality in modalities:
+            self._ports[modality] = {
+                name: self.DeclareAbstractInputPort(
+                    f"{modality}_{name}_latest", AbstractValue.Make(model)
+                )
+                for name, model in models.items()
+            }
+            self._layers[modality] = _Layer(meshcat, f"{ROOT}/{modality}", config)
+            meshcat.SetProperty(f"{ROOT}/{modality}", "visible", modality == shown)
+        self._path = self.DeclareAbstractInputPort("path_planned", Value[object]())
+        self._plan = _PlannedPath(meshcat, f"{ROOT}/planned_path", config)
+        self.DeclarePeriodicPublishEvent(config.period, 0.0, self._draw)
+
+    def _draw(self, context: Context) -> None:
+        time = context.get_time()
+        for modality, ports in self._ports.items():
+            values = {
+                name: port.Eval(context) for name, port in ports.items() if port.HasValue(context)
+            }
+            bodies: BodyMotions = values.get("body_motions", BodyMotions())
+            layer = self._layers[modality]
+            layer.draw_features(time, values.get("features", _NO_FEATURES), bodies.bodies)
+            joints = values.get("joints", JointBeliefs())
+            joint = joint_now(joints, bodies, self._parent_moves)
+            layer.draw_joint(time, joint, bodies.bodies)
+        if self._path.HasValue(context):
+            self._plan.draw(time, self._path.Eval(context))
+
+
+_NO_FEATURES = FeatureBelief(
+    ids=np.zeros(0, dtype=np.int64),
+    uv=np.zeros((0, 2)),
+    p_WF=np.zeros((0, 3)),
+    covariance=np.zeros((0, 3, 3)),
+    age=np.zeros(0, dtype=np.int64),
+)
+
+
+class _PlannedPath:
+    """The way that the end-effector has before it; every `refresh_interval` a new line."""
+
+    def __init__(self, meshcat: Meshcat, path: str, config: MeshcatViewConfig) -> None:
+        self._meshcat = meshcat
+        self._path = path
+        self._interval = config.refresh_interval
+        self._shown = ""
+        self._drawn = -np.inf
+        self._lines = 0
+
+    def draw(self, time: float, X_WE: Array) -> None:
+        """Replaces the line when it is time; hides it without a plan."""
+        if len(X_WE) > 0 and time < self._drawn + self._interval - 1e-6:
+            return
+        if self._shown:
+            self._meshcat.SetProperty(self._shown, "visible", False, time)
+            self._shown = ""
+        if len(X_WE) == 0:
+            return
+        self._lines += 1
+        self._drawn = time
+        self._shown = f"{self._path}/line_{self._lines}"
+        color = Rgba(*palette.rgb(palette.PLAN))
+        self._meshcat.SetLine(self._shown, X_WE[:, :3, 3].T, 4.0, color)
+        show_from(self._meshcat, self._shown, time)
+
+
+def show_from(meshcat: Meshcat, path: str, time: float) -> None:
+    """Makes an object appear in the recording when it was made, not before."""
+    if time > 0.0:
+        meshcat.SetProperty(path, "visible", False, 0.0)
+    meshcat.SetProperty(path, "visible", True, time)
+
+
+class _Layer:
+    """The objects of one modality below one path."""
+
+    def __init__(self, meshcat: Meshcat, path: str, config: MeshcatViewConfig) -> None:
+        self._meshcat = meshcat
+        self._path = path
+        self._config = config
+        self._clouds: dict[int, str] = {}  # Path of the visible cloud of each body.
+        self._clouds_drawn = -np.inf
+        self._sets = 0
+        self._text = ""
+        self._text_path = ""
+        self._text_drawn = -np.inf
+        self._made: set[JointType] = set()
+        self._shown: JointType | None = None
+
+    def draw_features(self, time: float, features: FeatureBelief, bodies: list[BodyMotion]) -> None:
+        """Moves the clouds with their bodies; draws new ones when it is time."""
+        if time >= self._clouds_drawn + self._config.refresh_interval - 1e-6:
+            self._replace_clouds(time, features, bodies)
+            self._clouds_drawn = time
+        for body in bodies:
+            if body.body_id in self._clouds:
+                X_WB = rigid_transform(body.motion.X)
+                self._meshcat.SetTransform(self._clouds[body.body_id], X_WB, time)
+
+    def _replace_clouds(
+        self, time: float, features: FeatureBelief, bodies: list[BodyMotion]
+    ) -> None:
+        for path in self._clouds.values():
+            self._meshcat.SetProperty(path, "visible", False, time)
+        self._clouds = {}
+        self._sets += 1
+        rest = np.ones(len(features.ids), dtype=bool)
+        for body in bodies:
+            mine = np.isin(features.ids, body.feature_ids)
+            rest &= ~mine
+            R, p = body.motion.X[:3, :3], body.motion.X[:3, 3]
+            self._add_cloud(time, body.body_id, (features.p_WF[mine] - p) @ R)
+        self._add_cloud(time, 0, features.p_WF[rest])
+
+    def _add_cloud(self, time: float, body_id: int, points: Array) -> None:
+        points = points[np.all(np.isfinite(points), axis=1)]
+        if len(points) == 0:
+            return
+        path = f"{self._path}/features/set_{self._sets}/body_{body_id}"
+        cloud = PointCloud(len(points), Fields(BaseField.kXYZs))
+        cloud.mutable_xyzs()[:] = points.T
+        moving = palette.body_color(body_id)
+        color = Rgba(*palette.rgb(moving if body_id else palette.RESTING_IN_SCENE))
+        self._meshcat.SetObject(path, cloud, self._config.point_size, color)
+        show_from(self._meshcat, path, time)
+        self._clouds[body_id] = path
+
+    def draw_joint(self, time: float, joint: JointBelief | None, bodies: list[BodyMotion]) -> None:
+        """Moves and scales the likeliest joint's shapes; hides the others."""
+        sketch = None
+        if joint is not None:
+            body = next((b for b in bodies if b.body_id == joint.child_id), None)
+            sketch = sketch_joint(joint, body)
+        kind = None if sketch is None else sketch.type
+        if kind != self._shown:
+            if self._shown is not None:
+                self._meshcat.SetProperty(self._joint_path(self._shown), "visible", False, time)
+                self._hide_text(time)
+            if kind is not None:
+                if kind not in self._made:
+                    self._make_joint(kind)
+                show_from(self._meshcat, self._joint_path(kind), time)
+            self._shown = kind
+        if sketch is None or joint is None:
+            return
+        self._place_joint(time, sketch)
+        self._write_text(time, f"{sketch.type} {describe_configuration(joint)}", sketch)
+
+    def _joint_path(self, kind: JointType) -> str:
+        return f"{self._path}/joint/{kind}"
+
+    def _make_joint(self, kind: JointType) -> None:
+        path = self._joint_path(kind)
+        solid = Rgba(*palette.rgb(palette.JOINT[kind]))
+        clear = Rgba(solid.r(), solid.g(), solid.b(), 0.3)
+        self._meshcat.SetObject(f"{path}/bar", Cylinder(_BAR_RADIUS, 1.0), solid)
+        for side, turn in (("ahead", 0.0), ("behind", np.pi)):
+            cone = f"{path}/direction_{side}"
+            self._meshcat.SetObject(f"{cone}/cone", MeshcatCone(1.0, 1.0, 1.0), clear)
+            self._meshcat.SetTransform(cone, RigidTransform(RotationMatrix.MakeXRotation(turn)))
+        if kind == JointType.REVOLUTE:
+            self._meshcat.SetObject(f"{path}/position", Cylinder(1.0, 1.0), clear)
+        else:
+            self._meshcat.SetObject(f"{path}/tip/cone", MeshcatCone(0.045, 0.02, 0.02), solid)
+            self._meshcat.SetTransform(f"{path}/tip/cone", _tip_pose())
+        self._made.add(kind)
+
+    def _place_joint(self, time: float, sketch: JointSketch) -> None:
+        path = self._joint_path(sketch.type)
+        x, y = perpendicular_axes(sketch.direction_W)
+        R_WJ = RotationMatrix(np.column_stack([x, y, sketch.direction_W]))
+        self._meshcat.SetTransform(path, RigidTransform(R_WJ, sketch.center_W), time)
+        half = 0.5 * sketch.length
+        spread = max(half * float(np.tan(sketch.angle)), 1e-4)
+        self._meshcat.SetProperty(f"{path}/bar", "scale", [1.0, 1.0, sketch.length], time)
+        for side in ("ahead", "behind"):
+            cone = f"{path}/direction_{side}/cone"
+            self._meshcat.SetProperty(cone, "scale", [spread, spread, half], time)
+        if sketch.type == JointType.REVOLUTE:
+            radius = max(sketch.radius, 1e-4)
+            self._meshcat.SetProperty(
+                f"{path}/position", "scale", [radius, radius, sketch.length], time
+            )
+        else:
+            tip = RigidTransform([0.0, 0.0, half])
+            self._meshcat.SetTransform(f"{path}/tip", tip, time)
+
+    def _write_text(self, time: float, text: str, sketch: JointSketch) -> None:
+        due = time >= self._text_drawn + self._config.text_interval - 1e-6
+        if text != self._text and due:
+            self._hide_text(time)
+            self._text, self._text_drawn = text, time
+            self._text_path = f"{self._path}/text/{round(1000 * time)}"
+            red, green, blue = (round(255 * c) for c in palette.rgb(palette.JOINT[sketch.type]))
+            board = text_board(text, _BOARD_HEIGHT, (red, green, blue))
+            self._meshcat.SetObject(self._text_path, board)
+            show_from(self._meshcat, self._text_path, time)
+        if self._text_path:
+            self._meshcat.SetTransform(self._text_path, self._text_pose(sketch.center_W), time)
+
+    def _hide_text(self, time: float) -> None:
+        if self._text_path:
+            self._meshcat.SetProperty(self._text_path, "visible", False, time)
+        self._text, self._text_path = "", ""
+
+    def _text_pose(self, p_WJ: Array) -> RigidTransform:
+        """Upright above a joint at p_WJ and in front of it, its -y towards the viewer."""
+        to_viewer = self._config.viewpoint - p_WJ
+        to_viewer /= np.linalg.norm(to_viewer)
+        p_WT = p_WJ + np.array([0.0, 0.0, 0.1]) + 0.15 * to_viewer
+        yaw = float(np.arctan2(-to_viewer[1], -to_viewer[0])) - 0.5 * np.pi
+        return RigidTransform(RotationMatrix.MakeZRotation(yaw), p_WT)
+
+
+def rigid_transform(X: Array) -> RigidTransform:
+    """X (4, 4) as Drake's type, its rotation made orthonormal again."""
+    return RigidTransform(RotationMatrix.ProjectToRotationMatrix(X[:3, :3]), X[:3, 3])
+
+
+def _tip_pose() -> RigidTransform:
+    """Meshcat's cone stands on its tip; this one points ahead, its base at the origin."""
+    return RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0.0, 0.0, 0.045])

@@ -1,0 +1,137 @@
+"""Reads an articulated object's model alone, to see whether it has what a scenario names."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import DiagramBuilder
+
+from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
+from plants.robots.wam import add_package
+from systems.port_values import JointType
+
+
+@dataclass(kw_only=True)
+class ObjectModel:
+    """What a model alone says about the explored joint and the handle.
+
+    Attributes:
+        joint_type: Prismatic or revolute.
+        lower: Least position of the joint, [m or rad].
+        upper: Its largest.
+        X_OH: Pose of the handle's frame in the model's, all joints at zero.
+        lever: Distance of the handle from a revolute joint's axis, [m]; 0 for a prismatic one.
+        way_H: Unit vector (3,) in the handle's frame: where the handle goes from zero towards the
+            joint's farther limit; zero for one on a revolute joint's axis.
+        two_ways: Whether both limits are equally far.
+        bottom: Height of its lowest point that can be touched in the model's frame, [m].
+    """
+
+    joint_type: JointType
+    lower: float
+    upper: float
+    X_OH: RigidTransform
+    lever: float
+    way_H: np.ndarray
+    two_ways: bool
+    bottom: float
+
+
+def read_object_model(model: Path, *, joint: str, frame: str, source: str) -> ObjectModel:
+    """Raises a ScenarioError unless the model can be read and has the joint and the frame."""
+    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
+    parser = Parser(plant)
+    add_package(parser)
+    try:
+        instances = parser.AddModels(str(model))
+    except (RuntimeError, ValueError) as error:
+        raise ScenarioError(f"{source}: object.model: cannot be read: {one_line(error)}") from None
+    if len(instances) != 1:
+        raise ScenarioError(
+            f"{source}: object.model = '{model}' holds {len(instances)} models, need one"
+        )
+    instance = instances[0]
+    joints = _names(plant.GetJointIndices, plant.get_joint, instance)
+    if joint not in joints:
+        raise ScenarioError(
+            f"{source}: object.joint: {model.name} has no joint '{joint}';"
+            f" {suggestion(joint, joints)}"
+        )
+    frames = _names(plant.GetFrameIndices, plant.get_frame, instance)
+    if frame not in frames:
+        raise ScenarioError(
+            f"{source}: object.handle_frame: {model.name} has no frame '{frame}';"
+            f" {suggestion(frame, frames)}"
+        )
+    kind = plant.GetJointByName(joint, instance).type_name()
+    if kind not in (JointType.PRISMATIC, JointType.REVOLUTE):
+        raise ScenarioError(
+            f"{source}: object.joint: '{joint}' is a {kind} joint; allowed: prismatic, revolute"
+        )
+    return _facts(plant, scene_graph, instance, joint, frame)
+
+
+def _facts(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    instance: ModelInstanceIndex,
+    joint_name: str,
+    frame: str,
+) -> ObjectModel:
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    joint = plant.GetJointByName(joint_name, instance)
+    handle = plant.GetFrameByName(frame, instance)
+    X_OH = handle.CalcPose(context, plant.GetFrameByName("__model__", instance))
+    X_JH = handle.CalcPose(context, joint.frame_on_parent())
+    lever = 0.0
+    if joint.type_name() == JointType.REVOLUTE:
+        way_J = np.cross(joint.revolute_axis(), X_JH.translation())
+        lever = float(np.linalg.norm(way_J))
+        way_J = way_J / lever if lever > 1e-6 else np.zeros(3)
+    else:
+        way_J = joint.translation_axis()
+    lower, upper = (
+        float(limits[0])
+        for limits in (joint.position_lower_limits(), joint.position_upper_limits())
+    )
+    return ObjectModel(
+        joint_type=JointType(joint.type_name()),
+        lower=lower,
+        upper=upper,
+        X_OH=X_OH,
+        lever=lever,
+        way_H=X_JH.rotation().inverse() @ way_J * (1.0 if upper >= -lower else -1.0),
+        two_ways=upper == -lower,
+        bottom=_bottom(plant, scene_graph, instance),
+    )
+
+
+def _bottom(plant: MultibodyPlant, scene_graph: SceneGraph, instance: ModelInstanceIndex) -> float:
+    context, inspector = plant.CreateDefaultContext(), scene_graph.model_inspector()
+    X_OW = plant.GetFrameByName("__model__", instance).CalcPoseInWorld(context).inverse()
+    heights = [0.0]
+    for body in map(plant.get_body, plant.GetBodyIndices(instance)):
+        X_OB = X_OW @ plant.EvalBodyPoseInWorld(context, body)
+        for geometry in plant.GetCollisionGeometriesForBody(body):
+            box = inspector.GetObbInGeometryFrame(geometry)
+            if box is not None:
+                X_OX = X_OB @ inspector.GetPoseInFrame(geometry) @ box.pose()
+                reach = np.abs(X_OX.rotation().matrix()[2]) @ box.half_width()
+                heights.append(float(X_OX.translation()[2] - reach))
+    return min(heights)
+
+
+def _names(
+    indices: Callable[[ModelInstanceIndex], list[Any]],
+    element: Callable[[Any], Any],
+    instance: ModelInstanceIndex,
+) -> list[str]:
+    return [element(index).name() for index in indices(instance) if element(index).name()]

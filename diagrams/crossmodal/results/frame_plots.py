@@ -1,0 +1,150 @@
+"""Draws what the camera saw, with the features and the joint that a modality believed in."""
+
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from diagrams.crossmodal.results.plots import STYLE, new_figure
+from diagrams.crossmodal.results.report import describe_configuration
+from diagrams.drawing import palette
+from diagrams.joints.joint_drawing import draw_joint, joint_color
+from diagrams.joints.joint_metrics import joint_now, motion_start
+from diagrams.run.record import EpisodeResult, FrameRecord, TickRecord, Truth
+from systems.port_values import STATIC_BODY, FeatureBelief, JointBelief, JointType
+
+
+def draw_frames(result: EpisodeResult, modality: str | None = None) -> Figure | None:
+    """Camera images from start, middle and end of the motion with features and the joint.
+
+    Args:
+        modality: Whose belief is drawn; by default the cross-modal one where it exists.
+    """
+    frames = _choose_frames(result)
+    if not frames or not result.modalities:
+        return None
+    if modality is None:
+        modality = (
+            "crossmodal" if "crossmodal" in result.modalities else next(iter(result.modalities))
+        )
+    height, width = frames[0].color.shape[:2]
+    with mpl.rc_context(STYLE | {"axes.grid": False}):
+        figure = new_figure(4.6 * len(frames), 4.6 * height / width + 0.55)
+        bodies: set[int] = set()
+        joints: set[JointType] = set()
+        for axes, frame in zip(np.atleast_1d(figure.subplots(1, len(frames))), frames, strict=True):
+            _draw_frame(axes, frame, result, modality, bodies, joints)
+        _frame_legend(figure, modality, bodies, joints)
+    return figure
+
+
+def _choose_frames(result: EpisodeResult) -> list[FrameRecord]:
+    """The images at the start of the motion, in its course and at its end.
+
+    Where the lights go off or the camera is covered in the course of it, the last image before
+    that is taken, else the one half way.
+    """
+    frames, truth = result.frames, result.truth
+    if len(frames) <= 3:
+        return frames
+    times = np.array([frame.time for frame in frames])
+    start = motion_start(truth) if len(truth.times) else None
+    begin, end = times[0] if start is None else start, times[-1]
+    disturbances = result.scenario.disturbances
+    starts = [span.start for span in disturbances.lights_off + disturbances.camera_covered]
+    seen = times[(times > begin) & (times < min([t for t in starts if t < end], default=begin))]
+    middle = seen[-1] if len(seen) else 0.5 * (begin + end)
+    chosen = sorted({int(np.argmin(np.abs(times - time))) for time in (begin, middle, end)})
+    return [frames[k] for k in chosen]
+
+
+def _draw_frame(
+    axes: Axes,
+    frame: FrameRecord,
+    result: EpisodeResult,
+    modality: str,
+    bodies: set[int],
+    joints: set[JointType],
+) -> None:
+    """Draws one image and notes in `bodies` and `joints` what the legend has to explain."""
+    height, width = frame.color.shape[:2]
+    axes.imshow(frame.color, interpolation="none")
+    axes.set_axis_off()
+    axes.set_xlim(-0.5, width - 0.5)
+    axes.set_ylim(height - 0.5, -0.5)
+    tick = _tick_at(result.modalities[modality].ticks, frame.time)
+    if tick is None:
+        return
+    features = frame.features.get(modality)
+    if features is not None and len(features.ids):
+        owners = _owners(features, tick)
+        bodies.update(owners)
+        u, v = features.uv.T
+        colors = [palette.body_color(owner) for owner in owners]
+        axes.scatter(u, v, s=9, c=colors, edgecolors="#202020", linewidths=0.35)
+    joint = joint_now(tick.joints, tick.bodies, result.truth.parent_moves)
+    if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
+        body = tick.bodies.find(joint.child_id)
+        if draw_joint(axes, joint, body, result.camera):
+            joints.add(joint.type)
+    dark = any(frame.time in interval for interval in result.scenario.disturbances.lights_off)
+    covered = any(frame.time in span for span in result.scenario.disturbances.camera_covered)
+    note = ", camera covered" if covered else ", lights off" if dark else ""
+    _inset(axes, _caption(f"t = {frame.time:.1f} s{note}", joint, result.truth))
+
+
+def _caption(when: str, joint: JointBelief | None, truth: Truth) -> str:
+    belief = describe_configuration(joint, truth.axis_W)
+    if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
+        belief = f"{joint.type}, q = {belief}"
+    return f"{when}\n{belief}"
+
+
+def _inset(axes: Axes, text: str) -> None:
+    axes.text(
+        0.025,
+        0.965,
+        text,
+        transform=axes.transAxes,
+        va="top",
+        fontsize=10,
+        color="white",
+        linespacing=1.35,
+        bbox={"boxstyle": "round,pad=0.35", "facecolor": "black", "alpha": 0.62, "lw": 0},
+    )
+
+
+def _tick_at(ticks: list[TickRecord], time: float) -> TickRecord | None:
+    if not ticks:
+        return None
+    times = np.array([tick.time for tick in ticks])
+    return ticks[int(np.argmin(np.abs(times - time)))]
+
+
+def _owners(features: FeatureBelief, tick: TickRecord) -> list[int]:
+    """The body of each feature."""
+    owner = {
+        int(feature): body.body_id for body in tick.bodies.bodies for feature in body.feature_ids
+    }
+    return [owner.get(int(feature), STATIC_BODY) for feature in features.ids]
+
+
+def _frame_legend(figure: Figure, modality: str, bodies: set[int], joints: set[JointType]) -> None:
+    dot: dict[str, Any] = {"marker": "o", "ls": "", "mec": "#202020", "mew": 0.4}
+    handles = [
+        Line2D([], [], color=palette.body_color(body), label=palette.body_label(body), **dot)
+        for body in sorted(bodies)
+    ]
+    handles += [
+        Line2D([], [], color=joint_color(joint), lw=4, label=f"{joint} joint")
+        for joint in sorted(joints)
+    ]
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=max(len(handles), 1),
+        title=f"as believed by {palette.MODALITY_LABEL[modality]}",
+    )

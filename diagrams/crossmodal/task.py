@@ -1,0 +1,81 @@
+"""What the robot did and how far that truly moved the joint."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from controllers.interaction.phases import Phase as ControlPhase
+from diagrams.crossmodal.scenario import Task
+from diagrams.run.record import Event, Phase, Truth
+
+_NAMES = {
+    ControlPhase.RELEASE: "grasp lost, trying again",
+    ControlPhase.CLOSE: "closing",
+    ControlPhase.EXPLORE: "exploring",
+    ControlPhase.RETURN: "returning",
+    ControlPhase.STOP: "stopped",
+}
+GRASP_LOST = "grasp lost"
+
+
+def event_name(phase: ControlPhase, grasp_lost: bool) -> str | None:
+    """What begins with a phase of the control; None for what needs no mention."""
+    if phase == ControlPhase.STOP and grasp_lost:
+        return GRASP_LOST
+    return _NAMES.get(phase)
+
+
+def begun(events: Sequence[Event], phase: ControlPhase) -> list[float]:
+    """When a phase began, each time, [s]."""
+    return [event.time for event in events if event.name == _NAMES[phase]]
+
+
+def later_events(events: Sequence[Event]) -> list[Event]:
+    """What follows the first exploration."""
+    start = min(begun(events, ControlPhase.EXPLORE), default=np.inf)
+    return [event for event in events if event.time > start]
+
+
+def task_phases(task: Task, truth: Truth, events: Sequence[Event]) -> dict[str, Phase]:
+    """Target and true travel of exploration and exploitation, [m or rad].
+
+    Exploration reaches its turning point: the largest travel up to half a second after the return
+    began, or up to the end without one. Exploitation reaches where the joint is at the end.
+    """
+    opening = truth.opening()
+    if task.goal is None:
+        reached = float(abs(opening[-1])) if len(opening) else 0.0
+        return {"exploration": Phase(target=task.opening, reached=reached)}
+    returns = begun(events, ControlPhase.RETURN)
+    turn = returns[0] + 0.5 if returns else np.inf
+    travel = np.abs(opening[truth.times <= turn])
+    reached = float(np.nanmax(travel, initial=0.0))
+    phases = {"exploration": Phase(target=task.goal, reached=reached)}
+    if task.return_to_start:
+        end = float(abs(opening[-1])) if returns else float("nan")
+        phases["exploitation"] = Phase(target=0.0, reached=end)
+    return phases
+
+
+def task_failure(task: Task, truth: Truth, events: Sequence[Event]) -> str | None:
+    """Why the task was not done, in one line; None where it was."""
+    phases = task_phases(task, truth, events)
+    reached = phases["exploration"].reached
+    lost = [event.time for event in events if event.name == GRASP_LOST]
+    after = f"; the grasp was believed lost at {lost[0]:.1f} s" if lost else ""
+    if task.goal is None:
+        if reached >= task.opening:
+            return None
+        return f"opened {reached:.3f} of the {task.opening:g} asked for{after}"
+    if abs(reached - task.goal) > task.tolerance:
+        return f"exploration ended at {reached:.3f}, the goal is {task.goal:g}{after}"
+    if not task.return_to_start:
+        return None
+    if not begun(events, ControlPhase.RETURN):
+        return f"exploration did not end in time{after}"
+    if not after and not begun(events, ControlPhase.STOP):
+        return "the return did not end in time"
+    end = phases["exploitation"].reached
+    if end > task.tolerance:
+        return f"brought back to {end:.3f} from its start, {task.tolerance:g} is near enough{after}"
+    return None

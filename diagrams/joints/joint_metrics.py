@@ -1,0 +1,307 @@
+"""Compares the beliefs about a joint with the truth, tick by tick.
+
+An axis and its configuration can be flipped together without changing the joint that they describe.
+So estimates are first turned to the side of the true axis.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import chi2
+
+from diagrams.run.record import TickRecord, Truth
+from systems.port_values import (
+    INTERACTED_BODY,
+    STATIC_BODY,
+    BodyMotions,
+    JointBelief,
+    JointBeliefs,
+    JointModelBelief,
+    JointType,
+)
+
+Array = npt.NDArray[np.float64]
+
+# Travel from which an object counts as moved, [m or rad], and speed of a moving one, [per s].
+MOTION_START = {JointType.PRISMATIC: 0.005, JointType.REVOLUTE: 0.015}
+MOVING_SPEED = {JointType.PRISMATIC: 0.002, JointType.REVOLUTE: 0.006}
+
+
+def axis_sign(axis: Array, axis_true: Array) -> float:
+    """-1 where the unit axis (3,) points against the true one, else 1."""
+    return -1.0 if float(axis @ axis_true) < 0.0 else 1.0
+
+
+def axis_angle_error(axis: Array, axis_true: Array) -> float:
+    """Angle between two lines, [rad], from 0 to pi/2."""
+    sine = float(np.linalg.norm(np.cross(axis, axis_true)))
+    return float(np.arctan2(sine, abs(float(axis @ axis_true))))
+
+
+def axis_distance_error(point: Array, point_true: Array, axis_true: Array) -> float:
+    """Distance of a point (3,) from the true axis, [m]."""
+    return float(np.linalg.norm(np.cross(point - point_true, axis_true)))
+
+
+def axis_nees(axis: Array, covariance: Array, axis_true: Array) -> float:
+    """Normalised squared error of a unit axis in its tangent plane; two degrees of freedom.
+
+    Args:
+        axis: Estimate (3,), on the side of the truth.
+        covariance: (3, 3), of rank 2, [rad^2].
+    """
+    tangent = np.linalg.svd(axis[None, :])[2][1:]
+    error = tangent @ axis_true
+    sine = float(np.linalg.norm(error))
+    if sine > 1e-12:
+        error = error * (axis_angle_error(axis, axis_true) / sine)
+    return normalised_squared_error(error, tangent @ covariance @ tangent.T)
+
+
+def normalised_squared_error(error: Array, covariance: Array) -> float:
+    """error^T covariance^-1 error; infinite where the covariance is not positive definite."""
+    try:
+        L = np.linalg.cholesky(np.atleast_2d(covariance))
+    except np.linalg.LinAlgError:
+        return float("inf")
+    whitened = np.linalg.solve(L, np.atleast_1d(error))
+    return float(whitened @ whitened)
+
+
+def share_inside(nees: Array, degrees: int) -> float:
+    """Share of values inside the two-sided 95 % bounds of chi^2; NaN where there is no value."""
+    if len(nees) == 0:
+        return float("nan")
+    low, high = chi2.ppf([0.025, 0.975], degrees)
+    return float(np.mean((nees >= low) & (nees <= high)))
+
+
+def select_joint(joints: JointBeliefs, parent_moves: bool = False) -> JointBelief | None:
+    """The joint that an episode is about.
+
+    To the environment, that is the joint of the body in the hand; vision alone does not know that
+    body, and there it is the joint that has been observed for longest. Where the true joint's
+    parent moves too (the lid of a box that slides), only a joint between two moving bodies will do.
+    """
+    candidates = [
+        joint for joint in joints.joints if (joint.parent_id != STATIC_BODY) == parent_moves
+    ]
+    held = [joint for joint in candidates if is_held(joint)]
+    return max(held or candidates, key=lambda joint: joint.updates, default=None)
+
+
+def is_held(joint: JointBelief) -> bool:
+    """Whether one of the joint's bodies is the one in the hand."""
+    return INTERACTED_BODY in (joint.parent_id, joint.child_id)
+
+
+def in_world(joint: JointBelief, X_WP: Array) -> JointBelief:
+    """The same belief with axes and points in W, the parent at X_WP (4, 4)."""
+    R_WP = X_WP[:3, :3]
+    models = {
+        joint_type: replace(
+            model,
+            axis_P=R_WP @ model.axis_P,
+            axis_covariance=R_WP @ model.axis_covariance @ R_WP.T,
+            p_PA=R_WP @ model.p_PA + X_WP[:3, 3],
+            p_PA_covariance=R_WP @ model.p_PA_covariance @ R_WP.T,
+        )
+        for joint_type, model in joint.models.items()
+    }
+    return replace(joint, models=models)
+
+
+def joint_at_reference(
+    joints: JointBeliefs, bodies: BodyMotions, parent_moves: bool
+) -> JointBelief | None:
+    """The episode's joint in W, its parent where it was before anything moved."""
+    joint = select_joint(joints, parent_moves)
+    if joint is None or joint.parent_id == STATIC_BODY:
+        return joint
+    parent = bodies.find(joint.parent_id)
+    return None if parent is None else in_world(joint, parent.X_WB_reference)
+
+
+def joint_now(joints: JointBeliefs, bodies: BodyMotions, parent_moves: bool) -> JointBelief | None:
+    """The episode's joint in W, its parent where it is now."""
+    joint = select_joint(joints, parent_moves)
+    if joint is None or joint.parent_id == STATIC_BODY:
+        return joint
+    parent = bodies.find(joint.parent_id)
+    return None if parent is None else in_world(joint, parent.motion.X)
+
+
+@dataclass(kw_only=True)
+class JointSeries:
+    """One modality's belief about the joint against the truth, over T ticks.
+
+    NaN stands for what a tick has no estimate of. Configurations and openings are in [m or rad].
+
+    Attributes:
+        times: (T,) [s].
+        joints: The joint believed in at each tick, in W before anything moved; None where there is
+            none.
+        opening: True travel since the grasp (T,).
+        configuration: Of the likeliest type (T,), on the true axis' side, counted from the grasp;
+            that of a rigid one does not change.
+        configuration_std: (T,)
+        error: configuration - opening (T,); NaN where they have different units.
+        axis_error: Angle to the true axis (T,), [rad].
+        axis_std: Root mean square of that angle as the filter expects it (T,), [rad].
+        distance_error: Distance to the true axis (T,), [m]; of revolute joints.
+        probability_true_type: (T,)
+        type_is_right: (T,)
+        configuration_nees: (T,), one degree of freedom.
+        axis_nees: (T,), two degrees of freedom.
+    """
+
+    times: Array
+    joints: list[JointBelief | None]
+    opening: Array
+    configuration: Array
+    configuration_std: Array
+    error: Array
+    axis_error: Array
+    axis_std: Array
+    distance_error: Array
+    probability_true_type: Array
+    type_is_right: npt.NDArray[np.bool_]
+    configuration_nees: Array
+    axis_nees: Array
+
+
+def joint_series(ticks: Sequence[TickRecord], truth: Truth) -> JointSeries:
+    """Evaluates every tick of a modality."""
+    times = np.array([tick.time for tick in ticks], dtype=float)
+    opening = opening_at(times, truth)
+    names = ("configuration", "configuration_std", "error", "axis_error", "axis_std",
+             "distance_error", "configuration_nees", "axis_nees")  # fmt: skip
+    columns = {name: np.full(len(ticks), np.nan) for name in names}
+    probability = np.full(len(ticks), np.nan)
+    joints = [joint_at_reference(tick.joints, tick.bodies, truth.parent_moves) for tick in ticks]
+    for k, joint in enumerate(joints):
+        if joint is None:
+            continue
+        probability[k] = joint.probabilities.get(truth.joint_type, 0.0)
+        held = is_held(joint)
+        before = -travel_at_grasp(times[k], truth) if held else travel_before_grasp(truth)
+        reversible = truth.parent_moves and not held
+        for name, value in _compare(joint, truth, opening[k], before, reversible).items():
+            columns[name][k] = value
+    right = np.array([joint is not None and joint.type == truth.joint_type for joint in joints])
+    return JointSeries(
+        times=times,
+        joints=joints,
+        opening=opening,
+        probability_true_type=probability,
+        type_is_right=right.astype(bool),
+        **columns,
+    )
+
+
+def opening_at(times: Array, truth: Truth) -> Array:
+    """True travel since the grasp at the given instants."""
+    if len(truth.times) == 0:
+        return np.full(len(times), np.nan)
+    return np.interp(times, truth.times, truth.opening())
+
+
+def travel_at_grasp(time: float, truth: Truth) -> float:
+    """True travel where the body in the hand was grasped, [m or rad]: zero but after a lost grasp.
+
+    Perception begins anew with another grasp, so only what it says since then is judged.
+    """
+    if not truth.regrasp_times:
+        return 0.0
+    return float(opening_at(np.array([truth.last_grasp(time)]), truth)[0])
+
+
+def travel_before_grasp(truth: Truth) -> float:
+    """How far closing the hand has nudged the joint, [m or rad].
+
+    The configuration of a body that vision found is zero where it rested before anything moved it,
+    that of the body in the hand where it was when the hand had closed.
+    """
+    opening = truth.opening()
+    return -float(opening[0]) if len(opening) else 0.0
+
+
+def _compare(
+    joint: JointBelief, truth: Truth, opening: float, before: float, reversible: bool
+) -> dict[str, float]:
+    """The joint's figures by name.
+
+    Which of two bodies that are only seen carries the other is a convention: `KinematicModel` goes
+    by which was found first. If `reversible`, the configuration counts the way that fits the truth.
+    """
+    if joint.type == JointType.RIGID:
+        return {"configuration": -before, "error": -before - opening}
+    if joint.type == JointType.DISCONNECTED:
+        return {}
+    model: JointModelBelief = joint.model
+    sign = axis_sign(model.axis_P, truth.axis_W)
+    variance = float(model.configuration_covariance[0, 0])
+    q = sign * float(model.configuration[0])
+    target = opening + before
+    if reversible and abs(-q - target) < abs(q - target):
+        q = -q
+    configuration = q - before
+    compared = {
+        "configuration": configuration,
+        "configuration_std": float(np.sqrt(max(variance, 0.0))),
+        "axis_error": axis_angle_error(model.axis_P, truth.axis_W),
+        "axis_std": float(np.sqrt(max(np.trace(model.axis_covariance), 0.0))),
+    }
+    if joint.type == truth.joint_type:
+        error = configuration - opening
+        compared["error"] = error
+        compared["configuration_nees"] = normalised_squared_error(
+            np.array([error]), np.array([[variance]])
+        )
+        compared["axis_nees"] = axis_nees(sign * model.axis_P, model.axis_covariance, truth.axis_W)
+        if truth.joint_type == JointType.REVOLUTE:
+            compared["distance_error"] = axis_distance_error(
+                model.p_PA, truth.point_W, truth.axis_W
+            )
+    return compared
+
+
+def motion_start(truth: Truth) -> float | None:
+    """The first instant at which the object has visibly moved since the grasp, [s]."""
+    moved = (np.abs(truth.opening()) >= MOTION_START[truth.joint_type]) & (
+        truth.times >= truth.grasp_time
+    )
+    return float(truth.times[int(np.argmax(moved))]) if np.any(moved) else None
+
+
+def moving_at(times: Array, truth: Truth) -> npt.NDArray[np.bool_]:
+    """Whether the object moves at the given instants, from the start of its motion on."""
+    start = motion_start(truth)
+    if start is None or len(truth.times) < 2:
+        return np.zeros(len(times), dtype=bool)
+    speed = np.abs(np.gradient(truth.configuration, truth.times))
+    moving = np.interp(times, truth.times, speed) >= MOVING_SPEED[truth.joint_type]
+    return moving & (times >= start)
+
+
+def type_settled_at(series: JointSeries, truth: Truth) -> float | None:
+    """Time of motion after which the likeliest type is the true one to the end, [s].
+
+    Counted from the first 5 mm of travel (15 mrad of a revolute joint); None if it never settles.
+    A modality that loses the joint for good is judged up to that moment.
+    """
+    start = motion_start(truth)
+    last = last_seen(series)
+    if start is None or last is None or not series.type_is_right[last]:
+        return None
+    wrong = np.flatnonzero(~series.type_is_right[: last + 1])
+    settled = 0 if len(wrong) == 0 else int(wrong[-1]) + 1
+    return max(0.0, float(series.times[settled]) - start)
+
+
+def last_seen(series: JointSeries) -> int | None:
+    """Index of the last tick with a belief about the joint."""
+    seen = [k for k, joint in enumerate(series.joints) if joint is not None]
+    return seen[-1] if seen else None

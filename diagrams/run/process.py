@@ -1,0 +1,141 @@
+"""One episode of an evaluation in a process of its own.
+
+    python -m diagrams.run.process FOLDER
+
+It runs the scenario that FOLDER holds and writes the episode there. Memory that an episode keeps
+ends with it, and so does whatever kills it. It ends when its standard input is closed, so that it
+never outlives who started it.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import traceback
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from diagrams.crossmodal.scenario import Scenario, load_scenario
+from diagrams.run.run_folder import (
+    SCENARIO_FILE,
+    SUMMARY_FILE,
+    finished_summary,
+    open_run_folder,
+    write_run,
+    write_scenario,
+    write_text,
+)
+from diagrams.run.yaml_schema import ScenarioError, one_line
+
+ERROR_FILE = "error.txt"  # The reason in its first line, then the traceback.
+LOG_FILE = "log.txt"
+_COMMAND = (sys.executable, "-m", "diagrams.run.process")
+_RUNNING: set[subprocess.Popen[bytes]] = set()
+
+
+def thread_limits(cores: int) -> dict[str, str]:
+    """Environment that keeps an episode to so many cores."""
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
+    limits = dict.fromkeys(names, "1")
+    # Mesa's software renderer draws in the calling thread when told to use none of its own.
+    limits["LP_NUM_THREADS"] = "0" if cores == 1 else str(cores)
+    limits["OPENCV_FOR_THREADS_NUM"] = str(cores)
+    return limits
+
+
+def run_apart(scenario: Scenario, folder: Path, environment: Mapping[str, str]) -> dict[str, Any]:
+    """Runs an episode in a process of its own; whatever goes wrong there is its result.
+
+    Args:
+        scenario: With its seed.
+        folder: Where the episode is written.
+        environment: Added to this process' own.
+
+    Returns:
+        The episode's summary, or that of a failure with its reason.
+    """
+    try:
+        open_run_folder(folder, force=True)
+        for name in (SUMMARY_FILE, ERROR_FILE):
+            (folder / name).unlink(missing_ok=True)
+        write_scenario(folder, scenario)
+        log = (folder / LOG_FILE).open("wb")
+    except (OSError, ScenarioError) as error:
+        return failed_summary(scenario, one_line(error))
+    root = str(Path(__file__).parents[2])
+    paths = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
+    with log:
+        process = subprocess.Popen(
+            [*_COMMAND, str(folder.resolve())],
+            stdin=subprocess.PIPE,
+            stdout=log,
+            stderr=log,
+            env={**os.environ, **environment, "PYTHONPATH": paths},
+            start_new_session=True,  # A Ctrl-C is for the one who started it.
+        )
+    _RUNNING.add(process)
+    with process:
+        try:
+            process.wait()
+        finally:
+            _RUNNING.discard(process)
+    summary = finished_summary(folder, scenario)
+    return summary or failed_summary(scenario, _reason(folder, process.returncode))
+
+
+def stop_running() -> None:
+    """Ends the episodes that this process has started."""
+    for process in list(_RUNNING):
+        process.kill()
+
+
+def failed_summary(scenario: Scenario, reason: str) -> dict[str, Any]:
+    """The summary of an episode that has none of its own."""
+    return {
+        "scenario": scenario.name,
+        "seed": scenario.seed,
+        "success": False,
+        "failure": reason,
+        "modalities": {},
+        "phases": {},
+    }
+
+
+def _reason(folder: Path, status: int) -> str:
+    try:
+        return (folder / ERROR_FILE).read_text(encoding="utf-8").splitlines()[0]
+    except (OSError, IndexError):
+        pass
+    if (folder / SUMMARY_FILE).is_file():
+        return "the program's files have changed since the evaluation began"
+    how = signal.Signals(-status).name if status < 0 else f"exit status {status}"
+    return f"worker died ({how}), see {LOG_FILE}"
+
+
+def run_here(folder: Path) -> int:
+    """Runs the episode that `folder` describes and returns the exit status."""
+    from diagrams.run.episode import run_episode
+
+    try:
+        scenario = load_scenario(str(folder / SCENARIO_FILE))
+        write_run(folder, run_episode(scenario, scenario.seed))
+    except Exception as error:
+        name = "" if isinstance(error, ScenarioError) else f"{type(error).__name__}: "
+        text = f"{name}{one_line(error)}\n\n{traceback.format_exc()}"
+        write_text(folder / ERROR_FILE, text)
+        return 1
+    return 0
+
+
+def _end_with_parent() -> None:
+    # Not by sys.stdin: its lock would be missing when the interpreter ends.
+    while os.read(0, 1024):
+        pass
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    sys.exit(run_here(Path(sys.argv[1])))

@@ -1,0 +1,133 @@
+"""The geometry of a joint in F, the child's measured reference frame, compiled.
+
+A joint with parameters (Y, a, c) moves the child along one screw:
+
+    X_FB(q) = E(q) Y,  E(q) = translation by a q (prismatic), or rotation by q about the axis
+                       through c along a (revolute), or identity (rigid)
+
+with Y = X_FB(0) the true reference pose (6 dimensions), a the unit axis (2) and c the axis point
+nearest to Fo (2, in the plane normal to a). Tangent coordinates are in this order: Y's right
+perturbation, then a and c along the same two unit vectors normal to a.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from maths.compiled import hot
+from systems.kinematics.joint_solver.pose_packets import move
+
+Array = npt.NDArray[np.float64]
+
+PRISMATIC, REVOLUTE, RIGID = 0, 1, 2
+
+
+@hot
+def dimension(kind: int) -> int:
+    """The number of parameters of a model."""
+    return 8 if kind == PRISMATIC else (10 if kind == REVOLUTE else 6)
+
+
+@hot
+def tangent_basis(a: Array, B: Array) -> None:
+    """Writes two unit vectors normal to the unit vector `a` and to each other into `B` (2, 3)."""
+    k = 0
+    for i in range(1, 3):
+        if abs(a[i]) < abs(a[k]):
+            k = i
+    s = np.sqrt(1.0 - a[k] * a[k])
+    for i in range(3):
+        B[0, i] = ((1.0 if i == k else 0.0) - a[k] * a[i]) / s
+    B[1, 0] = a[1] * B[0, 2] - a[2] * B[0, 1]
+    B[1, 1] = a[2] * B[0, 0] - a[0] * B[0, 2]
+    B[1, 2] = a[0] * B[0, 1] - a[1] * B[0, 0]
+
+
+@hot
+def _cross(x: Array, y: Array) -> tuple[float, float, float]:
+    return x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
+
+
+@hot
+def _into_body(Y: Array, w: Array, v: Array, out: Array) -> None:
+    """Writes the twist (w, v) in the screw's moving frame as one in B into `out` (6,)."""
+    x = v[0] - (Y[1, 3] * w[2] - Y[2, 3] * w[1])
+    y = v[1] - (Y[2, 3] * w[0] - Y[0, 3] * w[2])
+    z = v[2] - (Y[0, 3] * w[1] - Y[1, 3] * w[0])
+    for i in range(3):
+        out[i] = Y[0, i] * w[0] + Y[1, i] * w[1] + Y[2, i] * w[2]
+        out[3 + i] = Y[0, i] * x + Y[1, i] * y + Y[2, i] * z
+
+
+@hot
+def child_pose(kind: int, Y: Array, a: Array, c: Array, q: float, X: Array) -> None:
+    """Writes X_FB(q) = E(q) Y (4, 4) into `X`."""
+    cosine, sine = (np.cos(q), np.sin(q)) if kind == REVOLUTE else (1.0, 0.0)
+    slide = q if kind == PRISMATIC else 0.0
+    for j in range(4):
+        # Rodrigues on each column; the last is a point, turned about c.
+        o = 1.0 if j == 3 else 0.0
+        x, y, z = Y[0, j] - o * c[0], Y[1, j] - o * c[1], Y[2, j] - o * c[2]
+        along = (1.0 - cosine) * (a[0] * x + a[1] * y + a[2] * z) + o * slide
+        X[0, j] = cosine * x + sine * (a[1] * z - a[2] * y) + along * a[0] + o * c[0]
+        X[1, j] = cosine * y + sine * (a[2] * x - a[0] * z) + along * a[1] + o * c[1]
+        X[2, j] = cosine * z + sine * (a[0] * y - a[1] * x) + along * a[2] + o * c[2]
+        X[3, j] = o
+
+
+@hot
+def screw_twists(kind: int, Y: Array, a: Array, c: Array, B: Array, G: Array) -> None:
+    """Writes five constant twists (5, 6) in the child, of which all Jacobians are combinations.
+
+    Row 0 is the child's twist per unit of q. Rows 1 and 2 are rotations through c along the basis
+    vectors B (2, 3) normal to the axis, rows 3 and 4 translations along them.
+    """
+    w, v = np.zeros(3), np.zeros(3)
+    for i in range(2):
+        _into_body(Y, w, B[i], G[3 + i])
+    for i in range(2):
+        v[0], v[1], v[2] = _cross(c, B[i])
+        _into_body(Y, B[i], v, G[1 + i])
+    if kind == PRISMATIC:
+        _into_body(Y, w, a, G[0])
+    else:
+        v[0], v[1], v[2] = _cross(c, a)
+        _into_body(Y, a, v, G[0])
+
+
+@hot
+def jacobian(kind: int, G: Array, q: float, J: Array) -> None:
+    """Writes the child's twists per unit of q (row 0) and of (a, c) (rows 1 to 4) into `J` (5, 6).
+
+    `G` is from `screw_twists`; the tangent coordinates of a and c belong to its basis. Tilting a
+    revolute axis by e moves the child, already at q, by a rotation of sin q e - (1 - cos q) a x e.
+    """
+    if kind == PRISMATIC:
+        for i in range(6):
+            J[0, i], J[1, i], J[2, i] = G[0, i], q * G[3, i], q * G[4, i]
+        return
+    s, d = np.sin(q), 1.0 - np.cos(q)
+    for i in range(6):
+        J[0, i] = G[0, i]
+        J[1, i], J[2, i] = s * G[1, i] - d * G[2, i], s * G[2, i] + d * G[1, i]
+        J[3, i], J[4, i] = -d * G[3, i] - s * G[4, i], -d * G[4, i] + s * G[3, i]
+
+
+@hot
+def retract(kind: int, Y: Array, a: Array, c: Array, step: Array) -> None:
+    """Moves (Y, a, c) by `step` in their tangent space, in place."""
+    move(Y, step, Y)
+    if kind == RIGID:
+        return
+    B = np.empty((2, 3))
+    tangent_basis(a, B)
+    norm = np.sqrt(step[6] ** 2 + step[7] ** 2)
+    s, cosine = (np.sin(norm) / norm, np.cos(norm)) if norm > 1e-9 else (1.0, 1.0)
+    for i in range(3):
+        a[i] = cosine * a[i] + s * (step[6] * B[0, i] + step[7] * B[1, i])
+        if kind == REVOLUTE:
+            c[i] += step[8] * B[0, i] + step[9] * B[1, i]
+    length = np.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2)
+    along = (a[0] * c[0] + a[1] * c[1] + a[2] * c[2]) / length**2
+    for i in range(3):
+        c[i] -= along * a[i]
+        a[i] /= length

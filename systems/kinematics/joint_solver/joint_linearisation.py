@@ -1,0 +1,250 @@
+"""Packets of relative poses linearised about one joint, compiled.
+
+The parameters theta = (Y, a, c) and their tangent space are those of `joint_geometry`. A packet's
+residual is log(X_FB(q)^-1 Z) in B. Its q is left free, so that what remains speaks about theta
+alone, and what it says about q is kept beside it for the chain of all q (`joint_chain`).
+
+Everything is linearised anew at each call, so no early linearisation stays.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from maths.compiled import hot
+from systems.kinematics.joint_solver.joint_geometry import (
+    REVOLUTE,
+    RIGID,
+    child_pose,
+    dimension,
+    jacobian,
+    screw_twists,
+    tangent_basis,
+)
+from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
+from systems.kinematics.joint_solver.pose_packets import Packets, relative_log
+
+Array = npt.NDArray[np.float64]
+
+
+class Linear(NamedTuple):
+    """The packets linearised at one theta and q.
+
+    Attributes:
+        alpha: (K,) information about q in each packet.
+        g: (K,) its information vector, relative to the q of linearisation.
+        beta: (K, 10) its coupling with theta.
+        information: (10, 10) about theta, lower triangle.
+        vector: (10,) its information vector.
+        value: (1,) log likelihood at the linearisation, each packet's own normaliser left out.
+    """
+
+    alpha: Array
+    g: Array
+    beta: Array
+    information: Array
+    vector: Array
+    value: Array
+
+
+@hot
+def new_linear(capacity: int) -> Linear:
+    """Room for `capacity` packets, zero."""
+    return Linear(
+        np.zeros(capacity),
+        np.zeros(capacity),
+        np.zeros((capacity, 10)),
+        np.zeros((10, 10)),
+        np.zeros(10),
+        np.zeros(1),
+    )
+
+
+@hot
+def _weigh(W: Array, k: int, rows: int, J: Array, WJ: Array) -> None:
+    """Writes J W_k into `WJ`, both with `rows` rows of six."""
+    for i in range(rows):
+        for j in range(6):
+            s = 0.0
+            for n in range(6):
+                s += J[i, n] * W[k, n, j]
+            WJ[i, j] = s
+
+
+@hot
+def _add_normal_equations(
+    W: Array, k: int, extra: int, J: Array, WJ: Array, H: Array, h: Array
+) -> float:
+    """Adds packet k's to H (10, 10), lower triangle, and h (10,); returns r^T W r.
+
+    J holds the twist per unit of q, those per parameter of axis and point, and the residual r.
+    """
+    r = 1 + extra
+    for i in range(6):
+        h[i] += WJ[r, i]
+        for j in range(i + 1):
+            H[i, j] += W[k, i, j]
+    for i in range(extra):
+        for j in range(6):
+            h[6 + i] += J[1 + i, j] * WJ[r, j]
+            H[6 + i, j] += WJ[1 + i, j]
+        for j in range(i + 1):
+            for n in range(6):
+                H[6 + i, 6 + j] += J[1 + i, n] * WJ[1 + j, n]
+    square = 0.0
+    for j in range(6):
+        square += J[r, j] * WJ[r, j]
+    return square
+
+
+@hot
+def _free_configuration(
+    k: int, extra: int, J: Array, WJ: Array, lin_beta: Array, H: Array, h: Array
+) -> tuple[float, float]:
+    """Takes out of H and h what packet k's unknown q explains; returns its alpha and g."""
+    alpha, g = 0.0, 0.0
+    for j in range(6):
+        alpha += J[0, j] * WJ[0, j]
+        g += J[1 + extra, j] * WJ[0, j]
+        lin_beta[k, j] = WJ[0, j]
+    for i in range(extra):
+        s = 0.0
+        for j in range(6):
+            s += J[1 + i, j] * WJ[0, j]
+        lin_beta[k, 6 + i] = s
+    for i in range(6 + extra):
+        scaled = lin_beta[k, i] / alpha
+        h[i] -= scaled * g
+        for j in range(i + 1):
+            H[i, j] -= scaled * lin_beta[k, j]
+    return alpha, g
+
+
+@hot
+def _add_packets(
+    kind: int,
+    first: int,
+    last: int,
+    Y: Array,
+    a: Array,
+    c: Array,
+    q: Array,
+    Z: Array,
+    W: Array,
+    lin: Linear,
+) -> None:
+    """Adds packets `first` to `last` - 1; arrays are passed one by one for speed."""
+    extra = dimension(kind) - 6
+    rows = 2 + extra if kind != RIGID else 1
+    J, WJ, G, X, B = (
+        np.empty((6, 6)),
+        np.empty((6, 6)),
+        np.empty((5, 6)),
+        np.empty((4, 4)),
+        np.empty((2, 3)),
+    )
+    H, h, beta, alphas, gs = lin.information, lin.vector, lin.beta, lin.alpha, lin.g
+    r = J[rows - 1]
+    tangent_basis(a, B)
+    screw_twists(kind, Y, a, c, B, G)
+    value = 0.0
+    for k in range(first, last):
+        child_pose(kind, Y, a, c, q[k], X)
+        relative_log(X, Z[k], r)
+        if kind != RIGID:
+            jacobian(kind, G, q[k], J)
+        _weigh(W, k, rows, J, WJ)
+        value -= 0.5 * _add_normal_equations(W, k, rows - 2, J, WJ, H, h)
+        if kind != RIGID and k > 0:
+            alpha, g = _free_configuration(k, extra, J, WJ, beta, H, h)
+            alphas[k], gs[k] = alpha, g
+            value += 0.5 * g * g / alpha
+    lin.value[0] += value
+
+
+@hot
+def add_packets(kind: int, m: Models, p: Packets, first: int, last: int, lin: Linear) -> None:
+    """Linearises packets `first` to `last` - 1 and adds what they say about theta.
+
+    Each packet's q is left free, except that of packet 0, where it is zero.
+    """
+    _add_packets(kind, first, last, m.Y[kind], m.a[kind], m.c[kind], m.q[kind], p.Z, p.W, lin)
+
+
+@hot
+def clear(lin: Linear) -> None:
+    """Takes all packets out."""
+    lin.information[:] = 0.0
+    lin.vector[:] = 0.0
+    lin.value[0] = 0.0
+
+
+@hot
+def prior_offset(kind: int, m: Models, d: Array) -> None:
+    """Writes (Y, a, c) relative to where the prior was linearised into `d` (12,)."""
+    relative_log(m.prior_Y[kind], m.Y[kind], d)
+    for i in range(3):
+        d[6 + i] = m.a[kind, i] - m.prior_a[kind, i]
+        d[9 + i] = m.c[kind, i] - m.prior_c[kind, i]
+
+
+@hot
+def embedding(a: Array, T: Array) -> None:
+    """Writes the tangent vectors of (Y, a, c) as rows of twelve components into `T` (10, 12)."""
+    B = np.empty((2, 3))
+    tangent_basis(a, B)
+    T[:] = 0.0
+    for i in range(6):
+        T[i, i] = 1.0
+    for i in range(2):
+        for k in range(3):
+            T[6 + i, 6 + k] = B[i, k]
+            T[8 + i, 9 + k] = B[i, k]
+
+
+@hot
+def _add_prior(kind: int, m: Models, lin: Linear) -> None:
+    """Adds what dropped packets said."""
+    d, T = np.empty(12), np.empty((10, 12))
+    prior_offset(kind, m, d)
+    embedding(m.a[kind], T)
+    n = dimension(kind)
+    gradient, columns = np.empty(12), np.empty((10, 12))
+    lin.value[0] += m.prior_value[kind]
+    for i in range(12):
+        gradient[i] = m.prior_vector[kind, i]
+        for j in range(12):
+            gradient[i] -= m.prior_information[kind, i, j] * d[j]
+        lin.value[0] += 0.5 * d[i] * (m.prior_vector[kind, i] + gradient[i])
+    for i in range(n):
+        for j in range(12):
+            lin.vector[i] += T[i, j] * gradient[j]
+            columns[i, j] = 0.0
+            for k in range(12):
+                columns[i, j] += T[i, k] * m.prior_information[kind, k, j]
+        for j in range(i + 1):
+            for k in range(12):
+                lin.information[i, j] += columns[i, k] * T[j, k]
+
+
+@hot
+def linearise(kind: int, m: Models, p: Packets, sigma_c: float, lin: Linear) -> None:
+    """Fills `lin` with all packets and the priors of theta, at the model's theta and q."""
+    clear(lin)
+    add_packets(kind, m, p, int(np.int64(0)), p.size[0], lin)
+    if np.trace(m.prior_information[kind]) > 0.0:
+        _add_prior(kind, m, lin)
+    if kind == RIGID:
+        return
+    for i in range(2):
+        lin.information[6 + i, 6 + i] += 1.0 / AXIS_SPREAD**2
+    if kind == REVOLUTE:
+        B, c = np.empty((2, 3)), m.c[kind]
+        tangent_basis(m.a[kind], B)
+        for i in range(2):
+            along = c[0] * B[i, 0] + c[1] * B[i, 1] + c[2] * B[i, 2]
+            lin.vector[8 + i] -= along / sigma_c**2
+            lin.information[8 + i, 8 + i] += 1.0 / sigma_c**2
+            lin.value[0] -= 0.5 * (along / sigma_c) ** 2
+        lin.value[0] -= 2.0 * np.log(sigma_c)

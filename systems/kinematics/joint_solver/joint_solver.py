@@ -1,0 +1,227 @@
+"""The solution of the joint models for all packets in memory, compiled.
+
+The moving models are solved by Gauss-Newton steps from the last solution, for each of several
+acceleration densities, and the rigid one likewise; the free walk's evidence is a sum over pairs of
+packets.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from maths import cholesky
+from maths.compiled import hot
+from systems.kinematics.joint_solver.joint_chain import Chain, new_chain, run_chain, smooth, solve
+from systems.kinematics.joint_solver.joint_geometry import (
+    PRISMATIC,
+    REVOLUTE,
+    RIGID,
+    dimension,
+    retract,
+)
+from systems.kinematics.joint_solver.joint_linearisation import Linear, linearise, new_linear
+from systems.kinematics.joint_solver.joint_models import Models
+from systems.kinematics.joint_solver.pose_packets import RECENT, Packets
+
+Array = npt.NDArray[np.float64]
+
+_STILL = 0.1  # Gain in log likelihood below which another step is not worth it, [nat].
+_SHORTER = 0.3  # Share of a step that is tried when the whole of it was too far.
+_PROMISED = 1.0  # Gain that a step not yet taken may count as evidence, [nat].
+_TILT = 0.7  # Most that one step may tilt an axis, [rad],
+_SHIFT = 0.5  # or move it, as a share of its distance.
+
+
+class Priors(NamedTuple):
+    """What is known of joints before anything is measured, and of the measurements' errors.
+
+    Attributes:
+        densities: Acceleration densities (n,) of the child to choose from, [m^2/s^3].
+        speed: Standard deviation of the child's first speed, [m/s].
+        radius: Lever of a rotation about the child itself, [m].
+        axis_distance: Standard deviation from child to axis, per direction, [m].
+        walk_rate: Of the free walk (6,) [rad^2/s, m^2/s].
+        coarseness: See `pose_packets.choose`.
+        fast: Share of each measurement's variance that is new at each, one for white noise.
+        slow: Share of it that stays for a while and cannot be told from motion.
+    """
+
+    densities: Array
+    speed: float
+    radius: float
+    axis_distance: float
+    walk_rate: Array
+    coarseness: float
+    fast: float
+    slow: float
+
+
+@hot
+def _lever(kind: int, m: Models, priors: Priors) -> float:
+    """How far the child moves per unit of q; one rule for joints of any radius, [m] per unit."""
+    if kind == PRISMATIC:
+        return 1.0
+    c = m.c[kind]
+    return np.sqrt(priors.radius**2 + c[0] ** 2 + c[1] ** 2 + c[2] ** 2)
+
+
+@hot
+def _solve_densities(
+    kind: int, m: Models, p: Packets, priors: Priors, lin: Linear, best: Chain, trial: Chain
+) -> tuple[float, float, float, float]:
+    """Solves for every acceleration density; the best solution stays in `best`.
+
+    Returns:
+        Log evidence with the density marginalised, the best density S, its log likelihood and gain.
+    """
+    n, lever, still = dimension(kind), _lever(kind, m, priors), np.zeros(10)
+    total, top, best_S, best_value, best_gain = 0.0, -np.inf, 0.0, 0.0, 0.0
+    for density in priors.densities:
+        S = density / lever**2
+        value = run_chain(n, S, priors.speed / lever, 1.0, m.q[kind], p, lin, still, 0, trial)
+        evidence, gain = solve(n, value, trial)
+        if evidence > top:
+            total = total * np.exp(top - evidence) + 1.0
+            top, best_S, best_value, best_gain = evidence, S, value, gain
+            best.m[:], best.M[:], best.P[:] = trial.m, trial.M, trial.P
+            best.H[:], best.step[:] = trial.H, trial.step
+        else:
+            total += np.exp(evidence - top)
+    return top + np.log(total / priors.densities.size), best_S, best_value, best_gain
+
+
+@hot
+def _track(
+    kind: int, m: Models, p: Packets, priors: Priors, lin: Linear, best: Chain, trial: Chain
+) -> float:
+    """Filters q anew with the errors' fast share only, into `best`; returns its density S.
+
+    A slow error moves along with q: following the measurement is then better than smoothing it. S
+    is the likeliest of the newest packets: in a long even motion, a stop would drown.
+    What theta is worth stays as it is; the slow share comes on top of the variance of q.
+    """
+    n, lever, q = dimension(kind), _lever(kind, m, priors), m.q[kind].copy()
+    speed, since = priors.speed / lever, p.size[0] - RECENT
+    top, best_S = -np.inf, 0.0
+    for density in priors.densities:
+        S = density / lever**2
+        value = run_chain(n, S, speed, priors.fast, q, p, lin, best.step, since, trial)
+        if value > top:
+            top, best_S = value, S
+            best.m[:], best.M[:], best.P[:] = trial.m, trial.M, trial.P
+    best.P[0] += priors.slow / lin.alpha[p.size[0] - 1]
+    return best_S
+
+
+@hot
+def _store(kind: int, m: Models, chain: Chain) -> None:
+    """Keeps the posterior of the newest packet."""
+    n = dimension(kind)
+    cholesky.inverse(chain.H, m.covariance[kind], n)
+    for i in range(2):
+        m.state[kind, i] = chain.m[i]
+        for j in range(n):
+            m.gain[kind, i, j] = chain.M[i, j]
+            m.state[kind, i] += chain.M[i, j] * chain.step[j]
+    m.P[kind, 0, 0], m.P[kind, 1, 1] = chain.P[0], chain.P[2]
+    m.P[kind, 0, 1] = m.P[kind, 1, 0] = chain.P[1]
+
+
+@hot
+def _trusted(kind: int, c: Array, step: Array) -> float:
+    """The share of a step within which the linearisation can be trusted."""
+    tilt = np.sqrt(step[6] ** 2 + step[7] ** 2)
+    share = 1.0 if tilt < _TILT else _TILT / tilt
+    if kind == REVOLUTE:
+        shift = np.sqrt(step[8] ** 2 + step[9] ** 2)
+        limit = _SHIFT * (0.3 + np.sqrt(c[0] ** 2 + c[1] ** 2 + c[2] ** 2))
+        share = min(share, 1.0 if shift < limit else limit / shift)
+    return share
+
+
+@hot
+def _move(kind: int, m: Models, priors: Priors, q: Array, step: Array) -> None:
+    """Moves theta by `step`; m.q came with it from `q`, linearly.
+
+    What it moved by is scaled so that paths keep their length where the axis moves away.
+    """
+    before = _lever(kind, m, priors)
+    retract(kind, m.Y[kind], m.a[kind], m.c[kind], step)
+    share = before / _lever(kind, m, priors)
+    for i in range(q.size):
+        m.q[kind, i] = q[i] + share * (m.q[kind, i] - q[i])
+
+
+@hot
+def solve_moving(kind: int, m: Models, p: Packets, priors: Priors, steps: int) -> None:
+    """Gauss-Newton with step shortening on theta and all q; stores posterior and evidence.
+
+    Only a step that promises next to nothing is taken without looking back: along a valley, as that
+    of an axis far away, a step can promise little, go far and end high up on the other side.
+
+    Args:
+        kind: `PRISMATIC` or `REVOLUTE`.
+        m: Models.
+        p: Packets.
+        priors: See `Priors`.
+        steps: Linearisations at most, two or more.
+    """
+    lin = new_linear(p.time.size)
+    best, trial = new_chain(), new_chain()
+    previous, q_previous = -np.inf, m.q[kind].copy()
+    Y, a, c = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy()
+    step, dq = np.zeros(10), np.zeros(p.time.size)
+    for i in range(steps):
+        linearise(kind, m, p, priors.axis_distance, lin)
+        evidence, S, value, gain = _solve_densities(kind, m, p, priors, lin, best, trial)
+        if i < steps - 1 and value < previous:
+            share = _SHORTER if i < steps - 2 else 0.0
+            step *= share
+            m.Y[kind], m.a[kind], m.c[kind] = Y, a, c
+            m.q[kind] = q_previous + share * dq
+            _move(kind, m, priors, q_previous, step)
+            continue
+        previous = value
+        Y[:], a[:], c[:], q_previous[:] = m.Y[kind], m.a[kind], m.c[kind], m.q[kind]
+        last = i >= steps - 2 or gain < _STILL
+        best.step[:] *= _trusted(kind, m.c[kind], best.step)
+        if last and gain >= _STILL:
+            best.step[:] = 0.0
+        step[:] = best.step
+        sigma_v = priors.speed / _lever(kind, m, priors)
+        smooth(dimension(kind), S, sigma_v, q_previous, p, lin, step, m.q[kind])
+        if last and priors.fast < 1.0:
+            m.q[kind], q_smooth = q_previous, m.q[kind].copy()
+            S = _track(kind, m, p, priors, lin, best, trial)
+            m.q[kind] = q_smooth
+        dq = m.q[kind] - q_previous
+        _move(kind, m, priors, q_previous, step)
+        evidence -= max(gain - _PROMISED, 0.0)
+        m.log_evidence[kind], m.density[kind] = evidence + m.carried[kind], S
+        _store(kind, m, best)
+        if last:
+            break
+
+
+@hot
+def solve_still(m: Models, p: Packets, axis_distance: float) -> None:
+    """The rigid model, all but linear, and the free walk's evidence."""
+    rigid = int(np.int64(RIGID))  # Not a literal, for which all it calls would be compiled again.
+    lin, chain = new_linear(p.time.size), new_chain()
+    for _ in range(2):
+        linearise(rigid, m, p, axis_distance, lin)
+        for i in range(6):
+            chain.h[i] = lin.vector[i]
+            for j in range(i + 1):
+                chain.H[i, j] = lin.information[i, j]
+        evidence, gain = solve(dimension(rigid), lin.value[0], chain)
+        retract(rigid, m.Y[RIGID], m.a[RIGID], m.c[RIGID], chain.step)
+        m.log_evidence[RIGID] = evidence + m.carried[RIGID]
+        if gain < _STILL:
+            break
+    cholesky.inverse(chain.H, m.covariance[RIGID], dimension(rigid))
+    walk = 0.5 * p.log_det[0] + p.walk[0] + m.carried[3]
+    for k in range(p.size[0] - 1):
+        walk += p.pair[k, 1]
+    m.log_evidence[3] = walk

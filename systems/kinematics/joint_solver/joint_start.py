@@ -1,0 +1,96 @@
+"""Where the moving models start while little has moved, and which way q grows.
+
+The first solution can sit in a wrong minimum: its axis fits noise. A fresh start from the principal
+direction of the child's twists is tried beside it until the axis is known.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from maths.compiled import hot
+from systems.kinematics.joint_solver.joint_geometry import (
+    PRISMATIC,
+    REVOLUTE,
+    RIGID,
+    dimension,
+    tangent_basis,
+)
+from systems.kinematics.joint_solver.joint_models import Models
+from systems.kinematics.joint_solver.pose_packets import Packets, relative_log
+
+Array = npt.NDArray[np.float64]
+
+_SIGNIFICANT = 4.0  # Standard deviations of q that decide its sign,
+_MOVED = 10.0  # where the evidence is this many nats above the rigid model's.
+
+
+@hot
+def _twists(p: Packets, xi: Array) -> None:
+    for k in range(xi.shape[0]):
+        relative_log(p.Z[0], p.Z[k], xi[k])
+
+
+def _screw_start(V: Array, axis_distance: float) -> tuple[Array, Array]:
+    """The axis (3,) and its point (3,) of a body that moves along the twist V (6,) at Fo."""
+    w, v = V[:3], V[3:]
+    speed, rate = float(np.linalg.norm(v)), float(np.linalg.norm(w))
+    if speed > 0.3 * rate:  # Only what is normal to the path bends it.
+        w = w - v * (w @ v) / speed**2
+        rate = float(np.linalg.norm(w))
+    if rate < 1e-9:
+        B = np.empty((2, 3))
+        tangent_basis(v / speed, B)
+        w, rate = B[0], 1.0
+    a = w / np.linalg.norm(w)
+    return a, np.cross(a, v) / max(rate, speed / (1.5 * axis_distance))
+
+
+def fresh_start(m: Models, p: Packets, axis_distance: float) -> None:
+    """Starts both moving models, in place, from the principal direction of all twists.
+
+    Args:
+        m: Models.
+        p: Packets, at least two.
+        axis_distance: See `Priors`; a revolute axis starts no further away than 1.5 times this.
+    """
+    n = int(p.size[0])
+    R = np.diagonal(p.R[n - 1])
+    scale = np.sqrt(np.repeat([R[:3].mean(), R[3:].mean()], 3))
+    xi = np.empty((n, 6))
+    _twists(p, xi)
+    weight = R[3] / p.R[:n, 3, 3]
+    d = (xi - weight @ xi / weight.sum()) / scale
+    scatter = (d.T * weight) @ d
+    a = np.linalg.eigh(scatter[3:, 3:])[1][:, 2]
+    m.a[PRISMATIC], m.c[PRISMATIC] = a, 0.0
+    m.q[PRISMATIC, :n] = xi[:, 3:] @ a
+    a, c = _screw_start(np.linalg.eigh(scatter)[1][:, 5] * scale, axis_distance)
+    m.a[REVOLUTE], m.c[REVOLUTE] = a, c
+    unit = np.concatenate([a, np.cross(c, a)]) / scale**2
+    m.q[REVOLUTE, :n] = xi @ unit / (unit @ (unit * scale**2))
+    m.Y[:RIGID] = np.eye(4)
+
+
+def turn(kind: int, m: Models) -> None:
+    """Turns the axis, and with it the sign of q, in place."""
+    for x in (m.a, m.q, m.state, m.gain):
+        x[kind] *= -1.0
+    # The basis normal to -a: its first vector stays, the second turns.
+    for i in (6, 9):
+        m.gain[kind, :, i] *= -1.0
+        m.covariance[kind, i, :] *= -1.0
+        m.covariance[kind, :, i] *= -1.0
+
+
+def decide_sign(kind: int, m: Models) -> None:
+    """Turns the axis, in place, so that q grows positive in the direction first moved."""
+    if m.signed[kind] > 0.0:
+        return
+    n = dimension(kind)
+    gain = m.gain[kind, 0, :n]
+    variance = m.P[kind, 0, 0] + gain @ m.covariance[kind, :n, :n] @ gain
+    moved = m.log_evidence[kind] > m.log_evidence[RIGID] + _MOVED
+    if moved and m.state[kind, 0] ** 2 > _SIGNIFICANT**2 * variance:
+        m.signed[kind] = 1.0
+    if m.state[kind, 0] < 0.0:
+        turn(kind, m)

@@ -1,0 +1,238 @@
+"""Birth of rigid bodies from features that stopped standing still."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from maths import se3
+from systems.port_values import (
+    INTERACTED_BODY,
+    STATIC_BODY,
+    Array,
+    Ids,
+    PoseBelief,
+)
+from systems.vision.bodies import body_filter, body_tracking
+from systems.vision.bodies.body_level import (
+    BodyLevel,
+    RestPositions,
+    RigidBodyMotionConfig,
+    TrackedBody,
+)
+from systems.vision.bodies.feature_history import (
+    Displacements,
+    FeatureHistory,
+    Mask,
+    displacements,
+    squared_distances,
+)
+from systems.vision.bodies.motion_consensus import Consensus, find_consensus, stillness
+
+
+def free_motion(
+    config: RigidBodyMotionConfig, history: FeatureHistory
+) -> tuple[Displacements, Array, Mask]:
+    """The features' displacements in W, how unlike standing still they are, and which are free.
+
+    Zero where a feature is not free, not seen or too young to tell.
+    """
+    d = displacements(history, newest=config.newest)
+    free = (history.body == STATIC_BODY) & history.seen
+    free &= (d.count_new >= 2) & (d.count_old >= 5)
+    distance = np.zeros(len(free))
+    if free.any():
+        S = (d.C_old + d.C_new)[free] + config.feature_floor**2 * np.eye(3)
+        distance[free], _ = squared_distances((d.p_new - d.p_old)[free], S)
+    return d, distance, free
+
+
+def _subset(d: Displacements, rows: Ids, floor: float) -> Displacements:
+    return Displacements(
+        p_old=d.p_old[rows],
+        p_new=d.p_new[rows],
+        C_old=d.C_old[rows] + floor**2 * np.eye(3),
+        C_new=d.C_new[rows],
+        count_old=d.count_old[rows],
+        count_new=d.count_new[rows],
+    )
+
+
+def find_moving_features(
+    config: RigidBodyMotionConfig, history: FeatureHistory, tick: int
+) -> tuple[FeatureHistory, Consensus | None, Ids]:
+    """Free features that share a significant motion.
+
+    Returns:
+        The history with updated suspicion, the motion, and the rows of its supporters.
+    """
+    d, distance, free = free_motion(config, history)
+    moving = free & (distance > config.moving)
+    suspicion = np.where(moving, history.suspicion + 1, history.suspicion)
+    suspicion = np.where(free & ~moving, 0, suspicion)
+    history = replace(history, suspicion=suspicion)
+    none = np.zeros(0, np.int64)
+    if np.sum(moving) < config.min_support:
+        return history, None, none
+    rows = np.nonzero(free)[0]
+    consensus = find_consensus(
+        _subset(d, rows, config.feature_floor),
+        distance[rows],
+        np.nonzero(moving[rows])[0],
+        np.random.default_rng([config.seed, tick]),
+        gate=config.gate,
+        better=config.better,
+        rotation_sigma=config.rotation_sigma,
+    )
+    if consensus is None:
+        return history, None, none
+    supporters = rows[consensus.support]
+    if len(supporters) < config.min_support or consensus.gain < config.min_gain:
+        return history, None, none
+    p = d.p_old[supporters]
+    if np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))) < config.min_spread:
+        return history, None, none
+    if not outnumbers(config, history, d, consensus.X, supporters):
+        return history, None, none
+    return history, consensus, supporters
+
+
+def outnumbers(
+    config: RigidBodyMotionConfig,
+    history: FeatureHistory,
+    d: Displacements,
+    X: Array,
+    supporters: Ids,
+) -> bool:
+    """Whether a motion's supporters are the majority around themselves.
+
+    Patches on the seam between a body and what it moves against slide with half its motion, all of
+    them alike; what they lie among tells that there is no third body.
+    """
+    told = history.seen & (d.count_new >= 2) & (d.count_old >= 5)
+    told[supporters] = False
+    others = np.nonzero(told)[0]
+    error = d.p_new[others] - d.p_old[others] @ X[:3, :3].T - X[:3, 3]
+    S = d.C_old[others] + d.C_new[others] + config.feature_floor**2 * np.eye(3)
+    against = others[squared_distances(error, S)[0] > config.gate]
+
+    def neighbours(rows: Ids) -> int:
+        difference = d.p_new[supporters][:, None] - d.p_new[rows]
+        return int(np.sum(np.sum(difference**2, axis=2) < config.neighbourhood**2))
+
+    return neighbours(supporters) > neighbours(against)
+
+
+def onset(
+    config: RigidBodyMotionConfig, history: FeatureHistory, rows: Ids, X: Array
+) -> tuple[int, bool]:
+    """The last tick of the window at which the features surely stood still, and whether they did.
+
+    Without any still tick it is the first one at which most of them were seen.
+    """
+    window = history.p_W.shape[1]
+    d = displacements(history.select(rows), newest=config.newest)
+    motion = d.p_old @ X[:3, :3].T + X[:3, 3] - d.p_old
+    share, sigma = stillness(history.p_W[rows], history.information[rows], d.p_old, motion)
+    # The earlier mean may hold moving samples; zero is where the shares start.
+    start = np.nanmedian(share[np.isfinite(share)][:5])
+    excess = np.abs(share - start) / sigma
+    smooth = np.convolve(np.where(np.isfinite(excess), excess, 0.0), np.ones(2) / 2.0)[:window]
+    still = np.nonzero(smooth < 3.0)[0]
+    seen = np.mean(history.samples[rows], axis=0)
+    last = (int(still[-1]) if len(still) else -1) - 3
+    if last >= 2 and np.mean(seen[: last + 1]) > 0.3:
+        return last, True
+    return int(np.argmax(seen > 0.6 * seen.max())), False
+
+
+def first_positions(
+    config: RigidBodyMotionConfig, history: FeatureHistory, reference: int
+) -> RestPositions:
+    """Where features were at one tick of the window, for a body that never stood still."""
+    seen = history.samples[:, reference]
+    covariance = np.linalg.inv(history.information[seen, reference])
+    return RestPositions(
+        ids=history.ids[seen],
+        p_WF=history.p_W[seen, reference],
+        covariance=covariance + config.anchor_floor**2 * np.eye(3),
+    )
+
+
+def new_body(
+    config: RigidBodyMotionConfig, level: BodyLevel, history: FeatureHistory, rows: Ids, X: Array
+) -> TrackedBody:
+    """A body from the features' samples: standing at its reference, then replayed until now."""
+    window = history.p_W.shape[1]
+    reference, stood = onset(config, history, rows, X)
+    reference_tick = level.tick + 1 - (window - 1 - reference)
+    if stood:
+        rest = body_tracking.rest_positions(config, history, reference_tick, level.tick + 1)
+    else:
+        rest = first_positions(config, history.select(rows), reference)
+    _, anchored, of_rest = np.intersect1d(history.ids[rows], rest.ids, return_indices=True)
+    anchored, of_rest = anchored[: config.max_anchors], of_rest[: config.max_anchors]
+    mine = history.select(rows[anchored])
+    X_WB_reference = np.eye(4)
+    X_WB_reference[:3, 3] = rest.p_WF[of_rest].mean(axis=0)
+    sigma = np.repeat([config.initial_angular_velocity, config.initial_linear_velocity], 3)
+    body = body_filter.at_reference(X_WB_reference, sigma if stood else 5.0 * sigma)
+    body = body_filter.add_rest_anchors(
+        body, mine.ids, X_WB_reference, rest.p_WF[of_rest], rest.covariance[of_rest]
+    )
+    path = np.tile(X_WB_reference, (window, 1, 1))
+    stride = 1 + (window - 1 - reference) // 12
+    for k in range(reference + 1, window):
+        body = body_tracking.predict(config, body)
+        if (window - 1 - k) % stride == 0:
+            seen = np.nonzero(mine.samples[:, k])[0]
+            p_WF = mine.p_W[seen, k]
+            covariance = np.linalg.inv(mine.information[seen, k])
+            fits = body_filter.agreeing(body, seen, p_WF, covariance, config.gate)
+            body = body_filter.correct(body, seen[fits], p_WF[fits], covariance[fits])
+        path[k] = body.X
+    return TrackedBody(
+        body_id=level.next_id,
+        filter=body,
+        X_WB_reference=X_WB_reference,
+        reference_tick=reference_tick,
+        rest=rest,
+        path=path,
+        support=len(anchored),
+        source="birth",
+    )
+
+
+def is_interacted(
+    config: RigidBodyMotionConfig, body: TrackedBody, X: Array, prior: PoseBelief
+) -> bool:
+    """Whether a motion X (4, 4) since the reference may be that of the body in the hand."""
+    error = se3.log(se3.inverse(X @ body.X_WB_reference) @ prior.X)
+    slack = np.repeat([config.prior_rotation_walk, config.prior_translation_walk], 3)
+    S = prior.covariance + np.diag(slack**2)
+    return bool(error @ np.linalg.solve(S, error) < 22.46)  # 0.1 % of 6 dof exceed it.
+
+
+def give_birth(
+    config: RigidBodyMotionConfig,
+    level: BodyLevel,
+    bodies: list[TrackedBody],
+    history: FeatureHistory,
+    prior: PoseBelief | None,
+) -> tuple[list[TrackedBody], FeatureHistory, int]:
+    """At most one new body; or new features of the interacted body if it has none."""
+    history, consensus, rows = find_moving_features(config, history, level.tick + 1)
+    if consensus is None:
+        return bodies, history, level.next_id
+    assigned = history.body.copy()
+    suspicion = history.suspicion.copy()
+    suspicion[rows] = 0
+    for body in bodies:
+        if body.body_id != INTERACTED_BODY or body.support or prior is None:
+            continue
+        if is_interacted(config, body, consensus.X, prior):
+            assigned[rows] = INTERACTED_BODY
+            return bodies, replace(history, body=assigned, suspicion=suspicion), level.next_id
+    born = new_body(config, level, history, rows, consensus.X)
+    assigned[rows] = born.body_id
+    history = replace(history, body=assigned, suspicion=suspicion)
+    return [*bodies, born], history, level.next_id + 1

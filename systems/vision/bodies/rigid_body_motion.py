@@ -1,0 +1,259 @@
+"""The system that turns moving point features into moving rigid bodies."""
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import Context, LeafSystem, State, ValueProducer
+from pydrake.systems.sensors import CameraInfo
+
+from maths import se3
+from systems.checks import require_fields
+from systems.port_values import (
+    STATIC_BODY,
+    Array,
+    BodyMotion,
+    BodyMotions,
+    BodyPredictions,
+    FeatureBelief,
+    MotionBelief,
+    PoseBelief,
+)
+from systems.vision import camera_geometry
+from systems.vision.bodies import body_tracking, feature_association
+from systems.vision.bodies.body_adoption import adopt
+from systems.vision.bodies.body_birth import give_birth
+from systems.vision.bodies.body_level import (
+    BodyLevel,
+    RigidBodyMotionConfig,
+    TrackedBody,
+    no_bodies,
+)
+from systems.vision.bodies.feature_history import displacements
+from systems.vision.features.feature_tracks import no_features
+
+
+def step(
+    config: RigidBodyMotionConfig,
+    level: BodyLevel,
+    features: FeatureBelief,
+    joints: BodyPredictions,
+    prior: PoseBelief | None,
+) -> BodyLevel:
+    """One tick of all bodies."""
+    tick = level.tick + 1
+    history = body_tracking.remember_features(config, level, features)
+    bodies, history = body_tracking.advance_all(config, level, history, joints, prior)
+    bodies, history = adopt(config, bodies, history, prior, tick)
+    history = feature_association.associate(config, bodies, history)
+    bodies, history = feature_association.merged(config, bodies, history)
+    bodies, history, next_id = give_birth(config, level, bodies, history, prior)
+    living = [body for body in bodies if body_tracking.is_alive(config, body)]
+    history = feature_association.cast_out(config, living, history)
+    history = feature_association.afresh(config, living, history)
+    living = feature_association.without_strays(config, living, history)
+    living = [body_tracking.with_anchors(config, body, history) for body in living]
+    living, history = feature_association.without_features_of_others(config, living, history, prior)
+    return BodyLevel(tick=tick, next_id=next_id, history=history, bodies=living)
+
+
+def predicted_features(
+    config: RigidBodyMotionConfig, level: BodyLevel, intrinsics: Array, X_CW: Array
+) -> FeatureBelief:
+    """Where the remembered features are expected at the next tick.
+
+    Free ones where they were on average; assigned ones where their body's velocity takes them.
+    """
+    history = level.history
+    window = history.p_W.shape[1]
+    mean = displacements(history, newest=0, last_old=window - 1)
+    p_WF = history.p_W[:, -1].copy()
+    covariance = np.tile(1e-6 * np.eye(3), (len(history.ids), 1, 1))
+    resting = (history.body == STATIC_BODY) & (history.suspicion == 0) & (mean.count_old > 0)
+    p_WF[resting] = mean.p_old[resting]
+    covariance[resting] = mean.C_old[resting]
+    for body in level.bodies:
+        X_WB = body.filter.X
+        X_WB_next = X_WB @ se3.exp(body.filter.V * config.period)
+        mine = history.body == body.body_id
+        p_BF = camera_geometry.transform(se3.inverse(X_WB), p_WF[mine])
+        p_WF[mine] = camera_geometry.transform(X_WB_next, p_BF)
+        _, anchors, rows = np.intersect1d(body.filter.ids, history.ids, return_indices=True)
+        p_WF[rows] = camera_geometry.transform(X_WB_next, body.filter.p_BF[anchors])
+    return FeatureBelief(
+        ids=history.ids,
+        uv=camera_geometry.project(camera_geometry.transform(X_CW, p_WF), intrinsics),
+        p_WF=p_WF,
+        covariance=covariance,
+        age=np.zeros(len(history.ids), np.int64),
+    )
+
+
+def body_motion(body: TrackedBody, age: float) -> BodyMotion:
+    """What others are told of a body that stood at its reference `age` [s] ago."""
+    return BodyMotion(
+        body_id=body.body_id,
+        motion=MotionBelief(
+            X=body.filter.X, V=body.filter.V, covariance=body.filter.P[:12, :12].copy()
+        ),
+        X_WB_reference=body.X_WB_reference,
+        feature_ids=body.filter.ids,
+        p_BF=body.filter.p_BF,
+        p_BF_covariance=body.filter.anchor_covariance,
+        reference_age=age,
+        anchored=body.anchored,
+    )
+
+
+def body_motions(level: BodyLevel, period: float) -> BodyMotions:
+    return BodyMotions(
+        bodies=[
+            body_motion(body, period * (level.tick - body.reference_tick)) for body in level.bodies
+        ]
+    )
+
+
+class RigidBodyMotion(LeafSystem):
+    """Finds rigid bodies B among the features F of a static world W and follows their motion.
+
+    Each body has a Kalman filter over its pose, velocity and its features' constant positions,
+
+        X_WB(t + dt) = X_WB(t) exp(V dt),    p_WF(t) = X_WB(t) p_BF + noise,
+
+    started at the reference, the instant before it first moved, where its pose is known by
+    definition and its features' positions are averages over the time before. Predictions of its
+    pose (velocity, standing still, the kinematic model, the hand) are alternatives; the likeliest
+    is corrected. A feature belongs to the body, or to the static world, that explains its
+    displacement over the last two seconds and its rest significantly better. Bodies are born when
+    free features share a rigid motion that their covariances do not explain (RANSAC on the
+    significant ones), and end when they have had no support for a while.
+
+    With the interacted body, its prior's motion is one more hypothesis from the first tick on, so
+    that features join it without RANSAC; its reference is the prior's pose at that tick.
+
+    .. pydrake_system::
+
+        name: RigidBodyMotion
+        input_ports:
+        - features_estimated
+        - joint_predictions
+        - interacted_body_prior
+        output_ports:
+        - body_motions_estimated
+        - body_motions_latest
+        - features_predicted
+
+    - `features_estimated`: `FeatureBelief`, the features seen at this tick, positions in W.
+    - `joint_predictions`: `BodyPredictions` of X_WB at this tick; none if not connected.
+    - `interacted_body_prior`: `PoseBelief` X_WB of `INTERACTED_BODY`, not finite while there is
+      none; only declared with `with_interacted_body`.
+    - `body_motions_estimated`: `BodyMotions`, posterior of this tick; vision's own bodies are
+      numbered from 2; B has W's axes at the features' centroid at the reference. The covariance is
+      that of the displacement since then, the errors of p_BF included.
+    - `body_motions_latest`: the same of the last tick, from the state.
+    - `features_predicted`: `FeatureBelief` at the next tick, from the state: every remembered
+      feature, by id; `uv` projected into the camera, `age` zero.
+
+    Source: the role is that of Martín-Martín and Brock, IROS 2017, sections III and V;
+    filter and tests are our own.
+    """
+
+    def __init__(
+        self,
+        config: RigidBodyMotionConfig,
+        camera: CameraInfo,
+        X_WC: Array,
+        with_interacted_body: bool = False,
+    ) -> None:
+        super().__init__()
+        _check(config)
+        self._config = config
+        self._intrinsics = camera_geometry.intrinsics_vector(camera)
+        self._X_CW = se3.inverse(np.array(X_WC, dtype=float))
+
+        self._features = self.DeclareAbstractInputPort(
+            "features_estimated", AbstractValue.Make(no_features())
+        )
+        self._joints = self.DeclareAbstractInputPort(
+            "joint_predictions", AbstractValue.Make(BodyPredictions())
+        )
+        self._prior = None
+        if with_interacted_body:
+            absent = PoseBelief(X=np.full((4, 4), np.nan), covariance=np.full((6, 6), np.nan))
+            self._prior = self.DeclareAbstractInputPort(
+                "interacted_body_prior", AbstractValue.Make(absent)
+            )
+        self._state = self.DeclareAbstractState(AbstractValue.Make(no_bodies(config)))
+        state_only = {self.abstract_state_ticket(self._state)}
+        self._posterior = self.DeclareCacheEntry(
+            description="bodies of this tick",
+            value_producer=ValueProducer(
+                allocate=lambda: AbstractValue.Make(no_bodies(config)), calc=self._calc_level
+            ),
+            prerequisites_of_calc={*state_only, self.all_input_ports_ticket()},
+        )
+        self.DeclareAbstractOutputPort(
+            "body_motions_estimated",
+            lambda: AbstractValue.Make(BodyMotions()),
+            self._calc_estimated,
+            prerequisites_of_calc={self._posterior.ticket()},
+        )
+        self.DeclareAbstractOutputPort(
+            "body_motions_latest",
+            lambda: AbstractValue.Make(BodyMotions()),
+            self._calc_latest,
+            prerequisites_of_calc=state_only,
+        )
+        self.DeclareAbstractOutputPort(
+            "features_predicted",
+            lambda: AbstractValue.Make(no_features()),
+            self._calc_predicted,
+            prerequisites_of_calc=state_only,
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
+
+    def _stored(self, context: Context) -> BodyLevel:
+        level: BodyLevel = context.get_abstract_state(int(self._state)).get_value()
+        return level
+
+    def _calc_level(self, context: Context, output: AbstractValue) -> None:
+        joints = self._joints.Eval(context) if self._joints.HasValue(context) else None
+        prior = None
+        if self._prior is not None and self._prior.HasValue(context):
+            prior = self._prior.Eval(context)
+        features = self._features.Eval(context)
+        joints = joints or BodyPredictions()
+        output.set_value(step(self._config, self._stored(context), features, joints, prior))
+
+    def _calc_estimated(self, context: Context, output: AbstractValue) -> None:
+        level = self._posterior.EvalAbstract(context).get_value()
+        output.set_value(body_motions(level, self._config.period))
+
+    def _calc_latest(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(body_motions(self._stored(context), self._config.period))
+
+    def _calc_predicted(self, context: Context, output: AbstractValue) -> None:
+        predicted = predicted_features(
+            self._config, self._stored(context), self._intrinsics, self._X_CW
+        )
+        output.set_value(predicted)
+
+    def _update(self, context: Context, state: State) -> None:
+        level = self._posterior.EvalAbstract(context).get_value()
+        state.get_mutable_abstract_state(int(self._state)).set_value(level)
+
+
+def _check(config: RigidBodyMotionConfig) -> None:
+    positive = "period rest_samples angular_acceleration linear_acceleration rotation_sigma"
+    positive += " initial_angular_velocity initial_linear_velocity gate moving better association"
+    positive += " prior_rotation_walk prior_translation_walk jump_rotation jump_translation"
+    positive += " extent neighbourhood nudged blind_rotation blind_translation"
+    floors = "feature_floor anchor_floor late_floor anchor_walk turn_walk max_penalty min_gain"
+    floors += " min_spread patience memory max_suspicion max_free_suspicion seed"
+    counts = "newest min_support keep_support anchor_support"
+    name = "RigidBodyMotion"
+    require_fields(name, config, positive.split(), "> 0", lambda x: x > 0)
+    require_fields(name, config, floors.split(), ">= 0", lambda x: x >= 0)
+    require_fields(name, config, counts.split(), ">= 1", lambda x: x >= 1)
+    require_fields(name, config, ["merging_share"], "in (0, 1]", lambda x: 0 < x <= 1)
+    require_fields(name, config, ["max_anchors"], ">= 3", lambda x: x >= 3)
+    least = config.newest + 8
+    require_fields(name, config, ["window"], f">= newest + 8 = {least}", lambda x: x >= least)

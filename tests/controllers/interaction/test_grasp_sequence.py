@@ -1,0 +1,184 @@
+"""The sequence with a goal that is perceived: return, lost grasps, what ends it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from controllers.interaction.grasp_decisions import Goal, Perceived, SequenceState, next_state
+from controllers.interaction.grasp_motion import approach_motion, release_motion
+from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
+from controllers.interaction.phases import Phase
+from maths import se3
+
+CONFIG = GraspSequenceConfig()
+GOAL = Goal(travel=0.2, return_to_start=True)
+SLIDE = np.array([0.0, 0, 0, -1, 0, 0])
+HELD = np.array([6.0e4, 6.0e4, 6.0e4, 8.0e4])
+BACK = np.array([0.02, -0.01, 0.03, 0.01, 0.02, -0.1])
+X_GRASP = se3.exp(np.array([0.1, 0.2, 0.3, 0.6, 0.0, 0.8]))
+
+
+def moved(q: float) -> np.ndarray:
+    return np.asarray(se3.exp(SLIDE * q) @ X_GRASP)
+
+
+def off_the_handle(distance: float) -> np.ndarray:
+    X_WE = moved(0.1)
+    X_WE[:3, 3] += [-distance, 0.0, 0.0]
+    return X_WE
+
+
+def perceived(time: float, q: float | None, **others: object) -> Perceived:
+    joint = np.full(8, np.nan) if q is None else np.append(SLIDE, [q, 0.0])
+    now = Perceived(
+        time=time,
+        X_WE=moved(q or 0.0),
+        pressure=HELD,
+        joint=joint,
+        hand_rate=1.0,
+        failure=0.0,
+        plan_time_left=np.inf,
+    )
+    return replace(now, **others)  # type: ignore[arg-type]
+
+
+def exploring() -> SequenceState:
+    return SequenceState(
+        phase=Phase.EXPLORE,
+        since=0.0,
+        X_WE_start=X_GRASP,
+        X_WE_grasp=X_GRASP,
+        q_grasp=0.0,
+        X_WE_held=X_GRASP,
+        pressure_held=HELD,
+        task=Phase.EXPLORE,
+        attempts=0,
+        lost=False,
+        doubted_since=np.inf,
+    )
+
+
+def step(state: SequenceState, now: Perceived, goal: Goal = GOAL) -> SequenceState:
+    return next_state(state, now, goal, CONFIG)
+
+
+def test_exploration_goes_on_until_the_perceived_joint_reaches_the_goal() -> None:
+    assert step(exploring(), perceived(1.0, 0.19)).phase == Phase.EXPLORE
+    assert step(exploring(), perceived(1.0, 0.2)).phase == Phase.RETURN
+    assert step(exploring(), perceived(1.0, -0.2)).phase == Phase.RETURN
+    assert step(exploring(), perceived(1.0, 0.2), Goal(travel=0.2)).phase == Phase.STOP
+
+
+def test_the_hand_is_stopped_as_much_earlier_as_the_joint_is_fast() -> None:
+    joint = np.append(SLIDE, [0.199, 0.02])
+    assert step(exploring(), perceived(1.0, 0.199, joint=joint)).phase == Phase.RETURN
+    joint = np.append(SLIDE, [0.199, -0.02])
+    assert step(exploring(), perceived(1.0, 0.199, joint=joint)).phase == Phase.EXPLORE
+
+
+def test_the_return_ends_at_the_start_and_not_before_the_plan_does() -> None:
+    state = replace(exploring(), phase=Phase.RETURN, task=Phase.RETURN)
+    assert step(state, perceived(9.0, 0.001, plan_time_left=0.5)).phase == Phase.RETURN
+    assert step(state, perceived(9.0, 0.01, plan_time_left=-0.5)).phase == Phase.RETURN
+    assert step(state, perceived(9.0, 0.001, plan_time_left=-0.5)).phase == Phase.STOP
+    late = -CONFIG.return_patience
+    assert step(state, perceived(9.0, 0.01, plan_time_left=late)).phase == Phase.STOP
+
+
+def test_a_passing_doubt_does_not_end_a_grasp() -> None:
+    doubt = {"failure": 0.9, "X_WE": off_the_handle(0.08)}
+    state = step(exploring(), perceived(1.0, 0.1, **doubt))
+    state = step(state, perceived(1.2, 0.1))
+    state = step(state, perceived(1.3 + CONFIG.doubt_time, 0.1, **doubt))
+    assert state.phase == Phase.EXPLORE
+
+
+def test_one_sign_of_a_lost_grasp_is_not_enough() -> None:
+    for sign in ({"failure": 0.9}, {"X_WE": off_the_handle(0.08)}):
+        state = step(exploring(), perceived(1.0, 0.1, **sign))
+        assert step(state, perceived(2.1, 0.1, **sign)).phase == Phase.EXPLORE
+
+
+@pytest.mark.parametrize("failure", [0.9, np.nan])
+def test_a_lost_grasp_is_tried_again_where_the_joint_has_left_the_handle(failure: float) -> None:
+    doubt = {"failure": failure, "X_WE": off_the_handle(0.08)}
+    doubt["plan_time_left"] = 1.0
+    state = replace(exploring(), phase=Phase.RETURN, task=Phase.RETURN)
+    state = step(state, perceived(0.0, 0.1, **doubt))
+    state = step(state, perceived(0.1 + CONFIG.doubt_time, 0.1, **doubt))
+    assert state.phase == Phase.RETURN, "what was begun is finished first"
+    doubt["plan_time_left"] = -0.01
+    state = step(state, perceived(1.1 + CONFIG.doubt_time, 0.1, **doubt))
+    assert state.phase == Phase.RELEASE
+    assert state.lost
+    assert_allclose(state.X_WE_grasp, moved(0.1))
+    time = 10.0
+    for phase in (Phase.APPROACH, Phase.CLOSE, Phase.RETURN):
+        state = step(state, perceived(time, 0.1))
+        assert state.phase == phase
+        assert state.lost == (phase != Phase.RETURN)
+        time += 10.0
+    state = replace(state, attempts=CONFIG.retries)
+    state = step(state, perceived(time, 0.1, **doubt))
+    state = step(state, perceived(time + 1.1, 0.1, **doubt))
+    assert (state.phase, state.lost) == (Phase.STOP, True)
+
+
+def test_a_joint_that_is_only_remembered_says_nothing_of_the_hand() -> None:
+    joint = np.append(SLIDE, [0.1, np.nan])
+    doubt = {"failure": 0.9, "X_WE": off_the_handle(0.08), "joint": joint}
+    state = step(exploring(), perceived(1.0, 0.1, **doubt))
+    assert step(state, perceived(2.1, 0.1, **doubt)).phase == Phase.EXPLORE
+
+
+def test_a_hand_far_from_the_handle_gives_up() -> None:
+    doubt = {"failure": 0.9, "X_WE": off_the_handle(CONFIG.retry_distance + 0.01)}
+    state = step(exploring(), perceived(1.0, 0.1, **doubt))
+    state = step(state, perceived(2.1, 0.1, **doubt))
+    assert (state.phase, state.lost) == (Phase.STOP, True)
+
+
+def test_an_empty_hand_has_lost_its_grasp_whatever_is_perceived() -> None:
+    assert step(exploring(), perceived(1.0, 0.1, pressure=0.7 * HELD)).phase == Phase.RELEASE
+    state = step(exploring(), perceived(1.0, None, pressure=0.7 * HELD), Goal())
+    assert (state.phase, state.lost) == (Phase.STOP, True)
+    one_finger_off = HELD * [0.7, 0.7, 0.95, 0.7]
+    for pressure in (one_finger_off, np.full(4, np.nan)):
+        state = step(exploring(), perceived(1.0, 0.1, pressure=pressure), Goal())
+        assert state.phase == Phase.EXPLORE
+
+
+def test_the_pressure_of_the_grasp_is_that_at_which_the_hand_has_closed() -> None:
+    state = replace(exploring(), phase=Phase.CLOSE, pressure_held=np.zeros(4))
+    state = step(state, perceived(CONFIG.close_time, 0.0, pressure=0.9 * HELD))
+    assert state.phase == Phase.EXPLORE
+    assert_allclose(state.pressure_held, 0.9 * HELD)
+
+
+def test_a_joint_that_is_never_perceived_counts_as_a_lost_grasp() -> None:
+    state = step(exploring(), perceived(CONFIG.explore_time_limit, None))
+    assert (state.phase, state.lost) == (Phase.RELEASE, True)
+
+
+def test_without_a_goal_nothing_perceived_matters() -> None:
+    state = step(exploring(), perceived(1.0, 0.4, failure=1.0, X_WE=X_GRASP), Goal())
+    assert state == exploring()
+
+
+def test_the_release_leads_from_the_hand_to_the_next_approach() -> None:
+    X_next = moved(0.1)
+    for s, X in ((0.0, X_GRASP), (1 / 3, X_GRASP), (1.0, X_next)):
+        assert_allclose(release_motion(X_GRASP, X_next, BACK, s).X_WE, X, atol=1e-9)
+    back = se3.inverse(X_GRASP) @ release_motion(X_GRASP, X_next, BACK, 2 / 3).X_WE
+    assert_allclose(back, se3.exp(BACK), atol=1e-9)
+
+
+def test_the_approach_leads_along_the_taught_way() -> None:
+    assert_allclose(approach_motion(X_GRASP, BACK, 0.0, 2.0).X_WE, X_GRASP @ se3.exp(BACK))
+    assert_allclose(approach_motion(X_GRASP, BACK, 1.0, 2.0).X_WE, X_GRASP, atol=1e-12)
+    before, now, after = (approach_motion(X_GRASP, BACK, 0.3 + h, 2.0) for h in (-1e-6, 0.0, 1e-6))
+    moved_by = se3.log(se3.inverse(before.X_WE) @ after.X_WE)
+    assert_allclose(now.V_WE_E, moved_by / (2e-6 * 2.0), atol=1e-6)
+    assert_allclose(now.A_WE_E, (after.V_WE_E - before.V_WE_E) / (2e-6 * 2.0), atol=1e-6)

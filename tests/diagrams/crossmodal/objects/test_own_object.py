@@ -1,0 +1,229 @@
+"""An object of the user's own in place of a scenario's: from options to a run's folder."""
+
+import os
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from diagrams.crossmodal.objects.object_model import read_object_model
+from diagrams.crossmodal.objects.own_object import (
+    ObjectWarning,
+    OwnObject,
+    check_pull,
+    overlaps,
+    own_object_assignments,
+)
+from diagrams.crossmodal.scenario import Scenario, load_scenario, object_model_file
+from diagrams.run.episode import build_station
+from diagrams.run.run_folder import scenario_hash, write_scenario
+from diagrams.run.yaml_schema import ScenarioError
+from models import MODELS_DIR
+
+pytestmark = pytest.mark.filterwarnings(
+    "ignore::diagrams.crossmodal.objects.own_object.ObjectWarning"
+)
+EXAMPLE = MODELS_DIR / "examples" / "two_drawers.urdf"
+DOOR = """<robot name='door'><link name='case'/><link name='leaf'><visual><geometry>
+<box size='0.02 0.4 0.4'/></geometry></visual></link><joint name='hinge' type='revolute'>
+<origin xyz='0 0.2 0'/><parent link='case'/><child link='leaf'/><axis xyz='0 0 1'/>
+<limit lower='-0.1' upper='0' effort='0' velocity='1'/></joint><link name='knob'/><joint name='fix'
+type='fixed'><origin xyz='0.05 -0.5 0.1' rpy='0 0 0.5'/><parent link='leaf'/><child link='knob'/>
+</joint></robot>"""
+
+
+def loaded(*given: str, **own: str) -> Scenario:
+    values: dict = {"model": EXAMPLE, "grasp_frame": "left_handle"} | own
+    lines = own_object_assignments("drawer", given, OwnObject(**values))
+    return load_scenario("drawer", [*lines, *given])
+
+
+def handle_pose(scenario: Scenario) -> np.ndarray:
+    thing = scenario.object
+    model = read_object_model(
+        object_model_file(scenario), joint=thing.joint, frame=thing.handle_frame, source=""
+    )
+    return (thing.pose() @ model.X_OH).GetAsMatrix4()
+
+
+def test_the_grasped_frame_comes_where_the_scenarios_handle_is() -> None:
+    scenario = loaded()
+    assert scenario.object.joint == "left_slide"
+    assert_allclose(handle_pose(scenario), handle_pose(load_scenario("drawer")), atol=0.02)
+    assert scenario.object.variation.yaw == load_scenario("drawer").object.variation.yaw
+
+
+def test_a_turned_frame_turns_the_object_about_the_vertical_only(tmp_path: Path) -> None:
+    (tmp_path / "door.urdf").write_text(DOOR)
+    scenario = loaded(model=tmp_path / "door.urdf", grasp_frame="knob")
+    expected = handle_pose(load_scenario("drawer"))
+    assert_allclose(handle_pose(scenario)[:3, :3], expected[:3, :3], atol=1e-9)
+    assert_allclose(scenario.object.pose().rotation().col(2), [0, 0, 1], atol=1e-12)
+
+
+def test_an_object_that_would_be_inside_the_table_is_lifted(tmp_path: Path) -> None:
+    for height, lifted in ((0.1, False), (0.5, True)):
+        (tmp_path / "door.urdf").write_text(DOOR.replace("0.02 0.4 0.4", f"0.02 0.4 {height}"))
+        scenario = loaded(model=tmp_path / "door.urdf", grasp_frame="knob")
+        p_WH = handle_pose(scenario)[:3, 3] - handle_pose(load_scenario("drawer"))[:3, 3]
+        assert_allclose(p_WH[:2], 0, atol=1e-9)
+        assert bool(p_WH[2] > 0.1) is lifted
+        assert overlaps(build_station(scenario, 0)) == []
+
+
+def test_a_free_object_stands_on_the_table(tmp_path: Path) -> None:
+    for height in (0.1, 0.5):
+        (tmp_path / "door.urdf").write_text(DOOR.replace("0.02 0.4 0.4", f"0.02 0.4 {height}"))
+        scenario = loaded("object.free=true", model=tmp_path / "door.urdf", grasp_frame="knob")
+        assert scenario.object.variation.position[2] == 0.0
+        assert 0.70 < scenario.object.position[2] - 0.5 * height < 0.72  # The table's top is 0.7.
+        plant = build_station(scenario, 0).scene.plant
+        assert plant.GetBodyByName("case").is_floating_base_body()
+
+
+def test_friction_is_that_at_the_hand_and_the_opening_within_the_limits(tmp_path: Path) -> None:
+    (tmp_path / "door.urdf").write_text(DOOR)
+    scenario = loaded(model=tmp_path / "door.urdf", grasp_frame="knob")
+    assert_allclose(scenario.object.friction, 6.0 * np.hypot(0.05, 0.5))
+    assert_allclose(scenario.task.opening, 0.09)
+    assert loaded("object.friction=2").object.friction == 2.0
+
+
+def test_an_asked_pose_is_that_of_the_models_frame_in_radians() -> None:
+    scenario = loaded(pose="0.9,0.1,0.8,0.1,0.2,3", pull_direction="0,1,0")
+    assert_allclose(scenario.object.pose().translation(), [0.9, 0.1, 0.8])
+    angles = scenario.object.pose().rotation().ToRollPitchYaw().vector()
+    assert_allclose(angles, [0.1, 0.2, 3])
+    assert scenario.object.pull_direction.tolist() == [0, 1, 0]
+
+
+def test_a_scenario_file_says_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        f"object: {{model: {EXAMPLE}, joint: '', handle_frame: right_handle, place_handle: true,"
+        " position: [0.8, -0.2, 0.9], yaw: 170}\n"
+    )
+    scenario = load_scenario(str(path))
+    assert scenario.object.joint == "right_slide"
+    assert_allclose(handle_pose(scenario)[:3, 3], [0.8, -0.2, 0.9])
+
+
+def test_a_runs_folder_repeats_the_run_without_the_original(tmp_path: Path) -> None:
+    scenario = loaded()
+    path = write_scenario(tmp_path / "run", scenario)
+    moved = (tmp_path / "run").rename(tmp_path / "moved")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ObjectWarning)
+        again = load_scenario(str(moved / path.name))
+    copy = object_model_file(again)
+    assert copy == moved / "model" / "object.sdf"
+    assert copy.read_bytes() == object_model_file(scenario).read_bytes()
+    assert scenario_hash(again) == scenario_hash(scenario)
+    copy.write_text(copy.read_text().replace("</mass>", "1</mass>"))
+    assert scenario_hash(again) != scenario_hash(scenario)
+
+
+def test_what_is_converted_does_not_outlive_the_process(tmp_path: Path) -> None:
+    code = (
+        "from pathlib import Path; from diagrams.crossmodal.objects.own_object import imported;"
+        f"made = imported(Path({str(EXAMPLE)!r}), joint='', frame='left_handle', free=False,"
+        " source=''); assert made.model.is_file(); print(made.model)"
+    )
+    root = str(MODELS_DIR.parent)
+    environment = {**os.environ, "TMPDIR": str(tmp_path), "PYTHONPATH": root}
+    made = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", code],
+        env=environment,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    assert made.stdout.startswith(str(tmp_path))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_with_an_object_of_the_program_leaves_no_model_of_an_earlier_one(
+    tmp_path: Path,
+) -> None:
+    write_scenario(tmp_path, loaded())
+    write_scenario(tmp_path, load_scenario("drawer"))
+    assert not (tmp_path / "model").exists()
+
+
+def test_what_is_assumed_is_said() -> None:
+    with pytest.warns(ObjectWarning) as caught:
+        loaded()
+    lines = [str(warning.message) for warning in caught]
+    assert any("nothing fixes the model to the world" in line for line in lines)
+    assert any("600 kg/m^3" in line for line in lines)
+
+
+def pull_warnings(tmp_path: Path, **own: str) -> list[str]:
+    (tmp_path / "door.urdf").write_text(DOOR)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ObjectWarning)
+        loaded(model=tmp_path / "door.urdf", **own)
+    return [str(one.message) for one in caught if "pull along" in str(one.message)]
+
+
+def test_a_pull_that_hardly_moves_the_joint_is_warned_of_with_a_better_one(tmp_path: Path) -> None:
+    # At 3,-4 from its hinge, which turns to negative angles only, the handle goes to -4,-3.
+    grasp = "leaf@0.3,-0.4,0,0,0,0"
+    (line,) = pull_warnings(tmp_path, grasp_frame=grasp, pull_direction="4,-3,0")
+    assert "pull along 4,-3,0 of 'grasp' is 106 deg off" in line
+    assert "along it is -0.8,-0.6,0" in line
+    (line,) = pull_warnings(tmp_path, grasp_frame=grasp, pull_direction="8,6,0")
+    assert "is 180 deg off" in line
+    assert pull_warnings(tmp_path, grasp_frame=grasp, pull_direction="-1,0,0") == []
+
+
+def test_a_joint_that_goes_both_ways_may_be_pushed_as_well(tmp_path: Path) -> None:
+    for limits, count in (("lower='-1' upper='1'", 0), ("lower='-1' upper='0'", 1)):
+        (tmp_path / "shelf.urdf").write_text(DOOR.replace("lower='-0.1' upper='0'", limits))
+        scenario = loaded(model=tmp_path / "shelf.urdf", grasp_frame="leaf@0,-0.4,0,0,0,0")
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", ObjectWarning)
+            check_pull(
+                read_object_model(
+                    object_model_file(scenario), joint="hinge", frame="grasp", source=""
+                ),
+                np.array([1.0, 0.0, 0.0]),
+                "hinge",
+                "grasp",
+            )
+        assert len(caught) == count
+
+
+@pytest.mark.parametrize(
+    ("own", "expected"),
+    [
+        ({"grasp_frame": ""}, "left_handle, right_drawer, right_handle"),
+        ({"grasp_frame": "knob"}, "has no frame or link 'knob'"),
+        ({"joint": "right_slide"}, "does not move 'left_handle'; those that do: left_slide"),
+        ({"pull_direction": "1,0"}, "--pull-direction 1,0: expected 3 numbers"),
+        ({"pose": "1,0,0,nan,0,0"}, "expected 6 numbers"),
+        ({"model": Path("none.sdf")}, "none.sdf: there is no such file"),
+    ],
+)
+def test_bad_options_are_refused_in_one_line(own: dict, expected: str) -> None:
+    with pytest.raises(ScenarioError, match=r".") as caught:
+        loaded(**own)
+    assert expected in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_object_in_the_way_of_the_hand_is_said_to_be(tmp_path: Path) -> None:
+    assert overlaps(build_station(loaded(), 0)) == []
+    (tmp_path / "door.urdf").write_text(DOOR.replace("0.02 0.4 0.4", "0.5 0.9 0.4"))
+    scenario = loaded(model=tmp_path / "door.urdf", grasp_frame="knob")
+    with pytest.warns(ObjectWarning, match=r"link 'leaf' starts \d+ cm inside 'palm'"):
+        build_station(scenario, 0)
+
+
+def test_a_handle_out_of_reach_is_refused_in_one_line() -> None:
+    with pytest.raises(ScenarioError, match=r"does not reach .* place the object elsewhere"):
+        build_station(loaded(pose="3,0,0.9,0,0,0"), 0)

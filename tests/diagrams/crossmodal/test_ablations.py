@@ -1,0 +1,79 @@
+"""Ablations name wires and scenarios that exist; a finished one is read, not simulated again."""
+
+import json
+from pathlib import Path
+
+import pytest
+from synthetic_episode import synthetic_episode
+
+from diagrams.crossmodal import ablations
+from diagrams.crossmodal.ablations import ABLATIONS, Ablation, find_ablation, run_ablation, table
+from diagrams.crossmodal.estimators import CROSSMODAL_WIRES
+from diagrams.crossmodal.scenario import load_scenario
+from diagrams.run.record import EpisodeResult
+from diagrams.run.run_folder import fingerprint
+from diagrams.run.yaml_schema import ScenarioError
+
+
+def joint(error: float | None, estimated: str = "prismatic") -> dict:
+    return {
+        "type_true": "prismatic",
+        "type_estimated": estimated,
+        "configuration_error": error,
+        "axis_angle_error": 0.01,
+    }
+
+
+@pytest.mark.parametrize("name", ABLATIONS)
+def test_every_ablation_cuts_a_wire_that_exists(name: str) -> None:
+    assert ABLATIONS[name].wire in CROSSMODAL_WIRES
+
+
+def test_an_unknown_ablation_lists_the_known_ones() -> None:
+    with pytest.raises(ScenarioError, match=r"unknown ablation 'nose'.*seen-reference"):
+        find_ablation("nose")
+
+
+def test_the_table_says_medians_and_what_was_lost() -> None:
+    rows = [
+        {"whole": joint(-1e-3), "cut": joint(5e-3)},
+        {"whole": joint(3e-3), "cut": joint(None, "revolute")},
+        {"whole": joint(2e-3), "cut": joint(7e-3)},
+    ]
+    whole, cut = table({"body-in-the-hand": rows}).splitlines()[2:]
+    assert "| whole | 3/3 | 2 (3) mm |" in whole
+    assert "| cut | 2/3 | 6 (7) mm, none in 1 |" in cut
+
+
+def test_a_finished_ablation_is_not_simulated_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ablation = Ablation(flow="", scenario="drawer", wire="joints_to_vision")
+    scenario = load_scenario("drawer", ["seed=4"])
+    scenario.modalities = ["crossmodal"]
+    wirings = {"whole": joint(1e-3), "cut": joint(2e-3)}
+    known = fingerprint(scenario) | {"wire": ablation.wire, "wirings": wirings}
+    (tmp_path / "ablation.json").write_text(json.dumps(known))
+
+    def simulate(*_: object, **__: object) -> None:
+        raise AssertionError("simulated")
+
+    monkeypatch.setattr(ablations, "run_episode", simulate)
+    assert run_ablation(ablation, 4, tmp_path) == wirings
+    with pytest.raises(AssertionError, match="simulated"):
+        run_ablation(ablation, 5, tmp_path)
+
+
+def test_an_interrupted_ablation_is_no_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def simulate(*_: object, sensors_file: Path) -> EpisodeResult:
+        sensors_file.touch()
+        result = synthetic_episode(seed=4)
+        result.interrupted = True
+        return result
+
+    monkeypatch.setattr(ablations, "run_episode", simulate)
+    with pytest.raises(KeyboardInterrupt):
+        run_ablation(ABLATIONS["body-in-the-hand"], 4, tmp_path)
+    assert not any(tmp_path.iterdir())

@@ -1,0 +1,195 @@
+"""The network of filters and the station: wires, loops, truth, and what one tick does."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+
+from diagrams.crossmodal.estimators import CROSSMODAL_WIRES, MODALITIES, make_network
+from diagrams.crossmodal.scenario import Scenario, load_scenario
+from diagrams.crossmodal.station.station import Station
+from diagrams.drawing.diagram_drawing import leaf_systems, wires
+from diagrams.run.episode import Episode, build_networks, build_station
+from diagrams.run.yaml_schema import ScenarioError
+from diagrams.stations.truth_paths import truth_paths
+from systems.port_values import INTERACTED_BODY, SampleWindow
+from systems.proprioception.grasp_filters import GraspModelConfig
+from systems.proprioception.grasp_model import initial_grasp
+
+Q = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0])
+
+
+@cache
+def scenario() -> Scenario:
+    return load_scenario("drawer")
+
+
+@cache
+def station() -> Station:
+    return build_station(scenario(), 0)
+
+
+@cache
+def networks() -> dict[str, Diagram]:
+    return build_networks(scenario(), station())
+
+
+@cache
+def episode() -> Episode:
+    return Episode(scenario(), 0)
+
+
+@pytest.mark.parametrize("modality", MODALITIES)
+def test_a_network_builds_without_algebraic_loop(modality: str) -> None:
+    assert networks()[modality].num_output_ports() >= 2
+
+
+def test_every_modality_reads_only_its_own_senses() -> None:
+    inputs = {
+        name: {network.get_input_port(i).get_name() for i in range(network.num_input_ports())}
+        for name, network in networks().items()
+    }
+    assert inputs["vision"] == {"color_measured", "depth_measured", "robot_mask"}
+    assert inputs["proprioception"].isdisjoint(inputs["vision"])
+    assert inputs["crossmodal"] == inputs["vision"] | inputs["proprioception"]
+
+
+def test_an_unknown_modality_lists_the_known_ones() -> None:
+    with pytest.raises(ValueError, match=r"unknown modality 'smell'.*vision"):
+        make_network("smell", scenario().perception, None)
+
+
+def connections(network: Diagram) -> set[tuple[str, str, str, str]]:
+    return {
+        (wire.source.get_name(), wire.source_port, wire.target.get_name(), wire.target_port)
+        for wire in wires(network)
+        if wire.source is not None
+    }
+
+
+@pytest.mark.parametrize("name", CROSSMODAL_WIRES)
+def test_cutting_a_wire_removes_its_connections_and_no_other(name: str) -> None:
+    chosen = load_scenario("drawer", [f"perception.cut=[{name}]", "modalities=[crossmodal]"])
+    cut = build_networks(chosen, station())["crossmodal"]
+    missing = connections(networks()["crossmodal"]) - connections(cut)
+    assert missing == set(CROSSMODAL_WIRES[name].connections)
+
+
+def test_with_every_wire_cut_the_network_still_ticks() -> None:
+    names = ", ".join(CROSSMODAL_WIRES)
+    chosen = load_scenario("drawer", [f"perception.cut=[{names}]", "modalities=[crossmodal]"])
+    network = build_networks(chosen, station())["crossmodal"]
+    context = network.CreateDefaultContext()
+    fix_inputs(network, context, Q, 0.0)
+    body = network.GetSubsystemByName("interacted_body_motion")
+    grasp = network.GetSubsystemByName("grasp_model")
+    motions = body.GetOutputPort("body_motions_estimated").Eval(body.GetMyContextFromRoot(context))
+    belief = grasp.GetOutputPort("grasp_estimated").Eval(grasp.GetMyContextFromRoot(context))
+    assert len(motions.bodies) == 1
+    assert belief.probabilities == initial_grasp(GraspModelConfig()).probabilities
+
+
+def test_a_cut_touches_no_other_modality() -> None:
+    names = ", ".join(CROSSMODAL_WIRES)
+    cut = build_networks(load_scenario("drawer", [f"perception.cut=[{names}]"]), station())
+    for modality in ("vision", "proprioception"):
+        assert connections(cut[modality]) == connections(networks()[modality])
+
+
+def test_an_unknown_wire_lists_the_known_ones() -> None:
+    with pytest.raises(ScenarioError, match=r"cut: unknown wire 'thumb'.*joints_to_vision"):
+        load_scenario("drawer", ["perception.cut=[thumb]"])
+
+
+def test_no_path_leads_from_the_truth_to_what_the_robot_runs() -> None:
+    assert truth_paths(episode().diagram) == []
+
+
+@pytest.mark.parametrize("modality", MODALITIES)
+def test_control_acts_by_what_one_network_perceives_and_by_nothing_true(modality: str) -> None:
+    chosen = load_scenario("drawer-return", [f"modalities=[{modality}]"])
+    diagram = Episode(chosen, 0).diagram
+    assert truth_paths(diagram) == []
+    wired = connections(diagram)
+    assert ("kinematic_model", "joints_latest", "interacted_joint", "joints_latest") in wired
+    assert ("interacted_joint", "joint_latest", "joint_memory", "joint_latest") in wired
+
+
+def test_a_wire_from_the_truth_into_a_filter_is_found() -> None:
+    plant = build_station(scenario(), 0)
+    network = build_networks(scenario(), plant)["proprioception"]
+    builder = DiagramBuilder()
+    builder.AddSystem(plant.diagram)
+    builder.AddSystem(network)
+    builder.Connect(
+        plant.diagram.GetOutputPort("cheat_configuration"),
+        network.GetInputPort("interaction_active"),
+    )
+    paths = truth_paths(builder.Build())
+    assert any("object_truth.cheat_configuration -> hand_bending" in path for path in paths)
+
+
+def test_the_truth_leaves_the_station_only_through_cheat_ports_to_recorder_and_view() -> None:
+    diagram = episode().diagram
+    robot = {id(s) for name in MODALITIES for s in leaf_systems(diagram.GetSubsystemByName(name))}
+    cheats = [wire for wire in wires(diagram) if wire.source_port.startswith("cheat_")]
+    assert cheats
+    assert not [wire for wire in cheats if id(wire.target) in robot]
+
+
+def test_predictions_close_the_loop_from_joints_to_features() -> None:
+    found = {
+        (wire.source.get_name(), wire.target.get_name())
+        for wire in wires(networks()["crossmodal"])
+        if wire.source is not None and wire.is_prediction
+    }
+    assert ("kinematic_model", "rigid_body_motion") in found
+    assert ("rigid_body_motion", "feature_motion") in found
+    assert ("interacted_body_motion", "rigid_body_motion") in found
+    assert ("grasp_model", "interacted_body_motion") in found
+
+
+def fix_inputs(network: Diagram, context: Context, q: np.ndarray, time: float) -> None:
+    """The senses of a robot that stands still at `q` with its hand closed."""
+
+    def window(values: np.ndarray) -> AbstractValue:
+        return AbstractValue.Make(SampleWindow(times=np.array([time]), values=values[None]))
+
+    values = {
+        "joint_state_window": window(np.concatenate([q, np.zeros(7)])),
+        "wrench_window": window(np.zeros(6)),
+        "pressure_window": window(np.full(4, 6e4)),
+    }
+    for port, value in values.items():
+        network.GetInputPort(port).FixValue(context, value)
+    network.GetInputPort("interaction_active").FixValue(context, [1.0])
+
+
+def test_an_estimate_reacts_to_a_measurement_in_the_same_tick() -> None:
+    network = networks()["proprioception"]
+    body = network.GetSubsystemByName("interacted_body_motion")
+    context = network.CreateDefaultContext()
+
+    def position(q: np.ndarray) -> np.ndarray:
+        fix_inputs(network, context, q, 0.0)
+        motions = body.GetOutputPort("body_motions_estimated").Eval(
+            body.GetMyContextFromRoot(context)
+        )
+        (motion,) = motions.bodies
+        assert motion.body_id == INTERACTED_BODY
+        return np.array(motion.motion.X[:3, 3])
+
+    first = position(Q)
+    moved = position(Q + np.array([0.1, 0, 0, 0, 0, 0, 0]))
+    assert np.linalg.norm(moved - first) > 0.02
+    latest = body.GetOutputPort("body_motions_latest").Eval(body.GetMyContextFromRoot(context))
+    assert latest.bodies == []
+
+
+def test_filters_read_the_calibrated_camera_and_the_arm_that_the_station_has() -> None:
+    assert episode().station.arm.num_positions() == 7
+    focal = episode().station.intrinsics.focal_x()
+    assert_allclose(focal, 320 / np.tan(np.deg2rad(29)))

@@ -1,0 +1,131 @@
+import json
+import re
+from base64 import b64decode
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from pydrake.common.value import Value
+from pydrake.geometry import Meshcat
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from synthetic_episode import ReplayedBeliefs, connect_all, synthetic_episode
+
+from diagrams.crossmodal.meshcat_view import (
+    MeshcatView,
+    MeshcatViewConfig,
+    recorded_page,
+    rigid_transform,
+    start_meshcat,
+)
+from diagrams.drawing.text_board import text_board
+from diagrams.run.yaml_schema import ScenarioError
+from systems.port_values import JointType
+
+
+@pytest.fixture(scope="module")
+def meshcat() -> Meshcat:
+    return start_meshcat()
+
+
+def show(meshcat: Meshcat, joint_type: JointType, duration: float) -> None:
+    builder = DiagramBuilder()
+    source = builder.AddSystem(ReplayedBeliefs(synthetic_episode(joint_type)))
+    view = builder.AddSystem(
+        MeshcatView(MeshcatViewConfig(), meshcat, ["crossmodal", "proprioception"])
+    )
+    connect_all(builder, source, view)
+    Simulator(builder.Build()).AdvanceTo(duration)
+
+
+@pytest.mark.parametrize(
+    ("joint_type", "other"),
+    [(JointType.PRISMATIC, JointType.REVOLUTE), (JointType.REVOLUTE, JointType.PRISMATIC)],
+)
+def test_features_joint_and_text_are_drawn(
+    meshcat: Meshcat, joint_type: JointType, other: JointType
+) -> None:
+    show(meshcat, joint_type, 6.05)
+    layer = "/perception/crossmodal"
+    for path in ("bar", "direction_ahead/cone", "direction_behind/cone"):
+        assert meshcat.HasPath(f"{layer}/joint/{joint_type}/{path}")
+    assert not meshcat.HasPath(f"{layer}/joint/{other}")
+    assert meshcat.HasPath(f"{layer}/features/set_7/body_0")
+    assert meshcat.HasPath(f"{layer}/features/set_7/body_1")
+    assert meshcat.HasPath(f"{layer}/text")
+
+
+def test_the_planned_path_is_drawn_anew_while_there_is_a_plan(meshcat: Meshcat) -> None:
+    view = MeshcatView(MeshcatViewConfig(), meshcat, [])
+    simulator = Simulator(view)
+    port = view.GetInputPort("path_planned")
+    path = "/perception/planned_path"
+    value = port.FixValue(simulator.get_mutable_context(), Value[object](np.zeros((0, 4, 4))))
+    simulator.AdvanceTo(0.5)
+    assert not meshcat.HasPath(path)
+    value.GetMutableData().set_value(np.array([np.eye(4), np.eye(4)]))
+    simulator.AdvanceTo(2.0)
+    assert meshcat.HasPath(f"{path}/line_1")
+    assert meshcat.HasPath(f"{path}/line_2")
+    assert not meshcat.HasPath(f"{path}/line_3")
+
+
+def test_nothing_is_drawn_of_a_joint_before_it_is_believed_in(meshcat: Meshcat) -> None:
+    show(meshcat, JointType.PRISMATIC, 4.5)
+    assert not meshcat.HasPath("/perception/crossmodal/joint")
+    assert not meshcat.HasPath("/perception/crossmodal/text")
+
+
+def animated(page: str) -> dict[str, str]:
+    """By path, the names of the properties that the animation in a page changes."""
+    messages = map(b64decode, re.findall(r'"data:application/octet-binary;base64,([^"]+)"', page))
+    (animation,) = (message for message in messages if b"set_animation" in message)
+    parts = animation.decode("latin-1").split("/perception/")[1:]
+    found = {}
+    for part in parts:
+        path = re.match(r"[\w/]+", part)
+        assert path is not None
+        found[path.group()] = " ".join(re.findall(r"\.(?:visible|scale|position|quaternion)", part))
+    return found
+
+
+def test_the_recording_animates_visibility_scale_and_pose(meshcat: Meshcat) -> None:
+    meshcat.StartRecording(frames_per_second=30.0)
+    show(meshcat, JointType.PRISMATIC, 6.05)
+    changes = animated(recorded_page(meshcat))
+    meshcat.DeleteRecording()
+    joint = "crossmodal/joint/prismatic"
+    assert ".visible" in changes[joint]
+    assert ".position" in changes[joint]
+    assert ".scale" in changes[f"{joint}/direction_ahead/cone"]
+    assert ".position" in changes["crossmodal/features/set_7/body_1"]
+    assert ".visible" in changes["crossmodal/features/set_1/body_0"]
+
+
+def test_the_server_is_for_this_machine_only(meshcat: Meshcat) -> None:
+    assert "localhost" in meshcat.web_url()
+    with pytest.raises(ScenarioError, match=r"--host 203\.0\.113\.7: Meshcat cannot listen"):
+        start_meshcat("203.0.113.7")
+
+
+def test_impossible_values_are_refused(meshcat: Meshcat) -> None:
+    with pytest.raises(ValueError, match="MeshcatView: need period > 0, got 0"):
+        MeshcatView(MeshcatViewConfig(period=0.0), meshcat, [])
+
+
+def test_a_text_board_is_as_wide_as_its_text() -> None:
+    def width(text: str) -> float:
+        file = text_board(text, 0.05, (10, 120, 40)).source().in_memory().mesh_file
+        positions = json.loads(file.contents())["accessors"][0]
+        size = np.subtract(positions["max"], positions["min"])
+        assert_allclose(size[1], 0.05)
+        return float(size[0])
+
+    assert 2.0 * width("q") < width("q = 12.3 ± 0.1 cm") < 1.0
+
+
+def test_a_slightly_skewed_rotation_becomes_a_pose() -> None:
+    X = np.eye(4)
+    X[:3, :3] += 1e-9
+    X[:3, 3] = [1.0, 2.0, 3.0]
+    assert rigid_transform(X).translation().tolist() == [1.0, 2.0, 3.0]

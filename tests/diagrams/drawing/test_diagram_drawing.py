@@ -1,0 +1,112 @@
+import shutil
+
+import pytest
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
+
+from diagrams.drawing import diagram_drawing
+from diagrams.drawing.diagram_drawing import network_dot, render_svg, wires, words
+from diagrams.run.yaml_schema import ScenarioError
+
+
+def fake_filter(name: str, package: str, inputs: list[str], outputs: list[str]) -> LeafSystem:
+    """A system of a class `name` from `package` with vector ports of these names."""
+
+    def initialise(self: LeafSystem) -> None:
+        LeafSystem.__init__(self)
+        for port in inputs:
+            self.DeclareVectorInputPort(port, 1)
+        for port in outputs:
+            self.DeclareVectorOutputPort(
+                port, 1, lambda context, output: None, {self.nothing_ticket()}
+            )
+
+    kind = type(name, (LeafSystem,), {"__init__": initialise, "__module__": package})
+    return kind()
+
+
+def network() -> Diagram:
+    """A body filter with a joint filter above it; the body filter in a Diagram of its own."""
+    inner = DiagramBuilder()
+    bodies = inner.AddNamedSystem(
+        "bodies",
+        fake_filter(
+            "RigidBodyMotion",
+            "systems.vision.bodies.rigid_body_motion",
+            ["features_estimated", "joint_predictions"],
+            ["body_motions_estimated"],
+        ),
+    )
+    inner.ExportInput(bodies.GetInputPort("features_estimated"), "features_estimated")
+    inner.ExportInput(bodies.GetInputPort("joint_predictions"), "joint_predictions")
+    inner.ExportOutput(bodies.get_output_port(), "body_motions_estimated")
+    builder = DiagramBuilder()
+    vision = builder.AddNamedSystem("vision", inner.Build())
+    joints = builder.AddNamedSystem(
+        "joints",
+        fake_filter(
+            "KinematicModel",
+            "systems.kinematics.kinematic_model",
+            ["body_motions"],
+            ["bodies_predicted"],
+        ),
+    )
+    builder.Connect(vision.get_output_port(), joints.get_input_port())
+    builder.Connect(joints.get_output_port(), vision.GetInputPort("joint_predictions"))
+    builder.ExportInput(vision.GetInputPort("features_estimated"), "features_estimated")
+    return builder.Build()
+
+
+def test_every_wire_between_leaf_systems_is_found_through_nested_diagrams() -> None:
+    found = {
+        (
+            "" if wire.source is None else wire.source.get_name(),
+            wire.source_port,
+            wire.target.get_name(),
+            wire.target_port,
+        )
+        for wire in wires(network())
+    }
+    assert found == {
+        ("", "features_estimated", "bodies", "features_estimated"),
+        ("bodies", "body_motions_estimated", "joints", "body_motions"),
+        ("joints", "bodies_predicted", "bodies", "joint_predictions"),
+    }
+
+
+def test_measurements_are_solid_and_predictions_dashed() -> None:
+    lines = network_dot(network(), "drawer").splitlines()
+    (up,) = (line for line in lines if "body_motions_estimated to body_motions" in line)
+    (down,) = (line for line in lines if "bodies_predicted to joint_predictions" in line)
+    assert "dashed" not in up
+    assert 'label="body motions"' in up
+    assert "style=dashed" in down
+    assert "constraint=false" in down
+
+
+def test_systems_are_grouped_by_what_they_perceive_with() -> None:
+    dot = network_dot(network(), "drawer")
+    assert 'label="rigid body motion' in dot
+    assert 'label="kinematic model' in dot
+    assert dot.index("cluster_Vision") < dot.index("rigid body motion")
+    assert "cluster_Kinematics" in dot
+
+
+@pytest.mark.skipif(shutil.which("dot") is None, reason="Graphviz is not installed")
+def test_the_svg_holds_a_node_per_system_and_an_edge_per_wire() -> None:
+    svg = render_svg(network_dot(network(), "drawer & <door>"))
+    assert svg.lstrip().startswith("<?xml")
+    assert svg.count('class="edge"') == 3
+    assert "rigid body motion" in svg
+    assert "drawer &amp; &lt;door&gt;" in svg
+
+
+def test_a_missing_graphviz_names_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(diagram_drawing.shutil, "which", lambda name: None)
+    with pytest.raises(ScenarioError, match="install the system package 'graphviz'"):
+        render_svg(network_dot(network(), "drawer"))
+
+
+def test_names_are_read_as_words() -> None:
+    assert words("EndEffectorMotion") == "end effector motion"
+    assert words("drake/systems/ZeroOrderHold@1") == "zero order hold@1"
+    assert words("body_motions") == "body motions"

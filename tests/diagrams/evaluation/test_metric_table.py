@@ -1,0 +1,192 @@
+from typing import Any
+
+import numpy as np
+import pytest
+
+from diagrams.crossmodal.experiments import Experiment, Reference
+from diagrams.evaluation.metric_table import (
+    COLUMNS,
+    count,
+    experiment_tables,
+    failures_table,
+    markdown,
+    mean_and_deviation,
+    mean_share,
+    median_and_range,
+    overall_table,
+    quantile,
+    seed_ranges,
+    tidy_figures,
+)
+
+NAN = float("nan")
+EXPERIMENT = Experiment(
+    scenario="door",
+    description="",
+    returns=True,
+    references={
+        "configuration error at the end": Reference(paper="5 deg", goal="2 deg"),
+        "exploration error": Reference(paper="1.3 deg"),
+    },
+)
+
+
+def summary(seed: int, error: float | None, *, kind: str = "revolute") -> dict[str, Any]:
+    """An episode whose vision sees no joint and whose cross-modal network errs by `error`."""
+
+    def modality(type_estimated: str | None, error: float | None) -> dict[str, Any]:
+        joint = {
+            "type_true": kind,
+            "type_estimated": type_estimated,
+            "type_settled_at": error,
+            "configuration_true": 1.0,
+            "configuration_error": error,
+            "configuration_error_last_seen": error,
+            "axis_angle_error": error,
+            "axis_distance_error": error,
+            "consistency": {"configuration": error and 0.9, "axis": error and 0.8},
+        }
+        return {"joints": [joint], "tick": {"median": 0.02, "p95": 0.03}}
+
+    return {
+        "scenario": "door",
+        "seed": seed,
+        "success": True,
+        "failure": None,
+        "duration": 20.0,
+        "wall_time": 10.0,
+        "real_time_factor": 2.0,
+        "peak_memory": 1e9,
+        "modalities": {
+            "vision": modality(None, None),
+            "crossmodal": modality(kind if error is not None else "rigid", error),
+        },
+        "phases": {"exploration": {"target": 1.0, "reached": 1.01, "error": 0.01}},
+    }
+
+
+def broken(seed: int) -> dict[str, Any]:
+    return {
+        "scenario": "door",
+        "seed": seed,
+        "success": False,
+        "failure": "RuntimeError: no | way",
+        "modalities": {},
+        "phases": {},
+    }
+
+
+def cells(summaries: list[dict[str, Any]]) -> dict[str, list[str]]:
+    tables = experiment_tables(EXPERIMENT, tidy_figures("door", summaries))
+    return {row[0]: row[1:] for table in tables for row in table.rows}
+
+
+def test_the_tidy_table_has_one_row_per_episode_modality_and_figure() -> None:
+    figures = tidy_figures("door", [summary(3, 0.1), broken(4)])
+    assert tuple(figures.columns) == COLUMNS
+    assert not figures.duplicated(["experiment", "seed", "modality", "figure"]).any()
+    error = figures[(figures.modality == "crossmodal") & (figures.figure == "configuration_error")]
+    assert (error.value.item(), error.unit.item()) == (0.1, "rad")
+    assert len(figures[figures.modality == "vision"]) == len(
+        figures[figures.modality == "crossmodal"]
+    )
+    last = figures[figures.seed == 4]
+    assert last[["figure", "value", "reason"]].values.tolist() == [
+        ["success", 0.0, "RuntimeError: no | way"]
+    ]
+
+
+def test_quantiles_are_linear_and_what_is_missing_is_infinitely_large() -> None:
+    values = [0.4, -0.1, 0.2, 0.3, 0.5]
+    for share in (0.05, 0.37, 0.5, 0.95):
+        np.testing.assert_allclose(quantile(values, share), np.quantile(np.abs(values), share))
+    assert quantile([0.1, 0.2, NAN], 0.5) == 0.2
+    assert quantile([0.1, NAN], 0.5) == np.inf
+    assert quantile([NAN, NAN], 0.25) == np.inf
+
+
+def test_cells_are_written_in_units_for_people() -> None:
+    assert median_and_range([0.001, -0.002, 0.003], "m") == "2.0 (1.1 to 2.9) mm"
+    assert median_and_range([0.001, 0.002, NAN], "m") == "2.0 (1.1 to none) mm"
+    assert median_and_range([np.pi / 180], "rad", 2) == "1.00 (1.00 to 1.00) deg"
+    assert mean_and_deviation([0.01, -0.03], "m") == "20.0 ± 14.1 mm"
+    assert mean_and_deviation([0.01, NAN], "m") == "10.0 mm (1 without)"
+    assert mean_and_deviation([NAN], "m") == "-"
+    assert count([1.0, 0.0, NAN]) == "1/3"
+    assert mean_share([0.5, 1.0, NAN]) == "75 %"
+
+
+def test_an_episode_that_broke_off_counts_against_every_modality() -> None:
+    degree = np.pi / 180
+    rows = cells([summary(0, degree), summary(1, 3 * degree), summary(2, 5 * degree), broken(3)])
+    assert rows["task done"] == ["3/4", "", ""]
+    assert rows["exploration error"] == ["0.6 ± 0.0 deg (1 without)", "1.3 deg", ""]
+    assert rows["joint type right at the end"][:2] == ["0/4", "3/4"]
+    assert rows["configuration error at the end"] == [
+        "none",
+        "4.0 (1.3 to none) deg",
+        "5 deg",
+        "2 deg",
+    ]
+    assert rows["axis' NEES inside 95 % bounds"][:2] == ["-", "80 %"]
+    assert rows["tick"][1] == "20.0 (20.0 to 20.0) ms"
+    assert "exploitation error" not in rows
+
+
+def test_a_joint_of_the_wrong_type_is_found_but_not_right() -> None:
+    wrong = summary(0, 0.1)
+    wrong["modalities"]["crossmodal"]["joints"][0]["type_estimated"] = "prismatic"
+    rows = cells([wrong])
+    assert rows["joint found"][:2] == ["0/1", "1/1"]
+    assert rows["joint type right at the end"][:2] == ["0/1", "0/1"]
+
+
+def test_only_revolute_joints_have_a_distance_of_the_axis() -> None:
+    assert "axis distance error" in cells([summary(0, 0.1)])
+    rows = cells([summary(0, 0.1, kind="prismatic")])
+    assert "axis distance error" not in rows
+    assert rows["configuration error at the end"][1] == "100.0 (100.0 to 100.0) mm"
+
+
+def test_the_markdown_holds_tables_reasons_and_origin() -> None:
+    figures = tidy_figures("door", [summary(0, 0.1), broken(1), summary(2, 0.1)])
+    text = markdown("door", EXPERIMENT, figures, "made so")
+    assert text.startswith("# door: 3 episodes, seeds 0 to 2\n\nmade so\n")
+    assert "| 1 | RuntimeError: no \\| way |" in text
+    assert "Real-time factor: median 2.00, least 2.00." in text
+    for block in text.split("\n\n"):
+        counts = {line.replace("\\|", "").count("|") for line in block.splitlines()}
+        assert len(counts) == 1 or not block.startswith("|")
+
+
+def test_there_is_a_table_even_if_all_episodes_broke() -> None:
+    figures = tidy_figures("door", [broken(1)])
+    assert [table.rows for table in experiment_tables(EXPERIMENT, figures)] == [
+        [["task done", "0/1", "", ""]]
+    ]
+    assert failures_table(figures).rows == [["1", "RuntimeError: no | way"]]
+
+
+def test_the_overall_table_adds_up_the_experiments() -> None:
+    doors = tidy_figures("door", [summary(0, 0.1), broken(1)])
+    drawers = tidy_figures("drawer", [summary(0, 0.001, kind="prismatic")])
+    table = overall_table(
+        {"glass-door": doors, "drawer": drawers, "box-lid": tidy_figures("box-lid", [broken(7)])}
+    )
+    rows = {row[0]: dict(zip(table.header[1:], row[1:], strict=True)) for row in table.rows}
+    assert rows["glass-door"]["task done"] == "1/2"
+    assert rows["all"]["task done"] == "2/4 (50 %)"
+    assert rows["all"]["type right, cross-modal"] == "2/4 (50 %)"
+    assert rows["glass-door"]["exploration error"] == "0.6 deg (1 without)"
+    assert rows["drawer"]["exploration error"] == "-"
+    assert rows["drawer"]["error at the end, cross-modal"] == "1.0 (1.0 to 1.0) mm"
+    assert rows["box-lid"]["type right, cross-modal"] == "0/1"
+    assert rows["glass-door"]["paper"] == "1.3 ± 0.73 deg / 0.6 ± 0.5 deg"
+    assert rows["drawer"]["goal"] == "-"
+
+
+@pytest.mark.parametrize(
+    ("seeds", "text"), [([1, 2, 3], "1 to 3"), ([1, 2], "1, 2"), ([1, 3, 4], "1, 3, 4")]
+)
+def test_seeds_in_a_row_are_written_as_a_range(seeds: list[int], text: str) -> None:
+    assert seed_ranges(seeds) == text

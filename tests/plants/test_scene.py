@@ -1,0 +1,123 @@
+"""The simulated world: kinematics of the arm, the object where it was asked for, its friction."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems.framework import DiagramBuilder
+
+from models import SDF_DIR
+from plants.joint_friction import JointFriction
+from plants.robots.wam import ARM_JOINTS, hand_load, make_arm_with_load
+from plants.scene import (
+    ManipulationScene,
+    ObjectPlacement,
+    PlantConfig,
+    add_manipulation_scene,
+    facing,
+)
+
+# Barrett WAM with seven joints, standard Denavit-Hartenberg (a [m], alpha [deg], d [m]).
+WAM = [
+    (0.0, -90, 0.0),
+    (0.0, 90, 0.0),
+    (0.045, -90, 0.55),
+    (-0.045, 90, 0.0),
+    (0.0, -90, 0.3),
+    (0.0, 90, 0.0),
+    (0.0, 0, 0.06),
+]
+
+
+def denavit_hartenberg(a: float, alpha: float, d: float, theta: float) -> np.ndarray:
+    ct, st = np.cos(theta), np.sin(theta)
+    ca, sa = np.cos(np.deg2rad(alpha)), np.sin(np.deg2rad(alpha))
+    return np.array(
+        [
+            [ct, -st * ca, st * sa, a * ct],
+            [st, ct * ca, -ct * sa, a * st],
+            [0, sa, ca, d],
+            [0, 0, 0, 1],
+        ]
+    )
+
+
+def make_scene(**placement: object) -> ManipulationScene:
+    values: dict = {"model": SDF_DIR / "chest_drawer.sdf", "X_WO": RigidTransform([0.9, 0, 0.9])}
+    return add_manipulation_scene(
+        DiagramBuilder(), PlantConfig(), ObjectPlacement(**(values | placement))
+    )
+
+
+def test_the_arm_has_the_kinematics_of_the_wam() -> None:
+    arm = make_arm_with_load(RigidTransform())
+    context = arm.CreateDefaultContext()
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, 7)
+    arm.SetPositions(context, q)
+    expected = np.eye(4)
+    for (a, alpha, d), theta in zip(WAM, q, strict=True):
+        expected = expected @ denavit_hartenberg(a, alpha, d, theta)
+    actual = arm.GetFrameByName("tool_plate").CalcPoseInWorld(context).GetAsMatrix4()
+    assert_allclose(actual, expected, atol=1e-9)
+
+
+def test_the_robot_knows_the_arm_that_is_simulated() -> None:
+    scene = make_scene()
+    arm = make_arm_with_load(scene.X_WBase)
+    q = np.random.default_rng(1).uniform(-1.0, 1.0, 7)
+    context, known = scene.plant.CreateDefaultContext(), arm.CreateDefaultContext()
+    scene.plant.SetPositions(context, scene.arm, q)
+    arm.SetPositions(known, q)
+    for frame in ("end_effector", "sensor"):
+        assert_allclose(
+            arm.GetFrameByName(frame).CalcPoseInWorld(known).GetAsMatrix4(),
+            scene.plant.GetFrameByName(frame).CalcPoseInWorld(context).GetAsMatrix4(),
+            atol=1e-9,
+        )
+    hand_mass = scene.plant.CalcTotalMass(context, [scene.hand])
+    assert_allclose(hand_load(arm)[0], hand_mass)
+    assert [arm.GetJointByName(name).position_start() for name in ARM_JOINTS] == list(range(7))
+
+
+def test_the_object_stands_where_it_was_asked_for() -> None:
+    X_WO = RigidTransform(RollPitchYaw(0, 0, 3.0), [0.8, 0.1, 0.9])
+    scene = make_scene(X_WO=X_WO)
+    handle = scene.plant.GetFrameByName("handle", scene.object)
+    X_WHandle = handle.CalcPoseInWorld(scene.plant.CreateDefaultContext())
+    assert_allclose((X_WO.inverse() @ X_WHandle).translation(), [0.07, 0, 0], atol=1e-12)
+
+
+def test_a_free_object_starts_where_it_was_asked_for_and_only_its_own_joints_rub() -> None:
+    X_WO = RigidTransform(RollPitchYaw(0, 0, 3.0), [0.8, 0.1, 0.9])
+    scene = make_scene(X_WO=X_WO, free=True, friction=5.0)
+    carcass = scene.plant.GetBodyByName("carcass", scene.object)
+    X_WB = carcass.EvalPoseInWorld(scene.plant.CreateDefaultContext())
+    assert_allclose(X_WB.GetAsMatrix4(), X_WO.GetAsMatrix4(), atol=1e-12)
+    slide = scene.plant.GetJointByName("slide").velocity_start()
+    assert np.flatnonzero(scene.friction).tolist() == [slide]
+
+
+def test_the_hand_faces_the_object_with_its_fingers_along_the_bar() -> None:
+    X_WE = facing(RigidTransform())
+    assert_allclose(X_WE.rotation().col(2), [-1, 0, 0])
+    assert_allclose(X_WE.rotation().col(1), [0, 1, 0])
+
+
+def test_friction_acts_on_the_object_alone_and_against_its_motion() -> None:
+    scene = make_scene(friction=5.0)
+    plant = scene.plant
+    slide = plant.GetJointByName("slide").velocity_start()
+    assert np.flatnonzero(scene.friction).tolist() == [slide]
+    system = JointFriction(plant, scene.friction)
+    context = system.CreateDefaultContext()
+    state = np.zeros(plant.num_multibody_states())
+    state[plant.num_positions() + slide] = 0.1
+    system.get_input_port().FixValue(context, state)
+    forces = system.get_output_port().Eval(context)
+    assert_allclose(forces[slide], -5.0, rtol=1e-3)
+    assert np.count_nonzero(forces) == 1
+
+
+def test_an_unknown_texture_lists_the_known_ones() -> None:
+    with pytest.raises(ValueError, match=r"no texture 'velvet'.*birch"):
+        make_scene(texture="velvet")

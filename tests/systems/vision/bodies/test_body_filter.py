@@ -1,0 +1,204 @@
+"""The filter of one body and its anchors, against finite differences and batch least squares."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from maths import se3
+from systems.port_values import Array
+from systems.vision.bodies import body_filter
+from systems.vision.bodies.body_filter import BodyFilter
+
+RNG = np.random.default_rng(0)
+X_REFERENCE = se3.exp(np.array([0.2, -0.1, 0.3, 1.0, 0.2, 0.5]))
+P_WF = X_REFERENCE[:3, 3] + RNG.uniform(-0.2, 0.2, (12, 3))
+GATE = 16.27
+
+
+def spd(count: int, scale: float) -> Array:
+    A = RNG.normal(size=(count, 3, 3))
+    return scale**2 * (A @ A.transpose(0, 2, 1) + np.eye(3))
+
+
+C_REST, C_SEEN = spd(12, 3e-4), spd(12, 1e-3)
+
+
+def resting() -> BodyFilter:
+    body = body_filter.at_reference(X_REFERENCE, np.full(6, 0.05))
+    noise = np.einsum("nij,nj->ni", np.linalg.cholesky(C_REST), RNG.normal(size=(12, 3)))
+    return body_filter.add_rest_anchors(body, np.arange(12), X_REFERENCE, P_WF + noise, C_REST)
+
+
+def predicted(body: BodyFilter) -> BodyFilter:
+    return body_filter.predict(body, 1 / 15, np.full(6, 1e-2), 1e-5, 1e-4)
+
+
+def test_pose_jacobian_is_the_derivative_of_a_moved_point() -> None:
+    points = RNG.normal(size=(5, 3))
+    J = body_filter.pose_jacobian(points)
+    for i in range(6):
+        d = np.zeros(6)
+        d[i] = 1e-6
+        forward, backward = se3.exp(d), se3.exp(-d)
+        difference = points @ (forward - backward)[:3, :3].T + (forward - backward)[:3, 3]
+        assert_allclose(difference / 2e-6, J[:, :, i], atol=1e-9)
+
+
+def test_prediction_transports_the_error_as_the_exact_motion_does() -> None:
+    V = np.array([0.3, -0.2, 0.5, 0.1, 0.2, -0.3])
+    body = body_filter.at_reference(X_REFERENCE, np.full(6, 0.05))
+    body = BodyFilter(**{**vars(body), "V": V, "P": np.eye(12)})
+    quiet = body_filter.predict(body, 0.1, np.zeros(6), 0.0, 0.0)
+    F = np.zeros((6, 12))
+    for i in range(12):
+        ends = []
+        for sign in (1e-6, -1e-6):
+            d = np.zeros(12)
+            d[i] = sign
+            X = X_REFERENCE @ se3.exp(d[:6]) @ se3.exp((V + d[6:]) * 0.1)
+            ends.append(se3.log(se3.inverse(quiet.X) @ X))
+        F[:, i] = (ends[0] - ends[1]) / 2e-6
+    assert_allclose(quiet.P[:6, :6], F @ F.T, atol=1e-6)
+
+
+def test_correction_equals_the_information_form() -> None:
+    body = predicted(resting())
+    index = np.arange(12)
+    seen = P_WF + 5e-4 * RNG.normal(size=(12, 3))
+    after = body_filter.correct(body, index, seen, C_SEEN)
+    z, R_B = body_filter.in_body(body.X, seen, C_SEEN)
+    H = np.zeros((36, len(body.P)))
+    H[:, :6] = body_filter.pose_jacobian(body.p_BF).reshape(36, 6)
+    H[:, 12:] = np.eye(36)
+    R_inverse = np.zeros((36, 36))
+    for i in range(12):
+        R_inverse[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = np.linalg.inv(R_B[i])
+    information = np.linalg.inv(body.P + 1e-18 * np.eye(len(body.P))) + H.T @ R_inverse @ H
+    P = np.linalg.inv(information)
+    dx = P @ H.T @ R_inverse @ (z - body.p_BF).ravel()
+    assert_allclose(after.P, P, atol=1e-10)
+    assert_allclose(after.X, body.X @ se3.exp(dx[:6]), atol=1e-7)
+    assert_allclose(after.p_BF, body.p_BF + dx[12:].reshape(-1, 3), atol=1e-7)
+
+
+def test_innovation_blocks_are_those_of_the_whole_innovation() -> None:
+    body = body_filter.correct(predicted(resting()), np.arange(6), P_WF[:6], C_SEEN[:6])
+    index = np.array([1, 7, 11])
+    _, R_B = body_filter.in_body(body.X, P_WF[index], C_SEEN[index])
+    S = body_filter.innovation_blocks(body, index, R_B)
+    for row, i in enumerate(index):
+        H = np.zeros((3, len(body.P)))
+        H[:, :6] = body_filter.pose_jacobian(body.p_BF[i : i + 1])[0]
+        H[:, 12 + 3 * i : 15 + 3 * i] = np.eye(3)
+        assert_allclose(S[row], H @ body.P @ H.T + R_B[row], atol=1e-15)
+
+
+def test_covariance_stays_symmetric_and_positive_over_many_ticks() -> None:
+    body = resting()
+    for _ in range(200):
+        body = predicted(body)
+        body = body_filter.correct(body, np.arange(12), P_WF, C_SEEN)
+    assert_allclose(body.P, body.P.T, atol=1e-18)
+    assert np.linalg.eigvalsh(body.P).min() > 0.0
+    # Nothing that is seen later makes the reference better known than its anchors were.
+    together = np.linalg.inv(np.linalg.inv(C_REST).sum(axis=0))
+    assert np.trace(body.P[3:6, 3:6]) > 0.5 * np.trace(together)
+
+
+def test_an_anchor_added_now_inherits_the_error_of_the_pose() -> None:
+    body = body_filter.correct(predicted(resting()), np.arange(12), P_WF, C_SEEN)
+    p_new, C_new = P_WF[:1] + 0.01, 1e-8 * np.eye(3)[None]
+    grown = body_filter.add_present_anchors(body, np.array([99]), p_new, C_new)
+    J = body_filter.pose_jacobian(grown.p_BF[-1:])[0]
+    # Seen again at once, by a nearly noiseless camera, it says nothing about the pose.
+    again = body_filter.correct(grown, np.array([12]), p_new, C_new)
+    assert_allclose(again.P[:6, :6], body.P[:6, :6], rtol=1e-3, atol=1e-12)
+    assert_allclose(
+        grown.p_BF_covariance[-1], J @ body.P[:6, :6] @ J.T + 1e-8 * np.eye(3), atol=1e-12
+    )
+
+
+def test_removing_an_anchor_leaves_the_rest_alone() -> None:
+    body = body_filter.correct(predicted(resting()), np.arange(12), P_WF, C_SEEN)
+    smaller = body_filter.remove_anchors(body, np.array([3, 5]))
+    keep = [i for i in range(12) if i not in (3, 5)]
+    assert_allclose(smaller.p_BF, body.p_BF[keep])
+    assert_allclose(smaller.p_BF_covariance, body.p_BF_covariance[keep])
+    assert_allclose(smaller.P[:12, :12], body.P[:12, :12])
+
+
+@pytest.mark.parametrize("far", [0.05, 1.0])
+def test_outliers_do_not_agree_even_with_a_long_lever(far: float) -> None:
+    body = body_filter.inflated(predicted(resting()), np.full(6, 0.05))
+    motion = se3.exp(np.array([0.02, -0.01, 0.02, 0.01, -0.02, 0.01]))
+    p_BF, _ = body_filter.in_body(X_REFERENCE, P_WF, C_REST)
+    X_WB = X_REFERENCE @ motion
+    seen = p_BF @ X_WB[:3, :3].T + X_WB[:3, 3]
+    wrong = np.array([2, 9])
+    direction = (seen[wrong] - X_WB[:3, 3]) / np.linalg.norm(seen[wrong] - X_WB[:3, 3])
+    seen[wrong] += far * 0.02 + 0.02 * direction
+    fits = body_filter.agreeing(body, np.arange(12), seen, C_SEEN, GATE)
+    assert fits.sum() >= 9
+    assert not fits[wrong].any()
+
+
+def test_a_rebuilt_filter_has_forgotten_what_a_wrong_feature_did() -> None:
+    body = predicted(resting())
+    lie = P_WF.copy()
+    lie[0] += [0.0, 0.02, 0.0]
+    wrong = body_filter.correct(body, np.arange(12), lie, C_SEEN)
+    clean = body_filter.remove_anchors(wrong, np.array([0]))
+    clean = body_filter.rebuilt(clean, np.full(6, 0.1))
+    clean = body_filter.correct(clean, np.arange(11), P_WF[1:], C_SEEN[1:])
+    error = se3.log(se3.inverse(clean.X) @ X_REFERENCE)
+    assert error @ np.linalg.solve(clean.P[:6, :6], error) < 22.5
+
+
+def test_a_sliding_anchor_is_noticed() -> None:
+    body = resting()
+    slide = np.zeros((12, 3))
+    for _ in range(60):
+        slide[4, 1] += 6e-5
+        body = body_filter.predict(body, 1 / 15, np.full(6, 1e-2), 2e-4, 0.0)
+        body = body_filter.correct(
+            body, np.arange(12), P_WF + slide, 1e-7 * np.tile(np.eye(3), (12, 1, 1))
+        )
+    drifted = body_filter.drifted(body, GATE)
+    assert drifted[4]
+    assert drifted.sum() <= 2
+
+
+def test_what_anchors_have_in_common_outlives_a_rebuilding() -> None:
+    body = body_filter.inflated(
+        body_filter.at_reference(np.eye(4), np.full(6, 0.05)), np.repeat([0.02, 0.005], 3)
+    )
+    p_WF = np.random.default_rng(7).normal(scale=0.1, size=(6, 3))
+    body = body_filter.add_present_anchors(
+        body, np.arange(6), p_WF, np.tile(1e-8 * np.eye(3), (6, 1, 1))
+    )
+    fewer = body_filter.remove_anchors(body, np.array([2]))
+    again = body_filter.rebuilt(fewer, np.full(6, 0.1))
+    assert_allclose(again.anchor_covariance, fewer.anchor_covariance)
+    assert np.abs(again.anchor_covariance[:3, 3:6]).max() > 1e-5
+
+
+def test_what_a_rebuilt_filter_starts_from_is_a_covariance_after_anchors_have_drifted() -> None:
+    body = resting()
+    for _ in range(50):  # What all of them have in common is known less well in the end.
+        body = body_filter.predict(body, 1 / 15, np.full(6, 1e-2), 1e-3, 0.0)
+        body = body_filter.correct(body, np.arange(12), P_WF, C_SEEN)
+    ids = np.arange(20, 25)
+    body = body_filter.add_present_anchors(body, ids, P_WF[:5] + 0.02, C_SEEN[:5])
+    rebuilt = body_filter.rebuilt(body, np.full(6, 1e-2))
+    assert np.linalg.eigvalsh(rebuilt.P)[0] > 0.0
+    before = np.repeat(body.ids < 20, 3)
+    assert_allclose(rebuilt.P[12:, 12:][np.ix_(before, before)], resting().C_first)
+
+
+def test_what_new_anchors_share_with_old_ones_is_kept_where_these_are_known_better_now() -> None:
+    body = predicted(resting())
+    body = body_filter.correct(body, np.arange(12), P_WF, C_SEEN)
+    body = body_filter.add_present_anchors(body, np.arange(20, 25), P_WF[:5] + 0.02, C_SEEN[:5])
+    before = np.repeat(body.ids < 20, 3)
+    shared = body.anchor_covariance[np.ix_(before, ~before)]
+    assert_allclose(body.C_first[np.ix_(before, ~before)], shared, rtol=1e-3, atol=1e-11)

@@ -6,13 +6,11 @@ constant, and none sees the whole stream before its end.
 """
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.joint_streams import Stream, StreamConfig, joint_pose
 from maths import se3
+from maths.arrays import Array
 from systems.port_values import JointType
-
-Array = npt.NDArray[np.float64]
 
 _STEP = 1e-5
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 import typer
 from joblib import Parallel, delayed
 from scipy.stats import chi2
@@ -23,10 +22,9 @@ from tqdm import tqdm
 
 from benchmarks.joint_batch_fit import batch_fit
 from benchmarks.joint_streams import Stream, StreamConfig, simulate_stream, stream_configs
+from maths.arrays import Array
 from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from systems.port_values import JointModelBelief, JointType
-
-Array = npt.NDArray[np.float64]
 
 FIRST_SEED = 100
 # Median q error [mm or deg], axis direction [deg], axis position [mm] and its settling time [s].

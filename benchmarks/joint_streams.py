@@ -10,13 +10,11 @@ Gaussian, the same in all rotations and in all translations: the noise acts at t
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from maths import se3
+from maths.arrays import Array
 from systems.port_values import JointType
-
-Array = npt.NDArray[np.float64]
 
 RATE = 15.0  # [Hz]
 

@@ -1,11 +1,9 @@
 """Cholesky factors of small matrices in place, compiled; far cheaper below 12 x 12 than LAPACK."""
 
 import numpy as np
-import numpy.typing as npt
 
+from maths.arrays import Array
 from maths.compiled import hot
-
-Array = npt.NDArray[np.float64]
 
 
 @hot

@@ -6,9 +6,8 @@ covariance is S = H P H^T + R.
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array, Mask
 
 
 @numba.njit(cache=True)
@@ -18,9 +17,7 @@ def symmetric(P: Array) -> Array:
 
 
 @numba.njit(cache=True)
-def schmidt_update(
-    P: Array, H: Array, R: Array, e: Array, considered: npt.NDArray[np.bool_]
-) -> tuple[Array, Array]:
+def schmidt_update(P: Array, H: Array, R: Array, e: Array, considered: Mask) -> tuple[Array, Array]:
     """One Kalman correction that leaves some states as they are, but knows that they may be wrong.
 
     In Joseph form, symmetric and positive semidefinite at any gain.

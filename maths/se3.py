@@ -9,9 +9,8 @@ Source: T. D. Barfoot, State Estimation for Robotics, 2017, chapter 7.
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
 
 _SMALL = 1e-4  # Below this angle, [rad], series replace closed forms.
 

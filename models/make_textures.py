@@ -8,9 +8,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from maths.arrays import Array
 from models import SDF_DIR
 
-Image = npt.NDArray[np.float64]
+Image = Array
 SIZE = 512  # Width and height, [pixels].
 
 # Dark and light colours (RGB, 0 to 1), stretch along the grain, and printed marks per texture.

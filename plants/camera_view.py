@@ -1,11 +1,10 @@
 """Where the camera is and what it sees."""
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
 
 
 def camera_intrinsics(width: int, height: int, horizontal_angle: float) -> CameraInfo:

@@ -1,9 +1,10 @@
 """Coulomb friction of the objects' joints, which Drake's joints do not have."""
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from maths.arrays import Array
 
 
 class JointFriction(LeafSystem):
@@ -26,9 +27,7 @@ class JointFriction(LeafSystem):
         speed: Below it friction falls off smoothly, [m/s] or [rad/s].
     """
 
-    def __init__(
-        self, plant: MultibodyPlant, friction: npt.NDArray[np.float64], speed: float = 0.01
-    ) -> None:
+    def __init__(self, plant: MultibodyPlant, friction: Array, speed: float = 0.01) -> None:
         super().__init__()
         if np.any(friction < 0):
             raise ValueError(f"JointFriction: need friction >= 0 N, got {friction!r}")

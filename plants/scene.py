@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.geometry import (
     CollisionFilterDeclaration,
     GeometrySet,
@@ -18,10 +17,9 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, Multibody
 from pydrake.multibody.tree import Joint, ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
+from maths.arrays import Array
 from models import SDF_DIR
 from plants.robots.wam import add_package
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(kw_only=True)

@@ -15,10 +15,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Ids = npt.NDArray[np.int64]
+from maths.arrays import Array, Ids
 
 STATIC_BODY = 0  # The environment, which never moves.
 INTERACTED_BODY = 1  # The body the hand holds; vision numbers the bodies that it finds from 2 on.

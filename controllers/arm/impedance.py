@@ -3,15 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from controllers.arm.kinematics import ArmModel, ArmState
 from controllers.interaction.phases import Phase
 from maths import se3
-
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
 
 
 @dataclass(kw_only=True)

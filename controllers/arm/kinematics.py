@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
 
 
 @dataclass(kw_only=True)

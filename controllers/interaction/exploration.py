@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, LeafSystem, State
 
@@ -11,8 +10,7 @@ from controllers.arm.impedance import DesiredMotion
 from controllers.arm.kinematics import ArmModel
 from controllers.interaction.phases import Phase
 from maths import se3
-
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
 
 
 @dataclass(kw_only=True)

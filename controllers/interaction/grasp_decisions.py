@@ -3,17 +3,16 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
 from controllers.interaction.phases import Phase, is_held
 from maths import se3
-
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
+from maths.immutable import Immutable
 
 
 @dataclass(kw_only=True)
-class SequenceState:
+class SequenceState(Immutable):
     """Never written after it is made.
 
     Attributes:
@@ -41,9 +40,6 @@ class SequenceState:
     attempts: int
     lost: bool
     doubted_since: float
-
-    def __deepcopy__(self, memo: dict[int, object]) -> "SequenceState":
-        return self
 
 
 @dataclass(kw_only=True)

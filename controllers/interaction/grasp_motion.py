@@ -1,13 +1,11 @@
 """How the hand moves and gives way around a grasp."""
 
 import numpy as np
-import numpy.typing as npt
 
 from controllers.arm.impedance import DesiredMotion, ImpedanceGains
 from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
 from maths import se3
-
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
 
 
 def minimum_jerk(s: float) -> tuple[float, float, float]:

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, State
 
@@ -18,8 +17,7 @@ from controllers.interaction.grasp_motion import (
 from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
 from controllers.interaction.phases import Phase, is_held
 from maths import se3
-
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
 
 
 class GraspSequence(LeafSystem):

@@ -1,13 +1,10 @@
 """Remembers the joint that was perceived, also while nothing is held."""
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from controllers.interaction.phases import is_held
-
-Array = npt.NDArray[np.float64]
-
+from maths.arrays import Array
 
 _UNKNOWN = np.concatenate([np.full(14, np.nan), np.zeros(2)])
 

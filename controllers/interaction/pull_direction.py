@@ -3,15 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from controllers.arm.kinematics import ArmModel
 from controllers.interaction.grasp_motion import unit
 from controllers.interaction.phases import Phase
 from maths import se3
-
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
 
 
 @dataclass(kw_only=True)

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
@@ -13,8 +12,8 @@ from controllers.interaction.grasp_motion import minimum_jerk
 from controllers.interaction.joint_memory import turns
 from controllers.interaction.phases import Phase, is_held
 from maths import se3
-
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
+from maths.immutable import Immutable
 
 _PEAK = 1.875  # Of the minimum-jerk blend's rate.
 
@@ -37,7 +36,7 @@ class TrajectoryGeneratorConfig:
 
 
 @dataclass(kw_only=True)
-class Plan:
+class Plan(Immutable):
     """The joint's way to its start by minimum jerk; never written after it is made.
 
     Attributes:
@@ -57,9 +56,6 @@ class Plan:
     X_WE: Array
     motion: DesiredMotion
     gains: ImpedanceGains
-
-    def __deepcopy__(self, memo: dict[int, object]) -> "Plan":
-        return self
 
     def joint(self, time: float) -> tuple[float, float]:
         """Planned configuration [m or rad] and its rate."""

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import AbstractValue, Value
 from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, MeshcatParams, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
@@ -17,6 +16,7 @@ from diagrams.drawing.text_board import text_board
 from diagrams.joints.joint_drawing import JointSketch, perpendicular_axes, sketch_joint
 from diagrams.joints.joint_metrics import joint_now
 from diagrams.run.yaml_schema import ScenarioError, one_line
+from maths.arrays import Array
 from systems.port_values import (
     BodyMotion,
     BodyMotions,
@@ -25,8 +25,6 @@ from systems.port_values import (
     JointBeliefs,
     JointType,
 )
-
-Array = npt.NDArray[np.float64]
 
 ROOT = "/perception"
 _BAR_RADIUS = 0.007  # [m]

@@ -8,7 +8,6 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -18,8 +17,7 @@ from diagrams.crossmodal.results.plots import STYLE, new_figure
 from diagrams.crossmodal.scenario import Disturbances
 from diagrams.drawing import palette
 from diagrams.run.run_folder import ESTIMATES_FILE
-
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
 
 BAND = (5.0, 95.0)  # Percentiles over the seeds.
 _SMALLEST = 0.01  # Error that is still drawn, [mm or deg].

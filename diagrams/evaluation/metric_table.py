@@ -11,8 +11,8 @@ import pandas as pd
 
 from diagrams.crossmodal.experiments import EXPERIMENTS, Experiment, Reference
 from diagrams.drawing import palette
+from maths.arrays import Array
 
-Array = npt.NDArray[np.float64]
 Summary = dict[str, Any]
 COLUMNS = ("experiment", "seed", "modality", "figure", "value", "unit", "reason")
 # What figures are written in for people: factor and unit, by their unit in SI.

@@ -10,16 +10,14 @@ from dataclasses import dataclass
 
 import matplotlib.patheffects as path_effects
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 from scipy.spatial import ConvexHull, QhullError
 
 from diagrams.drawing import palette
 from diagrams.run.record import PinholeCamera
+from maths.arrays import Array
 from systems.port_values import BodyMotion, JointBelief, JointType
-
-Array = npt.NDArray[np.float64]
 
 BAR_LENGTH = 0.3  # [m]
 BAR_HEIGHT = 0.2  # Of a prismatic joint's bar above the body, [m].

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.stats import chi2
 
 from diagrams.run.record import TickRecord, Truth
+from maths.arrays import Array, Mask
 from systems.port_values import (
     INTERACTED_BODY,
     STATIC_BODY,
@@ -21,8 +21,6 @@ from systems.port_values import (
     JointModelBelief,
     JointType,
 )
-
-Array = npt.NDArray[np.float64]
 
 # Travel from which an object counts as moved, [m or rad], and speed of a moving one, [per s].
 MOTION_START = {JointType.PRISMATIC: 0.005, JointType.REVOLUTE: 0.015}
@@ -167,7 +165,7 @@ class JointSeries:
     axis_std: Array
     distance_error: Array
     probability_true_type: Array
-    type_is_right: npt.NDArray[np.bool_]
+    type_is_right: Mask
     configuration_nees: Array
     axis_nees: Array
 
@@ -276,7 +274,7 @@ def motion_start(truth: Truth) -> float | None:
     return float(truth.times[int(np.argmax(moved))]) if np.any(moved) else None
 
 
-def moving_at(times: Array, truth: Truth) -> npt.NDArray[np.bool_]:
+def moving_at(times: Array, truth: Truth) -> Mask:
     """Whether the object moves at the given instants, from the start of its motion on."""
     start = motion_start(truth)
     if start is None or len(truth.times) < 2:

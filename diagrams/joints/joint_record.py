@@ -4,7 +4,6 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from diagrams.joints.joint_metrics import (
@@ -18,9 +17,8 @@ from diagrams.joints.joint_metrics import (
 )
 from diagrams.run.record import EpisodeResult, ModalityRecord, Phase, TickRecord, Truth
 from maths import se3
+from maths.arrays import Array
 from systems.port_values import BodyMotion, JointBelief, JointType
-
-Array = npt.NDArray[np.float64]
 
 COLUMNS = ("time", "modality", "quantity", "component", "estimate", "std", "covariance", "truth")
 _XYZ = ("x", "y", "z")

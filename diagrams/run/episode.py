@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import Value
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.math import RigidTransform, RotationMatrix
@@ -32,13 +31,12 @@ from diagrams.run.sensor_log import SensorLogWriter
 from diagrams.run.sensor_recorder import SensorRecorder
 from diagrams.run.yaml_schema import ScenarioError, building
 from diagrams.stations.lighting import Light
+from maths.arrays import Array
 from maths.compiled import compilation_timed
 from plants.camera_view import camera_intrinsics, looking_at
 from plants.scene import ObjectPlacement
 from systems.kinematics.interacted_joint import InteractedJoint, InteractedJointConfig
 from systems.port_values import JointType
-
-Array = npt.NDArray[np.float64]
 
 
 def draw_placement(scenario: Scenario, seed: int) -> ObjectPlacement:

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from diagrams.crossmodal.scenario import Scenario
+from maths.arrays import Array
 from systems.port_values import (
     BodyMotions,
     FeatureBelief,
@@ -16,8 +17,6 @@ from systems.port_values import (
     MotionBelief,
     PoseBelief,
 )
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(kw_only=True)

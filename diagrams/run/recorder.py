@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, InputPort, LeafSystem, State
 from pydrake.systems.sensors import ImageRgba8U
 
 from diagrams.run.record import FrameRecord, ModalityRecord, TickRecord, Truth
+from maths.arrays import Array
 from systems.port_values import (
     UNKNOWN_END_EFFECTOR,
     BodyMotions,
@@ -21,8 +21,6 @@ from systems.port_values import (
     JointType,
     PoseBelief,
 )
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(kw_only=True)

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
@@ -22,9 +21,9 @@ from pydrake.math import RigidTransform
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from diagrams.run.yaml_schema import ScenarioError, one_line
+from maths.arrays import Array
 from systems.port_values import SampleWindow
 
-Array = npt.NDArray[np.float64]
 Stamped = tuple[int, Any]  # Instant [ns] and message.
 
 _TIME = "builtin_interfaces/Time", "int32 sec\nuint32 nanosec"

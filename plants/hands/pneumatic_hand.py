@@ -9,10 +9,9 @@ bending a finger from outside changes the pressure that the sensor reads.
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
 
 ATMOSPHERE = 101_325.0  # [Pa]
 CHAMBERS = ("index", "middle", "ring_little", "thumb")

@@ -8,7 +8,6 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.geometry import (
     Box,
     Capsule,
@@ -41,10 +40,9 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.framework import Context
 
+from maths.arrays import Array
 from plants.object_import.meshes import Warn, encloses_volume
 from plants.object_import.model_source import ModelSource
-
-Array = npt.NDArray[np.float64]
 
 DENSITY = 600.0  # Of wood, for links whose mass the file does not give, [kg/m^3].
 _HULL_DENSITY = 150.0  # Of the hull of a mesh that encloses nothing: a hollow thing, [kg/m^3].

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import trimesh
 from PIL import Image
 
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
+
 Warn = Callable[[str], None]
 
 LARGEST = 10.0  # Larger meshes were meant in millimetres, [m].

@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
-import numpy.typing as npt
 
+from maths.arrays import Array
 from plants.object_import.meshes import (
     LARGEST,
     MANY_FACES,
@@ -22,8 +22,6 @@ from plants.object_import.meshes import (
     write_contact_obj,
     write_obj,
 )
-
-Array = npt.NDArray[np.float64]
 
 _PATH_VARIABLES = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH", "GAZEBO_MODEL_PATH",
                    "GZ_SIM_RESOURCE_PATH")  # fmt: skip

@@ -1,13 +1,13 @@
 """Postures of the arm that put its end-effector somewhere."""
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.inverse_kinematics import InverseKinematics
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.solvers import Solve
 
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
+
 _RESTARTS = 8
 
 

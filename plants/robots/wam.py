@@ -1,15 +1,12 @@
 """The robot: an arm with a soft hand, as simulated and as it knows itself."""
 
-import numpy as np
-import numpy.typing as npt
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, ModelInstanceIndex
 
+from maths.arrays import Array
 from models import SDF_DIR
-
-Array = npt.NDArray[np.float64]
 
 ARM_FILE = "wam_arm.sdf"
 HAND_FILE = "soft_hand.sdf"

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from maths import se3
+from maths.arrays import Array
 from systems.checks import require
 from systems.port_values import (
     INTERACTED_BODY,
@@ -22,8 +22,6 @@ from systems.port_values import (
     JointType,
     PoseBelief,
 )
-
-Array = npt.NDArray[np.float64]
 
 MOVING_TYPES = (JointType.PRISMATIC, JointType.REVOLUTE)
 

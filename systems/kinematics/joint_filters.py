@@ -11,10 +11,11 @@ perturbations in B.
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from maths import se3
+from maths.arrays import Array
 from maths.gaussian import symmetric
+from maths.immutable import Immutable
 from systems.kinematics.joint_filters_config import (
     JointFiltersConfig,
     check_joint_filters_config,
@@ -45,8 +46,6 @@ from systems.kinematics.joint_solver.pose_packets import (
 )
 from systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
 
-Array = npt.NDArray[np.float64]
-
 TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID, JointType.DISCONNECTED)
 _WELL_KNOWN = 0.1  # [rad], of a prismatic axis.
 _RESTART_EVERY = 15  # Updates.
@@ -54,7 +53,7 @@ _NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 
 
 @dataclass(kw_only=True)
-class JointFiltersState:
+class JointFiltersState(Immutable):
     """What the filters of one pair know; never changed in place, so copies share it.
 
     Attributes:
@@ -80,9 +79,6 @@ class JointFiltersState:
     W_zero: Array
     before: Before
     anchored: int = 0
-
-    def __deepcopy__(self, memo: dict[int, object]) -> "JointFiltersState":
-        return self
 
 
 class JointFilters:

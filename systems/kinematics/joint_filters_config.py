@@ -3,11 +3,9 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from maths.arrays import Array
 from systems.kinematics.joint_solver.pose_packets import FIRST, RECENT
-
-Array = npt.NDArray[np.float64]
 
 _LEAST_NEW = 1e-2  # Of a measurement's variance: whatever of it stays, something is new.
 _FLOOR = 1e-12 * np.eye(6)  # [rad^2, m^2], for covariances given as exact.

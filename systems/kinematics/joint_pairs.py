@@ -10,9 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from maths import se3
+from maths.arrays import Array
+from maths.immutable import Immutable
 from systems.kinematics.joint_filters import JointFilters, JointFiltersState
 from systems.port_values import (
     INTERACTED_BODY,
@@ -25,12 +26,11 @@ from systems.port_values import (
     PoseBelief,
 )
 
-Array = npt.NDArray[np.float64]
 Pair = tuple[int, int]
 
 
 @dataclass(kw_only=True)
-class PairLevel:
+class PairLevel(Immutable):
     """All pairs at one tick; never changed in place, so copies share it.
 
     Attributes:
@@ -46,9 +46,6 @@ class PairLevel:
     past: dict[int, list[JointFiltersState]]
     unseen: dict[int, int]
     ticks: int
-
-    def __deepcopy__(self, memo: dict[int, object]) -> "PairLevel":
-        return self
 
 
 def merge_bodies(sources: Sequence[BodyMotions]) -> dict[int, BodyMotion]:

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
+
 Layers = list[tuple[Array, Array]]
 
 INPUTS = 10

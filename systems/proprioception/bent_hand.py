@@ -4,12 +4,10 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from maths import se3
+from maths.arrays import Array
 from systems.port_values import EndEffectorBelief, PoseBelief
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(kw_only=True)

@@ -4,17 +4,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
 
 from maths import se3
+from maths.arrays import Array
 from systems.checks import require
 from systems.port_values import EndEffectorBelief, SampleWindow
 from systems.recursive_filter import RecursiveFilter, require_positive
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(kw_only=True)

@@ -2,12 +2,10 @@
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from maths import se3
+from maths.arrays import Array
 from maths.gaussian import diagonal_blocks
-
-Array = npt.NDArray[np.float64]
 
 GATE = 16.27  # 99.9 % of chi-square with three degrees of freedom.
 _ITERATIONS = 10

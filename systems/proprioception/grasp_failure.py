@@ -8,13 +8,11 @@ whether it has come along once the hand has gone some way.
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from maths import se3
+from maths.arrays import Array
 from maths.gaussian import log_likelihood
 from systems.port_values import PoseBelief
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(kw_only=True)

@@ -16,15 +16,13 @@ from dataclasses import dataclass, field, replace
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
 from maths import se3
+from maths.arrays import Array
 from maths.gaussian import joseph_update, log_likelihood, nees, symmetric
 from systems.port_values import GraspType
 from systems.proprioception.bent_hand import BentHand, cross, free_rotation, free_sliding, screw
 from systems.proprioception.grasp_failure import GraspFailureConfig
-
-Array = npt.NDArray[np.float64]
 
 HELD_TYPES = (GraspType.PERFECT, GraspType.REVOLUTE, GraspType.CYLINDRICAL)
 _PLAUSIBLE = 3.0  # Deviations from the morphology, in standard deviations, that cost nothing,

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.systems.framework import Context
 
 from maths import se3
+from maths.arrays import Array
+from maths.immutable import Immutable
 from systems.checks import require
 from systems.port_values import (
     INTERACTED_BODY,
@@ -34,8 +35,6 @@ from systems.proprioception.grasp_filters import (
 )
 from systems.recursive_filter import RecursiveFilter, require_positive
 
-Array = npt.NDArray[np.float64]
-
 TYPES = (*HELD_TYPES, GraspType.FAILED)
 
 
@@ -61,7 +60,7 @@ def weigh(evidence: Array, failure: GraspFailure, config: GraspModelConfig) -> A
 
 
 @dataclass(kw_only=True)
-class GraspState:
+class GraspState(Immutable):
     """The filters while something is held; never written after it is made.
 
     Attributes:
@@ -77,9 +76,6 @@ class GraspState:
     evidence: Array
     hand: BentHand | None
     failure: GraspFailure
-
-    def __deepcopy__(self, memo: dict[int, object]) -> "GraspState":
-        return self
 
 
 def make_belief(

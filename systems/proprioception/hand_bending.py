@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.math import RollPitchYaw
 from pydrake.systems.framework import Context
 
 from maths import se3
+from maths.arrays import Array
 from models import WEIGHTS_DIR
 from systems.checks import require
 from systems.port_values import UNKNOWN_END_EFFECTOR, PoseBelief, SampleWindow
@@ -21,8 +21,6 @@ from systems.proprioception.bending_network import (
 )
 from systems.proprioception.bent_hand import screw
 from systems.recursive_filter import RecursiveFilter, require_positive
-
-Array = npt.NDArray[np.float64]
 
 GRAVITY = 9.81  # [m/s^2]
 CERTAIN = 1e-12  # Variance of what is so by definition, [rad^2, m^2].

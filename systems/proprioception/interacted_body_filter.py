@@ -23,14 +23,13 @@ are not corrected.
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from maths import se3
+from maths.arrays import Array, Ids
 from maths.gaussian import nees, schmidt_update, symmetric
-from systems.port_values import GraspBelief, GraspType, Ids, PoseBelief
+from maths.immutable import Immutable
+from systems.port_values import GraspBelief, GraspType, PoseBelief
 from systems.proprioception.bent_hand import BentHand, cross, screw
-
-Array = npt.NDArray[np.float64]
 
 _LOOSE_TYPES = (GraspType.REVOLUTE, GraspType.CYLINDRICAL)
 _REFERENCE_VARIANCE = 1e-12  # The reference pose is so by definition, [rad^2, m^2].
@@ -97,7 +96,7 @@ class Layout:
 
 
 @dataclass(kw_only=True)
-class BodyState:
+class BodyState(Immutable):
     """Mean and covariance of the body; never written after it is made.
 
     Attributes:
@@ -129,9 +128,6 @@ class BodyState:
     settling: Array
     anchored: int
     offset: Array
-
-    def __deepcopy__(self, memo: dict[int, object]) -> "BodyState":
-        return self
 
     @property
     def pose(self) -> PoseBelief:

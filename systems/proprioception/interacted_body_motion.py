@@ -4,11 +4,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, InputPort
 
 from maths import se3
+from maths.arrays import Array, Ids
+from maths.immutable import Immutable
 from systems.checks import require
 from systems.port_values import (
     INTERACTED_BODY,
@@ -35,8 +36,6 @@ from systems.proprioception.interacted_body_filter import (
 )
 from systems.recursive_filter import RecursiveFilter, require_positive
 
-Array = npt.NDArray[np.float64]
-
 ABSENT = PoseBelief(X=np.full((4, 4), np.nan), covariance=np.full((6, 6), np.nan))
 
 
@@ -53,10 +52,10 @@ class Sighting:
     pose: PoseBelief
     offset_covariance: Array
     body: BodyMotion
-    rows: npt.NDArray[np.int64]
+    rows: Ids
 
 
-def covariance_of(body: BodyMotion, features: npt.NDArray[np.int64]) -> Array:
+def covariance_of(body: BodyMotion, features: Ids) -> Array:
     """Of the positions in the body (3K, 3K) of K of its features, by their rows."""
     rows = (3 * features[:, None] + np.arange(3)).ravel()
     return np.asarray(body.p_BF_covariance[np.ix_(rows, rows)])
@@ -95,14 +94,11 @@ def sight(
 
 
 @dataclass(kw_only=True)
-class InteractedState:
+class InteractedState(Immutable):
     """The body, None while nothing is held, and the sighting that corrected it, if any."""
 
     body: BodyState | None
     sighting: Sighting | None
-
-    def __deepcopy__(self, memo: dict[int, object]) -> "InteractedState":
-        return self
 
 
 def body_motions(state: InteractedState) -> BodyMotions:

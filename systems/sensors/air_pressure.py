@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from maths.arrays import Array
 from systems.checks import require
 from systems.sensors.randomness import WhiteNoise, make_generator
 from systems.sensors.sampled_sensor import SampledSensor
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(kw_only=True)

@@ -7,6 +7,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from maths.arrays import Array, Mask
 from systems.checks import require
 from systems.sensors.randomness import random_bytes
 
@@ -41,9 +42,7 @@ def check_depth_noise(config: DepthNoiseConfig) -> None:
     require(0 < c.grazing_angle < np.pi / 2, name, c, "grazing_angle", "in (0, pi/2) rad")
 
 
-def depth_sigma(
-    z: npt.NDArray[np.float64], sigma_base: float, sigma_square: float
-) -> npt.NDArray[np.float64]:
+def depth_sigma(z: Array, sigma_base: float, sigma_square: float) -> Array:
     """Standard deviation [m] of one pixel's depth at depth `z` [m], quantisation included.
 
     Source: C. V. Nguyen, S. Izadi, D. Lovell, Modeling Kinect Sensor Noise for Improved 3D
@@ -74,7 +73,7 @@ def returns(
     depth_range: tuple[float, float],
     baseline: float,
     cos_grazing: float,
-) -> npt.NDArray[np.bool_]:
+) -> Mask:
     """Which pixels (h, w) of an ideal depth image return anything.
 
     A point at depth z appears in the camera's column u and the projector's column u - f b / z.
@@ -123,7 +122,7 @@ def returns(
 @numba.njit(cache=True, error_model="numpy")
 def measure_depth(
     depth: Depth,
-    valid: npt.NDArray[np.bool_],
+    valid: Mask,
     noise: Depth,
     depth_step: float,
     sigma_base: float,

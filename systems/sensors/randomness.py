@@ -5,6 +5,8 @@ import zlib
 import numpy as np
 import numpy.typing as npt
 
+from maths.arrays import Array
+
 _BLOCK = 1024
 
 
@@ -31,7 +33,7 @@ class WhiteNoise:
         self._block_index = -1
         self._block = np.empty((0, size))
 
-    def __call__(self, index: int) -> npt.NDArray[np.float64]:
+    def __call__(self, index: int) -> Array:
         block_index, row = divmod(index, _BLOCK)
         if block_index != self._block_index:
             rng = make_generator(self._seed, self._name, block_index)

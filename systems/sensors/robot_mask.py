@@ -23,9 +23,9 @@ from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuil
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, RgbdSensor
 
+from maths.arrays import Array, Ids
 from systems.checks import require
 
-Array = npt.NDArray[np.float64]
 Grey = npt.NDArray[np.uint8]
 
 _RENDERER = "silhouette"
@@ -100,7 +100,7 @@ class HandPostureModel(LeafSystem):
     - `positions_estimated`: (nq,), of the model, [rad].
     """
 
-    def __init__(self, arm: npt.NDArray[np.int64], q_open: Array, q_closed: Array) -> None:
+    def __init__(self, arm: Ids, q_open: Array, q_closed: Array) -> None:
         """Keeps the postures.
 
         Args:
@@ -239,7 +239,7 @@ def _postures(
     plant: MultibodyPlant,
     arm_joints: list[str],
     hand_posture: Mapping[str, tuple[float, float]],
-) -> tuple[npt.NDArray[np.int64], Array, Array]:
+) -> tuple[Ids, Array, Array]:
     arm = np.array([plant.GetJointByName(joint).position_start() for joint in arm_joints])
     q_open = plant.GetPositions(plant.CreateDefaultContext())
     q_closed = q_open.copy()

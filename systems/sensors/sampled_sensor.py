@@ -3,13 +3,11 @@
 from abc import abstractmethod
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
+from maths.arrays import Array
 from systems.port_values import SampleWindow
-
-Array = npt.NDArray[np.float64]
 
 _TIME_TOLERANCE = 1e-9  # Far above rounding, far below a period, [s].
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.systems.sensors import CameraInfo
 
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array, Mask
 
 
 def intrinsics_vector(camera: CameraInfo) -> Array:
@@ -99,7 +99,7 @@ def fit_surfaces(
     noise: Array,
     correlated_pixels: float,
     min_share: float,
-) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+) -> tuple[Array, Array, Mask]:
     """The plane around each pixel, robust against missing returns and depth edges.
 
     Args:

@@ -1,7 +1,6 @@
 """An episode made of port values with known errors, so that no simulation is needed."""
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, State
@@ -16,6 +15,7 @@ from diagrams.run.record import (
     Truth,
 )
 from maths import se3
+from maths.arrays import Array
 from systems.port_values import (
     INTERACTED_BODY,
     STATIC_BODY,
@@ -31,7 +31,6 @@ from systems.port_values import (
     MotionBelief,
 )
 
-Array = npt.NDArray[np.float64]
 PERIOD = 1.0 / 15.0
 GRASP_TIME = 3.0
 LIGHTS_OFF = 9.5

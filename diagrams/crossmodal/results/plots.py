@@ -5,7 +5,6 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -15,9 +14,8 @@ from diagrams.crossmodal.task import later_events
 from diagrams.drawing import palette
 from diagrams.joints.joint_metrics import JointSeries, joint_series, last_seen, motion_start
 from diagrams.run.record import EpisodeResult
+from maths.arrays import Array
 from systems.port_values import JointType
-
-Array = npt.NDArray[np.float64]
 
 _UNIT = {JointType.PRISMATIC: (1000.0, "mm"), JointType.REVOLUTE: (180.0 / np.pi, "deg")}
 # The cross-modal curve is wide and lies below the others, so that none hides another.

@@ -4,15 +4,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from diagrams.crossmodal.task import GRASP_LOST
 from diagrams.drawing.palette import MODALITY_LABEL
 from diagrams.joints.joint_metrics import axis_sign, joint_series, last_seen
 from diagrams.run.record import EpisodeResult
+from maths.arrays import Array
 from systems.port_values import JointBelief, JointType
-
-Array = npt.NDArray[np.float64]
 
 
 def describe_configuration(joint: JointBelief | None, axis_true: Array | None = None) -> str:

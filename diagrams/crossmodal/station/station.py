@@ -7,7 +7,6 @@ through ports named `cheat_...`, for evaluation.
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint
@@ -18,6 +17,7 @@ from diagrams.crossmodal.station.station_config import StationConfig, StationWir
 from diagrams.crossmodal.station.station_control import add_control, taught_postures
 from diagrams.crossmodal.station.station_sensors import add_proprioception, add_vision
 from diagrams.stations.lighting import Light, ObjectTruth
+from maths.arrays import Array
 from plants.joint_friction import JointFriction
 from plants.robots.wam import make_arm_with_load
 from plants.scene import (
@@ -26,8 +26,6 @@ from plants.scene import (
     add_manipulation_scene,
     facing,
 )
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(kw_only=True)

@@ -1,7 +1,6 @@
 """The controllers of a station and their wires."""
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.math import RigidTransform, RotationMatrix
 
 from controllers.arm.impedance import ImpedanceController
@@ -14,11 +13,10 @@ from controllers.interaction.pull_direction import PullDirection
 from controllers.interaction.trajectory_generator import TrajectoryGenerator
 from diagrams.crossmodal.station.station_config import StationWiring
 from maths import se3
+from maths.arrays import Array
 from plants.robots.inverse_kinematics import inverse_kinematics
 from plants.scene import facing
 from systems.sensors.joint_encoders import JointEncoders
-
-Array = npt.NDArray[np.float64]
 
 # What control is told of the perceived joint; see `InteractedJoint`.
 PERCEIVED_INPUTS = ("joint_latest", "end_effector_screw_latest", "grasp_failure_latest")

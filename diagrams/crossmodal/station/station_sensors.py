@@ -1,7 +1,6 @@
 """The sensors of a station and their wires: what the body feels and what the eye sees."""
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.geometry import (
     ClippingRange,
     ColorRenderCamera,
@@ -22,6 +21,7 @@ from pydrake.systems.sensors import CameraInfo, RgbdSensor
 from controllers.interaction.grasp_sequence import GraspSequence
 from diagrams.crossmodal.station.station_config import StationWiring
 from diagrams.stations.lighting import Light, Lighting
+from maths.arrays import Array
 from plants.hands.pneumatic_hand import PneumaticHand
 from plants.robots.wam import ARM_JOINTS, CLOSED_POSTURE, FINGER_JOINTS, add_robot
 from plants.scene import ManipulationScene
@@ -30,8 +30,6 @@ from systems.sensors.joint_encoders import JointEncoders
 from systems.sensors.rgbd_camera import CameraNoise
 from systems.sensors.robot_mask import RobotMask
 from systems.sensors.wrist_wrench import ReactionWrench, WristWrenchSensor
-
-Array = npt.NDArray[np.float64]
 
 # A visual that accepts the colour renderer only is transparent.
 _RENDERERS = ("colour", "depth")

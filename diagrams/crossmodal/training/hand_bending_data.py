@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 
@@ -12,12 +11,11 @@ from diagrams.crossmodal.station.station import Station, make_station
 from diagrams.crossmodal.station.station_config import StationConfig
 from diagrams.stations.lighting import Light
 from maths import se3
+from maths.arrays import Array
 from models import SDF_DIR
 from plants.camera_view import camera_intrinsics, looking_at
 from plants.scene import ObjectPlacement
 from systems.proprioception.hand_bending import HandBendingConfig, load_reading
-
-Array = npt.NDArray[np.float64]
 
 NOMINAL_HANDLE = np.array([0.865, -0.25, 0.86])  # Where the chest stands, p_WO, [m].
 

@@ -14,17 +14,15 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from maths import se3
+from maths.arrays import Array, Ids, Mask
 from systems.proprioception.bending_network import (
     BendingNetwork,
     Layers,
     mlp,
 )
 
-Array = npt.NDArray[np.float64]
-Ids = npt.NDArray[np.int64]
 Interaction = tuple[Array, Array]
 
 ROWS_PER_INTERACTION = 80  # Neighbouring ticks tell the same; more rows cost time only.
@@ -173,7 +171,7 @@ def _learn_deviation(
     data: _Data,
     full: Array,
     partial: Array,
-    held_out: Sequence[npt.NDArray[np.bool_]],
+    held_out: Sequence[Mask],
     hidden: Sequence[int],
     seed: int,
     steps: int,
@@ -197,7 +195,7 @@ def _card(
     data: _Data,
     network: BendingNetwork,
     partial: Array,
-    held_out: Sequence[npt.NDArray[np.bool_]],
+    held_out: Sequence[Mask],
 ) -> dict[str, Any]:
     """Errors on unseen interactions, of no bending on the same ones, and on seen ones."""
     pairs = list(zip(partial, held_out, strict=True))

@@ -11,14 +11,12 @@ the evidence of S by Laplace's approximation.
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from maths import cholesky
+from maths.arrays import Array
 from maths.compiled import hot
 from systems.kinematics.joint_solver.joint_linearisation import Linear
 from systems.kinematics.joint_solver.pose_packets import Packets
-
-Array = npt.NDArray[np.float64]
 
 
 class Chain(NamedTuple):

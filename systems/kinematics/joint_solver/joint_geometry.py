@@ -11,12 +11,10 @@ perturbation, then a and c along the same two unit vectors normal to a.
 """
 
 import numpy as np
-import numpy.typing as npt
 
+from maths.arrays import Array
 from maths.compiled import hot
 from systems.kinematics.joint_solver.pose_packets import move
-
-Array = npt.NDArray[np.float64]
 
 PRISMATIC, REVOLUTE, RIGID = 0, 1, 2
 

@@ -10,8 +10,8 @@ Everything is linearised anew at each call, so no early linearisation stays.
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from maths.arrays import Array
 from maths.compiled import hot
 from systems.kinematics.joint_solver.joint_geometry import (
     REVOLUTE,
@@ -24,8 +24,6 @@ from systems.kinematics.joint_solver.joint_geometry import (
 )
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
 from systems.kinematics.joint_solver.pose_packets import Packets, relative_log
-
-Array = npt.NDArray[np.float64]
 
 
 class Linear(NamedTuple):

@@ -3,9 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array
 
 AXIS_SPREAD = 1.2  # [rad] per direction, of an axis spread evenly over the sphere.
 

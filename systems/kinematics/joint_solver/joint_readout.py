@@ -4,8 +4,8 @@ Frames: P parent, B child, F the child's measured reference pose.
 """
 
 import numpy as np
-import numpy.typing as npt
 
+from maths.arrays import Array
 from maths.compiled import hot
 from systems.kinematics.joint_solver.joint_geometry import (
     REVOLUTE,
@@ -18,8 +18,6 @@ from systems.kinematics.joint_solver.joint_geometry import (
 )
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
 from systems.kinematics.joint_solver.pose_packets import relative_log
-
-Array = npt.NDArray[np.float64]
 
 
 @hot

@@ -6,9 +6,9 @@ Frames: F the old reference, G the new one.
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from maths import se3
+from maths.arrays import Array
 from maths.gaussian import symmetric
 from systems.kinematics.joint_solver.joint_geometry import (
     PRISMATIC,
@@ -20,8 +20,6 @@ from systems.kinematics.joint_solver.joint_linearisation import embedding
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
 from systems.kinematics.joint_solver.joint_readout import read_configuration
 from systems.kinematics.joint_solver.joint_update import MEMORY
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(kw_only=True)

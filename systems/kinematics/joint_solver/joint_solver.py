@@ -8,9 +8,9 @@ packets.
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from maths import cholesky
+from maths.arrays import Array
 from maths.compiled import hot
 from systems.kinematics.joint_solver.joint_chain import Chain, new_chain, run_chain, smooth, solve
 from systems.kinematics.joint_solver.joint_geometry import (
@@ -23,8 +23,6 @@ from systems.kinematics.joint_solver.joint_geometry import (
 from systems.kinematics.joint_solver.joint_linearisation import Linear, linearise, new_linear
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.pose_packets import RECENT, Packets
-
-Array = npt.NDArray[np.float64]
 
 _STILL = 0.1  # Gain in log likelihood below which another step is not worth it, [nat].
 _SHORTER = 0.3  # Share of a step that is tried when the whole of it was too far.

@@ -5,8 +5,8 @@ direction of the child's twists is tried beside it until the axis is known.
 """
 
 import numpy as np
-import numpy.typing as npt
 
+from maths.arrays import Array
 from maths.compiled import hot
 from systems.kinematics.joint_solver.joint_geometry import (
     PRISMATIC,
@@ -17,8 +17,6 @@ from systems.kinematics.joint_solver.joint_geometry import (
 )
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.pose_packets import Packets, relative_log
-
-Array = npt.NDArray[np.float64]
 
 _SIGNIFICANT = 4.0  # Standard deviations of q that decide its sign,
 _MOVED = 10.0  # where the evidence is this many nats above the rigid model's.

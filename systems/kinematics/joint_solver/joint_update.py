@@ -1,8 +1,8 @@
 """One update of the joint models with one relative pose, all in place."""
 
 import numpy as np
-import numpy.typing as npt
 
+from maths.arrays import Array
 from maths.compiled import hot
 from systems.kinematics.joint_solver import pose_packets
 from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE
@@ -21,8 +21,6 @@ from systems.kinematics.joint_solver.joint_solver import (
 )
 from systems.kinematics.joint_solver.joint_start import decide_sign, fresh_start, turn
 from systems.kinematics.joint_solver.pose_packets import Packets
-
-Array = npt.NDArray[np.float64]
 
 _STEPS = 6  # Linearisations per update at most,
 _FRESH_STEPS = 8  # and from a fresh start.

@@ -14,12 +14,10 @@ A body at rest thus fills one packet however long it rests, and motion is kept i
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from maths import cholesky
+from maths.arrays import Array, Ids
 from maths.compiled import hot
-
-Array = npt.NDArray[np.float64]
 
 RECENT = 4  # Packets at the end that stay single frames, for the present velocity.
 FIRST = 4  # Packets at the beginning that are never dropped: they say where the motion started.
@@ -42,7 +40,7 @@ class Packets(NamedTuple):
         spread: (1,) largest mean squared distance of a packet from the mean, in units of R.
     """
 
-    size: npt.NDArray[np.int64]
+    size: Ids
     time: Array
     Z: Array
     R: Array

@@ -6,8 +6,9 @@ import numpy as np
 import scipy.linalg
 
 from maths import se3
+from maths.arrays import Array
 from maths.gaussian import nees
-from systems.port_values import INTERACTED_BODY, Array, PoseBelief
+from systems.port_values import INTERACTED_BODY, PoseBelief
 from systems.vision.bodies.body_filter import BodyFilter
 from systems.vision.bodies.body_level import RigidBodyMotionConfig, TrackedBody
 from systems.vision.bodies.feature_history import FeatureHistory

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from maths import se3
+from maths.arrays import Array, Ids
 from systems.port_values import (
     INTERACTED_BODY,
     STATIC_BODY,
-    Array,
-    Ids,
     PoseBelief,
 )
 from systems.vision.bodies import body_filter, body_tracking

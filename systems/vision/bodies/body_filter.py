@@ -12,14 +12,14 @@ X_WB = X_mean exp(xi). Measurement in B: X_WB^-1 p_WF - p_BF, whose Jacobian is 
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import scipy.linalg
 
 from maths import se3
+from maths.arrays import Array, Ids, Mask
 from maths.gaussian import diagonal_blocks
-from systems.port_values import Array, Ids
+from maths.immutable import Immutable
 
-Mask = npt.NDArray[np.bool_]
+Mask = Mask
 
 _POSE = slice(0, 6)
 _MOTION = 12
@@ -27,7 +27,7 @@ _EXACT = 1e-12  # Of a position that is known exactly, [m^2].
 
 
 @dataclass(kw_only=True)
-class BodyFilter:
+class BodyFilter(Immutable):
     """Mean and covariance; never written after it is made.
 
     Attributes:
@@ -47,9 +47,6 @@ class BodyFilter:
     p_BF_first: Array
     C_first: Array
     P: Array
-
-    def __deepcopy__(self, memo: dict[int, object]) -> "BodyFilter":
-        return self
 
     @property
     def p_BF_covariance(self) -> Array:

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from systems.port_values import Array, Ids
+from maths.arrays import Array, Ids
+from maths.immutable import Immutable
 from systems.vision.bodies.body_filter import BodyFilter
 from systems.vision.bodies.feature_history import FeatureHistory, no_history
 
@@ -67,7 +68,7 @@ class RestPositions:
 
 
 @dataclass(kw_only=True)
-class TrackedBody:
+class TrackedBody(Immutable):
     """One body's filter and recent past; never written after it is made.
 
     Attributes:
@@ -98,21 +99,15 @@ class TrackedBody:
     held_since: int = -1
     anchored: int = 0
 
-    def __deepcopy__(self, memo: dict[int, object]) -> "TrackedBody":
-        return self
-
 
 @dataclass(kw_only=True)
-class BodyLevel:
+class BodyLevel(Immutable):
     """Everything the body level remembers."""
 
     tick: int
     next_id: int
     history: FeatureHistory
     bodies: list[TrackedBody] = field(default_factory=list)
-
-    def __deepcopy__(self, memo: dict[int, object]) -> "BodyLevel":
-        return self
 
 
 def no_bodies(config: RigidBodyMotionConfig) -> BodyLevel:

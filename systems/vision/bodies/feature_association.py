@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from systems.port_values import INTERACTED_BODY, STATIC_BODY, Array, Ids, PoseBelief
+from maths.arrays import Array, Ids
+from systems.port_values import INTERACTED_BODY, STATIC_BODY, PoseBelief
 from systems.vision.bodies import body_filter
 from systems.vision.bodies.body_level import RigidBodyMotionConfig, TrackedBody
 from systems.vision.bodies.body_tracking import corrected, follow_prior, is_active

@@ -4,18 +4,19 @@ from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from systems.port_values import STATIC_BODY, Array, FeatureBelief, Ids
+from maths.arrays import Array, Ids, Mask
+from maths.immutable import Immutable
+from systems.port_values import STATIC_BODY, FeatureBelief
 
-Mask = npt.NDArray[np.bool_]
+Mask = Mask
 
 OUTCAST = -1  # The body of features that left theirs because they disagreed.
 REST_COUNT = 20  # Samples that a feature's rest counts as.
 
 
 @dataclass(kw_only=True)
-class FeatureHistory:
+class FeatureHistory(Immutable):
     """Recent positions of N features, newest last; never written after it is made.
 
     Attributes:
@@ -41,9 +42,6 @@ class FeatureHistory:
     rest_until: Ids
     unseen: Ids
     suspicion: Ids
-
-    def __deepcopy__(self, memo: dict[int, object]) -> "FeatureHistory":
-        return self
 
     def select(self, index: Mask | Ids) -> "FeatureHistory":
         return FeatureHistory(**{name: value[index] for name, value in vars(self).items()})
@@ -206,14 +204,14 @@ def _means(
     information: Array,
     rest_information: Array,
     rest_moment: Array,
-    use_rest: npt.NDArray[np.bool_],
+    use_rest: Mask,
     X_WB: Array,
     X_WB_rest: Array,
     still: bool,
     first_old: int,
     last_old: int,
     newest: int,
-) -> tuple[Array, Array, Array, Array, npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+) -> tuple[Array, Array, Array, Array, Ids, Ids]:
     """Information-weighted means of samples [first_old, last_old] and of the newest ones, in B."""
     count, window = p_W.shape[:2]
     p = np.zeros((2, count, 3))

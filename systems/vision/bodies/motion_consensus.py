@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from maths import se3
-from systems.port_values import Array
+from maths.arrays import Array, Ids, Mask
 from systems.vision.bodies.body_filter import pose_jacobian
 from systems.vision.bodies.feature_history import Displacements, squared_distances
 
-Mask = npt.NDArray[np.bool_]
+Mask = Mask
 
 
 @dataclass(kw_only=True)
@@ -45,7 +44,7 @@ def rigid_motions(p: Array, q: Array) -> Array:
     return X
 
 
-def _hypotheses(d: Displacements, movers: npt.NDArray[np.int64], rng: np.random.Generator) -> Array:
+def _hypotheses(d: Displacements, movers: Ids, rng: np.random.Generator) -> Array:
     """Translations of single features and rigid motions of triples, (K, 4, 4)."""
     count = 40
     single = movers if len(movers) <= count else rng.choice(movers, count, replace=False)
@@ -85,7 +84,7 @@ def refine_motion(X: Array, d: Displacements, support: Mask, rotation_sigma: flo
 def find_consensus(
     d: Displacements,
     still: Array,
-    movers: npt.NDArray[np.int64],
+    movers: Ids,
     rng: np.random.Generator,
     *,
     gate: float,

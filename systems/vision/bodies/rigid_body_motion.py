@@ -6,10 +6,10 @@ from pydrake.systems.framework import Context, LeafSystem, State, ValueProducer
 from pydrake.systems.sensors import CameraInfo
 
 from maths import se3
+from maths.arrays import Array
 from systems.checks import require_fields
 from systems.port_values import (
     STATIC_BODY,
-    Array,
     BodyMotion,
     BodyMotions,
     BodyPredictions,

@@ -4,7 +4,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array, Ids
+
 Image = npt.NDArray[np.float32]
 Byte = npt.NDArray[np.uint8]
 
@@ -115,7 +116,7 @@ def _spread(
 ) -> Array:
     """Takes corners, best first, from the cells with the fewest features."""
 
-    def cell_of(uv: Array) -> npt.NDArray[np.int64]:
+    def cell_of(uv: Array) -> Ids:
         index = np.clip((uv / cell_shape).astype(np.int64), 0, np.array(cells) - 1)
         return np.asarray(index[:, 1] * cells[0] + index[:, 0])
 

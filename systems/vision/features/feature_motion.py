@@ -6,8 +6,8 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, LeafSystem, State, ValueProducer
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, ImageRgba8U
 
+from maths.arrays import Array
 from systems.checks import require_fields
-from systems.port_values import Array
 from systems.vision import camera_geometry
 from systems.vision.features import feature_detection
 from systems.vision.features.feature_tracks import (

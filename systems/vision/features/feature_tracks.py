@@ -7,7 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from maths import se3
-from systems.port_values import Array, FeatureBelief, Ids
+from maths.arrays import Array, Ids
+from maths.immutable import Immutable
+from systems.port_values import FeatureBelief
 from systems.vision import camera_geometry
 from systems.vision.features import feature_detection, patch_registration
 from systems.vision.features.patch_registration import Image, Mask, Templates
@@ -61,7 +63,7 @@ class FeatureMotionConfig:
 
 
 @dataclass(kw_only=True)
-class FeatureTracks:
+class FeatureTracks(Immutable):
     """What the tracker remembers; never written after it is made, so a deep copy is the object.
 
     Attributes:
@@ -99,9 +101,6 @@ class FeatureTracks:
     blackout: bool
     failed: Array
     since_birth: int
-
-    def __deepcopy__(self, memo: dict[int, object]) -> "FeatureTracks":
-        return self
 
     def select(self, keep: Mask) -> "FeatureTracks":
         if keep.all():

@@ -14,9 +14,10 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from maths.arrays import Array, Ids, Mask
+
 Image = npt.NDArray[np.float32]
-Mask = npt.NDArray[np.bool_]
+Mask = Mask
 
 
 @dataclass(kw_only=True)
@@ -39,7 +40,7 @@ class Templates:
     hessians: Array
     contrast: Array
 
-    def select(self, index: npt.NDArray[np.int64] | Mask) -> "Templates":
+    def select(self, index: Ids | Mask) -> "Templates":
         return Templates(
             values=self.values[index],
             gradients=self.gradients[index],
@@ -164,9 +165,7 @@ def _hessian(gradients: Image, radius: int, overlaps: Array) -> Array:
 
 
 @numba.njit(cache=True)
-def _cut(
-    image: Image, uv: Array, radius: int
-) -> tuple[Image, Image, Array, Array, Array, npt.NDArray[np.bool_]]:
+def _cut(image: Image, uv: Array, radius: int) -> tuple[Image, Image, Array, Array, Array, Mask]:
     count, side = uv.shape[0], 2 * radius + 1
     n = side * side
     values = np.zeros((count, n), dtype=np.float32)

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from maths import se3
+from maths.arrays import Array
 from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig, JointFiltersState
-from systems.port_values import Array, JointType
+from systems.port_values import JointType
 
 RATE = 15.0  # [Hz]
 Motion = Callable[[Array], Array]

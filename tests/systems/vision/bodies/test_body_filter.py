@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maths import se3
-from systems.port_values import Array
+from maths.arrays import Array
 from systems.vision.bodies import body_filter
 from systems.vision.bodies.body_filter import BodyFilter
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from maths import se3
-from systems.port_values import INTERACTED_BODY, STATIC_BODY, Array, FeatureBelief, PoseBelief
+from maths.arrays import Array
+from systems.port_values import INTERACTED_BODY, STATIC_BODY, FeatureBelief, PoseBelief
 from systems.vision.bodies.body_level import RigidBodyMotionConfig, TrackedBody
 from systems.vision.bodies.body_tracking import interacted_body, without_nudges
 from systems.vision.bodies.feature_association import (

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from maths import se3
-from systems.port_values import Array, FeatureBelief
+from maths.arrays import Array
+from systems.port_values import FeatureBelief
 from systems.vision.bodies.feature_history import (
     OUTCAST,
     FeatureHistory,

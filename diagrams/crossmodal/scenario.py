@@ -1,10 +1,7 @@
-"""A scenario: all that is chosen about an episode before it starts, read from YAML.
+"""A scenario of the cross-modal application: an arm with a soft hand explores an object's joint."""
 
-The parts that configure one system are that system's own config; they are checked by that system.
-"""
-
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,47 +11,14 @@ from diagrams.crossmodal.estimators import MODALITIES, PerceptionConfig, check_c
 from diagrams.crossmodal.objects.object_model import read_object_model
 from diagrams.crossmodal.objects.own_object import check_pull, imported
 from diagrams.crossmodal.station.station_config import ControlConfig, SensorsConfig
-from diagrams.run.yaml_schema import (
-    ScenarioError,
-    apply_override,
-    load_typed,
-    read_yaml,
-    suggestion,
-)
+from diagrams.run import scenario as base
+from diagrams.run.scenario import CameraConfig, require_positive, require_vector
+from diagrams.run.yaml_schema import ScenarioError, suggestion
 from models import SDF_DIR
 from plants.hands.pneumatic_hand import PneumaticHandConfig
 from plants.scene import PlantConfig
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
-
-
-@dataclass(kw_only=True)
-class Interval:
-    start: float = 0.0  # [s], since the episode began.
-    end: float = float("inf")  # [s]
-
-    def __contains__(self, time: float) -> bool:
-        return self.start <= time < self.end
-
-
-@dataclass(kw_only=True)
-class Disturbances:
-    """What goes wrong for the camera, and when."""
-
-    lights_off: list[Interval] = field(default_factory=list)
-    camera_covered: list[Interval] = field(default_factory=list)
-
-
-@dataclass(kw_only=True)
-class CameraView:
-    """Where the camera is and what it sees; its pose is known to the robot."""
-
-    width: int = 640  # [pixels]
-    height: int = 480  # [pixels]
-    horizontal_angle: float = 58.0  # Horizontal field of view, [deg].
-    position: np.ndarray = field(default_factory=lambda: np.array([-0.05, 0.4, 1.42]))  # p_WC.
-    looking_at: np.ndarray = field(default_factory=lambda: np.array([0.78, -0.27, 0.87]))  # [m].
-    lamp: float = 0.0  # Intensity of a lamp at the camera; the ceiling light's is 0.9.
 
 
 @dataclass(kw_only=True)
@@ -69,7 +33,7 @@ class ObjectVariation:
 
 @dataclass(kw_only=True)
 class ObjectConfig:
-    """The articulated object and the joint of it that the robot explores."""
+    """An articulated object and the joint of it that the robot may explore."""
 
     # A file of models/sdf, or any SDF or URDF beside the scenario's file, which is imported.
     model: str = "chest_drawer.sdf"
@@ -96,6 +60,8 @@ class ObjectConfig:
 
 @dataclass(kw_only=True)
 class Task:
+    """What the robot is to do with the object's joint."""
+
     opening: float = 0.2  # The joint's least travel for a success, [m or rad].
     # Exploration ends once the joint is perceived to have travelled so far, [m or rad]; without it,
     # after the hand's way of control.sequence.travel.
@@ -103,100 +69,115 @@ class Task:
     return_to_start: bool = False  # Whether the robot then brings the joint back.
     tolerance: float = 0.05  # How near to its start is near enough for a success, [m or rad].
     modality: str = ""  # By which the robot acts; empty is the cross-modal, or the only one.
+    object: str = ""  # Which of the objects is manipulated; empty is the only one.
 
 
 @dataclass(kw_only=True)
-class Scenario:
+class ModelDriver:
+    """What drives a model of the scene."""
+
+    pneumatics: PneumaticHandConfig = field(default_factory=PneumaticHandConfig)  # Of a soft hand.
+
+
+def _one_camera() -> dict[str, CameraConfig]:
+    position, target = np.array([-0.05, 0.4, 1.42]), np.array([0.78, -0.27, 0.87])
+    return {"camera": CameraConfig(position=position, looking_at=target)}
+
+
+@dataclass(kw_only=True)
+class Scenario(base.Scenario):
     """One kind of episode; with a seed, one episode."""
 
-    name: str = ""
-    description: str = ""
-    seed: int = 0
-    duration: float = 40.0  # Simulated time after which an episode ends at the latest, [s].
-    network_period: float = 1.0 / 15.0  # Tick of the filters and the sensors' windows, [s].
     modalities: list[str] = field(default_factory=lambda: list(MODALITIES))
     plant: PlantConfig = field(default_factory=PlantConfig)
-    hand: PneumaticHandConfig = field(default_factory=PneumaticHandConfig)
-    object: ObjectConfig = field(default_factory=ObjectConfig)
-    camera: CameraView = field(default_factory=CameraView)
+    model_drivers: dict[str, ModelDriver] = field(default_factory=lambda: {"hand": ModelDriver()})
+    objects: dict[str, ObjectConfig] = field(default_factory=lambda: {"object": ObjectConfig()})
+    cameras: dict[str, CameraConfig] = field(default_factory=_one_camera)
     sensors: SensorsConfig = field(default_factory=SensorsConfig)
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     control: ControlConfig = field(default_factory=ControlConfig)
     task: Task = field(default_factory=Task)
-    disturbances: Disturbances = field(default_factory=Disturbances)
-    versions: dict[str, str] = field(default_factory=dict)  # Written into a run's folder.
+
+    @property
+    def object(self) -> ObjectConfig:
+        """The object that is manipulated."""
+        return self.objects[self.task.object or next(iter(self.objects))]
+
+    @property
+    def camera(self) -> CameraConfig:
+        """The camera that the estimators see through."""
+        (camera,) = self.cameras.values()
+        return camera
+
+    @property
+    def acting_modality(self) -> str:
+        """The estimator whose beliefs the robot acts by."""
+        if self.task.modality:
+            return self.task.modality
+        return "crossmodal" if "crossmodal" in self.modalities else self.modalities[0]
 
 
-def scenario_files() -> dict[str, Path]:
-    """The scenarios that come with the program, by name."""
-    found = {path.stem: path for path in SCENARIO_FOLDER.glob("*.yaml")}
-    return dict(sorted(found.items()))
+def resolve(scenario: Scenario, path: Path) -> Scenario:
+    """A scenario that was read from a file, checked, its object imported and placed.
 
-
-def find_scenario(name_or_path: str) -> Path:
-    """The file of a scenario given by its name or by its path."""
-    known = scenario_files()
-    if name_or_path in known:
-        return known[name_or_path]
-    path = Path(name_or_path)
-    if path.suffix in (".yaml", ".yml") or path.is_file():
-        return path
-    raise ScenarioError(f"unknown scenario '{name_or_path}'; {suggestion(name_or_path, known)}")
-
-
-def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> Scenario:
-    """Reads and checks a scenario.
-
-    Args:
-        overrides: Assignments `key.path=value` that replace what the file says.
+    Raises:
+        ScenarioError: for values that no episode can have.
     """
-    path = find_scenario(name_or_path)
-    document = read_yaml(path)
-    for assignment in overrides:
-        apply_override(document, assignment)
-    scenario = load_typed(Scenario, document, str(path))
-    scenario.name = scenario.name or path.stem
-    scenario.modalities.sort(key=lambda name: [*MODALITIES, name].index(name))
-    scenario.object.model = str(_model_file(scenario.object.model, path))
-    check_scenario(scenario, str(path))
-    _resolve_object(scenario.object, str(path))
-    _spread_network_period(scenario, str(path))
+    source = str(path)
+    scenario = replace(
+        scenario,
+        modalities=sorted(scenario.modalities, key=lambda name: [*MODALITIES, name].index(name)),
+    )
+    _check(scenario, source)
+    scenario = replace(
+        scenario,
+        objects={
+            name: _resolve_object(thing, f"objects.{name}", path)
+            for name, thing in scenario.objects.items()
+        },
+    )
+    _spread_network_period(scenario, source)
     return scenario
 
 
-def _resolve_object(thing: ObjectConfig, source: str) -> None:
+def object_model_file(thing: ObjectConfig) -> Path:
+    """The object's model; a scenario that was loaded names it from models/sdf or absolutely."""
+    return SDF_DIR / thing.model
+
+
+def _resolve_object(thing: ObjectConfig, key: str, path: Path) -> ObjectConfig:
     """Imports a model that does not come with the program, and places it by its own frame."""
-    model = Path(thing.model)
+    source = str(path)
+    model = _model_file(thing.model, key, path)
     is_own = not model.is_relative_to(SDF_DIR)
     if not is_own:
-        thing.model = str(model.relative_to(SDF_DIR))
+        thing = replace(thing, model=str(model.relative_to(SDF_DIR)))
     else:
         found = imported(
             model,
             joint=thing.joint,
             frame=thing.handle_frame,
             free=thing.free,
-            source=f"{source}: object.model",
+            source=f"{source}: {key}.model",
         )
-        thing.model, thing.joint = str(found.model), found.joint
-        thing.handle_frame = found.grasp_frame
+        thing = replace(
+            thing, model=str(found.model), joint=found.joint, handle_frame=found.grasp_frame
+        )
     facts = read_object_model(
-        SDF_DIR / thing.model, joint=thing.joint, frame=thing.handle_frame, source=source
+        SDF_DIR / thing.model,
+        joint=thing.joint,
+        frame=thing.handle_frame,
+        source=f"{source}: {key}",
     )
     if is_own:
         check_pull(facts, thing.pull_direction, thing.joint, thing.handle_frame)
-    if thing.place_handle:
-        x_axis, p_OH = facts.X_OH.rotation().col(0), facts.X_OH.translation()
-        heading = np.arctan2(x_axis[1], x_axis[0]) if np.hypot(*x_axis[:2]) > 0.1 else 0.0
-        thing.yaw = float(np.rad2deg(np.deg2rad(thing.yaw) - heading))
-        thing.roll = thing.pitch = 0.0
-        thing.position = thing.position - thing.pose().rotation() @ p_OH
-        thing.place_handle = False
-
-
-def object_model_file(scenario: Scenario) -> Path:
-    """The object's model; a scenario that was loaded names it from models/sdf or absolutely."""
-    return SDF_DIR / scenario.object.model
+    if not thing.place_handle:
+        return thing
+    x_axis, p_OH = facts.X_OH.rotation().col(0), facts.X_OH.translation()
+    heading = np.arctan2(x_axis[1], x_axis[0]) if np.hypot(*x_axis[:2]) > 0.1 else 0.0
+    yaw = float(np.rad2deg(np.deg2rad(thing.yaw) - heading))
+    upright = replace(thing, yaw=yaw, roll=0.0, pitch=0.0, place_handle=False)
+    return replace(upright, position=thing.position - upright.pose().rotation() @ p_OH)
 
 
 def _spread_network_period(scenario: Scenario, source: str) -> None:
@@ -216,71 +197,75 @@ def _spread_network_period(scenario: Scenario, source: str) -> None:
         setattr(config, key, scenario.network_period)
 
 
-def _model_file(model: str, scenario_path: Path) -> Path:
+def _model_file(model: str, key: str, scenario_path: Path) -> Path:
     candidates = [scenario_path.parent / model, SDF_DIR / model]
     for candidate in candidates:
         if candidate.is_file():
             return candidate.resolve()
     places = " or ".join(str(candidate.parent) for candidate in candidates)
     raise ScenarioError(
-        f"{scenario_path}: object.model = '{model}': there is no such file in {places}"
+        f"{scenario_path}: {key}.model = '{model}': there is no such file in {places}"
     )
 
 
-def check_scenario(scenario: Scenario, source: str) -> None:
-    """Refuses values that no episode can have."""
-
-    def positive(key: str, value: float, unit: str) -> None:
-        if not 0 < value < float("inf"):
-            raise ScenarioError(f"{source}: {key} = {value!r} {unit}, but it must be > 0 {unit}")
-
-    positive("duration", scenario.duration, "s")
-    positive("plant.time_step", scenario.plant.time_step, "s")
-    positive("network_period", scenario.network_period, "s")
-    positive("task.opening", scenario.task.opening, "m or rad")
-    positive("task.tolerance", scenario.task.tolerance, "m or rad")
-    if scenario.task.goal is not None:
-        positive("task.goal", scenario.task.goal, "m or rad")
-    elif scenario.task.return_to_start:
+def _check(scenario: Scenario, source: str) -> None:
+    task = scenario.task
+    require_positive(
+        source,
+        plant__time_step=(scenario.plant.time_step, "s"),
+        task__opening=(task.opening, "m or rad"),
+        task__tolerance=(task.tolerance, "m or rad"),
+    )
+    if task.goal is not None:
+        require_positive(source, task__goal=(task.goal, "m or rad"))
+    elif task.return_to_start:
         raise ScenarioError(f"{source}: task.return_to_start needs task.goal, [m or rad]")
-    if not 0 <= scenario.object.friction < float("inf"):
+    if not scenario.objects or (task.object and task.object not in scenario.objects):
         raise ScenarioError(
-            f"{source}: object.friction = {scenario.object.friction!r}, but it must be >= 0 N"
+            f"{source}: task.object = '{task.object}': {suggestion(task.object, scenario.objects)}"
         )
-    if scenario.seed < 0:
-        raise ScenarioError(f"{source}: seed = {scenario.seed}, but it must be >= 0")
-    _check_modalities(scenario.modalities, source)
-    if scenario.task.modality and scenario.task.modality not in scenario.modalities:
+    if len(scenario.objects) > 1 and not task.object:
         raise ScenarioError(
-            f"{source}: task.modality = '{scenario.task.modality}' is not among the modalities"
+            f"{source}: task.object must say which of the objects is manipulated:"
+            f" {', '.join(scenario.objects)}"
+        )
+    for name, thing in scenario.objects.items():
+        _check_object(f"objects.{name}", thing, source)
+    _check_modalities(scenario.modalities, source)
+    if task.modality and task.modality not in scenario.modalities:
+        raise ScenarioError(
+            f"{source}: task.modality = '{task.modality}' is not among the modalities"
             f" {', '.join(scenario.modalities)}"
         )
     try:
         check_cut(scenario.perception.cut)
     except ValueError as error:
         raise ScenarioError(f"{source}: {error}") from None
-    _check_vector("object.position", scenario.object.position, source)
-    _check_vector("object.pull_direction", scenario.object.pull_direction, source, unit="")
-    if not np.any(scenario.object.pull_direction):
-        raise ScenarioError(f"{source}: object.pull_direction must not be all zero")
-    if scenario.control.posture.shape != (7,) or not np.all(np.isfinite(scenario.control.posture)):
+    posture = scenario.control.posture
+    if posture.shape != (7,) or not np.all(np.isfinite(posture)):
         raise ScenarioError(
-            f"{source}: control.posture = {scenario.control.posture.tolist()},"
-            " but it must be 7 numbers, [rad]"
+            f"{source}: control.posture = {posture.tolist()}, but it must be 7 numbers, [rad]"
         )
-    _check_camera(scenario.camera, source)
-    _check_variation(scenario.object.variation, source)
+    if len(scenario.cameras) != 1 or scenario.camera.base_frame != "world":
+        raise ScenarioError(
+            f"{source}: cameras: the estimators see through one camera that is fixed to the world"
+        )
     if not (SDF_DIR / scenario.plant.scene).is_file():
         raise ScenarioError(
             f"{source}: plant.scene = '{scenario.plant.scene}': there is no such file in {SDF_DIR}"
         )
-    for key in ("lights_off", "camera_covered"):
-        for index, interval in enumerate(getattr(scenario.disturbances, key)):
-            if not 0 <= interval.start < interval.end:
-                raise ScenarioError(
-                    f"{source}: disturbances.{key}.{index} = {interval.start:g} to"
-                    f" {interval.end:g} s, but it must be 0 <= start < end"
-                )
+
+
+def _check_object(key: str, thing: ObjectConfig, source: str) -> None:
+    if not 0 <= thing.friction < float("inf"):
+        raise ScenarioError(
+            f"{source}: {key}.friction = {thing.friction!r}, but it must be >= 0 N"
+        )
+    require_vector(f"{key}.position", thing.position, source)
+    require_vector(f"{key}.pull_direction", thing.pull_direction, source, unit="")
+    if not np.any(thing.pull_direction):
+        raise ScenarioError(f"{source}: {key}.pull_direction must not be all zero")
+    _check_variation(f"{key}.variation", thing.variation, source)
 
 
 def _check_modalities(modalities: Iterable[str], source: str) -> None:
@@ -296,44 +281,19 @@ def _check_modalities(modalities: Iterable[str], source: str) -> None:
         )
 
 
-def _check_camera(camera: CameraView, source: str) -> None:
-    for key in ("width", "height"):
-        if not 16 <= getattr(camera, key) <= 4096:
-            raise ScenarioError(
-                f"{source}: camera.{key} = {getattr(camera, key)} pixels,"
-                " but it must be from 16 to 4096 pixels"
-            )
-    if not 0 < camera.horizontal_angle < 180:
-        raise ScenarioError(
-            f"{source}: camera.horizontal_angle = {camera.horizontal_angle!r} deg,"
-            " but it must be between 0 and 180 deg"
-        )
-    for key in ("position", "looking_at"):
-        _check_vector(f"camera.{key}", getattr(camera, key), source)
-    if not 0 <= camera.lamp < np.inf:
-        raise ScenarioError(f"{source}: camera.lamp = {camera.lamp!r}, must be from 0 on")
-    if np.allclose(camera.position, camera.looking_at):
-        raise ScenarioError(f"{source}: camera.looking_at must differ from camera.position")
-
-
-def _check_variation(variation: ObjectVariation, source: str) -> None:
-    _check_vector("object.variation.position", variation.position, source)
+def _check_variation(key: str, variation: ObjectVariation, source: str) -> None:
+    require_vector(f"{key}.position", variation.position, source)
     known = [path.stem for path in (SDF_DIR / "textures").glob("*.png")]
-    for name in variation.textures:
-        if name not in known:
+    for texture in variation.textures:
+        if texture not in known:
             raise ScenarioError(
-                f"{source}: object.variation.textures: unknown texture '{name}';"
-                f" {suggestion(name, known)}"
+                f"{source}: {key}.textures: unknown texture '{texture}';"
+                f" {suggestion(texture, known)}"
             )
     ranges = {"yaw": variation.yaw, "friction": variation.friction}
     ranges["position"] = float(np.min(variation.position))
-    for key, value in ranges.items():
+    for name, value in ranges.items():
         if not 0 <= value < float("inf"):
             raise ScenarioError(
-                f"{source}: object.variation.{key} = {value!r}, but a half range must be >= 0"
+                f"{source}: {key}.{name} = {value!r}, but a half range must be >= 0"
             )
-
-
-def _check_vector(key: str, value: np.ndarray, source: str, unit: str = ", [m]") -> None:
-    if value.shape != (3,) or not np.all(np.isfinite(value)):
-        raise ScenarioError(f"{source}: {key} = {value.tolist()}, but it must be 3 numbers{unit}")

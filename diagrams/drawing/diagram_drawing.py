@@ -1,4 +1,4 @@
-"""Draws a network of filters from its Diagram's connections, bottom up like the paper's Fig. 2.
+"""Draws a Diagram of filters from its connections, bottom up.
 
 Blue solid arrows carry measurements up, red dashed ones predictions and priors down.
 """
@@ -12,19 +12,13 @@ from dataclasses import dataclass
 
 from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, System
 
-from diagrams.drawing.palette import MODALITY
-from diagrams.run.yaml_schema import ScenarioError, one_line
-
 _PREDICTION = re.compile(r"(_predicted|_predictions|_prior|_latest)$")
 _ROLE = re.compile(r"_(measured|estimated|predicted|latest|desired|commanded|window)$")
-_CLUSTERS = {  # By the package that a system comes from: name, outline and fill.
-    "systems.vision": ("Vision", MODALITY["vision"], "#E9F0F7"),
-    "systems.proprioception": ("Proprioception", MODALITY["proprioception"], "#FDF0E5"),
-    "systems.kinematics": ("Kinematics", MODALITY["crossmodal"], "#F8EAF1"),
-    "systems.sensors": ("Sensors", "#777777", "#F3F3F3"),
-}
+_ROOM = "systems."  # Systems of its sub-packages are drawn together.
+_OUTLINES = ("#4477AA", "#AA3377", "#EE7733", "#228833", "#777777")
+_FILLS = ("#E9F0F7", "#F8EAF1", "#FDF0E5", "#E9F3EB", "#F3F3F3")
 _UP, _DOWN = "#2F5FA8", "#C8342B"
-_OTHER = ("", "#777777", "#FFFFFF")
+_OTHER = "#777777"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,23 +96,25 @@ def _package(system: System) -> str:
     return ".".join(type(system).__module__.split(".")[:2])
 
 
-def network_dot(diagram: Diagram, title: str) -> str:
-    """The drawing of a network in Graphviz's language."""
+def diagram_dot(diagram: Diagram, title: str) -> str:
+    """The drawing of a Diagram in Graphviz's language."""
     systems = leaf_systems(diagram)
     names = {system: f"n{index}" for index, system in enumerate(systems)}
     groups: dict[str, list[System]] = defaultdict(list)
     for system in systems:
         groups[_package(system)].append(system)
     lines = [
-        "digraph network {",
+        "digraph diagram {",
         f"  graph [rankdir=BT, label={_heading(title)}, labelloc=t, fontsize=13, nodesep=0.45,"
         " ranksep=0.75, splines=true, newrank=true, pad=0.3];",
         '  graph [fontname="Helvetica"]; node [fontname="Helvetica", fontsize=13];',
         '  edge [fontname="Helvetica", fontsize=10];',
         '  node [shape=box, style="rounded,filled", penwidth=1.4, margin="0.18,0.1"];',
     ]
+    packages = sorted(package for package in groups if package.startswith(_ROOM))
     for package, members in groups.items():
-        lines += _cluster_lines(package, members, names)
+        index = packages.index(package) % len(_OUTLINES) if package in packages else None
+        lines += _cluster_lines(package, members, names, index)
     all_wires = wires(diagram)
     outside = dict.fromkeys(wire.source_port for wire in all_wires if wire.source is None)
     for index, port in enumerate(outside):
@@ -140,18 +136,22 @@ def network_dot(diagram: Diagram, title: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _cluster_lines(package: str, members: list[System], names: dict[System, str]) -> list[str]:
-    title, outline, fill = _CLUSTERS.get(package, _OTHER)
+def _cluster_lines(
+    package: str, members: list[System], names: dict[System, str], index: int | None
+) -> list[str]:
+    """The systems of a package; `index` of its colours, None for systems without a frame."""
+    outline = _OTHER if index is None else _OUTLINES[index]
     nodes = [
         f'    {names[system]} [label="{_label(system)}", color="{outline}", fillcolor=white];'
         for system in members
     ]
-    if not title:
+    if index is None:
         return nodes
+    title = package.removeprefix(_ROOM).capitalize()
     return [
         f'  subgraph "cluster_{title}" {{',
         f'    label="{title}"; labelloc=b; fontsize=15; fontcolor="{outline}";'
-        f' style="rounded,filled"; color="{fill}"; margin=14;',
+        f' style="rounded,filled"; color="{_FILLS[index]}"; margin=14;',
         *nodes,
         "  }",
     ]
@@ -184,10 +184,14 @@ def _heading(title: str) -> str:
 
 
 def render_svg(dot: str) -> str:
-    """The drawing as SVG, made by Graphviz."""
+    """The drawing as SVG, made by Graphviz.
+
+    Raises:
+        RuntimeError: where Graphviz is not installed or cannot draw it.
+    """
     program = shutil.which("dot")
     if program is None:
-        raise ScenarioError(
+        raise RuntimeError(
             "Graphviz's 'dot' is not installed; install the system package 'graphviz'"
             " (sudo apt install graphviz, or brew install graphviz)"
         )
@@ -195,5 +199,5 @@ def render_svg(dot: str) -> str:
         [program, "-Tsvg"], input=dot, capture_output=True, text=True, check=False
     )
     if done.returncode != 0:
-        raise RuntimeError(f"dot failed: {one_line(done.stderr)}")
+        raise RuntimeError(f"dot failed: {' '.join(done.stderr.split())}")
     return done.stdout

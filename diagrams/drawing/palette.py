@@ -1,48 +1,19 @@
-"""The colours of every picture: one per modality, per kind of joint and per body.
+"""The colours that every picture has, and those of estimators that have none of their own.
 
-Modalities use Paul Tol's bright scheme, which stays distinct for colour-blind readers; joints keep
-the green and red of the paper's pictures and differ in form too.
+They are Paul Tol's, which stay distinct for colour-blind readers.
 """
 
-from systems.port_values import INTERACTED_BODY, STATIC_BODY, JointType
+from collections.abc import Mapping
 
-MODALITY = {"vision": "#4477AA", "proprioception": "#EE7733", "crossmodal": "#AA3377"}
-MODALITY_LABEL = {
-    "vision": "vision",
-    "proprioception": "proprioception",
-    "crossmodal": "cross-modal",
-}
 TRUTH = "#222222"
 QUIET = "#8C8C8C"  # Grid text, events, what does not move.
-JOINT = {
-    JointType.PRISMATIC: "#228833",
-    JointType.REVOLUTE: "#CC3311",
-    JointType.RIGID: "#8C8C8C",
-    JointType.DISCONNECTED: "#BBBBBB",
-}
 PLAN = "#2255EE"  # The way before the hand.
-_STATIC = "#D0D0D0"
-_INTERACTED = "#FFCC22"
-_OTHERS = ("#33BBEE", "#EE3377", "#99DD55", "#BB88FF")
+OTHERS = ("#222255", "#66CCEE", "#CCBB44", "#228833", "#999999", "#663333")
 
 
-RESTING_IN_SCENE = "#3A3A3A"  # Resting features among the light surfaces of Meshcat.
-
-
-def body_label(body_id: int) -> str:
-    """What a legend calls the features of a body."""
-    if body_id == STATIC_BODY:
-        return "resting features"
-    return "of the held body" if body_id == INTERACTED_BODY else f"of moving body {body_id}"
-
-
-def body_color(body_id: int) -> str:
-    """Of the features of a body; the same body always has the same colour."""
-    if body_id == STATIC_BODY:
-        return _STATIC
-    if body_id == INTERACTED_BODY:
-        return _INTERACTED
-    return _OTHERS[(body_id - 2) % len(_OTHERS)]
+def estimator_color(colors: Mapping[str, str], name: str, index: int) -> str:
+    """An estimator's colour, or that of the index among those that have none."""
+    return colors.get(name, OTHERS[index % len(OTHERS)])
 
 
 def rgb(color: str) -> tuple[float, float, float]:

@@ -1,17 +1,17 @@
-"""Runs the episodes of an experiment, goes on where it was stopped, and writes what came out."""
+"""Runs the episodes of an experiment, and goes on where it was stopped."""
 
 import json
 import logging
 import os
 import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from diagrams.crossmodal.experiments import Experiment
-from diagrams.crossmodal.scenario import Scenario, load_scenario
 from diagrams.run import process
+from diagrams.run.application import Application
+from diagrams.run.experiment import Experiment
 from diagrams.run.run_folder import (
     fingerprint,
     finished_summary,
@@ -19,6 +19,7 @@ from diagrams.run.run_folder import (
     versions,
     write_text,
 )
+from diagrams.run.scenario import Scenario
 from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
 
 Summary = dict[str, Any]
@@ -67,7 +68,7 @@ def connect(workers: Workers) -> None:
         _knock(workers.address)
         ray.init(
             address=workers.address or "auto",
-            runtime_env={"env_vars": {"PYTHONPATH": root}},
+            runtime_env={"env_vars": {"PYTHONPATH": root, **_own_applications()}},
             ignore_reinit_error=True,
             logging_level=logging.ERROR,
         )
@@ -79,6 +80,11 @@ def connect(workers: Workers) -> None:
         ) from error
 
 
+def _own_applications() -> dict[str, str]:
+    """What a worker's environment needs to find a user's own applications."""
+    return {key: value for key, value in os.environ.items() if key.startswith("CROSSMODAL_")}
+
+
 def _knock(address: str) -> None:
     """Raises an OSError where nobody listens, for which Ray itself would wait for minutes."""
     host, _, port = address.rpartition("://")[2].rpartition(":")
@@ -86,21 +92,28 @@ def _knock(address: str) -> None:
         socket.create_connection((host, int(port)), timeout=5.0).close()
 
 
-def run_on_cluster(scenario: Scenario, folder: Path, environment: Mapping[str, str]) -> Summary:
+def run_on_cluster(
+    application: Application, scenario: Scenario, folder: Path, environment: Mapping[str, str]
+) -> Summary:
     """As `run_apart`, on whichever machine of the cluster has a core to spare."""
     import ray
 
     run_there = ray.remote(num_cpus=1, max_retries=0)(process.run_apart)
     try:
-        summary: Summary = ray.get(run_there.remote(scenario, folder, environment))
+        summary: Summary = ray.get(run_there.remote(application, scenario, folder, environment))
     except ray.exceptions.RayError as error:
         reason = one_line(error).partition(". ")[0]
         return process.failed_summary(scenario, f"worker died ({reason})")
     return summary
 
 
-def open_evaluation_folder(
-    folder: Path, name: str, scenario: Scenario, *, force: bool = False
+def open_campaign_folder(
+    folder: Path,
+    name: str,
+    application: Application,
+    scenario: Scenario,
+    *,
+    force: bool = False,
 ) -> None:
     """Makes or resumes the folder of an experiment.
 
@@ -111,7 +124,7 @@ def open_evaluation_folder(
         ScenarioError: where it holds anything but this experiment of this scenario and program.
     """
     marker = folder / _MARKER
-    wanted = {"experiment": name, **_fingerprint_of_all_seeds(scenario)}
+    wanted = {"experiment": name, **fingerprint(application, replace(scenario, seed=0))}
     found = _read(marker)
     if found is not None and not force:
         for key, what in (
@@ -137,14 +150,6 @@ def open_evaluation_folder(
     write_text(marker, json.dumps(wanted | {"versions": versions()}, indent=2) + "\n")
 
 
-def _fingerprint_of_all_seeds(scenario: Scenario) -> dict[str, str]:
-    seed, scenario.seed = scenario.seed, 0
-    try:
-        return fingerprint(scenario)
-    finally:
-        scenario.seed = seed
-
-
 def _read(marker: Path) -> dict[str, Any] | None:
     """None where there is no marker; an unreadable one is of no experiment."""
     try:
@@ -168,7 +173,7 @@ def episode_folder(folder: Path, seed: int) -> Path:
 
 
 def run_episodes(
-    scenarios: Sequence[Scenario], folder: Path, workers: Workers
+    application: Application, scenarios: Sequence[Scenario], folder: Path, workers: Workers
 ) -> Iterator[Summary]:
     """Yields the summary of each episode: first what the folder has already, then as they end."""
     from joblib import Parallel, delayed
@@ -177,7 +182,7 @@ def run_episodes(
     waiting = []
     for scenario in scenarios:
         place = episode_folder(folder, scenario.seed)
-        done = finished_summary(place, scenario)
+        done = finished_summary(place, application, scenario)
         if done is None:
             waiting.append((scenario, place))
         else:
@@ -192,52 +197,67 @@ def run_episodes(
         return_as="generator_unordered",
         pre_dispatch="n_jobs",
     )
-    yield from parallel(delayed(run_one)(scenario, place, limits) for scenario, place in waiting)
+    yield from parallel(
+        delayed(run_one)(application, scenario, place, limits) for scenario, place in waiting
+    )
 
 
 @dataclass(kw_only=True)
-class Evaluation:
-    """An experiment and what has come out of it so far.
+class Campaign:
+    """An experiment over seeds and what has come out of it so far.
 
     Attributes:
         name: Of the experiment.
-        experiment: What was repeated.
+        application: What runs it.
+        experiment: What is repeated.
         scenarios: One for each seed.
         folder: Where it is.
         summaries: Of the episodes that have ended, in order of their seeds.
     """
 
     name: str
+    application: Application
     experiment: Experiment
     scenarios: list[Scenario]
     folder: Path
     summaries: list[Summary]
 
+    def episode_folders(self) -> list[Path]:
+        """Of the episodes that came to an end."""
+        return [
+            episode_folder(self.folder, summary["seed"])
+            for summary in self.summaries
+            if summary["modalities"]
+        ]
+
 
 def prepare(
     name: str,
-    experiment: Experiment,
+    application: Application,
+    scenario: Scenario,
     seeds: Sequence[int],
     folder: Path,
     *,
-    overrides: Sequence[str] = (),
     force: bool = False,
-) -> Evaluation:
+) -> Campaign:
     """Opens the folder of an experiment before anything is computed.
 
+    Args:
+        name: Of the experiment, one of the application's.
+        scenario: The experiment's, of any seed.
+
     Raises:
-        ScenarioError: where the scenario is wrong or the folder holds something else.
+        ScenarioError: where the folder holds something else.
     """
-    scenarios = []
-    for seed in seeds:
-        scenario = load_scenario(experiment.scenario, overrides)
-        scenario.seed = seed
-        scenarios.append(scenario)
-    open_evaluation_folder(folder, name, scenarios[0], force=force)
-    done = [finished_summary(episode_folder(folder, one.seed), one) for one in scenarios]
-    return Evaluation(
+    scenarios = [replace(scenario, seed=seed) for seed in seeds]
+    open_campaign_folder(folder, name, application, scenario, force=force)
+    done = [
+        finished_summary(episode_folder(folder, one.seed), application, one) for one in scenarios
+    ]
+    return Campaign(
         name=name,
-        experiment=experiment,
+        application=application,
+        experiment=application.experiments[name],
         scenarios=scenarios,
         folder=folder,
         summaries=[summary for summary in done if summary is not None],
@@ -245,19 +265,21 @@ def prepare(
 
 
 def run(
-    evaluation: Evaluation,
+    campaign: Campaign,
     workers: Workers,
     progress: Callable[[Summary], None] = lambda summary: None,
 ) -> bool:
     """Runs the episodes that are missing; returns False if a KeyboardInterrupt ended it early."""
-    evaluation.summaries.clear()
+    campaign.summaries.clear()
     try:
-        for summary in run_episodes(evaluation.scenarios, evaluation.folder, workers):
-            evaluation.summaries.append(summary)
+        for summary in run_episodes(
+            campaign.application, campaign.scenarios, campaign.folder, workers
+        ):
+            campaign.summaries.append(summary)
             progress(summary)
     except KeyboardInterrupt:
         return False
     finally:
         process.stop_running()
-        evaluation.summaries.sort(key=lambda summary: int(summary["seed"]))
+        campaign.summaries.sort(key=lambda summary: int(summary["seed"]))
     return True

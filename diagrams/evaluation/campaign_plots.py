@@ -1,9 +1,7 @@
-"""Draws what the episodes of an experiment have in common: errors over time and at the end."""
+"""Draws what the episodes of an experiment have in common: over time, and at the end."""
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -13,87 +11,31 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from diagrams.crossmodal.results.plots import STYLE, new_figure
-from diagrams.crossmodal.scenario import Disturbances
 from diagrams.drawing import palette
-from diagrams.run.run_folder import ESTIMATES_FILE
+from diagrams.drawing.plot_style import STYLE, mark_event, new_figure, note, shade
+from diagrams.evaluation.metric_table import READABLE, estimators_of, label
+from diagrams.run.application import Application
+from diagrams.run.scenario import Disturbances
 from maths.arrays import Array
 
 BAND = (5.0, 95.0)  # Percentiles over the seeds.
-_SMALLEST = 0.01  # Error that is still drawn, [mm or deg].
-_QUANTITIES = ("configuration", "axis", "type_probability")
-_UNIT = {"prismatic": (1000.0, "mm"), "revolute": (180.0 / math.pi, "deg")}
+_SMALLEST = 0.01  # Error that is still drawn, in the unit of its panel.
 
 
-@dataclass(kw_only=True)
-class ErrorsOverTime:
-    """One modality's errors in one episode; NaN where it has no estimate.
+@dataclass(frozen=True, kw_only=True)
+class Panel:
+    """What is drawn over time in one panel.
 
     Attributes:
-        times: (T,), [s].
-        joint_type: The true one.
-        configuration: |estimate - truth| (T,), [m or rad]; only where the type is the true one or
-            nothing has moved yet.
-        axis: Angle to the true axis (T,), [rad].
-        probability: Of the true type (T,).
+        title: With the unit.
+        series: By estimator, of each episode that has one: times (T,) [s] and values (T,) in the
+            panel's unit, NaN where there is none.
+        logarithmic: Of errors; otherwise the values are shares of one.
     """
 
-    times: Array
-    joint_type: str
-    configuration: Array
-    axis: Array
-    probability: Array
-
-
-def errors_over_time(estimates: pd.DataFrame) -> dict[str, ErrorsOverTime]:
-    """By modality, from an episode's table of estimates."""
-    errors = {}
-    known = estimates[estimates["quantity"].isin(_QUANTITIES)]
-    for modality, rows in known.groupby("modality", observed=True):
-        wide = rows.assign(key=rows["quantity"].astype(str) + "/" + rows["component"].astype(str))
-        estimate = wide.pivot_table(index="time", columns="key", values="estimate", sort=True)
-        truth = wide.pivot_table(index="time", columns="key", values="truth", sort=True)
-        one = _errors(estimate, truth.reindex(estimate.index))
-        if one is not None:
-            errors[str(modality)] = one
-    return errors
-
-
-def _errors(estimate: pd.DataFrame, truth: pd.DataFrame) -> ErrorsOverTime | None:
-    types = [str(key) for key in estimate if str(key).startswith("type_probability/")]
-    true_type = next((key for key in types if (truth[key] == 1.0).any()), None)
-    if true_type is None:
-        return None
-    likeliest = estimate[types].idxmax(axis=1)
-    comparable = likeliest.isin([true_type, "type_probability/rigid"])
-
-    def column(frame: pd.DataFrame, key: str) -> pd.Series:
-        return frame[key] if key in frame else pd.Series(np.nan, index=estimate.index)
-
-    difference = column(estimate, "configuration/") - column(truth, "configuration/")
-    components = [f"axis/{name}" for name in "xyz"]
-    axes, true_axes = (
-        np.column_stack([column(frame, key).to_numpy(float) for key in components])
-        for frame in (estimate, truth)
-    )
-    cross = np.linalg.norm(np.cross(axes, true_axes), axis=1)
-    return ErrorsOverTime(
-        times=estimate.index.to_numpy(float),
-        joint_type=true_type.partition("/")[2],
-        configuration=difference.abs().where(comparable).to_numpy(float),
-        axis=np.arctan2(cross, np.abs(np.sum(axes * true_axes, axis=1))),
-        probability=estimate[true_type].to_numpy(float),
-    )
-
-
-def read_errors(folders: Iterable[Path]) -> list[dict[str, ErrorsOverTime]]:
-    """Of every episode among the folders that has its table of estimates."""
-    columns = ["time", "modality", "quantity", "component", "estimate", "truth"]
-    return [
-        errors_over_time(pd.read_parquet(folder / ESTIMATES_FILE, columns=columns))
-        for folder in folders
-        if (folder / ESTIMATES_FILE).is_file()
-    ]
+    title: str
+    series: Mapping[str, Sequence[tuple[Array, Array]]]
+    logarithmic: bool = True
 
 
 def spread(series: Sequence[tuple[Array, Array]], step: float) -> tuple[Array, Array]:
@@ -131,64 +73,51 @@ def common_events(summaries: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     }
 
 
-def draw_errors_over_time(
-    episodes: Sequence[Mapping[str, ErrorsOverTime]],
+def draw_spreads(
+    application: Application,
+    panels: Sequence[Panel],
     step: float,
     disturbances: Disturbances,
     events: Mapping[str, float],
-) -> Figure | None:
-    """Median and 5 to 95 % band over the seeds of each modality's errors; None without episodes.
+) -> Figure:
+    """Median and 5 to 95 % band over the seeds of each estimator, one panel below the other.
 
     Args:
-        episodes: Errors by modality.
+        application: Whose estimators they are.
+        panels: From top to bottom.
         step: Between two ticks, [s].
         disturbances: To be marked.
         events: Times to be marked, [s], by name.
     """
-    known = [errors for episode in episodes for errors in episode.values()]
-    if not known:
-        return None
-    scale, unit = _UNIT[known[0].joint_type]
-    panels = (
-        ("configuration", scale, f"configuration error [{unit}]"),
-        ("axis", 180.0 / math.pi, "axis direction error [deg]"),
-        ("probability", 1.0, f"probability of the true type ({known[0].joint_type})"),
-    )
     with mpl.rc_context(STYLE):
-        figure = new_figure(9.0, 8.0)
-        grid = figure.subplots(3, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2, 2]})
-        for axes, (quantity, factor, name) in zip(grid, panels, strict=True):
-            for modality, color in palette.MODALITY.items():
-                series = [
-                    (errors[modality].times, getattr(errors[modality], quantity))
-                    for errors in episodes
-                    if modality in errors
-                ]
-                _draw_spread(axes, series, step, factor, color, palette.MODALITY_LABEL[modality])
-            axes.set_title(name)
-            if quantity != "probability":
+        figure = new_figure(9.0, 2.0 + 2.0 * len(panels))
+        heights = [3, *[2] * (len(panels) - 1)]
+        grid = figure.subplots(
+            len(panels), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
+        )[:, 0]
+        for axes, panel in zip(grid, panels, strict=True):
+            for index, (name, series) in enumerate(panel.series.items()):
+                color = palette.estimator_color(application.colors, name, index)
+                _draw_spread(axes, series, step, color, label(application, name))
+            axes.set_title(panel.title)
+            if panel.logarithmic:
                 axes.set_yscale("log", nonpositive="clip")
                 axes.set_ylim(bottom=max(_SMALLEST, axes.get_ylim()[0]))
+            else:
+                axes.set_ylim(-0.03, 1.05)
             _mark(axes, disturbances, events, label=axes is grid[0])
-        grid[2].set_ylim(-0.03, 1.05)
-        grid[2].set_xlabel("time [s]")
+        grid[-1].set_xlabel("time [s]")
         handles, labels = grid[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=4)
     return figure
 
 
 def _draw_spread(
-    axes: Axes,
-    series: Sequence[tuple[Array, Array]],
-    step: float,
-    factor: float,
-    color: str,
-    label: str,
+    axes: Axes, series: Sequence[tuple[Array, Array]], step: float, color: str, label: str
 ) -> None:
     if not series:
         return
-    times, quantiles = spread(series, step)
-    low, median, high = factor * quantiles
+    times, (low, median, high) = spread(series, step)
     breaks = np.flatnonzero(np.diff(times) > 1.5 * step) + 1
     for part in np.split(np.arange(len(times)), breaks):
         axes.plot(times[part], median[part], color=color, lw=1.8, label=label)
@@ -203,64 +132,49 @@ def _mark(
     line, last = 1, -np.inf
     for name, time in sorted(events.items(), key=lambda event: event[1]):
         if left <= time <= right:
-            axes.axvline(time, color=palette.QUIET, lw=0.9, ls=(0, (4, 3)))
+            mark_event(axes, time)
             line = line + 1 if time - last < 0.1 * (right - left) else 1
             last = time
             if label:
-                _note(axes, time, name, lines_below=line)
-    spans = [("lights off", interval) for interval in disturbances.lights_off]
-    spans += [("camera covered", interval) for interval in disturbances.camera_covered]
-    for name, interval in spans:
+                note(axes, time, name, lines_below=line)
+    for name, interval in disturbances.spans():
         if interval.start >= right:
             continue
-        axes.axvspan(interval.start, min(interval.end, right), color="black", alpha=0.06, lw=0)
-        axes.axvline(interval.start, color=palette.TRUTH, lw=1.1)
+        shade(axes, interval.start, min(interval.end, right))
         if label:
-            _note(axes, interval.start, name)
+            note(axes, interval.start, name)
     axes.set_xlim(left, right)
 
 
-def _note(axes: Axes, time: float, text: str, lines_below: int = 0) -> None:
-    axes.annotate(
-        text,
-        (time, 1.0),
-        xycoords=("data", "axes fraction"),
-        xytext=(3, -3 - 11 * lines_below),
-        textcoords="offset points",
-        va="top",
-        fontsize=8.5,
-    )
-
-
-def draw_errors_at_end(figures: pd.DataFrame) -> Figure:
-    """Every episode's final error of configuration and axis, by modality.
+def draw_metrics(
+    application: Application, figures: pd.DataFrame, titles: Mapping[str, str]
+) -> Figure:
+    """The magnitude of some metrics in every episode, by estimator.
 
     Args:
+        application: Whose metrics they are.
         figures: The tidy table of the experiment.
+        titles: What is drawn side by side, by the metric's name.
     """
-    panels = (
-        ("configuration_error", "configuration error at the end"),
-        ("axis_angle_error", "axis direction error at the end"),
-    )
-    modalities = [name for name in palette.MODALITY if name in set(figures["modality"])]
+    estimators = estimators_of(application, figures)
     with mpl.rc_context(STYLE):
-        figure = new_figure(9.0, 3.4)
-        for axes, (key, title) in zip(figure.subplots(1, 2), panels, strict=True):
-            rows = figures[figures["figure"] == key]
-            metres = "m" in set(rows["unit"])
-            scale, unit = _UNIT["prismatic" if metres else "revolute"]
-            for level, name in enumerate(modalities):
+        figure = new_figure(4.5 * len(titles), 1.9 + 0.5 * len(estimators))
+        grid = figure.subplots(1, len(titles), squeeze=False)[0]
+        for axes, (key, title) in zip(grid, titles.items(), strict=True):
+            rows = figures[figures["metric"] == key]
+            scale, unit = READABLE[str(rows["unit"].iloc[0])] if len(rows) else (1.0, "")
+            for level, name in enumerate(estimators):
                 values = scale * rows.loc[rows["modality"] == name, "value"].dropna().abs()
                 if values.empty:
                     continue
                 places = level + np.linspace(-0.22, 0.22, len(values))
-                color = palette.MODALITY[name]
+                color = palette.estimator_color(application.colors, name, level)
                 axes.scatter(values, places, s=26, color=color, alpha=0.75, lw=0)
                 median = float(values.median())
                 axes.plot([median, median], [level - 0.36, level + 0.36], color=color, lw=2.6)
             axes.set_xscale("log")
             axes.xaxis.set_minor_formatter(NullFormatter())
-            axes.set_yticks(range(len(modalities)), [palette.MODALITY_LABEL[n] for n in modalities])
-            axes.set_ylim(len(modalities) - 0.45, -0.55)
-            axes.set_title(f"{title} [{unit}]")
+            axes.set_yticks(range(len(estimators)), [label(application, n) for n in estimators])
+            axes.set_ylim(len(estimators) - 0.45, -0.55)
+            axes.set_title(f"{title} [{unit}]" if unit else title)
     return figure

@@ -13,14 +13,8 @@ import jinja2
 import pandas as pd
 from PIL import Image
 
-from diagrams.crossmodal.results.plots import save
-from diagrams.evaluation.campaign import Evaluation, episode_folder
-from diagrams.evaluation.campaign_plots import (
-    common_events,
-    draw_errors_at_end,
-    draw_errors_over_time,
-    read_errors,
-)
+from diagrams.drawing.plot_style import save
+from diagrams.evaluation.campaign import Campaign, episode_folder
 from diagrams.evaluation.metric_table import (
     HOW_TO_READ,
     Table,
@@ -28,13 +22,12 @@ from diagrams.evaluation.metric_table import (
     markdown,
     overall_table,
     running_notes,
-    tidy_figures,
+    tidy_metrics,
     title,
 )
-from diagrams.run.run_folder import versions, write_atomically, write_text
+from diagrams.run.run_folder import PLOT_FOLDER, versions, write_atomically, write_text
 
 CSV_FILE, TABLE_FILE, PAGE_FILE = "results.csv", "table.md", "report.html"
-SPREAD_FILE, END_FILE = "errors_over_time.png", "errors_at_end.png"
 _THUMBNAIL = (480, 480)  # Largest width and height, [pixels].
 
 
@@ -77,52 +70,55 @@ def made_by(command: str) -> str:
     return f"`{command}`, {program}, Drake {known['drake']}, {today}."
 
 
-def write_experiment(evaluation: Evaluation, origin: str) -> list[Path]:
+def write_campaign(campaign: Campaign, origin: str) -> list[Path]:
     """Writes an experiment's files and returns them; nothing where no episode has ended.
 
     Args:
         origin: How the figures were made.
     """
-    if not evaluation.summaries:
+    if not campaign.summaries:
         return []
-    folder, name = evaluation.folder, evaluation.name
-    figures = tidy_figures(name, evaluation.summaries)
-    table = markdown(name, evaluation.experiment, figures, origin)
-    drawings = {
-        SPREAD_FILE: draw_errors_over_time(
-            read_errors(_episode_folders(evaluation)),
-            evaluation.scenarios[0].network_period,
-            evaluation.scenarios[0].disturbances,
-            common_events(evaluation.summaries),
-        ),
-        END_FILE: draw_errors_at_end(figures),
-    }
+    folder, name, application = campaign.folder, campaign.name, campaign.application
+    figures = tidy_metrics(application, name, campaign.summaries)
+    table = markdown(application, name, campaign.experiment, figures, origin)
     written = [
         write_atomically(folder / CSV_FILE, partial(figures.to_csv, index=False)),
         write_text(folder / TABLE_FILE, table),
     ]
-    for file, figure in drawings.items():
+    for file, plot in application.campaign_plots.items():
         (folder / file).unlink(missing_ok=True)
+        figure = plot.draw(campaign)
         if figure is not None:
             written.append(write_atomically(folder / file, partial(save, figure)))
-    section = _section(evaluation, figures, folder)
+    section = _section(campaign, figures, folder)
     written.append(write_text(folder / PAGE_FILE, page(name, origin, [section])))
     return written
 
 
-def write_overview(evaluations: Sequence[Evaluation], folder: Path, origin: str) -> list[Path]:
+def write_overview(campaigns: Sequence[Campaign], folder: Path, origin: str) -> list[Path]:
     """Writes the files of several experiments together, from what each has written."""
-    evaluations = [evaluation for evaluation in evaluations if evaluation.summaries]
-    if not evaluations:
+    campaigns = [campaign for campaign in campaigns if campaign.summaries]
+    if not campaigns:
         return []
-    figures = {one.name: tidy_figures(one.name, one.summaries) for one in evaluations}
-    overall = overall_table(figures)
-    sections = [_section(one, figures[one.name], folder) for one in evaluations]
+    figures = {
+        one.name: tidy_metrics(one.application, one.name, one.summaries) for one in campaigns
+    }
+    applications = {one.application.name: one.application for one in campaigns}
+    overall = [
+        overall_table(
+            application,
+            {one.name: figures[one.name] for one in campaigns if one.application is application},
+        )
+        for application in applications.values()
+    ]
+    sections = [_section(one, figures[one.name], folder) for one in campaigns]
     heading = "All experiments"
-    parts = [f"# {heading}", origin, overall.markdown()]
+    parts = [f"# {heading}", origin, *(table.markdown() for table in overall)]
     parts += [
-        markdown(one.name, one.experiment, figures[one.name], "").replace("# ", "## ", 1).rstrip()
-        for one in evaluations
+        markdown(one.application, one.name, one.experiment, figures[one.name], "")
+        .replace("# ", "## ", 1)
+        .rstrip()
+        for one in campaigns
     ]
     table = "\n\n".join(parts) + "\n"
     together = pd.concat(figures.values(), ignore_index=True)
@@ -134,7 +130,7 @@ def write_overview(evaluations: Sequence[Evaluation], folder: Path, origin: str)
 
 
 def page(
-    heading: str, origin: str, sections: Sequence[Section], overall: Table | None = None
+    heading: str, origin: str, sections: Sequence[Section], overall: Sequence[Table] = ()
 ) -> str:
     """The page, with every picture inside it."""
     environment = jinja2.Environment(
@@ -146,46 +142,38 @@ def page(
     )
 
 
-def _episode_folders(evaluation: Evaluation) -> list[Path]:
-    """Of the episodes that came to an end."""
-    return [
-        episode_folder(evaluation.folder, summary["seed"])
-        for summary in evaluation.summaries
-        if summary["modalities"]
-    ]
-
-
-def _section(evaluation: Evaluation, figures: pd.DataFrame, base: Path) -> Section:
+def _section(campaign: Campaign, figures: pd.DataFrame, base: Path) -> Section:
     pictures = [
-        Picture(data=_inline(evaluation.folder / file), text=text)
-        for file, text in (
-            (SPREAD_FILE, "errors over time, median and 5 to 95 % of the seeds"),
-            (END_FILE, "errors at the end of every episode"),
-        )
-        if (evaluation.folder / file).is_file()
+        Picture(data=_inline(campaign.folder / file), text=plot.caption)
+        for file, plot in campaign.application.campaign_plots.items()
+        if (campaign.folder / file).is_file()
     ]
     cards = []
-    for summary in evaluation.summaries:
-        folder = episode_folder(evaluation.folder, summary["seed"])
-        image = folder / "figures" / "errors.png"
-        shown = bool(summary["modalities"]) and image.is_file()
+    for summary in campaign.summaries:
+        image = _first_plot(episode_folder(campaign.folder, summary["seed"]))
+        shown = bool(summary["modalities"]) and image is not None
         cards.append(
             EpisodeCard(
                 seed=summary["seed"],
                 reason="" if summary["success"] else summary.get("failure") or "unknown",
-                thumbnail=_thumbnail(image) if shown else "",
-                link=Path(os.path.relpath(image, base)).as_posix(),
+                thumbnail=_thumbnail(image) if shown and image else "",
+                link=Path(os.path.relpath(image, base)).as_posix() if image else "",
             )
         )
     return Section(
-        name=evaluation.name,
-        title=title(evaluation.name, figures),
-        description=evaluation.experiment.description,
-        tables=experiment_tables(evaluation.experiment, figures),
-        notes=[HOW_TO_READ, *running_notes(figures)],
+        name=campaign.name,
+        title=title(campaign.name, figures),
+        description=campaign.experiment.description,
+        tables=experiment_tables(campaign.application, campaign.experiment, figures),
+        notes=[*campaign.experiment.notes, HOW_TO_READ, *running_notes(figures)],
         pictures=pictures,
         episodes=cards,
     )
+
+
+def _first_plot(folder: Path) -> Path | None:
+    """The plot that stands for an episode on the page."""
+    return next(iter(sorted((folder / PLOT_FOLDER).glob("*.png"))), None)
 
 
 def _inline(path: Path) -> str:

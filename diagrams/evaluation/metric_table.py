@@ -1,104 +1,65 @@
-"""The figures of an experiment's episodes as a tidy table, and their summary in Markdown."""
+"""The metrics of an experiment's episodes as a tidy table, and their summary in Markdown."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from diagrams.crossmodal.experiments import EXPERIMENTS, Experiment, Reference
-from diagrams.drawing import palette
+from diagrams.run.application import Application
+from diagrams.run.experiment import Experiment, Metric, Reference
 from maths.arrays import Array
 
 Summary = dict[str, Any]
-COLUMNS = ("experiment", "seed", "modality", "figure", "value", "unit", "reason")
-# What figures are written in for people: factor and unit, by their unit in SI.
-_READABLE = {
+COLUMNS = ("experiment", "seed", "modality", "metric", "value", "unit", "reason")
+# What metrics are written in for people: factor and unit, by their unit in SI.
+READABLE = {
     "m": (1000.0, "mm"),
     "rad": (180.0 / math.pi, "deg"),
     "s": (1.0, "s"),
     "B": (1e-9, "GB"),
+    "N": (1.0, "N"),
     "": (1.0, ""),
 }
 
 
-def tidy_figures(name: str, summaries: Sequence[Summary]) -> pd.DataFrame:
-    """One row per episode, modality and figure.
+def tidy_metrics(application: Application, name: str, summaries: Sequence[Summary]) -> pd.DataFrame:
+    """One row per episode, estimator and metric.
 
-    Columns: `experiment`, `seed`, `modality` (empty for figures of the whole episode), `figure`,
-    `value` (SI and rad; 0 or 1 for what is false or true; NaN where there is no estimate), `unit`
-    and `reason` (beside a `success` of 0, why). An episode that broke off has only the figures of
-    the whole episode.
+    Columns: `experiment`, `seed`, `modality` (the estimator; empty for metrics of the whole
+    episode), `metric`, `value` (SI and rad; 0 or 1 for what is false or true; NaN
+    where there is none), `unit` and `reason` (beside a `success` of 0, why). An episode that broke
+    off has only the metrics of the whole episode.
     """
     rows: list[dict[str, Any]] = []
+    metrics = (*EPISODE_METRICS, *application.metrics, *TICK_METRICS)
     for summary in summaries:
         common = {"experiment": name, "seed": summary["seed"], "reason": ""}
-        for figure, value, unit in _episode_figures(summary):
-            rows.append(
-                common | {"modality": "", "figure": figure, "value": _number(value), "unit": unit}
-            )
-            if figure == "success" and not value:
-                rows[-1]["reason"] = summary.get("failure") or "unknown"
-        for modality, record in summary.get("modalities", {}).items():
-            rows += [
-                common
-                | {"modality": modality, "figure": figure, "value": _number(value), "unit": unit}
-                for figure, value, unit in _modality_figures(record)
-            ]
+        parts = [("", summary), *summary.get("modalities", {}).items()]
+        for modality, record in parts:
+            for metric in metrics:
+                if metric.by_estimator != bool(modality):
+                    continue
+                try:
+                    value = metric.value(record)
+                except KeyError:
+                    continue
+                rows.append(
+                    common
+                    | {
+                        "modality": modality,
+                        "metric": metric.name,
+                        "value": math.nan if value is None else float(value),
+                        "unit": metric.unit_in(record),
+                    }
+                )
+                if metric.name == "success" and not value:
+                    rows[-1]["reason"] = summary.get("failure") or "unknown"
     return pd.DataFrame(rows, columns=list(COLUMNS))
-
-
-def _number(value: Any) -> float:
-    return math.nan if value is None else float(value)
-
-
-def _episode_figures(summary: Summary) -> list[tuple[str, Any, str]]:
-    figures: list[tuple[str, Any, str]] = [("success", summary["success"], "")]
-    unit = _configuration_unit(summary)
-    for phase, record in summary.get("phases", {}).items():
-        figures += [(f"{phase}_{key}", record[key], unit) for key in ("target", "reached", "error")]
-    figures += [
-        (key, summary[key], unit)
-        for key, unit in (
-            ("duration", "s"),
-            ("wall_time", "s"),
-            ("real_time_factor", ""),
-            ("peak_memory", "B"),
-        )
-        if key in summary
-    ]
-    return figures
-
-
-def _configuration_unit(summary: Summary) -> str:
-    for record in summary.get("modalities", {}).values():
-        return "rad" if record["joints"][0]["type_true"] == "revolute" else "m"
-    return ""
-
-
-def _modality_figures(record: Mapping[str, Any]) -> list[tuple[str, Any, str]]:
-    joint = record["joints"][0]
-    revolute = joint["type_true"] == "revolute"
-    q = "rad" if revolute else "m"
-    figures = [
-        ("joint_found", joint["type_estimated"] in ("prismatic", "revolute"), ""),
-        ("type_right", joint["type_estimated"] == joint["type_true"], ""),
-        ("type_settled_at", joint["type_settled_at"], "s"),
-        ("configuration_true", joint["configuration_true"], q),
-        ("configuration_error", joint["configuration_error"], q),
-        ("configuration_error_last_seen", joint["configuration_error_last_seen"], q),
-        ("axis_angle_error", joint["axis_angle_error"], "rad"),
-        ("consistency_configuration", joint["consistency"]["configuration"], ""),
-        ("consistency_axis", joint["consistency"]["axis"], ""),
-        ("tick_median", record["tick"]["median"], "s"),
-        ("tick_p95", record["tick"]["p95"], "s"),
-    ]
-    if revolute:
-        figures.append(("axis_distance_error", joint["axis_distance_error"], "m"))
-    return figures
 
 
 def quantile(values: npt.ArrayLike, share: float) -> float:
@@ -117,7 +78,7 @@ def median_and_range(values: npt.ArrayLike, unit: str, digits: int = 1) -> str:
     values = np.asarray(values, dtype=float)
     if not np.any(np.isfinite(values)):
         return "none"
-    scale, readable = _READABLE[unit]
+    scale, readable = READABLE[unit]
 
     def text(share: float) -> str:
         value = scale * quantile(values, share)
@@ -132,7 +93,7 @@ def mean_and_deviation(values: npt.ArrayLike, unit: str, digits: int = 1) -> str
     known = np.abs(values[np.isfinite(values)])
     if len(known) == 0:
         return "-"
-    scale, readable = _READABLE[unit]
+    scale, readable = READABLE[unit]
     deviation = float(np.std(known, ddof=1)) if len(known) > 1 else math.nan
     text = f"{scale * np.mean(known):.{digits}f}"
     if math.isfinite(deviation):
@@ -154,64 +115,34 @@ def mean_share(values: npt.ArrayLike) -> str:
     return f"{100.0 * np.mean(known):.0f} %" if len(known) else "-"
 
 
-@dataclass(kw_only=True)
-class Row:
-    """A row of the table.
-
-    Attributes:
-        title: What stands in its first cell; references name it.
-        figure: Of the tidy table.
-        cell: From one value per episode and their unit.
-    """
-
-    title: str
-    figure: str
-    cell: Callable[[Array, str], str]
-
-
-def _milliseconds(values: Array, unit: str) -> str:
+def milliseconds(values: Array, unit: str) -> str:
+    """Median and range of times in seconds, written in milliseconds."""
     known = values[np.isfinite(values)]
     return median_and_range(1000.0 * known, "", 1) + " ms" if len(known) else "-"
 
 
-EPISODE_ROWS = (
-    Row(title="task done", figure="success", cell=lambda v, _: count(v)),
-    Row(title="exploration error", figure="exploration_error", cell=mean_and_deviation),
-    Row(title="exploitation error", figure="exploitation_error", cell=mean_and_deviation),
+def _of_episode(name: str, unit: str = "", **shown: Any) -> Metric:
+    return Metric(name=name, value=itemgetter(name), unit=unit, by_estimator=False, **shown)
+
+
+# Of every application.
+EPISODE_METRICS = (
+    _of_episode("success", title="task done", cell=lambda v, _: count(v), totals=True),
+    _of_episode("duration", "s"),
+    _of_episode("wall_time", "s"),
+    _of_episode("real_time_factor"),
+    _of_episode("peak_memory", "B"),
 )
-MODALITY_ROWS = (
-    Row(title="joint found", figure="joint_found", cell=lambda v, _: count(v)),
-    Row(title="joint type right at the end", figure="type_right", cell=lambda v, _: count(v)),
-    Row(
-        title="configuration error at the end", figure="configuration_error", cell=median_and_range
+TICK_METRICS = (
+    Metric(
+        name="tick_median",
+        value=lambda record: record["tick"]["median"],
+        unit="s",
+        title="tick",
+        cell=milliseconds,
     ),
-    Row(
-        title="configuration error when last seen",
-        figure="configuration_error_last_seen",
-        cell=median_and_range,
-    ),
-    Row(
-        title="axis direction error",
-        figure="axis_angle_error",
-        cell=lambda v, unit: median_and_range(v, unit, 2),
-    ),
-    Row(title="axis distance error", figure="axis_distance_error", cell=median_and_range),
-    Row(title="type settled after motion of", figure="type_settled_at", cell=median_and_range),
-    Row(
-        title="configuration's NEES inside 95 % bounds",
-        figure="consistency_configuration",
-        cell=lambda v, _: mean_share(v),
-    ),
-    Row(
-        title="axis' NEES inside 95 % bounds",
-        figure="consistency_axis",
-        cell=lambda v, _: mean_share(v),
-    ),
-    Row(title="tick", figure="tick_median", cell=_milliseconds),
+    Metric(name="tick_p95", value=lambda record: record["tick"]["p95"], unit="s"),
 )
-# Only where the object is brought to a target and back is the distance from it an error.
-_TRIAL_FIGURES = ("exploration_error", "exploitation_error")
-ROW_TITLES = tuple(row.title for row in (*EPISODE_ROWS, *MODALITY_ROWS))
 
 
 @dataclass(kw_only=True)
@@ -232,40 +163,51 @@ def _escaped(cells: list[str]) -> list[str]:
 
 def _values(figures: pd.DataFrame, modality: str, figure: str) -> tuple[Array, str] | None:
     """One value per episode, NaN for those that broke off, and the unit; None where unknown."""
-    chosen = figures[(figures["figure"] == figure) & (figures["modality"] == modality)]
+    chosen = figures[(figures["metric"] == figure) & (figures["modality"] == modality)]
     if chosen.empty:
         return None
     by_seed = chosen.set_index("seed")["value"]
     return by_seed.reindex(figures["seed"].unique()).to_numpy(float), str(chosen["unit"].iloc[0])
 
 
-def modalities_of(figures: pd.DataFrame) -> list[str]:
-    """The modalities that there are, in the palette's order."""
-    return [name for name in palette.MODALITY if name in set(figures["modality"])]
+def estimators_of(application: Application, figures: pd.DataFrame) -> list[str]:
+    """The estimators that there are: first those with a label, in the labels' order."""
+    found = dict.fromkeys(name for name in figures["modality"] if name)
+    known = [name for name in application.labels if name in found]
+    return [*known, *(name for name in found if name not in known)]
 
 
-def _cells(figures: pd.DataFrame, row: Row, modalities: Sequence[str]) -> list[str] | None:
-    found = [_values(figures, modality, row.figure) for modality in modalities]
-    if all(values is None for values in found):
+def label(application: Application, estimator: str) -> str:
+    """What a reader calls an estimator."""
+    return application.labels.get(estimator, estimator)
+
+
+def _cells(figures: pd.DataFrame, metric: Metric, estimators: Sequence[str]) -> list[str] | None:
+    found = [_values(figures, estimator, metric.name) for estimator in estimators]
+    if metric.cell is None or all(values is None for values in found):
         return None
-    return ["-" if values is None else row.cell(*values) for values in found]
+    return ["-" if values is None else metric.cell(*values) for values in found]
 
 
-def experiment_tables(experiment: Experiment, figures: pd.DataFrame) -> list[Table]:
-    """The tables of the whole episodes and of the modalities, each beside paper and goal."""
-    modalities = modalities_of(figures)
-    labels = [palette.MODALITY_LABEL[name] for name in modalities]
+def experiment_tables(
+    application: Application, experiment: Experiment, figures: pd.DataFrame
+) -> list[Table]:
+    """The tables of the whole episodes and of the estimators, each beside paper and goal."""
+    estimators = estimators_of(application, figures)
+    metrics = (*EPISODE_METRICS, *application.metrics, *TICK_METRICS)
     tables = []
-    for rows, columns, header in (
-        (EPISODE_ROWS, [""], ["all episodes"]),
-        (MODALITY_ROWS, modalities, labels),
+    for by_estimator, columns, header in (
+        (False, [""], ["all episodes"]),
+        (True, estimators, [label(application, name) for name in estimators]),
     ):
         table = Table(header=["", *header, "paper", "goal"])
-        for row in rows:
-            cells = _cells(figures, row, columns)
-            if cells is not None and (experiment.returns or row.figure not in _TRIAL_FIGURES):
-                beside = experiment.references.get(row.title, Reference())
-                table.rows.append([row.title, *cells, beside.paper, beside.goal])
+        for metric in metrics:
+            if metric.by_estimator != by_estimator or metric.name in experiment.without:
+                continue
+            cells = _cells(figures, metric, columns)
+            if cells is not None:
+                beside = experiment.references.get(metric.name, Reference())
+                table.rows.append([metric.title, *cells, beside.paper, beside.goal])
         if table.rows:
             tables.append(table)
     return tables
@@ -273,7 +215,7 @@ def experiment_tables(experiment: Experiment, figures: pd.DataFrame) -> list[Tab
 
 def failures_table(figures: pd.DataFrame) -> Table:
     """Seeds of the episodes that failed, and why."""
-    failed = figures[(figures["figure"] == "success") & (figures["value"] == 0.0)]
+    failed = figures[(figures["metric"] == "success") & (figures["value"] == 0.0)]
     rows = [[str(seed), reason] for seed, reason in zip(failed.seed, failed.reason, strict=True)]
     return Table(header=["seed", "why the task was not done"], rows=rows)
 
@@ -305,20 +247,27 @@ def running_notes(figures: pd.DataFrame) -> list[str]:
 
 
 HOW_TO_READ = (
-    "Errors by modality: median (5 % to 95 % of the episodes) of the magnitude, where an estimate"
-    " that is missing counts as infinitely large ('none'). Exploration and exploitation: mean ±"
-    " standard deviation of the distance from the target that was truly reached."
+    "Errors of estimators: median (5 % to 95 % of the episodes) of the magnitude, where an estimate"
+    " that is missing counts as infinitely large ('none'). What was truly reached: mean ± standard"
+    " deviation."
 )
 
 
-def markdown(name: str, experiment: Experiment, figures: pd.DataFrame, made_by: str) -> str:
+def markdown(
+    application: Application,
+    name: str,
+    experiment: Experiment,
+    figures: pd.DataFrame,
+    made_by: str,
+) -> str:
     """An experiment's tables and its failures in Markdown.
 
     Args:
         made_by: How the figures were made: command, version and date.
     """
     parts = [f"# {title(name, figures)}", made_by]
-    parts += [table.markdown() for table in experiment_tables(experiment, figures)]
+    parts += [table.markdown() for table in experiment_tables(application, experiment, figures)]
+    parts += ["\n".join(f"- {note}" for note in experiment.notes)]
     parts += [HOW_TO_READ, *running_notes(figures)]
     failures = failures_table(figures)
     if failures.rows:
@@ -326,33 +275,28 @@ def markdown(name: str, experiment: Experiment, figures: pd.DataFrame, made_by: 
     return "\n\n".join(filter(None, parts)) + "\n"
 
 
-def overall_table(figures: Mapping[str, pd.DataFrame]) -> Table:
+def overall_table(application: Application, figures: Mapping[str, pd.DataFrame]) -> Table:
     """One row per experiment, by name, beside the paper's errors, and one of all of them."""
-    rows = {row.figure: row for row in (*EPISODE_ROWS, *MODALITY_ROWS)}
-    columns = (
-        ("task done", "", "success"),
-        ("type right, vision", "vision", "type_right"),
-        ("type right, proprioception", "proprioception", "type_right"),
-        ("type right, cross-modal", "crossmodal", "type_right"),
-        ("error at the end, cross-modal", "crossmodal", "configuration_error"),
-        ("exploration error", "", "exploration_error"),
-        ("exploitation error", "", "exploitation_error"),
-    )
-    references = ("paper", "goal")
-    table = Table(header=["experiment", *(header for header, _, _ in columns), *references])
+    metrics = {
+        metric.name: metric for metric in (*EPISODE_METRICS, *application.metrics, *TICK_METRICS)
+    }
+    columns = application.overview
+    table = Table(header=["experiment", *(column.header for column in columns), "paper", "goal"])
     flags: dict[int, list[Array]] = {}
     for name, frame in figures.items():
+        experiment = application.experiments[name]
         cells = [name]
-        for index, (_, modality, key) in enumerate(columns):
-            found = _values(frame, modality, key)
-            if key in ("success", "type_right"):
+        for index, column in enumerate(columns):
+            metric = metrics[column.metric]
+            found = _values(frame, column.estimator, metric.name)
+            if metric.totals:
                 # Episodes that broke off count here too.
                 found = found or (np.full(frame["seed"].nunique(), np.nan), "")
                 flags.setdefault(index, []).append(found[0])
-            if key in _TRIAL_FIGURES and not EXPERIMENTS[name].returns:
-                found = None
-            cells.append("-" if found is None else rows[key].cell(*found))
-        table.rows.append([*cells, *(_error_reference(name, kind) for kind in references)])
+            shown = found is not None and metric.name not in experiment.without
+            cells.append(metric.cell(*found) if shown and metric.cell else "-")
+        beside = [_beside(application, experiment, kind) for kind in ("paper", "goal")]
+        table.rows.append([*cells, *beside])
     together = {index: np.concatenate(values) for index, values in flags.items()}
     totals = [
         f"{count(together[index])} ({100.0 * np.mean(together[index] == 1.0):.0f} %)"
@@ -360,13 +304,22 @@ def overall_table(figures: Mapping[str, pd.DataFrame]) -> Table:
         else ""
         for index in range(len(columns))
     ]
-    table.rows.append(["all", *totals, *("" for _ in references)])
+    table.rows.append(["all", *totals, "", ""])
     return table
 
 
-def _error_reference(name: str, kind: str) -> str:
+def _beside(application: Application, experiment: Experiment, kind: str) -> str:
     """What an experiment's errors are compared with, by 'paper' or 'goal'."""
-    references = EXPERIMENTS[name].references
-    titles = ("configuration error at the end", "exploration error", "exploitation error")
-    texts = [getattr(references[title], kind) for title in titles if title in references]
+    shown = dict.fromkeys(column.metric for column in application.overview)
+    texts = [
+        getattr(experiment.references[name], kind)
+        for name in shown
+        if name in experiment.references and not _is_count(application, name)
+    ]
     return " / ".join(filter(None, texts)) or "-"
+
+
+def _is_count(application: Application, name: str) -> bool:
+    return any(
+        metric.name == name and metric.totals for metric in (*EPISODE_METRICS, *application.metrics)
+    )

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
-from diagrams.run.record import TickRecord, Truth
+from diagrams.joints.joint_truth import Truth
+from diagrams.run.record import Tick
 from maths.arrays import Array, Mask
 from systems.port_values import (
     INTERACTED_BODY,
@@ -170,15 +171,29 @@ class JointSeries:
     axis_nees: Array
 
 
-def joint_series(ticks: Sequence[TickRecord], truth: Truth) -> JointSeries:
-    """Evaluates every tick of a modality."""
+def joints_of(tick: Tick) -> JointBeliefs:
+    """What an estimator believed of the joints at a tick."""
+    joints: JointBeliefs = tick.values.get("joints_latest", JointBeliefs())
+    return joints
+
+
+def bodies_of(tick: Tick) -> BodyMotions:
+    """The bodies that those belong to."""
+    bodies: BodyMotions = tick.values.get("body_motions_latest", BodyMotions())
+    return bodies
+
+
+def joint_series(ticks: Sequence[Tick], truth: Truth) -> JointSeries:
+    """Evaluates every tick of an estimator."""
     times = np.array([tick.time for tick in ticks], dtype=float)
     opening = opening_at(times, truth)
     names = ("configuration", "configuration_std", "error", "axis_error", "axis_std",
              "distance_error", "configuration_nees", "axis_nees")  # fmt: skip
     columns = {name: np.full(len(ticks), np.nan) for name in names}
     probability = np.full(len(ticks), np.nan)
-    joints = [joint_at_reference(tick.joints, tick.bodies, truth.parent_moves) for tick in ticks]
+    joints = [
+        joint_at_reference(joints_of(tick), bodies_of(tick), truth.parent_moves) for tick in ticks
+    ]
     for k, joint in enumerate(joints):
         if joint is None:
             continue

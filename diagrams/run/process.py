@@ -1,37 +1,32 @@
-"""One episode of an evaluation in a process of its own.
+"""One episode of a campaign in a process of its own, and what this process takes of the machine.
 
-    python -m diagrams.run.process FOLDER
-
-It runs the scenario that FOLDER holds and writes the episode there. Memory that an episode keeps
-ends with it, and so does whatever kills it. It ends when its standard input is closed, so that it
-never outlives who started it.
+Memory that an episode keeps ends with its process, and so does whatever kills it.
 """
 
 import os
+import resource
 import signal
 import subprocess
 import sys
-import threading
-import traceback
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from diagrams.crossmodal.scenario import Scenario, load_scenario
+from diagrams.run.application import Application
 from diagrams.run.run_folder import (
-    SCENARIO_FILE,
     SUMMARY_FILE,
     finished_summary,
     open_run_folder,
-    write_run,
     write_scenario,
-    write_text,
 )
+from diagrams.run.scenario import Scenario
 from diagrams.run.yaml_schema import ScenarioError, one_line
 
 ERROR_FILE = "error.txt"  # The reason in its first line, then the traceback.
 LOG_FILE = "log.txt"
-_COMMAND = (sys.executable, "-m", "diagrams.run.process")
+# Runs the scenario in the folder that it is given, and ends when its standard input is closed.
+_COMMAND = (sys.executable, "-m", "diagrams.commands.episode")
+_STATUS = Path("/proc/self/status")
 _RUNNING: set[subprocess.Popen[bytes]] = set()
 
 
@@ -45,10 +40,13 @@ def thread_limits(cores: int) -> dict[str, str]:
     return limits
 
 
-def run_apart(scenario: Scenario, folder: Path, environment: Mapping[str, str]) -> dict[str, Any]:
+def run_apart(
+    application: Application, scenario: Scenario, folder: Path, environment: Mapping[str, str]
+) -> dict[str, Any]:
     """Runs an episode in a process of its own; whatever goes wrong there is its result.
 
     Args:
+        application: What runs it.
         scenario: With its seed.
         folder: Where the episode is written.
         environment: Added to this process' own.
@@ -60,7 +58,7 @@ def run_apart(scenario: Scenario, folder: Path, environment: Mapping[str, str]) 
         open_run_folder(folder, force=True)
         for name in (SUMMARY_FILE, ERROR_FILE):
             (folder / name).unlink(missing_ok=True)
-        write_scenario(folder, scenario)
+        write_scenario(folder, application, scenario)
         log = (folder / LOG_FILE).open("wb")
     except (OSError, ScenarioError) as error:
         return failed_summary(scenario, one_line(error))
@@ -81,7 +79,7 @@ def run_apart(scenario: Scenario, folder: Path, environment: Mapping[str, str]) 
             process.wait()
         finally:
             _RUNNING.discard(process)
-    summary = finished_summary(folder, scenario)
+    summary = finished_summary(folder, application, scenario)
     return summary or failed_summary(scenario, _reason(folder, process.returncode))
 
 
@@ -99,7 +97,6 @@ def failed_summary(scenario: Scenario, reason: str) -> dict[str, Any]:
         "success": False,
         "failure": reason,
         "modalities": {},
-        "phases": {},
     }
 
 
@@ -114,28 +111,13 @@ def _reason(folder: Path, status: int) -> str:
     return f"worker died ({how}), see {LOG_FILE}"
 
 
-def run_here(folder: Path) -> int:
-    """Runs the episode that `folder` describes and returns the exit status."""
-    from diagrams.run.episode import run_episode
-
+def peak_memory() -> int:
+    """Peak resident memory, [bytes]."""
     try:
-        scenario = load_scenario(str(folder / SCENARIO_FILE))
-        write_run(folder, run_episode(scenario, scenario.seed))
-    except Exception as error:
-        name = "" if isinstance(error, ScenarioError) else f"{type(error).__name__}: "
-        text = f"{name}{one_line(error)}\n\n{traceback.format_exc()}"
-        write_text(folder / ERROR_FILE, text)
-        return 1
-    return 0
-
-
-def _end_with_parent() -> None:
-    # Not by sys.stdin: its lock would be missing when the interpreter ends.
-    while os.read(0, 1024):
+        for line in _STATUS.read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024
+    except OSError:
         pass
-    os._exit(1)
-
-
-if __name__ == "__main__":
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    sys.exit(run_here(Path(sys.argv[1])))
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit

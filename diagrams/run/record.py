@@ -1,132 +1,51 @@
-"""What an episode hands to the evaluation: what was believed, what was seen and what was true."""
+"""What an episode leaves behind: what every estimator said, what the station gave, and pictures."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from diagrams.crossmodal.scenario import Scenario
-from maths.arrays import Array
-from systems.port_values import (
-    BodyMotions,
-    FeatureBelief,
-    GraspBelief,
-    JointBeliefs,
-    JointType,
-    MotionBelief,
-    PoseBelief,
-)
+from maths.immutable import Immutable
+
+if TYPE_CHECKING:
+    from diagrams.run.calibration import Calibration
+    from diagrams.run.scenario import Scenario
 
 
-@dataclass(kw_only=True)
-class Truth:
-    """What is true about the explored joint. Only the evaluation reads it.
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """A value on an output port that is recorded at every tick.
 
     Attributes:
-        joint_name: Its name in the object's model.
-        joint_type: Prismatic or revolute.
-        axis_W: Unit axis (3,), the direction of growing q.
-        point_W: A point (3,) on the axis, [m].
-        times: Instants of the network's ticks (T,), [s].
-        configuration: The joint's position q (T,), [m or rad].
-        X_WB: Pose (T, 4, 4) of the moved body.
-        grasp_time: The instant the hand was closed, [s]; estimated configurations count from here.
-        regrasp_times: When it was closed again after a lost grasp, [s]; then they count from there.
-        parent_moves: Whether the joint's parent can move too; axis and point are those before
-            anything moved.
+        port: Name of the port, of an estimator or of the station.
+        model: A value like the port's; an array for a vector port.
     """
 
-    joint_name: str
-    joint_type: JointType
-    axis_W: Array
-    point_W: Array
-    times: Array
-    configuration: Array
-    X_WB: Array
-    grasp_time: float
-    parent_moves: bool = False
-    regrasp_times: list[float] = field(default_factory=list)
-
-    def last_grasp(self, time: float) -> float:
-        """When the hand was last closed before `time`, [s]; else when it was closed first."""
-        return max(
-            (again for again in self.regrasp_times if again <= time), default=self.grasp_time
-        )
-
-    def opening(self) -> Array:
-        """The joint's travel since the grasp (T,), [m or rad]; zero at the first tick after it."""
-        if len(self.times) == 0:
-            return self.configuration
-        start = min(int(np.searchsorted(self.times, self.grasp_time)), len(self.times) - 1)
-        return self.configuration - self.configuration[start]
+    port: str
+    model: Any
 
 
-@dataclass(kw_only=True)
-class TickRecord:
-    """What one modality believed after the tick at `time`.
+@dataclass(frozen=True, kw_only=True)
+class TaskStatus(Immutable):
+    """What the robot is doing, as it knows itself.
 
     Attributes:
-        time: Instant of the tick, [s].
-        joints: The kinematic model.
-        bodies: The moving bodies.
-        grasp: None without proprioception.
-        feature_count: Tracked point features; 0 without vision.
-        end_effector: None without proprioception, like the next.
-        hand_bending: X_EH.
+        phase: What it does now, in a word or two; empty for what needs no mention.
+        done: Whether it will do nothing more.
+        note: What has led to this phase, in place of the phase's name in the list of events.
     """
 
-    time: float
-    joints: JointBeliefs
-    bodies: BodyMotions
-    grasp: GraspBelief | None = None
-    feature_count: int = 0
-    end_effector: MotionBelief | None = None
-    hand_bending: PoseBelief | None = None
+    phase: str = ""
+    done: bool = False
+    note: str = ""
 
-
-@dataclass(kw_only=True)
-class ModalityRecord:
-    """One modality's beliefs over the episode and the wall time of each of its ticks, [s]."""
-
-    ticks: list[TickRecord] = field(default_factory=list)
-    tick_times: list[float] = field(default_factory=list)
-
-
-@dataclass(kw_only=True)
-class PinholeCamera:
-    """The calibrated camera.
-
-    Attributes:
-        K: Intrinsic matrix (3, 3), [pixels].
-        X_WC: Pose (4, 4); x right, y down, z forward.
-    """
-
-    K: Array
-    X_WC: Array
-
-    def project(self, p_WP: Array) -> Array:
-        """Pixels (N, 2) of points (N, 3) in the world; NaN behind the camera."""
-        p_CP = (np.atleast_2d(p_WP) - self.X_WC[:3, 3]) @ self.X_WC[:3, :3]
-        depth = np.where(p_CP[:, 2] > 1e-6, p_CP[:, 2], np.nan)
-        return (p_CP @ self.K.T)[:, :2] / depth[:, None]
-
-
-@dataclass(kw_only=True)
-class FrameRecord:
-    """A colour image (H, W, 3) uint8 at `time` [s] and each modality's features at that tick."""
-
-    time: float
-    color: npt.NDArray[np.uint8]
-    features: dict[str, FeatureBelief] = field(default_factory=dict)
-
-
-@dataclass(kw_only=True)
-class Phase:
-    """A part of the task: the joint's target travel and what it truly reached, [m or rad]."""
-
-    target: float
-    reached: float
+    @property
+    def event(self) -> str:
+        """What the beginning of this phase is called."""
+        return self.note or self.phase
 
 
 @dataclass(kw_only=True)
@@ -138,19 +57,42 @@ class Event:
 
 
 @dataclass(kw_only=True)
-class EpisodeResult:
-    """One simulated episode.
+class Tick:
+    """Values by port at the tick at `time` [s]; a port without a source is left out."""
+
+    time: float
+    values: Mapping[str, Any]
+
+
+@dataclass(kw_only=True)
+class EstimatorRecord:
+    """One estimator's outputs over the episode and the wall time of each of its ticks, [s]."""
+
+    ticks: list[Tick] = field(default_factory=list)
+    tick_times: list[float] = field(default_factory=list)
+
+
+@dataclass(kw_only=True)
+class Picture:
+    """A colour image (H, W, 3) uint8 that the station's `port` gave at `time` [s]."""
+
+    time: float
+    port: str
+    color: npt.NDArray[np.uint8]
+
+
+@dataclass(kw_only=True)
+class EpisodeRecord:
+    """One episode, simulated or replayed.
 
     Attributes:
         scenario: As run, its `seed` set.
-        truth: For the evaluation alone.
-        modalities: By name, one for each of `scenario.modalities`.
-        frames: Some camera images, in order of time.
-        camera: Where they were taken from.
+        calibration: What the robot believed of its cameras and arms.
+        station: What the station gave at each tick: what the robot did, and the truth.
+        estimators: By name, one for each of `scenario.modalities`.
         duration: Simulated time, [s].
         wall_time: Of the simulation, without setting up, compiling and writing, [s].
-        failure: Why the task was not done, in one line; None for a success.
-        phases: By name; the exploration always.
+        pictures: Some camera images, in order of time.
         events: In order of time.
         peak_memory: Of the process, [bytes].
         interrupted: A person stopped it before its end.
@@ -158,17 +100,19 @@ class EpisodeResult:
         sensors_file: Where the sensor streams were kept.
     """
 
-    scenario: Scenario
-    truth: Truth
-    modalities: dict[str, ModalityRecord]
-    camera: PinholeCamera
+    scenario: "Scenario"
+    calibration: "Calibration"
+    station: list[Tick]
+    estimators: dict[str, EstimatorRecord]
     duration: float
     wall_time: float
-    frames: list[FrameRecord] = field(default_factory=list)
-    failure: str | None = None
-    phases: dict[str, Phase] = field(default_factory=dict)
+    pictures: list[Picture] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
     peak_memory: int = 0
     interrupted: bool = False
     meshcat_html: str | None = None
     sensors_file: Path | None = None
+
+    def station_values(self, port: str) -> list[Any]:
+        """What the station gave on a port, tick by tick."""
+        return [tick.values[port] for tick in self.station if port in tick.values]

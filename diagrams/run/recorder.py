@@ -1,41 +1,35 @@
-"""Writes down what the network believes and what is true, for the evaluation after the episode."""
+"""Writes down what the estimators believe and what the station gives, tick by tick."""
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from pydrake.common.value import AbstractValue, Value
-from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, InputPort, LeafSystem, State
 from pydrake.systems.sensors import ImageRgba8U
 
-from diagrams.run.record import FrameRecord, ModalityRecord, TickRecord, Truth
-from maths.arrays import Array
-from systems.port_values import (
-    UNKNOWN_END_EFFECTOR,
-    BodyMotions,
-    FeatureBelief,
-    GraspBelief,
-    JointBeliefs,
-    JointType,
-    PoseBelief,
-)
+from diagrams.run.record import EstimatorRecord, Event, Picture, Quantity, TaskStatus, Tick
+
+STATUS_PORT = "task_status"  # Of a station that says what the robot does.
 
 
 @dataclass(kw_only=True)
 class RecorderConfig:
-    period: float = 1.0 / 15.0  # The network's period, [s].
-    frame_interval: float = 0.5  # Least time between kept colour images, [s].
-    max_frames: int = 32  # Kept colour images; beyond it every other one is given up.
+    period: float = 1.0 / 15.0  # Tick of the estimators, [s].
+    picture_interval: float = 0.5  # Least time between kept images of a camera, [s].
+    max_pictures: int = 32  # Kept images of a camera; beyond it every other one is given up.
 
 
 class EpisodeRecorder(LeafSystem):
-    """Logs the beliefs of each modality, the truth and some images into lists of its own.
+    """Logs the outputs of each estimator, those of the station and some images into lists.
 
-    At the instant of a tick, before the network updates, it reads what the sensors see there: the
-    truth and the image. Half a period later it reads the `latest` beliefs, which are still those of
-    the tick, and stamps them with the tick's time. So belief and truth belong to one instant.
+    At the instant of a tick, before the estimators update, it reads what the station gives there:
+    the truth, the robot's task and the image. Half a period later it reads the estimators' outputs,
+    which are still those of the tick, and stamps them with the tick's time. So what is believed and
+    what is true belong to one instant.
 
     The lists live outside the Context, so one recorder serves one simulation.
 
@@ -43,161 +37,115 @@ class EpisodeRecorder(LeafSystem):
 
         name: EpisodeRecorder
         input_ports:
-        - color_image
-        - interaction_active
-        - cheat_configuration
-        - cheat_body_pose
-        - <modality>_joints_latest
-        - <modality>_body_motions_latest
-        - <modality>_features_latest
-        - <modality>_grasp_latest
-        - <modality>_end_effector_latest
-        - <modality>_hand_bending_latest
+        - <station port>
+        - <estimator>_<port>
 
-    - `color_image`: `ImageRgba8U`. - `interaction_active` (1): non-zero while the hand holds.
-    - `cheat_configuration` (1): the joint's true position, [m or rad]. - `cheat_body_pose`:
-      `RigidTransform` X_WB of the moved body.
-    - `<modality>_joints_latest`, `<modality>_body_motions_latest`, `<modality>_features_latest`,
-      `<modality>_grasp_latest`, `<modality>_end_effector_latest` and
-      `<modality>_hand_bending_latest`: `JointBeliefs`, `BodyMotions`, `FeatureBelief`,
-      `GraspBelief`, `EndEffectorBelief` and `PoseBelief` X_EH; those without a source stay
-      unconnected, as may the image.
+    - `<station port>`: each quantity and each picture of the station, by its port's name;
+      `task_status`, where the station has it, is a `TaskStatus`; a picture is an `ImageRgba8U`.
+    - `<estimator>_<port>`: each quantity of each estimator.
 
-    Frames: W world, B the moved body.
+    What has no source stays unconnected.
+
+    Args:
+        config: Periods and limits.
+        estimators: Names.
+        quantities: Of every estimator.
+        station: Quantities of the station.
+        pictures: Ports of the station that give colour images.
     """
 
-    def __init__(self, config: RecorderConfig, modalities: Sequence[str]) -> None:
+    def __init__(
+        self,
+        config: RecorderConfig,
+        estimators: Sequence[str],
+        quantities: Sequence[Quantity],
+        station: Sequence[Quantity] = (),
+        pictures: Sequence[str] = (),
+    ) -> None:
         super().__init__()
-        for name in ("period", "frame_interval"):
+        for name in ("period", "picture_interval"):
             value = getattr(config, name)
             if not value > 0:
                 raise ValueError(f"EpisodeRecorder: need {name} > 0 s, got {value!r}")
-        if config.max_frames < 3:
-            raise ValueError(f"EpisodeRecorder: need max_frames >= 3, got {config.max_frames}")
+        if config.max_pictures < 3:
+            raise ValueError(f"EpisodeRecorder: need max_pictures >= 3, got {config.max_pictures}")
         self._config = config
-        self._frame_interval = config.frame_interval
-        self.modalities = {name: ModalityRecord() for name in modalities}
-        self.frames: list[FrameRecord] = []
-        self._times: list[float] = []
-        self._configurations: list[float] = []
-        self._X_WB: list[Array] = []
-        self._grasp_times: list[float] = []
-        self._held = False
-
-        self._color = self.DeclareAbstractInputPort("color_image", Value(ImageRgba8U()))
-        self._active = self.DeclareVectorInputPort("interaction_active", 1)
-        self._configuration = self.DeclareVectorInputPort("cheat_configuration", 1)
-        self._body_pose = self.DeclareAbstractInputPort("cheat_body_pose", Value(RigidTransform()))
-        self._ports: dict[str, dict[str, InputPort]] = {}
-        for modality in modalities:
-            self._ports[modality] = {
-                name: self.DeclareAbstractInputPort(
-                    f"{modality}_{name}_latest", AbstractValue.Make(model)
-                )
-                for name, model in _belief_models().items()
-            }
-        self.DeclarePeriodicPublishEvent(config.period, 0.0, self._record_truth)
+        self._picture_interval = dict.fromkeys(pictures, config.picture_interval)
+        self._pictures: dict[str, list[Picture]] = {port: [] for port in pictures}
+        self._status = TaskStatus()
+        self.estimators = {name: EstimatorRecord() for name in estimators}
+        self.station: list[Tick] = []
+        self.events: list[Event] = []
+        self._station_ports = {q.port: self._declare(q.port, q.model) for q in station}
+        if STATUS_PORT not in self._station_ports:
+            self._station_ports[STATUS_PORT] = self._declare(STATUS_PORT, TaskStatus())
+        self._picture_ports = {
+            port: self.DeclareAbstractInputPort(port, Value(ImageRgba8U())) for port in pictures
+        }
+        self._estimator_ports = {
+            name: {q.port: self._declare(f"{name}_{q.port}", q.model) for q in quantities}
+            for name in estimators
+        }
+        self.DeclarePeriodicPublishEvent(config.period, 0.0, self._record_station)
         self.DeclarePeriodicPublishEvent(config.period, 0.5 * config.period, self._record_beliefs)
 
-    def truth(
-        self,
-        joint_name: str,
-        joint_type: JointType,
-        axis_W: Array,
-        point_W: Array,
-        parent_moves: bool = False,
-    ) -> Truth:
-        """The recorded truth, completed by the constants of the joint."""
-        return Truth(
-            joint_name=joint_name,
-            joint_type=joint_type,
-            axis_W=np.asarray(axis_W, dtype=float),
-            point_W=np.asarray(point_W, dtype=float),
-            times=np.array(self._times),
-            configuration=np.array(self._configurations),
-            X_WB=np.array(self._X_WB).reshape(-1, 4, 4),
-            grasp_time=self._grasp_times[0] if self._grasp_times else float("nan"),
-            regrasp_times=self._grasp_times[1:],
-            parent_moves=parent_moves,
-        )
+    def _declare(self, name: str, model: Any) -> InputPort:
+        if isinstance(model, np.ndarray):
+            return self.DeclareVectorInputPort(name, len(model))
+        return self.DeclareAbstractInputPort(name, AbstractValue.Make(model))
 
-    def _record_truth(self, context: Context) -> None:
+    @property
+    def pictures(self) -> list[Picture]:
+        """The images of all cameras in order of time."""
+        kept = [picture for pictures in self._pictures.values() for picture in pictures]
+        return sorted(kept, key=lambda picture: picture.time)
+
+    def note_status(self, time: float, status: TaskStatus) -> None:
+        """Keeps what the robot begins to do at `time` [s] as an event, if it has a name."""
+        if status != self._status and status.event and status.event != self._status.event:
+            self.events.append(Event(time=time, name=status.event))
+        self._status = status
+
+    def _record_station(self, context: Context) -> None:
         time = context.get_time()
-        self._times.append(time)
-        self._configurations.append(float(np.asarray(self._configuration.Eval(context))[0]))
-        self._X_WB.append(np.asarray(self._body_pose.Eval(context).GetAsMatrix4()))
-        held = bool(np.asarray(self._active.Eval(context))[0] > 0.5)
-        if held and not self._held:
-            self._grasp_times.append(time)
-        self._held = held
-        due = not self.frames or time >= self.frames[-1].time + self._frame_interval - 1e-6
-        if due and self._color.HasValue(context):
-            color = np.array(self._color.Eval(context).data[:, :, :3])
-            self.frames.append(FrameRecord(time=time, color=color))
+        self.station.append(Tick(time=time, values=_values(self._station_ports, context)))
+        for name, port in self._picture_ports.items():
+            kept = self._pictures[name]
+            due = not kept or time >= kept[-1].time + self._picture_interval[name] - 1e-6
+            if due and port.HasValue(context):
+                color = np.array(port.Eval(context).data[:, :, :3])
+                kept.append(Picture(time=time, port=name, color=color))
 
     def _record_beliefs(self, context: Context) -> None:
-        if not self._times:
+        if not self.station:
             return
-        time = self._times[-1]
-        for modality, ports in self._ports.items():
-            values = {
-                name: port.Eval(context) for name, port in ports.items() if port.HasValue(context)
-            }
-            features = values.get("features")
-            self.modalities[modality].ticks.append(
-                TickRecord(
-                    time=time,
-                    joints=values.get("joints", JointBeliefs()),
-                    bodies=values.get("body_motions", BodyMotions()),
-                    grasp=values.get("grasp"),
-                    feature_count=0 if features is None else len(features.ids),
-                    end_effector=values.get("end_effector"),
-                    hand_bending=values.get("hand_bending"),
-                )
-            )
-            if features is not None and self.frames and self.frames[-1].time == time:
-                self.frames[-1].features[modality] = features
-        self._thin_out_frames()
-
-    def _thin_out_frames(self) -> None:
-        if len(self.frames) > self._config.max_frames:
-            del self.frames[1::2]
-            self._frame_interval *= 2.0
+        time = self.station[-1].time
+        for name, ports in self._estimator_ports.items():
+            self.estimators[name].ticks.append(Tick(time=time, values=_values(ports, context)))
+        for name, kept in self._pictures.items():
+            if len(kept) > self._config.max_pictures:
+                del kept[1::2]
+                self._picture_interval[name] *= 2.0
 
 
-def _belief_models() -> dict[str, object]:
-    none = np.zeros(0, dtype=np.int64)
-    features = FeatureBelief(
-        ids=none,
-        uv=np.zeros((0, 2)),
-        p_WF=np.zeros((0, 3)),
-        covariance=np.zeros((0, 3, 3)),
-        age=none,
-    )
-    grasp = GraspBelief(
-        probabilities={},
-        X_HB=np.eye(4),
-        covariance=np.eye(6),
-        axis_H=np.array([1.0, 0.0, 0.0]),
-        p_HA=np.zeros(3),
-        line_covariance=np.zeros((6, 6)),
-        free_motion=np.zeros((6, 6)),
-    )
+def _values(ports: dict[str, InputPort], context: Context) -> dict[str, Any]:
     return {
-        "joints": JointBeliefs(),
-        "body_motions": BodyMotions(),
-        "features": features,
-        "grasp": grasp,
-        "end_effector": UNKNOWN_END_EFFECTOR,
-        "hand_bending": PoseBelief(X=np.eye(4), covariance=np.eye(6)),
+        name: _kept(port.Eval(context)) for name, port in ports.items() if port.HasValue(context)
     }
+
+
+def _kept(value: Any) -> Any:
+    """Port values of our own are never written again; Drake's are, in place."""
+    if isinstance(value, np.ndarray) or type(value).__module__.startswith("pydrake"):
+        return copy.copy(value)
+    return value
 
 
 class TickStopwatch(LeafSystem):
     """Marks the wall time when its turn comes within the updates of one tick.
 
     Drake updates the systems of a Diagram in the order in which they were added. A stopwatch added
-    before the filters of a modality and one after them measure what the filters' tick takes, as
+    before an estimator's filters and one after them measure what the filters' tick takes, as
     `stop.marks[k] - start.marks[k]`. What a stopwatch reads first, such as rendered images, is
     computed before it takes the time, and thereby left out.
 

@@ -6,40 +6,30 @@ so a folder that has one holds a complete run.
 
 import hashlib
 import json
+import math
 import os
 import platform
-import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache, partial
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
 
-from diagrams.crossmodal.objects.own_object import content_hash, keep_object
-from diagrams.crossmodal.scenario import Scenario
-from diagrams.run.record import EpisodeResult
+from diagrams.run.application import Application, Results
+from diagrams.run.record import EpisodeRecord
+from diagrams.run.scenario import Scenario
 from diagrams.run.yaml_schema import ScenarioError, one_line
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SCENARIO_FILE = "scenario.yaml"
 ESTIMATES_FILE = "estimates.parquet"
 SUMMARY_FILE = "summary.json"
 MESHCAT_FILE = "meshcat.html"
-MODEL_FOLDER = "model"  # The copy of an imported object.
 SENSORS_FILE = "sensors.mcap"
-FIGURE_FILES = ("figures/errors.png", "figures/opening.png", "figures/frames.png")
-OWN_FILES = (
-    SCENARIO_FILE,
-    ESTIMATES_FILE,
-    SUMMARY_FILE,
-    MESHCAT_FILE,
-    SENSORS_FILE,
-    *FIGURE_FILES,
-)
+PLOT_FOLDER = "figures"
 
 _PACKAGES = ("maths", "models", "plants", "systems", "controllers", "diagrams")
 _SOURCE_TYPES = {".py", ".sdf", ".urdf", ".yaml", ".obj", ".mtl", ".png", ".npz", ".pt"}
@@ -102,55 +92,95 @@ def write_text(path: Path, text: str) -> Path:
     return write_atomically(path, lambda partial: partial.write_text(text, encoding="utf-8"))
 
 
-def write_scenario(folder: Path, scenario: Scenario) -> Path:
+def write_scenario(folder: Path, application: Application, scenario: Scenario) -> Path:
     """Writes the resolved scenario with the versions that run it; it can be run again as it is."""
-    scenario.versions = versions()
-    model = Path(scenario.object.model)
-    if not model.is_absolute():
-        shutil.rmtree(folder / MODEL_FOLDER, ignore_errors=True)
-        return write_text(folder / SCENARIO_FILE, yaml_dump_typed(scenario))
+    scenario = replace(scenario, versions=versions())
     try:
-        kept = keep_object(model, folder / MODEL_FOLDER)
-        scenario.object.model = str(kept.relative_to(folder))
-        return write_text(folder / SCENARIO_FILE, yaml_dump_typed(scenario))
+        kept = application.keep_files(scenario, folder)
+        return write_text(folder / SCENARIO_FILE, yaml_dump_typed(kept))
     except OSError as error:
         raise ScenarioError(f"{folder}: cannot be written: {one_line(error)}") from None
-    finally:
-        scenario.object.model = str(model)
 
 
-def write_run(folder: Path, result: EpisodeResult) -> list[Path]:
+def write_run(
+    folder: Path, application: Application, record: EpisodeRecord, results: Results
+) -> list[Path]:
     """Writes all files of an episode and returns them."""
-    from diagrams.crossmodal.results.frame_plots import draw_frames
-    from diagrams.crossmodal.results.plots import draw_errors, draw_openings, save
-    from diagrams.joints.joint_record import estimates_table, summarise
+    from diagrams.drawing.plot_style import save
 
-    written = [write_scenario(folder, result.scenario)]
-    table = estimates_table(result)
+    written = [write_scenario(folder, application, record.scenario)]
     written.append(
-        write_atomically(folder / ESTIMATES_FILE, lambda path: table.to_parquet(path, index=False))
+        write_atomically(
+            folder / ESTIMATES_FILE, lambda path: results.estimates.to_parquet(path, index=False)
+        )
     )
-    drawings: tuple[Callable[[EpisodeResult], Figure | None], ...] = (
-        draw_errors,
-        draw_openings,
-        draw_frames,
-    )
-    for name, draw in zip(FIGURE_FILES, drawings, strict=True):
-        figure = draw(result)
+    for name, draw in results.plots.items():
+        figure = draw()
         if figure is not None:
-            written.append(write_atomically(folder / name, partial(save, figure)))
-    if result.meshcat_html is not None:
-        written.append(write_text(folder / MESHCAT_FILE, result.meshcat_html))
-    if result.sensors_file is not None:
-        written.append(result.sensors_file)
-    summary = summarise(result) | fingerprint(result.scenario)
+            written.append(write_atomically(folder / PLOT_FOLDER / name, partial(save, figure)))
+    if record.meshcat_html is not None:
+        written.append(write_text(folder / MESHCAT_FILE, record.meshcat_html))
+    if record.sensors_file is not None:
+        written.append(record.sensors_file)
+    left = [path for path in _own_files(folder, results) if path not in written]
+    for path in left:  # By the run that this one replaces.
+        path.unlink(missing_ok=True)
+    summary = summarise(application, record, results)
     written.append(
         write_text(folder / SUMMARY_FILE, json.dumps(summary, indent=2, allow_nan=False) + "\n")
     )
-    for name in OWN_FILES:
-        if folder / name not in written:
-            (folder / name).unlink(missing_ok=True)  # Left by the run that this one replaces.
     return written
+
+
+def _own_files(folder: Path, results: Results) -> list[Path]:
+    names = [ESTIMATES_FILE, MESHCAT_FILE, SENSORS_FILE]
+    return [
+        folder / name for name in (*names, *(f"{PLOT_FOLDER}/{plot}" for plot in results.plots))
+    ]
+
+
+def summarise(application: Application, record: EpisodeRecord, results: Results) -> dict[str, Any]:
+    """The summary of an episode, all in SI and rad, ready for JSON: what is unknown is None."""
+    parts = dict(results.summary)
+    modalities = {
+        name: {**parts.get("modalities", {}).get(name, {}), "tick": _tick(estimator.tick_times)}
+        for name, estimator in record.estimators.items()
+    }
+    parts.pop("modalities", None)
+    summary = {
+        "scenario": record.scenario.name,
+        "seed": record.scenario.seed,
+        "success": results.failure is None and not record.interrupted,
+        "duration": record.duration,
+        "wall_time": record.wall_time,
+        "real_time_factor": record.duration / record.wall_time if record.wall_time > 0 else None,
+        "peak_memory": record.peak_memory,
+        "interrupted": record.interrupted,
+        "failure": "interrupted" if record.interrupted else results.failure,
+        "modalities": modalities,
+        **parts,
+        "events": [{"time": event.time, "name": event.name} for event in record.events],
+        **fingerprint(application, record.scenario),
+    }
+    return without_nan(summary)
+
+
+def _tick(times: list[float]) -> dict[str, float | None]:
+    return {
+        "median": float(np.median(times)) if times else None,
+        "p95": float(np.percentile(times, 95)) if times else None,
+    }
+
+
+def without_nan(value: Any) -> Any:
+    """The same nested value with None for what JSON cannot hold: NaN and infinities."""
+    if isinstance(value, dict):
+        return {key: without_nan(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [without_nan(item) for item in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value
 
 
 def versions() -> dict[str, str]:
@@ -179,27 +209,26 @@ def source_hash() -> str:
     return digest.hexdigest()[:16]
 
 
-def scenario_hash(scenario: Scenario) -> str:
+def scenario_hash(application: Application, scenario: Scenario) -> str:
     """Hash of all that the scenario says, its versions left out.
 
-    Of an imported object it matters what it is, not where its copy lies.
+    Of a file that it names it matters what is in it, not where it lies.
     """
-    versions, model = scenario.versions, scenario.object.model
-    scenario.versions = {}
-    if Path(model).is_absolute():
-        scenario.object.model = content_hash(Path(model).parent)
-    try:
-        return hashlib.sha256(yaml_dump_typed(scenario).encode()).hexdigest()[:16]
-    finally:
-        scenario.versions, scenario.object.model = versions, model
+    said = application.identity(replace(scenario, versions={}))
+    return hashlib.sha256(yaml_dump_typed(said).encode()).hexdigest()[:16]
 
 
-def fingerprint(scenario: Scenario) -> dict[str, str]:
+def fingerprint(application: Application, scenario: Scenario) -> dict[str, str]:
     """What decides whether a finished run is still the one that a scenario would give."""
-    return {"scenario_hash": scenario_hash(scenario), "source_hash": source_hash()}
+    return {
+        "scenario_hash": scenario_hash(application, scenario),
+        "source_hash": source_hash(),
+    }
 
 
-def finished_summary(folder: Path, scenario: Scenario) -> dict[str, Any] | None:
+def finished_summary(
+    folder: Path, application: Application, scenario: Scenario
+) -> dict[str, Any] | None:
     """The summary of a complete run of this very scenario, seed and program, if there is one."""
     try:
         summary = json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))
@@ -207,5 +236,5 @@ def finished_summary(folder: Path, scenario: Scenario) -> dict[str, Any] | None:
         return None
     if not isinstance(summary, dict) or summary.get("interrupted"):
         return None
-    current = fingerprint(scenario)
+    current = fingerprint(application, scenario)
     return summary if all(summary.get(key) == value for key, value in current.items()) else None

@@ -4,8 +4,7 @@ import dataclasses
 import difflib
 import types
 import typing
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,19 +17,6 @@ T = TypeVar("T")
 
 class ScenarioError(Exception):
     """What a user gave cannot be run; the message is one line that says what to change."""
-
-
-@contextmanager
-def building(source: str) -> Iterator[None]:
-    """Turns what systems and models refuse while a Diagram is built into a ScenarioError.
-
-    Args:
-        source: The scenario's name or file.
-    """
-    try:
-        yield
-    except (ValueError, RuntimeError, OSError) as error:
-        raise ScenarioError(f"{source}: {one_line(error)}") from error
 
 
 def one_line(error: BaseException | str) -> str:

@@ -24,31 +24,6 @@ _LINE: dict[str, Any] = {
     "proprioception": {"lw": 1.5, "zorder": 3},
     "crossmodal": {"lw": 2.8, "zorder": 2.5},
 }
-STYLE: Any = {
-    "font.size": 10,
-    "axes.titlesize": 10.5,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#E6E6E6",
-    "grid.linewidth": 0.8,
-    "axes.axisbelow": True,
-    "axes.edgecolor": "#666666",
-    "xtick.color": "#444444",
-    "ytick.color": "#444444",
-    "legend.frameon": False,
-}
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Writes a figure as PNG, whatever the file's name ends with."""
-    FigureCanvasAgg(figure)
-    figure.savefig(path, format="png", dpi=130, facecolor="white")
-
-
-def new_figure(width: float, height: float) -> Figure:
-    return Figure(figsize=(width, height), layout="constrained")
 
 
 def draw_errors(result: EpisodeResult) -> Figure:
@@ -175,20 +150,6 @@ def _mark_events(axes: Axes, result: EpisodeResult, *, label: bool) -> None:
             axes.axvline(interval.start, color=palette.TRUTH, lw=1.1)
             if label:
                 _note(axes, interval.start, name)
-
-
-def _note(axes: Axes, time: float, text: str, side: str = "left") -> None:
-    axes.annotate(
-        text,
-        (time, 1.0),
-        xycoords=("data", "axes fraction"),
-        xytext=(3 if side == "left" else -1, -3),
-        textcoords="offset points",
-        va="top",
-        ha=side,
-        fontsize=8.5,
-        color="#444444",
-    )
 
 
 def _legend(figure: Figure, modalities: list[str], *, with_truth: bool) -> None:

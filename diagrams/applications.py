@@ -1,0 +1,120 @@
+"""The applications that there are, and how a scenario finds its own.
+
+Besides those that come with the program, the environment variable `CROSSMODAL_APPLICATIONS` names
+others, with commas between them: each a Python file or a module that holds an `APPLICATION`.
+"""
+
+import importlib
+import importlib.util
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from diagrams.run.application import Application
+from diagrams.run.scenario import Scenario, parse_scenario, read_document
+from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
+
+OWN = "CROSSMODAL_APPLICATIONS"
+_COME_ALONG = ("diagrams.crossmodal.application",)
+
+
+def applications() -> dict[str, Application]:
+    """All applications by name, those that come with the program first.
+
+    Raises:
+        ScenarioError: where one that the environment names cannot be had.
+    """
+    own = tuple(filter(None, (name.strip() for name in os.environ.get(OWN, "").split(","))))
+    return _load((*_COME_ALONG, *own))
+
+
+@cache
+def _load(sources: tuple[str, ...]) -> dict[str, Application]:
+    found: dict[str, Application] = {}
+    for source in sources:
+        application = getattr(_module(source), "APPLICATION", None)
+        if not isinstance(application, Application):
+            raise ScenarioError(f"{OWN}: '{source}' holds no Application called APPLICATION")
+        if application.name in found:
+            raise ScenarioError(f"{OWN}: there are two applications '{application.name}'")
+        found[application.name] = application
+    return found
+
+
+def _module(source: str) -> ModuleType:
+    try:
+        if not source.endswith(".py"):
+            return importlib.import_module(source)
+        path = Path(source).resolve()
+        spec = importlib.util.spec_from_file_location(path.stem, path)
+        if spec is None or spec.loader is None:
+            raise ImportError(f"{path} is no Python file")
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[path.stem] = module  # Dataclasses look their module up by name.
+        spec.loader.exec_module(module)
+    except (ImportError, OSError, SyntaxError) as error:
+        raise ScenarioError(f"{OWN}: '{source}' cannot be had: {one_line(error)}") from None
+    return module
+
+
+def find_application(name: str, source: str) -> Application:
+    """The application that a scenario's `system` names.
+
+    Args:
+        source: The scenario's file, for the message.
+    """
+    known = applications()
+    if name not in known:
+        raise ScenarioError(f"{source}: system = '{name}': {suggestion(name, known)}")
+    return known[name]
+
+
+def scenario_files() -> dict[str, Path]:
+    """The scenarios that come with the applications, by name."""
+    found = {
+        path.stem: path
+        for application in applications().values()
+        for path in sorted(application.scenarios.glob("*.yaml"))
+    }
+    return dict(sorted(found.items()))
+
+
+def find_scenario(name_or_path: str) -> Path:
+    """The file of a scenario given by its name or by its path."""
+    known = scenario_files()
+    if name_or_path in known:
+        return known[name_or_path]
+    path = Path(name_or_path)
+    if path.suffix in (".yaml", ".yml") or path.is_file():
+        return path
+    raise ScenarioError(f"unknown scenario '{name_or_path}'; {suggestion(name_or_path, known)}")
+
+
+def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> tuple[Application, Any]:
+    """Reads and checks a scenario, and finds its application.
+
+    Args:
+        overrides: Assignments `key.path=value` that replace what the file says.
+
+    Returns:
+        The application, and the scenario as an instance of the application's dataclass.
+    """
+    path = find_scenario(name_or_path)
+    document = read_document(path, overrides)
+    system = document.get("system")
+    application = find_application(str(system or ""), str(path))
+    scenario: Scenario = parse_scenario(application.scenario, document, path)
+    return application, application.resolve(scenario, path)
+
+
+def experiments() -> Mapping[str, Application]:
+    """The application of every experiment, by the experiment's name."""
+    return {
+        name: application
+        for application in applications().values()
+        for name in application.experiments
+    }

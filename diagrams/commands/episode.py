@@ -1,0 +1,44 @@
+"""One episode of a campaign, as `run.process` starts it: python -m diagrams.commands.episode FOLDER.
+
+It runs the scenario that FOLDER holds and writes the episode there. It ends when its standard input
+is closed, so that it never outlives who started it.
+"""
+
+import os
+import sys
+import threading
+import traceback
+from pathlib import Path
+
+from diagrams.run.process import ERROR_FILE
+from diagrams.run.run_folder import SCENARIO_FILE, write_run, write_text
+from diagrams.run.yaml_schema import ScenarioError, one_line
+
+
+def run_here(folder: Path) -> int:
+    """Runs the episode that `folder` describes and returns the exit status."""
+    from diagrams.applications import load_scenario
+    from diagrams.run.episode import run_episode
+
+    try:
+        application, scenario = load_scenario(str(folder / SCENARIO_FILE))
+        record = run_episode(application, scenario)
+        write_run(folder, application, record, application.evaluate(record))
+    except Exception as error:
+        name = "" if isinstance(error, ScenarioError) else f"{type(error).__name__}: "
+        text = f"{name}{one_line(error)}\n\n{traceback.format_exc()}"
+        write_text(folder / ERROR_FILE, text)
+        return 1
+    return 0
+
+
+def _end_with_parent() -> None:
+    # Not by sys.stdin: its lock would be missing when the interpreter ends.
+    while os.read(0, 1024):
+        pass
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    sys.exit(run_here(Path(sys.argv[1])))

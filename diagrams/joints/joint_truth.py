@@ -1,0 +1,187 @@
+"""What is true about the joint that an episode explores, as a station gives it and over time."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from diagrams.run.record import EpisodeRecord, Quantity
+from maths.arrays import Array
+from maths.immutable import Immutable
+from systems.port_values import JointType
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointTruth(Immutable):
+    """The constants of the explored joint.
+
+    Attributes:
+        name: In the object's model.
+        type: Prismatic or revolute; empty where nothing is known.
+        axis_W: Unit axis (3,), the direction of growing q.
+        point_W: A point (3,) on the axis, [m].
+        parent_moves: Whether the joint's parent can move too; axis and point are those before
+            anything moved.
+    """
+
+    name: str
+    type: str
+    axis_W: Array
+    point_W: Array
+    parent_moves: bool
+
+
+UNKNOWN_JOINT = JointTruth(
+    name="", type="", axis_W=np.full(3, np.nan), point_W=np.full(3, np.nan), parent_moves=False
+)
+
+# What an application's station gives of the truth, and when the hand was closed.
+TRUTH_QUANTITIES = (
+    Quantity(port="cheat_joint", model=UNKNOWN_JOINT),
+    Quantity(port="cheat_configuration", model=np.zeros(1)),
+    Quantity(port="cheat_body_pose", model=RigidTransform()),
+    Quantity(port="interaction_active", model=np.zeros(1)),
+)
+
+
+def joint_constants(plant: MultibodyPlant, joint: Joint) -> JointTruth:
+    """The constants of a joint of a plant at its default state.
+
+    Raises:
+        ValueError: if it is neither prismatic nor revolute.
+    """
+    X_WJ = joint.frame_on_parent().CalcPoseInWorld(plant.CreateDefaultContext())
+    if isinstance(joint, PrismaticJoint):
+        kind, axis_J = JointType.PRISMATIC, joint.translation_axis()
+    elif isinstance(joint, RevoluteJoint):
+        kind, axis_J = JointType.REVOLUTE, joint.revolute_axis()
+    else:
+        raise ValueError(f"joint '{joint.name()}' is neither prismatic nor revolute")
+    return JointTruth(
+        name=joint.name(),
+        type=str(kind),
+        axis_W=np.asarray(X_WJ.rotation() @ axis_J, dtype=float),
+        point_W=np.asarray(X_WJ.translation(), dtype=float),
+        parent_moves=not plant.IsAnchored(joint.parent_body()),
+    )
+
+
+class ObjectTruth(LeafSystem):
+    """The explored joint's constants, its true position and the moved body's true pose.
+
+    .. pydrake_system::
+
+        name: ObjectTruth
+        input_ports:
+        - plant_state
+        output_ports:
+        - cheat_joint
+        - cheat_configuration
+        - cheat_body_pose
+
+    - plant_state: (nq + nv,).
+    - cheat_joint: `JointTruth`.
+    - cheat_configuration: (1,) [m or rad].
+    - cheat_body_pose: `RigidTransform` X_WB of the joint's child.
+    """
+
+    def __init__(self, plant: MultibodyPlant, joint: Joint) -> None:
+        super().__init__()
+        self._plant, self._joint = plant, joint
+        self._constants = joint_constants(plant, joint)
+        self._scratch = plant.CreateDefaultContext()
+        self._state = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
+        self.DeclareAbstractOutputPort(
+            "cheat_joint",
+            lambda: Value[object](self._constants),
+            lambda context, output: output.set_value(self._constants),
+            {self.nothing_ticket()},
+        )
+        self.DeclareVectorOutputPort("cheat_configuration", 1, self._calc_configuration)
+        self.DeclareAbstractOutputPort(
+            "cheat_body_pose", lambda: Value(RigidTransform()), self._calc_pose
+        )
+
+    def _calc_configuration(self, context: Context, output: BasicVector) -> None:
+        state = np.asarray(self._state.Eval(context))
+        output.SetAtIndex(0, state[self._joint.position_start()])
+
+    def _calc_pose(self, context: Context, output: Value) -> None:
+        self._plant.SetPositionsAndVelocities(self._scratch, self._state.Eval(context))
+        output.set_value(self._plant.EvalBodyPoseInWorld(self._scratch, self._joint.child_body()))
+
+
+@dataclass(kw_only=True)
+class Truth:
+    """What is true about the explored joint over an episode. Only the evaluation reads it.
+
+    Attributes:
+        joint_name: Its name in the object's model.
+        joint_type: Prismatic or revolute; empty where nothing is known.
+        axis_W: Unit axis (3,), the direction of growing q.
+        point_W: A point (3,) on the axis, [m].
+        times: Instants of the network's ticks (T,), [s].
+        configuration: The joint's position q (T,), [m or rad].
+        X_WB: Pose (T, 4, 4) of the moved body.
+        grasp_time: The instant the hand was closed, [s]; estimated configurations count from here.
+        regrasp_times: When it was closed again after a lost grasp, [s]; then they count from there.
+        parent_moves: Whether the joint's parent can move too; axis and point are those before
+            anything moved.
+    """
+
+    joint_name: str
+    joint_type: JointType | str
+    axis_W: Array
+    point_W: Array
+    times: Array
+    configuration: Array
+    X_WB: Array
+    grasp_time: float
+    parent_moves: bool = False
+    regrasp_times: list[float] = field(default_factory=list)
+
+    def last_grasp(self, time: float) -> float:
+        """When the hand was last closed before `time`, [s]; else when it was closed first."""
+        return max(
+            (again for again in self.regrasp_times if again <= time), default=self.grasp_time
+        )
+
+    def opening(self) -> Array:
+        """The joint's travel since the grasp (T,), [m or rad]; zero at the first tick after it."""
+        if len(self.times) == 0:
+            return self.configuration
+        start = min(int(np.searchsorted(self.times, self.grasp_time)), len(self.times) - 1)
+        return self.configuration - self.configuration[start]
+
+
+def truth_of(record: EpisodeRecord) -> Truth:
+    """The truth in a record; of a recording without one everything is unknown."""
+    ticks = [tick for tick in record.station if "cheat_configuration" in tick.values]
+    constants: JointTruth = next(
+        (tick.values["cheat_joint"] for tick in ticks if "cheat_joint" in tick.values),
+        UNKNOWN_JOINT,
+    )
+    grasps: list[float] = []
+    held = False
+    for tick in record.station:
+        now = bool(tick.values.get("interaction_active", np.zeros(1))[0] > 0.5)
+        if now and not held:
+            grasps.append(tick.time)
+        held = now
+    poses = [tick.values["cheat_body_pose"].GetAsMatrix4() for tick in ticks]
+    return Truth(
+        joint_name=constants.name,
+        joint_type=JointType(constants.type) if constants.type else constants.type,
+        axis_W=constants.axis_W,
+        point_W=constants.point_W,
+        times=np.array([tick.time for tick in ticks]),
+        configuration=np.array([float(tick.values["cheat_configuration"][0]) for tick in ticks]),
+        X_WB=np.array(poses).reshape(-1, 4, 4),
+        grasp_time=grasps[0] if grasps else float("nan"),
+        regrasp_times=grasps[1:],
+        parent_moves=constants.parent_moves,
+    )

@@ -1,0 +1,157 @@
+"""The contract of an application: values and functions by which the commands run it.
+
+An application is one experiment's robot, sensors, estimators and what is made of them. It is a
+value, `Application`, that the module named in `diagrams/applications.py` holds. Whatever runs,
+records, replays, evaluates and reports episodes knows applications by this contract alone.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
+
+from diagrams.run.calibration import Calibration
+from diagrams.run.experiment import CampaignPlot, Column, Experiment, Metric
+from diagrams.run.record import EpisodeRecord, Quantity
+from diagrams.run.scenario import Scenario
+from diagrams.run.sensor_codecs import Topic
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+    from pydrake.geometry import Meshcat
+
+
+def _nothing(context: Context) -> None:
+    pass
+
+
+@dataclass(kw_only=True)
+class Station:
+    """The simulated world of one episode: plant, sensors and controllers.
+
+    Attributes:
+        diagram: Its output ports are what a robot has, measured and commanded; the truth leaves it
+            only through ports named `cheat_...`. Estimators are connected by their ports' names.
+            An output `task_status` (`TaskStatus`) says what the robot does and ends the episode, an
+            output `cheat_query_object` (`QueryObject`) lets Meshcat draw the scene.
+        initialise: Sets the initial state in the root context.
+        warnings: What a user should know before it runs, a line each.
+    """
+
+    diagram: Diagram
+    initialise: Callable[[Context], None] = _nothing
+    warnings: Sequence[str] = ()
+
+
+@dataclass(kw_only=True)
+class Results:
+    """What an episode comes to, computed once for table, summary, plots and report.
+
+    Attributes:
+        failure: Why the task was not done, in one line; None for a success.
+        estimates: A tidy table over time with the columns `time`, `modality`, `quantity`,
+            `component`, `estimate`, `std`, `covariance` and `truth`.
+        summary: The application's part of `summary.json`, SI and rad. `modalities` holds one
+            mapping for each estimator; the time of its ticks is added to it.
+        plots: Pictures by file name, drawn when they are asked for; None for one that there is
+            nothing to draw in.
+        report: What a person reads after a run, from the whole summary.
+    """
+
+    failure: str | None
+    estimates: "pd.DataFrame"
+    summary: dict[str, Any]
+    plots: Mapping[str, Callable[[], "Figure | None"]] = field(default_factory=dict)
+    report: Callable[[Mapping[str, Any]], Sequence[str]] = lambda summary: []
+
+
+def _as_read(scenario: Any, path: Path) -> Any:
+    return scenario
+
+
+def _as_it_is(scenario: Any) -> Any:
+    return scenario
+
+
+def _keep_nothing(scenario: Any, folder: Path) -> Any:
+    return scenario
+
+
+def _no_calibration(scenario: Any) -> Calibration:
+    return Calibration()
+
+
+def _open_loop(
+    builder: DiagramBuilder, scenario: Any, station: System, estimators: Mapping[str, System]
+) -> None:
+    pass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Application:
+    """All that the commands need to know of an application.
+
+    Attributes:
+        name: What a scenario's `system` says.
+        description: One line.
+        scenario: Its dataclass, `Scenario` or one below it.
+        scenarios: Folder of the scenarios that come with it.
+        resolve: Checks a scenario that was read from a file and fills in what depends on others of
+            its values; raises a ScenarioError. Given and returned: the scenario, and the file.
+        make_calibration: What the robot believes of its cameras and arms.
+        make_station: Plant, sensors and controllers of a scenario with its seed. What the robot
+            knows of itself comes from the calibration, what is true is drawn around it.
+        make_estimators: The estimators that the scenario asks for, by name: a system or Diagram
+            each. It gets no station: whatever they know is in scenario and calibration.
+        quantities: Outputs of the estimators that are recorded. Read between two ticks, so they are
+            functions of the state alone (`..._latest`).
+        station_quantities: Outputs of the station that are recorded: what the robot did, and the
+            truth.
+        pictures: Outputs of the station that are colour images, of which some are kept.
+        topics: How the streams of single ports are written to `sensors.mcap`, where the usual way
+            for their type will not do.
+        evaluate: From what was recorded to what is shown of it.
+        close_loop: Lets the station act by what its estimators say: connects them.
+        view: Adds systems that draw into Meshcat what is believed.
+        keep_files: Copies what a scenario needs and what does not come with the program into a
+            run's folder, and returns the scenario that names it there, relative to the folder.
+        identity: The scenario with what is in the files that it names in place of where they lie:
+            two scenarios are the same if this is.
+        labels: How tables and plots call the estimators, in order; without one, by its name.
+        colors: '#RRGGBB' of the estimators.
+        metrics: Figures of an episode for the tables of `crossmodal evaluate`.
+        experiments: Scenarios to be repeated over seeds.
+        overview: Columns of the table over all of them.
+        campaign_plots: Pictures of many episodes, by file name.
+        extras: What else `crossmodal list` shows: by heading, lines by name.
+    """
+
+    name: str
+    description: str
+    scenario: type[Scenario]
+    scenarios: Path
+    make_station: Callable[[Any, Calibration], Station]
+    make_estimators: Callable[[Any, Calibration], Mapping[str, System]]
+    quantities: Sequence[Quantity]
+    evaluate: Callable[[EpisodeRecord], Results]
+    resolve: Callable[[Any, Path], Any] = _as_read
+    make_calibration: Callable[[Any], Calibration] = _no_calibration
+    station_quantities: Sequence[Quantity] = ()
+    pictures: Sequence[str] = ()
+    topics: Mapping[str, Topic] = field(default_factory=dict)
+    close_loop: Callable[[DiagramBuilder, Any, System, Mapping[str, System]], None] = _open_loop
+    view: "Callable[[DiagramBuilder, Any, Meshcat, System, Mapping[str, System]], None] | None" = (
+        None
+    )
+    keep_files: Callable[[Any, Path], Any] = _keep_nothing
+    identity: Callable[[Any], Any] = _as_it_is
+    labels: Mapping[str, str] = field(default_factory=dict)
+    colors: Mapping[str, str] = field(default_factory=dict)
+    metrics: Sequence[Metric] = ()
+    experiments: Mapping[str, Experiment] = field(default_factory=dict)
+    overview: Sequence[Column] = ()
+    campaign_plots: Mapping[str, CampaignPlot] = field(default_factory=dict)
+    extras: Mapping[str, Mapping[str, str]] = field(default_factory=dict)

@@ -1,0 +1,220 @@
+"""What the robot believes of its cameras and arms, and how a simulation draws the truth around it.
+
+A calibration is a measurement: it is made from a scenario, or for a real robot by hand, never from
+the simulation. In a simulation the calibration stands still and the truth varies: per seed, each
+camera and each arm is drawn around what is believed of it, with the standard deviations of
+`CalibrationConfig.errors`, and nobody who perceives or controls is told.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+
+from maths import se3
+from maths.arrays import Array
+from maths.pinhole import Intrinsics
+from systems.sensors.randomness import make_generator
+
+
+@dataclass(kw_only=True)
+class CalibrationErrors:
+    """Standard deviations of what a calibration may be off by; zero is perfect.
+
+    Attributes:
+        camera_rotation: Of a camera, about each of its axes, [rad].
+        camera_translation: Of a camera, along each of its axes, [m].
+        focal_length: As a share of it.
+        depth_scale: Of all depths, as a share of them.
+        registration: Between depth and colour image, along u and v each, [px].
+        latency: By how much later than at its stamp an image shows the world, [s]. It is drawn from
+            the half of a normal distribution: no image is of the future.
+        arm_rotation: Of an arm's base, about each of its axes, [rad].
+        arm_translation: Of an arm's base, along each of its axes, [m].
+    """
+
+    camera_rotation: float = 0.0
+    camera_translation: float = 0.0
+    focal_length: float = 0.0
+    depth_scale: float = 0.0
+    registration: float = 0.0
+    latency: float = 0.0
+    arm_rotation: float = 0.0
+    arm_translation: float = 0.0
+
+
+def realistic_errors() -> CalibrationErrors:
+    """What a careful laboratory achieves."""
+    return CalibrationErrors(
+        camera_rotation=float(np.deg2rad(0.5)),
+        camera_translation=0.005,
+        focal_length=0.005,
+        depth_scale=0.005,
+        registration=1.0,
+        latency=0.02,
+        arm_rotation=float(np.deg2rad(0.3)),
+        arm_translation=0.003,
+    )
+
+
+@dataclass(kw_only=True)
+class CalibrationConfig:
+    """How good the calibration is, and how good the robot takes it to be.
+
+    Attributes:
+        errors: With which the simulated truth is drawn around what the robot believes.
+        believed: What the robot takes these to be: the covariances of its `Calibration`.
+    """
+
+    errors: CalibrationErrors = field(default_factory=CalibrationErrors)
+    believed: CalibrationErrors = field(default_factory=realistic_errors)
+
+
+def check_errors(errors: CalibrationErrors, key: str) -> None:
+    """Raises a ValueError for an impossible standard deviation.
+
+    Args:
+        key: Where the errors stand, for the message.
+    """
+    units = {"rotation": "rad", "translation": "m", "registration": "px", "latency": "s"}
+    for item in fields(errors):
+        value = getattr(errors, item.name)
+        unit = units.get(item.name.rpartition("_")[2], "")
+        if not 0 <= value < np.inf:
+            raise ValueError(f"{key}.{item.name} = {value!r}, need >= 0 {unit}".rstrip())
+    for name in ("focal_length", "depth_scale"):
+        if not getattr(errors, name) < 0.2:
+            raise ValueError(f"{key}.{name} = {getattr(errors, name)!r}, need < 0.2 of the value")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera:
+    """A camera as it is, or as it is believed to be.
+
+    Attributes:
+        intrinsics: Of the colour image.
+        base_frame: `world`, or the scoped name of the frame P that carries the camera.
+        X_PC: Pose of C in P; x right, y down, z forward.
+        depth_scale: Measured depth over true depth.
+        registration: Shift (2,) of the depth image against the colour image, [px].
+        latency: How much later than at its stamp an image is delivered, [s].
+    """
+
+    intrinsics: Intrinsics
+    base_frame: str = "world"
+    X_PC: RigidTransform = field(default_factory=RigidTransform)
+    depth_scale: float = 1.0
+    registration: Array = field(default_factory=lambda: np.zeros(2))
+    latency: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraCalibration(Camera):
+    """What is believed of a camera, and how well that is known.
+
+    Attributes:
+        pose_covariance: (6, 6) of xi in X_PC exp(xi), rotation first, [rad, m].
+        focal_length_std: As a share of it.
+        depth_scale_std: As a share of it.
+        registration_std: [px]
+        latency_std: [s]
+    """
+
+    pose_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    focal_length_std: float = 0.0
+    depth_scale_std: float = 0.0
+    registration_std: float = 0.0
+    latency_std: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmCalibration:
+    """What is believed of an arm.
+
+    Attributes:
+        model: Finalized plant of the arm alone, the hand a rigid load, its base where it is
+            believed to be: the robot's own model, not the simulated plant.
+        X_WBase: Where that is.
+        covariance: (6, 6) of xi in X_WBase exp(xi), rotation first, [rad, m].
+        joint_offset_std: Of each encoder's constant offset (n,), [rad].
+    """
+
+    model: MultibodyPlant
+    X_WBase: RigidTransform
+    covariance: Array
+    joint_offset_std: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """What a robot believes of itself, by the names of its cameras and arms."""
+
+    cameras: Mapping[str, CameraCalibration] = field(default_factory=dict)
+    arms: Mapping[str, ArmCalibration] = field(default_factory=dict)
+
+    @property
+    def camera(self) -> CameraCalibration:
+        """The only camera."""
+        (camera,) = self.cameras.values()
+        return camera
+
+    @property
+    def arm(self) -> ArmCalibration:
+        """The only arm."""
+        (arm,) = self.arms.values()
+        return arm
+
+
+def pose_covariance(rotation: float, translation: float) -> Array:
+    """(6, 6), rotation first, of standard deviations per axis, [rad] and [m]."""
+    return np.diag(np.repeat([rotation, translation], 3) ** 2)
+
+
+def calibrated(camera: Camera, believed: CalibrationErrors) -> CameraCalibration:
+    """What a robot that takes its errors to be `believed` makes of a camera."""
+    return CameraCalibration(
+        **vars(camera),
+        pose_covariance=pose_covariance(believed.camera_rotation, believed.camera_translation),
+        focal_length_std=believed.focal_length,
+        depth_scale_std=believed.depth_scale,
+        registration_std=believed.registration,
+        latency_std=believed.latency,
+    )
+
+
+def draw_camera(name: str, believed: Camera, errors: CalibrationErrors, seed: int) -> Camera:
+    """The true camera of a seed, drawn around what is believed of it.
+
+    A camera's numbers depend on its name and the seed alone; without errors it is what is believed.
+    """
+    n = make_generator(seed, f"calibration camera {name}").standard_normal(11)
+    focal = 1.0 + errors.focal_length * n[6]
+    intrinsics = believed.intrinsics
+    return Camera(
+        intrinsics=replace(
+            intrinsics, focal_x=intrinsics.focal_x * focal, focal_y=intrinsics.focal_y * focal
+        ),
+        base_frame=believed.base_frame,
+        X_PC=_disturbed(believed.X_PC, errors.camera_rotation, errors.camera_translation, n[:6]),
+        depth_scale=believed.depth_scale * (1.0 + errors.depth_scale * n[7]),
+        registration=believed.registration + errors.registration * n[8:10],
+        latency=believed.latency + errors.latency * abs(n[10]),
+    )
+
+
+def draw_base(
+    name: str, X_WBase: RigidTransform, errors: CalibrationErrors, seed: int
+) -> RigidTransform:
+    """Where an arm's base truly stands, likewise."""
+    n = make_generator(seed, f"calibration arm {name}").standard_normal(6)
+    return _disturbed(X_WBase, errors.arm_rotation, errors.arm_translation, n)
+
+
+def _disturbed(X: RigidTransform, rotation: float, translation: float, n: Array) -> RigidTransform:
+    """X exp(xi) with xi = (rotation n[:3], translation n[3:]); X itself where both are zero."""
+    xi = np.repeat([rotation, translation], 3) * n
+    if not np.any(xi):
+        return X
+    return X @ RigidTransform(se3.exp(xi))

@@ -1,0 +1,281 @@
+"""How port values become ROS 2 messages, and messages port values again.
+
+A codec is chosen by the type of the port's value. Values survive exactly. Messages are stamped with
+the instants at which their values were measured.
+"""
+
+import dataclasses
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RigidTransform
+from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
+
+from maths.arrays import Array
+from systems.port_values import SampleWindow
+
+Stamped = tuple[int, Any]  # Instant [ns] and message.
+
+_TIME = "builtin_interfaces/Time", "int32 sec\nuint32 nanosec"
+_HEADER = "std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id"
+_VECTOR = "geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z"
+DEFINITIONS = {
+    "sensor_msgs/msg/Image": (
+        "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\n"
+        "uint8 is_bigendian\nuint32 step\nuint8[] data",
+        (_HEADER, _TIME),
+    ),
+    "sensor_msgs/msg/JointState": (
+        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\n"
+        "float64[] effort",
+        (_HEADER, _TIME),
+    ),
+    "geometry_msgs/msg/WrenchStamped": (
+        "std_msgs/Header header\ngeometry_msgs/Wrench wrench",
+        (
+            _HEADER,
+            _TIME,
+            ("geometry_msgs/Wrench", "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque"),
+            _VECTOR,
+        ),
+    ),
+    "geometry_msgs/msg/PoseStamped": (
+        "std_msgs/Header header\ngeometry_msgs/Pose pose",
+        (
+            _HEADER,
+            _TIME,
+            (
+                "geometry_msgs/Pose",
+                "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+            ),
+            ("geometry_msgs/Point", _VECTOR[1]),
+            ("geometry_msgs/Quaternion", "float64 x\nfloat64 y\nfloat64 z\nfloat64 w"),
+        ),
+    ),
+    "std_msgs/msg/Float64MultiArray": (
+        "std_msgs/MultiArrayLayout layout\nfloat64[] data",
+        (
+            (
+                "std_msgs/MultiArrayLayout",
+                "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset",
+            ),
+            ("std_msgs/MultiArrayDimension", "string label\nuint32 size\nuint32 stride"),
+        ),
+    ),
+    "std_msgs/msg/Float64": ("float64 data", ()),
+    "std_msgs/msg/String": ("string data", ()),
+}
+
+
+def definition(message_type: str) -> str:
+    """The text of a message's definition with those that it contains."""
+    own, parts = DEFINITIONS[message_type]
+    return "\n".join([own, *(f"{'=' * 80}\nMSG: {name}\n{text}" for name, text in parts)])
+
+
+def nanoseconds(time: float) -> int:
+    return round(time * 1e9)
+
+
+def _header(stamp: int) -> dict[str, Any]:
+    seconds, rest = divmod(stamp, 1_000_000_000)
+    return {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": ""}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Codec:
+    """How the values of a port become messages of one type, and back.
+
+    Attributes:
+        message_type: A key of `DEFINITIONS`.
+        encode: Messages of a value at an instant [ns].
+        decode: The value of the messages since the last tick; the last counts unless all do.
+        is_window: Whether all do: whether a tick's value is of that tick's messages alone.
+    """
+
+    message_type: str
+    encode: Callable[[Any, int], list[Stamped]]
+    decode: Callable[[Sequence[Stamped]], Any]
+    is_window: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Topic:
+    """The topic of a port's messages and, unless its type's usual one will do, their codec.
+
+    Attributes:
+        name: Of the topic.
+        window: For a `SampleWindow`: how one sample becomes a message.
+    """
+
+    name: str
+    window: "WindowFields | None" = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindowFields:
+    """How one sample (n,) of a window becomes the fields of a message, and back."""
+
+    message_type: str
+    to_fields: Callable[[Array], dict[str, Any]]
+    to_values: Callable[[Any], list[float]]
+    header: bool = True
+
+
+def _joint_fields(row: Array) -> dict[str, Any]:
+    half = len(row) // 2
+    position, velocity = row[:half].tolist(), row[half:].tolist()
+    return {"name": [], "position": position, "velocity": velocity, "effort": []}
+
+
+def _wrench_fields(row: Array) -> dict[str, Any]:
+    torque, force = (dict(zip("xyz", map(float, part), strict=True)) for part in (row[:3], row[3:]))
+    return {"wrench": {"force": force, "torque": torque}}
+
+
+def _wrench_values(message: Any) -> list[float]:
+    torque, force = message.wrench.torque, message.wrench.force
+    return [torque.x, torque.y, torque.z, force.x, force.y, force.z]
+
+
+JOINT_STATES = WindowFields(
+    message_type="sensor_msgs/msg/JointState",
+    to_fields=_joint_fields,
+    to_values=lambda message: [*message.position, *message.velocity],
+)
+WRENCHES = WindowFields(
+    message_type="geometry_msgs/msg/WrenchStamped",
+    to_fields=_wrench_fields,
+    to_values=_wrench_values,
+)
+NUMBERS = WindowFields(
+    message_type="std_msgs/msg/Float64MultiArray",
+    to_fields=lambda row: {"layout": {"dim": [], "data_offset": 0}, "data": row.tolist()},
+    to_values=lambda message: list(message.data),
+    header=False,
+)
+_IMAGES = {
+    ImageRgba8U: ("rgba8", np.uint8),
+    ImageDepth32F: ("32FC1", np.float32),
+    ImageGrey8U: ("mono8", np.uint8),
+}
+
+
+def codec_for(model: Any, topic: Topic | None = None) -> Codec:
+    """The codec of ports whose values are like `model`; an array stands for a vector port.
+
+    Raises:
+        TypeError: for a type of value that no message holds.
+    """
+    kind = type(model)
+    if kind in _IMAGES:
+        return _image(kind, *_IMAGES[kind])
+    if isinstance(model, SampleWindow):
+        return _window((topic and topic.window) or NUMBERS, model.values.shape[1])
+    if isinstance(model, np.ndarray):
+        return _number() if len(model) == 1 else _vector()
+    if isinstance(model, RigidTransform):
+        return _pose()
+    if dataclasses.is_dataclass(model):
+        return _fields(kind)
+    raise TypeError(f"values of the type {kind.__name__} cannot be recorded")
+
+
+def _image(kind: Any, encoding: str, dtype: type) -> Codec:
+    def encode(value: Any, now: int) -> list[Stamped]:
+        data = np.asarray(value.data)
+        message = {
+            "header": _header(now),
+            "height": data.shape[0],
+            "width": data.shape[1],
+            "encoding": encoding,
+            "is_bigendian": 0,
+            "step": data.strides[0],
+            "data": data.tobytes(),
+        }
+        return [(now, message)]
+
+    def decode(messages: Sequence[Stamped]) -> Any:
+        message = messages[-1][1]
+        image = kind(message.width, message.height)
+        shape = image.mutable_data.shape
+        image.mutable_data[:] = np.frombuffer(message.data, dtype=dtype).reshape(shape)
+        return image
+
+    return Codec(message_type="sensor_msgs/msg/Image", encode=encode, decode=decode)
+
+
+def _window(fields: WindowFields, size: int) -> Codec:
+    def encode(window: Any, now: int) -> list[Stamped]:
+        stamps = [nanoseconds(time) for time in window.times]
+        return [
+            (stamp, ({"header": _header(stamp)} if fields.header else {}) | fields.to_fields(row))
+            for stamp, row in zip(stamps, window.values, strict=True)
+        ]
+
+    def decode(messages: Sequence[Stamped]) -> Any:
+        return SampleWindow(
+            times=np.array([stamp * 1e-9 for stamp, _ in messages]),
+            values=np.array([fields.to_values(m) for _, m in messages]).reshape(-1, size),
+        )
+
+    return Codec(message_type=fields.message_type, encode=encode, decode=decode, is_window=True)
+
+
+def _number() -> Codec:
+    return Codec(
+        message_type="std_msgs/msg/Float64",
+        encode=lambda value, now: [(now, {"data": float(value[0])})],
+        decode=lambda messages: [messages[-1][1].data],
+    )
+
+
+def _vector() -> Codec:
+    return Codec(
+        message_type=NUMBERS.message_type,
+        encode=lambda value, now: [(now, NUMBERS.to_fields(np.asarray(value)))],
+        decode=lambda messages: NUMBERS.to_values(messages[-1][1]),
+    )
+
+
+def _pose() -> Codec:
+    def encode(X: RigidTransform, now: int) -> list[Stamped]:
+        q = X.rotation().ToQuaternion()
+        position = dict(zip("xyz", map(float, X.translation()), strict=True))
+        orientation = {"x": q.x(), "y": q.y(), "z": q.z(), "w": q.w()}
+        pose = {"position": position, "orientation": orientation}
+        return [(now, {"header": _header(now), "pose": pose})]
+
+    def decode(messages: Sequence[Stamped]) -> RigidTransform:
+        pose = messages[-1][1].pose
+        q, p = pose.orientation, pose.position
+        wxyz = np.array([q.w, q.x, q.y, q.z])
+        return RigidTransform(Quaternion(wxyz / np.linalg.norm(wxyz)), [p.x, p.y, p.z])
+
+    return Codec(message_type="geometry_msgs/msg/PoseStamped", encode=encode, decode=decode)
+
+
+def _fields(kind: type) -> Codec:
+    """A dataclass of numbers, texts and arrays as JSON, in which a number keeps all its digits."""
+
+    def encode(value: Any, now: int) -> list[Stamped]:
+        fields = {
+            key: item.tolist() if isinstance(item, np.ndarray) else item
+            for key, item in vars(value).items()
+        }
+        return [(now, {"data": json.dumps(fields)})]
+
+    def decode(messages: Sequence[Stamped]) -> Any:
+        fields = json.loads(messages[-1][1].data)
+        return kind(
+            **{
+                key: np.array(item, dtype=float) if isinstance(item, list) else item
+                for key, item in fields.items()
+            }
+        )
+
+    return Codec(message_type="std_msgs/msg/String", encode=encode, decode=decode)

@@ -29,7 +29,8 @@ from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
 from controllers.interaction.phases import Phase
 from controllers.interaction.pull_direction import PullDirection, PullDirectionConfig
 from maths import se3
-from plants.robots.wam import make_arm_with_load
+from plants.robots.arm_with_hand import make_arm_with_load
+from plants.robots.wam import WAM_WITH_SOFT_HAND
 
 Q = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.1])
 BACK = np.array([0.0, 0.0, -1.0])
@@ -37,7 +38,7 @@ BACK = np.array([0.0, 0.0, -1.0])
 
 @cache
 def arm_model() -> ArmModel:
-    return ArmModel(make_arm_with_load(RigidTransform()))
+    return ArmModel(make_arm_with_load(WAM_WITH_SOFT_HAND, RigidTransform()))
 
 
 def desired(X_WE: np.ndarray, V: np.ndarray | None = None) -> DesiredMotion:

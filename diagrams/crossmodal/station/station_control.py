@@ -14,7 +14,7 @@ from controllers.interaction.grasp_sequence import GraspSequence
 from controllers.interaction.joint_memory import JointMemory
 from controllers.interaction.pull_direction import PullDirection
 from controllers.interaction.trajectory_generator import TrajectoryGenerator
-from diagrams.crossmodal.station.station_config import StationWiring
+from diagrams.crossmodal.station.station_config import ARM, StationWiring
 from maths import se3
 from maths.arrays import Array
 from plants.robots.inverse_kinematics import inverse_kinematics
@@ -133,7 +133,8 @@ def add_control(
         if generator.HasInputPort(port):
             builder.ConnectInput(source, generator.GetInputPort(port))
     builder.ExportOutput(generator.GetOutputPort("path_planned"), "path_planned")
-    builder.Connect(impedance.get_output_port(), plant.get_actuation_input_port(wiring.scene.arm))
+    actuation = plant.get_actuation_input_port(wiring.scene.model(ARM))
+    builder.Connect(impedance.get_output_port(), actuation)
     for port in ("pressure_commanded", "sealed"):
         builder.Connect(sequence.GetOutputPort(port), pneumatics.GetInputPort(port))
     for port in ("interaction_active", "phase", "grasp_lost"):

@@ -21,7 +21,8 @@ from controllers.interaction.trajectory_generator import (
     plan_duration,
 )
 from maths import se3
-from plants.robots.wam import make_arm_with_load
+from plants.robots.arm_with_hand import make_arm_with_load
+from plants.robots.wam import WAM_WITH_SOFT_HAND
 
 Q = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.1])
 STILL = np.concatenate([Q, np.zeros(7)])
@@ -29,7 +30,7 @@ STILL = np.concatenate([Q, np.zeros(7)])
 
 @cache
 def arm_model() -> ArmModel:
-    return ArmModel(make_arm_with_load(RigidTransform()))
+    return ArmModel(make_arm_with_load(WAM_WITH_SOFT_HAND, RigidTransform()))
 
 
 def about_vertical(point: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Coulomb friction of the objects' joints, which Drake's joints do not have."""
+"""Coulomb friction of joints, which Drake's joints do not have."""
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -24,13 +24,18 @@ class JointFriction(LeafSystem):
     Args:
         plant: The finalized plant.
         friction: Coulomb friction (nv,), [N] or [N m], not negative.
-        speed: Below it friction falls off smoothly, [m/s] or [rad/s].
+        speed: v_s, below which friction falls off smoothly, [m/s] or [rad/s].
+
+    Raises:
+        ValueError: for a friction that is negative or not a number, or a speed that is not above 0.
     """
 
     def __init__(self, plant: MultibodyPlant, friction: Array, speed: float = 0.01) -> None:
         super().__init__()
-        if np.any(friction < 0):
-            raise ValueError(f"JointFriction: need friction >= 0 N, got {friction!r}")
+        if not np.all(friction >= 0):
+            raise ValueError(f"JointFriction: friction = {friction!r}, need >= 0 N or N m")
+        if not 0 < speed < np.inf:
+            raise ValueError(f"JointFriction: speed = {speed!r}, need > 0 m/s or rad/s")
         self._friction = friction.copy()
         self._speed = speed
         self._nq = plant.num_positions()

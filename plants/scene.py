@@ -1,6 +1,7 @@
-"""The simulated world: the robot, furniture and one articulated object in a MultibodyPlant."""
+"""The simulated world: robots, furniture and articulated objects in a MultibodyPlant."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,13 +19,15 @@ from pydrake.multibody.tree import Joint, ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
 from maths.arrays import Array
+from maths.validation import require_not_negative, require_positive
 from models import SDF_DIR
-from plants.robots.wam import add_package
+from plants.parsing import add_model, find_model, make_parser
 
 
 @dataclass(kw_only=True)
 class PlantConfig:
-    scene: str = "table_scene.dmd.yaml"  # Model directives in models/sdf, all but the object.
+    # Drake model directives of all but the objects, in models/sdf or by an absolute path.
+    scene: str = "table_scene.dmd.yaml"
     time_step: float = 0.006  # [s]
     contact_approximation: str = "sap"  # Drake's discrete contact approximation.
 
@@ -50,27 +53,50 @@ class ObjectPlacement:
 
 @dataclass(kw_only=True)
 class ManipulationScene:
-    """The finalized plant and what others need to find their way in it."""
+    """The finalized plant and what others need to find their way in it.
+
+    Attributes:
+        plant: With robots, furniture and objects.
+        scene_graph: Its geometry.
+        objects: Model instance of each placed object, by its name.
+        friction: Coulomb friction of each velocity of the plant (nv,), [N] or [N m].
+    """
 
     plant: MultibodyPlant
     scene_graph: SceneGraph
-    arm: ModelInstanceIndex
-    hand: ModelInstanceIndex
-    object: ModelInstanceIndex
-    X_WBase: RigidTransform
-    friction: Array = field(default_factory=lambda: np.zeros(0))  # Of each velocity (nv,).
+    objects: dict[str, ModelInstanceIndex]
+    friction: Array
+
+    def model(self, name: str) -> ModelInstanceIndex:
+        """The model instance of that name: a robot's, an object's or a piece of furniture's."""
+        return find_model(self.plant, name)
+
+    def pose(self, frame: str, model: str) -> RigidTransform:
+        """X_WF of a frame of a model while all joints are at their defaults."""
+        found = self.plant.GetFrameByName(frame, self.model(model))
+        return found.CalcPoseInWorld(self.plant.CreateDefaultContext())
 
 
 def add_manipulation_scene(
-    builder: DiagramBuilder, config: PlantConfig, placement: ObjectPlacement
+    builder: DiagramBuilder,
+    config: PlantConfig,
+    objects: Mapping[str, ObjectPlacement],
+    robots: Sequence[Sequence[str]],
 ) -> ManipulationScene:
-    """Adds plant and scene graph to `builder`, the object placed where it stands.
+    """Adds plant and scene graph to `builder`, the objects placed where they stand.
+
+    Args:
+        builder: Of the diagram.
+        config: Of the plant; its directives hold the robots.
+        objects: By name, which becomes the name of the model instance.
+        robots: For each robot the names of its model instances, such as an arm and its hand. A
+            robot does not collide with itself.
 
     Raises:
-        ValueError: if `time_step` is not positive or the object has not one root body.
+        ValueError: if `time_step` or a friction is impossible, a name is not known or not unique,
+            or an object has not one root body.
     """
-    if not config.time_step > 0:
-        raise ValueError(f"PlantConfig: need time_step > 0 s, got {config.time_step!r}")
+    require_positive("PlantConfig", config, {"time_step": "s"})
     plant, scene_graph = AddMultibodyPlant(
         MultibodyPlantConfig(
             time_step=config.time_step,
@@ -78,46 +104,46 @@ def add_manipulation_scene(
         ),
         builder,
     )
-    parser = Parser(plant)
-    add_package(parser)
+    parser = make_parser(plant)
     ProcessModelDirectives(LoadModelDirectives(str(SDF_DIR / config.scene)), parser)
-    (object_instance,) = parser.AddModels(str(placement.model))
-    roots = [
-        body
-        for body in map(plant.get_body, plant.GetBodyIndices(object_instance))
-        if not any(
-            joint.child_body().index() == body.index()
-            for joint in map(plant.get_joint, plant.GetJointIndices())
-        )
-    ]
+    instances = {
+        name: _place(plant, parser, name, placement) for name, placement in objects.items()
+    }
+    plant.Finalize()
+    for robot in robots:
+        _ignore_self_collision(plant, scene_graph, [find_model(plant, name) for name in robot])
+    friction = np.zeros(plant.num_velocities())
+    for name, placement in objects.items():
+        if placement.texture:
+            _set_texture(plant, scene_graph, instances[name], placement.texture)
+        for joint in object_joints(plant, instances[name]):
+            start = joint.velocity_start()
+            friction[start : start + joint.num_velocities()] = placement.friction
+    return ManipulationScene(
+        plant=plant, scene_graph=scene_graph, objects=instances, friction=friction
+    )
+
+
+def _place(
+    plant: MultibodyPlant, parser: Parser, name: str, placement: ObjectPlacement
+) -> ModelInstanceIndex:
+    require_not_negative(f"ObjectPlacement of '{name}'", placement, {"friction": "N or N m"})
+    instance = add_model(parser, placement.model, name)
+    joints = map(plant.get_joint, plant.GetJointIndices())
+    children = [joint.child_body().index() for joint in joints]
+    bodies = map(plant.get_body, plant.GetBodyIndices(instance))
+    roots = [body for body in bodies if body.index() not in children]
     if len(roots) != 1:
         raise ValueError(
             f"{placement.model}: need one root body, found {[body.name() for body in roots]}"
         )
-    model_frame = plant.GetFrameByName("__model__", object_instance)
+    model_frame = plant.GetFrameByName("__model__", instance)
     if placement.free:
         X_OB = model_frame.GetFixedPoseInBodyFrame().inverse()
         plant.SetDefaultFloatingBaseBodyPose(roots[0], placement.X_WO @ X_OB)
     else:
         plant.WeldFrames(plant.world_frame(), model_frame, placement.X_WO)
-    plant.Finalize()
-    arm, hand = (plant.GetModelInstanceByName(name) for name in ("arm", "hand"))
-    _ignore_self_collision(plant, scene_graph, [arm, hand])
-    if placement.texture:
-        _set_texture(plant, scene_graph, object_instance, placement.texture)
-    friction = np.zeros(plant.num_velocities())
-    for joint in object_joints(plant, object_instance):
-        start = joint.velocity_start()
-        friction[start : start + joint.num_velocities()] = placement.friction
-    return ManipulationScene(
-        plant=plant,
-        scene_graph=scene_graph,
-        arm=arm,
-        hand=hand,
-        object=object_instance,
-        X_WBase=plant.GetFrameByName("base", arm).CalcPoseInWorld(plant.CreateDefaultContext()),
-        friction=friction,
-    )
+    return instance
 
 
 def object_joints(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[Joint]:
@@ -130,7 +156,7 @@ def object_joints(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[J
 def _ignore_self_collision(
     plant: MultibodyPlant, scene_graph: SceneGraph, robot: list[ModelInstanceIndex]
 ) -> None:
-    """The robot does not collide with itself: its links overlap where they meet, and fingers that
+    """A robot does not collide with itself: its links overlap where they meet, and fingers that
     curl side by side would cost as many contact surfaces as the handle does.
     """
     shapes = [

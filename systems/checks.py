@@ -1,28 +1,5 @@
-"""Refuses impossible configuration values with one clear line."""
+"""The checks of configuration values; they are in `maths.validation`."""
 
-from collections.abc import Callable, Sequence
+from maths.validation import require, require_fields
 
-import numpy as np
-
-
-def require(valid: bool, system: str, config: object, field: str, allowed: str) -> None:
-    """Raises a ValueError that names system, field, value and what is allowed, with its unit.
-
-    State `valid` so that NaN fails: `config.period > 0`, not `not config.period <= 0`.
-    """
-    if not valid:
-        raise ValueError(f"{system}: {field} = {getattr(config, field)!r}, need {allowed}")
-
-
-def require_fields(
-    system: str,
-    config: object,
-    fields: Sequence[str],
-    allowed: str,
-    accept: Callable[[float], bool],
-) -> None:
-    """Refuses the first of the fields whose value is not finite or not accepted."""
-    for name in fields:
-        value = getattr(config, name)
-        valid = bool(np.isfinite(value)) and accept(value)
-        require(valid, system, config, name, f"{allowed}, finite")
+__all__ = ["require", "require_fields"]

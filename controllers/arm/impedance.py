@@ -3,17 +3,18 @@
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.common.value import AbstractValue
+from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from controllers.arm.kinematics import ArmModel, ArmState
-from controllers.interaction.phases import Phase
 from maths import se3
 from maths.arrays import Array
+from maths.immutable import Immutable
+from maths.validation import require_not_negative, require_positive
 
 
 @dataclass(kw_only=True)
-class ImpedanceGains:
+class ImpedanceGains(Immutable):
     """Virtual spring, damper and mass, each (6, 6) in E, rotation first (SI)."""
 
     stiffness: Array
@@ -22,7 +23,7 @@ class ImpedanceGains:
 
 
 @dataclass(kw_only=True)
-class DesiredMotion:
+class DesiredMotion(Immutable):
     """Where the end-effector should be.
 
     Attributes:
@@ -42,7 +43,7 @@ class ImpedanceConfig:
     posture_stiffness: float = 4.0  # Of the null space, [N m/rad].
     posture_damping: float = 0.4  # Of the null space, [N m s/rad].
     torque_limit: float = 60.0  # Of every joint, [N m].
-    tare_time: float = 0.3  # In which the offset takes up what springs hold, [s].
+    tare_time: float = 0.3  # Time constant with which the offset takes over the springs' load, [s].
 
 
 def impedance_wrench(state: ArmState, desired: DesiredMotion, gains: ImpedanceGains) -> Array:
@@ -61,7 +62,7 @@ def impedance_wrench(state: ArmState, desired: DesiredMotion, gains: ImpedanceGa
 
 
 def posture_torque(state: ArmState, q_posture: Array, stiffness: float, damping: float) -> Array:
-    """Spring and damper towards `q_posture` (7,), projected so that E feels no wrench."""
+    """Spring and damper towards `q_posture` (n,), projected so that E feels no wrench."""
     tau = stiffness * (q_posture - state.q) - damping * state.v
     wrench, *_ = np.linalg.lstsq(state.J_E.T, tau, rcond=1e-3)
     return tau - state.J_E.T @ wrench
@@ -73,8 +74,8 @@ class ImpedanceController(LeafSystem):
     tau = J^T (K log(X^-1 X_des) + D (V_des - V) + M A_des) + bias + null-space posture + offset.
 
     Encoders that are off make the arm's weight wrong, by more than the compliant spring and a hand
-    that holds a bar can bear. So while the arm approaches and nothing touches it, the offset
-    integrates the torques of spring, J^T K log(X^-1 X_des), and posture; then it is kept.
+    that holds a bar can bear. So while nothing touches the hand, the offset integrates the torques
+    of spring, J^T K log(X^-1 X_des), and posture; otherwise it is kept.
 
     .. pydrake_system::
 
@@ -82,56 +83,60 @@ class ImpedanceController(LeafSystem):
         input_ports:
         - joint_state_measured
         - motion_desired
-        - gains_commanded
-        - phase
+        - gains_desired
+        - tare
         output_ports:
         - torque_commanded
 
-    - joint_state_measured: (14,) positions [rad] and velocities [rad/s] from the encoders.
+    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s] from the encoders.
     - motion_desired: `DesiredMotion`.
-    - gains_commanded: `ImpedanceGains`.
-    - phase: (1,) `Phase`; the offset stays zero if not connected.
-    - torque_commanded: (7,) [N m], held over the period.
+    - gains_desired: `ImpedanceGains`.
+    - tare: (1,) above 0.5 while nothing touches the hand; the offset stays zero if not connected.
+    - torque_commanded: (n,) [N m], held over the period.
 
-    State: the torque commanded (7,) and the offset (7,), [N m].
+    State: the torque commanded (n,) and the offset (n,), [N m].
 
     Frames: W world, E end-effector. Source: crossmodal paper, section VI; stiffness on SE(3) by
     the logarithm of the pose error in E.
+
+    Args:
+        config: Of posture, limit and offset.
+        arm: The robot's own model.
+        q_posture: What the null space's spring draws the joints to (n,), [rad].
+
+    Raises:
+        ValueError: for impossible values.
     """
 
     def __init__(self, config: ImpedanceConfig, arm: ArmModel, q_posture: Array) -> None:
         super().__init__()
-        for name in ("period", "tare_time"):
-            if not getattr(config, name) > 0:
-                raise ValueError(
-                    f"ImpedanceController: need {name} > 0 s, got {getattr(config, name)!r}"
-                )
+        name, n = "ImpedanceController", arm.num_joints
+        require_positive(name, config, {"period": "s", "tare_time": "s", "torque_limit": "N m"})
+        units = {"posture_stiffness": "N m/rad", "posture_damping": "N m s/rad"}
+        require_not_negative(name, config, units)
+        if q_posture.shape != (n,):
+            raise ValueError(f"{name}: q_posture = {q_posture.tolist()}, need {n} joints, [rad]")
         self._config = config
         self._arm = arm
         self._q_posture = q_posture.copy()
-        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
-        still = DesiredMotion(X_WE=np.eye(4), V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
-        self._desired = self.DeclareAbstractInputPort("motion_desired", AbstractValue.Make(still))
-        soft = ImpedanceGains(stiffness=np.eye(6), damping=np.eye(6), mass=np.eye(6))
-        self._gains = self.DeclareAbstractInputPort("gains_commanded", AbstractValue.Make(soft))
-        self._phase = self.DeclareVectorInputPort("phase", 1)
-        torque = self.DeclareDiscreteState(7)
-        self._offset = self.DeclareDiscreteState(7)
+        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 2 * n)
+        self._desired = self.DeclareAbstractInputPort("motion_desired", Value[object]())
+        self._gains = self.DeclareAbstractInputPort("gains_desired", Value[object]())
+        self._tare = self.DeclareVectorInputPort("tare", 1)
+        torque = self.DeclareDiscreteState(n)
+        self._offset = self.DeclareDiscreteState(n)
         self.DeclareStateOutputPort("torque_commanded", torque)
         self.DeclarePeriodicDiscreteUpdateEvent(config.period, 0.0, self._update)
 
     def _update(self, context: Context, next_state: DiscreteValues) -> None:
         arm = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context)))
-        config, desired, gains = (
-            self._config,
-            self._desired.Eval(context),
-            self._gains.Eval(context),
-        )
+        config = self._config
+        desired, gains = self._desired.Eval(context), self._gains.Eval(context)
         offset = np.array(context.get_discrete_state(self._offset).value())
         posture = posture_torque(
             arm, self._q_posture, config.posture_stiffness, config.posture_damping
         )
-        if self._phase.HasValue(context) and self._phase.Eval(context)[0] == Phase.APPROACH:
+        if self._tare.HasValue(context) and self._tare.Eval(context)[0] > 0.5:
             spring = gains.stiffness @ se3.log(se3.inverse(arm.X_WE) @ desired.X_WE)
             offset += config.period / config.tare_time * (arm.J_E.T @ spring + posture)
         torque = arm.J_E.T @ impedance_wrench(arm, desired, gains) + arm.tau_bias + offset

@@ -1,4 +1,4 @@
-"""The controllers' own model of the arm: forward kinematics, Jacobian and the load to carry."""
+"""The controllers' own model of an arm: forward kinematics, Jacobian and the load to carry."""
 
 from dataclasses import dataclass
 
@@ -11,15 +11,15 @@ from maths.arrays import Array
 
 @dataclass(kw_only=True)
 class ArmState:
-    """The arm at one measurement.
+    """An arm of n joints at one measurement.
 
     Attributes:
-        q: Joint positions (7,), [rad].
-        v: Joint velocities (7,), [rad/s].
+        q: Joint positions (n,), [rad].
+        v: Joint velocities (n,), [rad/s].
         X_WE: End-effector pose (4, 4).
-        J_E: Jacobian (6, 7) of the spatial velocity of E in W, expressed in E.
+        J_E: Jacobian (6, n) of the spatial velocity of E in W, expressed in E.
         V_WE_E: Spatial velocity (6,), [rad/s, m/s].
-        tau_bias: Coriolis minus gravity torques (7,), [N m]: what holds the arm still.
+        tau_bias: Coriolis minus gravity torques (n,), [N m]: what holds the arm still.
     """
 
     q: Array
@@ -31,21 +31,34 @@ class ArmState:
 
 
 class ArmModel:
-    """Kinematics and dynamics of the arm with its hand as a rigid load.
+    """Kinematics and dynamics of an arm with its hand as a rigid load.
 
     Args:
         plant: A finalized plant with the arm alone (the hand's inertia lumped into it); not the
             simulated plant, but what the robot knows about itself.
         frame: Name of the end-effector frame.
+
+    Raises:
+        ValueError: if a joint's velocity is not the derivative of its position.
     """
 
     def __init__(self, plant: MultibodyPlant, frame: str = "end_effector") -> None:
+        if plant.num_positions() != plant.num_velocities():
+            raise ValueError(
+                f"ArmModel: {plant.num_positions()} positions and {plant.num_velocities()}"
+                " velocities, need an arm of one-axis joints on a fixed base"
+            )
         self._plant = plant
         self._frame = plant.GetFrameByName(frame)
         self._context = plant.CreateDefaultContext()
 
+    @property
+    def num_joints(self) -> int:
+        """The number n of joints."""
+        return int(self._plant.num_positions())
+
     def Evaluate(self, joint_state: Array) -> ArmState:
-        """The arm at `joint_state` (14,): positions [rad], then velocities [rad/s]."""
+        """The arm at `joint_state` (2 n,): positions [rad], then velocities [rad/s]."""
         plant, context = self._plant, self._context
         plant.SetPositionsAndVelocities(context, joint_state)
         X_WE = self._frame.CalcPoseInWorld(context).GetAsMatrix4()
@@ -58,7 +71,5 @@ class ArmModel:
             self._frame,
         )
         tau_bias = plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context)
-        v = joint_state[7:]
-        return ArmState(
-            q=joint_state[:7], v=v, X_WE=X_WE, J_E=J_E, V_WE_E=J_E @ v, tau_bias=tau_bias
-        )
+        q, v = joint_state[: self.num_joints], joint_state[self.num_joints :]
+        return ArmState(q=q, v=v, X_WE=X_WE, J_E=J_E, V_WE_E=J_E @ v, tau_bias=tau_bias)

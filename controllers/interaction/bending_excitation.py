@@ -3,13 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.common.value import AbstractValue
+from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem
 
 from controllers.arm.impedance import DesiredMotion
-from controllers.interaction.phases import Phase
+from controllers.interaction.phases import is_held
 from maths import se3
 from maths.arrays import Array
+from maths.validation import require, require_not_negative, require_positive
 
 
 @dataclass(kw_only=True)
@@ -51,36 +52,42 @@ class BendingExcitation(LeafSystem):
 
         name: BendingExcitation
         input_ports:
-        - motion_desired
+        - grasp_motion_desired
         - phase
         output_ports:
-        - motion_commanded
+        - motion_desired
 
-    - motion_desired: `DesiredMotion` of the grasp sequence.
+    - grasp_motion_desired: `DesiredMotion` of the grasp sequence, which holds the grasp's pose.
     - phase: (1,) `Phase`.
-    - motion_commanded: the same, and once the hand has closed a smooth path about it.
+    - motion_desired: `DesiredMotion`, a smooth path about the grasp's pose; None before EXPLORE.
 
     Args:
+        config: Size and frequencies of the path.
         start: When exploration starts, [s].
+        seed: Of the path.
+
+    Raises:
+        ValueError: for impossible values.
     """
 
     def __init__(self, config: BendingExcitationConfig, start: float, seed: int) -> None:
         super().__init__()
+        name = "BendingExcitation"
+        require_positive(name, config, {"rise_time": "s", "slowest": "Hz", "waves": ""})
+        require(config.slowest <= config.fastest < np.inf, name, config, "fastest", ">= slowest")
+        require_not_negative(name, config, {"rotation": "rad", "lateral": "m", "pull": "m"})
         self._path = SmoothPath(config, seed)
         self._start = start
-        still = DesiredMotion(X_WE=np.eye(4), V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
-        self._desired = self.DeclareAbstractInputPort("motion_desired", AbstractValue.Make(still))
+        self._grasp = self.DeclareAbstractInputPort("grasp_motion_desired", Value[object]())
         self._phase = self.DeclareVectorInputPort("phase", 1)
-        self.DeclareAbstractOutputPort(
-            "motion_commanded", lambda: AbstractValue.Make(still), self._calc
-        )
+        self.DeclareAbstractOutputPort("motion_desired", lambda: Value[object](), self._calc)
 
-    def _calc(self, context: Context, output: AbstractValue) -> None:
-        desired: DesiredMotion = self._desired.Eval(context)
-        if self._phase.Eval(context)[0] < Phase.EXPLORE:
-            output.set_value(desired)
+    def _calc(self, context: Context, output: Value) -> None:
+        if not is_held(self._phase.Eval(context)[0]):
+            output.set_value(None)
             return
+        grasp: DesiredMotion = self._grasp.Eval(context)
         offset = se3.exp(self._path(context.get_time() - self._start))
         output.set_value(
-            DesiredMotion(X_WE=desired.X_WE @ offset, V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
+            DesiredMotion(X_WE=grasp.X_WE @ offset, V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
         )

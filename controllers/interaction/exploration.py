@@ -3,14 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.common.value import AbstractValue
+from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, State
 
 from controllers.arm.impedance import DesiredMotion
 from controllers.arm.kinematics import ArmModel
-from controllers.interaction.phases import Phase
+from controllers.interaction.phases import Phase, is_held
 from maths import se3
 from maths.arrays import Array
+from maths.validation import require_positive
 
 
 @dataclass(kw_only=True)
@@ -34,26 +35,27 @@ class ExplorationController(LeafSystem):
     """Moves the desired pose so that the hand reaches a wanted velocity while it explores.
 
     p_des(t) = exp(k_p (v_wanted - v_measured)) p_des(t-1), in the pulling direction; the compliant
-    directions have nothing to push against, so there the desired pose follows the hand.
+    directions have nothing to push against, so there the desired pose follows the hand. The first
+    p_des(t-1) is the pose that was commanded when the hand had closed.
 
     .. pydrake_system::
 
         name: ExplorationController
         input_ports:
         - joint_state_measured
-        - motion_desired
+        - motion_commanded
         - pull_direction
         - phase
         output_ports:
-        - motion_commanded
+        - motion_desired
 
-    - joint_state_measured: (14,) positions [rad] and velocities [rad/s].
-    - motion_desired: `DesiredMotion` of the grasp sequence, passed on before exploration.
+    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s].
+    - motion_commanded: `DesiredMotion` of the `MotionSwitch`, read when exploration begins.
     - pull_direction: (3,) unit vector in E.
-    - phase: (1,) `Phase`.
-    - motion_commanded: `DesiredMotion` for the impedance controller.
+    - phase: (1,) `Phase`; the hand pulls in EXPLORE and wants to stand still in later phases.
+    - motion_desired: `DesiredMotion`; None before EXPLORE.
 
-    State: the desired pose X_WE and its velocity, and the last phase.
+    State: the desired motion, or None.
 
     Args:
         config: Speed and gain.
@@ -65,32 +67,27 @@ class ExplorationController(LeafSystem):
 
     def __init__(self, config: ExplorationConfig, arm: ArmModel) -> None:
         super().__init__()
-        for name in ("period", "gain", "speed"):
-            if not getattr(config, name) > 0:
-                raise ValueError(
-                    f"ExplorationController: need {name} > 0, got {getattr(config, name)!r}"
-                )
+        units = {"period": "s", "gain": "s", "speed": "m/s"}
+        require_positive("ExplorationController", config, units)
         self._config = config
         self._arm = arm
-        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
-        still = DesiredMotion(X_WE=np.eye(4), V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
-        self._desired = self.DeclareAbstractInputPort("motion_desired", AbstractValue.Make(still))
+        n = arm.num_joints
+        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 2 * n)
+        self._commanded = self.DeclareAbstractInputPort("motion_commanded", Value[object]())
         self._direction = self.DeclareVectorInputPort("pull_direction", 3)
         self._phase = self.DeclareVectorInputPort("phase", 1)
-        state = self.DeclareAbstractState(AbstractValue.Make(still))
-        self.DeclareStateOutputPort("motion_commanded", state)
-        self.DeclareInitializationUnrestrictedUpdateEvent(self._pass_on)
+        state = self.DeclareAbstractState(Value[object](None))
+        self.DeclareStateOutputPort("motion_desired", state)
         self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
-
-    def _pass_on(self, context: Context, state: State) -> None:
-        state.get_mutable_abstract_state(0).set_value(self._desired.Eval(context))
 
     def _update(self, context: Context, state: State) -> None:
         phase = int(np.asarray(self._phase.Eval(context))[0])
-        if phase < Phase.EXPLORE:
-            self._pass_on(context, state)
+        if not is_held(phase):
+            state.get_mutable_abstract_state(0).set_value(None)
             return
-        last: DesiredMotion = context.get_abstract_state(0).get_value()
+        last: DesiredMotion | None = context.get_abstract_state(0).get_value()
+        if last is None:
+            last = self._commanded.Eval(context)
         arm = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context)))
         direction = np.asarray(self._direction.Eval(context))
         wanted = np.zeros(6)

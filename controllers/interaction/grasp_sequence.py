@@ -14,7 +14,10 @@ from controllers.interaction.grasp_motion import (
     release_motion,
     stiff_gains,
 )
-from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
+from controllers.interaction.grasp_sequence_config import (
+    GraspSequenceConfig,
+    check_grasp_sequence,
+)
 from controllers.interaction.phases import Phase, is_held
 from maths import se3
 from maths.arrays import Array
@@ -38,14 +41,15 @@ class GraspSequence(LeafSystem):
         - phase
         - interaction_active
         - grasp_lost
+        - in_free_space
         - motion_desired
         - gains_desired
         - pressure_commanded
         - sealed
         - closure_commanded
 
-    - joint_state_measured: (14,) positions [rad] and velocities [rad/s].
-    - pressure_measured: (4,) gauge pressure in the chambers, [Pa].
+    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s].
+    - pressure_measured: (chambers,) gauge pressure in the hand's chambers, [Pa].
     - joint_remembered, end_effector_screw_remembered: of `JointMemory`.
     - grasp_failure_latest: (1,) probability that the hand has lost the body, NaN if unknown.
     - plan_time_left: (1,) of `TrajectoryGenerator`, [s].
@@ -54,9 +58,10 @@ class GraspSequence(LeafSystem):
     - phase: (1,) `Phase`.
     - interaction_active: (1,) one while the hand is closed around the body, as far as it can feel.
     - grasp_lost: (1,) one from the instant a grasp is given up to the next one.
+    - in_free_space: (1,) one while nothing can touch the hand.
     - motion_desired: `DesiredMotion` of release and approach, then the grasp pose held.
     - gains_desired: `ImpedanceGains`.
-    - pressure_commanded: (4,) gauge pressure, [Pa].
+    - pressure_commanded: (chambers,) gauge pressure, [Pa].
     - sealed: (1,) one once the chambers' valves are closed.
     - closure_commanded: (1,) 0 open to 1 closed, for the robot's picture of itself.
 
@@ -82,29 +87,15 @@ class GraspSequence(LeafSystem):
         goal: Goal | None = None,
     ) -> None:
         super().__init__()
-        for name in (
-            "period",
-            "approach_time",
-            "close_time",
-            "explore_time_limit",
-            "travel",
-            "return_tolerance",
-            "slip",
-            "release_time",
-        ):
-            if not getattr(config, name) > 0:
-                raise ValueError(f"GraspSequence: need {name} > 0, got {getattr(config, name)!r}")
-        if not 0.0 < config.empty_pressure < 1.0:
-            raise ValueError(
-                f"GraspSequence: need empty_pressure between 0 and 1, got {config.empty_pressure!r}"
-            )
+        check_grasp_sequence(config)
+        chambers = len(config.closing_pressure)
         self._config = config
         self._arm = arm
         self._back = se3.log(se3.inverse(X_WE_grasp) @ X_WE_before)
         self._goal = goal or Goal()
         self._stiff = stiff_gains(config)
-        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
-        self._pressure = self.DeclareVectorInputPort("pressure_measured", 4)
+        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 2 * arm.num_joints)
+        self._pressure = self.DeclareVectorInputPort("pressure_measured", chambers)
         self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
         self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
         self._failure = self.DeclareVectorInputPort("grasp_failure_latest", 1)
@@ -117,7 +108,7 @@ class GraspSequence(LeafSystem):
             X_WE_grasp=X_WE_grasp.copy(),
             q_grasp=0.0,
             X_WE_held=X_WE_grasp.copy(),
-            pressure_held=np.zeros(4),
+            pressure_held=np.zeros(chambers),
             task=Phase.EXPLORE,
             attempts=0,
             lost=False,
@@ -137,7 +128,8 @@ class GraspSequence(LeafSystem):
         flag("interaction_active", lambda state: is_held(state.phase) and not state.lost)
         flag("sealed", lambda state: is_held(state.phase))
         flag("grasp_lost", lambda state: state.lost)
-        vector("pressure_commanded", 4, self._calc_pressure)
+        flag("in_free_space", lambda state: state.phase == Phase.APPROACH)
+        vector("pressure_commanded", chambers, self._calc_pressure)
         vector("closure_commanded", 1, self._calc_closure)
         still = approach_motion(X_WE_grasp, self._back, 0.0, 1.0)
         self.DeclareAbstractOutputPort(

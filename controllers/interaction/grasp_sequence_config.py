@@ -2,6 +2,10 @@
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from maths.validation import require, require_not_negative, require_positive
+
 
 @dataclass(kw_only=True)
 class GraspSequenceConfig:
@@ -42,3 +46,38 @@ class GraspSequenceConfig:
     retry_distance: float = 0.12  # where the hand is still as near to the handle as this, [m].
     release_time: float = 4.0  # For opening the hand, backing off and going before the handle, [s].
     comply: bool = True  # Whether to switch to the compliant gains once the hand has closed.
+
+
+def check_grasp_sequence(config: GraspSequenceConfig) -> None:
+    """Refuses impossible values.
+
+    Raises:
+        ValueError: with the first impossible one.
+    """
+    name = "GraspSequence"
+    times = ("period", "approach_time", "close_time", "release_time")
+    require_positive(name, config, dict.fromkeys(times, "s") | {"return_tolerance": "m"})
+    for limit, unit in (("explore_time_limit", "s"), ("travel", "m"), ("slip", "m")):
+        # Infinite means no limit.
+        require(getattr(config, limit) > 0, name, config, limit, f"> 0 {unit}")
+    later = ("stop_time", "anticipation", "return_patience", "doubt_time")
+    require_not_negative(name, config, dict.fromkeys(later, "s"))
+    require_not_negative(name, config, {"approach_distance": "m", "retry_distance": "m"})
+    gains = {
+        "stiff_rotation": "N m/rad",
+        "stiff_translation": "N/m",
+        "stiff_rotation_damping": "N m s/rad",
+        "stiff_translation_damping": "N s/m",
+        "compliant_stiffness": "N/m",
+        "compliant_damping": "N s/m",
+        "pull_stiffness": "N/m",
+        "pull_damping": "N s/m",
+        "mass": "kg",
+    }
+    require_not_negative(name, config, gains | {"retries": ""})
+    probability = 0 <= config.failure_probability <= 1
+    require(probability, name, config, "failure_probability", "from 0 to 1")
+    require(0 < config.empty_pressure < 1, name, config, "empty_pressure", "between 0 and 1")
+    pressure = np.asarray(config.closing_pressure)
+    possible = pressure.size > 0 and bool(np.all(np.isfinite(pressure) & (pressure >= 0)))
+    require(possible, name, config, "closing_pressure", "one gauge pressure a chamber, >= 0 Pa")

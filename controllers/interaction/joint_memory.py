@@ -9,7 +9,7 @@ from maths.arrays import Array
 _UNKNOWN = np.concatenate([np.full(14, np.nan), np.zeros(2)])
 
 
-def turns(S: Array) -> bool:
+def is_revolute(S: Array) -> bool:
     """Whether a screw (6,) is that of a revolute joint, its q an angle."""
     return bool(np.linalg.norm(S[:3]) > 0.5)
 
@@ -37,7 +37,7 @@ def remember(memory: Array, seen: Array, held: bool, period: float, patience: fl
         memory[14] = 0.0 if np.isnan(memory[6]) else memory[6]
         memory[15] = 0.0
     elif not np.isnan(seen[6]):
-        other = not np.isnan(memory[6]) and turns(seen) != turns(memory)
+        other = not np.isnan(memory[6]) and is_revolute(seen) != is_revolute(memory)
         memory[15] = (memory[15] + period) if other else 0.0
         if other and memory[15] < patience:
             return memory
@@ -76,8 +76,9 @@ class JointMemory(LeafSystem):
 
     def __init__(self, period: float, patience: float = 0.5) -> None:
         super().__init__()
-        if not period > 0:
-            raise ValueError(f"JointMemory: need period > 0 s, got {period!r}")
+        for value, field in ((period, "period"), (patience, "patience")):
+            if not 0 < value < np.inf:
+                raise ValueError(f"JointMemory: {field} = {value!r}, need > 0 s, finite")
         self._period, self._patience = period, patience
         self._joint = self.DeclareVectorInputPort("joint_latest", 8)
         self._screw = self.DeclareVectorInputPort("end_effector_screw_latest", 6)

@@ -10,15 +10,16 @@ from controllers.interaction.grasp_motion import unit
 from controllers.interaction.phases import Phase
 from maths import se3
 from maths.arrays import Array
+from maths.validation import require, require_positive
 
 
 @dataclass(kw_only=True)
 class PullDirectionConfig:
     period: float = 0.01  # Update period, [s].
     follow_joint: bool = False  # Whether to pull along the perceived joint, not as taught.
-    start: float = 0.03  # Way of the hand by the joint from which on it is well enough known, [m].
-    time: float = 0.2  # In which the pull turns to the joint's direction but for 1/e, [s].
-    limit: float = 45.0  # A joint that leads farther away from the pull than this is wrong, [deg].
+    start: float = 0.03  # Way of the hand by the joint before the joint is followed, [m].
+    time: float = 0.2  # Time constant with which the pull turns to the joint's direction, [s].
+    limit: float = 45.0  # Largest angle between pull and joint for the joint to be believed, [deg].
 
 
 class PullDirection(LeafSystem):
@@ -38,7 +39,7 @@ class PullDirection(LeafSystem):
         output_ports:
         - pull_direction
 
-    - joint_state_measured: (14,) positions [rad] and velocities [rad/s].
+    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s].
     - joint_remembered, end_effector_screw_remembered: of `JointMemory`; NaN while none is known.
     - phase: (1,) `Phase`; the direction turns while it is EXPLORE, and is as taught before.
     - pull_direction: (3,) unit vector in E.
@@ -56,14 +57,12 @@ class PullDirection(LeafSystem):
 
     def __init__(self, config: PullDirectionConfig, arm: ArmModel, direction_E: Array) -> None:
         super().__init__()
-        for name in ("period", "start", "time"):
-            if not getattr(config, name) > 0:
-                raise ValueError(f"PullDirection: need {name} > 0, got {getattr(config, name)!r}")
-        if not 0 < config.limit <= 90:
-            raise ValueError(f"PullDirection: need 0 < limit <= 90 deg, got {config.limit!r}")
+        name = "PullDirection"
+        require_positive(name, config, {"period": "s", "start": "m", "time": "s"})
+        require(0 < config.limit <= 90, name, config, "limit", "> 0 deg, <= 90 deg")
         self._config = config
         self._arm = arm
-        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
+        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 2 * arm.num_joints)
         self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
         self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
         self._phase = self.DeclareVectorInputPort("phase", 1)

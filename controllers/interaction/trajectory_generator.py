@@ -9,13 +9,14 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 from controllers.arm.impedance import DesiredMotion, ImpedanceGains
 from controllers.arm.kinematics import ArmModel
 from controllers.interaction.grasp_motion import minimum_jerk
-from controllers.interaction.joint_memory import turns
+from controllers.interaction.joint_memory import is_revolute
 from controllers.interaction.phases import Phase, is_held
 from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
+from maths.validation import require, require_not_negative, require_positive
 
-_PEAK = 1.875  # Of the minimum-jerk blend's rate.
+_PEAK = 1.875  # Largest rate of the minimum-jerk blend.
 
 
 @dataclass(kw_only=True)
@@ -42,9 +43,8 @@ class Plan(Immutable):
     Attributes:
         start: When it begins, [s].
         duration: [s]
-        q_start: Where the joint is then, [m or rad]; the goal is zero.
-        turns: Whether it is a revolute one.
-        X_WE: Where the end-effector is wanted now (4, 4).
+        q_start: Configuration of the joint at its beginning, [m or rad]; the goal is zero.
+        revolute: Whether q is an angle.
         motion: What is commanded now.
         gains: Likewise.
     """
@@ -52,8 +52,7 @@ class Plan(Immutable):
     start: float
     duration: float
     q_start: float
-    turns: bool
-    X_WE: Array
+    revolute: bool
     motion: DesiredMotion
     gains: ImpedanceGains
 
@@ -90,6 +89,35 @@ def path_gains(S_E: Array, config: TrajectoryGeneratorConfig) -> ImpedanceGains:
     )
 
 
+def begin(
+    motion: DesiredMotion,
+    S_E: Array,
+    q: float,
+    revolute: bool,
+    time: float,
+    config: TrajectoryGeneratorConfig,
+) -> Plan:
+    """A plan from q to zero, [m or rad].
+
+    Args:
+        motion: From which it goes on.
+        S_E: The end-effector's twist (6,) in E per unit of q.
+        q: Perceived configuration.
+        revolute: Whether q is an angle.
+        time: Now, [s].
+        config: Speed and gains.
+    """
+    duration = plan_duration(q, float(np.linalg.norm(S_E[3:])), config.speed)
+    return Plan(
+        start=time,
+        duration=duration,
+        q_start=q,
+        revolute=revolute,
+        motion=motion,
+        gains=path_gains(S_E, config),
+    )
+
+
 def advance(
     plan: Plan,
     X_WE: Array,
@@ -116,15 +144,15 @@ def advance(
     u = rate if q is None else rate + config.feedback * (q_plan - q)
     S_E = se3.adjoint(se3.inverse(X_WE)) @ screw_W
     hand_rate = max(float(np.linalg.norm(S_E[3:])), 1e-6)
-    ahead = se3.log(se3.inverse(X_WE) @ plan.X_WE)[3:] @ S_E[3:] / hand_rate
+    ahead = se3.log(se3.inverse(X_WE) @ plan.motion.X_WE)[3:] @ S_E[3:] / hand_rate
     if ahead * np.sign(u) >= config.lead:
         u = 0.0
     limit = 1.5 * config.speed / hand_rate
     u = float(np.clip(u, -limit, limit))
-    X_next = se3.exp(screw_W * (u * config.period)) @ plan.X_WE
+    X_next = se3.exp(screw_W * (u * config.period)) @ plan.motion.X_WE
     V_WE_E = se3.adjoint(se3.inverse(X_next)) @ screw_W * u
     motion = DesiredMotion(X_WE=X_next, V_WE_E=V_WE_E, A_WE_E=np.zeros(6))
-    return replace(plan, X_WE=X_next, motion=motion, gains=path_gains(S_E, config))
+    return replace(plan, motion=motion, gains=path_gains(S_E, config))
 
 
 class TrajectoryGenerator(LeafSystem):
@@ -135,70 +163,74 @@ class TrajectoryGenerator(LeafSystem):
     follow, the end-effector moves with V_WE = S_WE qdot. The path is the integral of it from where
     the hand is; each update reads the latest screw and the latest configuration.
 
-    Before RETURN the motion and gains of the exploration are passed on; after it the pose is held.
+    After RETURN the pose is held.
 
     .. pydrake_system::
 
         name: TrajectoryGenerator
         input_ports:
         - joint_state_measured
-        - motion_desired
-        - gains_desired
         - phase
         - joint_remembered
         - end_effector_screw_remembered
         - grasp_failure_latest
         output_ports:
-        - motion_commanded
-        - gains_commanded
+        - motion_desired
+        - gains_desired
         - plan_time_left
         - path_planned
 
-    - joint_state_measured: (14,) positions [rad] and velocities [rad/s].
-    - motion_desired, gains_desired: `DesiredMotion` and `ImpedanceGains` until RETURN.
+    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s].
     - phase: (1,) `Phase`.
     - joint_remembered: (8,) of `JointMemory`, of which the type and q [m or rad] are used.
     - end_effector_screw_remembered: (6,) S_WE, in W at Wo, per unit of q.
     - grasp_failure_latest: (1,) probability that the hand has lost the body; NaN or unconnected if
       unknown.
-    - motion_commanded, gains_commanded: for the impedance controller.
+    - motion_desired, gains_desired: `DesiredMotion` and `ImpedanceGains`; None without a plan.
     - plan_time_left: (1,) until the planned end, negative after it; infinite without a plan, [s].
     - path_planned: poses (N, 4, 4) of E in W from now to the goal by the latest screw; N = 0
       without a plan.
 
     State: `Plan`, or None. Source: crossmodal paper, section VI.
+
+    Args:
+        config: Speed, gains and feedback.
+        arm: The robot's own model.
+
+    Raises:
+        ValueError: for impossible values.
     """
 
     def __init__(self, config: TrajectoryGeneratorConfig, arm: ArmModel) -> None:
         super().__init__()
-        for name in ("period", "speed", "feedback", "lead"):
-            if not getattr(config, name) > 0:
-                raise ValueError(
-                    f"TrajectoryGenerator: need {name} > 0, got {getattr(config, name)!r}"
-                )
+        name = "TrajectoryGenerator"
+        units = {"period": "s", "speed": "m/s", "feedback": "1/s", "lead": "m"}
+        require_positive(name, config, units)
+        probability = 0 <= config.failure_probability <= 1
+        require(probability, name, config, "failure_probability", "from 0 to 1")
+        for kind, unit in (("stiffness", "N/m"), ("damping", "N s/m")):
+            fields = {f"{kind}_{part}": unit for part in ("along", "across")}
+            require_not_negative(name, config, fields | {f"{kind}_rotation": f"{unit[:-2]} m/rad"})
+        require_not_negative(name, config, {"mass": "kg"})
         self._config = config
         self._arm = arm
-        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 14)
-        self._desired = self.DeclareAbstractInputPort("motion_desired", Value[object]())
-        self._gains = self.DeclareAbstractInputPort("gains_desired", Value[object]())
+        n = arm.num_joints
+        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 2 * n)
         self._phase = self.DeclareVectorInputPort("phase", 1)
         self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
         self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
         self._failure = self.DeclareVectorInputPort("grasp_failure_latest", 1)
         state = self.DeclareAbstractState(Value[object](None))
         on_state = {self.abstract_state_ticket(state)}
-        self.DeclareAbstractOutputPort(
-            "motion_commanded",
-            lambda: Value[object](),
-            self._calc_motion,
-            on_state | {self._desired.ticket()},
-        )
-        self.DeclareAbstractOutputPort(
-            "gains_commanded",
-            lambda: Value[object](),
-            self._calc_gains,
-            on_state | {self._gains.ticket()},
-        )
+        for port, field in (("motion_desired", "motion"), ("gains_desired", "gains")):
+            self.DeclareAbstractOutputPort(
+                port,
+                lambda: Value[object](),
+                lambda context, output, field=field: output.set_value(
+                    getattr(self._plan(context), field, None)
+                ),
+                on_state,
+            )
         self.DeclareVectorOutputPort(
             "plan_time_left", 1, self._calc_time_left, on_state | {self.time_ticket()}
         )
@@ -221,18 +253,12 @@ class TrajectoryGenerator(LeafSystem):
         q = float(joint[6])
         screw_W = np.asarray(self._screw.Eval(context))
         X_WE = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context))).X_WE
-        turning = turns(joint)
-        if plan is None or plan.turns != turning:
-            rate = float(np.linalg.norm((se3.adjoint(se3.inverse(X_WE)) @ screw_W)[3:]))
-            plan = Plan(
-                start=time,
-                duration=plan_duration(q, rate, self._config.speed),
-                q_start=q,
-                turns=turning,
-                X_WE=X_WE if plan is None else plan.X_WE,
-                motion=self._desired.Eval(context),
-                gains=self._gains.Eval(context),
-            )
+        revolute = is_revolute(joint)
+        if plan is None or plan.revolute != revolute:
+            still = DesiredMotion(X_WE=X_WE, V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
+            S_E = se3.adjoint(se3.inverse(X_WE)) @ screw_W
+            motion = still if plan is None else plan.motion
+            plan = begin(motion, S_E, q, revolute, time, self._config)
         failed = (
             self._failure.HasValue(context)
             and self._failure.Eval(context)[0] > self._config.failure_probability
@@ -240,14 +266,6 @@ class TrajectoryGenerator(LeafSystem):
         perceived = None if failed or np.isnan(joint[7]) else q
         plan = advance(plan, X_WE, screw_W, perceived, time, self._config)
         state.get_mutable_abstract_state(0).set_value(plan)
-
-    def _calc_motion(self, context: Context, output: Value) -> None:
-        plan = self._plan(context)
-        output.set_value(self._desired.Eval(context) if plan is None else plan.motion)
-
-    def _calc_gains(self, context: Context, output: Value) -> None:
-        plan = self._plan(context)
-        output.set_value(self._gains.Eval(context) if plan is None else plan.gains)
 
     def _calc_time_left(self, context: Context, output: BasicVector) -> None:
         plan = self._plan(context)
@@ -260,5 +278,6 @@ class TrajectoryGenerator(LeafSystem):
             output.set_value(np.zeros((0, 4, 4)))
             return
         q, screw_W = self._joint.Eval(context)[6], np.asarray(self._screw.Eval(context))
-        path = [se3.exp(-screw_W * travel) @ plan.X_WE for travel in np.linspace(0.0, q, 25)]
+        steps = np.linspace(0.0, q, 25)
+        path = [se3.exp(-screw_W * step) @ plan.motion.X_WE for step in steps]
         output.set_value(np.array(path))

@@ -12,9 +12,9 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from maths.arrays import Array
+from maths.validation import require_positive
 
 ATMOSPHERE = 101_325.0  # [Pa]
-CHAMBERS = ("index", "middle", "ring_little", "thumb")
 
 
 @dataclass(kw_only=True)
@@ -29,7 +29,10 @@ class PneumaticHandConfig:
 
 
 def chamber_rates(config: PneumaticHandConfig) -> Array:
-    """Volume per joint angle (4 chambers, 15 joints), [m^3/rad]; joints index to little, thumb."""
+    """Volume per joint angle (4, 15), [m^3/rad].
+
+    Chambers: index, middle, ring with little, thumb; joints: index to little, thumb.
+    """
     rates = np.zeros((4, 15))
     for finger, chamber in enumerate((0, 1, 2, 2)):
         rates[chamber, 3 * finger : 3 * finger + 3] = config.finger_rates
@@ -62,35 +65,33 @@ class PneumaticHand(LeafSystem):
 
     def __init__(self, config: PneumaticHandConfig) -> None:
         super().__init__()
-        for name in ("period", "fill_time", "finger_volume", "thumb_volume"):
-            if not getattr(config, name) > 0:
-                raise ValueError(
-                    f"PneumaticHand: need {name} > 0 (SI), got {getattr(config, name)!r}"
-                )
+        units = {"period": "s", "fill_time": "s", "finger_volume": "m^3", "thumb_volume": "m^3"}
+        require_positive("PneumaticHand", config, units)
         self._rates = chamber_rates(config)
+        chambers, self._joints = self._rates.shape
         single, thumb = config.finger_volume, config.thumb_volume
         self._volume_straight = np.array([single, single, 2 * single, thumb])
         self._gain = 1.0 - np.exp(-config.period / config.fill_time)
-        self._hand_state = self.DeclareVectorInputPort("hand_state", 30)
-        self._commanded = self.DeclareVectorInputPort("pressure_commanded", 4)
+        self._hand_state = self.DeclareVectorInputPort("hand_state", 2 * self._joints)
+        self._commanded = self.DeclareVectorInputPort("pressure_commanded", chambers)
         self._sealed = self.DeclareVectorInputPort("sealed", 1)
         self.DeclareDiscreteState(ATMOSPHERE * self._volume_straight)
         self._cache = self.DeclareVectorOutputPort(
             "cheat_pressure",
-            4,
+            chambers,
             self._calc_pressure,
             {self.xd_ticket(), self.input_port_ticket(self._hand_state.get_index())},
         )
         self.DeclareVectorOutputPort(
             "joint_torques",
-            15,
+            self._joints,
             self._calc_torques,
             {self.xd_ticket(), self.input_port_ticket(self._hand_state.get_index())},
         )
         self.DeclarePeriodicDiscreteUpdateEvent(config.period, 0.0, self._fill)
 
     def _volume(self, context: Context) -> Array:
-        theta = np.asarray(self._hand_state.Eval(context))[:15]
+        theta = np.asarray(self._hand_state.Eval(context))[: self._joints]
         return np.maximum(self._volume_straight + self._rates @ theta, 0.2 * self._volume_straight)
 
     def _calc_pressure(self, context: Context, output: BasicVector) -> None:

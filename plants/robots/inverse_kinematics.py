@@ -1,4 +1,4 @@
-"""Postures of the arm that put its end-effector somewhere."""
+"""Postures of an arm that put its end-effector somewhere."""
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
@@ -11,24 +11,33 @@ from maths.arrays import Array
 _RESTARTS = 8
 
 
-def inverse_kinematics(arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array) -> Array:
-    """Joint positions (7,) that put E at `X_WE`, far from the joints' limits.
+def inverse_kinematics(
+    arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array, frame: str = "end_effector"
+) -> Array:
+    """Joint positions (n,) that put E at `X_WE`, far from the joints' limits.
 
     The solver stops short of a pose here and there; then it starts again from around `q_guess`.
+
+    Args:
+        arm: A finalized plant with one arm alone.
+        X_WE: Pose of its end-effector.
+        q_guess: Joint positions (n,) nearby, [rad].
+        frame: Name of E.
 
     Raises:
         ValueError: if the pose is out of reach.
     """
     lower, upper = arm.GetPositionLowerLimits(), arm.GetPositionUpperLimits()
     solver = InverseKinematics(arm)
-    frame, world = arm.GetFrameByName("end_effector"), arm.world_frame()
+    E, world = arm.GetFrameByName(frame), arm.world_frame()
     p = X_WE.translation()
-    solver.AddPositionConstraint(frame, np.zeros(3), world, p - 1e-4, p + 1e-4)
-    solver.AddOrientationConstraint(world, X_WE.rotation(), frame, RotationMatrix(), 1e-3)
+    solver.AddPositionConstraint(E, np.zeros(3), world, p - 1e-4, p + 1e-4)
+    solver.AddOrientationConstraint(world, X_WE.rotation(), E, RotationMatrix(), 1e-3)
     weight = np.diag(1.0 / (upper - lower) ** 2)
     solver.prog().AddQuadraticErrorCost(weight, 0.5 * (lower + upper), solver.q())
-    around = np.random.default_rng(0).normal(0.0, 0.2, (_RESTARTS, 7))
-    for guess in q_guess + np.vstack([np.zeros(7), around]):
+    n = arm.num_positions()
+    around = np.random.default_rng(0).normal(0.0, 0.2, (_RESTARTS, n))
+    for guess in q_guess + np.vstack([np.zeros(n), around]):
         result = Solve(solver.prog(), guess)
         if result.is_success():
             return np.asarray(result.GetSolution(solver.q()))

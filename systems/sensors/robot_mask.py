@@ -179,7 +179,7 @@ class RobotMask(Diagram):
     def __init__(
         self,
         config: RobotMaskConfig,
-        build_robot: Callable[[MultibodyPlant], None],
+        build_robot: Callable[[MultibodyPlant], object],
         intrinsics: CameraInfo,
         X_WC: RigidTransform,
         arm_joints: list[str],

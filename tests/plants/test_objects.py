@@ -78,14 +78,16 @@ class Released:
         placed = ObjectPlacement(
             model=Path(SDF_DIR / model), X_WO=X_WO, friction=friction, **placement
         )
-        self.scene: ManipulationScene = add_manipulation_scene(builder, PlantConfig(), placed)
+        self.scene: ManipulationScene = add_manipulation_scene(
+            builder, PlantConfig(), {"object": placed}, [("arm", "hand")]
+        )
         plant = self.scene.plant
         rub = builder.AddSystem(JointFriction(plant, self.scene.friction))
         builder.Connect(plant.get_state_output_port(), rub.get_input_port())
         builder.Connect(rub.get_output_port(), plant.get_applied_generalized_force_input_port())
         self.simulator = Simulator(builder.Build())
         self.context = plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
-        for robot in (self.scene.arm, self.scene.hand):
+        for robot in map(self.scene.model, ("arm", "hand")):
             plant.get_actuation_input_port(robot).FixValue(
                 self.context, np.zeros(plant.num_actuated_dofs(robot))
             )
@@ -126,4 +128,4 @@ def test_the_free_carton_slides_on_the_table_as_far_as_its_feet_let_it() -> None
 def test_the_lid_is_a_joint_of_the_free_carton() -> None:
     released = Released("cardboard_box.sdf", RigidTransform([1, 0, 0.7]), 5.0, free=True)
     scene = released.scene
-    assert [j.name() for j in object_joints(scene.plant, scene.object)] == ["hinge"]
+    assert [j.name() for j in object_joints(scene.plant, scene.objects["object"])] == ["hinge"]

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
 from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
-from plants.robots.wam import add_package
+from plants.parsing import make_parser
 from systems.port_values import JointType
 
 
@@ -47,8 +46,7 @@ class ObjectModel:
 def read_object_model(model: Path, *, joint: str, frame: str, source: str) -> ObjectModel:
     """Raises a ScenarioError unless the model can be read and has the joint and the frame."""
     plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
-    parser = Parser(plant)
-    add_package(parser)
+    parser = make_parser(plant)
     try:
         instances = parser.AddModels(str(model))
     except (RuntimeError, ValueError) as error:

@@ -206,20 +206,21 @@ def check_pull(facts: ObjectModel, pull_direction: np.ndarray, joint: str, frame
 
 
 def overlaps(station: "Station") -> list[str]:
-    """What of the object is inside something else at the start, by more than 5 mm, a line each."""
+    """What of an object is inside something else at the start, by more than 5 mm, a line each."""
     scene, context = station.scene, station.diagram.CreateDefaultContext()
     station.SetInitialState(context)
     query = scene.scene_graph.get_query_output_port().Eval(
         scene.scene_graph.GetMyContextFromRoot(context)
     )
+    objects = list(scene.objects.values())
     inspector, deepest = query.inspector(), dict[tuple[str, str], float]()
     for pair in query.ComputePointPairPenetration():
         bodies = [
             scene.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
             for geometry in (pair.id_A, pair.id_B)
         ]
-        bodies.sort(key=lambda body: body.model_instance() != scene.object)
-        if bodies[0].model_instance() == scene.object and pair.depth > _DEEPEST_OVERLAP:
+        bodies.sort(key=lambda body: body.model_instance() not in objects)
+        if bodies[0].model_instance() in objects and pair.depth > _DEEPEST_OVERLAP:
             names = bodies[0].name(), bodies[1].name()
             deepest[names] = max(deepest.get(names, 0.0), pair.depth)
     return [

@@ -13,13 +13,20 @@ from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.sensors import CameraInfo
 
-from diagrams.crossmodal.station.station_config import StationConfig, StationWiring
+from diagrams.crossmodal.station.station_config import (
+    ARM,
+    HAND,
+    OBJECT,
+    StationConfig,
+    StationWiring,
+)
 from diagrams.crossmodal.station.station_control import add_control, taught_postures
 from diagrams.crossmodal.station.station_sensors import add_proprioception, add_vision
 from diagrams.stations.lighting import Light, ObjectTruth
 from maths.arrays import Array
 from plants.joint_friction import JointFriction
-from plants.robots.wam import make_arm_with_load
+from plants.robots.arm_with_hand import make_arm_with_load
+from plants.robots.wam import WAM_WITH_SOFT_HAND
 from plants.scene import (
     ManipulationScene,
     ObjectPlacement,
@@ -55,7 +62,7 @@ class Station:
     def SetInitialState(self, root_context: Context) -> None:
         """Puts the arm where the approach begins; locks the object if it is to stay."""
         context = self.scene.plant.GetMyMutableContextFromRoot(root_context)
-        self.scene.plant.SetPositions(context, self.scene.arm, self.q_start)
+        self.scene.plant.SetPositions(context, self.scene.model(ARM), self.q_start)
         if self.locked:
             self.joint.Lock(context)
 
@@ -93,34 +100,34 @@ def make_station(
         ValueError: for impossible values, unknown names, a handle out of reach.
     """
     builder = DiagramBuilder()
-    scene = add_manipulation_scene(builder, config.plant, placement)
-    plant = scene.plant
+    scene = add_manipulation_scene(builder, config.plant, {OBJECT: placement}, [(ARM, HAND)])
+    plant, explored = scene.plant, scene.objects[OBJECT]
     for kind, name, known in (
         (
             "joint",
             joint_name,
-            [j.name() for j in map(plant.get_joint, plant.GetJointIndices(scene.object))],
+            [j.name() for j in map(plant.get_joint, plant.GetJointIndices(explored))],
         ),
         (
             "frame",
             handle_frame,
-            [plant.get_frame(i).name() for i in plant.GetFrameIndices(scene.object)],
+            [plant.get_frame(i).name() for i in plant.GetFrameIndices(explored)],
         ),
     ):
         if name not in known:
             raise ValueError(
                 f"{placement.model}: no {kind} named '{name}'; there are {', '.join(known)}"
             )
-    joint = plant.GetJointByName(joint_name, scene.object)
+    joint = plant.GetJointByName(joint_name, explored)
     wiring = StationWiring(
         builder=builder,
         scene=scene,
-        arm=make_arm_with_load(scene.X_WBase),
+        arm=make_arm_with_load(WAM_WITH_SOFT_HAND, scene.pose("base", ARM)),
         config=config,
         seed=seed,
     )
     _add_object_mechanics(wiring, joint)
-    X_WHandle = plant.GetFrameByName(handle_frame, scene.object).CalcPoseInWorld(
+    X_WHandle = plant.GetFrameByName(handle_frame, explored).CalcPoseInWorld(
         plant.CreateDefaultContext()
     )
     q_grasp, q_start = taught_postures(wiring, X_WHandle)

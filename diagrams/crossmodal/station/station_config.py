@@ -21,6 +21,9 @@ from systems.sensors.rgbd_camera import CameraNoiseConfig
 from systems.sensors.robot_mask import RobotMaskConfig
 from systems.sensors.wrist_wrench import WristWrenchConfig
 
+# Model instances of the scene.
+ARM, HAND, OBJECT = "arm", "hand", "object"
+
 
 @dataclass(kw_only=True)
 class SensorsConfig:

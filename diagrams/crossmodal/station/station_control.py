@@ -1,23 +1,28 @@
 """The controllers of a station and their wires."""
 
 import numpy as np
+from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.primitives import ZeroOrderHold
 
 from controllers.arm.impedance import ImpedanceController
 from controllers.arm.kinematics import ArmModel
+from controllers.arm.motion_switch import MotionSwitch
 from controllers.interaction.bending_excitation import BendingExcitation
 from controllers.interaction.exploration import ExplorationController
 from controllers.interaction.grasp_sequence import GraspSequence
 from controllers.interaction.joint_memory import JointMemory
 from controllers.interaction.pull_direction import PullDirection
 from controllers.interaction.trajectory_generator import TrajectoryGenerator
-from diagrams.crossmodal.station.station_config import StationWiring
+from diagrams.crossmodal.station.station_config import ARM, StationWiring
 from maths import se3
 from maths.arrays import Array
 from plants.robots.inverse_kinematics import inverse_kinematics
 from plants.scene import facing
 from systems.sensors.joint_encoders import JointEncoders
 
+# What commands the arm, each in place of those before it.
+MOTION_SOURCES = ("sequence", "exploration", "return")
 # What control is told of the perceived joint; see `InteractedJoint`.
 PERCEIVED_INPUTS = ("joint_latest", "end_effector_screw_latest", "grasp_failure_latest")
 
@@ -46,7 +51,8 @@ def add_control(
     builder, plant, control = wiring.builder, wiring.scene.plant, wiring.config.control
     arm = ArmModel(wiring.arm)
     X_WE, X_WE_before = (
-        arm.Evaluate(np.concatenate([q, np.zeros(7)])).X_WE for q in (q_taught, q_before)
+        arm.Evaluate(np.concatenate([q, np.zeros(arm.num_joints)])).X_WE
+        for q in (q_taught, q_before)
     )
     sequence = builder.AddNamedSystem(
         "grasp_sequence",
@@ -55,6 +61,7 @@ def add_control(
     pull = builder.AddNamedSystem(
         "pull_direction", PullDirection(control.pull_direction, arm, direction_E)
     )
+    switch = builder.AddNamedSystem("motion_switch", MotionSwitch(MOTION_SOURCES))
     if control.excitation is None:
         exploration = builder.AddNamedSystem(
             "exploration", ExplorationController(control.exploration, arm)
@@ -64,11 +71,23 @@ def add_control(
             encoders.GetOutputPort("joint_state_measured"),
             exploration.GetInputPort("joint_state_measured"),
         )
+        builder.Connect(
+            switch.GetOutputPort("motion_commanded"), exploration.GetInputPort("motion_commanded")
+        )
+        # All sources then change at the same instants, and each goes on from the last one's motion.
+        motion = builder.AddNamedSystem(
+            "sequence_motion", ZeroOrderHold(control.sequence.period, Value[object]())
+        )
+        builder.Connect(sequence.GetOutputPort("motion_desired"), motion.get_input_port())
+        grasp_motion = motion.get_output_port()
     else:
         start = control.sequence.approach_time + control.sequence.close_time
         exploration = builder.AddNamedSystem(
             "excitation", BendingExcitation(control.excitation, start, wiring.seed)
         )
+        grasp_motion = sequence.GetOutputPort("motion_desired")
+        builder.Connect(grasp_motion, exploration.GetInputPort("grasp_motion_desired"))
+    builder.Connect(grasp_motion, switch.GetInputPort("sequence_motion_desired"))
     impedance = builder.AddNamedSystem(
         "impedance", ImpedanceController(control.impedance, arm, q_taught)
     )
@@ -87,17 +106,18 @@ def add_control(
             system.GetInputPort("joint_state_measured"),
         )
     for source, output, target, port in (
-        (sequence, "motion_desired", exploration, "motion_desired"),
-        (exploration, "motion_commanded", generator, "motion_desired"),
-        (generator, "motion_commanded", impedance, "motion_desired"),
-        (sequence, "gains_desired", generator, "gains_desired"),
-        (generator, "gains_commanded", impedance, "gains_commanded"),
+        (sequence, "gains_desired", switch, "sequence_gains_desired"),
+        (exploration, "motion_desired", switch, "exploration_motion_desired"),
+        (generator, "motion_desired", switch, "return_motion_desired"),
+        (generator, "gains_desired", switch, "return_gains_desired"),
+        (switch, "motion_commanded", impedance, "motion_desired"),
+        (switch, "gains_commanded", impedance, "gains_desired"),
         (sequence, "phase", exploration, "phase"),
         (sequence, "phase", memory, "phase"),
         (sequence, "phase", pull, "phase"),
         (pull, "pull_direction", sequence, "pull_direction"),
         (sequence, "phase", generator, "phase"),
-        (sequence, "phase", impedance, "phase"),
+        (sequence, "in_free_space", impedance, "tare"),
         (generator, "plan_time_left", sequence, "plan_time_left"),
         *(
             (memory, port, target, port)
@@ -113,7 +133,8 @@ def add_control(
         if generator.HasInputPort(port):
             builder.ConnectInput(source, generator.GetInputPort(port))
     builder.ExportOutput(generator.GetOutputPort("path_planned"), "path_planned")
-    builder.Connect(impedance.get_output_port(), plant.get_actuation_input_port(wiring.scene.arm))
+    actuation = plant.get_actuation_input_port(wiring.scene.model(ARM))
+    builder.Connect(impedance.get_output_port(), actuation)
     for port in ("pressure_commanded", "sealed"):
         builder.Connect(sequence.GetOutputPort(port), pneumatics.GetInputPort(port))
     for port in ("interaction_active", "phase", "grasp_lost"):

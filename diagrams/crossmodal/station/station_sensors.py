@@ -19,12 +19,13 @@ from pydrake.systems.primitives import MatrixGain
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from controllers.interaction.grasp_sequence import GraspSequence
-from diagrams.crossmodal.station.station_config import StationWiring
+from diagrams.crossmodal.station.station_config import ARM, HAND, StationWiring
 from diagrams.stations.lighting import Light, Lighting
 from maths.arrays import Array
 from plants.hands.pneumatic_hand import PneumaticHand
-from plants.robots.wam import ARM_JOINTS, CLOSED_POSTURE, FINGER_JOINTS, add_robot
-from plants.scene import ManipulationScene
+from plants.hands.soft_hand import CLOSED_POSTURE, finger_selection
+from plants.robots.arm_with_hand import add_robot
+from plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
 from systems.sensors.air_pressure import PressureSensor
 from systems.sensors.joint_encoders import JointEncoders
 from systems.sensors.rgbd_camera import CameraNoise
@@ -38,6 +39,7 @@ _RENDERERS = ("colour", "depth")
 def add_proprioception(wiring: StationWiring, q_grasp: Array) -> JointEncoders:
     builder, plant, arm = wiring.builder, wiring.scene.plant, wiring.arm
     sensors, seed = wiring.config.sensors, wiring.seed
+    hand = wiring.scene.model(HAND)
     context = arm.CreateDefaultContext()
     arm.SetPositions(context, q_grasp)
     frame = arm.GetFrameByName("end_effector")
@@ -46,15 +48,15 @@ def add_proprioception(wiring: StationWiring, q_grasp: Array) -> JointEncoders:
     )
     encoders = builder.AddNamedSystem("encoders", JointEncoders(sensors.encoders, J_E, seed))
     builder.Connect(
-        plant.get_state_output_port(wiring.scene.arm), encoders.GetInputPort("joint_state")
+        plant.get_state_output_port(wiring.scene.model(ARM)), encoders.GetInputPort("joint_state")
     )
-    wrist = plant.GetBodyByName("wrist")
+    wrist = plant.GetBodyByName("wrist", hand)
     (mount,) = (
         joint
         for joint in map(plant.get_joint, plant.GetJointIndices())
         if joint.child_body().index() == wrist.index()
     )
-    X_JcS = plant.GetFrameByName("sensor").CalcPose(
+    X_JcS = plant.GetFrameByName("sensor", hand).CalcPose(
         plant.CreateDefaultContext(), mount.frame_on_child()
     )
     wrench = builder.AddNamedSystem("wrist_load", ReactionWrench(plant, mount, X_JcS))
@@ -62,12 +64,13 @@ def add_proprioception(wiring: StationWiring, q_grasp: Array) -> JointEncoders:
     builder.Connect(plant.get_reaction_forces_output_port(), wrench.get_input_port())
     builder.Connect(wrench.get_output_port(), wrench_sensor.get_input_port())
     pneumatics = builder.AddNamedSystem("pneumatics", PneumaticHand(wiring.config.hand))
-    fingers = builder.AddNamedSystem("finger_state", MatrixGain(_finger_selection(wiring.scene)))
+    fingers = builder.AddNamedSystem("finger_state", MatrixGain(finger_selection(plant, hand)))
     pressure = builder.AddNamedSystem("pressure", PressureSensor(sensors.pressure, seed))
-    builder.Connect(plant.get_state_output_port(wiring.scene.hand), fingers.get_input_port())
+    builder.Connect(plant.get_state_output_port(hand), fingers.get_input_port())
     builder.Connect(fingers.get_output_port(), pneumatics.GetInputPort("hand_state"))
     builder.Connect(
-        pneumatics.GetOutputPort("joint_torques"), plant.get_actuation_input_port(wiring.scene.hand)
+        pneumatics.GetOutputPort("joint_torques"),
+        plant.get_actuation_input_port(hand),
     )
     builder.Connect(pneumatics.GetOutputPort("cheat_pressure"), pressure.get_input_port())
     for system, port in (
@@ -77,22 +80,6 @@ def add_proprioception(wiring: StationWiring, q_grasp: Array) -> JointEncoders:
     ):
         builder.ExportOutput(system.GetOutputPort(port), port)
     return encoders
-
-
-def _finger_selection(scene: ManipulationScene) -> Array:
-    """Matrix (30, n) that takes the finger joints' angles and rates out of the hand's state."""
-    plant, hand = scene.plant, scene.hand
-    n = plant.num_positions(hand)
-    first = min(
-        joint.position_start()
-        for joint in map(plant.get_joint, plant.GetJointIndices(hand))
-        if joint.num_positions() > 0
-    )
-    selection = np.zeros((30, 2 * n))
-    for row, name in enumerate(FINGER_JOINTS):
-        column = plant.GetJointByName(name, hand).position_start() - first
-        selection[row, column] = selection[15 + row, n + column] = 1.0
-    return selection
 
 
 def add_vision(
@@ -128,7 +115,7 @@ def add_vision(
         "robot_mask",
         RobotMask(
             sensors.robot_mask,
-            lambda plant: add_robot(plant, wiring.scene.X_WBase),
+            lambda plant: add_robot(plant, WAM_WITH_SOFT_HAND, wiring.scene.pose("base", ARM)),
             intrinsics,
             X_WC,
             ARM_JOINTS,

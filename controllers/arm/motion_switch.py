@@ -1,0 +1,67 @@
+"""Which of several motion sources commands the arm."""
+
+from collections.abc import Sequence
+
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context, InputPort, LeafSystem
+
+
+class MotionSwitch(LeafSystem):
+    """Hands out the motion and the gains of the last source that has some.
+
+    A source that does not command the arm says None. Motion and gains are chosen apart: a source
+    of motions alone leaves the gains to the sources before it.
+
+    The switch keeps nothing and has no delay. A source that has to go on from the motion commanded
+    before it reads `motion_commanded` in its update; that closes no algebraic loop as long as its
+    own outputs depend on its state alone. With sources A and B that update every T, B taking over:
+
+        t_k        unrestricted updates: both see the state before t_k. B decides to begin, reads
+                   the motion that A has commanded since t_(k-1), and stores its first one.
+        t_k +      discrete updates, the impedance controller's among them, get B's first motion.
+        t_k + T    B goes on from its own motion.
+
+    When B stores None again, A commands from that same instant on.
+
+    .. pydrake_system::
+
+        name: MotionSwitch
+        input_ports:
+        - <source>_motion_desired
+        - <source>_gains_desired
+        output_ports:
+        - motion_commanded
+        - gains_commanded
+
+    - <source>_motion_desired: `DesiredMotion`, or None; may stay unconnected.
+    - <source>_gains_desired: `ImpedanceGains`, or None; may stay unconnected.
+    - motion_commanded, gains_commanded: the last source's that are not None; None without any.
+
+    Args:
+        sources: Their names, the one that yields to all others first.
+
+    Raises:
+        ValueError: if a name occurs twice, or there is none.
+    """
+
+    def __init__(self, sources: Sequence[str]) -> None:
+        super().__init__()
+        if not sources or len(set(sources)) < len(sources):
+            raise ValueError(f"MotionSwitch: sources = {list(sources)!r}, need each name once")
+        for quantity in ("motion", "gains"):
+            inputs = [
+                self.DeclareAbstractInputPort(f"{source}_{quantity}_desired", Value[object]())
+                for source in sources
+            ]
+            self.DeclareAbstractOutputPort(
+                f"{quantity}_commanded",
+                lambda: Value[object](),
+                lambda context, output, inputs=inputs: output.set_value(_last(context, inputs)),
+                {port.ticket() for port in inputs},
+            )
+
+
+def _last(context: Context, inputs: Sequence[InputPort]) -> object:
+    """The value of the last input that has one, or None."""
+    connected = (port.Eval(context) for port in reversed(inputs) if port.HasValue(context))
+    return next((value for value in connected if value is not None), None)

@@ -1,0 +1,33 @@
+"""The joints of the soft hand, after the RBO Hand 2: five fingers of three joints each."""
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+
+from maths.arrays import Array
+from models import SDF_DIR
+
+HAND_FILE = SDF_DIR / "soft_hand.sdf"
+FINGER_JOINTS = [
+    f"{finger}_joint_{link}"
+    for finger in ("index", "middle", "ring", "little", "thumb")
+    for link in (1, 2, 3)
+]
+# Typical finger angles of the hand around a handle, for the robot's picture of itself, [rad].
+CLOSED_POSTURE = dict(zip(FINGER_JOINTS, [0.6, 1.0, 1.1] * 4 + [0.8, 0.7, 0.9], strict=True))
+
+
+def finger_selection(plant: MultibodyPlant, hand: ModelInstanceIndex) -> Array:
+    """Matrix (30, n) that takes the finger joints' angles and rates out of the hand's state."""
+    n = plant.num_positions(hand)
+    first = min(
+        joint.position_start()
+        for joint in map(plant.get_joint, plant.GetJointIndices(hand))
+        if joint.num_positions() > 0
+    )
+    fingers = len(FINGER_JOINTS)
+    selection = np.zeros((2 * fingers, 2 * n))
+    for row, name in enumerate(FINGER_JOINTS):
+        column = plant.GetJointByName(name, hand).position_start() - first
+        selection[row, column] = selection[fingers + row, n + column] = 1.0
+    return selection

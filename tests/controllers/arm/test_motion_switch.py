@@ -1,0 +1,89 @@
+"""Who commands the arm, instant by instant."""
+
+import numpy as np
+import pytest
+from pydrake.common.value import Value
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, State
+
+from controllers.arm.motion_switch import MotionSwitch
+
+NAMES = ("first", "second", "third")
+
+
+def switch_with(**values: object) -> tuple[object, object]:
+    """Motion and gains that come out, by the inputs that are connected."""
+    switch = MotionSwitch(NAMES)
+    context = switch.CreateDefaultContext()
+    for port, value in values.items():
+        switch.GetInputPort(f"{port}_desired").FixValue(context, Value[object](value))
+    outputs = ("motion_commanded", "gains_commanded")
+    motion, gains = (switch.GetOutputPort(name).Eval(context) for name in outputs)
+    return motion, gains
+
+
+def test_the_last_source_that_has_a_motion_commands() -> None:
+    assert switch_with(first_motion="a", second_motion="b", third_motion=None)[0] == "b"
+    assert switch_with(first_motion="a", second_motion="b", third_motion="c")[0] == "c"
+    assert switch_with(first_motion="a", third_motion=None)[0] == "a"
+
+
+def test_a_source_without_gains_leaves_them_to_those_before_it() -> None:
+    assert switch_with(first_motion="a", first_gains="soft", second_motion="b") == ("b", "soft")
+
+
+def test_without_any_source_there_is_no_motion() -> None:
+    assert switch_with() == (None, None)
+
+
+@pytest.mark.parametrize("names", [(), ("arm", "arm")])
+def test_sources_without_a_name_of_their_own_are_refused(names: tuple[str, ...]) -> None:
+    with pytest.raises(ValueError, match="MotionSwitch: sources"):
+        MotionSwitch(names)
+
+
+class Clock(LeafSystem):
+    """Its motion is the time of its update."""
+
+    def __init__(self, period: float) -> None:
+        super().__init__()
+        state = self.DeclareAbstractState(Value[object](0.0))
+        self.DeclareStateOutputPort("motion_desired", state)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def _update(self, context: Context, state: State) -> None:
+        state.get_mutable_abstract_state(0).set_value(context.get_time())
+
+
+class Successor(LeafSystem):
+    """From `start` to `end` it counts on from the motion that it finds, by 100 an update."""
+
+    def __init__(self, period: float, start: float, end: float) -> None:
+        super().__init__()
+        self._start, self._end = start, end
+        self._commanded = self.DeclareAbstractInputPort("motion_commanded", Value[object]())
+        state = self.DeclareAbstractState(Value[object]())
+        self.DeclareStateOutputPort("motion_desired", state)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def _update(self, context: Context, state: State) -> None:
+        motion = context.get_abstract_state(0).get_value()
+        motion = self._commanded.Eval(context) if motion is None else motion
+        active = self._start <= context.get_time() < self._end
+        state.get_mutable_abstract_state(0).set_value(motion + 100.0 if active else None)
+
+
+def test_a_successor_goes_on_from_the_motion_before_it_and_gives_way_without_a_gap() -> None:
+    builder = DiagramBuilder()
+    switch = builder.AddSystem(MotionSwitch(("clock", "successor")))
+    clock, successor = builder.AddSystem(Clock(1.0)), builder.AddSystem(Successor(1.0, 2.0, 4.0))
+    builder.Connect(switch.GetOutputPort("motion_commanded"), successor.get_input_port())
+    for name, source in (("clock", clock), ("successor", successor)):
+        builder.Connect(source.get_output_port(), switch.GetInputPort(f"{name}_motion_desired"))
+    simulator = Simulator(builder.Build())
+    commanded = []
+    for time in range(6):
+        simulator.AdvanceTo(time + 0.5)
+        context = switch.GetMyContextFromRoot(simulator.get_context())
+        commanded.append(switch.GetOutputPort("motion_commanded").Eval(context))
+    np.testing.assert_allclose(commanded, [0.0, 1.0, 101.0, 201.0, 4.0, 5.0])

@@ -124,6 +124,21 @@ def add_manipulation_scene(
     )
 
 
+def nominal_pose(scene: str, frame: str, model: str) -> RigidTransform:
+    """X_WF of a frame of a model, as model directives place it, all joints at their defaults.
+
+    Args:
+        scene: File of directives in models/sdf, or an absolute path.
+        frame: Its name.
+        model: Name of the model instance.
+    """
+    plant = MultibodyPlant(time_step=0.0)
+    ProcessModelDirectives(LoadModelDirectives(str(SDF_DIR / scene)), make_parser(plant))
+    plant.Finalize()
+    found = plant.GetFrameByName(frame, find_model(plant, model))
+    return found.CalcPoseInWorld(plant.CreateDefaultContext())
+
+
 def _place(
     plant: MultibodyPlant, parser: Parser, name: str, placement: ObjectPlacement
 ) -> ModelInstanceIndex:

@@ -25,7 +25,7 @@ def ablate_command(
         from tqdm import tqdm
 
         from diagrams.crossmodal.ablations import ABLATIONS, find_ablation, run_ablations
-        from diagrams.crossmodal.experiments import parse_seeds
+        from diagrams.evaluation.seeds import parse_seeds
         from diagrams.run.run_folder import write_text
 
         chosen, numbers = names or list(ABLATIONS), parse_seeds(seeds)

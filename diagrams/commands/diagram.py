@@ -17,30 +17,36 @@ def diagram_command(
         Path | None, typer.Option(help="The SVG file. [default: SCENARIO-MODALITY.svg]")
     ] = None,
     modality: Annotated[
-        str, typer.Option(help="vision, proprioception or crossmodal.")
-    ] = "crossmodal",
+        str, typer.Option(help="One of the scenario's estimators. [default: the last one]")
+    ] = "",
     force: Annotated[bool, typer.Option("--force", help="Replace the file.")] = False,
     overrides: SetOption = None,
 ) -> None:
     """Draw the network of filters with its wires."""
     with one_line_errors():
-        from diagrams.crossmodal.scenario import MODALITIES, load_scenario
-        from diagrams.drawing.diagram_drawing import network_dot, render_svg
-        from diagrams.drawing.palette import MODALITY_LABEL
-        from diagrams.run.episode import build_networks, build_station
+        from dataclasses import replace
+
+        from diagrams.applications import load_scenario
+        from diagrams.drawing.diagram_drawing import diagram_dot, render_svg
+        from diagrams.run.episode import build_estimators
         from diagrams.run.run_folder import write_text
         from diagrams.run.yaml_schema import ScenarioError, suggestion
 
-        if modality not in MODALITIES:
-            raise ScenarioError(
-                f"unknown modality '{modality}'; {suggestion(modality, MODALITIES)}"
-            )
-        chosen = load_scenario(scenario, overrides or [])
-        path = out or Path(f"{chosen.name}-{modality}.svg")
+        application, chosen = load_scenario(scenario, overrides or [])
+        name = modality or (chosen.modalities[-1] if chosen.modalities else "")
+        if name in chosen.modalities:
+            chosen = replace(chosen, modalities=[name])
+        estimators = build_estimators(application, chosen)
+        if not name and estimators:
+            name = list(estimators)[-1]
+        if name not in estimators:
+            raise ScenarioError(f"unknown modality '{name}'; {suggestion(name, estimators)}")
+        path = out or Path(f"{chosen.name}-{name}.svg")
         if path.exists() and not force:
             raise ScenarioError(f"{path}: exists already; replace it with --force")
-        title = f"{chosen.name}: {MODALITY_LABEL[modality]} network"
-        chosen.modalities = [modality]
-        network = build_networks(chosen, build_station(chosen, chosen.seed))[modality]
-        svg = render_svg(network_dot(network, title))
+        title = f"{chosen.name}: {application.labels.get(name, name)} network"
+        try:
+            svg = render_svg(diagram_dot(estimators[name], title))
+        except RuntimeError as error:
+            raise ScenarioError(str(error)) from None
         typer.echo(f"  {write_text(path, svg)}")

@@ -1,4 +1,6 @@
-"""One episode of a campaign, as `run.process` starts it: python -m diagrams.commands.episode FOLDER.
+"""One episode of a campaign, in the process that `run.process` starts.
+
+    python -m diagrams.commands.episode FOLDER
 
 It runs the scenario that FOLDER holds and writes the episode there. It ends when its standard input
 is closed, so that it never outlives who started it.

@@ -10,8 +10,9 @@ from diagrams.commands.endings import FAILED, INTERRUPTED, one_line_errors
 from diagrams.commands.options import SetOption
 
 if TYPE_CHECKING:
-    from diagrams.evaluation.campaign import Evaluation, Workers
+    from diagrams.evaluation.campaign import Campaign, Workers
 
+ALL = "all"
 EXAMPLES = (
     "Examples:  crossmodal evaluate drawer --seeds 100:120 --jobs 2   |"
     "   crossmodal evaluate all --seeds 20.  Run it again to go on where it was stopped."
@@ -40,24 +41,30 @@ def evaluate_command(
 ) -> None:
     """Repeat an experiment over seeds and write tables and plots beside the paper's figures."""
     with one_line_errors():
-        from diagrams.crossmodal.experiments import ALL, find_experiments, parse_seeds
+        from diagrams.applications import experiments, load_scenario
         from diagrams.evaluation import campaign_report as reports
         from diagrams.evaluation.campaign import Workers, connect, prepare
+        from diagrams.evaluation.seeds import parse_seeds
+        from diagrams.run.yaml_schema import ScenarioError, suggestion
 
-        chosen = find_experiments(experiment)
+        known = experiments()
+        if experiment not in (ALL, *known):
+            hint = suggestion(experiment, [*known, ALL])
+            raise ScenarioError(f"unknown experiment '{experiment}'; {hint}")
         numbers = parse_seeds(seeds)
         root = Path("runs") / "evaluate"
         if experiment == ALL:
             top = out or root
-            folders = {name: top / name for name in chosen}
+            folders = {name: top / name for name in known}
         else:
             folders = {experiment: out or root / experiment}
         workers = Workers(jobs=jobs, backend=backend, address=address)
         connect(workers)
-        evaluations = [
-            prepare(name, one, numbers, folders[name], overrides=overrides or [], force=force)
-            for name, one in chosen.items()
-        ]
+        campaigns = []
+        for name, folder in folders.items():
+            chosen = known[name].experiments[name]
+            application, scenario = load_scenario(chosen.scenario, overrides or [])
+            campaigns.append(prepare(name, application, scenario, numbers, folder, force=force))
         origin = reports.made_by(
             " ".join(
                 ["crossmodal evaluate", experiment, f"--seeds {seeds} --jobs {jobs}"]
@@ -66,23 +73,23 @@ def evaluate_command(
         )
         written: list[Path] = []
         finished = True
-        for evaluation in evaluations:
-            finished = finished and _run_evaluation(evaluation, workers)
-            written = reports.write_experiment(evaluation, origin) or written
+        for campaign in campaigns:
+            finished = finished and _run_campaign(campaign, workers)
+            written = reports.write_campaign(campaign, origin) or written
         if experiment == ALL:
-            written = reports.write_overview(evaluations, top, origin)
-    summaries = [summary for evaluation in evaluations for summary in evaluation.summaries]
+            written = reports.write_overview(campaigns, top, origin)
+    summaries = [summary for campaign in campaigns for summary in campaign.summaries]
     _finish_evaluation(summaries, written, not finished)
 
 
-def _run_evaluation(evaluation: "Evaluation", workers: "Workers") -> bool:
+def _run_campaign(campaign: "Campaign", workers: "Workers") -> bool:
     """Runs an experiment behind a progress bar; returns False where it was interrupted."""
     from tqdm import tqdm
 
     from diagrams.evaluation.campaign import run
 
-    total = len(evaluation.scenarios)
-    with tqdm(total=total, desc=evaluation.name, unit="episode", disable=None) as bar:
+    total = len(campaign.scenarios)
+    with tqdm(total=total, desc=campaign.name, unit="episode", disable=None) as bar:
         done = 0
 
         def progress(summary: dict[str, Any]) -> None:
@@ -91,10 +98,10 @@ def _run_evaluation(evaluation: "Evaluation", workers: "Workers") -> bool:
             bar.update()
             bar.set_postfix_str(f"{done} of {bar.n} done")
             if not summary["success"]:
-                reason = f"{evaluation.name}, seed {summary['seed']}: {summary['failure']}"
+                reason = f"{campaign.name}, seed {summary['seed']}: {summary['failure']}"
                 bar.write(reason, file=sys.stderr)
 
-        return run(evaluation, workers, progress)
+        return run(campaign, workers, progress)
 
 
 def _finish_evaluation(

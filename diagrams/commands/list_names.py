@@ -10,18 +10,24 @@ EXAMPLES = "Example:  crossmodal list, then  crossmodal run cupboard-door"
 def list_command() -> None:
     """Show the scenarios, experiments, flows and networks that there are."""
     with one_line_errors():
-        from diagrams.crossmodal.ablations import ABLATIONS
-        from diagrams.crossmodal.experiments import ALL, find_experiments
-        from diagrams.crossmodal.scenario import load_scenario, scenario_files
+        from diagrams.applications import applications, load_scenario
 
-        typer.echo("Scenarios (crossmodal run NAME):")
-        for name, path in scenario_files().items():
-            typer.echo(f"  {name:19}{load_scenario(str(path)).description}")
-        typer.echo("Experiments (crossmodal evaluate NAME):")
-        for name, experiment in find_experiments(ALL).items():
-            typer.echo(f"  {name:19}{experiment.description}")
-        typer.echo("Flows of information (crossmodal ablate NAME):")
-        for name, ablation in ABLATIONS.items():
-            typer.echo(f"  {name:19}{ablation.flow}")
-        typer.echo("Networks (crossmodal train NAME):")
-        typer.echo("  hand-bending       the soft hand's bending from wrench and air pressure")
+        known = applications()
+        for application in known.values():
+            if len(known) > 1:
+                typer.echo(f"{application.name}: {application.description}")
+            typer.echo("Scenarios (crossmodal run NAME):")
+            for path in sorted(application.scenarios.glob("*.yaml"), key=lambda path: path.stem):
+                _line(path.stem, load_scenario(str(path))[1].description)
+            if application.experiments:
+                typer.echo("Experiments (crossmodal evaluate NAME):")
+            for name, experiment in application.experiments.items():
+                _line(name, experiment.description)
+            for heading, lines in application.extras.items():
+                typer.echo(f"{heading}:")
+                for name, text in lines.items():
+                    _line(name, text)
+
+
+def _line(name: str, text: str) -> None:
+    typer.echo(f"  {name:18} {text}")

@@ -25,15 +25,14 @@ def replay_command(
     with one_line_errors():
         from tqdm import tqdm
 
-        from diagrams.run.replay import Wiring, load_recorded_scenario, replay
+        from diagrams.applications import load_scenario
+        from diagrams.run.replay import check_recorded, replay
         from diagrams.run.yaml_schema import ScenarioError
 
-        chosen = load_recorded_scenario(run, overrides or [])
+        changes = overrides or []
+        application, chosen = load_scenario(str(check_recorded(run, changes)), changes)
         if out is not None and out.resolve() == run.resolve():
             raise ScenarioError(f"--out {out}: holds the recorded run itself; choose another")
-        wirings = {
-            name: Wiring(modality=name, cut=chosen.perception.cut) for name in chosen.modalities
-        }
         with run_folder(out or run / "replay", force) as folder:
             title = f"{chosen.name}, seed {chosen.seed}"
             with tqdm(desc=title, unit="tick", disable=None) as bar:
@@ -41,5 +40,5 @@ def replay_command(
                 def progress(_: float) -> None:
                     bar.update()
 
-                result = replay(run, chosen, wirings, progress)
-            write_and_report(folder, result)
+                record = replay(application, run, chosen, progress=progress)
+            write_and_report(folder, application, record)

@@ -11,8 +11,9 @@ from diagrams.commands.options import ForceOption, SetOption
 from diagrams.commands.run_output import run_folder, write_and_report
 
 if TYPE_CHECKING:
-    from diagrams.crossmodal.scenario import Scenario
-    from diagrams.run.record import EpisodeResult
+    from diagrams.run.application import Application
+    from diagrams.run.record import EpisodeRecord
+    from diagrams.run.scenario import Scenario
 
 EXAMPLES = (
     "Examples:  crossmodal run drawer --seed 7 --meshcat   |   crossmodal run my.yaml"
@@ -73,12 +74,9 @@ def run_command(
 ) -> None:
     """Simulate one episode and write what was perceived into a folder."""
     with one_line_errors():
-        from diagrams.crossmodal.objects.own_object import (
-            OwnObject,
-            own_object_assignments,
-            refuse_without_object,
-        )
-        from diagrams.crossmodal.scenario import load_scenario
+        from dataclasses import replace
+
+        from diagrams.applications import load_scenario
         from diagrams.run.run_folder import SENSORS_FILE, default_folder
 
         assignments = list(overrides or [])
@@ -89,37 +87,68 @@ def run_command(
         if modalities is not None:
             names = [name.strip() for name in modalities.split(",")]
             assignments.append(f"modalities=[{', '.join(names)}]")
-        if own_object is None:
-            refuse_without_object(
-                grasp_frame=grasp_frame,
-                joint=joint,
-                pull_direction=pull_direction,
-                object_pose=object_pose,
-            )
-        else:
-            own = OwnObject(
-                model=own_object,
-                grasp_frame=grasp_frame,
-                joint=joint,
-                pull_direction=pull_direction,
-                pose=object_pose,
-            )
-            assignments = own_object_assignments(scenario, assignments, own) + assignments
-        chosen = load_scenario(scenario, assignments)
+        own = {
+            "grasp_frame": grasp_frame,
+            "joint": joint,
+            "pull_direction": pull_direction,
+            "object_pose": object_pose,
+        }
+        assignments = _own_object(scenario, assignments, own_object, own) + assignments
+        application, chosen = load_scenario(scenario, assignments)
         with run_folder(out or default_folder(chosen), force) as folder:
             sensors_file = folder / SENSORS_FILE if record_sensors else None
-            result = _simulate(
-                chosen, live=meshcat, host=host, recording=recording, sensors_file=sensors_file
+            record = _simulate(
+                application,
+                chosen,
+                live=meshcat,
+                host=host,
+                recording=recording,
+                sensors_file=sensors_file,
             )
             if not recording:
-                result.meshcat_html = None
-            status = write_and_report(folder, result)
+                record = replace(record, meshcat_html=None)
+            status = write_and_report(folder, application, record)
     raise typer.Exit(status)
 
 
+def _own_object(
+    scenario: str, assignments: list[str], model: Path | None, options: dict[str, str]
+) -> list[str]:
+    """The assignments that put a user's object in place of the scenario's."""
+    from diagrams.applications import load_scenario
+    from diagrams.crossmodal.objects.own_object import (
+        OwnObject,
+        own_object_assignments,
+        refuse_without_object,
+    )
+    from diagrams.crossmodal.scenario import Scenario
+    from diagrams.run.yaml_schema import ScenarioError
+
+    if model is None:
+        refuse_without_object(**options)
+        return []
+    _, base = load_scenario(scenario, assignments)
+    if not isinstance(base, Scenario):
+        raise ScenarioError(f"--object {model}: '{scenario}' has no object to be replaced")
+    own = OwnObject(
+        model=model,
+        grasp_frame=options["grasp_frame"],
+        joint=options["joint"],
+        pull_direction=options["pull_direction"],
+        pose=options["object_pose"],
+    )
+    return own_object_assignments(base, scenario, own)
+
+
 def _simulate(
-    scenario: "Scenario", *, live: bool, host: str, recording: bool, sensors_file: Path | None
-) -> "EpisodeResult":
+    application: "Application",
+    scenario: "Scenario",
+    *,
+    live: bool,
+    host: str,
+    recording: bool,
+    sensors_file: Path | None,
+) -> "EpisodeRecord":
     from tqdm import tqdm
 
     from diagrams.run.episode import run_episode
@@ -143,18 +172,24 @@ def _simulate(
             interrupt.check()
             bar.update(max(0.0, min(time, scenario.duration) - bar.n))
 
-        result = run_episode(
-            scenario, scenario.seed, meshcat=viewer, progress=progress, sensors_file=sensors_file
+        record = run_episode(
+            application, scenario, meshcat=viewer, progress=progress, sensors_file=sensors_file
         )
         bar.total = bar.n  # An episode may end before its time is over.
         bar.refresh()
-    return result
+    return record
 
 
 def _start_meshcat(host: str, *, announce: bool) -> Any:
-    from diagrams.crossmodal.meshcat_view import start_meshcat
+    from diagrams.drawing.meshcat import start_meshcat
+    from diagrams.run.yaml_schema import ScenarioError, one_line
 
-    meshcat = start_meshcat(host)
+    try:
+        meshcat = start_meshcat(host)
+    except RuntimeError as error:
+        raise ScenarioError(
+            f"--host {host}: Meshcat cannot listen there: {one_line(error)}"
+        ) from None
     if announce:
         typer.echo(f"Watch it at {meshcat.web_url()}")
     return meshcat

@@ -6,23 +6,12 @@ them twice, whole and with the wire cut, so that nothing else differs.
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from diagrams.crossmodal.scenario import load_scenario
-from diagrams.joints.joint_record import summarise
-from diagrams.run.episode import run_episode
-from diagrams.run.replay import Wiring, load_recorded_scenario, replay
-from diagrams.run.run_folder import (
-    SENSORS_FILE,
-    fingerprint,
-    open_run_folder,
-    write_run,
-    write_text,
-)
 from diagrams.run.yaml_schema import ScenarioError, suggestion
 from systems.port_values import JointType
 
@@ -90,11 +79,28 @@ def run_ablation(ablation: Ablation, seed: int, folder: Path) -> dict[str, Any]:
     """Simulates one episode and perceives it whole and cut; a finished one is read instead.
 
     Returns:
-        By wiring, the joint's summary at the end of the episode, see `summarise`.
+        By wiring, the joint's summary at the end of the episode, see `summarise_joint`.
     """
-    scenario = load_scenario(ablation.scenario, [*ablation.overrides, f"seed={seed}"])
-    scenario.modalities = ["crossmodal"]
-    key = {**fingerprint(scenario), "wire": ablation.wire}
+    from diagrams.crossmodal.application import APPLICATION
+    from diagrams.crossmodal.estimators import make_network
+    from diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve
+    from diagrams.run.episode import run_episode
+    from diagrams.run.replay import replay
+    from diagrams.run.run_folder import (
+        SENSORS_FILE,
+        fingerprint,
+        open_run_folder,
+        without_nan,
+        write_run,
+        write_text,
+    )
+    from diagrams.run.scenario import parse_scenario, read_document
+
+    path = SCENARIO_FOLDER / f"{ablation.scenario}.yaml"
+    document = read_document(path, [*ablation.overrides, f"seed={seed}"])
+    scenario = resolve(parse_scenario(Scenario, document, path), path)
+    scenario = replace(scenario, modalities=["crossmodal"])
+    key = {**fingerprint(APPLICATION, scenario), "wire": ablation.wire}
     try:
         known = json.loads((folder / _RESULT_FILE).read_text(encoding="utf-8"))
         if {name: known.get(name) for name in key} == key:
@@ -104,19 +110,21 @@ def run_ablation(ablation: Ablation, seed: int, folder: Path) -> dict[str, Any]:
     open_run_folder(folder, force=True)
     sensors_file = folder / SENSORS_FILE
     try:
-        episode = run_episode(scenario, seed, sensors_file=sensors_file)
+        episode = run_episode(APPLICATION, scenario, sensors_file=sensors_file)
         if episode.interrupted:
             raise KeyboardInterrupt
-        write_run(folder, episode)
-        result = replay(
-            folder,
-            load_recorded_scenario(folder),
-            dict(zip(WIRINGS, (Wiring(), Wiring(cut=[ablation.wire])), strict=True)),
-        )
+        write_run(folder, APPLICATION, episode, APPLICATION.evaluate(episode))
+        calibration = APPLICATION.make_calibration(scenario)
+        cuts = dict(zip(WIRINGS, ([], [ablation.wire]), strict=True))
+        networks = {
+            name: make_network("crossmodal", replace(scenario.perception, cut=cut), calibration)
+            for name, cut in cuts.items()
+        }
+        record = replay(APPLICATION, folder, scenario, networks)
     finally:
         sensors_file.unlink(missing_ok=True)  # Some hundred MB, and the seed makes them again.
-    perceived = summarise(result)["modalities"]
-    wirings = {name: perceived[name]["joints"][0] for name in WIRINGS}
+    perceived = APPLICATION.evaluate(record).summary["modalities"]
+    wirings = {name: without_nan(perceived[name]["joints"][0]) for name in WIRINGS}
     write_text(folder / _RESULT_FILE, json.dumps(key | {"wirings": wirings}, indent=2) + "\n")
     return wirings
 

@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-import numpy as np
-from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
-from pydrake.systems.sensors import CameraInfo
 
+from diagrams.run.calibration import Calibration
+from plants.camera_view import renderer_intrinsics
 from systems.kinematics.joint_filters import JointFiltersConfig
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
@@ -22,6 +21,9 @@ from systems.vision.bodies.body_level import RigidBodyMotionConfig
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from systems.vision.features.feature_motion import FeatureMotion
 from systems.vision.features.feature_tracks import FeatureMotionConfig
+
+if TYPE_CHECKING:
+    from diagrams.crossmodal.scenario import Scenario
 
 MODALITIES = ("vision", "proprioception", "crossmodal")
 VISION_INPUTS = ("color_measured", "depth_measured", "robot_mask")
@@ -141,22 +143,15 @@ class PerceptionConfig:
     joints_crossmodal: KinematicModelConfig = field(default_factory=joints_from_the_hand)
 
 
-@dataclass(kw_only=True)
-class RobotKnowledge:
-    """What the robot knows of itself: its arm and where its camera is.
-
-    Attributes:
-        arm: Finalized plant with the arm, the hand a rigid load.
-        intrinsics: Of the camera.
-        X_WC: The camera's calibrated pose.
-    """
-
-    arm: MultibodyPlant
-    intrinsics: CameraInfo
-    X_WC: RigidTransform
+def make_estimators(scenario: "Scenario", calibration: Calibration) -> dict[str, Diagram]:
+    """One network of filters for each of the scenario's modalities."""
+    return {
+        modality: make_network(modality, scenario.perception, calibration)
+        for modality in scenario.modalities
+    }
 
 
-def make_network(modality: str, config: PerceptionConfig, robot: RobotKnowledge) -> Diagram:
+def make_network(modality: str, config: PerceptionConfig, calibration: Calibration) -> Diagram:
     """The filters of one modality, wired.
 
     Inputs are those of `VISION_INPUTS` and `PROPRIOCEPTION_INPUTS` that the modality uses; outputs
@@ -176,18 +171,18 @@ def make_network(modality: str, config: PerceptionConfig, robot: RobotKnowledge)
     kinematics = getattr(config, f"joints_{modality}")
     if modality == "vision":
         model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=1))
-        bodies = _add_vision(builder, config, robot, with_interacted_body=False)
+        bodies = _add_vision(builder, config, calibration, with_interacted_body=False)
         _wire(builder, bodies, "body_motions_estimated", model, "body_motions")
         _wire(builder, model, "bodies_predicted", bodies, "joint_predictions")
     elif modality == "proprioception":
         model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=1))
-        body, grasp = _add_proprioception(builder, config, robot, corrected_by_vision=False)
+        body, grasp = _add_proprioception(builder, config, calibration, corrected_by_vision=False)
         _wire(builder, body, "body_motions_estimated", grasp, "body_motions_estimated")
         _wire(builder, body, "body_motions_estimated", model, "body_motions")
     else:
         model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=2))
-        _add_vision(builder, config, robot, with_interacted_body=True)
-        body, _ = _add_proprioception(builder, config, robot, corrected_by_vision=True)
+        _add_vision(builder, config, calibration, with_interacted_body=True)
+        body, _ = _add_proprioception(builder, config, calibration, corrected_by_vision=True)
         for name, wire in CROSSMODAL_WIRES.items():
             if name not in config.cut:
                 _connect(builder, wire)
@@ -202,18 +197,17 @@ def make_network(modality: str, config: PerceptionConfig, robot: RobotKnowledge)
 def _add_vision(
     builder: DiagramBuilder,
     config: PerceptionConfig,
-    robot: RobotKnowledge,
+    calibration: Calibration,
     with_interacted_body: bool,
 ) -> System:
     """Feature motion and, on top of it, rigid-body motion; returns the latter."""
-    X_WC = np.asarray(robot.X_WC.GetAsMatrix4())
-    features = _add(
-        builder, "feature_motion", FeatureMotion(config.features, robot.intrinsics, X_WC)
-    )
+    camera = calibration.camera
+    intrinsics, X_WC = renderer_intrinsics(camera.intrinsics), camera.X_PC.GetAsMatrix4()
+    features = _add(builder, "feature_motion", FeatureMotion(config.features, intrinsics, X_WC))
     bodies = _add(
         builder,
         "rigid_body_motion",
-        RigidBodyMotion(config.bodies, robot.intrinsics, X_WC, with_interacted_body),
+        RigidBodyMotion(config.bodies, intrinsics, X_WC, with_interacted_body),
     )
     for port in VISION_INPUTS:
         builder.ExportInput(features.GetInputPort(port), port)
@@ -226,12 +220,14 @@ def _add_vision(
 def _add_proprioception(
     builder: DiagramBuilder,
     config: PerceptionConfig,
-    robot: RobotKnowledge,
+    calibration: Calibration,
     corrected_by_vision: bool,
 ) -> tuple[System, System]:
     """End-effector, bending, grasp and interacted body; returns the last and the grasp."""
     end_effector = _add(
-        builder, "end_effector_motion", EndEffectorMotion(config.end_effector, robot.arm)
+        builder,
+        "end_effector_motion",
+        EndEffectorMotion(config.end_effector, calibration.arm.model),
     )
     bending = _add(builder, "hand_bending", HandBending(config.hand_bending))
     grasp = _add(builder, "grasp_model", GraspModel(config.grasp))

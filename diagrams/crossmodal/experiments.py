@@ -1,48 +1,11 @@
-"""The experiments: scenarios to be repeated over seeds, and what to compare their figures with."""
+"""The experiments: scenarios to be repeated over seeds, and what to compare their metrics with."""
 
-from dataclasses import dataclass, field
-
-from diagrams.crossmodal.scenario import scenario_files
-from diagrams.run.yaml_schema import ScenarioError, suggestion
-
-ALL = "all"
-# Everything is tuned on the seeds below; a count of seeds starts here.
-FIRST_SEED = 100
-
-
-@dataclass(kw_only=True)
-class Reference:
-    """What a row of an experiment's table is compared with.
-
-    Attributes:
-        paper: What the paper reports.
-        goal: What this project wants to reach.
-    """
-
-    paper: str = ""
-    goal: str = ""
-
-
-@dataclass(kw_only=True)
-class Experiment:
-    """A scenario to be repeated over seeds.
-
-    Attributes:
-        scenario: Its name.
-        description: One line.
-        references: By the title of a row of the table.
-        returns: Whether the object is to be brought back after the exploration.
-    """
-
-    scenario: str
-    description: str
-    references: dict[str, Reference] = field(default_factory=dict)
-    returns: bool = False
-
+from diagrams.crossmodal.results.metrics import TRIAL_METRICS
+from diagrams.run.experiment import Experiment, Reference
 
 _COMMON = {
-    "joint type right at the end": Reference(paper="yes", goal="95 %"),
-    "tick": Reference(goal="66.7 ms budget"),
+    "type_right": Reference(paper="yes", goal="95 %"),
+    "tick_median": Reference(goal="66.7 ms budget"),
 }
 
 
@@ -54,12 +17,11 @@ def _return(
         scenario=scenario,
         description=description,
         references={
-            "task done": Reference(paper="5/5", goal="19/20"),
-            "exploration error": exploration,
-            "exploitation error": exploitation,
+            "success": Reference(paper="5/5", goal="19/20"),
+            "exploration_error": exploration,
+            "exploitation_error": exploitation,
             **_COMMON,
         },
-        returns=True,
     )
 
 
@@ -69,14 +31,16 @@ _ALL = (
     Experiment(
         scenario="drawer",
         description="a drawer is pulled open, in light",
-        references={"task done": Reference(paper="works"), **_COMMON},
+        without=TRIAL_METRICS,
+        references={"success": Reference(paper="works"), **_COMMON},
     ),
     Experiment(
         scenario="drawer-lights-off",
         description="the same, and the lights go off on the way",
+        without=TRIAL_METRICS,
         references={
-            "task done": Reference(paper="works"),
-            "configuration error at the end": Reference(
+            "success": Reference(paper="works"),
+            "configuration_error": Reference(
                 paper="vision stops in the dark, proprioception 5 mm, cross-modal 2 mm of 225",
                 goal="cross-modal 4 mm",
             ),
@@ -86,13 +50,15 @@ _ALL = (
     Experiment(
         scenario="cupboard-door",
         description="a cupboard's door is pulled open, in light",
+        without=TRIAL_METRICS,
         references=_COMMON,
     ),
     Experiment(
         scenario="door-occluded",
         description="the robot hides the door while it opens it",
+        without=TRIAL_METRICS,
         references={
-            "configuration error at the end": Reference(
+            "configuration_error": Reference(
                 paper="vision 42 deg, proprioception 7 deg, cross-modal 5 deg of 85",
                 goal="cross-modal 2 deg",
             ),
@@ -102,16 +68,18 @@ _ALL = (
     Experiment(
         scenario="door-covered",
         description="the same door, with a cover over the camera",
+        without=TRIAL_METRICS,
         references=_COMMON,
     ),
     Experiment(
         scenario="box-lid",
         description="the lid of a box is closed, and the box slides",
+        without=TRIAL_METRICS,
         references={
-            "joint found": Reference(
+            "joint_found": Reference(
                 paper="vision no, proprioception no, cross-modal yes", goal="cross-modal 18/20"
             ),
-            "configuration error at the end": Reference(
+            "configuration_error": Reference(
                 paper="cross-modal 10 deg of 100", goal="cross-modal 4 deg"
             ),
             **_COMMON,
@@ -137,44 +105,3 @@ _ALL = (
     ),
 )
 EXPERIMENTS = {experiment.scenario: experiment for experiment in _ALL}
-
-
-def find_experiments(name: str) -> dict[str, Experiment]:
-    """The experiment of that name, or for 'all' every one whose scenario there is.
-
-    Raises:
-        ScenarioError: where there is none.
-    """
-    scenarios = scenario_files()
-    if name == ALL:
-        return {key: one for key, one in EXPERIMENTS.items() if one.scenario in scenarios}
-    if name not in EXPERIMENTS:
-        hint = suggestion(name, [*EXPERIMENTS, ALL])
-        raise ScenarioError(f"unknown experiment '{name}'; {hint}")
-    return {name: EXPERIMENTS[name]}
-
-
-def parse_seeds(text: str) -> list[int]:
-    """Seeds: so many from 100 on ('20'), a range without its end ('100:120') or a list ('1,4,9').
-
-    Raises:
-        ScenarioError: where it names no seed, or a negative one.
-    """
-    try:
-        if text.strip().isdigit():
-            seeds = list(range(FIRST_SEED, FIRST_SEED + int(text)))
-        else:
-            seeds = [seed for part in text.split(",") for seed in _part(part)]
-    except ValueError:
-        raise ScenarioError(
-            f"--seeds {text}: expected a count such as 20, a range such as 100:120"
-            " or a list such as 3,5,8"
-        ) from None
-    if not seeds or min(seeds) < 0:
-        raise ScenarioError(f"--seeds {text}: names no seed, or a negative one")
-    return list(dict.fromkeys(seeds))
-
-
-def _part(text: str) -> range:
-    first, colon, last = text.strip().partition(":")
-    return range(int(first), int(last) if colon else int(first) + 1)

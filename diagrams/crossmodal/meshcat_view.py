@@ -1,21 +1,24 @@
 """Draws what the network believes into Meshcat, live and in the recording."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from pydrake.common.value import AbstractValue, Value
-from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, MeshcatParams, Rgba
+from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.perception import BaseField, Fields, PointCloud
-from pydrake.systems.framework import Context, InputPort, LeafSystem
+from pydrake.systems.framework import Context, DiagramBuilder, InputPort, LeafSystem, System
 
 from diagrams.crossmodal.results.report import describe_configuration
+from diagrams.crossmodal.scenario import Scenario
 from diagrams.drawing import palette
 from diagrams.drawing.text_board import text_board
 from diagrams.joints.joint_drawing import JointSketch, perpendicular_axes, sketch_joint
 from diagrams.joints.joint_metrics import joint_now
-from diagrams.run.yaml_schema import ScenarioError, one_line
+from diagrams.joints.joint_palette import JOINT, RESTING_IN_SCENE, body_color
+from diagrams.joints.joint_truth import UNKNOWN_JOINT
+from diagrams.run.episode import connect_latest
 from maths.arrays import Array
 from systems.port_values import (
     BodyMotion,
@@ -40,26 +43,22 @@ class MeshcatViewConfig:
     # Where the page is first seen from, and what the texts face, p_WV, [m]; and its target.
     viewpoint: np.ndarray = field(default_factory=lambda: np.array([-0.25, 0.75, 1.45]))
     looking_at: np.ndarray = field(default_factory=lambda: np.array([0.6, -0.2, 0.85]))
-    parent_moves: bool = False  # Draw the joint between two moving bodies, not to the environment.
 
 
-def start_meshcat(host: str = "localhost") -> Meshcat:
-    """A Meshcat server that only this machine can reach unless `host` says otherwise."""
-    try:
-        meshcat = Meshcat(MeshcatParams(host=host))
-    except RuntimeError as error:
-        raise ScenarioError(
-            f"--host {host}: Meshcat cannot listen there: {one_line(error)}"
-        ) from None
-    for path in ("/Grid", "/Axes"):
-        meshcat.SetProperty(path, "visible", False)
-    return meshcat
-
-
-def recorded_page(meshcat: Meshcat) -> str:
-    """The recording as one page that opens without a server."""
-    meshcat.PublishRecording()
-    return meshcat.StaticHtml()
+def add_view(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    meshcat: Meshcat,
+    station: System,
+    estimators: Mapping[str, System],
+) -> None:
+    """Adds a view of what the estimators believe."""
+    view = builder.AddNamedSystem(
+        "meshcat_view", MeshcatView(MeshcatViewConfig(), meshcat, list(estimators))
+    )
+    for port in ("path_planned", "cheat_joint"):
+        builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
+    connect_latest(builder, estimators, view)
 
 
 class MeshcatView(LeafSystem):
@@ -80,10 +79,13 @@ class MeshcatView(LeafSystem):
         - <modality>_body_motions_latest
         - <modality>_features_latest
         - path_planned
+        - cheat_joint
 
     - `<modality>_joints_latest`, `<modality>_body_motions_latest`, `<modality>_features_latest`:
       `JointBeliefs`, `BodyMotions` and `FeatureBelief`; what has no source stays unconnected.
     - `path_planned`: poses (N, 4, 4) in W of the end-effector's planned way; N = 0 without a plan.
+    - `cheat_joint`: `JointTruth`; where its parent moves, the joint between two moving bodies is
+      drawn, not the one to the environment.
 
     Frames: W world, B a moving body, J joint (z along the axis), V the viewer.
     """
@@ -96,7 +98,6 @@ class MeshcatView(LeafSystem):
             value = getattr(config, name)
             if not value > 0:
                 raise ValueError(f"MeshcatView: need {name} > 0, got {value!r}")
-        self._parent_moves = config.parent_moves
         meshcat.Delete(ROOT)  # What an earlier view may have left.
         meshcat.SetCameraPose(config.viewpoint, config.looking_at)
         self._ports: dict[str, dict[str, InputPort]] = {}
@@ -113,11 +114,13 @@ class MeshcatView(LeafSystem):
             self._layers[modality] = _Layer(meshcat, f"{ROOT}/{modality}", config)
             meshcat.SetProperty(f"{ROOT}/{modality}", "visible", modality == shown)
         self._path = self.DeclareAbstractInputPort("path_planned", Value[object]())
+        self._truth = self.DeclareAbstractInputPort("cheat_joint", Value[object](UNKNOWN_JOINT))
         self._plan = _PlannedPath(meshcat, f"{ROOT}/planned_path", config)
         self.DeclarePeriodicPublishEvent(config.period, 0.0, self._draw)
 
     def _draw(self, context: Context) -> None:
         time = context.get_time()
+        truth = self._truth.Eval(context) if self._truth.HasValue(context) else UNKNOWN_JOINT
         for modality, ports in self._ports.items():
             values = {
                 name: port.Eval(context) for name, port in ports.items() if port.HasValue(context)
@@ -126,7 +129,7 @@ class MeshcatView(LeafSystem):
             layer = self._layers[modality]
             layer.draw_features(time, values.get("features", _NO_FEATURES), bodies.bodies)
             joints = values.get("joints", JointBeliefs())
-            joint = joint_now(joints, bodies, self._parent_moves)
+            joint = joint_now(joints, bodies, truth.parent_moves)
             layer.draw_joint(time, joint, bodies.bodies)
         if self._path.HasValue(context):
             self._plan.draw(time, self._path.Eval(context))
@@ -224,8 +227,8 @@ class _Layer:
         path = f"{self._path}/features/set_{self._sets}/body_{body_id}"
         cloud = PointCloud(len(points), Fields(BaseField.kXYZs))
         cloud.mutable_xyzs()[:] = points.T
-        moving = palette.body_color(body_id)
-        color = Rgba(*palette.rgb(moving if body_id else palette.RESTING_IN_SCENE))
+        moving = body_color(body_id)
+        color = Rgba(*palette.rgb(moving if body_id else RESTING_IN_SCENE))
         self._meshcat.SetObject(path, cloud, self._config.point_size, color)
         show_from(self._meshcat, path, time)
         self._clouds[body_id] = path
@@ -256,7 +259,7 @@ class _Layer:
 
     def _make_joint(self, kind: JointType) -> None:
         path = self._joint_path(kind)
-        solid = Rgba(*palette.rgb(palette.JOINT[kind]))
+        solid = Rgba(*palette.rgb(JOINT[kind]))
         clear = Rgba(solid.r(), solid.g(), solid.b(), 0.3)
         self._meshcat.SetObject(f"{path}/bar", Cylinder(_BAR_RADIUS, 1.0), solid)
         for side, turn in (("ahead", 0.0), ("behind", np.pi)):
@@ -296,7 +299,7 @@ class _Layer:
             self._hide_text(time)
             self._text, self._text_drawn = text, time
             self._text_path = f"{self._path}/text/{round(1000 * time)}"
-            red, green, blue = (round(255 * c) for c in palette.rgb(palette.JOINT[sketch.type]))
+            red, green, blue = (round(255 * c) for c in palette.rgb(JOINT[sketch.type]))
             board = text_board(text, _BOARD_HEIGHT, (red, green, blue))
             self._meshcat.SetObject(self._text_path, board)
             show_from(self._meshcat, self._text_path, time)

@@ -258,9 +258,7 @@ def _check(scenario: Scenario, source: str) -> None:
 
 def _check_object(key: str, thing: ObjectConfig, source: str) -> None:
     if not 0 <= thing.friction < float("inf"):
-        raise ScenarioError(
-            f"{source}: {key}.friction = {thing.friction!r}, but it must be >= 0 N"
-        )
+        raise ScenarioError(f"{source}: {key}.friction = {thing.friction!r}, but it must be >= 0 N")
     require_vector(f"{key}.position", thing.position, source)
     require_vector(f"{key}.pull_direction", thing.pull_direction, source, unit="")
     if not np.any(thing.pull_direction):

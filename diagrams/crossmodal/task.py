@@ -1,33 +1,75 @@
 """What the robot did and how far that truly moved the joint."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context, LeafSystem
 
 from controllers.interaction.phases import Phase as ControlPhase
 from diagrams.crossmodal.scenario import Task
-from diagrams.run.record import Event, Phase, Truth
+from diagrams.joints.joint_truth import Truth
+from diagrams.run.record import Event, TaskStatus
 
-_NAMES = {
-    ControlPhase.RELEASE: "grasp lost, trying again",
-    ControlPhase.CLOSE: "closing",
-    ControlPhase.EXPLORE: "exploring",
-    ControlPhase.RETURN: "returning",
-    ControlPhase.STOP: "stopped",
-}
 GRASP_LOST = "grasp lost"
+_STATUS = {
+    ControlPhase.RELEASE: TaskStatus(phase="releasing", note="grasp lost, trying again"),
+    ControlPhase.APPROACH: TaskStatus(),
+    ControlPhase.CLOSE: TaskStatus(phase="closing"),
+    ControlPhase.EXPLORE: TaskStatus(phase="exploring"),
+    ControlPhase.RETURN: TaskStatus(phase="returning"),
+    ControlPhase.STOP: TaskStatus(phase="stopped", done=True),
+}
+_STOPPED_WITHOUT = TaskStatus(phase="stopped", done=True, note=GRASP_LOST)
 
 
-def event_name(phase: ControlPhase, grasp_lost: bool) -> str | None:
-    """What begins with a phase of the control; None for what needs no mention."""
-    if phase == ControlPhase.STOP and grasp_lost:
-        return GRASP_LOST
-    return _NAMES.get(phase)
+@dataclass(kw_only=True)
+class Phase:
+    """A part of the task: the joint's target travel and what it truly reached, [m or rad]."""
+
+    target: float
+    reached: float
+
+
+def task_status(phase: ControlPhase, grasp_lost: bool) -> TaskStatus:
+    """What a phase of the control means to the task."""
+    return _STOPPED_WITHOUT if phase == ControlPhase.STOP and grasp_lost else _STATUS[phase]
+
+
+class ManipulationStatus(LeafSystem):
+    """Says in the words of the task what the grasp sequence does.
+
+    .. pydrake_system::
+
+        name: ManipulationStatus
+        input_ports:
+        - phase
+        - grasp_lost
+        output_ports:
+        - task_status
+
+    - phase: (1,) `controllers.interaction.phases.Phase`.
+    - grasp_lost: (1,) one once a grasp is given up.
+    - task_status: `TaskStatus`.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._phase = self.DeclareVectorInputPort("phase", 1)
+        self._lost = self.DeclareVectorInputPort("grasp_lost", 1)
+        self.DeclareAbstractOutputPort(
+            "task_status", lambda: Value[object](TaskStatus()), self._calc_status
+        )
+
+    def _calc_status(self, context: Context, output: Value) -> None:
+        phase = ControlPhase(int(self._phase.Eval(context)[0]))
+        output.set_value(task_status(phase, self._lost.Eval(context)[0] > 0.5))
 
 
 def begun(events: Sequence[Event], phase: ControlPhase) -> list[float]:
     """When a phase began, each time, [s]."""
-    return [event.time for event in events if event.name == _NAMES[phase]]
+    return [event.time for event in events if event.name == _STATUS[phase].event]
 
 
 def later_events(events: Sequence[Event]) -> list[Event]:

@@ -61,9 +61,7 @@ def estimates_table(rows: Mapping[str, Iterable[tuple[float, Iterable[Row]]]]) -
     return table.astype({"modality": "category", "quantity": "category", "component": "category"})
 
 
-def evaluate_rows(
-    record: EpisodeRecord, rows: Callable[[Tick, Tick], Iterable[Row]]
-) -> Results:
+def evaluate_rows(record: EpisodeRecord, rows: Callable[[Tick, Tick], Iterable[Row]]) -> Results:
     """What an episode comes to by the table of its estimates alone.
 
     For each estimator the summary holds, by quantity and component: `final_error`, `rms_error`, and
@@ -87,7 +85,7 @@ def evaluate_rows(
     keys = ["modality", "quantity", "component"]
     for (name, quantity, component), found in table_of_errors.groupby(keys, observed=True):
         label = f"{quantity}_{component}" if component else str(quantity)
-        modalities[name]["quantities"][label] = {
+        modalities[str(name)]["quantities"][label] = {
             "final_error": float(found["error"].iloc[-1]),
             "rms_error": float(np.sqrt(np.mean(found["error"] ** 2))),
             "inside_two_sigma": float(found["inside"].mean()),

@@ -294,7 +294,7 @@ def overall_table(application: Application, figures: Mapping[str, pd.DataFrame])
                 found = found or (np.full(frame["seed"].nunique(), np.nan), "")
                 flags.setdefault(index, []).append(found[0])
             shown = found is not None and metric.name not in experiment.without
-            cells.append(metric.cell(*found) if shown and metric.cell else "-")
+            cells.append(metric.cell(*found) if shown and found and metric.cell else "-")
         beside = [_beside(application, experiment, kind) for kind in ("paper", "goal")]
         table.rows.append([*cells, *beside])
     together = {index: np.concatenate(values) for index, values in flags.items()}

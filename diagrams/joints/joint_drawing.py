@@ -14,8 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 from scipy.spatial import ConvexHull, QhullError
 
-from diagrams.drawing import palette
-from diagrams.run.record import PinholeCamera
+from diagrams.joints.joint_palette import JOINT
+from diagrams.run.calibration import Camera
 from maths.arrays import Array
 from systems.port_values import BodyMotion, JointBelief, JointType
 
@@ -47,7 +47,7 @@ class JointSketch:
 
 
 def joint_color(joint_type: JointType) -> str:
-    return palette.JOINT[joint_type]
+    return JOINT[joint_type]
 
 
 def sketch_joint(joint: JointBelief, body: BodyMotion | None) -> JointSketch | None:
@@ -100,9 +100,7 @@ def uncertainty_outline(sketch: JointSketch, side: float, points: int = 32) -> A
     return np.vstack([near, far])
 
 
-def draw_joint(
-    axes: Axes, joint: JointBelief, body: BodyMotion | None, camera: PinholeCamera
-) -> bool:
+def draw_joint(axes: Axes, joint: JointBelief, body: BodyMotion | None, camera: Camera) -> bool:
     """Draws a joint into a camera image; says whether its middle is in there."""
     sketch = sketch_joint(joint, body)
     if sketch is None:

@@ -197,7 +197,8 @@ def joint_series(ticks: Sequence[Tick], truth: Truth) -> JointSeries:
     for k, joint in enumerate(joints):
         if joint is None:
             continue
-        probability[k] = joint.probabilities.get(truth.joint_type, 0.0)
+        if truth.joint_type is not None:
+            probability[k] = joint.probabilities.get(truth.joint_type, 0.0)
         held = is_held(joint)
         before = -travel_at_grasp(times[k], truth) if held else travel_before_grasp(truth)
         reversible = truth.parent_moves and not held
@@ -283,6 +284,8 @@ def _compare(
 
 def motion_start(truth: Truth) -> float | None:
     """The first instant at which the object has visibly moved since the grasp, [s]."""
+    if truth.joint_type is None:
+        return None
     moved = (np.abs(truth.opening()) >= MOTION_START[truth.joint_type]) & (
         truth.times >= truth.grasp_time
     )
@@ -292,7 +295,7 @@ def motion_start(truth: Truth) -> float | None:
 def moving_at(times: Array, truth: Truth) -> Mask:
     """Whether the object moves at the given instants, from the start of its motion on."""
     start = motion_start(truth)
-    if start is None or len(truth.times) < 2:
+    if start is None or truth.joint_type is None or len(truth.times) < 2:
         return np.zeros(len(times), dtype=bool)
     speed = np.abs(np.gradient(truth.configuration, truth.times))
     moving = np.interp(times, truth.times, speed) >= MOVING_SPEED[truth.joint_type]

@@ -18,7 +18,6 @@ from diagrams.joints.joint_metrics import (
 from diagrams.joints.joint_truth import Truth
 from diagrams.run.record import Tick
 from maths import se3
-from maths.arrays import Array
 from systems.port_values import BodyMotion, JointBelief, JointType
 
 
@@ -46,7 +45,8 @@ def joint_rows(tick: Tick, series: JointSeries, k: int, truth: Truth) -> list[Ro
 def _belief_rows(joint: JointBelief, series: JointSeries, k: int, truth: Truth) -> list[Row]:
     rows: list[Row] = []
     for joint_type, probability in joint.probabilities.items():
-        is_true = float(joint_type == truth.joint_type)
+        known = truth.joint_type is not None
+        is_true = float(joint_type == truth.joint_type) if known else math.nan
         rows.append(scalar("type_probability", probability, str(joint_type), true=is_true))
     if not np.isnan(series.configuration[k]):
         std, true = series.configuration_std[k], series.opening[k]
@@ -88,7 +88,7 @@ def summarise_joint(series: JointSeries, truth: Truth) -> dict[str, Any]:
     end = float(opening[-1]) if len(opening) else math.nan
     summary: dict[str, Any] = {
         "name": truth.joint_name,
-        "type_true": str(truth.joint_type),
+        "type_true": None if truth.joint_type is None else str(truth.joint_type),
         "type_estimated": None,
         "probability": None,
         "configuration_true": end,

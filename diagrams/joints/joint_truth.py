@@ -121,7 +121,7 @@ class Truth:
 
     Attributes:
         joint_name: Its name in the object's model.
-        joint_type: Prismatic or revolute; empty where nothing is known.
+        joint_type: Prismatic or revolute; None where nothing is known.
         axis_W: Unit axis (3,), the direction of growing q.
         point_W: A point (3,) on the axis, [m].
         times: Instants of the network's ticks (T,), [s].
@@ -134,7 +134,7 @@ class Truth:
     """
 
     joint_name: str
-    joint_type: JointType | str
+    joint_type: JointType | None
     axis_W: Array
     point_W: Array
     times: Array
@@ -175,7 +175,7 @@ def truth_of(record: EpisodeRecord) -> Truth:
     poses = [tick.values["cheat_body_pose"].GetAsMatrix4() for tick in ticks]
     return Truth(
         joint_name=constants.name,
-        joint_type=JointType(constants.type) if constants.type else constants.type,
+        joint_type=JointType(constants.type) if constants.type else None,
         axis_W=constants.axis_W,
         point_W=constants.point_W,
         times=np.array([tick.time for tick in ticks]),

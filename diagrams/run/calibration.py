@@ -109,6 +109,10 @@ class Camera:
     registration: Array = field(default_factory=lambda: np.zeros(2))
     latency: float = 0.0
 
+    def project(self, p_PF: Array) -> Array:
+        """Pixels (N, 2) of points (N, 3) in the frame P; NaN behind the camera."""
+        return self.intrinsics.project(self.X_PC.inverse().multiply(np.atleast_2d(p_PF).T).T)
+
 
 @dataclass(frozen=True, kw_only=True)
 class CameraCalibration(Camera):

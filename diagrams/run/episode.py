@@ -1,6 +1,7 @@
 """One episode: a scenario with its seed, simulated to the end."""
 
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +23,10 @@ from diagrams.run.yaml_schema import ScenarioError, one_line
 from maths.compiled import compilation_timed
 
 SCENE_PORT = "cheat_query_object"  # Of a station whose scene Meshcat can draw.
+
+
+class StationWarning(UserWarning):
+    """What a user should know of a station before it runs."""
 
 
 @contextmanager
@@ -60,7 +65,10 @@ def build_station(
     """
     with building(scenario.name):
         calibration = calibration or application.make_calibration(scenario)
-        return application.make_station(scenario, calibration)
+        station = application.make_station(scenario, calibration)
+    for line in station.warnings:
+        warnings.warn(f"{scenario.name}: {line}", StationWarning, stacklevel=2)
+    return station
 
 
 class Episode:

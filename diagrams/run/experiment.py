@@ -76,7 +76,7 @@ class Experiment:
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """A column of the table over all experiments: one metric, of one estimator where it has many."""
+    """A column of the table over all experiments: a metric, of one estimator or the episode."""
 
     header: str
     metric: str

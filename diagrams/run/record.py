@@ -12,7 +12,6 @@ from maths.immutable import Immutable
 
 if TYPE_CHECKING:
     from diagrams.run.calibration import Calibration
-    from diagrams.run.scenario import Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +85,7 @@ class EpisodeRecord:
     """One episode, simulated or replayed.
 
     Attributes:
-        scenario: As run, its `seed` set.
+        scenario: As run, with its seed; of the application's dataclass.
         calibration: What the robot believed of its cameras and arms.
         station: What the station gave at each tick: what the robot did, and the truth.
         estimators: By name, one for each of `scenario.modalities`.
@@ -100,7 +99,7 @@ class EpisodeRecord:
         sensors_file: Where the sensor streams were kept.
     """
 
-    scenario: "Scenario"
+    scenario: Any
     calibration: "Calibration"
     station: list[Tick]
     estimators: dict[str, EstimatorRecord]

@@ -105,7 +105,7 @@ class Scenario:
 
 
 def read_document(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
-    """A scenario's file as a mapping, with assignments `key.path=value` in place of what it says."""
+    """A scenario's file as a mapping; assignments `key.path=value` replace what it says."""
     document = read_yaml(path)
     for assignment in overrides:
         apply_override(document, assignment)

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 import yaml
-from pydrake.common.yaml import yaml_dump, yaml_load_typed
+from pydrake.common.yaml import yaml_dump, yaml_dump_typed, yaml_load_typed
 
 T = TypeVar("T")
 
@@ -104,10 +104,47 @@ def load_typed(schema: type[T], document: dict[str, Any], source: str) -> T:
         source: Where the mapping comes from, the beginning of every error message.
     """
     _check(document, schema, source, "")
+    defaults = schema()
     try:
-        return yaml_load_typed(schema=schema, data=yaml_dump(document), defaults=schema())
+        document = _completed(document, defaults)
+        return yaml_load_typed(
+            schema=schema,
+            data=yaml_dump(document),
+            defaults=defaults,
+            retain_map_defaults=False,
+        )
     except (RuntimeError, TypeError, ValueError, yaml.YAMLError) as error:
         raise ScenarioError(f"{source}: {one_line(error)}") from None
+
+
+def _completed(document: dict[str, Any], defaults: Any) -> dict[str, Any]:
+    """A document whose named parts keep the defaults' values of what it does not say of them.
+
+    A mapping of names to parts, such as the cameras, holds the parts that the document names. Drake
+    would give those the values of their class, also where the defaults have a part of that name.
+    """
+    completed = dict(document)
+    for name, said in document.items():
+        default = getattr(defaults, name)
+        if not isinstance(said, dict):
+            continue
+        if dataclasses.is_dataclass(default):
+            completed[name] = _completed(said, default)
+        elif isinstance(default, dict):
+            completed[name] = {
+                key: _merged(yaml.safe_load(yaml_dump_typed(default[key])), part)
+                if dataclasses.is_dataclass(default.get(key))
+                else part
+                for key, part in said.items()
+            }
+    return completed
+
+
+def _merged(default: Any, said: Any) -> Any:
+    """`said`, and of `default` what it does not say."""
+    if not isinstance(default, dict) or not isinstance(said, dict):
+        return said
+    return default | {key: _merged(default.get(key), value) for key, value in said.items()}
 
 
 def _check(value: Any, schema: Any, source: str, path: str) -> None:

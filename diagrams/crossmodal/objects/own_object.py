@@ -4,8 +4,7 @@ import hashlib
 import shutil
 import tempfile
 import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,9 +16,11 @@ from diagrams.run.yaml_schema import ScenarioError
 from plants.object_import import MODEL_FILE
 
 if TYPE_CHECKING:
-    from diagrams.crossmodal.station.station import Station
+    from diagrams.crossmodal.scenario import Scenario
+    from diagrams.crossmodal.station.station import ManipulationStation
     from plants.object_import.object_import import ImportedObject
 
+MODEL_FOLDER = "model"  # Of a run, for the copies of imported objects.
 _DEEPEST_OVERLAP = 0.005  # [m]
 _WIDEST_PULL = 60.0  # From the way that the joint allows, [deg].
 
@@ -95,35 +96,33 @@ def content_hash(folder: Path) -> str:
     return digest.hexdigest()[:16]
 
 
-def own_object_assignments(scenario: str, given: Sequence[str], own: OwnObject) -> list[str]:
+def own_object_assignments(scenario: "Scenario", source: str, own: OwnObject) -> list[str]:
     """The assignments `key.path=value` that put an own object in place of a scenario's.
 
     Friction becomes what the scenario's is at the hand, and the opening asked for what the joint's
     limits allow.
 
     Args:
-        scenario: Name or path.
-        given: The user's assignments, to know where the scenario's own object stands.
+        scenario: The one whose object is replaced, with the user's assignments.
+        source: Its name or file.
     """
-    from diagrams.crossmodal.scenario import load_scenario, object_model_file
+    from diagrams.crossmodal.scenario import object_model_file
 
-    base = load_scenario(scenario, given)
+    base, thing = scenario, scenario.object
+    name = scenario.task.object or next(iter(scenario.objects))
     at_base = read_object_model(
-        object_model_file(base),
-        joint=base.object.joint,
-        frame=base.object.handle_frame,
-        source=scenario,
+        object_model_file(thing), joint=thing.joint, frame=thing.handle_frame, source=source
     )
     made = imported(
         own.model,
         joint=own.joint,
         frame=own.grasp_frame,
-        free=base.object.free,
+        free=thing.free,
         source="--object",
     )
     facts = read_object_model(made.model, joint=made.joint, frame=made.grasp_frame, source="")
     pull = _numbers("--pull-direction", own.pull_direction or "1,0,0", 3)
-    pulling = base.object.friction / (at_base.lever if at_base.lever else 1.0)
+    pulling = thing.friction / (at_base.lever if at_base.lever else 1.0)
     values: dict[str, object] = {
         "model": str(made.model.resolve()),
         "joint": made.joint,
@@ -138,15 +137,15 @@ def own_object_assignments(scenario: str, given: Sequence[str], own: OwnObject) 
         values |= dict(zip(("roll", "pitch", "yaw"), angles, strict=True))
         values |= {"place_handle": False, "position": pose[:3]}
     else:
-        X_WH = base.object.pose() @ at_base.X_OH
+        X_WH = thing.pose() @ at_base.X_OH
         x_axis = X_WH.rotation().col(0)
         # It stands no lower than the scenario's own object, or it would be inside the table; one
         # that is free stands there, or it would fall.
-        sway = base.object.variation.position
+        sway = thing.variation.position
         low_base = at_base.bottom - at_base.X_OH.translation()[2]
         p_WH = X_WH.translation()
         lift = float(low_base - facts.bottom + facts.X_OH.translation()[2])
-        if base.object.free:
+        if thing.free:
             values["variation.position"] = [*sway[:2].tolist(), 0.0]
         else:
             lift = max(0.0, lift + float(sway[2]))
@@ -155,7 +154,7 @@ def own_object_assignments(scenario: str, given: Sequence[str], own: OwnObject) 
             "position": [*p_WH[:2].tolist(), float(p_WH[2]) + lift],
             "yaw": float(np.rad2deg(np.arctan2(x_axis[1], x_axis[0]))),
         }
-    lines = [f"object.{key}={value}" for key, value in values.items()]
+    lines = [f"objects.{name}.{key}={value}" for key, value in values.items()]
     most = 0.9 * max(abs(facts.lower), abs(facts.upper))
     for key in ("opening", "goal"):
         wanted = getattr(base.task, key)
@@ -205,7 +204,7 @@ def check_pull(facts: ObjectModel, pull_direction: np.ndarray, joint: str, frame
         )
 
 
-def overlaps(station: "Station") -> list[str]:
+def overlaps(station: "ManipulationStation") -> list[str]:
     """What of an object is inside something else at the start, by more than 5 mm, a line each."""
     scene, context = station.scene, station.diagram.CreateDefaultContext()
     station.SetInitialState(context)
@@ -231,9 +230,34 @@ def overlaps(station: "Station") -> list[str]:
 
 
 def keep_object(model: Path, folder: Path) -> Path:
-    """Copies an imported model with its meshes into a run's folder; returns the copy's SDF."""
+    """Copies an imported model with its meshes into a folder; returns the copy's SDF."""
     target = folder / MODEL_FILE
     if model.resolve() != target.resolve():
         shutil.rmtree(folder, ignore_errors=True)
         shutil.copytree(model.parent, folder)
     return target
+
+
+def keep_files(scenario: "Scenario", folder: Path) -> "Scenario":
+    """Copies imported models into a run's folder, below `model`, and names them there."""
+    if not any(Path(thing.model).is_absolute() for thing in scenario.objects.values()):
+        shutil.rmtree(folder / MODEL_FOLDER, ignore_errors=True)
+    objects = {}
+    for name, thing in scenario.objects.items():
+        if Path(thing.model).is_absolute():
+            place = MODEL_FOLDER if len(scenario.objects) == 1 else f"{MODEL_FOLDER}/{name}"
+            kept = keep_object(Path(thing.model), folder / place)
+            thing = replace(thing, model=str(kept.relative_to(folder)))
+        objects[name] = thing
+    return replace(scenario, objects=objects)
+
+
+def identity(scenario: "Scenario") -> "Scenario":
+    """Of an imported object it matters what it is, not where its copy lies."""
+    objects = {
+        name: replace(thing, model=content_hash(Path(thing.model).parent))
+        if Path(thing.model).is_absolute()
+        else thing
+        for name, thing in scenario.objects.items()
+    }
+    return replace(scenario, objects=objects)

@@ -8,27 +8,38 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from diagrams.crossmodal.results.plots import STYLE, new_figure
+from diagrams.crossmodal.modalities import LABELS
 from diagrams.crossmodal.results.report import describe_configuration
-from diagrams.drawing import palette
+from diagrams.drawing.plot_style import STYLE, new_figure
 from diagrams.joints.joint_drawing import draw_joint, joint_color
-from diagrams.joints.joint_metrics import joint_now, motion_start
-from diagrams.run.record import EpisodeResult, FrameRecord, TickRecord, Truth
-from systems.port_values import STATIC_BODY, FeatureBelief, JointBelief, JointType
+from diagrams.joints.joint_episode import JointEpisode
+from diagrams.joints.joint_metrics import bodies_of, joint_now, joints_of, motion_start
+from diagrams.joints.joint_palette import body_color, body_label
+from diagrams.joints.joint_truth import Truth
+from diagrams.run.record import Picture, Tick
+from systems.port_values import (
+    STATIC_BODY,
+    BodyMotions,
+    FeatureBelief,
+    JointBelief,
+    JointType,
+)
 
 
-def draw_frames(result: EpisodeResult, modality: str | None = None) -> Figure | None:
+def draw_frames(episode: JointEpisode, modality: str | None = None) -> Figure | None:
     """Camera images from start, middle and end of the motion with features and the joint.
 
     Args:
         modality: Whose belief is drawn; by default the cross-modal one where it exists.
     """
-    frames = _choose_frames(result)
-    if not frames or not result.modalities:
+    frames = _choose_frames(episode)
+    if not frames or not episode.record.estimators:
         return None
     if modality is None:
         modality = (
-            "crossmodal" if "crossmodal" in result.modalities else next(iter(result.modalities))
+            "crossmodal"
+            if "crossmodal" in episode.record.estimators
+            else next(iter(episode.record.estimators))
         )
     height, width = frames[0].color.shape[:2]
     with mpl.rc_context(STYLE | {"axes.grid": False}):
@@ -36,24 +47,24 @@ def draw_frames(result: EpisodeResult, modality: str | None = None) -> Figure | 
         bodies: set[int] = set()
         joints: set[JointType] = set()
         for axes, frame in zip(np.atleast_1d(figure.subplots(1, len(frames))), frames, strict=True):
-            _draw_frame(axes, frame, result, modality, bodies, joints)
+            _draw_frame(axes, frame, episode, modality, bodies, joints)
         _frame_legend(figure, modality, bodies, joints)
     return figure
 
 
-def _choose_frames(result: EpisodeResult) -> list[FrameRecord]:
+def _choose_frames(episode: JointEpisode) -> list[Picture]:
     """The images at the start of the motion, in its course and at its end.
 
     Where the lights go off or the camera is covered in the course of it, the last image before
     that is taken, else the one half way.
     """
-    frames, truth = result.frames, result.truth
+    frames, truth = episode.record.pictures, episode.truth
     if len(frames) <= 3:
         return frames
     times = np.array([frame.time for frame in frames])
     start = motion_start(truth) if len(truth.times) else None
     begin, end = times[0] if start is None else start, times[-1]
-    disturbances = result.scenario.disturbances
+    disturbances = episode.record.scenario.disturbances
     starts = [span.start for span in disturbances.lights_off + disturbances.camera_covered]
     seen = times[(times > begin) & (times < min([t for t in starts if t < end], default=begin))]
     middle = seen[-1] if len(seen) else 0.5 * (begin + end)
@@ -63,8 +74,8 @@ def _choose_frames(result: EpisodeResult) -> list[FrameRecord]:
 
 def _draw_frame(
     axes: Axes,
-    frame: FrameRecord,
-    result: EpisodeResult,
+    frame: Picture,
+    episode: JointEpisode,
     modality: str,
     bodies: set[int],
     joints: set[JointType],
@@ -75,25 +86,25 @@ def _draw_frame(
     axes.set_axis_off()
     axes.set_xlim(-0.5, width - 0.5)
     axes.set_ylim(height - 0.5, -0.5)
-    tick = _tick_at(result.modalities[modality].ticks, frame.time)
+    tick = _tick_at(episode.record.estimators[modality].ticks, frame.time)
     if tick is None:
         return
-    features = frame.features.get(modality)
+    features = tick.values.get("features_latest")
+    bodies_now = bodies_of(tick)
     if features is not None and len(features.ids):
-        owners = _owners(features, tick)
+        owners = _owners(features, bodies_now)
         bodies.update(owners)
         u, v = features.uv.T
-        colors = [palette.body_color(owner) for owner in owners]
+        colors = [body_color(owner) for owner in owners]
         axes.scatter(u, v, s=9, c=colors, edgecolors="#202020", linewidths=0.35)
-    joint = joint_now(tick.joints, tick.bodies, result.truth.parent_moves)
+    joint = joint_now(joints_of(tick), bodies_now, episode.truth.parent_moves)
     if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
-        body = tick.bodies.find(joint.child_id)
-        if draw_joint(axes, joint, body, result.camera):
+        body = bodies_now.find(joint.child_id)
+        if draw_joint(axes, joint, body, episode.record.calibration.camera):
             joints.add(joint.type)
-    dark = any(frame.time in interval for interval in result.scenario.disturbances.lights_off)
-    covered = any(frame.time in span for span in result.scenario.disturbances.camera_covered)
-    note = ", camera covered" if covered else ", lights off" if dark else ""
-    _inset(axes, _caption(f"t = {frame.time:.1f} s{note}", joint, result.truth))
+    spans = episode.record.scenario.disturbances.spans()
+    note = "".join(f", {name}" for name, interval in spans if frame.time in interval)
+    _inset(axes, _caption(f"t = {frame.time:.1f} s{note}", joint, episode.truth))
 
 
 def _caption(when: str, joint: JointBelief | None, truth: Truth) -> str:
@@ -117,25 +128,23 @@ def _inset(axes: Axes, text: str) -> None:
     )
 
 
-def _tick_at(ticks: list[TickRecord], time: float) -> TickRecord | None:
+def _tick_at(ticks: list[Tick], time: float) -> Tick | None:
     if not ticks:
         return None
     times = np.array([tick.time for tick in ticks])
     return ticks[int(np.argmin(np.abs(times - time)))]
 
 
-def _owners(features: FeatureBelief, tick: TickRecord) -> list[int]:
+def _owners(features: FeatureBelief, bodies: BodyMotions) -> list[int]:
     """The body of each feature."""
-    owner = {
-        int(feature): body.body_id for body in tick.bodies.bodies for feature in body.feature_ids
-    }
+    owner = {int(feature): body.body_id for body in bodies.bodies for feature in body.feature_ids}
     return [owner.get(int(feature), STATIC_BODY) for feature in features.ids]
 
 
 def _frame_legend(figure: Figure, modality: str, bodies: set[int], joints: set[JointType]) -> None:
     dot: dict[str, Any] = {"marker": "o", "ls": "", "mec": "#202020", "mew": 0.4}
     handles = [
-        Line2D([], [], color=palette.body_color(body), label=palette.body_label(body), **dot)
+        Line2D([], [], color=body_color(body), label=body_label(body), **dot)
         for body in sorted(bodies)
     ]
     handles += [
@@ -146,5 +155,5 @@ def _frame_legend(figure: Figure, modality: str, bodies: set[int], joints: set[J
         handles=handles,
         loc="outside lower center",
         ncols=max(len(handles), 1),
-        title=f"as believed by {palette.MODALITY_LABEL[modality]}",
+        title=f"as believed by {LABELS.get(modality, modality)}",
     )

@@ -1,19 +1,19 @@
 """Draws an episode over time: errors of opening and axis, and the opening against the truth."""
 
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from diagrams.crossmodal.modalities import COLORS, LABELS
 from diagrams.crossmodal.task import later_events
 from diagrams.drawing import palette
-from diagrams.joints.joint_metrics import JointSeries, joint_series, last_seen, motion_start
-from diagrams.run.record import EpisodeResult
+from diagrams.drawing.plot_style import STYLE, mark_event, new_figure, note, shade
+from diagrams.joints.joint_episode import JointEpisode
+from diagrams.joints.joint_metrics import JointSeries, last_seen, motion_start
 from maths.arrays import Array
 from systems.port_values import JointType
 
@@ -26,18 +26,31 @@ _LINE: dict[str, Any] = {
 }
 
 
-def draw_errors(result: EpisodeResult) -> Figure:
-    """Error of the opening and of the axis, and the belief in the true type, over time."""
-    truth = result.truth
+def _color(name: str) -> str:
+    return palette.estimator_color(COLORS, name, 0)
+
+
+def _line(name: str) -> dict[str, Any]:
+    return _LINE.get(name, {"lw": 1.5, "zorder": 3})
+
+
+def draw_errors(episode: JointEpisode) -> Figure | None:
+    """Error of the opening and of the axis, and the belief in the true type, over time.
+
+    None where the truth is not known.
+    """
+    truth = episode.truth
+    if truth.joint_type is None:
+        return None
     scale, unit = _UNIT[truth.joint_type]
     with mpl.rc_context(STYLE):
         figure = new_figure(9.0, 8.0)
         opening, axis, belief = figure.subplots(
             3, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2, 2]}
         )
-        all_series = _series(result)
+        all_series = _series(episode)
         for name, series in all_series.items():
-            color, line = palette.MODALITY[name], _LINE[name]
+            color, line = _color(name), _line(name)
             error, std = scale * series.error, scale * series.configuration_std
             opening.plot(series.times, error, color=color, **line)
             opening.fill_between(
@@ -58,26 +71,28 @@ def draw_errors(result: EpisodeResult) -> Figure:
         belief.set_xlabel("time [s]")
         _limit_errors(opening, axis, all_series, scale)
         for axes in (opening, axis, belief):
-            _mark_events(axes, result, label=axes is opening)
-        _limit_time(belief, result)
+            _mark_events(axes, episode, label=axes is opening)
+        _limit_time(belief, episode)
         _legend(figure, list(all_series), with_truth=False)
     return figure
 
 
-def draw_openings(result: EpisodeResult) -> Figure:
-    """The opening as each modality believes it, against the truth."""
-    truth = result.truth
+def draw_configurations(episode: JointEpisode) -> Figure | None:
+    """The opening as each modality believes it, against the truth; None where that is not known."""
+    truth = episode.truth
+    if truth.joint_type is None:
+        return None
     scale, unit = (100.0, "cm") if truth.joint_type == JointType.PRISMATIC else (180 / np.pi, "deg")
     with mpl.rc_context(STYLE):
         figure = new_figure(9.0, 4.2)
         axes = figure.subplots()
-        for name, series in (all_series := _series(result)).items():
-            color = palette.MODALITY[name]
+        for name, series in (all_series := _series(episode)).items():
+            color = _color(name)
             # A type with another unit has no place on this axis.
             q = scale * np.where(np.isnan(series.error), np.nan, series.configuration)
             std = scale * series.configuration_std
             axes.fill_between(series.times, q - 2 * std, q + 2 * std, color=color, alpha=0.16, lw=0)
-            axes.plot(series.times, q, color=color, **_LINE[name])
+            axes.plot(series.times, q, color=color, **_line(name))
         axes.plot(
             truth.times, scale * truth.opening(), color=palette.TRUTH, lw=1.2, ls="--", zorder=4
         )
@@ -86,8 +101,8 @@ def draw_openings(result: EpisodeResult) -> Figure:
         axes.set_ylabel(f"opening [{unit}]")
         top = scale * float(np.max(np.abs(truth.opening()), initial=1e-3))
         axes.set_ylim(-0.15 * top, 1.3 * top)
-        _mark_events(axes, result, label=True)
-        _limit_time(axes, result)
+        _mark_events(axes, episode, label=True)
+        _limit_time(axes, episode)
         _legend(figure, list(all_series), with_truth=True)
     return figure
 
@@ -101,12 +116,8 @@ def _mark_loss(series: JointSeries, color: str, *curves: tuple[Axes, Array]) -> 
         axes.plot(series.times[last], values[last], "X", color=color, ms=8, mec="white", zorder=5)
 
 
-def _series(result: EpisodeResult) -> dict[str, JointSeries]:
-    return {
-        name: joint_series(record.ticks, result.truth)
-        for name, record in result.modalities.items()
-        if record.ticks
-    }
+def _series(episode: JointEpisode) -> dict[str, JointSeries]:
+    return {name: series for name, series in episode.series.items() if len(series.times)}
 
 
 def _limit_errors(
@@ -121,35 +132,32 @@ def _limit_errors(
     axis.set_ylim(0.0, max(1.0, 1.5 * float(np.rad2deg(np.nanpercentile(angles, 95)))))
 
 
-def _limit_time(axes: Axes, result: EpisodeResult) -> None:
-    start = result.truth.grasp_time
-    begin = max(0.0, start - 1.0) if np.isfinite(start) and start < result.duration else 0.0
-    axes.set_xlim(begin, max(result.duration, begin + 1e-3))
+def _limit_time(axes: Axes, episode: JointEpisode) -> None:
+    start = episode.truth.grasp_time
+    begin = max(0.0, start - 1.0) if np.isfinite(start) and start < episode.record.duration else 0.0
+    axes.set_xlim(begin, max(episode.record.duration, begin + 1e-3))
 
 
-def _mark_events(axes: Axes, result: EpisodeResult, *, label: bool) -> None:
+def _mark_events(axes: Axes, episode: JointEpisode, *, label: bool) -> None:
     """Vertical lines where something happens, shades where the camera sees less."""
-    disturbances = result.scenario.disturbances
+    disturbances = episode.record.scenario.disturbances
     # The first two lie close together: their names stand on either side.
     events = [
-        ("grasped ", result.truth.grasp_time, "right"),
-        ("moving", motion_start(result.truth), "left"),
-        *((event.name, event.time, "left") for event in later_events(result.events)),
+        ("grasped ", episode.truth.grasp_time, "right"),
+        ("moving", motion_start(episode.truth), "left"),
+        *((event.name, event.time, "left") for event in later_events(episode.record.events)),
     ]
     for name, time, side in events:
-        if time is not None and np.isfinite(time) and time < result.duration:
-            axes.axvline(time, color=palette.QUIET, lw=0.9, ls=(0, (4, 3)))
+        if time is not None and np.isfinite(time) and time < episode.record.duration:
+            mark_event(axes, time)
             if label:
-                _note(axes, time, name, side)
-    spans = [("lights off", interval) for interval in disturbances.lights_off]
-    spans += [("camera covered", interval) for interval in disturbances.camera_covered]
-    for name, interval in spans:
-        if interval.start < result.duration:
-            end = min(interval.end, result.duration)
-            axes.axvspan(interval.start, end, color="#000000", alpha=0.06, lw=0)
-            axes.axvline(interval.start, color=palette.TRUTH, lw=1.1)
+                note(axes, time, name, side=side)
+    duration = episode.record.duration
+    for name, interval in disturbances.spans():
+        if interval.start < duration:
+            shade(axes, interval.start, min(interval.end, duration))
             if label:
-                _note(axes, interval.start, name)
+                note(axes, interval.start, name)
 
 
 def _legend(figure: Figure, modalities: list[str], *, with_truth: bool) -> None:
@@ -157,9 +165,9 @@ def _legend(figure: Figure, modalities: list[str], *, with_truth: bool) -> None:
         Line2D(
             [],
             [],
-            color=palette.MODALITY[name],
-            lw=_LINE[name]["lw"] + 0.6,
-            label=palette.MODALITY_LABEL[name],
+            color=_color(name),
+            lw=_line(name)["lw"] + 0.6,
+            label=LABELS.get(name, name),
         )
         for name in modalities
     ]

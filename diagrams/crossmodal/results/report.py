@@ -1,14 +1,15 @@
 """Says in words and in a small table what was perceived and how good it was."""
 
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
+from diagrams.crossmodal.modalities import LABELS
 from diagrams.crossmodal.task import GRASP_LOST
-from diagrams.drawing.palette import MODALITY_LABEL
-from diagrams.joints.joint_metrics import axis_sign, joint_series, last_seen
-from diagrams.run.record import EpisodeResult
+from diagrams.joints.joint_episode import JointEpisode
+from diagrams.joints.joint_metrics import axis_sign, last_seen
 from maths.arrays import Array
 from systems.port_values import JointBelief, JointType
 
@@ -36,36 +37,35 @@ def format_opening(value: float | None, std: float | None, joint_type: JointType
     return f"{scale * value:.{digits}f}{spread} {unit}"
 
 
-def perceived(result: EpisodeResult) -> list[str]:
+def perceived(episode: JointEpisode) -> list[str]:
     """One sentence per modality: type, axis and opening, each with its uncertainty."""
     lines = []
-    for name, record in result.modalities.items():
-        series = joint_series(record.ticks, result.truth)
+    for name, series in episode.series.items():
         last = last_seen(series)
         joint = None if last is None else series.joints[last]
-        label = f"{MODALITY_LABEL[name]}:".ljust(16)
+        label = f"{LABELS.get(name, name)}:".ljust(16)
         if joint is None:
             lines.append(f"{label}no joint seen")
             continue
         text = f"{joint.type} (p = {joint.probabilities[joint.type]:.3f})"
         if joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
-            axis = axis_sign(joint.model.axis_P, result.truth.axis_W) * joint.model.axis_P
+            axis = axis_sign(joint.model.axis_P, episode.truth.axis_W) * joint.model.axis_P
             components = ", ".join(f"{component:+.3f}" for component in axis)
             spread = np.rad2deg(series.axis_std[last])
             text += f", axis ({components}) ± {spread:.2f} deg"
             opening = float(series.configuration[last])
             std = float(series.configuration_std[last])
             text += f", opening {format_opening(opening, std, joint.type)}"
-        if last is not None and result.duration - series.times[last] > 0.5:
+        if last is not None and episode.record.duration - series.times[last] > 0.5:
             text += f"; last seen at {series.times[last]:.1f} s"
         lines.append(label + text)
     return lines
 
 
-def comparison(summary: dict[str, Any]) -> list[str]:
+def comparison(summary: Mapping[str, Any]) -> list[str]:
     """The estimates beside the truth as an aligned table."""
     joints = {name: value["joints"][0] for name, value in summary["modalities"].items()}
-    header = ["", *(MODALITY_LABEL[name] for name in joints), "truth"]
+    header = ["", *(LABELS.get(name, name) for name in joints), "truth"]
     first = next(iter(joints.values()))
     kind = first["type_true"]
 
@@ -120,27 +120,18 @@ def align(rows: list[list[str]]) -> list[str]:
     return lines
 
 
-def speed(summary: dict[str, Any]) -> str:
-    """How fast it ran and what memory it took."""
-    factor = summary["real_time_factor"]
-    text = f"{summary['duration']:.1f} s simulated in {summary['wall_time']:.1f} s"
-    if factor is not None:
-        text += f" (real-time factor {factor:.2f})"
-    if summary["peak_memory"]:
-        text += f", peak memory {summary['peak_memory'] / 1e9:.2f} GB"
-    return text
-
-
-def manipulation(result: EpisodeResult, summary: dict[str, Any]) -> list[str]:
+def manipulation(episode: JointEpisode, summary: Mapping[str, Any]) -> list[str]:
     """What the robot did, and what that truly came to in each phase.
 
     Nothing for a mere exploration that went as it should.
     """
-    lost = any(event.name == GRASP_LOST for event in result.events)
-    if result.scenario.task.goal is None and not lost:
+    lost = any(event.name == GRASP_LOST for event in episode.record.events)
+    if episode.record.scenario.task.goal is None and not lost:
         return []
-    kind = result.truth.joint_type
-    done = ", ".join(f"{event.name} from {event.time:.1f} s" for event in result.events)
+    kind = episode.truth.joint_type
+    if kind is None:
+        return []
+    done = ", ".join(f"{event.name} from {event.time:.1f} s" for event in episode.record.events)
     rows = [["", "goal", "reached", "error"]]
     for name, phase in summary["phases"].items():
         values = (phase["target"], phase["reached"], phase["error"])
@@ -148,16 +139,32 @@ def manipulation(result: EpisodeResult, summary: dict[str, Any]) -> list[str]:
     return [done, *align(rows)]
 
 
-def report(result: EpisodeResult, summary: dict[str, Any], written: list[Path]) -> str:
-    """All that a person wants to know after a run."""
-    lines = ["", "Perceived joint:"]
-    lines += [f"  {line}" for line in perceived(result)]
-    if summary["modalities"]:
+def report(episode: JointEpisode, summary: Mapping[str, Any]) -> list[str]:
+    """What was perceived, how far that is from the truth, and what the robot did."""
+    lines = ["Perceived joint:"]
+    lines += [f"  {line}" for line in perceived(episode)]
+    if summary["modalities"] and episode.truth.joint_type is not None:
         lines += ["", "Against the truth:"] + [f"  {line}" for line in comparison(summary)]
-    if done := manipulation(result, summary):
+    if done := manipulation(episode, summary):
         lines += ["", "Manipulation:"] + [f"  {line}" for line in done]
-    lines += ["", speed(summary), "", "Files:"]
-    lines += [f"  {path}" for path in written]
-    if result.failure is not None and not result.interrupted:
-        lines += ["", f"The episode failed: {result.failure}"]
-    return "\n".join(lines)
+    return lines
+
+
+def final_beliefs(summary: Mapping[str, Any]) -> pd.DataFrame:
+    """What each modality believes of the joint at the end of a run, in mm or deg."""
+    rows = {}
+    for name, modality in summary["modalities"].items():
+        joint = modality["joints"][0]
+        scale, unit = (1e3, "mm") if joint["type_true"] == "prismatic" else (180.0 / np.pi, "deg")
+        rows[LABELS.get(name, name)] = {
+            "type": joint["type_estimated"],
+            "probability": joint["probability"],
+            f"opening error [{unit}]": _scaled(joint["configuration_error"], scale),
+            f"its std [{unit}]": _scaled(joint["configuration_std"], scale),
+            "axis error [deg]": _scaled(joint["axis_angle_error"], 180.0 / np.pi),
+        }
+    return pd.DataFrame.from_dict(rows, orient="index").round(2)
+
+
+def _scaled(value: float | None, scale: float) -> float:
+    return np.nan if value is None else scale * value

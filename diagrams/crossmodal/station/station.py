@@ -7,44 +7,36 @@ through ports named `cheat_...`, for evaluation.
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
-from pydrake.systems.sensors import CameraInfo
 
-from diagrams.crossmodal.station.station_config import (
-    ARM,
-    HAND,
-    OBJECT,
-    StationConfig,
-    StationWiring,
-)
+from controllers.interaction.grasp_decisions import Goal
+from diagrams.crossmodal.objects.own_object import overlaps
+from diagrams.crossmodal.scenario import ObjectConfig, Scenario, object_model_file
+from diagrams.crossmodal.station.station_config import ARM, HAND, StationConfig, StationWiring
 from diagrams.crossmodal.station.station_control import add_control, taught_postures
 from diagrams.crossmodal.station.station_sensors import add_proprioception, add_vision
-from diagrams.stations.lighting import Light, ObjectTruth
+from diagrams.crossmodal.task import ManipulationStatus
+from diagrams.joints.joint_truth import ObjectTruth
+from diagrams.run.application import Station
+from diagrams.run.calibration import Calibration, draw_camera
+from diagrams.run.recorder import STATUS_PORT
+from diagrams.stations.lighting import Light
 from maths.arrays import Array
+from plants.camera_view import renderer_intrinsics
 from plants.joint_friction import JointFriction
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.wam import WAM_WITH_SOFT_HAND
-from plants.scene import (
-    ManipulationScene,
-    ObjectPlacement,
-    add_manipulation_scene,
-    facing,
-)
+from plants.scene import ManipulationScene, ObjectPlacement, add_manipulation_scene, facing
 
 
 @dataclass(kw_only=True)
-class Station:
-    """The station's Diagram and what the wiring around it needs to know.
+class ManipulationStation:
+    """The station's Diagram and what of it others than the estimators may know.
 
     Attributes:
-        diagram: See `make_station` for its ports.
-        scene: The plant and its names.
-        arm: The robot's knowledge of its arm, the hand a rigid load.
-        intrinsics: Of the camera.
-        X_WC: The camera's calibrated pose.
+        diagram: See `make_manipulation_station` for its ports.
+        scene: The simulated plant and its names.
+        object: The manipulated object's name.
         joint: The explored joint.
         q_start: Posture (7,) at the start of the approach, true, [rad].
         locked: Whether the object is fixed to the world.
@@ -52,9 +44,7 @@ class Station:
 
     diagram: Diagram
     scene: ManipulationScene
-    arm: MultibodyPlant
-    intrinsics: CameraInfo
-    X_WC: RigidTransform
+    object: str
     joint: Joint
     q_start: Array
     locked: bool
@@ -67,82 +57,111 @@ class Station:
             self.joint.Lock(context)
 
 
-def make_station(
-    config: StationConfig,
-    placement: ObjectPlacement,
-    joint_name: str,
-    handle_frame: str,
-    pull_direction: Array,
-    intrinsics: CameraInfo,
-    X_WC: RigidTransform,
-    light: Light,
-    seed: int,
-) -> Station:
+def make_station(scenario: Scenario, calibration: Calibration) -> Station:
+    """The station of a scenario with its seed, as the commands know it."""
+    station = make_manipulation_station(scenario, calibration)
+    return Station(
+        diagram=station.diagram,
+        initialise=station.SetInitialState,
+        warnings=overlaps(station),
+    )
+
+
+def draw_placements(scenario: Scenario) -> dict[str, ObjectPlacement]:
+    """Where the objects of this seed stand, how stiff they move and how they look."""
+    placements = {}
+    for number, (name, thing) in enumerate(scenario.objects.items()):
+        rng = np.random.default_rng((scenario.seed, 0, *([number] if number else [])))
+        placements[name] = draw_placement(thing, rng)
+    return placements
+
+
+def draw_placement(thing: ObjectConfig, rng: np.random.Generator) -> ObjectPlacement:
+    """One object, drawn around its nominal pose and friction."""
+    variation = thing.variation
+    position = thing.position + variation.position * rng.uniform(-1.0, 1.0, 3)
+    turned = np.deg2rad(variation.yaw * rng.uniform(-1.0, 1.0))
+    friction = thing.friction * (1.0 + variation.friction * rng.uniform(-1.0, 1.0))
+    texture = str(rng.choice(variation.textures)) if variation.textures else ""
+    return ObjectPlacement(
+        model=object_model_file(thing),
+        X_WO=RigidTransform(
+            RotationMatrix.MakeZRotation(turned) @ thing.pose().rotation(), position
+        ),
+        free=thing.free,
+        friction=friction,
+        texture=texture,
+    )
+
+
+def make_manipulation_station(
+    scenario: Scenario,
+    calibration: Calibration,
+    placements: dict[str, ObjectPlacement] | None = None,
+) -> ManipulationStation:
     """Builds the station.
 
     Output ports of its Diagram: `color_measured`, `depth_measured`, `robot_mask`,
-    `joint_state_window`, `wrench_window`, `pressure_window`, `interaction_active`, `phase`,
-    `grasp_lost`, `path_planned`, `cheat_configuration`, `cheat_body_pose`, `cheat_plant_state`,
-    `cheat_query_object`. Input ports, which may stay unconnected: `PERCEIVED_INPUTS`.
+    `joint_state_window`, `wrench_window`, `pressure_window`, `interaction_active`, `task_status`,
+    `path_planned`, `cheat_joint`, `cheat_configuration`, `cheat_body_pose`, `cheat_query_object`.
+    Input ports, which may stay unconnected: `PERCEIVED_INPUTS`.
 
     Args:
-        config: Of plant, sensors and controllers.
-        placement: The object.
-        joint_name: The joint to explore.
-        handle_frame: The object's frame to grasp, x out of the object, y along the bar.
-        pull_direction: Where the hand pulls to explore (3,), in the handle's frame.
-        intrinsics: Of the camera.
-        X_WC: Its pose.
-        light: Disturbances.
-        seed: Of the noise of all sensors and of how the hand is guided to the handle.
+        scenario: With its seed, which the noise of all sensors, the true camera and arm, and how
+            the hand is guided to the handle are drawn by.
+        calibration: What the robot believes of itself.
+        placements: Of the objects, by default drawn by the seed.
 
     Raises:
         ValueError: for impossible values, unknown names, a handle out of reach.
     """
+    thing, seed = scenario.object, scenario.seed
+    name = scenario.task.object or next(iter(scenario.objects))
+    task, disturbances = scenario.task, scenario.disturbances
+    config = StationConfig(
+        plant=scenario.plant,
+        hand=scenario.model_drivers[HAND].pneumatics,
+        sensors=scenario.sensors,
+        control=scenario.control,
+        goal=Goal(travel=task.goal, return_to_start=task.return_to_start),
+    )
+    light = Light(
+        lights_off=[(off.start, off.end) for off in disturbances.lights_off],
+        covered=[(cover.start, cover.end) for cover in disturbances.camera_covered],
+        lamp=scenario.camera.lamp,
+    )
+    (camera_name,) = scenario.cameras
+    camera = draw_camera(camera_name, calibration.camera, scenario.calibration.errors, seed)
     builder = DiagramBuilder()
-    scene = add_manipulation_scene(builder, config.plant, {OBJECT: placement}, [(ARM, HAND)])
-    plant, explored = scene.plant, scene.objects[OBJECT]
-    for kind, name, known in (
-        (
-            "joint",
-            joint_name,
-            [j.name() for j in map(plant.get_joint, plant.GetJointIndices(explored))],
-        ),
-        (
-            "frame",
-            handle_frame,
-            [plant.get_frame(i).name() for i in plant.GetFrameIndices(explored)],
-        ),
-    ):
-        if name not in known:
-            raise ValueError(
-                f"{placement.model}: no {kind} named '{name}'; there are {', '.join(known)}"
-            )
-    joint = plant.GetJointByName(joint_name, explored)
+    scene = add_manipulation_scene(
+        builder, config.plant, placements or draw_placements(scenario), [(ARM, HAND)]
+    )
+    plant = scene.plant
+    joint = plant.GetJointByName(thing.joint, scene.objects[name])
     wiring = StationWiring(
-        builder=builder,
-        scene=scene,
-        arm=make_arm_with_load(WAM_WITH_SOFT_HAND, scene.pose("base", ARM)),
-        config=config,
-        seed=seed,
+        builder=builder, scene=scene, arm=calibration.arms[ARM].model, config=config, seed=seed
     )
     _add_object_mechanics(wiring, joint)
-    X_WHandle = plant.GetFrameByName(handle_frame, explored).CalcPoseInWorld(
+    X_WHandle = plant.GetFrameByName(thing.handle_frame, scene.objects[name]).CalcPoseInWorld(
         plant.CreateDefaultContext()
     )
     q_grasp, q_start = taught_postures(wiring, X_WHandle)
     encoders = add_proprioception(wiring, q_grasp)
     # A person guided the hand along the approach, so the arm knows it as its encoders read it.
     taught = [encoders.measure(np.append(q, np.zeros(7)), 0)[:7] for q in (q_grasp, q_start)]
-    direction_E = facing(RigidTransform()).rotation().inverse() @ pull_direction
+    direction_E = facing(RigidTransform()).rotation().inverse() @ thing.pull_direction
     sequence = add_control(wiring, encoders, taught[0], taught[1], direction_E)
-    add_vision(wiring, encoders, sequence, intrinsics, X_WC, light)
-    return Station(
+    add_vision(
+        wiring, encoders, sequence, renderer_intrinsics(camera.intrinsics), camera.X_PC, light
+    )
+    status = builder.AddNamedSystem("task_status", ManipulationStatus())
+    for port in ("phase", "grasp_lost"):
+        builder.Connect(sequence.GetOutputPort(port), status.GetInputPort(port))
+    builder.ExportOutput(status.get_output_port(), STATUS_PORT)
+    return ManipulationStation(
         diagram=builder.Build(),
         scene=scene,
-        arm=wiring.arm,
-        intrinsics=intrinsics,
-        X_WC=X_WC,
+        object=name,
         joint=joint,
         q_start=q_start,
         locked=config.control.excitation is not None,
@@ -157,7 +176,6 @@ def _add_object_mechanics(wiring: StationWiring, joint: Joint) -> None:
     builder.Connect(plant.get_state_output_port(), friction.get_input_port())
     builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())
     builder.Connect(plant.get_state_output_port(), truth.get_input_port())
-    for name in ("cheat_configuration", "cheat_body_pose"):
+    for name in ("cheat_joint", "cheat_configuration", "cheat_body_pose"):
         builder.ExportOutput(truth.GetOutputPort(name), name)
-    builder.ExportOutput(plant.get_state_output_port(), "cheat_plant_state")
     builder.ExportOutput(scene.scene_graph.get_query_output_port(), "cheat_query_object")

@@ -7,40 +7,41 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 
 from controllers.interaction.bending_excitation import BendingExcitationConfig
-from diagrams.crossmodal.station.station import Station, make_station
-from diagrams.crossmodal.station.station_config import StationConfig
-from diagrams.stations.lighting import Light
+from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
+from diagrams.crossmodal.calibration import make_calibration
+from diagrams.crossmodal.scenario import Scenario
+from diagrams.crossmodal.station.station import ManipulationStation, make_manipulation_station
+from diagrams.run.scenario import CameraConfig
 from maths import se3
 from maths.arrays import Array
 from models import SDF_DIR
-from plants.camera_view import camera_intrinsics, looking_at
 from plants.scene import ObjectPlacement
 from systems.proprioception.hand_bending import HandBendingConfig, load_reading
 
 NOMINAL_HANDLE = np.array([0.865, -0.25, 0.86])  # Where the chest stands, p_WO, [m].
 
 
-def make_training_station(seed: int) -> Station:
+def make_training_station(seed: int) -> ManipulationStation:
     """A station whose drawer is locked, somewhere near its nominal pose."""
-    config = StationConfig()
-    config.control.excitation = BendingExcitationConfig()
-    config.control.sequence.comply = False
-    config.control.sequence.explore_time_limit = 1e3
-    config.control.sequence.travel = 1e3
-    config.sensors.camera.exposure_period = 1e3  # Nobody looks.
     rng = np.random.default_rng((seed, 2))
     yaw = np.pi + rng.uniform(-0.1, 0.1)
     X_WO = RigidTransform(RollPitchYaw(0, 0, yaw), NOMINAL_HANDLE + rng.uniform(-0.02, 0.02, 3))
-    return make_station(
-        config,
-        ObjectPlacement(model=SDF_DIR / "chest_drawer.sdf", X_WO=X_WO),
-        "slide",
-        "handle",
-        np.array([1.0, 0.0, 0.0]),
-        camera_intrinsics(64, 48, 1.0),
-        looking_at(np.array([0.0, 0.4, 1.4]), NOMINAL_HANDLE),
-        Light(),
-        seed,
+    placement = ObjectPlacement(model=SDF_DIR / "chest_drawer.sdf", X_WO=X_WO)
+    scenario = Scenario(name="hand-bending", seed=seed)
+    scenario.cameras = {
+        "camera": CameraConfig(
+            width=64, height=48, horizontal_angle=float(np.rad2deg(1.0)),
+            position=np.array([0.0, 0.4, 1.4]), looking_at=NOMINAL_HANDLE,
+        )
+    }  # fmt: skip
+    control = scenario.control
+    control.excitation = BendingExcitationConfig()
+    control.sequence.comply = False
+    control.sequence.explore_time_limit = 1e3
+    control.sequence.travel = 1e3
+    scenario.sensors.camera.exposure_period = 1e3  # Nobody looks.
+    return make_manipulation_station(
+        scenario, make_calibration(scenario), {name: placement for name in scenario.objects}
     )
 
 
@@ -70,7 +71,7 @@ def simulate_interaction(
     plant = station.scene.plant
     context = plant.GetMyContextFromRoot(root)
     E, S = plant.GetFrameByName("end_effector"), plant.GetFrameByName("sensor")
-    sequence = StationConfig().control.sequence
+    sequence = GraspSequenceConfig()
     closed = sequence.approach_time + sequence.close_time
     config = HandBendingConfig()
     period = config.period

@@ -1,0 +1,109 @@
+"""The cross-modal application: coupled filters over vision, proprioception and touch find the joint
+of an unknown object while a compliant arm explores it.
+
+Source: R. Martín-Martín and O. Brock, Cross-modal interpretation of multi-modal sensor streams in
+interactive perception based on coupled recursion, IROS 2017.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from pydrake.systems.framework import DiagramBuilder, System
+
+from diagrams.crossmodal.ablations import ABLATIONS
+from diagrams.crossmodal.calibration import make_calibration
+from diagrams.crossmodal.estimators import make_estimators
+from diagrams.crossmodal.experiments import EXPERIMENTS
+from diagrams.crossmodal.meshcat_view import add_view
+from diagrams.crossmodal.modalities import COLORS, LABELS
+from diagrams.crossmodal.objects.own_object import identity, keep_files
+from diagrams.crossmodal.results.metrics import CAMPAIGN_PLOTS, METRICS, OVERVIEW
+from diagrams.crossmodal.results.results import evaluate
+from diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve
+from diagrams.crossmodal.station.station import make_station
+from diagrams.crossmodal.station.station_control import PERCEIVED_INPUTS
+from diagrams.joints.joint_truth import TRUTH_QUANTITIES
+from diagrams.run.application import Application
+from diagrams.run.record import Quantity
+from diagrams.run.sensor_codecs import JOINT_STATES, WRENCHES, Topic
+from systems.kinematics.interacted_joint import InteractedJoint, InteractedJointConfig
+from systems.port_values import (
+    UNKNOWN_END_EFFECTOR,
+    BodyMotions,
+    JointBeliefs,
+    PoseBelief,
+)
+from systems.proprioception.grasp_model import GraspModelConfig, initial_grasp
+from systems.vision.features.feature_tracks import no_features
+
+QUANTITIES = (
+    Quantity(port="joints_latest", model=JointBeliefs()),
+    Quantity(port="body_motions_latest", model=BodyMotions()),
+    Quantity(port="features_latest", model=no_features()),
+    Quantity(port="grasp_latest", model=initial_grasp(GraspModelConfig())),
+    Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR),
+    Quantity(port="hand_bending_latest", model=PoseBelief(X=np.eye(4), covariance=np.eye(6))),
+)
+TOPICS = {
+    "joint_state_window": Topic(name="/joint_states", window=JOINT_STATES),
+    "wrench_window": Topic(name="/wrist/wrench", window=WRENCHES),
+    "pressure_window": Topic(name="/hand/pressures"),
+    "color_measured": Topic(name="/camera/color/image_raw"),
+    "depth_measured": Topic(name="/camera/depth/image_raw"),
+    "robot_mask": Topic(name="/camera/robot_mask"),
+    "interaction_active": Topic(name="/hand/interaction_active"),
+    "cheat_configuration": Topic(name="/cheat/configuration"),
+    "cheat_body_pose": Topic(name="/cheat/body_pose"),
+    "cheat_joint": Topic(name="/cheat/joint"),
+}
+
+
+def close_loop(
+    builder: DiagramBuilder, scenario: Scenario, station: System, estimators: Mapping[str, System]
+) -> None:
+    """Tells the station's controllers what a network believes about the joint in the hand."""
+    if scenario.task.goal is None:
+        return
+    network = estimators[scenario.acting_modality]
+    readout = builder.AddNamedSystem("interacted_joint", InteractedJoint(InteractedJointConfig()))
+    for index in range(readout.num_input_ports()):
+        port = readout.get_input_port(index)
+        if network.HasOutputPort(port.get_name()):
+            builder.Connect(network.GetOutputPort(port.get_name()), port)
+    for name in PERCEIVED_INPUTS:
+        builder.Connect(readout.GetOutputPort(name), station.GetInputPort(name))
+
+
+APPLICATION = Application(
+    name="crossmodal",
+    description="an arm with a soft hand finds the joint of an unknown object while it explores it",
+    scenario=Scenario,
+    scenarios=SCENARIO_FOLDER,
+    resolve=resolve,
+    make_calibration=make_calibration,
+    make_station=make_station,
+    make_estimators=make_estimators,
+    close_loop=close_loop,
+    quantities=QUANTITIES,
+    station_quantities=TRUTH_QUANTITIES,
+    pictures=("color_measured",),
+    topics=TOPICS,
+    evaluate=evaluate,
+    view=add_view,
+    keep_files=keep_files,
+    identity=identity,
+    labels=LABELS,
+    colors=COLORS,
+    metrics=METRICS,
+    experiments=EXPERIMENTS,
+    overview=OVERVIEW,
+    campaign_plots=CAMPAIGN_PLOTS,
+    extras={
+        "Flows of information (crossmodal ablate NAME)": {
+            name: ablation.flow for name, ablation in ABLATIONS.items()
+        },
+        "Networks (crossmodal train NAME)": {
+            "hand-bending": "the soft hand's bending from wrench and air pressure"
+        },
+    },
+)

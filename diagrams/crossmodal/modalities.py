@@ -1,0 +1,11 @@
+"""What the three wirings of the cross-modal network are called and drawn in.
+
+The colours are Paul Tol's bright scheme.
+"""
+
+LABELS = {
+    "vision": "vision",
+    "proprioception": "proprioception",
+    "crossmodal": "cross-modal",
+}
+COLORS = {"vision": "#4477AA", "proprioception": "#EE7733", "crossmodal": "#AA3377"}

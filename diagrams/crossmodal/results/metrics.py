@@ -1,0 +1,168 @@
+"""The metrics of the cross-modal application and their pictures over many episodes."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from diagrams.evaluation.campaign import Campaign
+from diagrams.evaluation.campaign_plots import common_events, draw_metrics, draw_spreads
+from diagrams.evaluation.metric_table import (
+    count,
+    mean_and_deviation,
+    mean_share,
+    median_and_range,
+    tidy_metrics,
+)
+from diagrams.joints.joint_errors import error_panels, read_errors
+from diagrams.run.experiment import CampaignPlot, Column, Metric
+
+
+def _joint(record: Mapping[str, Any]) -> Mapping[str, Any]:
+    joint: Mapping[str, Any] = record["joints"][0]
+    return joint
+
+
+def _of_joint(key: str) -> Callable[[Mapping[str, Any]], Any]:
+    return lambda record: _joint(record)[key]
+
+
+def _unit(record: Mapping[str, Any]) -> str:
+    return "rad" if _joint(record)["type_true"] == "revolute" else "m"
+
+
+def _unit_of_episode(summary: Mapping[str, Any]) -> str:
+    return next((_unit(record) for record in summary["modalities"].values()), "")
+
+
+def _is_revolute(record: Mapping[str, Any]) -> Any:
+    joint = _joint(record)
+    if joint["type_true"] != "revolute":
+        raise KeyError("only a revolute joint's axis has a place")
+    return joint["axis_distance_error"]
+
+
+def _of_phase(phase: str, key: str, **shown: Any) -> Metric:
+    return Metric(
+        name=f"{phase}_{key}",
+        value=lambda summary: summary["phases"][phase][key],
+        unit=_unit_of_episode,
+        by_estimator=False,
+        **shown,
+    )
+
+
+METRICS = (
+    *(
+        _of_phase(phase, key)
+        for phase in ("exploration", "exploitation")
+        for key in ("target", "reached")
+    ),
+    _of_phase("exploration", "error", title="exploration error", cell=mean_and_deviation),
+    _of_phase("exploitation", "error", title="exploitation error", cell=mean_and_deviation),
+    Metric(
+        name="joint_found",
+        value=lambda record: _joint(record)["type_estimated"] in ("prismatic", "revolute"),
+        title="joint found",
+        cell=lambda v, _: count(v),
+    ),
+    Metric(
+        name="type_right",
+        value=lambda record: _joint(record)["type_estimated"] == _joint(record)["type_true"],
+        title="joint type right at the end",
+        cell=lambda v, _: count(v),
+        totals=True,
+    ),
+    Metric(name="configuration_true", value=_of_joint("configuration_true"), unit=_unit),
+    Metric(
+        name="configuration_error",
+        value=_of_joint("configuration_error"),
+        unit=_unit,
+        title="configuration error at the end",
+        cell=median_and_range,
+    ),
+    Metric(
+        name="configuration_error_last_seen",
+        value=_of_joint("configuration_error_last_seen"),
+        unit=_unit,
+        title="configuration error when last seen",
+        cell=median_and_range,
+    ),
+    Metric(
+        name="axis_angle_error",
+        value=_of_joint("axis_angle_error"),
+        unit="rad",
+        title="axis direction error",
+        cell=lambda v, unit: median_and_range(v, unit, 2),
+    ),
+    Metric(
+        name="axis_distance_error",
+        value=_is_revolute,
+        unit="m",
+        title="axis distance error",
+        cell=median_and_range,
+    ),
+    Metric(
+        name="type_settled_at",
+        value=_of_joint("type_settled_at"),
+        unit="s",
+        title="type settled after motion of",
+        cell=median_and_range,
+    ),
+    Metric(
+        name="consistency_configuration",
+        value=lambda record: _joint(record)["consistency"]["configuration"],
+        title="configuration's NEES inside 95 % bounds",
+        cell=lambda v, _: mean_share(v),
+    ),
+    Metric(
+        name="consistency_axis",
+        value=lambda record: _joint(record)["consistency"]["axis"],
+        title="axis' NEES inside 95 % bounds",
+        cell=lambda v, _: mean_share(v),
+    ),
+)
+# Of an experiment that only explores: where the object was to be brought is no target.
+TRIAL_METRICS = ("exploration_error", "exploitation_error")
+
+OVERVIEW = (
+    Column(header="task done", metric="success"),
+    Column(header="type right, vision", metric="type_right", estimator="vision"),
+    Column(header="type right, proprioception", metric="type_right", estimator="proprioception"),
+    Column(header="type right, cross-modal", metric="type_right", estimator="crossmodal"),
+    Column(
+        header="error at the end, cross-modal",
+        metric="configuration_error",
+        estimator="crossmodal",
+    ),
+    Column(header="exploration error", metric="exploration_error"),
+    Column(header="exploitation error", metric="exploitation_error"),
+)
+
+
+def _draw_over_time(campaign: Campaign) -> Figure | None:
+    application, scenario = campaign.application, campaign.scenarios[0]
+    panels = error_panels(read_errors(campaign.episode_folders()), application.labels)
+    if not panels:
+        return None
+    events = common_events(campaign.summaries)
+    return draw_spreads(application, panels, scenario.network_period, scenario.disturbances, events)
+
+
+def _draw_at_end(campaign: Campaign) -> Figure | None:
+    figures = tidy_metrics(campaign.application, campaign.name, campaign.summaries)
+    titles = {
+        "configuration_error": "configuration error at the end",
+        "axis_angle_error": "axis direction error at the end",
+    }
+    return draw_metrics(campaign.application, figures, titles)
+
+
+CAMPAIGN_PLOTS = {
+    "errors_over_time.png": CampaignPlot(
+        caption="errors over time, median and 5 to 95 % of the seeds", draw=_draw_over_time
+    ),
+    "errors_at_end.png": CampaignPlot(
+        caption="errors at the end of every episode", draw=_draw_at_end
+    ),
+}

@@ -1,0 +1,85 @@
+"""What an episode of the cross-modal application comes to."""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from diagrams.crossmodal.results.frame_plots import draw_frames
+from diagrams.crossmodal.results.plots import draw_configurations, draw_errors
+from diagrams.crossmodal.results.report import report
+from diagrams.crossmodal.task import task_failure, task_phases
+from diagrams.evaluation.estimates import Row, estimates_table, scalar, vector
+from diagrams.joints.joint_episode import JointEpisode, joint_episode
+from diagrams.joints.joint_record import joint_rows, summarise_joint
+from diagrams.run.application import Results
+from diagrams.run.record import EpisodeRecord, Tick
+
+
+def evaluate(record: EpisodeRecord) -> Results:
+    """Compares an episode's beliefs with the truth."""
+    episode = joint_episode(record)
+    task, truth = record.scenario.task, episode.truth
+    phases = task_phases(task, truth, record.events)
+    return Results(
+        failure=task_failure(task, truth, record.events),
+        estimates=estimates_table(
+            {
+                name: (
+                    (tick.time, rows_of(episode, name, k)) for k, tick in enumerate(estimator.ticks)
+                )
+                for name, estimator in record.estimators.items()
+            }
+        ),
+        summary={
+            "modalities": {
+                name: {"joints": [summarise_joint(series, truth)]}
+                for name, series in episode.series.items()
+            },
+            "phases": {
+                name: {
+                    "target": phase.target,
+                    "reached": phase.reached,
+                    "error": phase.reached - phase.target,
+                }
+                for name, phase in phases.items()
+            },
+        },
+        plots={
+            "errors.png": partial(draw_errors, episode),
+            "frames.png": partial(draw_frames, episode),
+            "opening.png": partial(draw_configurations, episode),
+        },
+        report=partial(report, episode),
+    )
+
+
+def rows_of(episode: JointEpisode, name: str, k: int) -> list[Row]:
+    """What an estimator believed at its tick k.
+
+    Quantities: those of `joint_rows`; `grasp_probability` (one component per grasp type) and
+    `feature_count`; `end_effector_position` (x, y, z), [m], and `hand_bending`, the bent hand's
+    position (x, y, z) in the end-effector's frame, [m].
+    """
+    tick = episode.record.estimators[name].ticks[k]
+    return joint_rows(tick, episode.series[name], k, episode.truth) + _other_rows(tick)
+
+
+def _other_rows(tick: Tick) -> list[Row]:
+    rows: list[Row] = []
+    if (grasp := tick.values.get("grasp_latest")) is not None:
+        for grasp_type, probability in grasp.probabilities.items():
+            rows.append(scalar("grasp_probability", probability, str(grasp_type)))
+    features = tick.values.get("features_latest")
+    if features is not None and len(features.ids):
+        rows.append(scalar("feature_count", float(len(features.ids))))
+    unknown = np.full(3, np.nan)
+    for quantity, port in (
+        ("end_effector_position", "end_effector_latest"),
+        ("hand_bending", "hand_bending_latest"),
+    ):
+        belief: Any = tick.values.get(port)
+        if belief is not None:
+            R, P = belief.X[:3, :3], belief.covariance[3:6, 3:6]
+            rows += vector(quantity, belief.X[:3, 3], R @ P @ R.T, unknown)
+    return rows

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
+from diagrams.crossmodal.modalities import MODALITIES
 from diagrams.run.calibration import Calibration
 from plants.camera_view import renderer_intrinsics
 from systems.kinematics.joint_filters import JointFiltersConfig
@@ -22,10 +22,6 @@ from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from systems.vision.features.feature_motion import FeatureMotion
 from systems.vision.features.feature_tracks import FeatureMotionConfig
 
-if TYPE_CHECKING:
-    from diagrams.crossmodal.scenario import Scenario
-
-MODALITIES = ("vision", "proprioception", "crossmodal")
 VISION_INPUTS = ("color_measured", "depth_measured", "robot_mask")
 PROPRIOCEPTION_INPUTS = (
     "joint_state_window",
@@ -141,14 +137,6 @@ class PerceptionConfig:
     joints_vision: KinematicModelConfig = field(default_factory=joints_from_features)
     joints_proprioception: KinematicModelConfig = field(default_factory=joints_from_the_hand)
     joints_crossmodal: KinematicModelConfig = field(default_factory=joints_from_the_hand)
-
-
-def make_estimators(scenario: "Scenario", calibration: Calibration) -> dict[str, Diagram]:
-    """One network of filters for each of the scenario's modalities."""
-    return {
-        modality: make_network(modality, scenario.perception, calibration)
-        for modality in scenario.modalities
-    }
 
 
 def make_network(modality: str, config: PerceptionConfig, calibration: Calibration) -> Diagram:

@@ -8,9 +8,9 @@ import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from diagrams.crossmodal.estimators import MODALITIES, PerceptionConfig, check_cut
+from diagrams.crossmodal.objects.object_import import check_pull, imported
 from diagrams.crossmodal.objects.object_model import read_object_model
-from diagrams.crossmodal.objects.own_object import check_pull, imported
-from diagrams.crossmodal.station.station_config import ControlConfig, SensorsConfig
+from diagrams.crossmodal.robot_config import ControlConfig, SensorsConfig
 from diagrams.run import scenario as base
 from diagrams.run.scenario import CameraConfig, require_positive, require_vector
 from diagrams.run.yaml_schema import ScenarioError, suggestion

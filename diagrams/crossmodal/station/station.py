@@ -12,14 +12,13 @@ from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from controllers.interaction.grasp_decisions import Goal
-from diagrams.crossmodal.objects.own_object import overlaps
+from diagrams.crossmodal.robot_config import ARM, HAND
 from diagrams.crossmodal.scenario import ObjectConfig, Scenario, object_model_file
-from diagrams.crossmodal.station.station_config import ARM, HAND, StationConfig, StationWiring
+from diagrams.crossmodal.station.station_config import StationConfig, StationWiring
 from diagrams.crossmodal.station.station_control import add_control, taught_postures
 from diagrams.crossmodal.station.station_sensors import add_proprioception, add_vision
 from diagrams.crossmodal.task import ManipulationStatus
 from diagrams.joints.joint_truth import ObjectTruth
-from diagrams.run.application import Station
 from diagrams.run.calibration import Calibration, draw_camera
 from diagrams.run.recorder import STATUS_PORT
 from diagrams.stations.lighting import Light
@@ -55,16 +54,6 @@ class ManipulationStation:
         self.scene.plant.SetPositions(context, self.scene.model(ARM), self.q_start)
         if self.locked:
             self.joint.Lock(context)
-
-
-def make_station(scenario: Scenario, calibration: Calibration) -> Station:
-    """The station of a scenario with its seed, as the commands know it."""
-    station = make_manipulation_station(scenario, calibration)
-    return Station(
-        diagram=station.diagram,
-        initialise=station.SetInitialState,
-        warnings=overlaps(station),
-    )
 
 
 def draw_placements(scenario: Scenario) -> dict[str, ObjectPlacement]:

@@ -2,54 +2,13 @@
 
 from dataclasses import dataclass, field
 
-import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from controllers.arm.impedance import ImpedanceConfig
-from controllers.interaction.bending_excitation import BendingExcitationConfig
-from controllers.interaction.exploration import ExplorationConfig
 from controllers.interaction.grasp_decisions import Goal
-from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
-from controllers.interaction.pull_direction import PullDirectionConfig
-from controllers.interaction.trajectory_generator import TrajectoryGeneratorConfig
+from diagrams.crossmodal.robot_config import ControlConfig, SensorsConfig
 from plants.hands.pneumatic_hand import PneumaticHandConfig
 from plants.scene import ManipulationScene, PlantConfig
-from systems.sensors.air_pressure import PressureSensorConfig
-from systems.sensors.joint_encoders import JointEncodersConfig
-from systems.sensors.rgbd_camera import CameraNoiseConfig
-from systems.sensors.robot_mask import RobotMaskConfig
-from systems.sensors.wrist_wrench import WristWrenchConfig
-
-# Model instances of the scene.
-ARM, HAND, OBJECT = "arm", "hand", "object"
-
-
-@dataclass(kw_only=True)
-class SensorsConfig:
-    camera: CameraNoiseConfig = field(default_factory=CameraNoiseConfig)
-    encoders: JointEncodersConfig = field(default_factory=JointEncodersConfig)
-    wrench: WristWrenchConfig = field(default_factory=WristWrenchConfig)
-    pressure: PressureSensorConfig = field(default_factory=PressureSensorConfig)
-    robot_mask: RobotMaskConfig = field(default_factory=RobotMaskConfig)
-
-
-@dataclass(kw_only=True)
-class ControlConfig:
-    sequence: GraspSequenceConfig = field(default_factory=GraspSequenceConfig)
-    exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
-    pull_direction: PullDirectionConfig = field(default_factory=PullDirectionConfig)
-    impedance: ImpedanceConfig = field(default_factory=ImpedanceConfig)
-    trajectory: TrajectoryGeneratorConfig = field(default_factory=TrajectoryGeneratorConfig)
-    # With this the object is locked and the hand moves about it, to learn how it bends.
-    excitation: BendingExcitationConfig | None = None
-    # Posture (7,) near the taught grasp's, far from the joints' limits on all of the way, [rad].
-    posture: np.ndarray = field(
-        default_factory=lambda: np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0])
-    )
-    # How well a person guides the hand to the handle, standard deviations.
-    guidance_translation: float = 0.004  # [m]
-    guidance_rotation: float = 0.03  # [rad]
 
 
 @dataclass(kw_only=True)

@@ -14,7 +14,8 @@ from controllers.interaction.grasp_sequence import GraspSequence
 from controllers.interaction.joint_memory import JointMemory
 from controllers.interaction.pull_direction import PullDirection
 from controllers.interaction.trajectory_generator import TrajectoryGenerator
-from diagrams.crossmodal.station.station_config import ARM, StationWiring
+from diagrams.crossmodal.robot_config import ARM
+from diagrams.crossmodal.station.station_config import StationWiring
 from maths import se3
 from maths.arrays import Array
 from plants.robots.inverse_kinematics import inverse_kinematics

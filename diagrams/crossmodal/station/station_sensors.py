@@ -19,7 +19,8 @@ from pydrake.systems.primitives import MatrixGain
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from controllers.interaction.grasp_sequence import GraspSequence
-from diagrams.crossmodal.station.station_config import ARM, HAND, StationWiring
+from diagrams.crossmodal.robot_config import ARM, HAND
+from diagrams.crossmodal.station.station_config import StationWiring
 from diagrams.stations.lighting import Light, Lighting
 from maths.arrays import Array
 from plants.hands.pneumatic_hand import PneumaticHand

@@ -6,8 +6,8 @@ import pytest
 from typer.testing import CliRunner
 
 from diagrams.command_line import app
-from diagrams.crossmodal.experiments import EXPERIMENTS
 from diagrams.crossmodal.scenario import Scenario
+from diagrams.crossmodal.studies.experiments import EXPERIMENTS
 from diagrams.run import process
 from diagrams.run.process import failed_summary
 from diagrams.run.run_folder import finished_summary, write_scenario
@@ -67,7 +67,7 @@ def test_all_experiments_end_in_one_table_and_single_ones_are_taken_over(
     fake_episode: types.SimpleNamespace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kept = {name: EXPERIMENTS[name] for name in ("drawer", "drawer-lights-off")}
-    monkeypatch.setattr("diagrams.crossmodal.experiments.EXPERIMENTS", kept)
+    monkeypatch.setattr("diagrams.crossmodal.studies.experiments.EXPERIMENTS", kept)
     assert RUNNER.invoke(app, ["evaluate", "drawer", "--seeds", "1"]).exit_code == 0
     result = RUNNER.invoke(app, ["evaluate", "all", "--seeds", "1"])
     assert result.exit_code == 0, result.output

@@ -7,9 +7,15 @@ import pytest
 from synthetic_episode import synthetic_episode
 
 from diagrams.crossmodal import ablations
-from diagrams.crossmodal.ablations import ABLATIONS, Ablation, find_ablation, run_ablation, table
 from diagrams.crossmodal.estimators import CROSSMODAL_WIRES
 from diagrams.crossmodal.scenario import load_scenario
+from diagrams.crossmodal.studies.ablations import (
+    ABLATIONS,
+    Ablation,
+    find_ablation,
+    run_ablation,
+    table,
+)
 from diagrams.run.record import EpisodeResult
 from diagrams.run.run_folder import fingerprint
 from diagrams.run.yaml_schema import ScenarioError

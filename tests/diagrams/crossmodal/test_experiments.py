@@ -1,7 +1,7 @@
 import pytest
 
-from diagrams.crossmodal.experiments import EXPERIMENTS, find_experiments, parse_seeds
 from diagrams.crossmodal.scenario import scenario_files
+from diagrams.crossmodal.studies.experiments import EXPERIMENTS, find_experiments, parse_seeds
 from diagrams.crossmodal.training.network_training import hand_bending_card
 from diagrams.evaluation.metric_table import ROW_TITLES
 from diagrams.run.yaml_schema import ScenarioError

@@ -122,7 +122,7 @@ def _binary(folder: Path) -> Path:
     return path
 
 
-@pytest.mark.filterwarnings("ignore::diagrams.crossmodal.objects.own_object.ObjectWarning")
+@pytest.mark.filterwarnings("ignore::diagrams.crossmodal.own_object.ObjectWarning")
 def test_a_fixed_joint_cannot_be_explored(tmp_path: Path) -> None:
     (tmp_path / "stiff.sdf").write_text(
         "<sdf version='1.9'><model name='m'><link name='a'/><link name='b'/>"

@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from diagrams.crossmodal.objects.object_model import read_object_model
-from diagrams.crossmodal.objects.own_object import (
+from diagrams.crossmodal.own_object import (
     ObjectWarning,
     OwnObject,
     check_pull,
@@ -24,9 +24,7 @@ from diagrams.run.run_folder import scenario_hash, write_scenario
 from diagrams.run.yaml_schema import ScenarioError
 from models import MODELS_DIR
 
-pytestmark = pytest.mark.filterwarnings(
-    "ignore::diagrams.crossmodal.objects.own_object.ObjectWarning"
-)
+pytestmark = pytest.mark.filterwarnings("ignore::diagrams.crossmodal.own_object.ObjectWarning")
 EXAMPLE = MODELS_DIR / "examples" / "two_drawers.urdf"
 DOOR = """<robot name='door'><link name='case'/><link name='leaf'><visual><geometry>
 <box size='0.02 0.4 0.4'/></geometry></visual></link><joint name='hinge' type='revolute'>
@@ -129,7 +127,7 @@ def test_a_runs_folder_repeats_the_run_without_the_original(tmp_path: Path) -> N
 
 def test_what_is_converted_does_not_outlive_the_process(tmp_path: Path) -> None:
     code = (
-        "from pathlib import Path; from diagrams.crossmodal.objects.own_object import imported;"
+        "from pathlib import Path; from diagrams.crossmodal.own_object import imported;"
         f"made = imported(Path({str(EXAMPLE)!r}), joint='', frame='left_handle', free=False,"
         " source=''); assert made.model.is_file(); print(made.model)"
     )

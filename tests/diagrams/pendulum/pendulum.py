@@ -8,9 +8,8 @@ import numpy as np
 from pydrake.examples import PendulumPlant
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from diagrams.evaluation.estimates import evaluate_rows, scalar
-from diagrams.evaluation.metric_table import median_and_range
-from diagrams.run.application import Application, Experiment, Metric, Quantity, Scenario, Station
+from diagrams.evaluation.estimates import error_metrics, evaluate_rows, scalar
+from diagrams.run.application import Application, Experiment, Quantity, Scenario, Station
 from systems.sensors.randomness import WhiteNoise
 from systems.sensors.sampled_sensor import SampledSensor
 
@@ -53,9 +52,7 @@ def make_station(swing, calibration):
     builder.Connect(pendulum.get_output_port(), encoder.get_input_port())
     builder.ExportOutput(encoder.GetOutputPort("angle_window"), "angle_window")
     builder.ExportOutput(pendulum.get_output_port(), "cheat_state")
-    return Station(
-        diagram=builder.Build(), initialise=lambda root: root.SetContinuousState([0.3, 0])
-    )
+    return Station(diagram=builder.Build(), initialise=lambda c: c.SetContinuousState([0.3, 0.0]))
 
 
 def rows(tick, station):
@@ -75,15 +72,7 @@ APPLICATION = Application(
     },
     quantities=[Quantity(port="state_latest", model=np.zeros(6))],
     station_quantities=[Quantity(port="cheat_state", model=np.zeros(2))],
-    evaluate=partial(evaluate_rows, rows=rows),
-    metrics=[
-        Metric(
-            name="angle_rms_error",
-            value=lambda record: record["quantities"]["angle"]["rms_error"],
-            unit="rad",
-            title="angle, RMS error",
-            cell=median_and_range,
-        )
-    ],
+    evaluate=partial(evaluate_rows, rows=rows, units={"angle": "rad"}),
+    metrics=error_metrics({"angle": "rad"}),
     experiments={"swing": Experiment(scenario="swing", description="it swings for 10 s")},
 )

@@ -1,10 +1,27 @@
-"""Where the camera is and what it sees."""
+"""Where a camera is and what it sees."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
 from maths.arrays import Array
+
+
+@dataclass(kw_only=True)
+class MountedCamera:
+    """A camera on a frame P, as it is or as the robot believes it to be.
+
+    Attributes:
+        intrinsics: Of its images.
+        X_PC: Pose of C (x right, y down, z forward).
+        base_frame: P, a frame of a model (`model::frame`) or the world.
+    """
+
+    intrinsics: CameraInfo
+    X_PC: RigidTransform
+    base_frame: str = "world"
 
 
 def camera_intrinsics(width: int, height: int, horizontal_angle: float) -> CameraInfo:

@@ -22,8 +22,10 @@ from diagrams.crossmodal.station.station_config import (
 )
 from diagrams.crossmodal.station.station_control import add_control, taught_postures
 from diagrams.crossmodal.station.station_sensors import add_proprioception, add_vision
-from diagrams.stations.lighting import Light, ObjectTruth
+from diagrams.stations.lighting import Light
+from diagrams.stations.object_truth import ObjectTruth
 from maths.arrays import Array
+from plants.camera_view import MountedCamera
 from plants.joint_friction import JointFriction
 from plants.robots.arm_with_hand import make_arm_with_load
 from plants.robots.wam import WAM_WITH_SOFT_HAND
@@ -46,7 +48,7 @@ class Station:
         intrinsics: Of the camera.
         X_WC: The camera's calibrated pose.
         joint: The explored joint.
-        q_start: Posture (7,) at the start of the approach, true, [rad].
+        q_start: Posture (n,) at the start of the approach, true, [rad].
         locked: Whether the object is fixed to the world.
     """
 
@@ -119,10 +121,13 @@ def make_station(
                 f"{placement.model}: no {kind} named '{name}'; there are {', '.join(known)}"
             )
     joint = plant.GetJointByName(joint_name, explored)
+    X_WBase = scene.pose("base", ARM)
     wiring = StationWiring(
         builder=builder,
         scene=scene,
-        arm=make_arm_with_load(WAM_WITH_SOFT_HAND, scene.pose("base", ARM)),
+        true_arm=make_arm_with_load(WAM_WITH_SOFT_HAND, X_WBase),
+        X_WBase=X_WBase,
+        arm=make_arm_with_load(WAM_WITH_SOFT_HAND, X_WBase),
         config=config,
         seed=seed,
     )
@@ -133,10 +138,13 @@ def make_station(
     q_grasp, q_start = taught_postures(wiring, X_WHandle)
     encoders = add_proprioception(wiring, q_grasp)
     # A person guided the hand along the approach, so the arm knows it as its encoders read it.
-    taught = [encoders.measure(np.append(q, np.zeros(7)), 0)[:7] for q in (q_grasp, q_start)]
+    taught = [
+        encoders.measure(np.append(q, np.zeros_like(q)), 0)[: q.size] for q in (q_grasp, q_start)
+    ]
     direction_E = facing(RigidTransform()).rotation().inverse() @ pull_direction
     sequence = add_control(wiring, encoders, taught[0], taught[1], direction_E)
-    add_vision(wiring, encoders, sequence, intrinsics, X_WC, light)
+    camera = MountedCamera(intrinsics=intrinsics, X_PC=X_WC)
+    add_vision(wiring, encoders, sequence, camera, camera, light)
     return Station(
         diagram=builder.Build(),
         scene=scene,

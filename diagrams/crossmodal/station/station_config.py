@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
@@ -63,10 +64,22 @@ class StationConfig:
 
 @dataclass(kw_only=True)
 class StationWiring:
-    """Shared by the functions that build the station, in order."""
+    """Shared by the functions that build the station, in order.
+
+    Attributes:
+        builder: Of the station.
+        scene: What is simulated.
+        true_arm: The arm alone, the hand a rigid load, as it is.
+        arm: The same as the robot believes it to be, with
+        X_WBase: the pose of its base.
+        config: Of plant, sensors and controllers.
+        seed: Of all noise.
+    """
 
     builder: DiagramBuilder
     scene: ManipulationScene
+    true_arm: MultibodyPlant
     arm: MultibodyPlant
+    X_WBase: RigidTransform
     config: StationConfig
     seed: int

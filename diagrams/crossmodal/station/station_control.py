@@ -5,7 +5,6 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.primitives import ZeroOrderHold
 
-from controllers.arm.impedance import ImpedanceController
 from controllers.arm.kinematics import ArmModel
 from controllers.arm.motion_switch import MotionSwitch
 from controllers.interaction.bending_excitation import BendingExcitation
@@ -15,6 +14,7 @@ from controllers.interaction.joint_memory import JointMemory
 from controllers.interaction.pull_direction import PullDirection
 from controllers.interaction.trajectory_generator import TrajectoryGenerator
 from diagrams.crossmodal.station.station_config import ARM, StationWiring
+from diagrams.stations.add_arm import add_impedance_control
 from maths import se3
 from maths.arrays import Array
 from plants.robots.inverse_kinematics import inverse_kinematics
@@ -28,7 +28,7 @@ PERCEIVED_INPUTS = ("joint_latest", "end_effector_screw_latest", "grasp_failure_
 
 
 def taught_postures(wiring: StationWiring, X_WHandle: RigidTransform) -> tuple[Array, Array]:
-    """True arm postures (7,) at the grasp that a person guided the hand to, and before it."""
+    """True arm postures (n,) at the grasp that a person guided the hand to, and before it."""
     control = wiring.config.control
     rng = np.random.default_rng((wiring.seed, 1))
     rotation = se3.so3_exp(rng.normal(0.0, control.guidance_rotation, 3))
@@ -37,8 +37,8 @@ def taught_postures(wiring: StationWiring, X_WHandle: RigidTransform) -> tuple[A
     )
     X_WE = facing(X_WHandle) @ X_guided
     back = RigidTransform([0.0, 0.0, -control.sequence.approach_distance])
-    q_grasp = inverse_kinematics(wiring.arm, X_WE, control.posture)
-    return q_grasp, inverse_kinematics(wiring.arm, X_WE @ back, q_grasp)
+    q_grasp = inverse_kinematics(wiring.true_arm, X_WE, control.posture)
+    return q_grasp, inverse_kinematics(wiring.true_arm, X_WE @ back, q_grasp)
 
 
 def add_control(
@@ -88,8 +88,8 @@ def add_control(
         grasp_motion = sequence.GetOutputPort("motion_desired")
         builder.Connect(grasp_motion, exploration.GetInputPort("grasp_motion_desired"))
     builder.Connect(grasp_motion, switch.GetInputPort("sequence_motion_desired"))
-    impedance = builder.AddNamedSystem(
-        "impedance", ImpedanceController(control.impedance, arm, q_taught)
+    impedance = add_impedance_control(
+        builder, plant, wiring.scene.model(ARM), encoders, arm, control.impedance, q_taught
     )
     pneumatics = builder.GetSubsystemByName("pneumatics")
     builder.Connect(
@@ -100,7 +100,7 @@ def add_control(
     generator = builder.AddNamedSystem(
         "trajectory_generator", TrajectoryGenerator(control.trajectory, arm)
     )
-    for system in (sequence, pull, generator, impedance):
+    for system in (sequence, pull, generator):
         builder.Connect(
             encoders.GetOutputPort("joint_state_measured"),
             system.GetInputPort("joint_state_measured"),
@@ -133,8 +133,6 @@ def add_control(
         if generator.HasInputPort(port):
             builder.ConnectInput(source, generator.GetInputPort(port))
     builder.ExportOutput(generator.GetOutputPort("path_planned"), "path_planned")
-    actuation = plant.get_actuation_input_port(wiring.scene.model(ARM))
-    builder.Connect(impedance.get_output_port(), actuation)
     for port in ("pressure_commanded", "sealed"):
         builder.Connect(sequence.GetOutputPort(port), pneumatics.GetInputPort(port))
     for port in ("interaction_active", "phase", "grasp_lost"):

@@ -109,13 +109,13 @@ class RobotPosture(LeafSystem):
 
         name: RobotPosture
         input_ports:
-        - (robot_)joint_state_measured
-        - (robot_)closure_commanded
+        - [robot_]joint_state_measured
+        - [robot_]closure_commanded
         output_ports:
         - positions_estimated
 
-    - `(robot_)joint_state_measured`: (2 n,), q [rad] and qdot [rad/s] of the arm; qdot is not used.
-    - `(robot_)closure_commanded`: (1,), 0 open, 1 closed; 0 if not connected.
+    - `[robot_]joint_state_measured`: (2 n,), q [rad] and qdot [rad/s] of the arm; qdot is not used.
+    - `[robot_]closure_commanded`: (1,), 0 open, 1 closed; 0 if not connected.
     - `positions_estimated`: (nq,), of the model, [rad].
 
     Only where there are several robots, the ports' names begin with theirs.
@@ -194,13 +194,13 @@ class RobotMask(Diagram):
 
         name: RobotMask
         input_ports:
-        - (robot_)joint_state_measured
-        - (robot_)closure_commanded
+        - [robot_]joint_state_measured
+        - [robot_]closure_commanded
         output_ports:
         - robot_mask
 
-    - `(robot_)joint_state_measured`: (2 n,), q [rad] and qdot [rad/s] of the arm.
-    - `(robot_)closure_commanded`: (1,), 0 open, 1 closed; 0 if not connected.
+    - `[robot_]joint_state_measured`: (2 n,), q [rad] and qdot [rad/s] of the arm.
+    - `[robot_]closure_commanded`: (1,), 0 open, 1 closed; 0 if not connected.
     - `robot_mask`: `ImageGrey8U` of the camera's size, 255 robot, 0 elsewhere.
 
     Only where there are several robots, the inputs' names begin with theirs.

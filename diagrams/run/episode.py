@@ -77,7 +77,9 @@ def build_station(scenario: Scenario, seed: int) -> Station:
                 hand=scenario.hand,
                 sensors=scenario.sensors,
                 control=scenario.control,
-                goal=Goal(travel=scenario.task.goal, return_to_start=scenario.task.return_to_start),
+                goal=Goal(
+                    configuration=scenario.task.goal, return_to_start=scenario.task.return_to_start
+                ),
             ),
             draw_placement(scenario, seed),
             scenario.object.joint,

@@ -42,15 +42,15 @@ class ControlConfig:
     pull_direction: PullDirectionConfig = field(default_factory=PullDirectionConfig)
     impedance: ImpedanceConfig = field(default_factory=ImpedanceConfig)
     trajectory: TrajectoryGeneratorConfig = field(default_factory=TrajectoryGeneratorConfig)
-    # With this the object is locked and the hand moves about it, to learn how it bends.
+    # Moves the hand about the object, which is then locked, to learn how the hand bends.
     excitation: BendingExcitationConfig | None = None
-    # Posture (7,) near the taught grasp's, far from the joints' limits on all of the way, [rad].
+    # Posture (n,) near that of the taught grasp and far from the joints' limits, [rad].
     posture: np.ndarray = field(
         default_factory=lambda: np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0])
     )
-    # How well a person guides the hand to the handle, standard deviations.
-    guidance_translation: float = 0.004  # [m]
-    guidance_rotation: float = 0.03  # [rad]
+    # Errors with which a person guides the hand to the handle.
+    guidance_translation: float = 0.004  # Standard deviation, [m].
+    guidance_rotation: float = 0.03  # Standard deviation, [rad].
 
 
 @dataclass(kw_only=True)

@@ -208,10 +208,16 @@ class TrajectoryGenerator(LeafSystem):
         require_positive(name, config, units)
         probability = 0 <= config.failure_probability <= 1
         require(probability, name, config, "failure_probability", "from 0 to 1")
-        for kind, unit in (("stiffness", "N/m"), ("damping", "N s/m")):
-            fields = {f"{kind}_{part}": unit for part in ("along", "across")}
-            require_not_negative(name, config, fields | {f"{kind}_rotation": f"{unit[:-2]} m/rad"})
-        require_not_negative(name, config, {"mass": "kg"})
+        gains = {
+            "stiffness_along": "N/m",
+            "stiffness_across": "N/m",
+            "stiffness_rotation": "N m/rad",
+            "damping_along": "N s/m",
+            "damping_across": "N s/m",
+            "damping_rotation": "N m s/rad",
+            "mass": "kg",
+        }
+        require_not_negative(name, config, gains)
         self._config = config
         self._arm = arm
         n = arm.num_joints

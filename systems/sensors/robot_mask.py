@@ -1,7 +1,7 @@
 """Where the camera sees the robot itself, from the robot's model at the measured joints."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -89,14 +89,14 @@ class MaskedRobot:
     Attributes:
         arm: Model instance of the arm.
         arm_joints: Names of the arm's joints, in the order of `joint_state_measured`.
-        hand: Model instance of the hand.
-        hand_posture: Angles (open, closed) of the hand's joints by name, [rad].
+        hand: Model instance of the hand, if its joints move with the closure.
+        hand_posture: Angles (open, closed) of these joints by name, [rad].
     """
 
     arm: str
     arm_joints: Sequence[str]
-    hand: str
-    hand_posture: Mapping[str, tuple[float, float]]
+    hand: str = ""
+    hand_posture: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 class RobotPosture(LeafSystem):
@@ -270,10 +270,9 @@ class RobotMask(Diagram):
 
 
 def _posture(plant: MultibodyPlant, robots: Mapping[str, MaskedRobot]) -> RobotPosture:
-    def indices(model: str, joints: Iterable[str]) -> Ids:
-        instance = plant.GetModelInstanceByName(model)
-        starts = [plant.GetJointByName(joint, instance).position_start() for joint in joints]
-        return np.array(starts, dtype=int)
+    def indices(model: str, names: Iterable[str]) -> Ids:
+        joints = [plant.GetJointByName(name, plant.GetModelInstanceByName(model)) for name in names]
+        return np.array([joint.position_start() for joint in joints], dtype=int)
 
     q_open = plant.GetPositions(plant.CreateDefaultContext())
     q_closed = q_open.copy()

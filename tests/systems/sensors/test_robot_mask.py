@@ -153,10 +153,7 @@ def test_several_robots_have_ports_of_their_own_and_move_by_them():
                 RevoluteJoint("arm", plant.world_frame(), link.body_frame(), np.array([0, 1.0, 0]))
             )
 
-    robots = {
-        name: MaskedRobot(arm=name, arm_joints=["arm"], hand=name, hand_posture={})
-        for name in ("left", "right")
-    }
+    robots = {name: MaskedRobot(arm=name, arm_joints=["arm"]) for name in ("left", "right")}
     mask = RobotMask(RobotMaskConfig(), build_two, INTRINSICS, X_WC, robots)
     context = mask.CreateDefaultContext()
     for name, q in (("left", 0.3), ("right", -0.4)):

@@ -78,6 +78,12 @@ def later_events(events: Sequence[Event]) -> list[Event]:
     return [event for event in events if event.time > start]
 
 
+def turning_time(events: Sequence[Event]) -> float:
+    """By when the joint has turned: half a second after the return began, [s]; else infinite."""
+    returns = begun(events, ControlPhase.RETURN)
+    return returns[0] + 0.5 if returns else float("inf")
+
+
 def task_phases(task: Task, truth: Truth, events: Sequence[Event]) -> dict[str, Phase]:
     """Target and true travel of exploration and exploitation, [m or rad].
 
@@ -89,8 +95,7 @@ def task_phases(task: Task, truth: Truth, events: Sequence[Event]) -> dict[str, 
         reached = float(abs(opening[-1])) if len(opening) else 0.0
         return {"exploration": Phase(target=task.opening, reached=reached)}
     returns = begun(events, ControlPhase.RETURN)
-    turn = returns[0] + 0.5 if returns else np.inf
-    travel = np.abs(opening[truth.times <= turn])
+    travel = np.abs(opening[truth.times <= turning_time(events)])
     reached = float(np.nanmax(travel, initial=0.0))
     phases = {"exploration": Phase(target=task.goal, reached=reached)}
     if task.return_to_start:

@@ -108,6 +108,18 @@ def count(values: npt.ArrayLike) -> str:
     return f"{int(np.sum(values == 1.0))}/{len(values)}"
 
 
+def count_of_known(values: npt.ArrayLike) -> str:
+    """'so many/of those that have a value', and how many have none."""
+    values = np.asarray(values, dtype=float)
+    known = values[np.isfinite(values)]
+    if len(known) == 0:
+        return "-"
+    without = len(values) - len(known)
+    return f"{int(np.sum(known == 1.0))}/{len(known)}" + (
+        f" ({without} without)" if without else ""
+    )
+
+
 def mean_share(values: npt.ArrayLike) -> str:
     """Mean of shares in percent, of the episodes that have one."""
     values = np.asarray(values, dtype=float)

@@ -4,6 +4,7 @@ An axis and its configuration can be flipped together without changing the joint
 So estimates are first turned to the side of the true axis.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -321,3 +322,48 @@ def last_seen(series: JointSeries) -> int | None:
     """Index of the last tick with a belief about the joint."""
     seen = [k for k, joint in enumerate(series.joints) if joint is not None]
     return seen[-1] if seen else None
+
+
+def turning_point(truth: Truth, latest: float = math.inf) -> int | None:
+    """Index of the instant at which the joint is farthest from where it was grasped.
+
+    Args:
+        latest: After which it does not count, [s].
+    """
+    travel = np.where(truth.times <= latest, np.abs(truth.opening()), -np.inf)
+    return int(np.argmax(travel)) if np.any(np.isfinite(travel)) else None
+
+
+def error_at(series: JointSeries, time: float) -> tuple[float, float]:
+    """Error of the configuration and of the axis at the tick nearest to `time`; NaN without one."""
+    if len(series.times) == 0:
+        return math.nan, math.nan
+    k = int(np.argmin(np.abs(series.times - time)))
+    return float(series.error[k]), float(series.axis_error[k])
+
+
+def rms_while_moving(series: JointSeries, truth: Truth) -> float:
+    """Root mean square error of the configuration over the ticks at which the object moves.
+
+    Infinite where less than half of them have an estimate that can be compared: an estimator that
+    loses the joint is not the better for it. NaN where nothing moves.
+    """
+    errors = series.error[moving_at(series.times, truth)]
+    if len(errors) == 0:
+        return math.nan
+    known = errors[np.isfinite(errors)]
+    if 2 * len(known) < len(errors):
+        return math.inf
+    return float(np.sqrt(np.mean(known**2)))
+
+
+def inside_claim(series: JointSeries, k: int) -> tuple[bool | None, bool | None]:
+    """Whether the errors of configuration and axis at a tick are inside their two-sigma claims.
+
+    Two sigma hold 95.4 % of a Gaussian: an ellipse of that content for the axis, which has two
+    degrees of freedom. None where nothing is claimed that can be compared.
+    """
+    bound = chi2.ppf(chi2.cdf(4.0, 1), [1, 2])
+    values = (series.configuration_nees[k], series.axis_nees[k])
+    inside = [None if math.isnan(v) else bool(v <= b) for v, b in zip(values, bound, strict=True)]
+    return inside[0], inside[1]

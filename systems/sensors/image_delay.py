@@ -19,6 +19,13 @@ class _Taken(Immutable):
     frames: tuple[tuple[Any, Any], ...] = ()
 
 
+def _copied(kind: type, image: Any) -> Any:
+    """Drake writes an image port's next value over the last one."""
+    copied = kind(image.width(), image.height())
+    copied.mutable_data[:] = image.data
+    return copied
+
+
 class ImageDelay(LeafSystem):
     """Delivers at each tick the images that were taken a latency before it.
 
@@ -65,8 +72,8 @@ class ImageDelay(LeafSystem):
 
     def _take(self, context: Context, state: State) -> None:
         taken: _Taken = context.get_abstract_state(0).get_value()
-        color = ImageRgba8U(self._color.Eval(context))
-        depth = ImageDepth32F(self._depth.Eval(context))
+        color = _copied(ImageRgba8U, self._color.Eval(context))
+        depth = _copied(ImageDepth32F, self._depth.Eval(context))
         frames = (*taken.frames, (color, depth))[-self._under_way :]
         state.get_mutable_abstract_state(0).set_value(_Taken(frames))
 

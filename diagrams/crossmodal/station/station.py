@@ -127,6 +127,8 @@ def make_manipulation_station(
     )
     plant = scene.plant
     joint = plant.GetJointByName(thing.joint, scene.objects[name])
+    if thing.ajar != 0.0:
+        joint.set_default_positions(np.array([thing.ajar]))
     wiring = StationWiring(
         builder=builder,
         scene=scene,

@@ -23,6 +23,7 @@ from diagrams.crossmodal.station.station import make_manipulation_station
 from diagrams.crossmodal.station.station_control import PERCEIVED_INPUTS
 from diagrams.crossmodal.studies.ablations import ABLATIONS
 from diagrams.crossmodal.studies.experiments import EXPERIMENTS
+from diagrams.crossmodal.task import task_in_words
 from diagrams.joints.joint_truth import TRUTH_QUANTITIES
 from diagrams.run.application import Application, Station
 from diagrams.run.calibration import Calibration
@@ -109,6 +110,7 @@ APPLICATION = Application(
     pictures=("color_measured",),
     topics=TOPICS,
     evaluate=evaluate,
+    task_in_words=task_in_words,
     view=add_view,
     keep_files=keep_files,
     identity=identity,

@@ -271,15 +271,18 @@ def markdown(
     experiment: Experiment,
     figures: pd.DataFrame,
     made_by: str,
+    task: str = "",
 ) -> str:
     """An experiment's tables and its failures in Markdown.
 
     Args:
         made_by: How the figures were made: command, version and date.
+        task: What counts as done, in a sentence.
     """
     parts = [f"# {title(name, figures)}", made_by]
     parts += [table.markdown() for table in experiment_tables(application, experiment, figures)]
-    parts += ["\n".join(f"- {note}" for note in experiment.notes)]
+    notes = [*([task] if task else []), *experiment.notes]
+    parts += ["\n".join(f"- {note}" for note in notes)]
     parts += [HOW_TO_READ, *running_notes(figures)]
     failures = failures_table(figures)
     if failures.rows:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from maths.arrays import Array
+from systems.checks import require, require_fields
 from systems.kinematics.joint_solver.pose_packets import FIRST, RECENT
 
 _LEAST_NEW = 1e-2  # Of a measurement's variance: whatever of it stays, something is new.
@@ -70,41 +71,27 @@ class JointFiltersConfig:
 
 def check_joint_filters_config(config: JointFiltersConfig, owner: str) -> None:
     """Raises ValueError, naming `owner` and the field, where a value is impossible."""
-    positive = {
-        "radius": "m",
-        "speed": "m/s",
-        "axis_distance": "m",
-        "walk_translation": "m",
-        "walk_rotation": "rad",
-        "prior_prismatic": "",
-        "prior_revolute": "",
-        "prior_rigid": "",
-        "prior_disconnected": "",
-        "slow_time": "s",
-    }
-    for name, unit in positive.items():
-        if not (value := getattr(config, name)) > 0.0 or not np.isfinite(value):
-            raise ValueError(f"{owner}: need {name} > 0 {unit}, got {value!r}".replace("  ", " "))
-    for name, unit in {
-        "correlation_time": "s",
-        "slow_rotation": "rad",
-        "slow_translation": "m",
-        "lasting_time": "s",
+    for unit, names in {
+        " m": ("radius", "axis_distance", "walk_translation"),
+        " m/s": ("speed",),
+        " rad": ("walk_rotation",),
+        " s": ("slow_time",),
+        "": ("prior_prismatic", "prior_revolute", "prior_rigid", "prior_disconnected"),
     }.items():
-        if not (value := getattr(config, name)) >= 0.0 or not np.isfinite(value):
-            raise ValueError(f"{owner}: need {name} >= 0 {unit}, got {value!r}")
+        require_fields(owner, config, names, f"> 0{unit}", lambda value: value > 0.0)
+    for unit, names in {
+        "s": ("correlation_time", "lasting_time"),
+        "rad": ("slow_rotation",),
+        "m": ("slow_translation",),
+    }.items():
+        require_fields(owner, config, names, f">= 0 {unit}", lambda value: value >= 0.0)
     densities = config.acceleration_densities
-    if not densities or not all(S > 0.0 and np.isfinite(S) for S in densities):
-        raise ValueError(
-            f"{owner}: need acceleration_densities all > 0 m^2/s^3 and at least one, "
-            f"got {densities!r}"
-        )
-    if config.memory < FIRST + RECENT + 4:
-        raise ValueError(
-            f"{owner}: need memory >= {FIRST + RECENT + 4} packets, got {config.memory!r}"
-        )
-    if not 0.0 < config.coarseness < 1.0:
-        raise ValueError(f"{owner}: need 0 < coarseness < 1, got {config.coarseness!r}")
+    positive = bool(densities) and all(S > 0.0 and np.isfinite(S) for S in densities)
+    allowed = "all > 0 m^2/s^3, finite, at least one"
+    require(positive, owner, config, "acceleration_densities", allowed)
+    least = FIRST + RECENT + 4
+    require(config.memory >= least, owner, config, "memory", f">= {least} packets")
+    require(0.0 < config.coarseness < 1.0, owner, config, "coarseness", "> 0 and < 1")
 
 
 def has_slow_error(config: JointFiltersConfig) -> bool:

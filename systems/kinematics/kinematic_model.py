@@ -3,12 +3,13 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context, LeafSystem, State, ValueProducer
+from pydrake.systems.framework import Context
 
+from systems.checks import require, require_fields
 from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from systems.kinematics.joint_pairs import PairLevel, merge_bodies, predict_bodies, update_pairs
 from systems.port_values import BodyMotions, BodyPredictions, JointBeliefs
+from systems.recursive_filter import RecursiveFilter
 
 
 @dataclass(kw_only=True)
@@ -41,23 +42,25 @@ class KinematicModelConfig:
 
 
 def _check(config: KinematicModelConfig, inputs: int) -> None:
-    for name in ("period", "reference_age", "heritage", "rest_rotation", "rest_translation"):
-        if not (value := getattr(config, name)) > 0.0 or not np.isfinite(value):
-            unit = {"rest_rotation": "rad", "rest_translation": "m"}.get(name, "s")
-            raise ValueError(f"KinematicModel: need {name} > 0 {unit}, got {value!r}")
-    if not config.patience >= 0.0:
-        raise ValueError(f"KinematicModel: need patience >= 0 s, got {config.patience!r}")
-    if config.max_pairs < 1:
-        raise ValueError(f"KinematicModel: need max_pairs >= 1, got {config.max_pairs!r}")
-    if not 0.0 <= config.least_probability <= 1.0:
-        raise ValueError(
-            f"KinematicModel: need 0 <= least_probability <= 1, got {config.least_probability!r}"
-        )
+    name = "KinematicModel"
+    seconds = ("period", "reference_age", "heritage")
+    require_fields(name, config, seconds, "> 0 s", lambda value: value > 0.0)
+    require_fields(name, config, ["rest_rotation"], "> 0 rad", lambda value: value > 0.0)
+    require_fields(name, config, ["rest_translation"], "> 0 m", lambda value: value > 0.0)
+    require(config.patience >= 0.0, name, config, "patience", ">= 0 s")
+    require(config.max_pairs >= 1, name, config, "max_pairs", ">= 1")
+    probable = 0.0 <= config.least_probability <= 1.0
+    require(probable, name, config, "least_probability", "from 0 to 1")
     if inputs < 1:
-        raise ValueError(f"KinematicModel: need inputs >= 1, got {inputs!r}")
+        raise ValueError(f"{name}: inputs = {inputs!r}, need >= 1")
 
 
-class KinematicModel(LeafSystem):
+def known_bodies(level: PairLevel) -> BodyMotions:
+    """The bodies that the pairs belong to, by id."""
+    return BodyMotions(bodies=[level.bodies[i] for i in sorted(level.bodies)])
+
+
+class KinematicModel(RecursiveFilter):
     """Joints between bodies: type, parameters and configuration, from relative poses.
 
     For every pair of a parent P (the static environment, or a moving body of higher id) and a child
@@ -107,86 +110,36 @@ class KinematicModel(LeafSystem):
         self._config = config
         self._filters = JointFilters(config.filters, owner="KinematicModel")
         names = ["body_motions"] + [f"body_motions_{i}" for i in range(1, inputs)]
-        self._bodies = [
-            self.DeclareAbstractInputPort(name, AbstractValue.Make(BodyMotions())) for name in names
-        ]
+        self._bodies = [self._declare_value_input(name, BodyMotions()) for name in names]
         empty = PairLevel(pairs={}, bodies={}, past={}, unseen={}, ticks=0)
-        self._state = self.DeclareAbstractState(AbstractValue.Make(empty))
-        state_only = {self.abstract_state_ticket(self._state)}
-        self._posterior = self.DeclareCacheEntry(
-            description="pairs of this tick",
-            value_producer=ValueProducer(
-                allocate=lambda: AbstractValue.Make(empty), calc=self._calc_level
-            ),
-            prerequisites_of_calc={*state_only, self.all_input_ports_ticket()},
-        )
-        self.DeclareAbstractOutputPort(
-            "joints_estimated",
-            lambda: AbstractValue.Make(JointBeliefs()),
-            self._calc_estimated,
-            prerequisites_of_calc={self._posterior.ticket()},
-        )
-        self.DeclareAbstractOutputPort(
-            "joints_latest",
-            lambda: AbstractValue.Make(JointBeliefs()),
-            self._calc_latest,
-            prerequisites_of_calc=state_only,
-        )
-        self.DeclareAbstractOutputPort(
-            "body_motions_latest",
-            lambda: AbstractValue.Make(BodyMotions()),
-            self._calc_bodies,
-            prerequisites_of_calc=state_only,
-        )
-        self.DeclareAbstractOutputPort(
-            "bodies_predicted",
-            lambda: AbstractValue.Make(BodyPredictions()),
-            self._calc_predicted,
-            prerequisites_of_calc=state_only,
-        )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
+        self._declare_recursion(empty, self._calc_level, config.period)
+        self._declare_estimated("joints_estimated", self._beliefs)
+        self._declare_latest("joints_latest", self._beliefs)
+        self._declare_latest("body_motions_latest", known_bodies)
+        self._declare_latest("bodies_predicted", self._predict)
 
-    def _stored(self, context: Context) -> PairLevel:
-        level: PairLevel = context.get_abstract_state(int(self._state)).get_value()
-        return level
-
-    def _calc_level(self, context: Context, output: AbstractValue) -> None:
+    def _calc_level(self, context: Context, level: PairLevel) -> PairLevel:
         config = self._config
-        bodies = merge_bodies([p.Eval(context) for p in self._bodies if p.HasValue(context)])
-        output.set_value(
-            update_pairs(
-                self._stored(context),
-                bodies,
-                self._filters,
-                config.period,
-                config.reference_age,
-                config.patience,
-                config.max_pairs,
-                max(1, round(config.heritage / config.period)),
-                np.repeat([config.rest_rotation, config.rest_translation], 3),
-            )
+        sources = [self._read(port, context) for port in self._bodies if port.HasValue(context)]
+        return update_pairs(
+            level,
+            merge_bodies(sources),
+            self._filters,
+            config.period,
+            config.reference_age,
+            config.patience,
+            config.max_pairs,
+            max(1, round(config.heritage / config.period)),
+            np.repeat([config.rest_rotation, config.rest_translation], 3),
         )
 
     def _beliefs(self, level: PairLevel) -> JointBeliefs:
         return JointBeliefs(joints=[self._filters.belief(s) for s in level.pairs.values()])
 
-    def _calc_estimated(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(self._beliefs(self._posterior.EvalAbstract(context).get_value()))
-
-    def _calc_latest(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(self._beliefs(self._stored(context)))
-
-    def _calc_bodies(self, context: Context, output: AbstractValue) -> None:
-        level = self._stored(context)
-        output.set_value(BodyMotions(bodies=[level.bodies[i] for i in sorted(level.bodies)]))
-
-    def _calc_predicted(self, context: Context, output: AbstractValue) -> None:
+    def _predict(self, level: PairLevel) -> BodyPredictions:
         config = self._config
-        predictions = predict_bodies(
-            self._stored(context), self._filters, config.period, config.least_probability
+        return BodyPredictions(
+            predictions=predict_bodies(
+                level, self._filters, config.period, config.least_probability
+            )
         )
-        output.set_value(BodyPredictions(predictions=predictions))
-
-    def _update(self, context: Context, state: State) -> None:
-        level = self._posterior.EvalAbstract(context).get_value()
-        state.get_mutable_abstract_state(int(self._state)).set_value(level)

@@ -38,11 +38,11 @@ from systems.kinematics.joint_solver.joint_reference import (
 )
 from systems.kinematics.joint_solver.joint_solver import Priors
 from systems.kinematics.joint_solver.joint_update import update as update_models
-from systems.kinematics.joint_solver.pose_packets import (
-    Packets,
+from systems.kinematics.joint_solver.pose_keyframes import (
+    Keyframes,
     append,
-    copy_packets,
-    empty_packets,
+    copy_keyframes,
+    empty_keyframes,
 )
 from systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
 
@@ -63,7 +63,7 @@ class JointFiltersState(Immutable):
         time: Of the last measurement, [s].
         updates: Measurements seen.
         models: Parameters, configuration, evidence.
-        packets: Averaged measurements.
+        keyframes: Averaged measurements.
         W_zero: See `read_configuration`.
         before: The configurations at the reference.
         anchored: How many times parent and child had been anchored (`BodyMotion`) at the reference.
@@ -75,7 +75,7 @@ class JointFiltersState(Immutable):
     time: float
     updates: int
     models: Models
-    packets: Packets
+    keyframes: Keyframes
     W_zero: Array
     before: Before
     anchored: int = 0
@@ -136,13 +136,13 @@ class JointFilters:
                 still counted from the measured reference.
         """
         config = self.config
-        packets, models = empty_packets(config.memory), initial_models(config.memory)
+        keyframes, models = empty_keyframes(config.memory), initial_models(config.memory)
         R: Array = frame_covariance(covariance, 0.0, config)
         W_zero: Array = np.zeros((6, 6))
         if settling is not None and settling.any():
             R = R + settling
             W_zero = np.asarray(np.linalg.inv(R))
-        append(packets, np.eye(4), R, time, self._priors.walk_rate)
+        append(keyframes, np.eye(4), R, time, self._priors.walk_rate)
         for kind in range(3):
             n = dimension(kind)
             models.covariance[kind, :6, :6] = R
@@ -153,7 +153,7 @@ class JointFilters:
             lever = 1.0 if kind == PRISMATIC else config.radius
             models.P[kind, 1, 1] = (config.speed / lever) ** 2
             models.density[kind] = max(config.acceleration_densities) / lever**2
-        models.log_evidence[:] = 0.5 * packets.log_det[0]
+        models.log_evidence[:] = 0.5 * keyframes.log_det[0]
         return JointFiltersState(
             parent_id=parent_id,
             child_id=child_id,
@@ -161,7 +161,7 @@ class JointFilters:
             time=time,
             updates=0,
             models=models,
-            packets=packets,
+            keyframes=keyframes,
             W_zero=W_zero,
             before=NOTHING_BEFORE,
         )
@@ -217,7 +217,7 @@ class JointFilters:
             lasting: The part (6, 6) of the covariance that stays, see `BodyMotion`; none if None.
         """
         models = Models(*[x.copy() for x in state.models])
-        packets = copy_packets(state.packets)
+        keyframes = copy_keyframes(state.keyframes)
         dt = time - state.time
         R = frame_covariance(covariance, dt, self.config, lasting)
         priors = self._priors
@@ -225,8 +225,10 @@ class JointFilters:
             fast, slow = error_shares(covariance, R, dt, self.config, lasting)
             priors = priors._replace(fast=fast, slow=slow)
         X_FB = se3.inverse(state.X_PF) @ X_PB
-        update_models(models, packets, X_FB, R, time, priors, _wants_restart(state))
-        return replace(state, time=time, updates=state.updates + 1, models=models, packets=packets)
+        update_models(models, keyframes, X_FB, R, time, priors, _wants_restart(state))
+        return replace(
+            state, time=time, updates=state.updates + 1, models=models, keyframes=keyframes
+        )
 
     def probabilities(self, state: JointFiltersState) -> dict[JointType, float]:
         """Of each type, given all measurements."""
@@ -270,11 +272,11 @@ class JointFilters:
     def predict(self, state: JointFiltersState, joint_type: JointType, dt: float) -> PoseBelief:
         """Where one model expects the child `dt` [s] after the last measurement: X_PB, in B."""
         if joint_type == JointType.DISCONNECTED:
-            p = state.packets
-            last = p.size[0] - 1
+            kf = state.keyframes
+            last = kf.size[0] - 1
             return PoseBelief(
-                X=state.X_PF @ p.Z[last],
-                covariance=p.R[last] + np.diag(self._priors.walk_rate) * dt,
+                X=state.X_PF @ kf.Z[last],
+                covariance=kf.R[last] + np.diag(self._priors.walk_rate) * dt,
             )
         X_PB, covariance = predict_pose(TYPES.index(joint_type), state.models, state.X_PF, dt)
         return PoseBelief(X=X_PB, covariance=covariance)

@@ -6,7 +6,7 @@ import numpy as np
 
 from maths.arrays import Array
 from systems.checks import require, require_fields
-from systems.kinematics.joint_solver.pose_packets import FIRST, RECENT
+from systems.kinematics.joint_solver.pose_keyframes import FIRST, RECENT
 
 _LEAST_NEW = 1e-2  # Of a measurement's variance: whatever of it stays, something is new.
 _FLOOR = 1e-12 * np.eye(6)  # [rad^2, m^2], for covariances given as exact.
@@ -46,8 +46,8 @@ class JointFiltersConfig:
         slow_time: How long the slow error lasts, [s].
         lasting_time: How long what a measurement itself calls lasting does, [s]; zero to take it
             for white.
-        memory: Packets kept, at least 12.
-        coarseness: Share of the motion's mean square that one packet may span, in (0, 1).
+        memory: Keyframes kept, at least 12.
+        coarseness: Share of the motion's mean square that one keyframe may span, in (0, 1).
     """
 
     acceleration_densities: list[float] = field(default_factory=lambda: [1e-7, 3e-6, 1e-4, 3e-3])
@@ -90,7 +90,7 @@ def check_joint_filters_config(config: JointFiltersConfig, owner: str) -> None:
     allowed = "all > 0 m^2/s^3, finite, at least one"
     require(positive, owner, config, "acceleration_densities", allowed)
     least = FIRST + RECENT + 4
-    require(config.memory >= least, owner, config, "memory", f">= {least} packets")
+    require(config.memory >= least, owner, config, "memory", f">= {least} keyframes")
     require(0.0 < config.coarseness < 1.0, owner, config, "coarseness", "> 0 and < 1")
 
 

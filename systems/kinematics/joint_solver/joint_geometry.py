@@ -14,7 +14,7 @@ import numpy as np
 
 from maths.arrays import Array
 from maths.compiled import hot
-from systems.kinematics.joint_solver.pose_packets import move
+from systems.kinematics.joint_solver.pose_keyframes import move
 
 PRISMATIC, REVOLUTE, RIGID = 0, 1, 2
 

@@ -17,7 +17,7 @@ from systems.kinematics.joint_solver.joint_geometry import (
     tangent_basis,
 )
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
-from systems.kinematics.joint_solver.pose_packets import relative_log
+from systems.kinematics.joint_solver.pose_keyframes import relative_log
 
 
 @hot
@@ -125,7 +125,7 @@ def read_axis(
 
 @hot
 def predict_pose(kind: int, m: Models, X_PF: Array, dt: float) -> tuple[Array, Array]:
-    """X_PB (4, 4) a time dt [s] after the newest packet, and its covariance (6, 6), in B."""
+    """X_PB (4, 4) a time dt [s] after the newest keyframe, and its covariance (6, 6), in B."""
     n = dimension(kind)
     X, covariance, J = np.eye(4), np.empty((6, 6)), np.zeros((n, 6))
     for i in range(6):

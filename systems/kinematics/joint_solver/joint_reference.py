@@ -1,4 +1,4 @@
-"""The joint models at a new reference: what they know of axes and types goes on, packets do not.
+"""The joint models at a new reference: what they know of axes and types goes on, keyframes do not.
 
 Frames: F the old reference, G the new one.
 """
@@ -76,12 +76,12 @@ def hand_over(
     Axis and point become a prior, normalised so that evidence stays comparable.
 
     Args:
-        old: At their newest packet.
+        old: At their newest keyframe.
         before: The configurations at F.
         W_zero: See `read_configuration`.
         new: Just started.
         X_FG: (4, 4).
-        dt: From the newest packet to the new reference, [s].
+        dt: From the newest keyframe to the new reference, [s].
         axis_distance: See `Priors`.
 
     Returns:

@@ -1,8 +1,8 @@
-"""The solution of the joint models for all packets in memory, compiled.
+"""The solution of the joint models for all keyframes in memory, compiled.
 
 The moving models are solved by Gauss-Newton steps from the last solution, for each of several
 acceleration densities, and the rigid one likewise; the free walk's evidence is a sum over pairs of
-packets.
+keyframes.
 """
 
 from typing import NamedTuple
@@ -22,7 +22,7 @@ from systems.kinematics.joint_solver.joint_geometry import (
 )
 from systems.kinematics.joint_solver.joint_linearisation import Linear, linearise, new_linear
 from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.pose_packets import RECENT, Packets
+from systems.kinematics.joint_solver.pose_keyframes import RECENT, Keyframes
 
 _STILL = 0.1  # Gain in log likelihood below which another step is not worth it, [nat].
 _SHORTER = 0.3  # Share of a step that is tried when the whole of it was too far.
@@ -40,7 +40,7 @@ class Priors(NamedTuple):
         radius: Lever of a rotation about the child itself, [m].
         axis_distance: Standard deviation from child to axis, per direction, [m].
         walk_rate: Of the free walk (6,) [rad^2/s, m^2/s].
-        coarseness: See `pose_packets.choose`.
+        coarseness: See `pose_keyframes.choose`.
         fast: Share of each measurement's variance that is new at each, one for white noise.
         slow: Share of it that stays for a while and cannot be told from motion.
     """
@@ -66,7 +66,7 @@ def _lever(kind: int, m: Models, priors: Priors) -> float:
 
 @hot
 def _solve_densities(
-    kind: int, m: Models, p: Packets, priors: Priors, lin: Linear, best: Chain, trial: Chain
+    kind: int, m: Models, kf: Keyframes, priors: Priors, lin: Linear, best: Chain, trial: Chain
 ) -> tuple[float, float, float, float]:
     """Solves for every acceleration density; the best solution stays in `best`.
 
@@ -77,7 +77,7 @@ def _solve_densities(
     total, top, best_S, best_value, best_gain = 0.0, -np.inf, 0.0, 0.0, 0.0
     for density in priors.densities:
         S = density / lever**2
-        value = run_chain(n, S, priors.speed / lever, 1.0, m.q[kind], p, lin, still, 0, trial)
+        value = run_chain(n, S, priors.speed / lever, 1.0, m.q[kind], kf, lin, still, 0, trial)
         evidence, gain = solve(n, value, trial)
         if evidence > top:
             total = total * np.exp(top - evidence) + 1.0
@@ -91,30 +91,30 @@ def _solve_densities(
 
 @hot
 def _track(
-    kind: int, m: Models, p: Packets, priors: Priors, lin: Linear, best: Chain, trial: Chain
+    kind: int, m: Models, kf: Keyframes, priors: Priors, lin: Linear, best: Chain, trial: Chain
 ) -> float:
     """Filters q anew with the errors' fast share only, into `best`; returns its density S.
 
     A slow error moves along with q: following the measurement is then better than smoothing it. S
-    is the likeliest of the newest packets: in a long even motion, a stop would drown.
+    is the likeliest of the newest keyframes: in a long even motion, a stop would drown.
     What theta is worth stays as it is; the slow share comes on top of the variance of q.
     """
     n, lever, q = dimension(kind), _lever(kind, m, priors), m.q[kind].copy()
-    speed, since = priors.speed / lever, p.size[0] - RECENT
+    speed, since = priors.speed / lever, kf.size[0] - RECENT
     top, best_S = -np.inf, 0.0
     for density in priors.densities:
         S = density / lever**2
-        value = run_chain(n, S, speed, priors.fast, q, p, lin, best.step, since, trial)
+        value = run_chain(n, S, speed, priors.fast, q, kf, lin, best.step, since, trial)
         if value > top:
             top, best_S = value, S
             best.m[:], best.M[:], best.P[:] = trial.m, trial.M, trial.P
-    best.P[0] += priors.slow / lin.alpha[p.size[0] - 1]
+    best.P[0] += priors.slow / lin.alpha[kf.size[0] - 1]
     return best_S
 
 
 @hot
 def _store(kind: int, m: Models, chain: Chain) -> None:
-    """Keeps the posterior of the newest packet."""
+    """Keeps the posterior of the newest keyframe."""
     n = dimension(kind)
     cholesky.inverse(chain.H, m.covariance[kind], n)
     for i in range(2):
@@ -152,7 +152,7 @@ def _move(kind: int, m: Models, priors: Priors, q: Array, step: Array) -> None:
 
 
 @hot
-def solve_moving(kind: int, m: Models, p: Packets, priors: Priors, steps: int) -> None:
+def solve_moving(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int) -> None:
     """Gauss-Newton with step shortening on theta and all q; stores posterior and evidence.
 
     Only a step that promises next to nothing is taken without looking back: along a valley, as that
@@ -161,18 +161,18 @@ def solve_moving(kind: int, m: Models, p: Packets, priors: Priors, steps: int) -
     Args:
         kind: `PRISMATIC` or `REVOLUTE`.
         m: Models.
-        p: Packets.
+        kf: Keyframes.
         priors: See `Priors`.
         steps: Linearisations at most, two or more.
     """
-    lin = new_linear(p.time.size)
+    lin = new_linear(kf.time.size)
     best, trial = new_chain(), new_chain()
     previous, q_previous = -np.inf, m.q[kind].copy()
     Y, a, c = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy()
-    step, dq = np.zeros(10), np.zeros(p.time.size)
+    step, dq = np.zeros(10), np.zeros(kf.time.size)
     for i in range(steps):
-        linearise(kind, m, p, priors.axis_distance, lin)
-        evidence, S, value, gain = _solve_densities(kind, m, p, priors, lin, best, trial)
+        linearise(kind, m, kf, priors.axis_distance, lin)
+        evidence, S, value, gain = _solve_densities(kind, m, kf, priors, lin, best, trial)
         if i < steps - 1 and value < previous:
             share = _SHORTER if i < steps - 2 else 0.0
             step *= share
@@ -188,10 +188,10 @@ def solve_moving(kind: int, m: Models, p: Packets, priors: Priors, steps: int) -
             best.step[:] = 0.0
         step[:] = best.step
         sigma_v = priors.speed / _lever(kind, m, priors)
-        smooth(dimension(kind), S, sigma_v, q_previous, p, lin, step, m.q[kind])
+        smooth(dimension(kind), S, sigma_v, q_previous, kf, lin, step, m.q[kind])
         if last and priors.fast < 1.0:
             m.q[kind], q_smooth = q_previous, m.q[kind].copy()
-            S = _track(kind, m, p, priors, lin, best, trial)
+            S = _track(kind, m, kf, priors, lin, best, trial)
             m.q[kind] = q_smooth
         dq = m.q[kind] - q_previous
         _move(kind, m, priors, q_previous, step)
@@ -203,12 +203,12 @@ def solve_moving(kind: int, m: Models, p: Packets, priors: Priors, steps: int) -
 
 
 @hot
-def solve_still(m: Models, p: Packets, axis_distance: float) -> None:
+def solve_still(m: Models, kf: Keyframes, axis_distance: float) -> None:
     """The rigid model, all but linear, and the free walk's evidence."""
     rigid = int(np.int64(RIGID))  # Not a literal, for which all it calls would be compiled again.
-    lin, chain = new_linear(p.time.size), new_chain()
+    lin, chain = new_linear(kf.time.size), new_chain()
     for _ in range(2):
-        linearise(rigid, m, p, axis_distance, lin)
+        linearise(rigid, m, kf, axis_distance, lin)
         for i in range(6):
             chain.h[i] = lin.vector[i]
             for j in range(i + 1):
@@ -219,7 +219,7 @@ def solve_still(m: Models, p: Packets, axis_distance: float) -> None:
         if gain < _STILL:
             break
     cholesky.inverse(chain.H, m.covariance[RIGID], dimension(rigid))
-    walk = 0.5 * p.log_det[0] + p.walk[0] + m.carried[3]
-    for k in range(p.size[0] - 1):
-        walk += p.pair[k, 1]
+    walk = 0.5 * kf.log_det[0] + kf.walk[0] + m.carried[3]
+    for k in range(kf.size[0] - 1):
+        walk += kf.pair[k, 1]
     m.log_evidence[3] = walk

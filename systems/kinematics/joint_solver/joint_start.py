@@ -16,16 +16,16 @@ from systems.kinematics.joint_solver.joint_geometry import (
     tangent_basis,
 )
 from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.pose_packets import Packets, relative_log
+from systems.kinematics.joint_solver.pose_keyframes import Keyframes, relative_log
 
 _SIGNIFICANT = 4.0  # Standard deviations of q that decide its sign,
 _MOVED = 10.0  # where the evidence is this many nats above the rigid model's.
 
 
 @hot
-def _twists(p: Packets, xi: Array) -> None:
+def _twists(kf: Keyframes, xi: Array) -> None:
     for k in range(xi.shape[0]):
-        relative_log(p.Z[0], p.Z[k], xi[k])
+        relative_log(kf.Z[0], kf.Z[k], xi[k])
 
 
 def _screw_start(V: Array, axis_distance: float) -> tuple[Array, Array]:
@@ -43,20 +43,20 @@ def _screw_start(V: Array, axis_distance: float) -> tuple[Array, Array]:
     return a, np.cross(a, v) / max(rate, speed / (1.5 * axis_distance))
 
 
-def fresh_start(m: Models, p: Packets, axis_distance: float) -> None:
+def fresh_start(m: Models, kf: Keyframes, axis_distance: float) -> None:
     """Starts both moving models, in place, from the principal direction of all twists.
 
     Args:
         m: Models.
-        p: Packets, at least two.
+        kf: Keyframes, at least two.
         axis_distance: See `Priors`; a revolute axis starts no further away than 1.5 times this.
     """
-    n = int(p.size[0])
-    R = np.diagonal(p.R[n - 1])
+    n = int(kf.size[0])
+    R = np.diagonal(kf.R[n - 1])
     scale = np.sqrt(np.repeat([R[:3].mean(), R[3:].mean()], 3))
     xi = np.empty((n, 6))
-    _twists(p, xi)
-    weight = R[3] / p.R[:n, 3, 3]
+    _twists(kf, xi)
+    weight = R[3] / kf.R[:n, 3, 3]
     d = (xi - weight @ xi / weight.sum()) / scale
     scatter = (d.T * weight) @ d
     a = np.linalg.eigh(scatter[3:, 3:])[1][:, 2]

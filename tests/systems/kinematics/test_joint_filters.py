@@ -183,8 +183,8 @@ def test_an_episode_of_minutes_keeps_learning_in_bounded_memory() -> None:
     run = simulate(scene, 3)
     filters, states = filter_states(scene, run)
     early, late = (filters.belief(states[k]).models[REVOLUTE] for k in (300, -1))
-    assert states[-1].packets.size[0] <= JointFiltersConfig().memory
-    assert states[-1].models.prior_information[1].any()  # Packets have been dropped.
+    assert states[-1].keyframes.size[0] <= JointFiltersConfig().memory
+    assert states[-1].models.prior_information[1].any()  # Keyframes have been dropped.
     assert late.axis_covariance.trace() < 0.4 * early.axis_covariance.trace()
     assert _angle(late, run.axis) < 3.0 * np.sqrt(late.axis_covariance.trace())
     assert filters.belief(states[-1]).type == REVOLUTE
@@ -235,7 +235,7 @@ def test_an_update_changes_nothing_of_the_state_before_and_repeats_exactly() -> 
     filters, states = filter_states(scene, run)
 
     def content(state: JointFiltersState) -> list[np.ndarray]:
-        return [x.copy() for x in (*state.models, *state.packets)]
+        return [x.copy() for x in (*state.models, *state.keyframes)]
 
     before = content(states[-2])
     again = filters.update(states[-2], run.measured[-1], scene.covariance, float(run.times[-1]))
@@ -279,7 +279,7 @@ def test_correlated_errors_count_as_much_as_their_average_is_worth() -> None:
         ("slow_translation", float("inf"), "m"),
         ("acceleration_densities", [], "m^2/s^3"),
         ("acceleration_densities", [1e-5, 0.0], "m^2/s^3"),
-        ("memory", 11, "packets"),
+        ("memory", 11, "keyframes"),
         ("coarseness", 1.0, "< 1"),
     ],
 )

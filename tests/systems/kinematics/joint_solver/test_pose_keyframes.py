@@ -5,23 +5,23 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maths import se3
-from systems.kinematics.joint_solver import pose_packets
-from systems.kinematics.joint_solver.pose_packets import Packets
+from systems.kinematics.joint_solver import pose_keyframes
+from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 WALK = np.repeat([0.09, 0.01], 3)
 
 
-def _fill(poses: np.ndarray, R: np.ndarray, capacity: int = 32) -> Packets:
-    p = pose_packets.empty_packets(capacity)
+def _fill(poses: np.ndarray, R: np.ndarray, capacity: int = 32) -> Keyframes:
+    kf = pose_keyframes.empty_keyframes(capacity)
     for k, X in enumerate(poses):
-        if p.size[0] == capacity:
-            at, average = pose_packets.choose(p, 0.05)
+        if kf.size[0] == capacity:
+            at, average = pose_keyframes.choose(kf, 0.05)
             if average:
-                pose_packets.merge(p, at, WALK)
+                pose_keyframes.merge(kf, at, WALK)
             else:
-                pose_packets.drop(p, at, WALK)
-        pose_packets.append(p, X, R, k / 15.0, WALK)
-    return p
+                pose_keyframes.drop(kf, at, WALK)
+        pose_keyframes.append(kf, X, R, k / 15.0, WALK)
+    return kf
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.5, 3.0, np.pi - 1e-6])
@@ -30,47 +30,47 @@ def test_move_and_relative_log_are_exp_and_log(angle: float) -> None:
     axis = rng.normal(size=3)
     xi = np.concatenate([angle * axis / np.linalg.norm(axis), rng.normal(size=3)])
     A, B, back = se3.exp(rng.normal(size=6)), np.empty((4, 4)), np.empty(6)
-    pose_packets.move(A, xi, B)
+    pose_keyframes.move(A, xi, B)
     assert_allclose(B, A @ se3.exp(xi), atol=1e-12)
-    pose_packets.relative_log(A, B, back)
+    pose_keyframes.relative_log(A, B, back)
     assert_allclose(back, xi, atol=1e-7)
 
 
 def test_move_may_write_into_its_argument() -> None:
     A, xi = se3.exp(np.arange(6.0) / 5.0), np.arange(6.0) / 7.0
     expected = A @ se3.exp(xi)
-    pose_packets.move(A, xi, A)
+    pose_keyframes.move(A, xi, A)
     assert_allclose(A, expected)
 
 
 def test_the_mean_of_two_poses_on_a_screw_is_on_the_screw_at_the_mean_time() -> None:
     screw = np.array([0.0, 0.0, 1.0, 0.3, -0.2, 0.1])
-    p = _fill(np.array([se3.exp(q * screw) for q in (0.0, 0.4, 1.6)]), 1e-6 * np.eye(6))
-    pose_packets.merge(p, 1, WALK)
-    assert_allclose(p.Z[1], se3.exp(1.0 * screw), atol=1e-12)
-    assert_allclose(p.time[1], 1.5 / 15.0)
-    assert_allclose(p.R[1], 0.5e-6 * np.eye(6))
+    kf = _fill(np.array([se3.exp(q * screw) for q in (0.0, 0.4, 1.6)]), 1e-6 * np.eye(6))
+    pose_keyframes.merge(kf, 1, WALK)
+    assert_allclose(kf.Z[1], se3.exp(1.0 * screw), atol=1e-12)
+    assert_allclose(kf.time[1], 1.5 / 15.0)
+    assert_allclose(kf.R[1], 0.5e-6 * np.eye(6))
 
 
 def test_a_less_certain_pose_counts_less_in_the_mean() -> None:
-    p = pose_packets.empty_packets(4)
-    pose_packets.append(p, np.eye(4), np.eye(6), 0.0, WALK)
+    kf = pose_keyframes.empty_keyframes(4)
+    pose_keyframes.append(kf, np.eye(4), np.eye(6), 0.0, WALK)
     for x, variance in ((0.0, 1e-6), (1.0, 3e-6)):
         X = np.eye(4)
         X[0, 3] = x
-        pose_packets.append(p, X, variance * np.eye(6), x, WALK)
-    pose_packets.merge(p, 1, WALK)
-    assert_allclose(p.Z[1, 0, 3], 0.25)
-    assert_allclose(p.R[1], 0.75e-6 * np.eye(6), atol=1e-18)
+        pose_keyframes.append(kf, X, variance * np.eye(6), x, WALK)
+    pose_keyframes.merge(kf, 1, WALK)
+    assert_allclose(kf.Z[1, 0, 3], 0.25)
+    assert_allclose(kf.R[1], 0.75e-6 * np.eye(6), atol=1e-18)
 
 
 def test_a_body_at_rest_is_averaged_without_loss() -> None:
     rng = np.random.default_rng(1)
     noise = 1e-3 * rng.normal(size=(3000, 6))
-    p = _fill(np.array([se3.exp(n) for n in noise]), 1e-6 * np.eye(6))
-    n = int(p.size[0])
-    weights = np.array([1.0 / p.R[k, 0, 0] for k in range(n)])
-    mean = np.array([se3.log(p.Z[k]) for k in range(n)]).T @ weights / weights.sum()
+    kf = _fill(np.array([se3.exp(n) for n in noise]), 1e-6 * np.eye(6))
+    n = int(kf.size[0])
+    weights = np.array([1.0 / kf.R[k, 0, 0] for k in range(n)])
+    mean = np.array([se3.log(kf.Z[k]) for k in range(n)]).T @ weights / weights.sum()
     assert_allclose(weights.sum(), 3000e6, rtol=1e-9)
     assert_allclose(mean, noise.mean(axis=0), atol=2e-6)
 
@@ -78,24 +78,24 @@ def test_a_body_at_rest_is_averaged_without_loss() -> None:
 def test_memory_is_bounded_and_motion_is_kept_in_even_steps() -> None:
     X = np.tile(np.eye(4), (600, 1, 1))
     X[300:, 0, 3] = np.linspace(0.0, 0.3, 300)  # Ten seconds at rest first.
-    p = _fill(X, 1e-6 * np.eye(6))
-    assert p.size[0] == 32
-    moving = p.Z[: p.size[0] - pose_packets.RECENT, 0, 3]
+    kf = _fill(X, 1e-6 * np.eye(6))
+    assert kf.size[0] == 32
+    moving = kf.Z[: kf.size[0] - pose_keyframes.RECENT, 0, 3]
     assert (moving > 0.01).sum() >= 22
     assert np.diff(moving).max() < 0.03
 
 
-def test_the_first_packet_is_never_averaged() -> None:
-    p = _fill(np.tile(np.eye(4), (200, 1, 1)), 1e-6 * np.eye(6))
-    assert_allclose(p.R[0], 1e-6 * np.eye(6))
-    assert p.time[0] == 0.0
+def test_the_first_keyframe_is_never_averaged() -> None:
+    kf = _fill(np.tile(np.eye(4), (200, 1, 1)), 1e-6 * np.eye(6))
+    assert_allclose(kf.R[0], 1e-6 * np.eye(6))
+    assert kf.time[0] == 0.0
 
 
-def test_to_and_fro_for_long_drops_packets_instead_of_averaging_the_motion_away() -> None:
+def test_to_and_fro_for_long_drops_keyframes_instead_of_averaging_the_motion_away() -> None:
     X = np.tile(np.eye(4), (4500, 1, 1))
     X[:, 0, 3] = 0.1 * np.sin(2.0 * np.pi * np.arange(4500) / 120.0)
-    p = _fill(X, 1e-6 * np.eye(6))
-    spread = np.std(p.Z[: p.size[0], 0, 3])
+    kf = _fill(X, 1e-6 * np.eye(6))
+    spread = np.std(kf.Z[: kf.size[0], 0, 3])
     assert spread > 0.6 * 0.1 / np.sqrt(2.0)
 
 
@@ -113,9 +113,9 @@ def test_the_free_walk_remembers_what_averaging_hides() -> None:
     rng = np.random.default_rng(2)
     poses = np.array([se3.exp(1e-3 * rng.normal(size=6)) for _ in range(400)])
     small, large = _fill(poses, 1e-6 * np.eye(6), 32), _fill(poses, 1e-6 * np.eye(6), 400)
-    evidence = [p.walk[0] + p.pair[: p.size[0] - 1, 1].sum() for p in (small, large)]
+    evidence = [kf.walk[0] + kf.pair[: kf.size[0] - 1, 1].sum() for kf in (small, large)]
     rest = [
-        -0.5 * sum(se3.log(p.Z[k]) @ p.W[k] @ se3.log(p.Z[k]) for k in range(p.size[0]))
-        for p in (small, large)
+        -0.5 * sum(se3.log(kf.Z[k]) @ kf.W[k] @ se3.log(kf.Z[k]) for k in range(kf.size[0]))
+        for kf in (small, large)
     ]
     assert_allclose(evidence[0] - rest[0], evidence[1] - rest[1], rtol=0.2)

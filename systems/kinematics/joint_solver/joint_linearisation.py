@@ -203,7 +203,7 @@ def embedding(a: Array, T: Array) -> None:
 
 @hot
 def _add_prior(kind: int, m: Models, lin: Linear) -> None:
-    """Adds what dropped keyframes said."""
+    """Adds the prior that marginalised keyframes have left."""
     d, T = np.empty(12), np.empty((10, 12))
     prior_offset(kind, m, d)
     embedding(m.a[kind], T)

@@ -18,7 +18,7 @@ class Models(NamedTuple):
         c: (3, 3) axis point in F, [m].
         q: (3, K) configuration at each keyframe.
         signed: (3,) one where the sign of q is decided.
-        prior_information: (3, 12, 12) of dropped keyframes about (Y, a, c), a and c in three
+        prior_information: (3, 12, 12) of marginalised keyframes about (Y, a, c), a and c in three
             dimensions each, relative to where it was linearised.
         prior_vector: (3, 12) its information vector.
         prior_value: (3,) its log likelihood there.
@@ -29,7 +29,7 @@ class Models(NamedTuple):
         P: (3, 2, 2) their covariance given theta.
         density: (3,) the acceleration density S that explains the motion best.
         log_evidence: (4,) of each model, the free walk last.
-        carried: (4,) from dropped keyframes.
+        carried: (4,) of marginalised keyframes.
     """
 
     Y: Array

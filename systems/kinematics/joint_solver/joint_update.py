@@ -29,27 +29,27 @@ _MOVING = (PRISMATIC, REVOLUTE)
 
 
 @hot
-def _forget_configuration(m: Models, kf: Keyframes, k: int) -> None:
+def _delete_configuration(m: Models, kf: Keyframes, k: int) -> None:
     for kind in range(2):
         for i in range(k, kf.size[0]):
             m.q[kind, i] = m.q[kind, i + 1]
 
 
 @hot
-def remember(
+def add_measurement(
     m: Models, kf: Keyframes, X_FB: Array, R: Array, time: float, priors: Priors, room: bool
 ) -> int:
     """Appends one pose, two keyframes averaged for it if there is no room.
 
     Returns:
-        -1, or the keyframe that has to be dropped first, nothing done.
+        -1, or the keyframe that has to be marginalised first, nothing done.
     """
     if not room:
         k, average = pose_keyframes.choose(kf, priors.coarseness)
         if not average:
             return k
         pose_keyframes.merge(kf, k, priors.walk_rate)
-        _forget_configuration(m, kf, k + 1)
+        _delete_configuration(m, kf, k + 1)
     pose_keyframes.append(kf, X_FB, R, time, priors.walk_rate)
     kf.walk[0] = min(max(kf.walk[0], -MEMORY), MEMORY)
     last, dt = kf.size[0] - 1, time - kf.time[kf.size[0] - 2]
@@ -65,8 +65,12 @@ def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int) -> None:
     solve_still(m, kf, priors.axis_distance)
 
 
-def drop(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
-    """Removes keyframe k, and keeps what it said about theta (its q left free) and as evidence."""
+def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
+    """Removes keyframe k; what it said stays in a Gaussian prior of theta and in the evidence.
+
+    Its configuration is marginalised as if nothing were known of it, so that what the motion before
+    and after it says is lost.
+    """
     before = m.log_evidence.copy()
     d, T, lin = np.empty(12), np.empty((10, 12)), new_linear(kf.time.size)
     for kind in range(3):
@@ -83,8 +87,8 @@ def drop(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
         m.prior_information[kind] += T.T @ information @ T
         m.prior_vector[kind] = gradient + T.T @ lin.vector
         m.prior_value[kind] += lin.value[0]
-    pose_keyframes.drop(kf, k, priors.walk_rate)
-    _forget_configuration(m, kf, k)
+    pose_keyframes.remove(kf, k, priors.walk_rate)
+    _delete_configuration(m, kf, k)
     solve_all(m, kf, priors, 2)
     m.carried[:] += before - m.log_evidence
     m.carried[:] = np.maximum(m.carried - m.carried.max(), -MEMORY)
@@ -121,10 +125,10 @@ def update(
         priors: See `Priors`.
         young: Whether to try a fresh start beside the last solution.
     """
-    k = remember(m, kf, X_FB, R, time, priors, bool(kf.size[0] < kf.time.size))
+    k = add_measurement(m, kf, X_FB, R, time, priors, bool(kf.size[0] < kf.time.size))
     if k >= 0:
-        drop(m, kf, k, priors)
-        remember(m, kf, X_FB, R, time, priors, True)
+        marginalise(m, kf, k, priors)
+        add_measurement(m, kf, X_FB, R, time, priors, True)
     solve_all(m, kf, priors, _STEPS)
     if young:
         restart(m, kf, priors)

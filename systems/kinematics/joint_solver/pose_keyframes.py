@@ -21,7 +21,7 @@ from maths.arrays import Array, Ids
 from maths.compiled import hot
 
 RECENT = 4  # Keyframes at the end that stay single measurements, for the present velocity.
-FIRST = 4  # Keyframes at the beginning that are never dropped: they say where the motion started.
+FIRST = 4  # Keyframes at the beginning that are never marginalised: where the motion started.
 _EXCESS = 6.0  # Expected loss when two keyframes of the same pose are averaged: their dimension.
 
 
@@ -190,7 +190,7 @@ def _pair(kf: Keyframes, k: int, walk_rate: Array) -> None:
 
 
 @hot
-def _remove(kf: Keyframes, k: int) -> None:
+def _delete(kf: Keyframes, k: int) -> None:
     """Removes keyframe k; the pairs beside it stay stale."""
     n = kf.size[0]
     for i in range(k, n - 1):
@@ -201,9 +201,9 @@ def _remove(kf: Keyframes, k: int) -> None:
 
 
 @hot
-def drop(kf: Keyframes, k: int, walk_rate: Array) -> None:
+def remove(kf: Keyframes, k: int, walk_rate: Array) -> None:
     """Removes keyframe k and completes the pair that it leaves."""
-    _remove(kf, k)
+    _delete(kf, k)
     _pair(kf, k - 1, walk_rate)
 
 
@@ -234,7 +234,7 @@ def merge(kf: Keyframes, k: int, walk_rate: Array) -> None:
     move(kf.Z[k], weight * xi, kf.Z[k])
     kf.R[k] = (1.0 - weight) ** 2 * kf.R[k] + weight**2 * kf.R[k + 1]
     kf.time[k] = (1.0 - weight) * kf.time[k] + weight * kf.time[k + 1]
-    _remove(kf, k + 1)
+    _delete(kf, k + 1)
     _fill(kf, k)
     _pair(kf, k - 1, walk_rate)
     _pair(kf, k, walk_rate)
@@ -267,10 +267,10 @@ def _spread(kf: Keyframes) -> float:
 
 @hot
 def choose(kf: Keyframes, coarseness: float) -> tuple[int, bool]:
-    """What to do for room: (k, True) to average k and k + 1, or (k, False) to drop keyframe k.
+    """What to do for room: (k, True) to average k and k + 1, or (k, False) to marginalise k.
 
     Averages that span more than `coarseness` of the whole motion's mean square, as in a body that
-    goes to and fro for long, would lose what it has shown: the oldest keyframe is dropped instead.
+    goes to and fro for long, would lose what it has shown: an old keyframe is marginalised instead.
     """
     best = 1  # Keyframe 0 is the reference.
     for k in range(1, kf.size[0] - RECENT):

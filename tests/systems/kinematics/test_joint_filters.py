@@ -184,7 +184,7 @@ def test_an_episode_of_minutes_keeps_learning_in_bounded_memory() -> None:
     filters, states = filter_states(scene, run)
     early, late = (filters.belief(states[k]).models[REVOLUTE] for k in (300, -1))
     assert states[-1].keyframes.size[0] <= JointFiltersConfig().memory
-    assert states[-1].models.prior_information[1].any()  # Keyframes have been dropped.
+    assert states[-1].models.prior_information[1].any()  # Keyframes have been marginalised.
     assert late.axis_covariance.trace() < 0.4 * early.axis_covariance.trace()
     assert _angle(late, run.axis) < 3.0 * np.sqrt(late.axis_covariance.trace())
     assert filters.belief(states[-1]).type == REVOLUTE

@@ -19,7 +19,7 @@ def _fill(poses: np.ndarray, R: np.ndarray, capacity: int = 32) -> Keyframes:
             if average:
                 pose_keyframes.merge(kf, at, WALK)
             else:
-                pose_keyframes.drop(kf, at, WALK)
+                pose_keyframes.remove(kf, at, WALK)
         pose_keyframes.append(kf, X, R, k / 15.0, WALK)
     return kf
 
@@ -91,7 +91,7 @@ def test_the_first_keyframe_is_never_averaged() -> None:
     assert kf.time[0] == 0.0
 
 
-def test_to_and_fro_for_long_drops_keyframes_instead_of_averaging_the_motion_away() -> None:
+def test_to_and_fro_for_long_marginalises_keyframes_instead_of_averaging_the_motion_away() -> None:
     X = np.tile(np.eye(4), (4500, 1, 1))
     X[:, 0, 3] = 0.1 * np.sin(2.0 * np.pi * np.arange(4500) / 120.0)
     kf = _fill(X, 1e-6 * np.eye(6))

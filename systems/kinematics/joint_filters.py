@@ -31,10 +31,10 @@ from systems.kinematics.joint_solver.joint_readout import (
     read_configuration,
 )
 from systems.kinematics.joint_solver.joint_reference import (
-    NOTHING_BEFORE,
-    Before,
-    configuration_before,
-    hand_over,
+    ZERO_CONFIGURATION,
+    ConfigurationPrior,
+    prior_configuration,
+    transfer_prior,
 )
 from systems.kinematics.joint_solver.joint_solver import Priors
 from systems.kinematics.joint_solver.joint_update import update as update_models
@@ -65,7 +65,7 @@ class JointFiltersState(Immutable):
         models: Parameters, configuration, evidence.
         keyframes: Averaged measurements.
         W_zero: See `read_configuration`.
-        before: The configurations at the reference.
+        configuration_prior: Of the configurations at the reference.
         anchored: How many times parent and child had been anchored (`BodyMotion`) at the reference.
     """
 
@@ -77,7 +77,7 @@ class JointFiltersState(Immutable):
     models: Models
     keyframes: Keyframes
     W_zero: Array
-    before: Before
+    configuration_prior: ConfigurationPrior
     anchored: int = 0
 
 
@@ -163,10 +163,10 @@ class JointFilters:
             models=models,
             keyframes=keyframes,
             W_zero=W_zero,
-            before=NOTHING_BEFORE,
+            configuration_prior=ZERO_CONFIGURATION,
         )
 
-    def refer(
+    def rebase(
         self,
         state: JointFiltersState,
         X_PB: Array,
@@ -174,7 +174,7 @@ class JointFilters:
         time: float,
         settling: Array | None = None,
     ) -> JointFiltersState:
-        """The state that goes on from a new reference, with what it knows of axes and types.
+        """The state rebased to a new reference, with what it knows of axes and types as a prior.
 
         For when the child's pose has got a new constant error, which leaves its motion since then
         as a screw about the same axis in P.
@@ -188,16 +188,16 @@ class JointFilters:
         """
         start = self.start(X_PB, covariance, time, state.parent_id, state.child_id, settling)
         X_FG = se3.inverse(state.X_PF) @ X_PB
-        before = hand_over(
+        configuration_prior = transfer_prior(
             state.models,
-            state.before,
+            state.configuration_prior,
             state.W_zero,
             start.models,
             X_FG,
             time - state.time,
             self.config.axis_distance,
         )
-        return replace(start, updates=state.updates, before=before)
+        return replace(start, updates=state.updates, configuration_prior=configuration_prior)
 
     def update(
         self,
@@ -255,17 +255,17 @@ class JointFilters:
         m, n = state.models, dimension(kind)
         vectors, axis, point = read_axis(kind, m, state.X_PF, self.config.axis_distance)
         q, sensitivity = read_configuration(kind, m, state.W_zero)
-        q_before, slope = configuration_before(state.before, kind, m)
+        q_prior, slope = prior_configuration(state.configuration_prior, kind, m)
         sensitivity[6:, 0] += slope
         q_covariance = sensitivity.T @ m.covariance[kind, :n, :n] @ sensitivity + m.P[kind]
-        q_covariance[0, 0] += state.before.variance[kind]
+        q_covariance[0, 0] += state.configuration_prior.variance[kind]
         return JointModelBelief(
             log_evidence=float(state.models.log_evidence[kind]),
             axis_P=vectors[0],
             axis_covariance=axis,
             p_PA=vectors[1],
             p_PA_covariance=point,
-            configuration=np.array([q[0] + q_before, q[1]]),
+            configuration=np.array([q[0] + q_prior, q[1]]),
             configuration_covariance=symmetric(q_covariance),
         )
 

@@ -189,7 +189,7 @@ def update_pairs(
                     age, X_PB_reference = period, pose.X
                 state = filters.start(X_PB_reference, pose.covariance, time - age, *pair, lasting)
             elif anchored != state.anchored:
-                state = filters.refer(state, pose.X, pose.covariance, time, lasting)
+                state = filters.rebase(state, pose.X, pose.covariance, time, lasting)
             state = replace(state, anchored=anchored)
             pairs[pair] = filters.update(state, pose.X, pose.covariance, time, lasting)
         elif state is not None and time - state.time <= patience:

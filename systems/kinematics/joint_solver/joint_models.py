@@ -29,7 +29,7 @@ class Models(NamedTuple):
         P: (3, 2, 2) their covariance given theta.
         density: (3,) the acceleration density S that explains the motion best.
         log_evidence: (4,) of each model, the free walk last.
-        carried: (4,) of marginalised keyframes.
+        marginal_evidence: (4,) log evidence that marginalised keyframes have left.
     """
 
     Y: Array
@@ -49,7 +49,7 @@ class Models(NamedTuple):
     P: Array
     density: Array
     log_evidence: Array
-    carried: Array
+    marginal_evidence: Array
 
 
 def initial_models(capacity: int) -> Models:
@@ -75,5 +75,5 @@ def initial_models(capacity: int) -> Models:
         P=np.zeros((3, 2, 2)),
         density=np.zeros(3),
         log_evidence=np.zeros(4),
-        carried=np.zeros(4),
+        marginal_evidence=np.zeros(4),
     )

@@ -144,9 +144,9 @@ def _move(kind: int, m: Models, priors: Priors, q: Array, step: Array) -> None:
 
     What it moved by is scaled so that paths keep their length where the axis moves away.
     """
-    before = _lever(kind, m, priors)
+    lever = _lever(kind, m, priors)
     retract(kind, m.Y[kind], m.a[kind], m.c[kind], step)
-    share = before / _lever(kind, m, priors)
+    share = lever / _lever(kind, m, priors)
     for i in range(q.size):
         m.q[kind, i] = q[i] + share * (m.q[kind, i] - q[i])
 
@@ -196,7 +196,7 @@ def solve_moving(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int
         dq = m.q[kind] - q_previous
         _move(kind, m, priors, q_previous, step)
         evidence -= max(gain - _PROMISED, 0.0)
-        m.log_evidence[kind], m.density[kind] = evidence + m.carried[kind], S
+        m.log_evidence[kind], m.density[kind] = evidence + m.marginal_evidence[kind], S
         _store(kind, m, best)
         if last:
             break
@@ -215,11 +215,11 @@ def solve_still(m: Models, kf: Keyframes, axis_distance: float) -> None:
                 chain.H[i, j] = lin.information[i, j]
         evidence, gain = solve(dimension(rigid), lin.value[0], chain)
         retract(rigid, m.Y[RIGID], m.a[RIGID], m.c[RIGID], chain.step)
-        m.log_evidence[RIGID] = evidence + m.carried[RIGID]
+        m.log_evidence[RIGID] = evidence + m.marginal_evidence[RIGID]
         if gain < _STILL:
             break
     cholesky.inverse(chain.H, m.covariance[RIGID], dimension(rigid))
-    walk = 0.5 * kf.log_det[0] + kf.walk[0] + m.carried[3]
+    walk = 0.5 * kf.log_det[0] + kf.walk[0] + m.marginal_evidence[3]
     for k in range(kf.size[0] - 1):
         walk += kf.pair[k, 1]
     m.log_evidence[3] = walk

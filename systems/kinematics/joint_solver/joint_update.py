@@ -71,7 +71,7 @@ def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
     Its configuration is marginalised as if nothing were known of it, so that what the motion before
     and after it says is lost.
     """
-    before = m.log_evidence.copy()
+    log_evidence = m.log_evidence.copy()
     d, T, lin = np.empty(12), np.empty((10, 12)), new_linear(kf.time.size)
     for kind in range(3):
         m.signed[kind] = 1.0
@@ -90,8 +90,8 @@ def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
     pose_keyframes.remove(kf, k, priors.walk_rate)
     _delete_configuration(m, kf, k)
     solve_all(m, kf, priors, 2)
-    m.carried[:] += before - m.log_evidence
-    m.carried[:] = np.maximum(m.carried - m.carried.max(), -MEMORY)
+    m.marginal_evidence[:] += log_evidence - m.log_evidence
+    m.marginal_evidence[:] = np.maximum(m.marginal_evidence - m.marginal_evidence.max(), -MEMORY)
 
 
 def _copy_model(kind: int, source: Models, target: Models) -> None:

@@ -380,7 +380,7 @@ def _with_new_reference(joint: JointType, seed: int) -> tuple[JointFilters, list
             continue
         X = run.X_PB[k] @ offset @ se3.exp(rng.multivariate_normal(np.zeros(6), fine))
         if k == half:
-            states.append(filters.refer(states[-1], X, fine, time))
+            states.append(filters.rebase(states[-1], X, fine, time))
         else:
             states.append(filters.update(states[-1], X, fine, time))
     return filters, states, run, half

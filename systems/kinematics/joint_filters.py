@@ -19,9 +19,6 @@ from maths.immutable import Immutable
 from systems.kinematics.joint_filters_config import (
     JointFiltersConfig,
     check_joint_filters_config,
-    error_shares,
-    frame_covariance,
-    has_slow_error,
 )
 from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE, dimension
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
@@ -44,6 +41,7 @@ from systems.kinematics.joint_solver.pose_keyframes import (
     copy_keyframes,
     empty_keyframes,
 )
+from systems.kinematics.measurement_errors import error_shares, is_correlated, white_equivalent
 from systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
 
 TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID, JointType.DISCONNECTED)
@@ -99,12 +97,10 @@ class JointFilters:
             axis_distance=config.axis_distance,
             walk_rate=np.repeat([config.walk_rotation**2, config.walk_translation**2], 3),
             coarseness=config.coarseness,
-            fast=1.0,
-            slow=0.0,
+            white_share=1.0,
+            correlated_share=0.0,
         )
-        self._correlated = (
-            config.correlation_time > 0.0 or has_slow_error(config) or config.lasting_time > 0.0
-        )
+        self._correlated = is_correlated(config.errors)
         self._log_prior = np.log(
             [
                 config.prior_prismatic,
@@ -137,7 +133,7 @@ class JointFilters:
         """
         config = self.config
         keyframes, models = empty_keyframes(config.memory), initial_models(config.memory)
-        R: Array = frame_covariance(covariance, 0.0, config)
+        R: Array = white_equivalent(covariance, 0.0, config.errors)
         W_zero: Array = np.zeros((6, 6))
         if settling is not None and settling.any():
             R = R + settling
@@ -205,7 +201,7 @@ class JointFilters:
         X_PB: Array,
         covariance: Array,
         time: float,
-        lasting: Array | None = None,
+        correlated: Array | None = None,
     ) -> JointFiltersState:
         """The state after one measurement of the child's pose.
 
@@ -214,16 +210,17 @@ class JointFilters:
             X_PB: Measured (4, 4).
             covariance: Of the measurement (6, 6), in B.
             time: Of the measurement, [s], not before the last.
-            lasting: The part (6, 6) of the covariance that stays, see `BodyMotion`; none if None.
+            correlated: The part (6, 6) of the covariance whose error is correlated in time, see
+                `BodyMotion`; none if None.
         """
         models = Models(*[x.copy() for x in state.models])
         keyframes = copy_keyframes(state.keyframes)
         dt = time - state.time
-        R = frame_covariance(covariance, dt, self.config, lasting)
+        R = white_equivalent(covariance, dt, self.config.errors, correlated)
         priors = self._priors
         if self._correlated:
-            fast, slow = error_shares(covariance, R, dt, self.config, lasting)
-            priors = priors._replace(fast=fast, slow=slow)
+            white, rest = error_shares(covariance, R, dt, self.config.errors, correlated)
+            priors = priors._replace(white_share=white, correlated_share=rest)
         X_FB = se3.inverse(state.X_PF) @ X_PB
         update_models(models, keyframes, X_FB, R, time, priors, _wants_restart(state))
         return replace(

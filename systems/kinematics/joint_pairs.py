@@ -83,7 +83,7 @@ def _pose(body: BodyMotion) -> PoseBelief:
 
 
 def measured_pose(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[PoseBelief, Array, Array]:
-    """X_PB of a pair now, what lasts of its covariance (6, 6), and X_PB (4, 4) at the reference."""
+    """X_PB of a pair now, the correlated part of its covariance (6, 6), X_PB at the reference."""
     child = bodies[pair[1]]
     if pair[0] == STATIC_BODY:
         return _pose(child), child.lasting_covariance, child.X_WB_reference
@@ -91,8 +91,8 @@ def measured_pose(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[PoseBelief
     X_PB_reference = se3.inverse(parent.X_WB_reference) @ child.X_WB_reference
     pose = relative_pose(_pose(parent), _pose(child))
     Ad = se3.adjoint(se3.inverse(pose.X))
-    lasting = child.lasting_covariance + Ad @ parent.lasting_covariance @ Ad.T
-    return pose, lasting, X_PB_reference
+    correlated = child.lasting_covariance + Ad @ parent.lasting_covariance @ Ad.T
+    return pose, correlated, X_PB_reference
 
 
 def inherited(
@@ -177,7 +177,7 @@ def update_pairs(
     for pair in sorted(measured | set(level.pairs)):
         state = level.pairs.get(pair)
         if pair in measured:
-            pose, lasting, X_PB_reference = measured_pose(pair, present)
+            pose, correlated, X_PB_reference = measured_pose(pair, present)
             anchored = sum(present[i].anchored for i in pair if i != STATIC_BODY)
             if state is None and pair[0] != STATIC_BODY:
                 state = inherited(pair, present, level.past.get(pair[1], []), time)
@@ -187,11 +187,13 @@ def update_pairs(
                     # The body in the hand is at its reference when it is first measured; closing
                     # the hand may have moved its parent from where that was first.
                     age, X_PB_reference = period, pose.X
-                state = filters.start(X_PB_reference, pose.covariance, time - age, *pair, lasting)
+                state = filters.start(
+                    X_PB_reference, pose.covariance, time - age, *pair, correlated
+                )
             elif anchored != state.anchored:
-                state = filters.rebase(state, pose.X, pose.covariance, time, lasting)
+                state = filters.rebase(state, pose.X, pose.covariance, time, correlated)
             state = replace(state, anchored=anchored)
-            pairs[pair] = filters.update(state, pose.X, pose.covariance, time, lasting)
+            pairs[pair] = filters.update(state, pose.X, pose.covariance, time, correlated)
         elif state is not None and time - state.time <= patience:
             pairs[pair] = state
     known = {i: body for i, body in level.bodies.items() if any(i in pair for pair in pairs)}

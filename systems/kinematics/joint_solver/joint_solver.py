@@ -41,8 +41,8 @@ class Priors(NamedTuple):
         axis_distance: Standard deviation from child to axis, per direction, [m].
         walk_rate: Of the free walk (6,) [rad^2/s, m^2/s].
         coarseness: See `pose_keyframes.choose`.
-        fast: Share of each measurement's variance that is new at each, one for white noise.
-        slow: Share of it that stays for a while and cannot be told from motion.
+        white_share: Of each measurement's variance, one for white noise; see `error_shares`.
+        correlated_share: Of it, likewise; such an error cannot be told from motion.
     """
 
     densities: Array
@@ -51,8 +51,8 @@ class Priors(NamedTuple):
     axis_distance: float
     walk_rate: Array
     coarseness: float
-    fast: float
-    slow: float
+    white_share: float
+    correlated_share: float
 
 
 @hot
@@ -93,22 +93,22 @@ def _solve_densities(
 def _track(
     kind: int, m: Models, kf: Keyframes, priors: Priors, lin: Linear, best: Chain, trial: Chain
 ) -> float:
-    """Filters q anew with the errors' fast share only, into `best`; returns its density S.
+    """Filters q anew with the white share of the errors only, into `best`; returns its density S.
 
-    A slow error moves along with q: following the measurement is then better than smoothing it. S
-    is the likeliest of the newest keyframes: in a long even motion, a stop would drown.
-    What theta is worth stays as it is; the slow share comes on top of the variance of q.
+    A correlated error cannot be averaged away, so that q follows the measurements and its variance
+    gets the correlated share on top. S is the density under which the newest keyframes are
+    likeliest, whatever a long motion before them was like. The covariance of theta is not changed.
     """
     n, lever, q = dimension(kind), _lever(kind, m, priors), m.q[kind].copy()
     speed, since = priors.speed / lever, kf.size[0] - RECENT
     top, best_S = -np.inf, 0.0
     for density in priors.densities:
         S = density / lever**2
-        value = run_chain(n, S, speed, priors.fast, q, kf, lin, best.step, since, trial)
+        value = run_chain(n, S, speed, priors.white_share, q, kf, lin, best.step, since, trial)
         if value > top:
             top, best_S = value, S
             best.m[:], best.M[:], best.P[:] = trial.m, trial.M, trial.P
-    best.P[0] += priors.slow / lin.alpha[kf.size[0] - 1]
+    best.P[0] += priors.correlated_share / lin.alpha[kf.size[0] - 1]
     return best_S
 
 
@@ -189,7 +189,7 @@ def solve_moving(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int
         step[:] = best.step
         sigma_v = priors.speed / _lever(kind, m, priors)
         smooth(dimension(kind), S, sigma_v, q_previous, kf, lin, step, m.q[kind])
-        if last and priors.fast < 1.0:
+        if last and priors.white_share < 1.0:
             m.q[kind], q_smooth = q_previous, m.q[kind].copy()
             S = _track(kind, m, kf, priors, lin, best, trial)
             m.q[kind] = q_smooth

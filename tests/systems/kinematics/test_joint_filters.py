@@ -14,12 +14,16 @@ from systems.kinematics.joint_filters import (
     JointFilters,
     JointFiltersConfig,
     JointFiltersState,
-    frame_covariance,
 )
+from systems.kinematics.measurement_errors import MeasurementErrorsConfig, white_equivalent
 from systems.port_values import JointModelBelief, JointType
 
 PRISMATIC, REVOLUTE = JointType.PRISMATIC, JointType.REVOLUTE
 RIGID, DISCONNECTED = JointType.RIGID, JointType.DISCONNECTED
+
+
+def _correlated(**errors: float) -> JointFiltersConfig:
+    return JointFiltersConfig(errors=MeasurementErrorsConfig(**errors))
 
 
 def _angle(model: JointModelBelief, axis: np.ndarray) -> float:
@@ -119,14 +123,16 @@ def test_correlated_noise_needs_its_correlation_time_to_be_judged_honestly() -> 
     scene = Scene(joint=REVOLUTE, seconds=15.0, correlation_time=2.0)
     q, axis, point, predicted = _consistency(scene, range(4))
     assert min(q, axis, point, predicted) < 0.7
-    shares = _consistency(scene, range(4), JointFiltersConfig(correlation_time=2.0))
+    shares = _consistency(scene, range(4), _correlated(correlation_time=2.0))
     assert min(shares) > 0.8
 
 
 @pytest.mark.parametrize("joint", [PRISMATIC, REVOLUTE])
-def test_the_configuration_never_claims_less_than_a_slow_error_s_share(joint: JointType) -> None:
+def test_the_configuration_never_claims_less_than_a_correlated_error(
+    joint: JointType,
+) -> None:
     scene = Scene(joint=joint, radius=0.0, motion=at_rest, translation=1e-4, rotation=1e-2)
-    config = JointFiltersConfig(slow_rotation=0.01, slow_translation=0.01, slow_time=2.0)
+    config = _correlated(correlated_rotation=0.01, correlated_translation=0.01, correlated_time=2.0)
     filters, states = filter_states(scene, simulate(scene, 0), config)
     m = filters.belief(states[-1]).models[joint]
     assert np.sqrt(m.configuration_covariance[0, 0]) > 0.0095
@@ -259,12 +265,12 @@ def test_fields_that_a_type_lacks_are_nan() -> None:
 
 def test_correlated_errors_count_as_much_as_their_average_is_worth() -> None:
     """The variance of an average over long is that of white noise with the same covariance."""
-    config = JointFiltersConfig(correlation_time=0.5)
+    config = MeasurementErrorsConfig(correlation_time=0.5)
     dt, n = 1.0 / 15.0, 4000
     r = np.exp(-dt / 0.5)
     lags = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     variance = np.mean(r**lags)
-    R = frame_covariance(np.eye(6), dt, config)
+    R = white_equivalent(np.eye(6), dt, config)
     assert_allclose(R, np.eye(6) * variance * n, rtol=0.01, atol=1e-9)
 
 
@@ -275,8 +281,8 @@ def test_correlated_errors_count_as_much_as_their_average_is_worth() -> None:
         ("radius", -0.3, "m"),
         ("axis_distance", float("nan"), "m"),
         ("prior_rigid", 0.0, "> 0"),
-        ("correlation_time", -1.0, "s"),
-        ("slow_translation", float("inf"), "m"),
+        ("errors.correlation_time", -1.0, "s"),
+        ("errors.correlated_translation", float("inf"), "m"),
         ("acceleration_densities", [], "m^2/s^3"),
         ("acceleration_densities", [1e-5, 0.0], "m^2/s^3"),
         ("memory", 11, "keyframes"),
@@ -285,8 +291,9 @@ def test_correlated_errors_count_as_much_as_their_average_is_worth() -> None:
 )
 def test_impossible_values_are_refused_by_name(field: str, value: object, unit: str) -> None:
     config = JointFiltersConfig()
-    setattr(config, field, value)
-    with pytest.raises(ValueError, match=rf"^Owner: {field} = .*, need") as error:
+    group, _, name = field.rpartition(".")
+    setattr(getattr(config, group) if group else config, name, value)
+    with pytest.raises(ValueError, match=rf"^Owner: ({group}: )?{name} = .*, need") as error:
         JointFilters(config, owner="Owner")
     assert unit in str(error.value)
     assert repr(value) in str(error.value)
@@ -303,7 +310,7 @@ def test_the_config_is_read_from_yaml() -> None:
 
 
 def _slide_then_drift(config: JointFiltersConfig, *, declared: bool) -> tuple:
-    """A slide seen well for 4 s, then felt for 6 s with an error that bends slowly aside.
+    """A slide seen well for 4 s, then felt for 6 s with a correlated error that grows.
 
     Returns:
         Probability of a prismatic joint and the angle of its axis to the true one, [rad].
@@ -316,17 +323,17 @@ def _slide_then_drift(config: JointFiltersConfig, *, declared: bool) -> tuple:
         time, unseen = k / 15, max(0.0, k / 15 - 4.0)
         X = se3.exp(np.array([0.0, 0.0, 0.0, 0.02 * time, 0.0, 0.0]))
         drift = np.array([0.0, 0.0, 8e-3, 0.0, 2e-3, 0.0]) * unseen
-        lasting = np.diag(np.repeat([4e-3, 1e-3], 3) * unseen) ** 2
+        correlated = np.diag(np.repeat([4e-3, 1e-3], 3) * unseen) ** 2
         X = X @ se3.exp(drift) @ se3.exp(sigma * rng.normal(size=6))
-        covariance = np.diag(sigma**2) + lasting
-        state = filters.update(state, X, covariance, time, lasting if declared else None)
+        covariance = np.diag(sigma**2) + correlated
+        state = filters.update(state, X, covariance, time, correlated if declared else None)
     belief = filters.belief(state)
     slide = belief.models[PRISMATIC]
     return belief.probabilities[PRISMATIC], _angle(slide, np.array([1.0, 0.0, 0.0]))
 
 
-def test_a_lasting_error_does_not_bend_a_slide_that_was_seen_well() -> None:
-    config = JointFiltersConfig(lasting_time=5.0, slow_rotation=3e-3, slow_translation=3e-4)
+def test_a_correlated_error_does_not_bend_a_slide_that_was_seen_well() -> None:
+    config = _correlated(declared_time=5.0, correlated_rotation=3e-3, correlated_translation=3e-4)
     right, angle = _slide_then_drift(config, declared=True)
     assert right > 0.99
     assert angle < np.deg2rad(0.3)
@@ -336,9 +343,9 @@ def test_a_lasting_error_does_not_bend_a_slide_that_was_seen_well() -> None:
 
 
 @pytest.mark.parametrize("declared", [True, False])
-def test_a_body_that_stops_is_not_believed_to_go_on_for_a_lasting_error(declared: bool) -> None:
+def test_a_body_that_stops_is_not_believed_to_go_on_for_a_correlated_error(declared: bool) -> None:
     """A slide felt by the hand alone: off by a millimetre that stays, and by little that is new."""
-    config = JointFiltersConfig(lasting_time=5.0, slow_rotation=3e-3, slow_translation=3e-4)
+    config = _correlated(declared_time=5.0, correlated_rotation=3e-3, correlated_translation=3e-4)
     rng = np.random.default_rng(0)
     filters = JointFilters(config)
     state = filters.start(np.eye(4), 1e-12 * np.eye(6), -1.0)
@@ -353,8 +360,8 @@ def test_a_body_that_stops_is_not_believed_to_go_on_for_a_lasting_error(declared
             + off
             + rng.multivariate_normal(np.zeros(6), new)
         )
-        lasting = np.diag(np.repeat([0.05, 4e-3], 3) * min(time, 1.0)) ** 2
-        state = filters.update(state, X, new + lasting, time, lasting if declared else None)
+        correlated = np.diag(np.repeat([0.05, 4e-3], 3) * min(time, 1.0)) ** 2
+        state = filters.update(state, X, new + correlated, time, correlated if declared else None)
         slide = filters.belief(state).models[PRISMATIC]
         errors.append(slide.configuration[0] - way)
     pulled, stopped = np.array(errors[60:118]), np.array(errors[121:])
@@ -436,7 +443,7 @@ def test_what_follows_a_new_reference_is_as_wrong_as_it_says(joint: JointType) -
 def test_the_evidence_of_a_wrong_axis_far_away_does_not_jump() -> None:
     """To and fro on a straight path, felt by a hand that can turn: hardly a revolute joint."""
     filters = JointFilters(
-        JointFiltersConfig(slow_rotation=0.05, slow_translation=6e-3, slow_time=5.0)
+        _correlated(correlated_rotation=0.05, correlated_translation=6e-3, correlated_time=5.0)
     )
     rng, evidence = np.random.default_rng(0), []
     state = filters.start(np.eye(4), 1e-12 * np.eye(6), -1.0)
@@ -462,8 +469,10 @@ def test_a_grip_that_settles_after_the_reference_does_not_bend_the_path() -> Non
             xi = np.array([0.0, 0.0, 0.03, 5e-3, 0.0, 0.0]) * fades
             X = se3.exp(np.array([0.0, 0.0, 0.0, 0.0, y, 0.0])) @ se3.exp(xi)
             X = X @ se3.exp(1e-3 * rng.normal(size=6))
-            lasting = settling * np.exp(-2.0 * k / 15)
-            state = filters.update(state, X, R + (lasting if allowed is not None else 0.0), k / 15)
+            correlated = settling * np.exp(-2.0 * k / 15)
+            state = filters.update(
+                state, X, R + (correlated if allowed is not None else 0.0), k / 15
+            )
         belief = filters.belief(state)
         angles.append(_angle(belief.models[PRISMATIC], np.array([0.0, 1.0, 0.0])))
         if allowed is not None:

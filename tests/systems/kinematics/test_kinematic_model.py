@@ -398,6 +398,7 @@ def test_filter_settings_are_checked_in_the_system_s_name() -> None:
 
 def test_the_config_is_read_from_yaml_with_the_filters_in_it() -> None:
     config = yaml_load_typed(
-        schema=KinematicModelConfig, data="{period: 0.1, filters: {correlation_time: 2.0}}"
+        schema=KinematicModelConfig,
+        data="{period: 0.1, filters: {errors: {correlation_time: 2.0}}}",
     )
-    assert (config.period, config.filters.correlation_time) == (0.1, 2.0)
+    assert (config.period, config.filters.errors.correlation_time) == (0.1, 2.0)

@@ -117,7 +117,7 @@ class JointFilters:
         time: float,
         parent_id: int = 0,
         child_id: int = 1,
-        settling: Array | None = None,
+        reference_error: Array | None = None,
     ) -> JointFiltersState:
         """Filters at the reference, where q is zero.
 
@@ -127,16 +127,16 @@ class JointFilters:
             time: Of the reference, [s].
             parent_id: See `JointBelief`.
             child_id: See `JointBelief`.
-            settling: Covariance (6, 6), in B, of what later measurements differ by from the
-                reference without a motion of the child; nothing if None. It moves the path; q is
-                still counted from the measured reference.
+            reference_error: Covariance (6, 6), in B, of an error that the reference shares with no
+                later measurement, as of a grip that still settles; none if None. It displaces the
+                path; q is still counted from the measured reference.
         """
         config = self.config
         keyframes, models = empty_keyframes(config.memory), initial_models(config.memory)
         R: Array = white_equivalent(covariance, 0.0, config.errors)
         W_zero: Array = np.zeros((6, 6))
-        if settling is not None and settling.any():
-            R = R + settling
+        if reference_error is not None and reference_error.any():
+            R = R + reference_error
             W_zero = np.asarray(np.linalg.inv(R))
         append(keyframes, np.eye(4), R, time, self._priors.walk_rate)
         for kind in range(3):
@@ -168,7 +168,7 @@ class JointFilters:
         X_PB: Array,
         covariance: Array,
         time: float,
-        settling: Array | None = None,
+        reference_error: Array | None = None,
     ) -> JointFiltersState:
         """The state rebased to a new reference, with what it knows of axes and types as a prior.
 
@@ -180,9 +180,10 @@ class JointFilters:
             X_PB: Measured (4, 4), the new reference.
             covariance: Of that measurement without the constant error (6, 6), in B.
             time: Of the reference, [s].
-            settling: See `start`.
+            reference_error: See `start`.
         """
-        start = self.start(X_PB, covariance, time, state.parent_id, state.child_id, settling)
+        ids = (state.parent_id, state.child_id)
+        start = self.start(X_PB, covariance, time, *ids, reference_error)
         X_FG = se3.inverse(state.X_PF) @ X_PB
         configuration_prior = transfer_prior(
             state.models,

@@ -458,18 +458,18 @@ def test_the_evidence_of_a_wrong_axis_far_away_does_not_jump() -> None:
 
 
 def test_a_grip_that_settles_after_the_reference_does_not_bend_the_path() -> None:
-    """The settling lies across the path; with it allowed for, q still counts from the reference."""
+    """Its error lies across the path; with it allowed for, q still counts from the reference."""
     filters = JointFilters(JointFiltersConfig())
-    settling = np.diag(np.repeat([0.05**2, 6e-3**2], 3))
+    reference_error = np.diag(np.repeat([0.05**2, 6e-3**2], 3))
     R, rng, angles = 1e-6 * np.eye(6), np.random.default_rng(0), []
-    for allowed in (settling, None):
-        state = filters.start(np.eye(4), 1e-12 * np.eye(6), -1.0 / 15.0, settling=allowed)
+    for allowed in (reference_error, None):
+        state = filters.start(np.eye(4), 1e-12 * np.eye(6), -1.0 / 15.0, reference_error=allowed)
         for k in range(150):
             y, fades = 0.02 * k / 15, 1.0 - np.exp(-k / 15)
             xi = np.array([0.0, 0.0, 0.03, 5e-3, 0.0, 0.0]) * fades
             X = se3.exp(np.array([0.0, 0.0, 0.0, 0.0, y, 0.0])) @ se3.exp(xi)
             X = X @ se3.exp(1e-3 * rng.normal(size=6))
-            correlated = settling * np.exp(-2.0 * k / 15)
+            correlated = reference_error * np.exp(-2.0 * k / 15)
             state = filters.update(
                 state, X, R + (correlated if allowed is not None else 0.0), k / 15
             )

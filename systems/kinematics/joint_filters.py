@@ -91,11 +91,11 @@ class JointFilters:
         check_joint_filters_config(config, owner)
         self.config = config
         self._priors = Priors(
-            densities=np.array(config.acceleration_densities),
+            process_noise=np.array(config.process_noise),
             speed=config.speed,
             radius=config.radius,
             axis_distance=config.axis_distance,
-            walk_rate=np.repeat([config.walk_rotation**2, config.walk_translation**2], 3),
+            walk_noise=np.repeat([config.walk_rotation**2, config.walk_translation**2], 3),
             coarseness=config.coarseness,
             white_share=1.0,
             correlated_share=0.0,
@@ -127,9 +127,9 @@ class JointFilters:
             time: Of the reference, [s].
             parent_id: See `JointBelief`.
             child_id: See `JointBelief`.
-            reference_error: Covariance (6, 6), in B, of an error that the reference shares with no
-                later measurement, as of a grip that still settles; none if None. It displaces the
-                path; q is still counted from the measured reference.
+            reference_error: Covariance (6, 6), in B, of a constant error of all later measurements
+                relative to the reference, as from a grip that settles; none if None. It displaces
+                the path; q is still counted from the measured reference.
         """
         config = self.config
         keyframes, models = empty_keyframes(config.memory), initial_models(config.memory)
@@ -138,7 +138,7 @@ class JointFilters:
         if reference_error is not None and reference_error.any():
             R = R + reference_error
             W_zero = np.asarray(np.linalg.inv(R))
-        append(keyframes, np.eye(4), R, time, self._priors.walk_rate)
+        append(keyframes, np.eye(4), R, time, self._priors.walk_noise)
         for kind in range(3):
             n = dimension(kind)
             models.covariance[kind, :6, :6] = R
@@ -148,7 +148,7 @@ class JointFilters:
         for kind in (PRISMATIC, REVOLUTE):
             lever = 1.0 if kind == PRISMATIC else config.radius
             models.P[kind, 1, 1] = (config.speed / lever) ** 2
-            models.density[kind] = max(config.acceleration_densities) / lever**2
+            models.process_noise[kind] = max(config.process_noise) / lever**2
         models.log_evidence[:] = 0.5 * keyframes.log_det[0]
         return JointFiltersState(
             parent_id=parent_id,
@@ -274,7 +274,7 @@ class JointFilters:
             last = kf.size[0] - 1
             return PoseBelief(
                 X=state.X_PF @ kf.Z[last],
-                covariance=kf.R[last] + np.diag(self._priors.walk_rate) * dt,
+                covariance=kf.R[last] + np.diag(self._priors.walk_noise) * dt,
             )
         X_PB, covariance = predict_pose(TYPES.index(joint_type), state.models, state.X_PF, dt)
         return PoseBelief(X=X_PB, covariance=covariance)

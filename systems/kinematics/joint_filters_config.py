@@ -16,19 +16,20 @@ from systems.kinematics.measurement_errors import (
 class JointFiltersConfig:
     """Priors and memory of the joint filters.
 
-    The accelerations that a joint may show are not tuned: the configurations are smoothed with each
-    of `acceleration_densities`, and the evidence of a joint type is averaged over them. Where the
+    How jerky a joint's motion may be is not tuned: the configurations are smoothed with each
+    density of `process_noise`, and the evidence of a joint type is averaged over them. Where the
     errors are correlated, the present configuration is followed with the density under which the
     newest keyframes are likeliest, so that an even motion is averaged over seconds and a stop is
     followed at once; with white noise it is that under which all keyframes are likeliest.
 
     Attributes:
-        acceleration_densities: Of the child, S in dv = sqrt(S) dw, each above zero, [m^2/s^3].
+        process_noise: Densities S of the child's white acceleration, dv = sqrt(S) dw, [m^2/s^3].
         radius: Of the child itself, [m]: a revolute joint at a distance d moves it by
             sqrt(radius^2 + d^2) per radian.
         speed: Standard deviation of the child's speed before anything was seen, [m/s].
         axis_distance: Standard deviation of an axis' position from the body, per direction, [m].
-        walk_translation: Of a disconnected body's free walk after one second, [m].
+        walk_translation: Standard deviation of a disconnected body's random walk after one second,
+            [m].
         walk_rotation: The same in rotation, [rad].
         prior_prismatic: Prior probability, not normalised; likewise the other three.
         prior_revolute: See `prior_prismatic`.
@@ -39,7 +40,7 @@ class JointFiltersConfig:
         coarseness: Share of the motion's mean square that one keyframe may span, in (0, 1).
     """
 
-    acceleration_densities: list[float] = field(default_factory=lambda: [1e-7, 3e-6, 1e-4, 3e-3])
+    process_noise: list[float] = field(default_factory=lambda: [1e-7, 3e-6, 1e-4, 3e-3])
     radius: float = 0.3
     speed: float = 0.1
     axis_distance: float = 0.6
@@ -64,10 +65,10 @@ def check_joint_filters_config(config: JointFiltersConfig, owner: str) -> None:
     }.items():
         require_fields(owner, config, names, f"> 0{unit}", lambda value: value > 0.0)
     check_measurement_errors_config(config.errors, f"{owner}: errors")
-    densities = config.acceleration_densities
+    densities = config.process_noise
     positive = bool(densities) and all(S > 0.0 and np.isfinite(S) for S in densities)
     allowed = "all > 0 m^2/s^3, finite, at least one"
-    require(positive, owner, config, "acceleration_densities", allowed)
+    require(positive, owner, config, "process_noise", allowed)
     least = FIRST + RECENT + 4
     require(config.memory >= least, owner, config, "memory", f">= {least} keyframes")
     require(0.0 < config.coarseness < 1.0, owner, config, "coarseness", "> 0 and < 1")

@@ -70,7 +70,7 @@ def run_chain(
 
     Args:
         n: Dimension of theta.
-        S: Acceleration density.
+        S: Process noise, the density of the acceleration.
         sigma_v: Standard deviation of the rate at the reference.
         noise: Factor on the variance 1 / alpha of each keyframe's q.
         q: Where each keyframe was linearised (K,).

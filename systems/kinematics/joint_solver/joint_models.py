@@ -27,7 +27,7 @@ class Models(NamedTuple):
         state: (3, 2) q and its rate at the newest keyframe.
         gain: (3, 2, 10) their sensitivity to theta.
         P: (3, 2, 2) their covariance given theta.
-        density: (3,) the acceleration density S that explains the motion best.
+        process_noise: (3,) the density S of the acceleration with which q is followed.
         log_evidence: (4,) of each model, the free walk last.
         marginal_evidence: (4,) log evidence that marginalised keyframes have left.
     """
@@ -47,7 +47,7 @@ class Models(NamedTuple):
     state: Array
     gain: Array
     P: Array
-    density: Array
+    process_noise: Array
     log_evidence: Array
     marginal_evidence: Array
 
@@ -73,7 +73,7 @@ def initial_models(capacity: int) -> Models:
         state=np.zeros((3, 2)),
         gain=np.zeros((3, 2, 10)),
         P=np.zeros((3, 2, 2)),
-        density=np.zeros(3),
+        process_noise=np.zeros(3),
         log_evidence=np.zeros(4),
         marginal_evidence=np.zeros(4),
     )

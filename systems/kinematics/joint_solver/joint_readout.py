@@ -142,8 +142,8 @@ def predict_pose(kind: int, m: Models, X_PF: Array, dt: float) -> tuple[Array, A
         J[6:] = rows[1 : n - 5]
         for i in range(n):
             J[i] += rows[0] * (m.gain[kind, 0, i] + dt * m.gain[kind, 1, i])
-        P = m.P[kind]
-        variance = P[0, 0] + dt * (2.0 * P[0, 1] + dt * P[1, 1]) + m.density[kind] * dt**3 / 3.0
+        S, P = m.process_noise[kind], m.P[kind]
+        variance = P[0, 0] + dt * (2.0 * P[0, 1] + dt * P[1, 1]) + S * dt**3 / 3.0
     _projected(J, m.covariance[kind], 0, covariance)
     for i in range(6):
         for j in range(6):

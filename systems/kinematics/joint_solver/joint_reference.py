@@ -121,7 +121,7 @@ def transfer_prior(
             np.linalg.slogdet(vague + information)[1] - np.linalg.slogdet(vague)[1]
         )
         new.covariance[kind, 6:n, 6:n] = covariance
-        new.state[kind, 1], new.density[kind] = old.state[kind, 1], old.density[kind]
+        new.state[kind, 1], new.process_noise[kind] = old.state[kind, 1], old.process_noise[kind]
         new.signed[kind] = 1.0
     new.marginal_evidence[:] = np.maximum(old.log_evidence - old.log_evidence.max(), -MEMORY)
     new.log_evidence[:] += new.marginal_evidence

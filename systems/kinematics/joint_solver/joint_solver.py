@@ -1,8 +1,8 @@
 """The solution of the joint models for all keyframes in memory, compiled.
 
 The moving models are solved by Gauss-Newton steps from the last solution, for each of several
-acceleration densities, and the rigid one likewise; the free walk's evidence is a sum over pairs of
-keyframes.
+densities of the process noise, and the rigid one likewise; the free walk's evidence is a sum over
+pairs of keyframes.
 """
 
 from typing import NamedTuple
@@ -35,21 +35,21 @@ class Priors(NamedTuple):
     """What is known of joints before anything is measured, and of the measurements' errors.
 
     Attributes:
-        densities: Acceleration densities (n,) of the child to choose from, [m^2/s^3].
+        process_noise: Densities (n,) of the child's acceleration to choose from, [m^2/s^3].
         speed: Standard deviation of the child's first speed, [m/s].
         radius: Lever of a rotation about the child itself, [m].
         axis_distance: Standard deviation from child to axis, per direction, [m].
-        walk_rate: Of the free walk (6,) [rad^2/s, m^2/s].
+        walk_noise: Process noise of the free walk (6,) [rad^2/s, m^2/s].
         coarseness: See `pose_keyframes.choose`.
         white_share: Of each measurement's variance, one for white noise; see `error_shares`.
         correlated_share: Of it, likewise; such an error cannot be told from motion.
     """
 
-    densities: Array
+    process_noise: Array
     speed: float
     radius: float
     axis_distance: float
-    walk_rate: Array
+    walk_noise: Array
     coarseness: float
     white_share: float
     correlated_share: float
@@ -68,14 +68,14 @@ def _lever(kind: int, m: Models, priors: Priors) -> float:
 def _solve_densities(
     kind: int, m: Models, kf: Keyframes, priors: Priors, lin: Linear, best: Chain, trial: Chain
 ) -> tuple[float, float, float, float]:
-    """Solves for every acceleration density; the best solution stays in `best`.
+    """Solves for every density of the process noise; the best solution stays in `best`.
 
     Returns:
         Log evidence with the density marginalised, the best density S, its log likelihood and gain.
     """
     n, lever, still = dimension(kind), _lever(kind, m, priors), np.zeros(10)
     total, top, best_S, best_value, best_gain = 0.0, -np.inf, 0.0, 0.0, 0.0
-    for density in priors.densities:
+    for density in priors.process_noise:
         S = density / lever**2
         value = run_chain(n, S, priors.speed / lever, 1.0, m.q[kind], kf, lin, still, 0, trial)
         evidence, gain = solve(n, value, trial)
@@ -86,7 +86,7 @@ def _solve_densities(
             best.H[:], best.step[:] = trial.H, trial.step
         else:
             total += np.exp(evidence - top)
-    return top + np.log(total / priors.densities.size), best_S, best_value, best_gain
+    return top + np.log(total / priors.process_noise.size), best_S, best_value, best_gain
 
 
 @hot
@@ -102,7 +102,7 @@ def _track(
     n, lever, q = dimension(kind), _lever(kind, m, priors), m.q[kind].copy()
     speed, since = priors.speed / lever, kf.size[0] - RECENT
     top, best_S = -np.inf, 0.0
-    for density in priors.densities:
+    for density in priors.process_noise:
         S = density / lever**2
         value = run_chain(n, S, speed, priors.white_share, q, kf, lin, best.step, since, trial)
         if value > top:
@@ -196,7 +196,7 @@ def solve_moving(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int
         dq = m.q[kind] - q_previous
         _move(kind, m, priors, q_previous, step)
         evidence -= max(gain - _PROMISED, 0.0)
-        m.log_evidence[kind], m.density[kind] = evidence + m.marginal_evidence[kind], S
+        m.log_evidence[kind], m.process_noise[kind] = evidence + m.marginal_evidence[kind], S
         _store(kind, m, best)
         if last:
             break

@@ -48,9 +48,9 @@ def add_measurement(
         k, average = pose_keyframes.choose(kf, priors.coarseness)
         if not average:
             return k
-        pose_keyframes.merge(kf, k, priors.walk_rate)
+        pose_keyframes.merge(kf, k, priors.walk_noise)
         _delete_configuration(m, kf, k + 1)
-    pose_keyframes.append(kf, X_FB, R, time, priors.walk_rate)
+    pose_keyframes.append(kf, X_FB, R, time, priors.walk_noise)
     kf.walk[0] = min(max(kf.walk[0], -MEMORY), MEMORY)
     last, dt = kf.size[0] - 1, time - kf.time[kf.size[0] - 2]
     for kind in range(2):
@@ -87,7 +87,7 @@ def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
         m.prior_information[kind] += T.T @ information @ T
         m.prior_vector[kind] = gradient + T.T @ lin.vector
         m.prior_value[kind] += lin.value[0]
-    pose_keyframes.remove(kf, k, priors.walk_rate)
+    pose_keyframes.remove(kf, k, priors.walk_noise)
     _delete_configuration(m, kf, k)
     solve_all(m, kf, priors, 2)
     m.marginal_evidence[:] += log_evidence - m.log_evidence
@@ -95,7 +95,8 @@ def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
 
 
 def _copy_model(kind: int, source: Models, target: Models) -> None:
-    for name in ("Y", "a", "c", "q", "state", "covariance", "gain", "P", "density", "log_evidence"):
+    names = "Y a c q state covariance gain P process_noise log_evidence"
+    for name in names.split():
         getattr(target, name)[kind] = getattr(source, name)[kind]
 
 

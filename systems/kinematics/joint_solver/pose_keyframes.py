@@ -164,8 +164,8 @@ def _fill(kf: Keyframes, k: int) -> None:
 
 
 @hot
-def _pair(kf: Keyframes, k: int, walk_rate: Array) -> None:
-    """Completes the pair of keyframes k and k + 1; `walk_rate` is (6,) [rad^2/s, m^2/s]."""
+def _pair(kf: Keyframes, k: int, walk_noise: Array) -> None:
+    """Completes the pair of keyframes k and k + 1; `walk_noise` as in `Priors`."""
     if k < 0 or k + 1 >= kf.size[0]:
         return
     six = int(np.int64(6))
@@ -177,7 +177,7 @@ def _pair(kf: Keyframes, k: int, walk_rate: Array) -> None:
         e[:] = xi
         if walking:
             for i in range(6):
-                L[i, i] += walk_rate[i] * (kf.time[k + 1] - kf.time[k])
+                L[i, i] += walk_noise[i] * (kf.time[k + 1] - kf.time[k])
         log_det = cholesky.factor(L, six)
         cholesky.forward(L, e, six)
         square = 0.0
@@ -201,25 +201,25 @@ def _delete(kf: Keyframes, k: int) -> None:
 
 
 @hot
-def remove(kf: Keyframes, k: int, walk_rate: Array) -> None:
+def remove(kf: Keyframes, k: int, walk_noise: Array) -> None:
     """Removes keyframe k and completes the pair that it leaves."""
     _delete(kf, k)
-    _pair(kf, k - 1, walk_rate)
+    _pair(kf, k - 1, walk_noise)
 
 
 @hot
-def append(kf: Keyframes, X: Array, R: Array, time: float, walk_rate: Array) -> None:
+def append(kf: Keyframes, X: Array, R: Array, time: float, walk_noise: Array) -> None:
     """Adds one measurement as a keyframe of its own; there must be room."""
     k = kf.size[0]
     kf.time[k] = time
     kf.Z[k], kf.R[k] = X, R
     _fill(kf, k)
     kf.size[0] = k + 1
-    _pair(kf, k - 1, walk_rate)
+    _pair(kf, k - 1, walk_noise)
 
 
 @hot
-def merge(kf: Keyframes, k: int, walk_rate: Array) -> None:
+def merge(kf: Keyframes, k: int, walk_noise: Array) -> None:
     """Averages keyframes k and k + 1 with scalar weights, which keeps the mean on their screw."""
     before = kf.pair[k, 1] + (kf.pair[k - 1, 1] if k > 0 else 0.0)
     before += kf.pair[k + 1, 1] if k + 2 < kf.size[0] else 0.0
@@ -236,8 +236,8 @@ def merge(kf: Keyframes, k: int, walk_rate: Array) -> None:
     kf.time[k] = (1.0 - weight) * kf.time[k] + weight * kf.time[k + 1]
     _delete(kf, k + 1)
     _fill(kf, k)
-    _pair(kf, k - 1, walk_rate)
-    _pair(kf, k, walk_rate)
+    _pair(kf, k - 1, walk_noise)
+    _pair(kf, k, walk_noise)
     after = kf.pair[k - 1, 1] if k > 0 else 0.0
     after += kf.pair[k, 1] if k + 1 < kf.size[0] else 0.0
     kf.walk[0] += before - after + 0.5 * loss

@@ -283,8 +283,8 @@ def test_correlated_errors_count_as_much_as_their_average_is_worth() -> None:
         ("prior_rigid", 0.0, "> 0"),
         ("errors.correlation_time", -1.0, "s"),
         ("errors.correlated_translation", float("inf"), "m"),
-        ("acceleration_densities", [], "m^2/s^3"),
-        ("acceleration_densities", [1e-5, 0.0], "m^2/s^3"),
+        ("process_noise", [], "m^2/s^3"),
+        ("process_noise", [1e-5, 0.0], "m^2/s^3"),
         ("memory", 11, "keyframes"),
         ("coarseness", 1.0, "< 1"),
     ],
@@ -301,10 +301,10 @@ def test_impossible_values_are_refused_by_name(field: str, value: object, unit: 
 
 def test_the_config_is_read_from_yaml() -> None:
     config = yaml_load_typed(
-        schema=JointFiltersConfig, data="{memory: 40, acceleration_densities: [1.0e-5]}"
+        schema=JointFiltersConfig, data="{memory: 40, process_noise: [1.0e-5]}"
     )
     assert config.memory == 40
-    assert config.acceleration_densities == [1e-5]
+    assert config.process_noise == [1e-5]
     with pytest.raises(RuntimeError, match="memori"):
         yaml_load_typed(schema=JointFiltersConfig, data="{memori: 40}")
 

@@ -64,7 +64,7 @@ class JointFiltersState(Immutable):
         keyframes: Averaged measurements.
         W_zero: See `read_configuration`.
         configuration_prior: Of the configurations at the reference.
-        anchored: How many times parent and child had been anchored (`BodyMotion`) at the reference.
+        reset_count: Of parent and child together (`BodyMotion`), at the reference.
     """
 
     parent_id: int
@@ -76,7 +76,7 @@ class JointFiltersState(Immutable):
     keyframes: Keyframes
     W_zero: Array
     configuration_prior: ConfigurationPrior
-    anchored: int = 0
+    reset_count: int = 0
 
 
 class JointFilters:

@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
 from maths import se3
 from systems.kinematics.joint_filters import JointFiltersConfig
-from systems.kinematics.joint_pairs import relative_pose, wanted_pairs
+from systems.kinematics.joint_graph import relative_pose, wanted_pairs
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from systems.port_values import (
     BodyMotion,
@@ -377,7 +377,7 @@ def test_the_loop_with_the_body_level_builds_and_each_predicts_the_other_s_next_
         ("period", float("nan")),
         ("reference_age", -1.0),
         ("patience", -0.1),
-        ("heritage", 0.0),
+        ("transfer_window", 0.0),
         ("rest_rotation", 0.0),
         ("rest_translation", float("inf")),
         ("max_pairs", 0),

@@ -1,12 +1,14 @@
 """Compiled code is kept on the disk until a file that it was made from changes.
 
 Numba keeps it in `__pycache__`, or in the user's cache folder where that is read-only, with a stamp
-of the file that a function is in. A function that it calls, or a constant, may come from another
-file. Here the stamp covers all files that it imports, directly or not.
+of the file that a function is in. But a function that it calls, a type or a constant may come from
+another file. Here a folder for each module is named by the contents of all files that the module
+imports, directly or not.
 """
 
 import hashlib
 import re
+import shutil
 from functools import cache
 from pathlib import Path
 
@@ -44,7 +46,7 @@ def sources_stamp(path: Path) -> str:
     digest = hashlib.sha256()
     for file in sorted(hashes):
         digest.update(hashes[file])
-    return digest.hexdigest()
+    return digest.hexdigest()[:16]
 
 
 class _AllSources:
@@ -52,8 +54,19 @@ class _AllSources:
 
     _py_file: str
 
-    def get_source_stamp(self) -> str:
-        return sources_stamp(Path(self._py_file))
+    def get_cache_path(self) -> str:
+        path = Path(self._py_file)
+        folder: str = super().get_cache_path()  # type: ignore[misc]
+        return str(Path(folder, f"{path.stem}-{sources_stamp(path)}"))
+
+    def ensure_cache_path(self) -> None:
+        """Makes the folder, and removes those that are of earlier contents."""
+        path = Path(self.get_cache_path())
+        if not path.exists():
+            name, _, stamp = path.name.rpartition("-")
+            for earlier in path.parent.glob(f"{name}-{'?' * len(stamp)}"):
+                shutil.rmtree(earlier, ignore_errors=True)
+        super().ensure_cache_path()  # type: ignore[misc]
 
 
 class InUserProvidedFolder(_AllSources, UserProvidedCacheLocator):

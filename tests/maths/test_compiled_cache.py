@@ -48,8 +48,8 @@ def _checkout(folder: Path) -> Path:
     return package
 
 
-def _run(folder: Path) -> str:
-    command = [sys.executable, "-c", PRINT]
+def _run(folder: Path, script: str = PRINT) -> str:
+    command = [sys.executable, "-c", script]
     found = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
     return found.stdout.strip()
 
@@ -65,6 +65,26 @@ def test_a_caller_is_compiled_again_when_what_it_calls_or_a_constant_changes(
     (package / "callee.py").write_text(CALLEE.replace("TWO * x", "TWO * x + 1.0"))
     assert _run(tmp_path) == "13.0 0"
     assert _run(tmp_path) == "13.0 1"
+    folders = sorted((package / "__pycache__").glob("c*-*/"))
+    assert [folder.name.split("-")[0] for folder in folders] == ["callee", "caller"]
+
+
+def test_a_type_that_has_moved_to_another_module_is_not_looked_for_in_the_old_one(
+    tmp_path: Path,
+) -> None:
+    package = _checkout(tmp_path)
+    point = "from typing import NamedTuple\n\nclass Point(NamedTuple):\n    x: float\n"
+    (package / "here.py").write_text(point)
+    caller = CALLER.replace("systems.callee import double", "systems.here import Point")
+    caller = caller.replace("(x: float)", "(p: Point)").replace("double(double(x))", "4.0 * p.x")
+    script = PRINT.replace("import quadruple", "import Point, quadruple").replace(
+        "1.0", "Point(1.0)"
+    )
+    (package / "caller.py").write_text(caller)
+    assert _run(tmp_path, script) == "4.0 0"
+    (package / "here.py").rename(package / "there.py")
+    (package / "caller.py").write_text(caller.replace("here", "there"))
+    assert _run(tmp_path, script) == "4.0 0"
 
 
 def test_every_compiled_function_is_kept_so() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from maths.arrays import Array
 from maths.compiled import hot
-from systems.kinematics.joint_solver.pose_keyframes import move
+from maths.se3_in_place import perturb
 
 PRISMATIC, REVOLUTE, RIGID = 0, 1, 2
 
@@ -113,7 +113,7 @@ def jacobian(kind: int, G: Array, q: float, J: Array) -> None:
 @hot
 def retract(kind: int, Y: Array, a: Array, c: Array, step: Array) -> None:
     """Moves (Y, a, c) by `step` in their tangent space, in place."""
-    move(Y, step, Y)
+    perturb(Y, step, Y)
     if kind == RIGID:
         return
     B = np.empty((2, 3))

@@ -7,6 +7,7 @@ import numpy as np
 
 from maths.arrays import Array
 from maths.compiled import hot
+from maths.se3_in_place import relative_log
 from systems.kinematics.joint_solver.joint_geometry import (
     REVOLUTE,
     RIGID,
@@ -17,7 +18,6 @@ from systems.kinematics.joint_solver.joint_geometry import (
     tangent_basis,
 )
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
-from systems.kinematics.joint_solver.pose_keyframes import relative_log
 
 
 @hot

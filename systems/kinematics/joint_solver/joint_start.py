@@ -8,6 +8,7 @@ import numpy as np
 
 from maths.arrays import Array
 from maths.compiled import hot
+from maths.se3_in_place import relative_log
 from systems.kinematics.joint_solver.joint_geometry import (
     PRISMATIC,
     REVOLUTE,
@@ -16,7 +17,7 @@ from systems.kinematics.joint_solver.joint_geometry import (
     tangent_basis,
 )
 from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes, relative_log
+from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 _SIGNIFICANT = 4.0  # Standard deviations of q that decide its sign,
 _MOVED = 10.0  # where the evidence is this many nats above the rigid model's.

@@ -1,7 +1,6 @@
 """The bounded memory of poses against the Lie group and plain averages."""
 
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose
 
 from maths import se3
@@ -22,25 +21,6 @@ def _fill(poses: np.ndarray, R: np.ndarray, capacity: int = 32) -> Keyframes:
                 pose_keyframes.remove(kf, at, WALK)
         pose_keyframes.append(kf, X, R, k / 15.0, WALK)
     return kf
-
-
-@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.5, 3.0, np.pi - 1e-6])
-def test_move_and_relative_log_are_exp_and_log(angle: float) -> None:
-    rng = np.random.default_rng(0)
-    axis = rng.normal(size=3)
-    xi = np.concatenate([angle * axis / np.linalg.norm(axis), rng.normal(size=3)])
-    A, B, back = se3.exp(rng.normal(size=6)), np.empty((4, 4)), np.empty(6)
-    pose_keyframes.move(A, xi, B)
-    assert_allclose(B, A @ se3.exp(xi), atol=1e-12)
-    pose_keyframes.relative_log(A, B, back)
-    assert_allclose(back, xi, atol=1e-7)
-
-
-def test_move_may_write_into_its_argument() -> None:
-    A, xi = se3.exp(np.arange(6.0) / 5.0), np.arange(6.0) / 7.0
-    expected = A @ se3.exp(xi)
-    pose_keyframes.move(A, xi, A)
-    assert_allclose(A, expected)
 
 
 def test_the_mean_of_two_poses_on_a_screw_is_on_the_screw_at_the_mean_time() -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from maths.arrays import Array
 from maths.compiled import hot
 from maths.se3_in_place import perturb
+from maths.tangent_plane import tangent_basis
 
 PRISMATIC, REVOLUTE, RIGID = 0, 1, 2
 
@@ -23,21 +24,6 @@ PRISMATIC, REVOLUTE, RIGID = 0, 1, 2
 def dimension(kind: int) -> int:
     """The number of parameters of a model."""
     return 8 if kind == PRISMATIC else (10 if kind == REVOLUTE else 6)
-
-
-@hot
-def tangent_basis(a: Array, B: Array) -> None:
-    """Writes two unit vectors normal to the unit vector `a` and to each other into `B` (2, 3)."""
-    k = 0
-    for i in range(1, 3):
-        if abs(a[i]) < abs(a[k]):
-            k = i
-    s = np.sqrt(1.0 - a[k] * a[k])
-    for i in range(3):
-        B[0, i] = ((1.0 if i == k else 0.0) - a[k] * a[i]) / s
-    B[1, 0] = a[1] * B[0, 2] - a[2] * B[0, 1]
-    B[1, 1] = a[2] * B[0, 0] - a[0] * B[0, 2]
-    B[1, 2] = a[0] * B[0, 1] - a[1] * B[0, 0]
 
 
 @hot

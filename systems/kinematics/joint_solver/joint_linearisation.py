@@ -14,6 +14,7 @@ import numpy as np
 from maths.arrays import Array
 from maths.compiled import hot
 from maths.se3_in_place import relative_log
+from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver.joint_geometry import (
     REVOLUTE,
     RIGID,
@@ -21,7 +22,6 @@ from systems.kinematics.joint_solver.joint_geometry import (
     dimension,
     jacobian,
     screw_twists,
-    tangent_basis,
 )
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes

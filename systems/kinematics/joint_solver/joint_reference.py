@@ -10,11 +10,11 @@ import numpy as np
 from maths import se3
 from maths.arrays import Array
 from maths.gaussian import symmetric
+from maths.tangent_plane import normal_basis
 from systems.kinematics.joint_solver.joint_geometry import (
     PRISMATIC,
     REVOLUTE,
     dimension,
-    tangent_basis,
 )
 from systems.kinematics.joint_solver.joint_linearisation import embedding
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
@@ -53,9 +53,7 @@ ZERO_CONFIGURATION = ConfigurationPrior(
 
 def prior_configuration(prior: ConfigurationPrior, kind: int, m: Models) -> tuple[float, Array]:
     """The configuration at the reference for the models' axis, and its slope (n - 6,) there."""
-    B_prior, B = np.empty((2, 3)), np.empty((2, 3))
-    tangent_basis(prior.a[kind], B_prior)
-    tangent_basis(m.a[kind], B)
+    B_prior, B = normal_basis(prior.a[kind]), normal_basis(m.a[kind])
     along = np.concatenate([m.a[kind] - prior.a[kind], m.c[kind] - prior.c[kind]]).reshape(2, 3)
     slope = prior.slope[kind].reshape(2, 2)
     q = prior.q[kind] + np.sum(slope * (along @ B_prior.T))
@@ -134,7 +132,4 @@ def _seen_from(a_F: Array, X_GF: Array) -> tuple[Array, Array]:
     """The axis (3,) in G, and its tangent coordinates there per those in F (2, 2)."""
     a_G = X_GF[:3, :3] @ a_F
     a_G /= np.linalg.norm(a_G)
-    B_F, B_G = np.empty((2, 3)), np.empty((2, 3))
-    tangent_basis(a_F, B_F)
-    tangent_basis(a_G, B_G)
-    return a_G, B_G @ X_GF[:3, :3] @ B_F.T
+    return a_G, normal_basis(a_G) @ X_GF[:3, :3] @ normal_basis(a_F).T

@@ -9,12 +9,12 @@ import numpy as np
 from maths.arrays import Array
 from maths.compiled import hot
 from maths.se3_in_place import relative_log
+from maths.tangent_plane import normal_basis
 from systems.kinematics.joint_solver.joint_geometry import (
     PRISMATIC,
     REVOLUTE,
     RIGID,
     dimension,
-    tangent_basis,
 )
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
@@ -37,9 +37,7 @@ def _screw_start(V: Array, axis_distance: float) -> tuple[Array, Array]:
         w = w - v * (w @ v) / speed**2
         rate = float(np.linalg.norm(w))
     if rate < 1e-9:
-        B = np.empty((2, 3))
-        tangent_basis(v / speed, B)
-        w, rate = B[0], 1.0
+        w, rate = normal_basis(v / speed)[0], 1.0
     a = w / np.linalg.norm(w)
     return a, np.cross(a, v) / max(rate, speed / (1.5 * axis_distance))
 

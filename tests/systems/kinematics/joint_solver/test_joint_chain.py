@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 
 from maths import se3
+from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver import pose_keyframes
 from systems.kinematics.joint_solver.joint_chain import new_chain, run_chain, smooth, solve
 from systems.kinematics.joint_solver.joint_geometry import (
@@ -14,7 +15,6 @@ from systems.kinematics.joint_solver.joint_geometry import (
     child_pose,
     dimension,
     retract,
-    tangent_basis,
 )
 from systems.kinematics.joint_solver.joint_linearisation import linearise, new_linear
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models

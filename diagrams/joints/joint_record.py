@@ -12,12 +12,12 @@ from diagrams.joints.joint_metrics import (
     joint_series,
     last_seen,
     moving_at,
-    share_inside,
     type_settled_at,
 )
 from diagrams.run.record import EpisodeResult, ModalityRecord, Phase, TickRecord, Truth
 from maths import se3
 from maths.arrays import Array
+from maths.consistency import share_inside
 from systems.port_values import BodyMotion, JointBelief, JointType
 
 COLUMNS = ("time", "modality", "quantity", "component", "estimate", "std", "covariance", "truth")

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from pydrake.common.yaml import yaml_load_typed
-from scipy.stats import chi2
 from synthetic_motion import Run, Scene, at_rest, filter_states, simulate, stop_and_go, to_and_fro
 
 from maths import se3
+from maths.consistency import is_consistent
+from maths.tangent_plane import normal_basis
 from systems.kinematics.joint_filters import (
     JointFilters,
     JointFiltersConfig,
@@ -30,11 +31,6 @@ def _angle(model: JointModelBelief, axis: np.ndarray) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(model.axis_P, axis)), model.axis_P @ axis))
 
 
-def _inside(e: np.ndarray, C: np.ndarray) -> bool:
-    low, high = chi2.ppf([0.025, 0.975], e.size)
-    return bool(low < e @ np.linalg.solve(C, e) < high)
-
-
 def _consistency(scene: Scene, seeds: range, config: JointFiltersConfig | None = None) -> tuple:
     """Shares of NEES inside their 95 % bounds: configuration, axis, axis point, prediction."""
     inside = []
@@ -43,19 +39,19 @@ def _consistency(scene: Scene, seeds: range, config: JointFiltersConfig | None =
         filters, states = filter_states(scene, run, config)
         for k in range(15, len(states) - 1, 5):
             m = filters.belief(states[k]).models[scene.joint]
-            B = np.linalg.svd(m.axis_P[None])[2][1:]
+            B = normal_basis(m.axis_P)
             row = [
-                _inside(m.configuration[:1] - run.q[k], m.configuration_covariance[:1, :1]),
-                _inside(B @ run.axis, B @ m.axis_covariance @ B.T),
+                is_consistent(m.configuration[:1] - run.q[k], m.configuration_covariance[:1, :1]),
+                is_consistent(B @ run.axis, B @ m.axis_covariance @ B.T),
             ]
             if scene.joint == REVOLUTE:
                 # The true axis, where it passes the plane through the estimate, normal to it.
                 d = run.point - m.p_PA
                 d -= run.axis * (d @ m.axis_P) / (run.axis @ m.axis_P)
-                row.append(_inside(B @ d, B @ m.p_PA_covariance @ B.T))
+                row.append(is_consistent(B @ d, B @ m.p_PA_covariance @ B.T))
             predicted = filters.predict(states[k], scene.joint, 1.0 / 15.0)
             e = se3.log(se3.inverse(predicted.X) @ run.X_PB[k + 1])
-            row.append(_inside(e, predicted.covariance))
+            row.append(is_consistent(e, predicted.covariance))
             inside.append(row)
     return tuple(np.mean(inside, axis=0))
 
@@ -417,11 +413,11 @@ def test_what_follows_a_new_reference_is_as_wrong_as_it_says(joint: JointType) -
         filters, states, run, half = _with_new_reference(joint, seed)
         model = filters.belief(states[-1]).models[joint]
         error = model.configuration[:1] - run.q[-1]
-        B = np.linalg.svd(model.axis_P[None])[2][1:]
+        B = normal_basis(model.axis_P)
         inside.append(
             [
-                _inside(error, model.configuration_covariance[:1, :1]),
-                _inside(B @ run.axis, B @ model.axis_covariance @ B.T),
+                is_consistent(error, model.configuration_covariance[:1, :1]),
+                is_consistent(B @ run.axis, B @ model.axis_covariance @ B.T),
             ]
         )
         before = filters.belief(states[half]).models[joint].configuration[0] - run.q[half]

@@ -11,6 +11,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
 from maths import se3
+from maths.consistency import chi_square_bounds
+from maths.gaussian import nees
 from systems.kinematics.joint_filters import JointFiltersConfig
 from systems.kinematics.joint_graph import relative_pose, wanted_pairs
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
@@ -195,7 +197,7 @@ def test_the_prediction_is_for_the_next_tick_and_honest() -> None:
     expected = _body(2, 0.02 * 46 / 15.0).motion.X
     e = se3.log(se3.inverse(predictions[0].pose.X) @ expected)
     covariance = predictions[0].pose.covariance
-    assert e @ np.linalg.solve(covariance, e) < 22.5  # 99.9 % of chi squared, 6.
+    assert nees(e, covariance) < chi_square_bounds(6, 0.998)[1]
     assert np.linalg.norm(e[3:]) < 1.5e-3
 
 

@@ -101,14 +101,8 @@ class JointFilters:
             correlated_share=0.0,
         )
         self._correlated = is_correlated(config.errors)
-        self._log_prior = np.log(
-            [
-                config.prior_prismatic,
-                config.prior_revolute,
-                config.prior_rigid,
-                config.prior_disconnected,
-            ]
-        )
+        p = config.type_priors
+        self._log_prior = np.log([p.prismatic, p.revolute, p.rigid, p.disconnected])
 
     def start(
         self,

@@ -13,6 +13,16 @@ from systems.kinematics.measurement_errors import (
 
 
 @dataclass(kw_only=True)
+class TypePriorsConfig:
+    """Prior probabilities of the joint types, above zero; they need not sum to one."""
+
+    prismatic: float = 0.2
+    revolute: float = 0.2
+    rigid: float = 0.4
+    disconnected: float = 0.2
+
+
+@dataclass(kw_only=True)
 class JointFiltersConfig:
     """Priors and memory of the joint filters.
 
@@ -31,10 +41,7 @@ class JointFiltersConfig:
         walk_translation: Standard deviation of a disconnected body's random walk after one second,
             [m].
         walk_rotation: The same in rotation, [rad].
-        prior_prismatic: Prior probability, not normalised; likewise the other three.
-        prior_revolute: See `prior_prismatic`.
-        prior_rigid: See `prior_prismatic`.
-        prior_disconnected: See `prior_prismatic`.
+        type_priors: Of the four joint types.
         errors: Of the measurements, correlated in time.
         memory: Keyframes kept, at least 12.
         coarseness: Share of the motion's mean square that one keyframe may span, in (0, 1).
@@ -46,10 +53,7 @@ class JointFiltersConfig:
     axis_distance: float = 0.6
     walk_translation: float = 0.1
     walk_rotation: float = 0.3
-    prior_prismatic: float = 0.2
-    prior_revolute: float = 0.2
-    prior_rigid: float = 0.4
-    prior_disconnected: float = 0.2
+    type_priors: TypePriorsConfig = field(default_factory=TypePriorsConfig)
     errors: MeasurementErrorsConfig = field(default_factory=MeasurementErrorsConfig)
     memory: int = 24
     coarseness: float = 0.05
@@ -58,12 +62,14 @@ class JointFiltersConfig:
 def check_joint_filters_config(config: JointFiltersConfig, owner: str) -> None:
     """Raises ValueError, naming `owner` and the field, where a value is impossible."""
     for unit, names in {
-        " m": ("radius", "axis_distance", "walk_translation"),
-        " m/s": ("speed",),
-        " rad": ("walk_rotation",),
-        "": ("prior_prismatic", "prior_revolute", "prior_rigid", "prior_disconnected"),
+        "m": ("radius", "axis_distance", "walk_translation"),
+        "m/s": ("speed",),
+        "rad": ("walk_rotation",),
     }.items():
-        require_fields(owner, config, names, f"> 0{unit}", lambda value: value > 0.0)
+        require_fields(owner, config, names, f"> 0 {unit}", lambda value: value > 0.0)
+    types = ("prismatic", "revolute", "rigid", "disconnected")
+    priors = config.type_priors
+    require_fields(f"{owner}: type_priors", priors, types, "> 0", lambda value: value > 0.0)
     check_measurement_errors_config(config.errors, f"{owner}: errors")
     densities = config.process_noise
     positive = bool(densities) and all(S > 0.0 and np.isfinite(S) for S in densities)

@@ -276,7 +276,7 @@ def test_correlated_errors_count_as_much_as_their_average_is_worth() -> None:
         ("speed", 0.0, "m/s"),
         ("radius", -0.3, "m"),
         ("axis_distance", float("nan"), "m"),
-        ("prior_rigid", 0.0, "> 0"),
+        ("type_priors.rigid", 0.0, "> 0"),
         ("errors.correlation_time", -1.0, "s"),
         ("errors.correlated_translation", float("inf"), "m"),
         ("process_noise", [], "m^2/s^3"),

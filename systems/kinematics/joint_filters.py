@@ -1,11 +1,27 @@
-"""The four joint filters of one pair of bodies: prismatic, revolute, rigid and disconnected.
+"""The four joint models of one pair of bodies: prismatic, revolute, rigid and disconnected.
 
-Usable without Drake: `JointFilters.start`, then `update` per measurement, each of which returns a
-new state; `belief` and `predict` read it. The maths is in `joint_geometry`,
-`joint_linearisation`, `joint_chain` and `joint_solver`.
+A smoother over pose keyframes rather than a plain recursive filter. Each update finds, for every
+model, the maximum a posteriori estimate of the joint's parameters and of its configurations at all
+keyframes, linearised anew around the last solution, and the model's evidence by Laplace's
+approximation. Measurements are averaged into a bounded number of keyframes; where averaging would
+lose what the motion has shown, an old keyframe is marginalised, and leaves a Gaussian prior of the
+parameters and its share of the evidence.
+
+The filters work without Drake:
+
+    filters = JointFilters(JointFiltersConfig())
+    state = filters.start(X_PB, covariance, time)
+    for X_PB, covariance, time in measurements:
+        state = filters.update(state, X_PB, covariance, time)
+    belief = filters.belief(state)
+    print(belief.type, belief.probabilities[belief.type], belief.model.configuration)
+
+`start` takes the first pose as the reference, where the configuration is zero. A state is never
+changed in place. `predict` says where a model expects the child next; `rebase` goes on from a new
+reference.
 
 Frames: P parent, B child, F the child's measured reference pose. All covariances of poses are right
-perturbations in B.
+perturbations in B, rotation [rad] before translation [m].
 """
 
 from dataclasses import dataclass, replace
@@ -45,14 +61,14 @@ from systems.kinematics.measurement_errors import error_shares, is_correlated, w
 from systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
 
 TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID, JointType.DISCONNECTED)
-_WELL_KNOWN = 0.1  # [rad], of a prismatic axis.
-_RESTART_EVERY = 15  # Updates.
+_WELL_KNOWN = 0.1  # Standard deviation of an axis that needs no fresh starts, [rad].
+_RESTART_EVERY = 15  # Updates between fresh starts where the axis is known.
 _NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 
 
 @dataclass(kw_only=True)
 class JointFiltersState(Immutable):
-    """What the filters of one pair know; never changed in place, so copies share it.
+    """What the filters of one pair know at one measurement.
 
     Attributes:
         parent_id: See `JointBelief`.
@@ -60,10 +76,10 @@ class JointFiltersState(Immutable):
         X_PF: Measured reference pose (4, 4).
         time: Of the last measurement, [s].
         updates: Measurements seen.
-        models: Parameters, configuration, evidence.
-        keyframes: Averaged measurements.
+        models: Parameters, configuration and evidence of each model.
+        keyframes: The measurements, averaged.
         W_zero: See `read_configuration`.
-        configuration_prior: Of the configurations at the reference.
+        configuration_prior: The configurations at the reference; zero at the first one.
         reset_count: Of parent and child together (`BodyMotion`), at the reference.
     """
 
@@ -80,7 +96,9 @@ class JointFiltersState(Immutable):
 
 
 class JointFilters:
-    """Starts, updates and reads the filters of any number of pairs; holds constants only.
+    """Starts, updates and reads the joint models of any number of pairs; see the module.
+
+    It holds constants only; a pair's keyframes and models are in its `JointFiltersState`.
 
     Args:
         config: See `JointFiltersConfig`.
@@ -113,7 +131,7 @@ class JointFilters:
         child_id: int = 1,
         reference_error: Array | None = None,
     ) -> JointFiltersState:
-        """Filters at the reference, where q is zero.
+        """The state at the reference, where q is zero.
 
         Args:
             X_PB_reference: Measured (4, 4).
@@ -166,11 +184,11 @@ class JointFilters:
     ) -> JointFiltersState:
         """The state rebased to a new reference, with what it knows of axes and types as a prior.
 
-        For when the child's pose has got a new constant error, which leaves its motion since then
-        as a screw about the same axis in P.
+        For a child whose pose has got a new constant error, so that its motion from then on is a
+        screw about the same axis in P, but from another pose.
 
         Args:
-            state: Before; left as it is.
+            state: The last one; not changed.
             X_PB: Measured (4, 4), the new reference.
             covariance: Of that measurement without the constant error (6, 6), in B.
             time: Of the reference, [s].
@@ -201,7 +219,7 @@ class JointFilters:
         """The state after one measurement of the child's pose.
 
         Args:
-            state: Before; left as it is.
+            state: The last one; not changed.
             X_PB: Measured (4, 4).
             covariance: Of the measurement (6, 6), in B.
             time: Of the measurement, [s], not before the last.
@@ -275,7 +293,7 @@ class JointFilters:
 
 
 def _wants_restart(state: JointFiltersState) -> bool:
-    """Whether the moving models are still young enough to sit in a wrong minimum."""
+    """Whether the moving models may sit in a wrong minimum, which a fresh start would leave."""
     m = state.models
     if m.prior_information[0, 0, 0] > 0.0:
         return False

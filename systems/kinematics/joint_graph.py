@@ -1,9 +1,9 @@
 """Which pairs of bodies have joint filters, and what each pair measures and predicts.
 
 Frames: W world, P parent, B child, F the child's measured reference pose. A pair is (parent id,
-child id); the parent is `STATIC_BODY` or the body with the higher id, the younger one: until it
-began to move it belonged to the environment, so that what the environment says about the child's
-way is what the parent says about it.
+child id); the parent is `STATIC_BODY` or the body with the higher id, the younger one. Until that
+began to move it belonged to the environment, so that the child's joint to the environment was its
+joint to the parent too.
 """
 
 from collections.abc import Sequence

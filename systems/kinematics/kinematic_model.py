@@ -29,10 +29,14 @@ class KinematicModel(RecursiveFilter):
 
         X_PB(t) = X_PF E(q(t)) Y exp(noise),
 
-    with a constant screw E (prismatic, revolute), none (rigid) or a free walk (disconnected). Their
-    probabilities follow from their evidence; see `JointFilters`. A body that begins to move after B
-    belonged to the environment until then, and so takes over what is known of B's joint to it. A
-    parent that is not measured any more is taken to rest, with growing covariance.
+    with a constant screw E (prismatic, revolute), none (rigid) or a random walk (disconnected).
+    Their probabilities follow from their evidence. The posterior of a tick holds each pair's pose
+    keyframes: every update is a maximum a posteriori fit to all of them, linearised anew, and what
+    is older than they are is marginalised (`JointFilters`).
+
+    A body that begins to move after B belonged to the environment until then, so that what is known
+    of B's joint to the environment is transferred to the joint between the two. A parent that is
+    not measured any more is taken to rest, with growing covariance.
 
     .. pydrake_system::
 

@@ -4,7 +4,8 @@ The parameters theta = (Y, a, c) and their tangent space are those of `joint_geo
 residual is log(X_FB(q)^-1 Z) in B. Its q is left free, so that what remains speaks about theta
 alone, and what it says about q is kept beside it for the chain of all q (`joint_chain`).
 
-Everything is linearised anew at each call, so no early linearisation stays.
+Keyframes are linearised anew at each call; only those that were marginalised keep the point of
+their linearisation.
 """
 
 from typing import NamedTuple

@@ -17,7 +17,7 @@ class Models(NamedTuple):
         a: (3, 3) axis in F.
         c: (3, 3) axis point in F, [m].
         q: (3, K) configuration at each keyframe.
-        signed: (3,) one where the sign of q is decided.
+        signed: (3,) one where the sign of q is decided, else zero.
         prior_information: (3, 12, 12) of marginalised keyframes about (Y, a, c), a and c in three
             dimensions each, relative to where it was linearised.
         prior_vector: (3, 12) its information vector.
@@ -25,8 +25,8 @@ class Models(NamedTuple):
         prior_Y: (3, 4, 4), prior_a: (3, 3), prior_c: (3, 3) where it was linearised.
         covariance: (3, 10, 10) of theta, after all keyframes.
         state: (3, 2) q and its rate at the newest keyframe.
-        gain: (3, 2, 10) their sensitivity to theta.
-        P: (3, 2, 2) their covariance given theta.
+        gain: (3, 2, 10) derivative of the state by theta.
+        P: (3, 2, 2) covariance of the state given theta.
         process_noise: (3,) the density S of the acceleration with which q is followed.
         log_evidence: (4,) of each model, the free walk last.
         marginal_evidence: (4,) log evidence that marginalised keyframes have left.

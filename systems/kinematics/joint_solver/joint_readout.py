@@ -110,7 +110,7 @@ def read_axis(
     if kind == REVOLUTE:
         for i in range(3):
             vectors[1, i] = X_PF[i, 3] + (X_PF[i, 0] * c[0] + X_PF[i, 1] * c[1] + X_PF[i, 2] * c[2])
-            for k in range(2):  # The nearest point slides along a tilting axis.
+            for k in range(2):  # The point nearest to Fo slides along an axis that tilts.
                 along = B[k, 0] * c[0] + B[k, 1] * c[1] + B[k, 2] * c[2]
                 T[k, i] = -along * vectors[0, i]
         _projected(T, m.covariance[kind], 6, point)

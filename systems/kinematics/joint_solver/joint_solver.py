@@ -24,11 +24,11 @@ from systems.kinematics.joint_solver.joint_linearisation import Linear, linearis
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.pose_keyframes import RECENT, Keyframes
 
-_STILL = 0.1  # Gain in log likelihood below which another step is not worth it, [nat].
-_SHORTER = 0.3  # Share of a step that is tried when the whole of it was too far.
-_PROMISED = 1.0  # Gain that a step not yet taken may count as evidence, [nat].
-_TILT = 0.7  # Most that one step may tilt an axis, [rad],
-_SHIFT = 0.5  # or move it, as a share of its distance.
+_CONVERGED = 0.1  # Gain in log likelihood below which no further step is made, [nat].
+_SHORTER = 0.3  # Share of a step that is tried where the whole of it has lost likelihood.
+_PROMISED = 1.0  # Most gain that the last step may add to the evidence unverified, [nat].
+_TILT = 0.7  # Most that one step may tilt an axis, [rad].
+_SHIFT = 0.5  # Most that one step may move an axis, as a share of its distance.
 
 
 class Priors(NamedTuple):
@@ -57,7 +57,7 @@ class Priors(NamedTuple):
 
 @hot
 def _lever(kind: int, m: Models, priors: Priors) -> float:
-    """How far the child moves per unit of q; one rule for joints of any radius, [m] per unit."""
+    """How far the child moves per unit of q, [m] or [m/rad]; for a rotation about itself, too."""
     if kind == PRISMATIC:
         return 1.0
     c = m.c[kind]
@@ -140,9 +140,9 @@ def _trusted(kind: int, c: Array, step: Array) -> float:
 
 @hot
 def _move(kind: int, m: Models, priors: Priors, q: Array, step: Array) -> None:
-    """Moves theta by `step`; m.q came with it from `q`, linearly.
+    """Moves theta by `step`; m.q is already moved from `q` by its linear share of the step.
 
-    What it moved by is scaled so that paths keep their length where the axis moves away.
+    The change of m.q is scaled by the lever, so that a path keeps its length if the axis recedes.
     """
     lever = _lever(kind, m, priors)
     retract(kind, m.Y[kind], m.a[kind], m.c[kind], step)
@@ -155,8 +155,9 @@ def _move(kind: int, m: Models, priors: Priors, q: Array, step: Array) -> None:
 def solve_moving(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int) -> None:
     """Gauss-Newton with step shortening on theta and all q; stores posterior and evidence.
 
-    Only a step that promises next to nothing is taken without looking back: along a valley, as that
-    of an axis far away, a step can promise little, go far and end high up on the other side.
+    The last step is not verified by another linearisation, so that it is taken only if its gain is
+    next to nothing: along a valley, such as that of an axis far away, a step of small gain can go
+    far and lose much.
 
     Args:
         kind: `PRISMATIC` or `REVOLUTE`.
@@ -182,9 +183,9 @@ def solve_moving(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int
             continue
         previous = value
         Y[:], a[:], c[:], q_previous[:] = m.Y[kind], m.a[kind], m.c[kind], m.q[kind]
-        last = i >= steps - 2 or gain < _STILL
+        last = i >= steps - 2 or gain < _CONVERGED
         best.step[:] *= _trusted(kind, m.c[kind], best.step)
-        if last and gain >= _STILL:
+        if last and gain >= _CONVERGED:
             best.step[:] = 0.0
         step[:] = best.step
         sigma_v = priors.speed / _lever(kind, m, priors)
@@ -204,8 +205,8 @@ def solve_moving(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int
 
 @hot
 def solve_still(m: Models, kf: Keyframes, axis_distance: float) -> None:
-    """The rigid model, all but linear, and the free walk's evidence."""
-    rigid = int(np.int64(RIGID))  # Not a literal, for which all it calls would be compiled again.
+    """Solves the rigid model, which is nearly linear, and sums up the free walk's evidence."""
+    rigid = int(np.int64(RIGID))  # For a literal, Numba would compile all callees again.
     lin, chain = new_linear(kf.time.size), new_chain()
     for _ in range(2):
         linearise(rigid, m, kf, axis_distance, lin)
@@ -216,7 +217,7 @@ def solve_still(m: Models, kf: Keyframes, axis_distance: float) -> None:
         evidence, gain = solve(dimension(rigid), lin.value[0], chain)
         retract(rigid, m.Y[RIGID], m.a[RIGID], m.c[RIGID], chain.step)
         m.log_evidence[RIGID] = evidence + m.marginal_evidence[RIGID]
-        if gain < _STILL:
+        if gain < _CONVERGED:
             break
     cholesky.inverse(chain.H, m.covariance[RIGID], dimension(rigid))
     walk = 0.5 * kf.log_det[0] + kf.walk[0] + m.marginal_evidence[3]

@@ -19,8 +19,8 @@ from systems.kinematics.joint_solver.joint_geometry import (
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
-_SIGNIFICANT = 4.0  # Standard deviations of q that decide its sign,
-_MOVED = 10.0  # where the evidence is this many nats above the rigid model's.
+_SIGNIFICANT = 4.0  # Standard deviations of q from zero at which its sign is decided.
+_MOVED = 10.0  # Log evidence over the rigid model's at which its sign is decided, [nat].
 
 
 @hot
@@ -33,7 +33,7 @@ def _screw_start(V: Array, axis_distance: float) -> tuple[Array, Array]:
     """The axis (3,) and its point (3,) of a body that moves along the twist V (6,) at Fo."""
     w, v = V[:3], V[3:]
     speed, rate = float(np.linalg.norm(v)), float(np.linalg.norm(w))
-    if speed > 0.3 * rate:  # Only what is normal to the path bends it.
+    if speed > 0.3 * rate:  # A rotation about the path's own direction does not bend it.
         w = w - v * (w @ v) / speed**2
         rate = float(np.linalg.norm(w))
     if rate < 1e-9:
@@ -72,7 +72,7 @@ def turn(kind: int, m: Models) -> None:
     """Turns the axis, and with it the sign of q, in place."""
     for x in (m.a, m.q, m.state, m.gain):
         x[kind] *= -1.0
-    # The basis normal to -a: its first vector stays, the second turns.
+    # `tangent_basis(-a)` has the first vector of `tangent_basis(a)` and the opposite of its second.
     for i in (6, 9):
         m.gain[kind, :, i] *= -1.0
         m.covariance[kind, i, :] *= -1.0

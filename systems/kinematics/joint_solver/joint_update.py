@@ -22,9 +22,9 @@ from systems.kinematics.joint_solver.joint_solver import (
 from systems.kinematics.joint_solver.joint_start import decide_sign, fresh_start, turn
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
-_STEPS = 6  # Linearisations per update at most,
-_FRESH_STEPS = 8  # and from a fresh start.
-MEMORY = 40.0  # Nats by which keyframes no longer in memory can speak against a model.
+_STEPS = 6  # Most linearisations of one update.
+_FRESH_STEPS = 8  # Most linearisations from a fresh start.
+MEMORY = 40.0  # Most log evidence that is kept of past measurements against a model, [nat].
 _MOVING = (PRISMATIC, REVOLUTE)
 
 

@@ -2,14 +2,13 @@
 
 Frame F is the measured reference pose of the child: X_PF, a constant. Keyframe k holds the mean
 X_FB of one or more consecutive measurements, at their mean time, with the covariance of that mean
-(right perturbation, in B). The mean of
-two poses lies on the geodesic between them, a screw motion, so that the mean of two poses on a
-joint's path is on that path too, at any angle.
+(right perturbation, in B). The mean of two poses lies on the geodesic between them, a screw motion,
+so that the mean of two poses on a joint's path is on that path too, at any angle.
 
 Of all neighbours, those are averaged that lose the least: the criterion of J. H. Ward,
 "Hierarchical grouping to optimize an objective function", 1963, here xi^T (R_i + R_j)^-1 xi for
-keyframes xi apart.
-A body at rest thus fills one keyframe however long it rests, and motion is kept in even steps.
+keyframes xi apart. So a body at rest fills one keyframe however long it rests, and motion is kept
+in even steps.
 """
 
 from typing import NamedTuple
@@ -21,8 +20,8 @@ from maths.arrays import Array, Ids
 from maths.compiled import hot
 from maths.se3_in_place import perturb, relative_log
 
-RECENT = 4  # Keyframes at the end that stay single measurements, for the present velocity.
-FIRST = 4  # Keyframes at the beginning that are never marginalised: where the motion started.
+RECENT = 4  # Newest keyframes, which stay single measurements: they say the present velocity.
+FIRST = 4  # Oldest keyframes, which are never marginalised: they say where the motion started.
 _EXCESS = 6.0  # Expected loss when two keyframes of the same pose are averaged: their dimension.
 
 
@@ -77,7 +76,7 @@ def copy_keyframes(kf: Keyframes) -> Keyframes:
 def _fill(kf: Keyframes, k: int) -> None:
     """Completes keyframe k from its covariance."""
     L = kf.R[k].copy()
-    six = int(np.int64(6))  # Not a literal, for which all it calls would be compiled again.
+    six = int(np.int64(6))  # For a literal, Numba would compile all callees again.
     kf.log_det[k] = cholesky.factor(L, six)
     cholesky.inverse(L, kf.W[k], six)
 

@@ -1,6 +1,8 @@
 """The joint filters on simulated motions: type, errors, and how honest their covariances are."""
 
 import copy
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -246,6 +248,30 @@ def test_an_update_changes_nothing_of_the_state_before_and_repeats_exactly() -> 
     for x, y in zip(content(again), content(states[-1]), strict=True):
         assert_allclose(x, y, atol=0.0)
     assert copy.deepcopy(again) is again
+
+
+WITHOUT_DRAKE = """
+import sys
+sys.modules["pydrake"] = None  # Any import of it fails.
+import numpy as np
+from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig, __doc__ as text
+rng, covariance, time = np.random.default_rng(0), 1e-6 * np.eye(6), 0.0
+X_PB = np.eye(4)
+measurements = []
+for k in range(1, 30):
+    X = np.eye(4)
+    X[:3, 3] = [0.01 * k, 0.0, 0.0] + 1e-3 * rng.normal(size=3)
+    measurements.append((X, covariance, k / 15.0))
+exec("\\n".join(line[4:] for line in text.splitlines() if line.startswith("    ")))
+"""
+
+
+def test_the_module_s_example_runs_without_drake() -> None:
+    command = [sys.executable, "-c", WITHOUT_DRAKE]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    assert printed[0] == "prismatic"
+    assert float(printed[1]) > 0.99
+    assert_allclose(float(printed[2].strip("[")), 0.29, atol=2e-3)
 
 
 def test_fields_that_a_type_lacks_are_nan() -> None:

@@ -61,8 +61,8 @@ from systems.kinematics.measurement_errors import error_shares, is_correlated, w
 from systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
 
 TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID, JointType.DISCONNECTED)
-_WELL_KNOWN = 0.1  # Standard deviation of an axis that needs no fresh starts, [rad].
-_RESTART_EVERY = 15  # Updates between fresh starts where the axis is known.
+_WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
+_RESTART_EVERY = 15  # Updates between fresh starts where the axis is better known than that.
 _NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 
 

@@ -109,7 +109,7 @@ def transferred(
     frame of the parent where it stood. None where that was before the transfer window.
     """
     parent = bodies[pair[0]]
-    stood = time - parent.reference_age  # NaN finds nothing.
+    stood = time - parent.reference_age  # NaN, an unknown age, finds no state.
     earlier = [state for state in past if state.time <= stood + 1e-9]
     if not earlier:
         return None
@@ -139,7 +139,7 @@ def resting_parents(
     resting = {}
     for body_id in sorted(lost - {STATIC_BODY}):
         body, unseen = graph.bodies[body_id], config.period * (graph.unseen[body_id] + 1)
-        if 2.0 * unseen <= body.reference_age:  # NaN is not followed.
+        if 2.0 * unseen <= body.reference_age:  # An unknown age, NaN, is not enough.
             resting[body_id] = at_rest(body, config)
     return resting
 
@@ -161,8 +161,8 @@ def _update_pair(
     if state is None:
         age = config.reference_age
         if pair[1] == INTERACTED_BODY and pair[1] not in graph.bodies:
-            # The body in the hand is at its reference when it is first measured; closing the hand
-            # may have moved its parent from where that was first.
+            # The body in the hand is first measured at its reference. Closing the hand may have
+            # moved its parent away from the parent's own.
             age, X_PB_reference = config.period, pose.X
         state = filters.start(X_PB_reference, pose.covariance, time - age, *pair, correlated)
     elif reset_count != state.reset_count:

@@ -12,7 +12,7 @@ from maths.arrays import Array
 from systems.checks import require_fields
 
 _LEAST_WHITE = 1e-2  # Least share of a measurement's own variance that is white.
-_FLOOR = 1e-12 * np.eye(6)  # [rad^2, m^2], for covariances given as exact.
+_FLOOR = 1e-12 * np.eye(6)  # Added to every covariance, for exact ones, [rad^2, m^2].
 
 
 @dataclass(kw_only=True)

@@ -170,7 +170,7 @@ def smooth(
         p11 = c + S * dt
         det = p00 * p11 - p01 * p01
         d0, d1 = s0 - f[k, 0] - dt * f[k, 1], s1 - f[k, 1]
-        if det <= 1e-14 * p00 * p11:  # No time in between, the same state.
+        if det <= 1e-14 * p00 * p11:  # Both keyframes are of one instant.
             out[k] = s0
             continue
         u0, u1 = (p11 * d0 - p01 * d1) / det, (p00 * d1 - p01 * d0) / det

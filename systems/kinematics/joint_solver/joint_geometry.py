@@ -48,7 +48,7 @@ def child_pose(kind: int, Y: Array, a: Array, c: Array, q: float, X: Array) -> N
     cosine, sine = (np.cos(q), np.sin(q)) if kind == REVOLUTE else (1.0, 0.0)
     slide = q if kind == PRISMATIC else 0.0
     for j in range(4):
-        # Rodrigues on each column; the last is a point, turned about c.
+        # Rodrigues' formula on each column; the last one is a point, which turns about c.
         o = 1.0 if j == 3 else 0.0
         x, y, z = Y[0, j] - o * c[0], Y[1, j] - o * c[1], Y[2, j] - o * c[2]
         along = (1.0 - cosine) * (a[0] * x + a[1] * y + a[2] * z) + o * slide

@@ -6,7 +6,7 @@ import numpy as np
 
 from maths.arrays import Array
 
-AXIS_SPREAD = 1.2  # [rad] per direction, of an axis spread evenly over the sphere.
+AXIS_SPREAD = 1.2  # Deviation per direction of an axis anywhere on the sphere, [rad].
 
 
 class Models(NamedTuple):

@@ -85,8 +85,7 @@ def read_axis(
 ) -> tuple[Array, Array, Array]:
     """A moving model's axis and axis point.
 
-    While the rigid model may as well be true, in the share of its evidence, the axis may be any:
-    the covariances are those of the mixture.
+    The covariances are those of a mixture: if the rigid model is true, the axis may be any.
 
     Args:
         kind: `PRISMATIC` or `REVOLUTE`.

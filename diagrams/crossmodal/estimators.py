@@ -10,6 +10,7 @@ from diagrams.run.calibration import Calibration
 from plants.camera_view import renderer_intrinsics
 from systems.kinematics.joint_filters import JointFiltersConfig
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
+from systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
 from systems.proprioception.grasp_model import GraspModel, GraspModelConfig
 from systems.proprioception.hand_bending import HandBending, HandBendingConfig
@@ -106,15 +107,24 @@ def check_cut(cut: Sequence[str]) -> None:
 def joints_from_features() -> KinematicModelConfig:
     """Bodies followed by the eye drift by a tenth of a millimetre or two for seconds."""
     return KinematicModelConfig(
-        filters=JointFiltersConfig(slow_rotation=1.5e-3, slow_translation=1.5e-4, slow_time=2.0)
+        filters=JointFiltersConfig(
+            errors=MeasurementErrorsConfig(
+                correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
+            )
+        )
     )
 
 
 def joints_from_the_hand() -> KinematicModelConfig:
-    """The hand pulls at what the eye sees; unseen, the body tells what of its error lasts."""
+    """The hand pulls at what the eye sees; unseen, a body's error is that of the hand."""
     return KinematicModelConfig(
         filters=JointFiltersConfig(
-            slow_rotation=3e-3, slow_translation=3e-4, slow_time=2.0, lasting_time=5.0
+            errors=MeasurementErrorsConfig(
+                correlated_rotation=3e-3,
+                correlated_translation=3e-4,
+                correlated_time=2.0,
+                declared_time=5.0,
+            )
         )
     )
 

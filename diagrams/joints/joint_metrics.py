@@ -14,6 +14,8 @@ from scipy.stats import chi2
 from diagrams.joints.joint_truth import Truth
 from diagrams.run.record import Tick
 from maths.arrays import Array, Mask
+from maths.consistency import normalised_squared_error
+from maths.tangent_plane import normal_basis
 from systems.port_values import (
     INTERACTED_BODY,
     STATIC_BODY,
@@ -52,30 +54,12 @@ def axis_nees(axis: Array, covariance: Array, axis_true: Array) -> float:
         axis: Estimate (3,), on the side of the truth.
         covariance: (3, 3), of rank 2, [rad^2].
     """
-    tangent = np.linalg.svd(axis[None, :])[2][1:]
+    tangent = normal_basis(axis)
     error = tangent @ axis_true
     sine = float(np.linalg.norm(error))
     if sine > 1e-12:
         error = error * (axis_angle_error(axis, axis_true) / sine)
     return normalised_squared_error(error, tangent @ covariance @ tangent.T)
-
-
-def normalised_squared_error(error: Array, covariance: Array) -> float:
-    """error^T covariance^-1 error; infinite where the covariance is not positive definite."""
-    try:
-        L = np.linalg.cholesky(np.atleast_2d(covariance))
-    except np.linalg.LinAlgError:
-        return float("inf")
-    whitened = np.linalg.solve(L, np.atleast_1d(error))
-    return float(whitened @ whitened)
-
-
-def share_inside(nees: Array, degrees: int) -> float:
-    """Share of values inside the two-sided 95 % bounds of chi^2; NaN where there is no value."""
-    if len(nees) == 0:
-        return float("nan")
-    low, high = chi2.ppf([0.025, 0.975], degrees)
-    return float(np.mean((nees >= low) & (nees <= high)))
 
 
 def select_joint(joints: JointBeliefs, parent_moves: bool = False) -> JointBelief | None:

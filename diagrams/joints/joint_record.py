@@ -15,13 +15,13 @@ from diagrams.joints.joint_metrics import (
     last_seen,
     moving_at,
     rms_while_moving,
-    share_inside,
     turning_point,
     type_settled_at,
 )
 from diagrams.joints.joint_truth import Truth
 from diagrams.run.record import Tick
 from maths import se3
+from maths.consistency import share_inside
 from systems.port_values import BodyMotion, JointBelief, JointType
 
 _STILL_SEEN = 0.5  # An estimator that lost the joint longer ago claims nothing at the end, [s].

@@ -82,8 +82,8 @@ def task_phases(task: Task, truth: Truth, events: Sequence[Event]) -> dict[str, 
     """Target and true travel of exploration and exploitation, [m or rad].
 
     Exploration reaches its turning point: the largest travel up to half a second after the return
-    began, or up to the end without one. Exploitation reaches where the joint is at the end. What was
-    reached is NaN where the truth is not known.
+    began, or up to the end without one. Exploitation reaches where the joint is at the end. Where
+    the truth is not known, what was reached is NaN.
     """
     opening = truth.opening()
     if task.goal is None:

@@ -25,9 +25,9 @@ def evaluate(record: EpisodeRecord) -> Results:
         failure=task_failure(task, truth, record.events),
         estimates=estimates_table(
             {
-                name: (
+                name: [
                     (tick.time, rows_of(episode, name, k)) for k, tick in enumerate(estimator.ticks)
-                )
+                ]
                 for name, estimator in record.estimators.items()
             }
         ),

@@ -24,6 +24,7 @@ RUNNER = CliRunner()
         ["run", "drawer", "--modalities", "vision,smell"],
         ["run", "drawer", "--duration", "-3"],
         ["run", "drawer", "--out", "malformed.yaml/run"],
+        ["run", "drawer", "--host", "203.0.113.7"],
         ["evaluate", "cupboard"],
         ["evaluate", "drawer", "--seeds", "a:b"],
         ["evaluate", "drawer", "--seeds", "5:5"],

@@ -14,7 +14,7 @@ INSTALLED := .venv/.installed
 help:
 	@echo "make demo       a robot opens a drawer and perceives its joint (ARGS=--meshcat: live)"
 	@echo "make test       lint, types and tests"
-	@echo "make lint       ruff and mypy"
+	@echo "make lint       ruff, imports between rooms, and mypy"
 	@echo "make pytest     tests only (ARGS=tests/systems/vision: some of them)"
 	@echo "make bench      time per tick, real-time factor, joint filters, episodes per hour"
 	@echo "make evaluate   all experiments over SEEDS=$(SEEDS) with JOBS=$(JOBS), beside the paper"
@@ -34,6 +34,7 @@ test: lint pytest
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
 	$(BIN)/mypy
 
 pytest: $(INSTALLED)

@@ -10,14 +10,10 @@ import numpy as np
 from benchmarks.joint_streams import Stream, StreamConfig, joint_pose
 from maths import se3
 from maths.arrays import Array
+from maths.tangent_plane import normal_basis
 from systems.port_values import JointType
 
 _STEP = 1e-5
-
-
-def _normal_basis(axis: Array) -> Array:
-    """Two unit vectors (2, 3) normal to `axis` and to each other."""
-    return np.asarray(np.linalg.svd(axis[None, :])[2][1:])
 
 
 def _move(
@@ -25,7 +21,7 @@ def _move(
 ) -> tuple[Array, Array, Array, float]:
     """The parameters (reference pose, axis, axis point, rate) moved by `d` (9 or 11,)."""
     X0, axis, p_PA, rate = x
-    B = _normal_basis(axis)
+    B = normal_basis(axis)
     tilted = axis + d[6:8] @ B
     point = p_PA + d[9:11] @ B if joint_type == JointType.REVOLUTE else p_PA
     return X0 @ se3.exp(d[:6]), tilted / np.linalg.norm(tilted), point, rate + d[8]

@@ -17,12 +17,13 @@ from typing import Annotated
 import numpy as np
 import typer
 from joblib import Parallel, delayed
-from scipy.stats import chi2
 from tqdm import tqdm
 
 from benchmarks.joint_batch_fit import batch_fit
 from benchmarks.joint_streams import Stream, StreamConfig, simulate_stream, stream_configs
 from maths.arrays import Array
+from maths.consistency import is_consistent
+from maths.tangent_plane import normal_basis
 from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from systems.port_values import JointModelBelief, JointType
 
@@ -72,18 +73,13 @@ def _errors(config: StreamConfig, stream: Stream, q: float, axis: Array, p_PA: A
     return np.array([q_error, np.rad2deg(angle), 1e3 * distance])
 
 
-def _inside(error: Array, covariance: Array) -> bool:
-    low, high = chi2.ppf([0.025, 0.975], error.size)
-    return bool(low < error @ np.linalg.solve(covariance, error) < high)
-
-
 def _frame_inside(model: JointModelBelief, q: float, axis_P: Array) -> tuple[bool, bool]:
-    B = np.linalg.svd(model.axis_P[None, :])[2][1:]
+    B = normal_basis(model.axis_P)
     sideways = B @ axis_P
     angle = np.arctan2(np.linalg.norm(sideways), model.axis_P @ axis_P)
     return (
-        _inside(model.configuration[:1] - q, model.configuration_covariance[:1, :1]),
-        _inside(angle * sideways / np.linalg.norm(sideways), B @ model.axis_covariance @ B.T),
+        is_consistent(model.configuration[:1] - q, model.configuration_covariance[:1, :1]),
+        is_consistent(angle * sideways / np.linalg.norm(sideways), B @ model.axis_covariance @ B.T),
     )
 
 

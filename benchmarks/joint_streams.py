@@ -27,7 +27,7 @@ class StreamConfig:
         name: As the tables call it.
         joint_type: Prismatic or revolute.
         radius: From the axis to the body, [m]; without meaning for a prismatic joint.
-        travel: Configuration at the end, [m] or [rad].
+        final_configuration: At the end of the stream, [m] or [rad].
         duration: [s].
         translation_noise: One standard deviation per direction, [m].
         rotation_noise: The same, [rad].
@@ -36,7 +36,7 @@ class StreamConfig:
     name: str
     joint_type: JointType
     radius: float
-    travel: float
+    final_configuration: float
     duration: float
     translation_noise: float
     rotation_noise: float
@@ -81,12 +81,12 @@ def stream_configs() -> list[StreamConfig]:
             name=f"{joint} {noise}",
             joint_type=joint_type,
             radius=radius,
-            travel=float(travel),
+            final_configuration=float(configuration),
             duration=duration,
             translation_noise=translation,
             rotation_noise=float(np.deg2rad(rotation)),
         )
-        for joint, joint_type, radius, travel, duration in joints
+        for joint, joint_type, radius, configuration, duration in joints
         for noise, translation, rotation in noises
     ]
 
@@ -118,7 +118,7 @@ def simulate_stream(config: StreamConfig, seed: int) -> Stream:
     p_PA = X0[:3, 3] + config.radius * normal / np.linalg.norm(normal)
     count = round(config.duration * RATE) + 1
     times = np.arange(count) / RATE
-    q = config.travel * times / times[-1]
+    q = config.final_configuration * times / times[-1]
     scale = np.repeat([config.rotation_noise, config.translation_noise], 3)
     measured = [
         joint_pose(config.joint_type, axis, p_PA, x) @ X0 @ se3.exp(scale * rng.normal(size=6))

@@ -1,8 +1,4 @@
-"""How the innermost loops are compiled.
-
-Compiled code is kept in `__pycache__` and made anew when the file of a function changes, but not
-when only a function that it calls in another file does: delete the folder after such a change.
-"""
+"""How the innermost loops are compiled; where the code is kept is in `compiled_cache`."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from pydrake.common.schema import Transform
 from pydrake.geometry import (
     CollisionFilterDeclaration,
     GeometrySet,
@@ -13,7 +14,12 @@ from pydrake.geometry import (
     SceneGraph,
 )
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.parsing import LoadModelDirectives, Parser, ProcessModelDirectives
+from pydrake.multibody.parsing import (
+    LoadModelDirectives,
+    ModelDirectives,
+    Parser,
+    ProcessModelDirectives,
+)
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import Joint, ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
@@ -82,6 +88,7 @@ def add_manipulation_scene(
     config: PlantConfig,
     objects: Mapping[str, ObjectPlacement],
     robots: Sequence[Sequence[str]],
+    bases: Mapping[str, RigidTransform] | None = None,
 ) -> ManipulationScene:
     """Adds plant and scene graph to `builder`, the objects placed where they stand.
 
@@ -91,6 +98,8 @@ def add_manipulation_scene(
         objects: By name, which becomes the name of the model instance.
         robots: For each robot the names of its model instances, such as an arm and its hand. A
             robot does not collide with itself.
+        bases: Where models truly stand that the directives weld to the world, by their names; those
+            that are not named stand where the directives say.
 
     Raises:
         ValueError: if `time_step` or a friction is impossible, a name is not known or not unique,
@@ -105,7 +114,10 @@ def add_manipulation_scene(
         builder,
     )
     parser = make_parser(plant)
-    ProcessModelDirectives(LoadModelDirectives(str(SDF_DIR / config.scene)), parser)
+    directives = LoadModelDirectives(str(SDF_DIR / config.scene))
+    for model, X_WBase in (bases or {}).items():
+        _move_base(directives, model, X_WBase)
+    ProcessModelDirectives(directives, parser)
     instances = {
         name: _place(plant, parser, name, placement) for name, placement in objects.items()
     }
@@ -137,6 +149,15 @@ def nominal_pose(scene: str, frame: str, model: str) -> RigidTransform:
     plant.Finalize()
     found = plant.GetFrameByName(frame, find_model(plant, model))
     return found.CalcPoseInWorld(plant.CreateDefaultContext())
+
+
+def _move_base(directives: ModelDirectives, model: str, X_WBase: RigidTransform) -> None:
+    """Lets the directives weld a model to the world somewhere else."""
+    welds = [item.add_weld for item in directives.directives if item.add_weld is not None]
+    found = [w for w in welds if w.parent == "world" and w.child.partition("::")[0] == model]
+    if len(found) != 1:
+        raise ValueError(f"the directives do not weld '{model}' to the world, once")
+    found[0].X_PC = Transform(X_WBase)
 
 
 def _place(

@@ -15,10 +15,10 @@ from maths.validation import require, require_not_negative, require_positive
 
 @dataclass(kw_only=True)
 class BendingExcitationConfig:
-    rise_time: float = 1.0  # Over which the motion grows to its full size, [s].
+    rise_time: float = 1.0  # Time in which the motion grows to its full size, [s].
     slowest: float = 0.05  # Lowest frequency, [Hz].
     fastest: float = 0.3  # Highest frequency, [Hz].
-    waves: int = 4  # Sines per direction.
+    waves: int = 4  # Number of sines per direction.
     rotation: float = 0.06  # Standard deviation about each axis of E, [rad].
     lateral: float = 0.003  # Standard deviation along x and y of E, [m].
     pull: float = 0.006  # Mean and standard deviation of the pull along -z of E, [m].

@@ -17,7 +17,7 @@ from maths.validation import require_positive
 @dataclass(kw_only=True)
 class ExplorationConfig:
     period: float = 0.01  # Update period, [s].
-    gain: float = 0.1  # k_p of the paper, share of the velocity error added per update, [s].
+    gain: float = 0.1  # k_p of the paper: way of the goal per update and velocity error, [s].
     speed: float = 0.02  # Desired speed in the pulling direction, [m/s].
 
 

@@ -13,20 +13,20 @@ from maths.immutable import Immutable
 
 @dataclass(kw_only=True)
 class SequenceState(Immutable):
-    """Never written after it is made.
+    """What the sequence remembers; never written after it is made.
 
     Attributes:
-        phase: What is done,
-        since: since when, [s],
-        X_WE_start: and where the end-effector was then (4, 4).
-        X_WE_grasp: Where the hand closes or has closed (4, 4), and
-        q_grasp: the joint's perceived configuration there, [m or rad].
-        X_WE_held: Where the end-effector was when it had closed (4, 4), with
-        pressure_held: the chambers' pressure (4,), [Pa].
-        task: EXPLORE, or RETURN once exploration is over.
-        attempts: Grasps tried again.
+        phase: What is done.
+        since: Beginning of the phase, [s].
+        X_WE_start: The end-effector's pose at that time (4, 4).
+        X_WE_grasp: Pose at which the hand closes or has closed (4, 4).
+        q_grasp: The joint's perceived configuration at that pose, [m or rad].
+        X_WE_held: The end-effector's pose when the hand had closed (4, 4).
+        pressure_held: The chambers' pressure at that time (chambers,), [Pa].
+        task: Phase that follows CLOSE: EXPLORE, or RETURN once exploration is over.
+        attempts: Number of grasps that were tried again.
         lost: Whether the grasp is believed lost.
-        doubted_since: Since when the grasp has been doubted, infinite while it is not, [s].
+        doubted_since: Time since which the grasp is in doubt, infinite while it is not, [s].
     """
 
     phase: Phase
@@ -49,12 +49,12 @@ class Perceived:
     Attributes:
         time: [s]
         X_WE: The end-effector's measured pose (4, 4).
-        pressure: Measured in the chambers (4,), [Pa]; NaN where it is not known.
+        pressure: Measured in the chambers (chambers,), [Pa]; NaN where it is not known.
         joint: (8,) the body's unit screw S_W, q and its rate; NaN until a joint is perceived, the
             rate whenever it is only remembered.
-        hand_rate: Way of the hand per unit of q, [m per m or rad]; NaN likewise.
-        failure: Probability that the hand has lost the body, NaN where nobody can tell.
-        plan_time_left: Until the planned end of the return, [s].
+        hand_rate: Way of the hand per unit of q, [m per m or rad]; NaN until a joint is perceived.
+        failure: Probability that the hand has lost the body; NaN where it is not known.
+        plan_time_left: Time to the planned end of the return, [s].
     """
 
     time: float
@@ -71,12 +71,12 @@ class Goal:
     """What a manipulation is for.
 
     Attributes:
-        travel: Perceived travel of the joint at which exploration ends, [m or rad]; None ends it by
-            the hand's way.
+        configuration: Perceived configuration of the joint, of either sign, at which exploration
+            ends, [m or rad]; None ends it by the hand's way.
         return_to_start: Whether the joint is then brought back to where it was.
     """
 
-    travel: float | None = None
+    configuration: float | None = None
     return_to_start: bool = False
 
 
@@ -123,7 +123,7 @@ def next_state(
             return state
         state = _enter(state, state.task, now)
         return replace(state, X_WE_held=now.X_WE, pressure_held=now.pressure)
-    if goal.travel is not None:
+    if goal.configuration is not None:
         doubted = is_doubtful(state, now, config)
         since = min(state.doubted_since, now.time) if doubted else np.inf
         state = replace(state, doubted_since=since)
@@ -141,12 +141,12 @@ def next_state(
     known = not np.isnan(now.joint[6])
     way = float(np.linalg.norm(now.X_WE[:3, 3] - state.X_WE_start[:3, 3]))
     over = (over or way >= config.travel) and np.isinf(state.doubted_since)
-    if goal.travel is not None and known:
+    if goal.configuration is not None and known:
         q = now.joint[6] + config.anticipation * np.nan_to_num(now.joint[7])
-        over = over or bool(abs(q) >= goal.travel)
+        over = over or bool(abs(q) >= goal.configuration)
     if not over:
         return state
-    if goal.travel is not None and not known:
+    if goal.configuration is not None and not known:
         return _lose_grasp(state, now, goal, config)
     following = Phase.RETURN if goal.return_to_start else Phase.STOP
     return replace(_enter(state, following, now), task=following)
@@ -172,7 +172,7 @@ def _lose_grasp(
     """
     X_WE_grasp = moved_by_joint(state.X_WE_grasp, now.joint, state.q_grasp)
     near = np.linalg.norm(X_WE_grasp[:3, 3] - now.X_WE[:3, 3]) <= config.retry_distance
-    if goal.travel is None or not near or state.attempts >= config.retries:
+    if goal.configuration is None or not near or state.attempts >= config.retries:
         return replace(_enter(state, Phase.STOP, now), lost=True)
     return replace(
         _enter(state, Phase.RELEASE, now),

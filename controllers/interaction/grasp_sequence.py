@@ -54,7 +54,7 @@ class GraspSequence(LeafSystem):
     - grasp_failure_latest: (1,) probability that the hand has lost the body, NaN if unknown.
     - plan_time_left: (1,) of `TrajectoryGenerator`, [s].
     - pull_direction: (3,) unit vector in E, along which the gains are stiff while exploring.
-    - What is not connected is not known; without a goal to be perceived nothing of it is read.
+    - Inputs that are not connected are not known; a sequence without a goal does without them.
     - phase: (1,) `Phase`.
     - interaction_active: (1,) one while the hand is closed around the body, as far as it can feel.
     - grasp_lost: (1,) one from the instant a grasp is given up to the next one.

@@ -11,41 +11,42 @@ from maths.validation import require, require_not_negative, require_positive
 class GraspSequenceConfig:
     period: float = 0.01  # Update period, [s].
     approach_distance: float = 0.10  # Length of the straight approach along z of E, [m].
-    approach_time: float = 2.0  # [s]
-    close_time: float = 1.5  # [s]
-    explore_time_limit: float = 25.0  # [s]
-    travel: float = 0.24  # Way of the hand after which exploration stops, [m].
-    stop_time: float = 1.0  # [s]
+    approach_time: float = 2.0  # Duration of the approach, [s].
+    close_time: float = 1.5  # Time for the hand to close, [s].
+    explore_time_limit: float = 25.0  # Time after which exploration ends at the latest, [s].
+    travel: float = 0.24  # Way of the hand after which exploration ends at the latest, [m].
+    stop_time: float = 1.0  # Time for which the hand holds still at the end, [s].
     # Gauge pressure of index, middle, ring and little, thumb when closed, [Pa].
     closing_pressure: list[float] = field(default_factory=lambda: [6.0e4, 6.0e4, 6.0e4, 8.0e4])
-    # While the hand is guided and closed: stiff. Rotation [N m/rad], translation [N/m].
-    stiff_rotation: float = 30.0
-    stiff_translation: float = 2000.0
+    # Gains of approach and closing.
+    stiff_rotation: float = 30.0  # [N m/rad]
+    stiff_translation: float = 2000.0  # [N/m]
     stiff_rotation_damping: float = 1.0  # [N m s/rad]
     stiff_translation_damping: float = 80.0  # [N s/m]
-    # While exploring (crossmodal paper, section VII-A): compliant but in the pulling direction.
+    # Gains of exploration: compliant but in the pulling direction (paper, section VII-A).
     compliant_stiffness: float = 0.1  # [N m/rad], [N/m]
     compliant_damping: float = 1.0  # [N m s/rad], [N s/m]
     pull_stiffness: float = 400.0  # [N/m]
     pull_damping: float = 200.0  # [N s/m]
     mass: float = 1.0  # [kg m^2], [kg]
-    anticipation: float = 0.1  # Between the joint's motion and the hand's stop for it, [s].
-    # The return ends once the perceived joint is as near as this to its start, as way of the hand.
-    return_tolerance: float = 0.002  # [m]
-    return_patience: float = 3.0  # How long after the planned end it may still be late, [s].
-    # A grasp is given up once it has been doubted so long: when it is believed to have failed and
-    # the hand is not where the perceived joint would have taken it. The return is finished first.
-    doubt_time: float = 1.0  # [s]
-    failure_probability: float = 0.5
-    slip: float = 0.06  # [m]
-    # A hand that holds nothing curls up: once the sealed pressure in every chamber has fallen to
-    # this share of what it was around the handle, the grasp is lost. Around a bar it keeps 0.88 and
-    # more; a hand that curls past an edge and pushes it falls to 0.7, as an empty one does.
+    # Delay from the joint's motion to the hand's stop, by which the goal is anticipated, [s].
+    anticipation: float = 0.1
+    # Way of the hand from the joint's start, as perceived, at which the return ends, [m].
+    return_tolerance: float = 0.002
+    return_patience: float = 3.0  # Longest delay of the return after its planned end, [s].
+    # A grasp is in doubt while it is believed to have failed and the hand is not where the
+    # perceived joint would have taken it. It is then given up, but a return is finished first.
+    doubt_time: float = 1.0  # Duration of the doubt after which the grasp is given up, [s].
+    failure_probability: float = 0.5  # Least probability of a grasp that has failed.
+    slip: float = 0.06  # Least distance between the hand and where the joint would have it, [m].
+    # A hand that holds nothing curls up: the grasp is lost once the sealed pressure in every
+    # chamber has fallen to this share of what it was around the handle. Around a bar it stays above
+    # 0.88; a hand that curls past an edge and pushes it falls to 0.7, as an empty one does.
     empty_pressure: float = 0.8
-    retries: int = 2  # How often a lost grasp is tried again,
-    retry_distance: float = 0.12  # where the hand is still as near to the handle as this, [m].
-    release_time: float = 4.0  # For opening the hand, backing off and going before the handle, [s].
-    comply: bool = True  # Whether to switch to the compliant gains once the hand has closed.
+    retries: int = 2  # Number of times that a lost grasp is tried again.
+    retry_distance: float = 0.12  # Largest distance to the handle for another try, [m].
+    release_time: float = 4.0  # Time to open, back off and go before the handle again, [s].
+    comply: bool = True  # Whether the gains become compliant once the hand has closed.
 
 
 def check_grasp_sequence(config: GraspSequenceConfig) -> None:

@@ -23,16 +23,16 @@ _PEAK = 1.875  # Largest rate of the minimum-jerk blend.
 class TrajectoryGeneratorConfig:
     period: float = 0.01  # Update period, [s].
     speed: float = 0.04  # Highest planned speed of the hand, [m/s].
-    feedback: float = 1.0  # How fast the perceived joint is drawn onto the plan, [1/s].
-    failure_probability: float = 0.5  # Of the grasp, above which the joint draws nothing.
-    lead: float = 0.03  # How far the plan may run ahead of the hand, [m].
-    # Stiff along the motion, [N/m], [N s/m]; compliant across it; rotation [N m/rad], [N m s/rad].
-    stiffness_along: float = 1000.0
-    stiffness_across: float = 200.0
-    stiffness_rotation: float = 10.0
-    damping_along: float = 150.0
-    damping_across: float = 60.0
-    damping_rotation: float = 1.0
+    feedback: float = 1.0  # Gain that draws the perceived joint onto the plan, [1/s].
+    failure_probability: float = 0.5  # Of the grasp, above which the feedback is off.
+    lead: float = 0.03  # Largest distance of the plan ahead of the hand, [m].
+    # Gains along and across the hand's motion.
+    stiffness_along: float = 1000.0  # [N/m]
+    stiffness_across: float = 200.0  # [N/m]
+    stiffness_rotation: float = 10.0  # [N m/rad]
+    damping_along: float = 150.0  # [N s/m]
+    damping_across: float = 60.0  # [N s/m]
+    damping_rotation: float = 1.0  # [N m s/rad]
     mass: float = 1.0  # [kg m^2], [kg]
 
 
@@ -45,8 +45,8 @@ class Plan(Immutable):
         duration: [s]
         q_start: Configuration of the joint at its beginning, [m or rad]; the goal is zero.
         revolute: Whether q is an angle.
-        motion: What is commanded now.
-        gains: Likewise.
+        motion: The end-effector's desired motion at the last update.
+        gains: The gains that go with it.
     """
 
     start: float
@@ -100,7 +100,7 @@ def begin(
     """A plan from q to zero, [m or rad].
 
     Args:
-        motion: From which it goes on.
+        motion: The end-effector's desired motion before it.
         S_E: The end-effector's twist (6,) in E per unit of q.
         q: Perceived configuration.
         revolute: Whether q is an angle.
@@ -134,7 +134,7 @@ def advance(
     cannot follow, the plan waits.
 
     Args:
-        plan: The last one.
+        plan: As of the last update.
         X_WE: The end-effector's measured pose.
         screw_W: The end-effector's twist (6,) in W at Wo per unit of q, by the latest estimates.
         q: Perceived configuration, [m or rad]; None while it is not perceived.
@@ -208,10 +208,16 @@ class TrajectoryGenerator(LeafSystem):
         require_positive(name, config, units)
         probability = 0 <= config.failure_probability <= 1
         require(probability, name, config, "failure_probability", "from 0 to 1")
-        for kind, unit in (("stiffness", "N/m"), ("damping", "N s/m")):
-            fields = {f"{kind}_{part}": unit for part in ("along", "across")}
-            require_not_negative(name, config, fields | {f"{kind}_rotation": f"{unit[:-2]} m/rad"})
-        require_not_negative(name, config, {"mass": "kg"})
+        gains = {
+            "stiffness_along": "N/m",
+            "stiffness_across": "N/m",
+            "stiffness_rotation": "N m/rad",
+            "damping_along": "N s/m",
+            "damping_across": "N s/m",
+            "damping_rotation": "N m s/rad",
+            "mass": "kg",
+        }
+        require_not_negative(name, config, gains)
         self._config = config
         self._arm = arm
         n = arm.num_joints

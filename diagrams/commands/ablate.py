@@ -24,7 +24,9 @@ def ablate_command(
     with one_line_errors():
         from tqdm import tqdm
 
-        from diagrams.crossmodal.ablations import ABLATIONS, find_ablation, run_ablations
+        from diagrams.crossmodal.application import APPLICATION
+        from diagrams.crossmodal.studies.ablation_study import run_ablations
+        from diagrams.crossmodal.studies.ablations import ABLATIONS, find_ablation
         from diagrams.evaluation.seeds import parse_seeds
         from diagrams.run.run_folder import write_text
 
@@ -32,5 +34,5 @@ def ablate_command(
         for name in chosen:
             find_ablation(name)
         with tqdm(total=len(chosen) * len(numbers), unit="episode", disable=None) as bar:
-            table = run_ablations(chosen, numbers, out, bar.update)
+            table = run_ablations(APPLICATION, chosen, numbers, out, bar.update)
         typer.echo(f"{table}\n  {write_text(out / 'ablations.md', table)}")

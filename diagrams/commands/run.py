@@ -116,7 +116,7 @@ def _own_object(
 ) -> list[str]:
     """The assignments that put a user's object in place of the scenario's."""
     from diagrams.applications import load_scenario
-    from diagrams.crossmodal.objects.own_object import (
+    from diagrams.crossmodal.own_object import (
         OwnObject,
         own_object_assignments,
         refuse_without_object,

@@ -8,22 +8,25 @@ interactive perception based on coupled recursion, IROS 2017.
 from collections.abc import Mapping
 
 import numpy as np
-from pydrake.systems.framework import DiagramBuilder, System
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
-from diagrams.crossmodal.ablations import ABLATIONS
 from diagrams.crossmodal.calibration import make_calibration
-from diagrams.crossmodal.estimators import make_estimators
-from diagrams.crossmodal.experiments import EXPERIMENTS
+from diagrams.crossmodal.estimators import make_network
 from diagrams.crossmodal.meshcat_view import add_view
 from diagrams.crossmodal.modalities import COLORS, LABELS
-from diagrams.crossmodal.objects.own_object import identity, keep_files
+from diagrams.crossmodal.own_object import identity, keep_files
 from diagrams.crossmodal.results.metrics import CAMPAIGN_PLOTS, METRICS, OVERVIEW
 from diagrams.crossmodal.results.results import evaluate
 from diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve
-from diagrams.crossmodal.station.station import make_station
+from diagrams.crossmodal.station.overlaps import overlaps
+from diagrams.crossmodal.station.station import make_manipulation_station
 from diagrams.crossmodal.station.station_control import PERCEIVED_INPUTS
+from diagrams.crossmodal.studies.ablations import ABLATIONS
+from diagrams.crossmodal.studies.experiments import EXPERIMENTS
+from diagrams.crossmodal.task import task_in_words
 from diagrams.joints.joint_truth import TRUTH_QUANTITIES
-from diagrams.run.application import Application
+from diagrams.run.application import Application, Station
+from diagrams.run.calibration import Calibration
 from diagrams.run.record import Quantity
 from diagrams.run.sensor_codecs import JOINT_STATES, WRENCHES, Topic
 from systems.kinematics.interacted_joint import InteractedJoint, InteractedJointConfig
@@ -58,6 +61,24 @@ TOPICS = {
 }
 
 
+def make_station(scenario: Scenario, calibration: Calibration) -> Station:
+    """The station of a scenario with its seed."""
+    station = make_manipulation_station(scenario, calibration)
+    return Station(
+        diagram=station.diagram,
+        initialise=station.SetInitialState,
+        warnings=overlaps(station),
+    )
+
+
+def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, Diagram]:
+    """One network of filters for each of the scenario's modalities."""
+    return {
+        modality: make_network(modality, scenario.perception, calibration)
+        for modality in scenario.modalities
+    }
+
+
 def close_loop(
     builder: DiagramBuilder, scenario: Scenario, station: System, estimators: Mapping[str, System]
 ) -> None:
@@ -89,6 +110,7 @@ APPLICATION = Application(
     pictures=("color_measured",),
     topics=TOPICS,
     evaluate=evaluate,
+    task_in_words=task_in_words,
     view=add_view,
     keep_files=keep_files,
     identity=identity,

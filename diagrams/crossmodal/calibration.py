@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from diagrams.crossmodal.robot_config import ARM
 from diagrams.crossmodal.scenario import Scenario
-from diagrams.crossmodal.station.station_config import ARM
 from diagrams.run.calibration import ArmCalibration, Calibration, calibrated, pose_covariance
 from plants.robots.arm_with_hand import make_arm_with_load
 from plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND

@@ -2,14 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
+from diagrams.crossmodal.modalities import MODALITIES
 from diagrams.run.calibration import Calibration
 from plants.camera_view import renderer_intrinsics
 from systems.kinematics.joint_filters import JointFiltersConfig
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
+from systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
 from systems.proprioception.grasp_model import GraspModel, GraspModelConfig
 from systems.proprioception.hand_bending import HandBending, HandBendingConfig
@@ -22,10 +23,6 @@ from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from systems.vision.features.feature_motion import FeatureMotion
 from systems.vision.features.feature_tracks import FeatureMotionConfig
 
-if TYPE_CHECKING:
-    from diagrams.crossmodal.scenario import Scenario
-
-MODALITIES = ("vision", "proprioception", "crossmodal")
 VISION_INPUTS = ("color_measured", "depth_measured", "robot_mask")
 PROPRIOCEPTION_INPUTS = (
     "joint_state_window",
@@ -110,15 +107,24 @@ def check_cut(cut: Sequence[str]) -> None:
 def joints_from_features() -> KinematicModelConfig:
     """Bodies followed by the eye drift by a tenth of a millimetre or two for seconds."""
     return KinematicModelConfig(
-        filters=JointFiltersConfig(slow_rotation=1.5e-3, slow_translation=1.5e-4, slow_time=2.0)
+        filters=JointFiltersConfig(
+            errors=MeasurementErrorsConfig(
+                correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
+            )
+        )
     )
 
 
 def joints_from_the_hand() -> KinematicModelConfig:
-    """The hand pulls at what the eye sees; unseen, the body tells what of its error lasts."""
+    """The hand pulls at what the eye sees; unseen, a body's error is that of the hand."""
     return KinematicModelConfig(
         filters=JointFiltersConfig(
-            slow_rotation=3e-3, slow_translation=3e-4, slow_time=2.0, lasting_time=5.0
+            errors=MeasurementErrorsConfig(
+                correlated_rotation=3e-3,
+                correlated_translation=3e-4,
+                correlated_time=2.0,
+                declared_time=5.0,
+            )
         )
     )
 
@@ -141,14 +147,6 @@ class PerceptionConfig:
     joints_vision: KinematicModelConfig = field(default_factory=joints_from_features)
     joints_proprioception: KinematicModelConfig = field(default_factory=joints_from_the_hand)
     joints_crossmodal: KinematicModelConfig = field(default_factory=joints_from_the_hand)
-
-
-def make_estimators(scenario: "Scenario", calibration: Calibration) -> dict[str, Diagram]:
-    """One network of filters for each of the scenario's modalities."""
-    return {
-        modality: make_network(modality, scenario.perception, calibration)
-        for modality in scenario.modalities
-    }
 
 
 def make_network(modality: str, config: PerceptionConfig, calibration: Calibration) -> Diagram:

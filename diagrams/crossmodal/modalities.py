@@ -3,6 +3,7 @@
 The colours are Paul Tol's bright scheme.
 """
 
+MODALITIES = ("vision", "proprioception", "crossmodal")
 LABELS = {
     "vision": "vision",
     "proprioception": "proprioception",

@@ -8,9 +8,9 @@ import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from diagrams.crossmodal.estimators import MODALITIES, PerceptionConfig, check_cut
+from diagrams.crossmodal.objects.object_import import check_pull, imported
 from diagrams.crossmodal.objects.object_model import read_object_model
-from diagrams.crossmodal.objects.own_object import check_pull, imported
-from diagrams.crossmodal.station.station_config import HAND, ControlConfig, SensorsConfig
+from diagrams.crossmodal.robot_config import HAND, ControlConfig, SensorsConfig
 from diagrams.run import scenario as base
 from diagrams.run.scenario import CameraConfig, require_positive, require_vector
 from diagrams.run.yaml_schema import ScenarioError, suggestion
@@ -47,6 +47,7 @@ class ObjectConfig:
     # Whether position and yaw are the handle's, with the object upright, or the model frame's.
     place_handle: bool = False
     free: bool = False  # Whether it only rests on the table; otherwise it is fixed there.
+    ajar: float = 0.0  # Where the joint is at the start, [m or rad].
     # Where the hand pulls to explore, in the handle's frame; out of the object is x.
     pull_direction: np.ndarray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     friction: float = 6.0  # Of the joint, [N or N m].
@@ -169,6 +170,11 @@ def _resolve_object(thing: ObjectConfig, key: str, path: Path) -> ObjectConfig:
         frame=thing.handle_frame,
         source=f"{source}: {key}",
     )
+    if not facts.lower <= thing.ajar <= facts.upper:
+        raise ScenarioError(
+            f"{source}: {key}.ajar = {thing.ajar!r}, but the joint's limits are"
+            f" {facts.lower:g} to {facts.upper:g}"
+        )
     if is_own:
         check_pull(facts, thing.pull_direction, thing.joint, thing.handle_frame)
     if not thing.place_handle:

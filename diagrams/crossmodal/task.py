@@ -8,10 +8,13 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem
 
 from controllers.interaction.phases import Phase as ControlPhase
-from diagrams.crossmodal.scenario import Task
+from diagrams.crossmodal.objects.object_model import read_object_model
+from diagrams.crossmodal.scenario import Scenario, Task, object_model_file
 from diagrams.joints.joint_truth import Truth
 from diagrams.run.record import Event, TaskStatus
+from systems.port_values import JointType
 
+_DEGREES = 180.0 / np.pi
 GRASP_LOST = "grasp lost"
 _STATUS = {
     ControlPhase.RELEASE: TaskStatus(phase="releasing", note="grasp lost, trying again"),
@@ -78,6 +81,12 @@ def later_events(events: Sequence[Event]) -> list[Event]:
     return [event for event in events if event.time > start]
 
 
+def turning_time(events: Sequence[Event]) -> float:
+    """By when the joint has turned: half a second after the return began, [s]; else infinite."""
+    returns = begun(events, ControlPhase.RETURN)
+    return returns[0] + 0.5 if returns else float("inf")
+
+
 def task_phases(task: Task, truth: Truth, events: Sequence[Event]) -> dict[str, Phase]:
     """Target and true travel of exploration and exploitation, [m or rad].
 
@@ -90,8 +99,7 @@ def task_phases(task: Task, truth: Truth, events: Sequence[Event]) -> dict[str, 
         reached = float(abs(opening[-1])) if len(opening) else float("nan")
         return {"exploration": Phase(target=task.opening, reached=reached)}
     returns = begun(events, ControlPhase.RETURN)
-    turn = returns[0] + 0.5 if returns else np.inf
-    travel = np.abs(opening[truth.times <= turn])
+    travel = np.abs(opening[truth.times <= turning_time(events)])
     reached = float(np.nanmax(travel, initial=0.0)) if len(opening) else float("nan")
     phases = {"exploration": Phase(target=task.goal, reached=reached)}
     if task.return_to_start:
@@ -124,3 +132,27 @@ def task_failure(task: Task, truth: Truth, events: Sequence[Event]) -> str | Non
     if end > task.tolerance:
         return f"brought back to {end:.3f} from its start, {task.tolerance:g} is near enough{after}"
     return None
+
+
+def task_in_words(scenario: Scenario) -> str:
+    """What counts as done, with its tolerances."""
+    task, thing = scenario.task, scenario.object
+    facts = read_object_model(
+        object_model_file(thing), joint=thing.joint, frame=thing.handle_frame, source=scenario.name
+    )
+    scale, unit = (100.0, "cm") if facts.joint_type == JointType.PRISMATIC else (_DEGREES, "deg")
+
+    def written(value: float) -> str:
+        return f"{scale * value:.3g} {unit}"
+
+    if task.goal is None:
+        return f"Done: the joint has truly gone {written(task.opening)} or more at the end."
+    words = (
+        f"Done: the exploration has truly ended within {written(task.tolerance)} of"
+        f" {written(task.goal)}"
+    )
+    if task.return_to_start:
+        words += f", and the joint is back within {written(task.tolerance)} of its start"
+    if thing.ajar:
+        words += f". It starts {written(thing.ajar)} open"
+    return words + "."

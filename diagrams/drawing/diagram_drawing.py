@@ -10,7 +10,13 @@ import subprocess
 from collections import defaultdict
 from dataclasses import dataclass
 
-from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, System
+from pydrake.systems.framework import (
+    Diagram,
+    DiagramBuilder,
+    InputPortIndex,
+    OutputPortIndex,
+    System,
+)
 
 _PREDICTION = re.compile(r"(_predicted|_predictions|_prior|_latest)$")
 _ROLE = re.compile(r"_(measured|estimated|predicted|latest|desired|commanded|window)$")
@@ -96,8 +102,19 @@ def _package(system: System) -> str:
     return ".".join(type(system).__module__.split(".")[:2])
 
 
-def diagram_dot(diagram: Diagram, title: str) -> str:
-    """The drawing of a Diagram in Graphviz's language."""
+def _of_one(system: System) -> Diagram:
+    """A Diagram of a single system, with that system's inputs."""
+    builder = DiagramBuilder()
+    builder.AddSystem(system)
+    for index in range(system.num_input_ports()):
+        builder.ExportInput(system.get_input_port(index), system.get_input_port(index).get_name())
+    return builder.Build()
+
+
+def diagram_dot(diagram: System, title: str) -> str:
+    """The drawing of a Diagram, or of a single system, in Graphviz's language."""
+    if not isinstance(diagram, Diagram):
+        diagram = _of_one(diagram)
     systems = leaf_systems(diagram)
     names = {system: f"n{index}" for index, system in enumerate(systems)}
     groups: dict[str, list[System]] = defaultdict(list)

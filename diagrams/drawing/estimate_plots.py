@@ -88,7 +88,12 @@ def draw_estimates(
                     rows["time"], value, color=color, lw=1.6, label=(labels or {}).get(name, name)
                 )
                 if not errors and rows["truth"].notna().any():
-                    axes.plot(rows["time"], scale * rows["truth"], color=palette.TRUTH, ls="--")
+                    truth = {
+                        "color": palette.TRUTH,
+                        "ls": "--",
+                        "label": "truth" if index == 0 else "_",
+                    }
+                    axes.plot(rows["time"], scale * rows["truth"], **truth)
             axes.set_ylabel(f"{component} [{unit}]".strip() if unit else component)
         title = quantity.replace("_", " ")
         all_axes[0].set_title(f"{title}: estimate minus truth" if errors else title)

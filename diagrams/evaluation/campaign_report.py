@@ -70,6 +70,11 @@ def made_by(command: str) -> str:
     return f"`{command}`, {program}, Drake {known['drake']}, {today}."
 
 
+def task_in_words(campaign: Campaign) -> str:
+    """What counts as done in the experiment, with its tolerances."""
+    return campaign.application.task_in_words(campaign.scenarios[0])
+
+
 def write_campaign(campaign: Campaign, origin: str) -> list[Path]:
     """Writes an experiment's files and returns them; nothing where no episode has ended.
 
@@ -80,7 +85,9 @@ def write_campaign(campaign: Campaign, origin: str) -> list[Path]:
         return []
     folder, name, application = campaign.folder, campaign.name, campaign.application
     figures = tidy_metrics(application, name, campaign.summaries)
-    table = markdown(application, name, campaign.experiment, figures, origin)
+    table = markdown(
+        application, name, campaign.experiment, figures, origin, task_in_words(campaign)
+    )
     written = [
         write_atomically(folder / CSV_FILE, partial(figures.to_csv, index=False)),
         write_text(folder / TABLE_FILE, table),
@@ -115,7 +122,14 @@ def write_overview(campaigns: Sequence[Campaign], folder: Path, origin: str) -> 
     heading = "All experiments"
     parts = [f"# {heading}", origin, *(table.markdown() for table in overall)]
     parts += [
-        markdown(one.application, one.name, one.experiment, figures[one.name], "")
+        markdown(
+            one.application,
+            one.name,
+            one.experiment,
+            figures[one.name],
+            "",
+            task_in_words(one),
+        )
         .replace("# ", "## ", 1)
         .rstrip()
         for one in campaigns
@@ -165,7 +179,12 @@ def _section(campaign: Campaign, figures: pd.DataFrame, base: Path) -> Section:
         title=title(campaign.name, figures),
         description=campaign.experiment.description,
         tables=experiment_tables(campaign.application, campaign.experiment, figures),
-        notes=[*campaign.experiment.notes, HOW_TO_READ, *running_notes(figures)],
+        notes=[
+            *filter(None, [task_in_words(campaign)]),
+            *campaign.experiment.notes,
+            HOW_TO_READ,
+            *running_notes(figures),
+        ],
         pictures=pictures,
         episodes=cards,
     )

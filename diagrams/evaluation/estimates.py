@@ -9,7 +9,9 @@ import numpy as np
 import pandas as pd
 
 from diagrams.drawing.estimate_plots import draw_estimates
+from diagrams.evaluation.metric_table import READABLE, mean_share, median_and_range
 from diagrams.run.application import Results
+from diagrams.run.experiment import Metric
 from diagrams.run.record import EpisodeRecord, Tick
 from maths.arrays import Array
 
@@ -61,7 +63,11 @@ def estimates_table(rows: Mapping[str, Iterable[tuple[float, Iterable[Row]]]]) -
     return table.astype({"modality": "category", "quantity": "category", "component": "category"})
 
 
-def evaluate_rows(record: EpisodeRecord, rows: Callable[[Tick, Tick], Iterable[Row]]) -> Results:
+def evaluate_rows(
+    record: EpisodeRecord,
+    rows: Callable[[Tick, Tick], Iterable[Row]],
+    units: Mapping[str, str],
+) -> Results:
     """What an episode comes to by the table of its estimates alone.
 
     For each estimator the summary holds, by quantity and component: `final_error`, `rms_error`, and
@@ -69,6 +75,7 @@ def evaluate_rows(record: EpisodeRecord, rows: Callable[[Tick, Tick], Iterable[R
 
     Args:
         rows: From an estimator's tick and the station's at the same instant to rows of the table.
+        units: Of the quantities, in SI.
     """
     table = estimates_table(
         {
@@ -89,9 +96,10 @@ def evaluate_rows(record: EpisodeRecord, rows: Callable[[Tick, Tick], Iterable[R
             "final_error": float(found["error"].iloc[-1]),
             "rms_error": float(np.sqrt(np.mean(found["error"] ** 2))),
             "inside_two_sigma": float(found["inside"].mean()),
+            "unit": units.get(str(quantity), ""),
         }
     plots = {
-        f"{quantity}.png": partial(_draw, table, str(quantity))
+        f"{quantity}.png": partial(_draw, table, str(quantity), units.get(str(quantity), ""))
         for quantity in table["quantity"].cat.categories
     }
     return Results(
@@ -103,19 +111,54 @@ def evaluate_rows(record: EpisodeRecord, rows: Callable[[Tick, Tick], Iterable[R
     )
 
 
-def _draw(table: pd.DataFrame, quantity: str) -> Any:
-    rows = table[table["quantity"] == quantity]
-    return draw_estimates(table, quantity, list(dict.fromkeys(rows["component"].astype(str))))
+def _draw(table: pd.DataFrame, quantity: str, unit: str) -> Any:
+    components = dict.fromkeys(table.loc[table["quantity"] == quantity, "component"].astype(str))
+    scale, readable = READABLE.get(unit, (1.0, unit))
+    return draw_estimates(table, quantity, list(components), scale=scale, unit=readable)
 
 
 def _report(summary: Mapping[str, Any]) -> list[str]:
     lines = []
     for name, record in summary["modalities"].items():
         for quantity, errors in record["quantities"].items():
-            numbers = ", ".join(
-                f"{key.replace('_', ' ')} {value:.3g}"
-                for key, value in errors.items()
-                if value is not None
+            scale, unit = READABLE.get(errors["unit"], (1.0, errors["unit"]))
+            final, rms, inside = (
+                "-" if errors[key] is None else f"{factor * errors[key]:.3g}"
+                for key, factor in (
+                    ("final_error", scale),
+                    ("rms_error", scale),
+                    ("inside_two_sigma", 100.0),
+                )
             )
-            lines.append(f"{name}: {quantity}: {numbers}")
+            lines.append(
+                f"{name}: {quantity} {final} {unit} off at the end, {rms} {unit} RMS,"
+                f" {inside} % of the ticks inside two claimed deviations"
+            )
     return lines
+
+
+def error_metrics(units: Mapping[str, str]) -> list[Metric]:
+    """Metrics of what `evaluate_rows` says of each quantity.
+
+    Args:
+        units: Of the quantities, in SI; a component stands as `quantity_component`.
+    """
+
+    def of(name: str, key: str) -> Callable[[Mapping[str, Any]], Any]:
+        return lambda record: record["quantities"][name][key]
+
+    return [
+        Metric(
+            name=f"{name}_{key}",
+            value=of(name, key),
+            unit=unit if key.endswith("error") else "",
+            title=f"{name}, {key.replace('_', ' ')}",
+            cell=cell,
+        )
+        for name, unit in units.items()
+        for key, cell in (
+            ("final_error", median_and_range),
+            ("rms_error", median_and_range),
+            ("inside_two_sigma", lambda values, unit: mean_share(values)),
+        )
+    ]

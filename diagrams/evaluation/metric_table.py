@@ -108,6 +108,18 @@ def count(values: npt.ArrayLike) -> str:
     return f"{int(np.sum(values == 1.0))}/{len(values)}"
 
 
+def count_of_known(values: npt.ArrayLike) -> str:
+    """'so many/of those that have a value', and how many have none."""
+    values = np.asarray(values, dtype=float)
+    known = values[np.isfinite(values)]
+    if len(known) == 0:
+        return "-"
+    without = len(values) - len(known)
+    return f"{int(np.sum(known == 1.0))}/{len(known)}" + (
+        f" ({without} without)" if without else ""
+    )
+
+
 def mean_share(values: npt.ArrayLike) -> str:
     """Mean of shares in percent, of the episodes that have one."""
     values = np.asarray(values, dtype=float)
@@ -259,15 +271,18 @@ def markdown(
     experiment: Experiment,
     figures: pd.DataFrame,
     made_by: str,
+    task: str = "",
 ) -> str:
     """An experiment's tables and its failures in Markdown.
 
     Args:
         made_by: How the figures were made: command, version and date.
+        task: What counts as done, in a sentence.
     """
     parts = [f"# {title(name, figures)}", made_by]
     parts += [table.markdown() for table in experiment_tables(application, experiment, figures)]
-    parts += ["\n".join(f"- {note}" for note in experiment.notes)]
+    notes = [*([task] if task else []), *experiment.notes]
+    parts += ["\n".join(f"- {note}" for note in notes)]
     parts += [HOW_TO_READ, *running_notes(figures)]
     failures = failures_table(figures)
     if failures.rows:

@@ -4,6 +4,7 @@ An axis and its configuration can be flipped together without changing the joint
 So estimates are first turned to the side of the true axis.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -13,6 +14,8 @@ from scipy.stats import chi2
 from diagrams.joints.joint_truth import Truth
 from diagrams.run.record import Tick
 from maths.arrays import Array, Mask
+from maths.consistency import normalised_squared_error
+from maths.tangent_plane import normal_basis
 from systems.port_values import (
     INTERACTED_BODY,
     STATIC_BODY,
@@ -51,30 +54,12 @@ def axis_nees(axis: Array, covariance: Array, axis_true: Array) -> float:
         axis: Estimate (3,), on the side of the truth.
         covariance: (3, 3), of rank 2, [rad^2].
     """
-    tangent = np.linalg.svd(axis[None, :])[2][1:]
+    tangent = normal_basis(axis)
     error = tangent @ axis_true
     sine = float(np.linalg.norm(error))
     if sine > 1e-12:
         error = error * (axis_angle_error(axis, axis_true) / sine)
     return normalised_squared_error(error, tangent @ covariance @ tangent.T)
-
-
-def normalised_squared_error(error: Array, covariance: Array) -> float:
-    """error^T covariance^-1 error; infinite where the covariance is not positive definite."""
-    try:
-        L = np.linalg.cholesky(np.atleast_2d(covariance))
-    except np.linalg.LinAlgError:
-        return float("inf")
-    whitened = np.linalg.solve(L, np.atleast_1d(error))
-    return float(whitened @ whitened)
-
-
-def share_inside(nees: Array, degrees: int) -> float:
-    """Share of values inside the two-sided 95 % bounds of chi^2; NaN where there is no value."""
-    if len(nees) == 0:
-        return float("nan")
-    low, high = chi2.ppf([0.025, 0.975], degrees)
-    return float(np.mean((nees >= low) & (nees <= high)))
 
 
 def select_joint(joints: JointBeliefs, parent_moves: bool = False) -> JointBelief | None:
@@ -321,3 +306,48 @@ def last_seen(series: JointSeries) -> int | None:
     """Index of the last tick with a belief about the joint."""
     seen = [k for k, joint in enumerate(series.joints) if joint is not None]
     return seen[-1] if seen else None
+
+
+def turning_point(truth: Truth, latest: float = math.inf) -> int | None:
+    """Index of the instant at which the joint is farthest from where it was grasped.
+
+    Args:
+        latest: After which it does not count, [s].
+    """
+    travel = np.where(truth.times <= latest, np.abs(truth.opening()), -np.inf)
+    return int(np.argmax(travel)) if np.any(np.isfinite(travel)) else None
+
+
+def error_at(series: JointSeries, time: float) -> tuple[float, float]:
+    """Error of the configuration and of the axis at the tick nearest to `time`; NaN without one."""
+    if len(series.times) == 0:
+        return math.nan, math.nan
+    k = int(np.argmin(np.abs(series.times - time)))
+    return float(series.error[k]), float(series.axis_error[k])
+
+
+def rms_while_moving(series: JointSeries, truth: Truth) -> float:
+    """Root mean square error of the configuration over the ticks at which the object moves.
+
+    Infinite where less than half of them have an estimate that can be compared: an estimator that
+    loses the joint is not the better for it. NaN where nothing moves.
+    """
+    errors = series.error[moving_at(series.times, truth)]
+    if len(errors) == 0:
+        return math.nan
+    known = errors[np.isfinite(errors)]
+    if 2 * len(known) < len(errors):
+        return math.inf
+    return float(np.sqrt(np.mean(known**2)))
+
+
+def inside_claim(series: JointSeries, k: int) -> tuple[bool | None, bool | None]:
+    """Whether the errors of configuration and axis at a tick are inside their two-sigma claims.
+
+    Two sigma hold 95.4 % of a Gaussian: an ellipse of that content for the axis, which has two
+    degrees of freedom. None where nothing is claimed that can be compared.
+    """
+    bound = chi2.ppf(chi2.cdf(4.0, 1), [1, 2])
+    values = (series.configuration_nees[k], series.axis_nees[k])
+    inside = [None if math.isnan(v) else bool(v <= b) for v, b in zip(values, bound, strict=True)]
+    return inside[0], inside[1]

@@ -10,15 +10,21 @@ from diagrams.joints.joint_metrics import (
     JointSeries,
     axis_sign,
     bodies_of,
+    error_at,
+    inside_claim,
     last_seen,
     moving_at,
-    share_inside,
+    rms_while_moving,
+    turning_point,
     type_settled_at,
 )
 from diagrams.joints.joint_truth import Truth
 from diagrams.run.record import Tick
 from maths import se3
+from maths.consistency import share_inside
 from systems.port_values import BodyMotion, JointBelief, JointType
+
+_STILL_SEEN = 0.5  # An estimator that lost the joint longer ago claims nothing at the end, [s].
 
 
 def joint_rows(tick: Tick, series: JointSeries, k: int, truth: Truth) -> list[Row]:
@@ -82,8 +88,16 @@ def _body_rows(body: BodyMotion, time: float, truth: Truth) -> list[Row]:
     ]
 
 
-def summarise_joint(series: JointSeries, truth: Truth) -> dict[str, Any]:
-    """The last belief about the joint against the truth at the end of the episode."""
+def summarise_joint(
+    series: JointSeries, truth: Truth, exploration_end: float = math.inf
+) -> dict[str, Any]:
+    """The last belief about the joint against the truth at the end of the episode, and on the way.
+
+    Args:
+        series: Of one estimator.
+        truth: Over the episode.
+        exploration_end: Up to when the joint's turning point is looked for, [s].
+    """
     opening = truth.opening()
     end = float(opening[-1]) if len(opening) else math.nan
     summary: dict[str, Any] = {
@@ -104,7 +118,17 @@ def summarise_joint(series: JointSeries, truth: Truth) -> dict[str, Any]:
         "type_settled_at": type_settled_at(series, truth),
         "seen_until": None,
         "consistency": _consistency(series, truth),
+        "configuration_error_at_turn": None,
+        "axis_angle_error_at_turn": None,
+        "configuration_rms_moving": rms_while_moving(series, truth),
+        "configuration_inside_two_sigma": None,
+        "axis_inside_two_sigma": None,
     }
+    turn = turning_point(truth, exploration_end)
+    if turn is not None:
+        error, axis_error = error_at(series, float(truth.times[turn]))
+        summary["configuration_error_at_turn"] = error
+        summary["axis_angle_error_at_turn"] = axis_error
     last = last_seen(series)
     if last is None:
         return summary
@@ -124,6 +148,9 @@ def summarise_joint(series: JointSeries, truth: Truth) -> dict[str, Any]:
         "axis_distance_error": float(series.distance_error[last]),
         "seen_until": float(series.times[last]),
     }
+    if series.times[-1] - series.times[last] <= _STILL_SEEN:
+        inside = inside_claim(series, last)
+        summary["configuration_inside_two_sigma"], summary["axis_inside_two_sigma"] = inside
     if joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
         axis = joint.model.axis_P
         summary["axis_estimated"] = (axis_sign(axis, truth.axis_W) * axis).tolist()

@@ -76,6 +76,10 @@ def _as_it_is(scenario: Any) -> Any:
     return scenario
 
 
+def _no_task(scenario: Any) -> str:
+    return ""
+
+
 def _keep_nothing(scenario: Any, folder: Path) -> Any:
     return scenario
 
@@ -120,6 +124,7 @@ class Application:
             run's folder, and returns the scenario that names it there, relative to the folder.
         identity: The scenario with what is in the files that it names in place of where they lie:
             two scenarios are the same if this is.
+        task_in_words: What counts as done in a scenario, with its tolerances, in a sentence.
         labels: How tables and plots call the estimators, in order; without one, by its name.
         colors: '#RRGGBB' of the estimators.
         metrics: Figures of an episode for the tables of `crossmodal evaluate`.
@@ -148,6 +153,7 @@ class Application:
     )
     keep_files: Callable[[Any, Path], Any] = _keep_nothing
     identity: Callable[[Any], Any] = _as_it_is
+    task_in_words: Callable[[Any], str] = _no_task
     labels: Mapping[str, str] = field(default_factory=dict)
     colors: Mapping[str, str] = field(default_factory=dict)
     metrics: Sequence[Metric] = ()

@@ -89,7 +89,7 @@ class Episode:
         sensors_file: Path | None = None,
     ) -> None:
         self._scenario = scenario
-        self._meshcat = meshcat
+        self._meshcat: Meshcat | None = None
         with building(scenario.name):
             self.calibration = application.make_calibration(scenario)
         self.station = build_station(application, scenario, self.calibration)
@@ -118,15 +118,13 @@ class Episode:
             self._sensor_log = _add_sensor_recorder(
                 builder, application, station, self.estimators, sensors_file, period
             )
-        if meshcat is not None:
+        if meshcat is not None and station.HasOutputPort(SCENE_PORT):
+            self._meshcat = meshcat
             if application.view is not None:
                 application.view(builder, scenario, meshcat, station, self.estimators)
-            if station.HasOutputPort(SCENE_PORT):
-                scene = MeshcatVisualizer(
-                    meshcat, MeshcatVisualizerParams(publish_period=1.0 / 16.0)
-                )
-                builder.AddNamedSystem("meshcat_scene", scene)
-                builder.Connect(station.GetOutputPort(SCENE_PORT), scene.query_object_input_port())
+            scene = MeshcatVisualizer(meshcat, MeshcatVisualizerParams(publish_period=1.0 / 16.0))
+            builder.AddNamedSystem("meshcat_scene", scene)
+            builder.Connect(station.GetOutputPort(SCENE_PORT), scene.query_object_input_port())
         self.diagram = builder.Build()
 
     def Run(self, progress: Callable[[float], None] | None = None) -> EpisodeRecord:

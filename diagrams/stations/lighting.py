@@ -1,4 +1,4 @@
-"""Light and cover of a camera over time."""
+"""What disturbs a camera: darkness, and things in front of it."""
 
 from dataclasses import dataclass, field
 

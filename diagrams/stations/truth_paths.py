@@ -1,9 +1,18 @@
-"""Where the simulation's truth can flow to: nowhere but into sensors and the evaluation."""
+"""Where the simulation's truth can flow to: nowhere but into sensors and the evaluation.
 
+Two ways lead to it: wires, and Python references to the simulated plant, its scene graph, a part of
+them or a context of theirs.
+"""
+
+import functools
+import types
 from collections import defaultdict
+from collections.abc import Iterator
+from typing import Any
 
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import Diagram, System
+from pydrake.systems.framework import Context, Diagram, System
 
 from diagrams.drawing.diagram_drawing import leaf_systems, wires
 from systems.sensors.air_pressure import PressureSensor
@@ -43,3 +52,88 @@ def _belongs_to_robot(system: System) -> bool:
     module = type(system).__module__
     room = module.partition(".")[0]
     return room in ROBOT_ROOMS and not module.startswith("systems.sensors")
+
+
+def truth_references(diagram: Diagram) -> list[str]:
+    """Every filter and controller from which Python references lead to the simulated world.
+
+    Returns:
+        One line per reference that was found; empty if nobody of the robot holds any.
+    """
+    leaves = leaf_systems(diagram)
+    plants = [system for system in leaves if isinstance(system, MultibodyPlant)]
+    scenes = [
+        wire.source
+        for wire in wires(diagram)
+        if wire.target in plants and isinstance(wire.source, SceneGraph)
+    ]
+    found = []
+    for system in leaves:
+        if not _belongs_to_robot(system):
+            continue
+        for path, held in _reachable(system, type(system).__name__):
+            what = _is_of_the_world(held, plants, scenes)
+            if what:
+                found.append(f"{path}: {what}")
+    return found
+
+
+def _is_of_the_world(
+    held: Any, plants: list[MultibodyPlant], scenes: list[SceneGraph]
+) -> str | None:
+    for world in (*plants, *scenes):
+        if held is world:
+            return f"the simulation's {type(world).__name__}"
+    if isinstance(held, Context):
+        for world in (*plants, *scenes):
+            if _is_context_of(held, world):
+                return f"a context of the simulation's {type(world).__name__}"
+    if hasattr(type(held), "GetParentPlant") and held.GetParentPlant() in plants:
+        return f"a {type(held).__name__} of the simulated plant"
+    return None
+
+
+def _is_context_of(context: Context, system: System) -> bool:
+    try:
+        system.ValidateContext(context)
+    except (RuntimeError, ValueError):
+        return False
+    return True
+
+
+def _reachable(start: object, name: str) -> Iterator[tuple[str, Any]]:
+    """All that can be reached from an object by Python references, each once, with its path."""
+    seen = {id(start)}
+    waiting = [(name, start)]
+    while waiting:
+        path, thing = waiting.pop()
+        for label, held in _referents(thing):
+            if id(held) in seen:
+                continue
+            seen.add(id(held))
+            yield f"{path}{label}", held
+            waiting.append((f"{path}{label}", held))
+
+
+def _referents(thing: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(thing, dict):
+        for key, value in thing.items():
+            yield f"[{key!r}]", value
+    elif isinstance(thing, list | tuple | set | frozenset):
+        for index, value in enumerate(thing):
+            yield f"[{index}]", value
+    elif isinstance(thing, functools.partial):
+        yield ".func", thing.func
+        yield ".args", thing.args
+        yield ".keywords", thing.keywords
+    elif isinstance(thing, types.MethodType):
+        yield ".__self__", thing.__self__
+    elif isinstance(thing, types.FunctionType):
+        for index, cell in enumerate(thing.__closure__ or ()):
+            yield f".closure[{index}]", cell.cell_contents
+        yield ".defaults", thing.__defaults__
+    elif not isinstance(thing, type | types.ModuleType):
+        for key, value in getattr(thing, "__dict__", {}).items():
+            # By these Drake keeps a diagram and its systems alive together.
+            if not key.startswith("_pydrake_internal"):
+                yield f".{key}", value

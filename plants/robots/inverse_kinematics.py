@@ -42,7 +42,4 @@ def inverse_kinematics(
         if result.is_success():
             return np.asarray(result.GetSolution(solver.q()))
     direction = X_WE.rotation().col(2).round(2).tolist()
-    raise ValueError(
-        f"the arm does not reach the handle at {p.round(3).tolist()} m along {direction};"
-        " place the object elsewhere (object.position)"
-    )
+    raise ValueError(f"the arm does not reach {p.round(3).tolist()} m along {direction}")

@@ -30,9 +30,9 @@ MOVING_TYPES = (JointType.PRISMATIC, JointType.REVOLUTE)
 class InteractedJointConfig:
     """How likely a joint has to be before anyone acts on it."""
 
-    least_probability: float = 0.5  # Of its type.
-    largest_axis_angle: float = 0.5  # Standard deviation of its axis, [rad].
-    margin: float = 10.0  # By which a joint to another body has to explain more, [nat].
+    least_probability: float = 0.5  # Least probability of its type.
+    largest_axis_angle: float = 0.5  # Largest standard deviation of its axis, [rad].
+    margin: float = 10.0  # Log evidence by which a joint to a moving body has to be better, [nat].
 
 
 def screw(joint_type: JointType, model: JointModelBelief) -> Array:

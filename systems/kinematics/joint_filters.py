@@ -1,11 +1,27 @@
-"""The four joint filters of one pair of bodies: prismatic, revolute, rigid and disconnected.
+"""The four joint models of one pair of bodies: prismatic, revolute, rigid and disconnected.
 
-Usable without Drake: `JointFilters.start`, then `update` per measurement, each of which returns a
-new state; `belief` and `predict` read it. The maths is in `joint_geometry`,
-`joint_linearisation`, `joint_chain` and `joint_solver`.
+A smoother over pose keyframes rather than a plain recursive filter. Each update finds, for every
+model, the maximum a posteriori estimate of the joint's parameters and of its configurations at all
+keyframes, linearised anew around the last solution, and the model's evidence by Laplace's
+approximation. Measurements are averaged into a bounded number of keyframes; where averaging would
+lose what the motion has shown, an old keyframe is marginalised, and leaves a Gaussian prior of the
+parameters and its share of the evidence.
+
+The filters work without Drake:
+
+    filters = JointFilters(JointFiltersConfig())
+    state = filters.start(X_PB, covariance, time)
+    for X_PB, covariance, time in measurements:
+        state = filters.update(state, X_PB, covariance, time)
+    belief = filters.belief(state)
+    print(belief.type, belief.probabilities[belief.type], belief.model.configuration)
+
+`start` takes the first pose as the reference, where the configuration is zero. A state is never
+changed in place. `predict` says where a model expects the child next; `rebase` goes on from a new
+reference.
 
 Frames: P parent, B child, F the child's measured reference pose. All covariances of poses are right
-perturbations in B.
+perturbations in B, rotation [rad] before translation [m].
 """
 
 from dataclasses import dataclass, replace
@@ -19,9 +35,6 @@ from maths.immutable import Immutable
 from systems.kinematics.joint_filters_config import (
     JointFiltersConfig,
     check_joint_filters_config,
-    error_shares,
-    frame_covariance,
-    has_slow_error,
 )
 from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE, dimension
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
@@ -31,30 +44,31 @@ from systems.kinematics.joint_solver.joint_readout import (
     read_configuration,
 )
 from systems.kinematics.joint_solver.joint_reference import (
-    NOTHING_BEFORE,
-    Before,
-    configuration_before,
-    hand_over,
+    ZERO_CONFIGURATION,
+    ConfigurationPrior,
+    prior_configuration,
+    transfer_prior,
 )
 from systems.kinematics.joint_solver.joint_solver import Priors
 from systems.kinematics.joint_solver.joint_update import update as update_models
-from systems.kinematics.joint_solver.pose_packets import (
-    Packets,
+from systems.kinematics.joint_solver.pose_keyframes import (
+    Keyframes,
     append,
-    copy_packets,
-    empty_packets,
+    copy_keyframes,
+    empty_keyframes,
 )
+from systems.kinematics.measurement_errors import error_shares, is_correlated, white_equivalent
 from systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
 
 TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID, JointType.DISCONNECTED)
-_WELL_KNOWN = 0.1  # [rad], of a prismatic axis.
-_RESTART_EVERY = 15  # Updates.
+_WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
+_RESTART_EVERY = 15  # Updates between fresh starts where the axis is better known than that.
 _NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 
 
 @dataclass(kw_only=True)
 class JointFiltersState(Immutable):
-    """What the filters of one pair know; never changed in place, so copies share it.
+    """What the filters of one pair know at one measurement.
 
     Attributes:
         parent_id: See `JointBelief`.
@@ -62,11 +76,11 @@ class JointFiltersState(Immutable):
         X_PF: Measured reference pose (4, 4).
         time: Of the last measurement, [s].
         updates: Measurements seen.
-        models: Parameters, configuration, evidence.
-        packets: Averaged measurements.
+        models: Parameters, configuration and evidence of each model.
+        keyframes: The measurements, averaged.
         W_zero: See `read_configuration`.
-        before: The configurations at the reference.
-        anchored: How many times parent and child had been anchored (`BodyMotion`) at the reference.
+        configuration_prior: The configurations at the reference; zero at the first one.
+        reset_count: Of parent and child together (`BodyMotion`), at the reference.
     """
 
     parent_id: int
@@ -75,14 +89,16 @@ class JointFiltersState(Immutable):
     time: float
     updates: int
     models: Models
-    packets: Packets
+    keyframes: Keyframes
     W_zero: Array
-    before: Before
-    anchored: int = 0
+    configuration_prior: ConfigurationPrior
+    reset_count: int = 0
 
 
 class JointFilters:
-    """Starts, updates and reads the filters of any number of pairs; holds constants only.
+    """Starts, updates and reads the joint models of any number of pairs; see the module.
+
+    It holds constants only; a pair's keyframes and models are in its `JointFiltersState`.
 
     Args:
         config: See `JointFiltersConfig`.
@@ -93,26 +109,18 @@ class JointFilters:
         check_joint_filters_config(config, owner)
         self.config = config
         self._priors = Priors(
-            densities=np.array(config.acceleration_densities),
+            process_noise=np.array(config.process_noise),
             speed=config.speed,
             radius=config.radius,
             axis_distance=config.axis_distance,
-            walk_rate=np.repeat([config.walk_rotation**2, config.walk_translation**2], 3),
+            walk_noise=np.repeat([config.walk_rotation**2, config.walk_translation**2], 3),
             coarseness=config.coarseness,
-            fast=1.0,
-            slow=0.0,
+            white_share=1.0,
+            correlated_share=0.0,
         )
-        self._correlated = (
-            config.correlation_time > 0.0 or has_slow_error(config) or config.lasting_time > 0.0
-        )
-        self._log_prior = np.log(
-            [
-                config.prior_prismatic,
-                config.prior_revolute,
-                config.prior_rigid,
-                config.prior_disconnected,
-            ]
-        )
+        self._correlated = is_correlated(config.errors)
+        p = config.type_priors
+        self._log_prior = np.log([p.prismatic, p.revolute, p.rigid, p.disconnected])
 
     def start(
         self,
@@ -121,9 +129,9 @@ class JointFilters:
         time: float,
         parent_id: int = 0,
         child_id: int = 1,
-        settling: Array | None = None,
+        reference_error: Array | None = None,
     ) -> JointFiltersState:
-        """Filters at the reference, where q is zero.
+        """The state at the reference, where q is zero.
 
         Args:
             X_PB_reference: Measured (4, 4).
@@ -131,18 +139,18 @@ class JointFilters:
             time: Of the reference, [s].
             parent_id: See `JointBelief`.
             child_id: See `JointBelief`.
-            settling: Covariance (6, 6), in B, of what later measurements differ by from the
-                reference without a motion of the child; nothing if None. It moves the path; q is
-                still counted from the measured reference.
+            reference_error: Covariance (6, 6), in B, of a constant error of all later measurements
+                relative to the reference, as from a grip that settles; none if None. It displaces
+                the path; q is still counted from the measured reference.
         """
         config = self.config
-        packets, models = empty_packets(config.memory), initial_models(config.memory)
-        R: Array = frame_covariance(covariance, 0.0, config)
+        keyframes, models = empty_keyframes(config.memory), initial_models(config.memory)
+        R: Array = white_equivalent(covariance, 0.0, config.errors)
         W_zero: Array = np.zeros((6, 6))
-        if settling is not None and settling.any():
-            R = R + settling
+        if reference_error is not None and reference_error.any():
+            R = R + reference_error
             W_zero = np.asarray(np.linalg.inv(R))
-        append(packets, np.eye(4), R, time, self._priors.walk_rate)
+        append(keyframes, np.eye(4), R, time, self._priors.walk_noise)
         for kind in range(3):
             n = dimension(kind)
             models.covariance[kind, :6, :6] = R
@@ -152,8 +160,8 @@ class JointFilters:
         for kind in (PRISMATIC, REVOLUTE):
             lever = 1.0 if kind == PRISMATIC else config.radius
             models.P[kind, 1, 1] = (config.speed / lever) ** 2
-            models.density[kind] = max(config.acceleration_densities) / lever**2
-        models.log_evidence[:] = 0.5 * packets.log_det[0]
+            models.process_noise[kind] = max(config.process_noise) / lever**2
+        models.log_evidence[:] = 0.5 * keyframes.log_det[0]
         return JointFiltersState(
             parent_id=parent_id,
             child_id=child_id,
@@ -161,43 +169,44 @@ class JointFilters:
             time=time,
             updates=0,
             models=models,
-            packets=packets,
+            keyframes=keyframes,
             W_zero=W_zero,
-            before=NOTHING_BEFORE,
+            configuration_prior=ZERO_CONFIGURATION,
         )
 
-    def refer(
+    def rebase(
         self,
         state: JointFiltersState,
         X_PB: Array,
         covariance: Array,
         time: float,
-        settling: Array | None = None,
+        reference_error: Array | None = None,
     ) -> JointFiltersState:
-        """The state that goes on from a new reference, with what it knows of axes and types.
+        """The state rebased to a new reference, with what it knows of axes and types as a prior.
 
-        For when the child's pose has got a new constant error, which leaves its motion since then
-        as a screw about the same axis in P.
+        For a child whose pose has got a new constant error, so that its motion from then on is a
+        screw about the same axis in P, but from another pose.
 
         Args:
-            state: Before; left as it is.
+            state: The last one; not changed.
             X_PB: Measured (4, 4), the new reference.
             covariance: Of that measurement without the constant error (6, 6), in B.
             time: Of the reference, [s].
-            settling: See `start`.
+            reference_error: See `start`.
         """
-        start = self.start(X_PB, covariance, time, state.parent_id, state.child_id, settling)
+        ids = (state.parent_id, state.child_id)
+        start = self.start(X_PB, covariance, time, *ids, reference_error)
         X_FG = se3.inverse(state.X_PF) @ X_PB
-        before = hand_over(
+        configuration_prior = transfer_prior(
             state.models,
-            state.before,
+            state.configuration_prior,
             state.W_zero,
             start.models,
             X_FG,
             time - state.time,
             self.config.axis_distance,
         )
-        return replace(start, updates=state.updates, before=before)
+        return replace(start, updates=state.updates, configuration_prior=configuration_prior)
 
     def update(
         self,
@@ -205,28 +214,31 @@ class JointFilters:
         X_PB: Array,
         covariance: Array,
         time: float,
-        lasting: Array | None = None,
+        correlated: Array | None = None,
     ) -> JointFiltersState:
         """The state after one measurement of the child's pose.
 
         Args:
-            state: Before; left as it is.
+            state: The last one; not changed.
             X_PB: Measured (4, 4).
             covariance: Of the measurement (6, 6), in B.
             time: Of the measurement, [s], not before the last.
-            lasting: The part (6, 6) of the covariance that stays, see `BodyMotion`; none if None.
+            correlated: The part (6, 6) of the covariance whose error is correlated in time, see
+                `BodyMotion`; none if None.
         """
         models = Models(*[x.copy() for x in state.models])
-        packets = copy_packets(state.packets)
+        keyframes = copy_keyframes(state.keyframes)
         dt = time - state.time
-        R = frame_covariance(covariance, dt, self.config, lasting)
+        R = white_equivalent(covariance, dt, self.config.errors, correlated)
         priors = self._priors
         if self._correlated:
-            fast, slow = error_shares(covariance, R, dt, self.config, lasting)
-            priors = priors._replace(fast=fast, slow=slow)
+            white, rest = error_shares(covariance, R, dt, self.config.errors, correlated)
+            priors = priors._replace(white_share=white, correlated_share=rest)
         X_FB = se3.inverse(state.X_PF) @ X_PB
-        update_models(models, packets, X_FB, R, time, priors, _wants_restart(state))
-        return replace(state, time=time, updates=state.updates + 1, models=models, packets=packets)
+        update_models(models, keyframes, X_FB, R, time, priors, _wants_restart(state))
+        return replace(
+            state, time=time, updates=state.updates + 1, models=models, keyframes=keyframes
+        )
 
     def probabilities(self, state: JointFiltersState) -> dict[JointType, float]:
         """Of each type, given all measurements."""
@@ -253,35 +265,35 @@ class JointFilters:
         m, n = state.models, dimension(kind)
         vectors, axis, point = read_axis(kind, m, state.X_PF, self.config.axis_distance)
         q, sensitivity = read_configuration(kind, m, state.W_zero)
-        q_before, slope = configuration_before(state.before, kind, m)
+        q_prior, slope = prior_configuration(state.configuration_prior, kind, m)
         sensitivity[6:, 0] += slope
         q_covariance = sensitivity.T @ m.covariance[kind, :n, :n] @ sensitivity + m.P[kind]
-        q_covariance[0, 0] += state.before.variance[kind]
+        q_covariance[0, 0] += state.configuration_prior.variance[kind]
         return JointModelBelief(
             log_evidence=float(state.models.log_evidence[kind]),
             axis_P=vectors[0],
             axis_covariance=axis,
             p_PA=vectors[1],
             p_PA_covariance=point,
-            configuration=np.array([q[0] + q_before, q[1]]),
+            configuration=np.array([q[0] + q_prior, q[1]]),
             configuration_covariance=symmetric(q_covariance),
         )
 
     def predict(self, state: JointFiltersState, joint_type: JointType, dt: float) -> PoseBelief:
         """Where one model expects the child `dt` [s] after the last measurement: X_PB, in B."""
         if joint_type == JointType.DISCONNECTED:
-            p = state.packets
-            last = p.size[0] - 1
+            kf = state.keyframes
+            last = kf.size[0] - 1
             return PoseBelief(
-                X=state.X_PF @ p.Z[last],
-                covariance=p.R[last] + np.diag(self._priors.walk_rate) * dt,
+                X=state.X_PF @ kf.Z[last],
+                covariance=kf.R[last] + np.diag(self._priors.walk_noise) * dt,
             )
         X_PB, covariance = predict_pose(TYPES.index(joint_type), state.models, state.X_PF, dt)
         return PoseBelief(X=X_PB, covariance=covariance)
 
 
 def _wants_restart(state: JointFiltersState) -> bool:
-    """Whether the moving models are still young enough to sit in a wrong minimum."""
+    """Whether the moving models may sit in a wrong minimum, which a fresh start would leave."""
     m = state.models
     if m.prior_information[0, 0, 0] > 0.0:
         return False

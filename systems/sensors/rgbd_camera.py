@@ -84,8 +84,27 @@ class CameraNoise(LeafSystem):
     Sources: see `depth_noise` and `colour_noise`.
     """
 
-    def __init__(self, config: CameraNoiseConfig, intrinsics: CameraInfo, seed: int) -> None:
+    def __init__(
+        self,
+        config: CameraNoiseConfig,
+        intrinsics: CameraInfo,
+        seed: int,
+        depth_scale: float = 1.0,
+        first_frame: float = 0.0,
+    ) -> None:
+        """Declares ports, state and event.
+
+        Args:
+            config: Noise and exposure.
+            intrinsics: Of the depth image, as the renderer takes them.
+            seed: Of the noise.
+            depth_scale: Measured depth over true depth.
+            first_frame: When the first frame is metered after the start, [s].
+        """
         super().__init__()
+        if not 0 < depth_scale < np.inf:
+            raise ValueError(f"CameraNoise: need depth_scale > 0, got {depth_scale!r}")
+        self._depth_scale = depth_scale
         require(0 < config.rate < np.inf, "CameraNoise", config, "rate", "> 0 Hz")
         valid = 0 < config.exposure_period < np.inf
         require(valid, "CameraNoise", config, "exposure_period", "> 0 s")
@@ -110,7 +129,9 @@ class CameraNoise(LeafSystem):
         self._exposure = self.DeclareDiscreteState([1.0, config.colour.grey_target])
         self.DeclareAbstractOutputPort("color_measured", color_model.Clone, self._calc_color)
         self.DeclareAbstractOutputPort("depth_measured", depth_model.Clone, self._calc_depth)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(config.exposure_period, 0.0, self._expose)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(
+            config.exposure_period, first_frame, self._expose
+        )
 
     def _calc_color(self, context: Context, output: AbstractValue) -> None:
         gain = context.get_discrete_state_vector().value()[0]
@@ -144,6 +165,8 @@ class CameraNoise(LeafSystem):
             depth.sigma_base,
             depth.sigma_square,
         )
+        if self._depth_scale != 1.0:
+            measured *= self._depth_scale
 
     def _expose(self, context: Context, state: State) -> None:
         colour = self._config.colour

@@ -1,7 +1,7 @@
 """Where the camera sees the robot itself, from the robot's model at the measured joints."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -18,7 +18,9 @@ from pydrake.geometry import (
     SceneGraph,
 )
 from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import GetScopedFrameByName
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, RgbdSensor
@@ -80,7 +82,24 @@ def enlarge(mask: Grey, reduction: int, enlarged: Grey) -> None:
     blocks[:] = mask[:, None, :, None]
 
 
-class HandPostureModel(LeafSystem):
+@dataclass(kw_only=True)
+class MaskedRobot:
+    """One arm with its hand, by the names that the robot's model of itself has for them.
+
+    Attributes:
+        arm: Model instance of the arm.
+        arm_joints: Names of the arm's joints, in the order of `joint_state_measured`.
+        hand: Model instance of the hand, if its joints move with the closure.
+        hand_posture: Angles (open, closed) of these joints by name, [rad].
+    """
+
+    arm: str
+    arm_joints: Sequence[str]
+    hand: str = ""
+    hand_posture: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+class RobotPosture(LeafSystem):
     """The positions of the robot's whole model, from measured arm joints and commanded closure.
 
     A soft hand has no encoders in its fingers: their joints go linearly from the open to the
@@ -88,36 +107,47 @@ class HandPostureModel(LeafSystem):
 
     .. pydrake_system::
 
-        name: HandPostureModel
+        name: RobotPosture
         input_ports:
-        - joint_state_measured
-        - closure_commanded
+        - [robot_]joint_state_measured
+        - [robot_]closure_commanded
         output_ports:
         - positions_estimated
 
-    - `joint_state_measured`: (2 n,), q [rad] and qdot [rad/s] of the arm; qdot is not used.
-    - `closure_commanded`: (1,), 0 open, 1 closed; 0 if not connected.
+    - `[robot_]joint_state_measured`: (2 n,), q [rad] and qdot [rad/s] of the arm; qdot is not used.
+    - `[robot_]closure_commanded`: (1,), 0 open, 1 closed; 0 if not connected.
     - `positions_estimated`: (nq,), of the model, [rad].
+
+    Only where there are several robots, the ports' names begin with theirs.
     """
 
-    def __init__(self, arm: Ids, q_open: Array, q_closed: Array) -> None:
+    def __init__(
+        self, arms: Mapping[str, Ids], hands: Mapping[str, Ids], q_open: Array, q_closed: Array
+    ) -> None:
         """Keeps the postures.
 
         Args:
-            arm: Indices (n,) of the arm's joints in the model's positions.
-            q_open: Positions (nq,) with the hand open.
-            q_closed: Positions (nq,) with the hand closed.
+            arms: For each robot, indices (n,) of its arm's joints in the model's positions.
+            hands: For each robot, indices of its hand's joints likewise.
+            q_open: Positions (nq,) with the hands open.
+            q_closed: Positions (nq,) with the hands closed.
         """
         super().__init__()
-        self._arm, self._q_open, self._q_closed = arm, q_open, q_closed
-        self._state = self.DeclareVectorInputPort("joint_state_measured", 2 * len(arm))
-        self._closure = self.DeclareVectorInputPort("closure_commanded", 1)
+        self._q_open, self._q_closed = q_open, q_closed
+        self._robots = []
+        for name, arm in arms.items():
+            prefix = f"{name}_" if len(arms) > 1 else ""
+            state = self.DeclareVectorInputPort(f"{prefix}joint_state_measured", 2 * len(arm))
+            closure = self.DeclareVectorInputPort(f"{prefix}closure_commanded", 1)
+            self._robots.append((arm, hands[name], state, closure))
         self.DeclareVectorOutputPort("positions_estimated", len(q_open), self._calc)
 
     def _calc(self, context: Context, output: BasicVector) -> None:
-        closure = self._closure.Eval(context)[0] if self._closure.HasValue(context) else 0.0
-        q = self._q_open + np.clip(closure, 0.0, 1.0) * (self._q_closed - self._q_open)
-        q[self._arm] = self._state.Eval(context)[: len(self._arm)]
+        q = self._q_open.copy()
+        for arm, hand, state, port in self._robots:
+            closure = port.Eval(context)[0] if port.HasValue(context) else 0.0
+            q[hand] += np.clip(closure, 0.0, 1.0) * (self._q_closed - self._q_open)[hand]
+            q[arm] = state.Eval(context)[: len(arm)]
         output.set_value(q)
 
 
@@ -157,23 +187,25 @@ class RobotMask(Diagram):
     """Renders the robot's model of itself, at the measured joints, from the camera's pose.
 
     It holds a scene of its own with nothing but the robot, rendered at a reduced size, so that no
-    true pose of anything can leak into the mask. The joints are measured with an offset, hence the
-    margin. Rendered only when read.
+    true pose of anything can leak into the mask. A camera on a link moves with the model's link.
+    The joints are measured with an offset, hence the margin. Rendered only when read.
 
     .. pydrake_system::
 
         name: RobotMask
         input_ports:
-        - joint_state_measured
-        - closure_commanded
+        - [robot_]joint_state_measured
+        - [robot_]closure_commanded
         output_ports:
         - robot_mask
 
-    - `joint_state_measured`: (2 n,), q [rad] and qdot [rad/s] of the arm.
-    - `closure_commanded`: (1,), 0 open, 1 closed; 0 if not connected.
+    - `[robot_]joint_state_measured`: (2 n,), q [rad] and qdot [rad/s] of the arm.
+    - `[robot_]closure_commanded`: (1,), 0 open, 1 closed; 0 if not connected.
     - `robot_mask`: `ImageGrey8U` of the camera's size, 255 robot, 0 elsewhere.
 
-    Frames: W world, C camera (x right, y down, z forward).
+    Only where there are several robots, the inputs' names begin with theirs.
+
+    Frames: P what carries the camera, C camera (x right, y down, z forward).
     """
 
     def __init__(
@@ -181,19 +213,20 @@ class RobotMask(Diagram):
         config: RobotMaskConfig,
         build_robot: Callable[[MultibodyPlant], object],
         intrinsics: CameraInfo,
-        X_WC: RigidTransform,
-        arm_joints: list[str],
-        hand_posture: Mapping[str, tuple[float, float]],
+        X_PC: RigidTransform,
+        robots: Mapping[str, MaskedRobot],
+        base_frame: str = "world",
     ) -> None:
         """Builds the robot's scene.
 
         Args:
             config: Size, margin and range.
-            build_robot: Adds the robot to a plant and fixes it in the world; it need not finalize.
-            intrinsics: Of the camera.
-            X_WC: The camera's calibrated pose.
-            arm_joints: Names of the arm's joints, in the order of `joint_state_measured`.
-            hand_posture: Angles (open, closed) of the hand's joints by name, [rad].
+            build_robot: Adds the robots to a plant and fixes them in the world; it need not
+                finalize.
+            intrinsics: Of the camera, as the robot knows it.
+            X_PC: The camera's calibrated pose.
+            robots: By name.
+            base_frame: P, a frame of a model (`model::frame`) or the world.
         """
         super().__init__()
         c, name = config, "RobotMask"
@@ -216,11 +249,11 @@ class RobotMask(Diagram):
         scene_graph.AddRenderer(_RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams()))
         builder.AddNamedSystem("scene_graph", scene_graph)
 
-        arm, q_open, q_closed = _postures(plant, arm_joints, hand_posture)
-        posture = builder.AddNamedSystem("posture", HandPostureModel(arm, q_open, q_closed))
+        posture = builder.AddNamedSystem("posture", _posture(plant, robots))
         to_pose = builder.AddNamedSystem("to_pose", MultibodyPositionToGeometryPose(plant))
         reduced = reduced_intrinsics(intrinsics, c.reduction)
-        camera = builder.AddNamedSystem("camera", _make_camera(c, scene_graph, reduced, X_WC))
+        base = GetScopedFrameByName(plant, base_frame)
+        camera = builder.AddNamedSystem("camera", _make_camera(c, plant, reduced, base, X_PC))
         mask = builder.AddNamedSystem("mask", SilhouetteMask(c, reduced))
 
         builder.Connect(posture.get_output_port(), to_pose.get_input_port())
@@ -229,34 +262,41 @@ class RobotMask(Diagram):
         )
         builder.Connect(scene_graph.get_query_output_port(), camera.query_object_input_port())
         builder.Connect(camera.depth_image_32F_output_port(), mask.get_input_port())
-        for port in ("joint_state_measured", "closure_commanded"):
-            builder.ExportInput(posture.GetInputPort(port), port)
+        for index in range(posture.num_input_ports()):
+            port = posture.get_input_port(index)
+            builder.ExportInput(port, port.get_name())
         builder.ExportOutput(mask.get_output_port(), "robot_mask")
         builder.BuildInto(self)
 
 
-def _postures(
-    plant: MultibodyPlant,
-    arm_joints: list[str],
-    hand_posture: Mapping[str, tuple[float, float]],
-) -> tuple[Ids, Array, Array]:
-    arm = np.array([plant.GetJointByName(joint).position_start() for joint in arm_joints])
+def _posture(plant: MultibodyPlant, robots: Mapping[str, MaskedRobot]) -> RobotPosture:
+    def indices(model: str, names: Iterable[str]) -> Ids:
+        joints = [plant.GetJointByName(name, plant.GetModelInstanceByName(model)) for name in names]
+        return np.array([joint.position_start() for joint in joints], dtype=int)
+
     q_open = plant.GetPositions(plant.CreateDefaultContext())
     q_closed = q_open.copy()
-    for joint, (angle_open, angle_closed) in hand_posture.items():
-        index = plant.GetJointByName(joint).position_start()
-        q_open[index], q_closed[index] = angle_open, angle_closed
-    return arm, q_open, q_closed
+    arms, hands = dict[str, Ids](), dict[str, Ids]()
+    for name, robot in robots.items():
+        arms[name] = indices(robot.arm, robot.arm_joints)
+        hands[name] = indices(robot.hand, robot.hand_posture)
+        postures = np.array(list(robot.hand_posture.values())).reshape(-1, 2)
+        q_open[hands[name]], q_closed[hands[name]] = postures.T
+    return RobotPosture(arms, hands, q_open, q_closed)
 
 
 def _make_camera(
-    config: RobotMaskConfig, scene_graph: SceneGraph, intrinsics: CameraInfo, X_WC: RigidTransform
+    config: RobotMaskConfig,
+    plant: MultibodyPlant,
+    intrinsics: CameraInfo,
+    base: Frame,
+    X_PC: RigidTransform,
 ) -> RgbdSensor:
     clipping = ClippingRange(0.5 * config.range_min, 1.1 * config.range_max)
     core = RenderCameraCore(_RENDERER, intrinsics, clipping, RigidTransform())
     return RgbdSensor(
-        parent_id=scene_graph.world_frame_id(),
-        X_PB=X_WC,
+        parent_id=plant.GetBodyFrameIdOrThrow(base.body().index()),
+        X_PB=base.GetFixedPoseInBodyFrame() @ X_PC,
         color_camera=ColorRenderCamera(core, False),
         depth_camera=DepthRenderCamera(core, DepthRange(config.range_min, config.range_max)),
     )

@@ -26,13 +26,17 @@ def systems_within(diagram: Diagram) -> Iterator[System]:
 
 
 def documented(cls: type, kind: str) -> list[str]:
-    """Names of one kind of ports in the docstring; what stands in <...> or (...) may vary."""
+    """Names of one kind of ports in the docstring.
+
+    What stands in <...> or (...) may vary, what stands in [...] may be missing too.
+    """
     block = re.search(rf"\n( +){kind}_ports:\n((?:\1- .*\n)*)", cls.__doc__ or "")
-    return re.findall(r"- ([\w<>()]+)", block.group(2)) if block else []
+    return re.findall(r"- ([\w<>()\[\]]+)", block.group(2)) if block else []
 
 
 def matches(name: str, documented_name: str) -> bool:
     pattern = re.sub(r"<\w+>|\(\w+\)", r"\\w+", documented_name)
+    pattern = re.sub(r"\[\w+\]", r"\\w*", pattern)
     return re.fullmatch(pattern, name) is not None
 
 

@@ -9,6 +9,7 @@ from diagrams.evaluation.campaign import Campaign
 from diagrams.evaluation.campaign_plots import common_events, draw_metrics, draw_spreads
 from diagrams.evaluation.metric_table import (
     count,
+    count_of_known,
     mean_and_deviation,
     mean_share,
     median_and_range,
@@ -82,6 +83,20 @@ METRICS = (
         cell=median_and_range,
     ),
     Metric(
+        name="configuration_error_at_turn",
+        value=_of_joint("configuration_error_at_turn"),
+        unit=_unit,
+        title="configuration error at the turning point",
+        cell=median_and_range,
+    ),
+    Metric(
+        name="configuration_rms_moving",
+        value=_of_joint("configuration_rms_moving"),
+        unit=_unit,
+        title="configuration error while moving, RMS",
+        cell=median_and_range,
+    ),
+    Metric(
         name="configuration_error_last_seen",
         value=_of_joint("configuration_error_last_seen"),
         unit=_unit,
@@ -94,6 +109,25 @@ METRICS = (
         unit="rad",
         title="axis direction error",
         cell=lambda v, unit: median_and_range(v, unit, 2),
+    ),
+    Metric(
+        name="axis_angle_error_at_turn",
+        value=_of_joint("axis_angle_error_at_turn"),
+        unit="rad",
+        title="axis direction error at the turning point",
+        cell=lambda v, unit: median_and_range(v, unit, 2),
+    ),
+    Metric(
+        name="configuration_inside_two_sigma",
+        value=_of_joint("configuration_inside_two_sigma"),
+        title="final configuration inside its 2σ claim",
+        cell=lambda v, _: count_of_known(v),
+    ),
+    Metric(
+        name="axis_inside_two_sigma",
+        value=_of_joint("axis_inside_two_sigma"),
+        title="final axis inside its 2σ claim",
+        cell=lambda v, _: count_of_known(v),
     ),
     Metric(
         name="axis_distance_error",

@@ -8,7 +8,7 @@ import numpy as np
 from diagrams.crossmodal.results.frame_plots import draw_frames
 from diagrams.crossmodal.results.plots import draw_configurations, draw_errors
 from diagrams.crossmodal.results.report import report
-from diagrams.crossmodal.task import task_failure, task_phases
+from diagrams.crossmodal.task import task_failure, task_phases, turning_time
 from diagrams.evaluation.estimates import Row, estimates_table, scalar, vector
 from diagrams.joints.joint_episode import JointEpisode, joint_episode
 from diagrams.joints.joint_record import joint_rows, summarise_joint
@@ -21,6 +21,7 @@ def evaluate(record: EpisodeRecord) -> Results:
     episode = joint_episode(record)
     task, truth = record.scenario.task, episode.truth
     phases = task_phases(task, truth, record.events)
+    exploration_end = turning_time(record.events)
     return Results(
         failure=task_failure(task, truth, record.events),
         estimates=estimates_table(
@@ -33,7 +34,7 @@ def evaluate(record: EpisodeRecord) -> Results:
         ),
         summary={
             "modalities": {
-                name: {"joints": [summarise_joint(series, truth)]}
+                name: {"joints": [summarise_joint(series, truth, exploration_end)]}
                 for name, series in episode.series.items()
             },
             "phases": {

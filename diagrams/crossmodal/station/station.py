@@ -11,21 +11,20 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from controllers.interaction.grasp_decisions import Goal
-from diagrams.crossmodal.objects.own_object import overlaps
+from diagrams.crossmodal.robot_config import ARM, HAND
 from diagrams.crossmodal.scenario import ObjectConfig, Scenario, object_model_file
-from diagrams.crossmodal.station.station_config import ARM, HAND, StationConfig, StationWiring
 from diagrams.crossmodal.station.station_control import add_control, taught_postures
 from diagrams.crossmodal.station.station_sensors import add_proprioception, add_vision
+from diagrams.crossmodal.station.wiring import StationWiring
 from diagrams.crossmodal.task import ManipulationStatus
 from diagrams.joints.joint_truth import ObjectTruth
-from diagrams.run.application import Station
-from diagrams.run.calibration import Calibration, draw_camera
+from diagrams.run.calibration import Calibration, draw_base, draw_camera
 from diagrams.run.recorder import STATUS_PORT
 from diagrams.stations.lighting import Light
 from maths.arrays import Array
-from plants.camera_view import renderer_intrinsics
 from plants.joint_friction import JointFriction
+from plants.robots.arm_with_hand import make_arm_with_load
+from plants.robots.wam import WAM_WITH_SOFT_HAND
 from plants.scene import ManipulationScene, ObjectPlacement, add_manipulation_scene, facing
 
 
@@ -55,16 +54,6 @@ class ManipulationStation:
         self.scene.plant.SetPositions(context, self.scene.model(ARM), self.q_start)
         if self.locked:
             self.joint.Lock(context)
-
-
-def make_station(scenario: Scenario, calibration: Calibration) -> Station:
-    """The station of a scenario with its seed, as the commands know it."""
-    station = make_manipulation_station(scenario, calibration)
-    return Station(
-        diagram=station.diagram,
-        initialise=station.SetInitialState,
-        warnings=overlaps(station),
-    )
 
 
 def draw_placements(scenario: Scenario) -> dict[str, ObjectPlacement]:
@@ -115,31 +104,38 @@ def make_manipulation_station(
     Raises:
         ValueError: for impossible values, unknown names, a handle out of reach.
     """
-    thing, seed = scenario.object, scenario.seed
+    thing, seed, errors = scenario.object, scenario.seed, scenario.calibration.errors
     name = scenario.task.object or next(iter(scenario.objects))
-    task, disturbances = scenario.task, scenario.disturbances
-    config = StationConfig(
-        plant=scenario.plant,
-        hand=scenario.model_drivers[HAND].pneumatics,
-        sensors=scenario.sensors,
-        control=scenario.control,
-        goal=Goal(travel=task.goal, return_to_start=task.return_to_start),
-    )
+    disturbances = scenario.disturbances
     light = Light(
         lights_off=[(off.start, off.end) for off in disturbances.lights_off],
         covered=[(cover.start, cover.end) for cover in disturbances.camera_covered],
         lamp=scenario.camera.lamp,
     )
     (camera_name,) = scenario.cameras
-    camera = draw_camera(camera_name, calibration.camera, scenario.calibration.errors, seed)
+    camera = draw_camera(camera_name, calibration.camera, errors, seed)
+    believed_arm = calibration.arms[ARM]
+    X_WBase = draw_base(ARM, believed_arm.X_WBase, errors, seed)
+    moved = X_WBase is not believed_arm.X_WBase
     builder = DiagramBuilder()
     scene = add_manipulation_scene(
-        builder, config.plant, placements or draw_placements(scenario), [(ARM, HAND)]
+        builder,
+        scenario.plant,
+        placements or draw_placements(scenario),
+        [(ARM, HAND)],
+        {ARM: X_WBase} if moved else {},
     )
     plant = scene.plant
     joint = plant.GetJointByName(thing.joint, scene.objects[name])
+    if thing.ajar != 0.0:
+        joint.set_default_positions(np.array([thing.ajar]))
     wiring = StationWiring(
-        builder=builder, scene=scene, arm=calibration.arms[ARM].model, config=config, seed=seed
+        builder=builder,
+        scene=scene,
+        true_arm=make_arm_with_load(WAM_WITH_SOFT_HAND, X_WBase),
+        arm=believed_arm.model,
+        X_WBase=believed_arm.X_WBase,
+        scenario=scenario,
     )
     _add_object_mechanics(wiring, joint)
     X_WHandle = plant.GetFrameByName(thing.handle_frame, scene.objects[name]).CalcPoseInWorld(
@@ -148,12 +144,11 @@ def make_manipulation_station(
     q_grasp, q_start = taught_postures(wiring, X_WHandle)
     encoders = add_proprioception(wiring, q_grasp)
     # A person guided the hand along the approach, so the arm knows it as its encoders read it.
-    taught = [encoders.measure(np.append(q, np.zeros(7)), 0)[:7] for q in (q_grasp, q_start)]
+    still = np.zeros(len(q_grasp))
+    taught = [encoders.measure(np.append(q, still), 0)[: len(q)] for q in (q_grasp, q_start)]
     direction_E = facing(RigidTransform()).rotation().inverse() @ thing.pull_direction
     sequence = add_control(wiring, encoders, taught[0], taught[1], direction_E)
-    add_vision(
-        wiring, encoders, sequence, renderer_intrinsics(camera.intrinsics), camera.X_PC, light
-    )
+    add_vision(wiring, encoders, sequence, camera, calibration.camera, light)
     status = builder.AddNamedSystem("task_status", ManipulationStatus())
     for port in ("phase", "grasp_lost"):
         builder.Connect(sequence.GetOutputPort(port), status.GetInputPort(port))
@@ -164,7 +159,7 @@ def make_manipulation_station(
         object=name,
         joint=joint,
         q_start=q_start,
-        locked=config.control.excitation is not None,
+        locked=scenario.control.excitation is not None,
     )
 
 

@@ -1,20 +1,22 @@
 """The controllers of a station and their wires."""
 
 import numpy as np
-from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import DiagramBuilder, System
 from pydrake.systems.primitives import ZeroOrderHold
 
-from controllers.arm.impedance import ImpedanceController
 from controllers.arm.kinematics import ArmModel
 from controllers.arm.motion_switch import MotionSwitch
 from controllers.interaction.bending_excitation import BendingExcitation
 from controllers.interaction.exploration import ExplorationController
+from controllers.interaction.grasp_decisions import Goal
 from controllers.interaction.grasp_sequence import GraspSequence
 from controllers.interaction.joint_memory import JointMemory
 from controllers.interaction.pull_direction import PullDirection
 from controllers.interaction.trajectory_generator import TrajectoryGenerator
-from diagrams.crossmodal.station.station_config import ARM, StationWiring
+from diagrams.crossmodal.robot_config import ARM
+from diagrams.crossmodal.station.wiring import StationWiring
+from diagrams.stations.add_arm import add_impedance_control
 from maths import se3
 from maths.arrays import Array
 from plants.robots.inverse_kinematics import inverse_kinematics
@@ -28,17 +30,20 @@ PERCEIVED_INPUTS = ("joint_latest", "end_effector_screw_latest", "grasp_failure_
 
 
 def taught_postures(wiring: StationWiring, X_WHandle: RigidTransform) -> tuple[Array, Array]:
-    """True arm postures (7,) at the grasp that a person guided the hand to, and before it."""
-    control = wiring.config.control
-    rng = np.random.default_rng((wiring.seed, 1))
+    """True arm postures (n,) at the grasp that a person guided the hand to, and before it."""
+    control = wiring.scenario.control
+    rng = np.random.default_rng((wiring.scenario.seed, 1))
     rotation = se3.so3_exp(rng.normal(0.0, control.guidance_rotation, 3))
     X_guided = RigidTransform(
         RotationMatrix(rotation), rng.normal(0.0, control.guidance_translation, 3)
     )
     X_WE = facing(X_WHandle) @ X_guided
     back = RigidTransform([0.0, 0.0, -control.sequence.approach_distance])
-    q_grasp = inverse_kinematics(wiring.arm, X_WE, control.posture)
-    return q_grasp, inverse_kinematics(wiring.arm, X_WE @ back, q_grasp)
+    try:
+        q_grasp = inverse_kinematics(wiring.true_arm, X_WE, control.posture)
+        return q_grasp, inverse_kinematics(wiring.true_arm, X_WE @ back, q_grasp)
+    except ValueError as error:
+        raise ValueError(f"{error}; place the object elsewhere (object.position)") from None
 
 
 def add_control(
@@ -48,77 +53,65 @@ def add_control(
     q_before: Array,
     direction_E: Array,
 ) -> GraspSequence:
-    builder, plant, control = wiring.builder, wiring.scene.plant, wiring.config.control
+    """Adds the controllers, from what is perceived to arm and hand.
+
+    Args:
+        wiring: Of the station.
+        encoders: Of the arm.
+        q_taught: Posture (n,) of the grasp as the encoders read it, [rad].
+        q_before: Likewise where the approach begins.
+        direction_E: Taught direction of the pull (3,), in E.
+    """
+    builder, plant, control = wiring.builder, wiring.scene.plant, wiring.scenario.control
     arm = ArmModel(wiring.arm)
+    still = np.zeros(arm.num_joints)
     X_WE, X_WE_before = (
-        arm.Evaluate(np.concatenate([q, np.zeros(arm.num_joints)])).X_WE
-        for q in (q_taught, q_before)
+        arm.Evaluate(np.concatenate([q, still])).X_WE for q in (q_taught, q_before)
     )
+    task = wiring.scenario.task
+    goal = Goal(configuration=task.goal, return_to_start=task.return_to_start)
     sequence = builder.AddNamedSystem(
         "grasp_sequence",
-        GraspSequence(control.sequence, arm, X_WE, X_WE_before, wiring.config.goal),
+        GraspSequence(control.sequence, arm, X_WE, X_WE_before, goal),
     )
+    memory = builder.AddNamedSystem("joint_memory", JointMemory(control.sequence.period))
     pull = builder.AddNamedSystem(
         "pull_direction", PullDirection(control.pull_direction, arm, direction_E)
     )
-    switch = builder.AddNamedSystem("motion_switch", MotionSwitch(MOTION_SOURCES))
-    if control.excitation is None:
-        exploration = builder.AddNamedSystem(
-            "exploration", ExplorationController(control.exploration, arm)
-        )
-        builder.Connect(pull.get_output_port(), exploration.GetInputPort("pull_direction"))
-        builder.Connect(
-            encoders.GetOutputPort("joint_state_measured"),
-            exploration.GetInputPort("joint_state_measured"),
-        )
-        builder.Connect(
-            switch.GetOutputPort("motion_commanded"), exploration.GetInputPort("motion_commanded")
-        )
-        # All sources then change at the same instants, and each goes on from the last one's motion.
-        motion = builder.AddNamedSystem(
-            "sequence_motion", ZeroOrderHold(control.sequence.period, Value[object]())
-        )
-        builder.Connect(sequence.GetOutputPort("motion_desired"), motion.get_input_port())
-        grasp_motion = motion.get_output_port()
-    else:
-        start = control.sequence.approach_time + control.sequence.close_time
-        exploration = builder.AddNamedSystem(
-            "excitation", BendingExcitation(control.excitation, start, wiring.seed)
-        )
-        grasp_motion = sequence.GetOutputPort("motion_desired")
-        builder.Connect(grasp_motion, exploration.GetInputPort("grasp_motion_desired"))
-    builder.Connect(grasp_motion, switch.GetInputPort("sequence_motion_desired"))
-    impedance = builder.AddNamedSystem(
-        "impedance", ImpedanceController(control.impedance, arm, q_taught)
-    )
-    pneumatics = builder.GetSubsystemByName("pneumatics")
-    builder.Connect(
-        builder.GetSubsystemByName("pressure").GetOutputPort("pressure_measured"),
-        sequence.GetInputPort("pressure_measured"),
-    )
-    memory = builder.AddNamedSystem("joint_memory", JointMemory(control.sequence.period))
     generator = builder.AddNamedSystem(
         "trajectory_generator", TrajectoryGenerator(control.trajectory, arm)
     )
-    for system in (sequence, pull, generator, impedance):
+    impedance = add_impedance_control(
+        builder, plant, wiring.scene.model(ARM), encoders, arm, control.impedance, q_taught
+    )
+    switch = builder.AddNamedSystem("motion_switch", MotionSwitch(MOTION_SOURCES))
+    if control.excitation is None:
+        exploration = ExplorationController(control.exploration, arm)
+        _add_exploration(builder, exploration, sequence, pull, switch, control.sequence.period)
+        measuring: tuple[System, ...] = (sequence, pull, generator, exploration)
+    else:
+        start = control.sequence.approach_time + control.sequence.close_time
+        excitation = BendingExcitation(control.excitation, start, wiring.scenario.seed)
+        _add_excitation(builder, excitation, sequence, switch)
+        measuring = (sequence, pull, generator)
+    for system in measuring:
         builder.Connect(
             encoders.GetOutputPort("joint_state_measured"),
             system.GetInputPort("joint_state_measured"),
         )
+    pneumatics, pressure = map(builder.GetSubsystemByName, ("pneumatics", "pressure"))
     for source, output, target, port in (
         (sequence, "gains_desired", switch, "sequence_gains_desired"),
-        (exploration, "motion_desired", switch, "exploration_motion_desired"),
         (generator, "motion_desired", switch, "return_motion_desired"),
         (generator, "gains_desired", switch, "return_gains_desired"),
         (switch, "motion_commanded", impedance, "motion_desired"),
         (switch, "gains_commanded", impedance, "gains_desired"),
-        (sequence, "phase", exploration, "phase"),
-        (sequence, "phase", memory, "phase"),
-        (sequence, "phase", pull, "phase"),
-        (pull, "pull_direction", sequence, "pull_direction"),
-        (sequence, "phase", generator, "phase"),
         (sequence, "in_free_space", impedance, "tare"),
+        (pull, "pull_direction", sequence, "pull_direction"),
         (generator, "plan_time_left", sequence, "plan_time_left"),
+        (pressure, "pressure_measured", sequence, "pressure_measured"),
+        *((sequence, port, pneumatics, port) for port in ("pressure_commanded", "sealed")),
+        *((sequence, "phase", target, "phase") for target in (memory, pull, generator)),
         *(
             (memory, port, target, port)
             for port in ("joint_remembered", "end_effector_screw_remembered")
@@ -126,17 +119,61 @@ def add_control(
         ),
     ):
         builder.Connect(source.GetOutputPort(output), target.GetInputPort(port))
-    for port in PERCEIVED_INPUTS:
-        source = builder.ExportInput(
-            (sequence if sequence.HasInputPort(port) else memory).GetInputPort(port), port
-        )
-        if generator.HasInputPort(port):
-            builder.ConnectInput(source, generator.GetInputPort(port))
+    _export(builder, sequence, memory, generator)
+    return sequence
+
+
+def _add_exploration(
+    builder: DiagramBuilder,
+    exploration: ExplorationController,
+    sequence: GraspSequence,
+    pull: PullDirection,
+    switch: MotionSwitch,
+    period: float,
+) -> None:
+    """The sequence's motion is held between its updates, as the other sources hold theirs."""
+    builder.AddNamedSystem("exploration", exploration)
+    motion = sequence.GetOutputPort("motion_desired")
+    held = builder.AddNamedSystem("sequence_motion", ZeroOrderHold(period, motion.Allocate()))
+    builder.Connect(motion, held.get_input_port())
+    builder.Connect(held.get_output_port(), switch.GetInputPort("sequence_motion_desired"))
+    for source, output, target, port in (
+        (pull, "pull_direction", exploration, "pull_direction"),
+        (sequence, "phase", exploration, "phase"),
+        (switch, "motion_commanded", exploration, "motion_commanded"),
+        (exploration, "motion_desired", switch, "exploration_motion_desired"),
+    ):
+        builder.Connect(source.GetOutputPort(output), target.GetInputPort(port))
+
+
+def _add_excitation(
+    builder: DiagramBuilder,
+    excitation: BendingExcitation,
+    sequence: GraspSequence,
+    switch: MotionSwitch,
+) -> None:
+    builder.AddNamedSystem("excitation", excitation)
+    for source, output, target, port in (
+        (sequence, "phase", excitation, "phase"),
+        (sequence, "motion_desired", excitation, "grasp_motion_desired"),
+        (sequence, "motion_desired", switch, "sequence_motion_desired"),
+        (excitation, "motion_desired", switch, "exploration_motion_desired"),
+    ):
+        builder.Connect(source.GetOutputPort(output), target.GetInputPort(port))
+
+
+def _export(
+    builder: DiagramBuilder,
+    sequence: GraspSequence,
+    memory: JointMemory,
+    generator: TrajectoryGenerator,
+) -> None:
+    """Each perceived quantity goes to all that read it."""
+    for name in PERCEIVED_INPUTS:
+        readers = [system for system in (sequence, memory, generator) if system.HasInputPort(name)]
+        source = builder.ExportInput(readers[0].GetInputPort(name), name)
+        for reader in readers[1:]:
+            builder.ConnectInput(source, reader.GetInputPort(name))
     builder.ExportOutput(generator.GetOutputPort("path_planned"), "path_planned")
-    actuation = plant.get_actuation_input_port(wiring.scene.model(ARM))
-    builder.Connect(impedance.get_output_port(), actuation)
-    for port in ("pressure_commanded", "sealed"):
-        builder.Connect(sequence.GetOutputPort(port), pneumatics.GetInputPort(port))
     for port in ("interaction_active", "phase", "grasp_lost"):
         builder.ExportOutput(sequence.GetOutputPort(port), port)
-    return sequence

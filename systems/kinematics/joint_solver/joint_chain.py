@@ -1,11 +1,11 @@
 """The chain of all configurations of a joint, filtered with its parameters unknown, compiled.
 
 The configuration follows the white-acceleration process dq = v dt, dv = sqrt(S) dw from q = 0 at
-the reference, v there from N(0, sigma_v^2). Given theta, each packet says q to within 1/alpha, so
+the reference, v there from N(0, sigma_v^2). Given theta, each keyframe says q to within 1/alpha, so
 that the chain is a two-state Kalman filter whose mean is m + M dtheta (the two-stage filter of
 B. Friedland, "Treatment of bias in recursive filtering", 1969); its innovations are what the
-packets say about theta. One pass gives the normal equations of theta with every q marginalised, and
-the evidence of S by Laplace's approximation.
+keyframes say about theta. One pass gives the normal equations of theta with every q marginalised,
+and the evidence of S by Laplace's approximation.
 """
 
 from typing import NamedTuple
@@ -16,11 +16,11 @@ from maths import cholesky
 from maths.arrays import Array
 from maths.compiled import hot
 from systems.kinematics.joint_solver.joint_linearisation import Linear
-from systems.kinematics.joint_solver.pose_packets import Packets
+from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 
 class Chain(NamedTuple):
-    """The filtered configuration: mean m + M dtheta and covariance P, at the newest packet.
+    """The filtered configuration: mean m + M dtheta and covariance P, at the newest keyframe.
 
     Attributes:
         m: (2,) q and its rate.
@@ -58,23 +58,23 @@ def run_chain(
     sigma_v: float,
     noise: float,
     q: Array,
-    p: Packets,
+    kf: Keyframes,
     lin: Linear,
     step: Array,
     since: int,
     chain: Chain,
 ) -> float:
-    """Filters all q; returns the log likelihood of the packets from `since` on at dtheta = step.
+    """Filters all q; returns the log likelihood of the keyframes from `since` on at dtheta = step.
 
-    What does not depend on S is left out of it, unless all packets count and the step is zero.
+    What does not depend on S is left out of it, unless all keyframes count and the step is zero.
 
     Args:
         n: Dimension of theta.
-        S: Acceleration density.
+        S: Process noise, the density of the acceleration.
         sigma_v: Standard deviation of the rate at the reference.
-        noise: Factor on the variance 1 / alpha of each packet's q.
-        q: Where each packet was linearised (K,).
-        p: Packets.
+        noise: Factor on the variance 1 / alpha of each keyframe's q.
+        q: Where each keyframe was linearised (K,).
+        kf: Keyframes.
         lin: They, linearised.
         step: (10,) see above.
         since: See above.
@@ -90,8 +90,8 @@ def run_chain(
             H[i, j] = lin.information[i, j]
     p00, p01, p11 = 0.0, 0.0, sigma_v * sigma_v
     value = lin.value[0]
-    for k in range(1, p.size[0]):
-        dt = p.time[k] - p.time[k - 1]
+    for k in range(1, kf.size[0]):
+        dt = kf.time[k] - kf.time[k - 1]
         m[0] += dt * m[1]
         p00 += dt * (2.0 * p01 + dt * p11) + S * dt**3 / 3.0
         p01 += dt * p11 + S * dt * dt / 2.0
@@ -141,14 +141,14 @@ def solve(n: int, value: float, chain: Chain) -> tuple[float, float]:
 
 @hot
 def smooth(
-    n: int, S: float, sigma_v: float, q: Array, p: Packets, lin: Linear, step: Array, out: Array
+    n: int, S: float, sigma_v: float, q: Array, kf: Keyframes, lin: Linear, step: Array, out: Array
 ) -> None:
-    """Writes q of every packet given all packets and theta moved by `step` into `out`."""
-    size = p.size[0]
+    """Writes q of every keyframe given all keyframes and theta moved by `step` into `out`."""
+    size = kf.size[0]
     f = np.zeros((size, 5))
     f[0, 4] = sigma_v * sigma_v
     for k in range(1, size):
-        dt = p.time[k] - p.time[k - 1]
+        dt = kf.time[k] - kf.time[k - 1]
         q0, q1 = f[k - 1, 0] + dt * f[k - 1, 1], f[k - 1, 1]
         p00 = f[k - 1, 2] + dt * (2.0 * f[k - 1, 3] + dt * f[k - 1, 4]) + S * dt**3 / 3.0
         p01 = f[k - 1, 3] + dt * f[k - 1, 4] + S * dt * dt / 2.0
@@ -163,14 +163,14 @@ def smooth(
     s0, s1 = f[size - 1, 0], f[size - 1, 1]
     out[size - 1] = s0
     for k in range(size - 2, -1, -1):
-        dt = p.time[k + 1] - p.time[k]
+        dt = kf.time[k + 1] - kf.time[k]
         a, b, c = f[k, 2], f[k, 3], f[k, 4]
         p00 = a + dt * (2.0 * b + dt * c) + S * dt**3 / 3.0
         p01 = b + dt * c + S * dt * dt / 2.0
         p11 = c + S * dt
         det = p00 * p11 - p01 * p01
         d0, d1 = s0 - f[k, 0] - dt * f[k, 1], s1 - f[k, 1]
-        if det <= 1e-14 * p00 * p11:  # No time in between, the same state.
+        if det <= 1e-14 * p00 * p11:  # Both keyframes are of one instant.
             out[k] = s0
             continue
         u0, u1 = (p11 * d0 - p01 * d1) / det, (p00 * d1 - p01 * d0) / det

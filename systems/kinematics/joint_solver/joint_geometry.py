@@ -14,7 +14,8 @@ import numpy as np
 
 from maths.arrays import Array
 from maths.compiled import hot
-from systems.kinematics.joint_solver.pose_packets import move
+from maths.se3_in_place import perturb
+from maths.tangent_plane import tangent_basis
 
 PRISMATIC, REVOLUTE, RIGID = 0, 1, 2
 
@@ -23,21 +24,6 @@ PRISMATIC, REVOLUTE, RIGID = 0, 1, 2
 def dimension(kind: int) -> int:
     """The number of parameters of a model."""
     return 8 if kind == PRISMATIC else (10 if kind == REVOLUTE else 6)
-
-
-@hot
-def tangent_basis(a: Array, B: Array) -> None:
-    """Writes two unit vectors normal to the unit vector `a` and to each other into `B` (2, 3)."""
-    k = 0
-    for i in range(1, 3):
-        if abs(a[i]) < abs(a[k]):
-            k = i
-    s = np.sqrt(1.0 - a[k] * a[k])
-    for i in range(3):
-        B[0, i] = ((1.0 if i == k else 0.0) - a[k] * a[i]) / s
-    B[1, 0] = a[1] * B[0, 2] - a[2] * B[0, 1]
-    B[1, 1] = a[2] * B[0, 0] - a[0] * B[0, 2]
-    B[1, 2] = a[0] * B[0, 1] - a[1] * B[0, 0]
 
 
 @hot
@@ -62,7 +48,7 @@ def child_pose(kind: int, Y: Array, a: Array, c: Array, q: float, X: Array) -> N
     cosine, sine = (np.cos(q), np.sin(q)) if kind == REVOLUTE else (1.0, 0.0)
     slide = q if kind == PRISMATIC else 0.0
     for j in range(4):
-        # Rodrigues on each column; the last is a point, turned about c.
+        # Rodrigues' formula on each column; the last one is a point, which turns about c.
         o = 1.0 if j == 3 else 0.0
         x, y, z = Y[0, j] - o * c[0], Y[1, j] - o * c[1], Y[2, j] - o * c[2]
         along = (1.0 - cosine) * (a[0] * x + a[1] * y + a[2] * z) + o * slide
@@ -113,7 +99,7 @@ def jacobian(kind: int, G: Array, q: float, J: Array) -> None:
 @hot
 def retract(kind: int, Y: Array, a: Array, c: Array, step: Array) -> None:
     """Moves (Y, a, c) by `step` in their tangent space, in place."""
-    move(Y, step, Y)
+    perturb(Y, step, Y)
     if kind == RIGID:
         return
     B = np.empty((2, 3))

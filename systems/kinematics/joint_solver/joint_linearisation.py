@@ -1,10 +1,11 @@
-"""Packets of relative poses linearised about one joint, compiled.
+"""Keyframes of relative poses linearised about one joint, compiled.
 
-The parameters theta = (Y, a, c) and their tangent space are those of `joint_geometry`. A packet's
+The parameters theta = (Y, a, c) and their tangent space are those of `joint_geometry`. A keyframe's
 residual is log(X_FB(q)^-1 Z) in B. Its q is left free, so that what remains speaks about theta
 alone, and what it says about q is kept beside it for the chain of all q (`joint_chain`).
 
-Everything is linearised anew at each call, so no early linearisation stays.
+Keyframes are linearised anew at each call; only those that were marginalised keep the point of
+their linearisation.
 """
 
 from typing import NamedTuple
@@ -13,6 +14,8 @@ import numpy as np
 
 from maths.arrays import Array
 from maths.compiled import hot
+from maths.se3_in_place import relative_log
+from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver.joint_geometry import (
     REVOLUTE,
     RIGID,
@@ -20,22 +23,21 @@ from systems.kinematics.joint_solver.joint_geometry import (
     dimension,
     jacobian,
     screw_twists,
-    tangent_basis,
 )
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
-from systems.kinematics.joint_solver.pose_packets import Packets, relative_log
+from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 
 class Linear(NamedTuple):
-    """The packets linearised at one theta and q.
+    """The keyframes linearised at one theta and q.
 
     Attributes:
-        alpha: (K,) information about q in each packet.
+        alpha: (K,) information about q in each keyframe.
         g: (K,) its information vector, relative to the q of linearisation.
         beta: (K, 10) its coupling with theta.
         information: (10, 10) about theta, lower triangle.
         vector: (10,) its information vector.
-        value: (1,) log likelihood at the linearisation, each packet's own normaliser left out.
+        value: (1,) log likelihood at the linearisation, each keyframe's own normaliser left out.
     """
 
     alpha: Array
@@ -48,7 +50,7 @@ class Linear(NamedTuple):
 
 @hot
 def new_linear(capacity: int) -> Linear:
-    """Room for `capacity` packets, zero."""
+    """Room for `capacity` keyframes, zero."""
     return Linear(
         np.zeros(capacity),
         np.zeros(capacity),
@@ -74,7 +76,7 @@ def _weigh(W: Array, k: int, rows: int, J: Array, WJ: Array) -> None:
 def _add_normal_equations(
     W: Array, k: int, extra: int, J: Array, WJ: Array, H: Array, h: Array
 ) -> float:
-    """Adds packet k's to H (10, 10), lower triangle, and h (10,); returns r^T W r.
+    """Adds keyframe k's to H (10, 10), lower triangle, and h (10,); returns r^T W r.
 
     J holds the twist per unit of q, those per parameter of axis and point, and the residual r.
     """
@@ -100,7 +102,7 @@ def _add_normal_equations(
 def _free_configuration(
     k: int, extra: int, J: Array, WJ: Array, lin_beta: Array, H: Array, h: Array
 ) -> tuple[float, float]:
-    """Takes out of H and h what packet k's unknown q explains; returns its alpha and g."""
+    """Takes out of H and h what keyframe k's unknown q explains; returns its alpha and g."""
     alpha, g = 0.0, 0.0
     for j in range(6):
         alpha += J[0, j] * WJ[0, j]
@@ -120,7 +122,7 @@ def _free_configuration(
 
 
 @hot
-def _add_packets(
+def _add_keyframes(
     kind: int,
     first: int,
     last: int,
@@ -132,7 +134,7 @@ def _add_packets(
     W: Array,
     lin: Linear,
 ) -> None:
-    """Adds packets `first` to `last` - 1; arrays are passed one by one for speed."""
+    """Adds keyframes `first` to `last` - 1; arrays are passed one by one for speed."""
     extra = dimension(kind) - 6
     rows = 2 + extra if kind != RIGID else 1
     J, WJ, G, X, B = (
@@ -162,17 +164,17 @@ def _add_packets(
 
 
 @hot
-def add_packets(kind: int, m: Models, p: Packets, first: int, last: int, lin: Linear) -> None:
-    """Linearises packets `first` to `last` - 1 and adds what they say about theta.
+def add_keyframes(kind: int, m: Models, kf: Keyframes, first: int, last: int, lin: Linear) -> None:
+    """Linearises keyframes `first` to `last` - 1 and adds what they say about theta.
 
-    Each packet's q is left free, except that of packet 0, where it is zero.
+    Each keyframe's q is left free, except that of keyframe 0, where it is zero.
     """
-    _add_packets(kind, first, last, m.Y[kind], m.a[kind], m.c[kind], m.q[kind], p.Z, p.W, lin)
+    _add_keyframes(kind, first, last, m.Y[kind], m.a[kind], m.c[kind], m.q[kind], kf.Z, kf.W, lin)
 
 
 @hot
 def clear(lin: Linear) -> None:
-    """Takes all packets out."""
+    """Takes all keyframes out."""
     lin.information[:] = 0.0
     lin.vector[:] = 0.0
     lin.value[0] = 0.0
@@ -203,7 +205,7 @@ def embedding(a: Array, T: Array) -> None:
 
 @hot
 def _add_prior(kind: int, m: Models, lin: Linear) -> None:
-    """Adds what dropped packets said."""
+    """Adds the prior that marginalised keyframes have left."""
     d, T = np.empty(12), np.empty((10, 12))
     prior_offset(kind, m, d)
     embedding(m.a[kind], T)
@@ -227,10 +229,10 @@ def _add_prior(kind: int, m: Models, lin: Linear) -> None:
 
 
 @hot
-def linearise(kind: int, m: Models, p: Packets, sigma_c: float, lin: Linear) -> None:
-    """Fills `lin` with all packets and the priors of theta, at the model's theta and q."""
+def linearise(kind: int, m: Models, kf: Keyframes, sigma_c: float, lin: Linear) -> None:
+    """Fills `lin` with all keyframes and the priors of theta, at the model's theta and q."""
     clear(lin)
-    add_packets(kind, m, p, int(np.int64(0)), p.size[0], lin)
+    add_keyframes(kind, m, kf, int(np.int64(0)), kf.size[0], lin)
     if np.trace(m.prior_information[kind]) > 0.0:
         _add_prior(kind, m, lin)
     if kind == RIGID:

@@ -6,7 +6,7 @@ import numpy as np
 
 from maths.arrays import Array
 
-AXIS_SPREAD = 1.2  # [rad] per direction, of an axis spread evenly over the sphere.
+AXIS_SPREAD = 1.2  # Deviation per direction of an axis anywhere on the sphere, [rad].
 
 
 class Models(NamedTuple):
@@ -16,20 +16,20 @@ class Models(NamedTuple):
         Y: (3, 4, 4) X_FB at the reference.
         a: (3, 3) axis in F.
         c: (3, 3) axis point in F, [m].
-        q: (3, K) configuration at each packet.
-        signed: (3,) one where the sign of q is decided.
-        prior_information: (3, 12, 12) of dropped packets about (Y, a, c), a and c in three
+        q: (3, K) configuration at each keyframe.
+        signed: (3,) one where the sign of q is decided, else zero.
+        prior_information: (3, 12, 12) of marginalised keyframes about (Y, a, c), a and c in three
             dimensions each, relative to where it was linearised.
         prior_vector: (3, 12) its information vector.
         prior_value: (3,) its log likelihood there.
         prior_Y: (3, 4, 4), prior_a: (3, 3), prior_c: (3, 3) where it was linearised.
-        covariance: (3, 10, 10) of theta, after all packets.
-        state: (3, 2) q and its rate at the newest packet.
-        gain: (3, 2, 10) their sensitivity to theta.
-        P: (3, 2, 2) their covariance given theta.
-        density: (3,) the acceleration density S that explains the motion best.
+        covariance: (3, 10, 10) of theta, after all keyframes.
+        state: (3, 2) q and its rate at the newest keyframe.
+        gain: (3, 2, 10) derivative of the state by theta.
+        P: (3, 2, 2) covariance of the state given theta.
+        process_noise: (3,) the density S of the acceleration with which q is followed.
         log_evidence: (4,) of each model, the free walk last.
-        carried: (4,) from dropped packets.
+        marginal_evidence: (4,) log evidence that marginalised keyframes have left.
     """
 
     Y: Array
@@ -47,13 +47,13 @@ class Models(NamedTuple):
     state: Array
     gain: Array
     P: Array
-    density: Array
+    process_noise: Array
     log_evidence: Array
-    carried: Array
+    marginal_evidence: Array
 
 
 def initial_models(capacity: int) -> Models:
-    """Models before any measurement, for `capacity` packets."""
+    """Models before any measurement, for `capacity` keyframes."""
     pose = np.tile(np.eye(4), (3, 1, 1))
     axis = np.tile(np.array([0.0, 0.0, 1.0]), (3, 1))
     point = np.zeros((3, 3))
@@ -73,7 +73,7 @@ def initial_models(capacity: int) -> Models:
         state=np.zeros((3, 2)),
         gain=np.zeros((3, 2, 10)),
         P=np.zeros((3, 2, 2)),
-        density=np.zeros(3),
+        process_noise=np.zeros(3),
         log_evidence=np.zeros(4),
-        carried=np.zeros(4),
+        marginal_evidence=np.zeros(4),
     )

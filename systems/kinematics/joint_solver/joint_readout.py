@@ -7,6 +7,8 @@ import numpy as np
 
 from maths.arrays import Array
 from maths.compiled import hot
+from maths.se3_in_place import relative_log
+from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver.joint_geometry import (
     REVOLUTE,
     RIGID,
@@ -14,10 +16,8 @@ from systems.kinematics.joint_solver.joint_geometry import (
     dimension,
     jacobian,
     screw_twists,
-    tangent_basis,
 )
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
-from systems.kinematics.joint_solver.pose_packets import relative_log
 
 
 @hot
@@ -85,8 +85,7 @@ def read_axis(
 ) -> tuple[Array, Array, Array]:
     """A moving model's axis and axis point.
 
-    While the rigid model may as well be true, in the share of its evidence, the axis may be any:
-    the covariances are those of the mixture.
+    The covariances are those of a mixture: if the rigid model is true, the axis may be any.
 
     Args:
         kind: `PRISMATIC` or `REVOLUTE`.
@@ -110,7 +109,7 @@ def read_axis(
     if kind == REVOLUTE:
         for i in range(3):
             vectors[1, i] = X_PF[i, 3] + (X_PF[i, 0] * c[0] + X_PF[i, 1] * c[1] + X_PF[i, 2] * c[2])
-            for k in range(2):  # The nearest point slides along a tilting axis.
+            for k in range(2):  # The point nearest to Fo slides along an axis that tilts.
                 along = B[k, 0] * c[0] + B[k, 1] * c[1] + B[k, 2] * c[2]
                 T[k, i] = -along * vectors[0, i]
         _projected(T, m.covariance[kind], 6, point)
@@ -125,7 +124,7 @@ def read_axis(
 
 @hot
 def predict_pose(kind: int, m: Models, X_PF: Array, dt: float) -> tuple[Array, Array]:
-    """X_PB (4, 4) a time dt [s] after the newest packet, and its covariance (6, 6), in B."""
+    """X_PB (4, 4) a time dt [s] after the newest keyframe, and its covariance (6, 6), in B."""
     n = dimension(kind)
     X, covariance, J = np.eye(4), np.empty((6, 6)), np.zeros((n, 6))
     for i in range(6):
@@ -142,8 +141,8 @@ def predict_pose(kind: int, m: Models, X_PF: Array, dt: float) -> tuple[Array, A
         J[6:] = rows[1 : n - 5]
         for i in range(n):
             J[i] += rows[0] * (m.gain[kind, 0, i] + dt * m.gain[kind, 1, i])
-        P = m.P[kind]
-        variance = P[0, 0] + dt * (2.0 * P[0, 1] + dt * P[1, 1]) + m.density[kind] * dt**3 / 3.0
+        S, P = m.process_noise[kind], m.P[kind]
+        variance = P[0, 0] + dt * (2.0 * P[0, 1] + dt * P[1, 1]) + S * dt**3 / 3.0
     _projected(J, m.covariance[kind], 0, covariance)
     for i in range(6):
         for j in range(6):

@@ -1,4 +1,4 @@
-"""The joint models at a new reference: what they know of axes and types goes on, packets do not.
+"""The transfer of priors to a new reference: axes and types go on, keyframes do not.
 
 Frames: F the old reference, G the new one.
 """
@@ -10,11 +10,11 @@ import numpy as np
 from maths import se3
 from maths.arrays import Array
 from maths.gaussian import symmetric
+from maths.tangent_plane import normal_basis
 from systems.kinematics.joint_solver.joint_geometry import (
     PRISMATIC,
     REVOLUTE,
     dimension,
-    tangent_basis,
 )
 from systems.kinematics.joint_solver.joint_linearisation import embedding
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
@@ -23,11 +23,11 @@ from systems.kinematics.joint_solver.joint_update import MEMORY
 
 
 @dataclass(kw_only=True)
-class Before:
+class ConfigurationPrior:
     """The configurations at a reference, for the prismatic and the revolute model.
 
-    What had been measured until then says by how much they are others if the axis turns out to be
-    another: a path of known length is a smaller angle about a farther axis.
+    They are functions of the axis, linearised: a path of known length is a smaller angle about a
+    farther axis, and later measurements may find the axis to be another.
 
     Attributes:
         q: (2,) for axis a (2, 3) and point c (2, 3), in the reference frame.
@@ -42,7 +42,7 @@ class Before:
     c: Array
 
 
-NOTHING_BEFORE = Before(
+ZERO_CONFIGURATION = ConfigurationPrior(
     q=np.zeros(2),
     variance=np.zeros(2),
     slope=np.zeros((2, 4)),
@@ -51,41 +51,39 @@ NOTHING_BEFORE = Before(
 )
 
 
-def configuration_before(before: Before, kind: int, m: Models) -> tuple[float, Array]:
+def prior_configuration(prior: ConfigurationPrior, kind: int, m: Models) -> tuple[float, Array]:
     """The configuration at the reference for the models' axis, and its slope (n - 6,) there."""
-    B_before, B = np.empty((2, 3)), np.empty((2, 3))
-    tangent_basis(before.a[kind], B_before)
-    tangent_basis(m.a[kind], B)
-    along = np.concatenate([m.a[kind] - before.a[kind], m.c[kind] - before.c[kind]]).reshape(2, 3)
-    slope = before.slope[kind].reshape(2, 2)
-    q = before.q[kind] + np.sum(slope * (along @ B_before.T))
-    return float(q), (slope @ B_before @ B.T).ravel()[: dimension(kind) - 6]
+    B_prior, B = normal_basis(prior.a[kind]), normal_basis(m.a[kind])
+    along = np.concatenate([m.a[kind] - prior.a[kind], m.c[kind] - prior.c[kind]]).reshape(2, 3)
+    slope = prior.slope[kind].reshape(2, 2)
+    q = prior.q[kind] + np.sum(slope * (along @ B_prior.T))
+    return float(q), (slope @ B_prior @ B.T).ravel()[: dimension(kind) - 6]
 
 
-def hand_over(
+def transfer_prior(
     old: Models,
-    before: Before,
+    prior: ConfigurationPrior,
     W_zero: Array,
     new: Models,
     X_FG: Array,
     dt: float,
     axis_distance: float,
-) -> Before:
-    """Gives the models `new`, started at G, the axes, types and signs of `old`, in place.
+) -> ConfigurationPrior:
+    """Gives the models `new`, started at G, what `old` know of axes, types and signs, in place.
 
-    Axis and point become a prior, normalised so that evidence stays comparable.
+    Axis and point become a Gaussian prior, normalised so that evidence stays comparable.
 
     Args:
-        old: At their newest packet.
-        before: The configurations at F.
+        old: At their newest keyframe.
+        prior: Of the configurations at F.
         W_zero: See `read_configuration`.
         new: Just started.
         X_FG: (4, 4).
-        dt: From the newest packet to the new reference, [s].
+        dt: From the newest keyframe to the new reference, [s].
         axis_distance: See `Priors`.
 
     Returns:
-        The configurations at G.
+        The prior of the configurations at G.
     """
     q, variance, slope = np.zeros(2), np.zeros(2), np.zeros((2, 4))
     X_GF = se3.inverse(X_FG)
@@ -93,13 +91,13 @@ def hand_over(
         n = dimension(kind)
         time = np.array([1.0, dt])
         state, sensitivity = read_configuration(kind, old, W_zero)
-        q_before, slope_before = configuration_before(before, kind, old)
+        q_prior, slope_prior = prior_configuration(prior, kind, old)
         gain = sensitivity @ time
-        gain[6:] += slope_before
+        gain[6:] += slope_prior
         Sigma = old.covariance[kind, :n, :n]
         of_axis = gain[6:] + np.linalg.solve(Sigma[6:, 6:], Sigma[6:, :6] @ gain[:6])
-        q[kind] = time @ state + q_before
-        variance[kind] = before.variance[kind] + time @ old.P[kind] @ time
+        q[kind] = time @ state + q_prior
+        variance[kind] = prior.variance[kind] + time @ old.P[kind] @ time
         variance[kind] += gain @ Sigma @ gain - of_axis @ Sigma[6:, 6:] @ of_axis
         a, J = _seen_from(old.a[kind], X_GF)
         c = X_GF[:3, :3] @ old.c[kind] + X_GF[:3, 3]
@@ -121,18 +119,17 @@ def hand_over(
             np.linalg.slogdet(vague + information)[1] - np.linalg.slogdet(vague)[1]
         )
         new.covariance[kind, 6:n, 6:n] = covariance
-        new.state[kind, 1], new.density[kind] = old.state[kind, 1], old.density[kind]
+        new.state[kind, 1], new.process_noise[kind] = old.state[kind, 1], old.process_noise[kind]
         new.signed[kind] = 1.0
-    new.carried[:] = np.maximum(old.log_evidence - old.log_evidence.max(), -MEMORY)
-    new.log_evidence[:] += new.carried
-    return Before(q=q, variance=variance, slope=slope, a=new.a[:2].copy(), c=new.c[:2].copy())
+    new.marginal_evidence[:] = np.maximum(old.log_evidence - old.log_evidence.max(), -MEMORY)
+    new.log_evidence[:] += new.marginal_evidence
+    return ConfigurationPrior(
+        q=q, variance=variance, slope=slope, a=new.a[:2].copy(), c=new.c[:2].copy()
+    )
 
 
 def _seen_from(a_F: Array, X_GF: Array) -> tuple[Array, Array]:
     """The axis (3,) in G, and its tangent coordinates there per those in F (2, 2)."""
     a_G = X_GF[:3, :3] @ a_F
     a_G /= np.linalg.norm(a_G)
-    B_F, B_G = np.empty((2, 3)), np.empty((2, 3))
-    tangent_basis(a_F, B_F)
-    tangent_basis(a_G, B_G)
-    return a_G, B_G @ X_GF[:3, :3] @ B_F.T
+    return a_G, normal_basis(a_G) @ X_GF[:3, :3] @ normal_basis(a_F).T

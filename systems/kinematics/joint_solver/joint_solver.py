@@ -1,8 +1,8 @@
-"""The solution of the joint models for all packets in memory, compiled.
+"""The solution of the joint models for all keyframes in memory, compiled.
 
 The moving models are solved by Gauss-Newton steps from the last solution, for each of several
-acceleration densities, and the rigid one likewise; the free walk's evidence is a sum over pairs of
-packets.
+densities of the process noise, and the rigid one likewise; the free walk's evidence is a sum over
+pairs of keyframes.
 """
 
 from typing import NamedTuple
@@ -22,42 +22,42 @@ from systems.kinematics.joint_solver.joint_geometry import (
 )
 from systems.kinematics.joint_solver.joint_linearisation import Linear, linearise, new_linear
 from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.pose_packets import RECENT, Packets
+from systems.kinematics.joint_solver.pose_keyframes import RECENT, Keyframes
 
-_STILL = 0.1  # Gain in log likelihood below which another step is not worth it, [nat].
-_SHORTER = 0.3  # Share of a step that is tried when the whole of it was too far.
-_PROMISED = 1.0  # Gain that a step not yet taken may count as evidence, [nat].
-_TILT = 0.7  # Most that one step may tilt an axis, [rad],
-_SHIFT = 0.5  # or move it, as a share of its distance.
+_CONVERGED = 0.1  # Gain in log likelihood below which no further step is made, [nat].
+_SHORTER = 0.3  # Share of a step that is tried where the whole of it has lost likelihood.
+_PROMISED = 1.0  # Most gain that the last step may add to the evidence unverified, [nat].
+_TILT = 0.7  # Most that one step may tilt an axis, [rad].
+_SHIFT = 0.5  # Most that one step may move an axis, as a share of its distance.
 
 
 class Priors(NamedTuple):
     """What is known of joints before anything is measured, and of the measurements' errors.
 
     Attributes:
-        densities: Acceleration densities (n,) of the child to choose from, [m^2/s^3].
+        process_noise: Densities (n,) of the child's acceleration to choose from, [m^2/s^3].
         speed: Standard deviation of the child's first speed, [m/s].
         radius: Lever of a rotation about the child itself, [m].
         axis_distance: Standard deviation from child to axis, per direction, [m].
-        walk_rate: Of the free walk (6,) [rad^2/s, m^2/s].
-        coarseness: See `pose_packets.choose`.
-        fast: Share of each measurement's variance that is new at each, one for white noise.
-        slow: Share of it that stays for a while and cannot be told from motion.
+        walk_noise: Process noise of the free walk (6,) [rad^2/s, m^2/s].
+        coarseness: See `pose_keyframes.choose`.
+        white_share: Of each measurement's variance, one for white noise; see `error_shares`.
+        correlated_share: Of it, likewise; such an error cannot be told from motion.
     """
 
-    densities: Array
+    process_noise: Array
     speed: float
     radius: float
     axis_distance: float
-    walk_rate: Array
+    walk_noise: Array
     coarseness: float
-    fast: float
-    slow: float
+    white_share: float
+    correlated_share: float
 
 
 @hot
 def _lever(kind: int, m: Models, priors: Priors) -> float:
-    """How far the child moves per unit of q; one rule for joints of any radius, [m] per unit."""
+    """How far the child moves per unit of q, [m] or [m/rad]; for a rotation about itself, too."""
     if kind == PRISMATIC:
         return 1.0
     c = m.c[kind]
@@ -66,18 +66,18 @@ def _lever(kind: int, m: Models, priors: Priors) -> float:
 
 @hot
 def _solve_densities(
-    kind: int, m: Models, p: Packets, priors: Priors, lin: Linear, best: Chain, trial: Chain
+    kind: int, m: Models, kf: Keyframes, priors: Priors, lin: Linear, best: Chain, trial: Chain
 ) -> tuple[float, float, float, float]:
-    """Solves for every acceleration density; the best solution stays in `best`.
+    """Solves for every density of the process noise; the best solution stays in `best`.
 
     Returns:
         Log evidence with the density marginalised, the best density S, its log likelihood and gain.
     """
     n, lever, still = dimension(kind), _lever(kind, m, priors), np.zeros(10)
     total, top, best_S, best_value, best_gain = 0.0, -np.inf, 0.0, 0.0, 0.0
-    for density in priors.densities:
+    for density in priors.process_noise:
         S = density / lever**2
-        value = run_chain(n, S, priors.speed / lever, 1.0, m.q[kind], p, lin, still, 0, trial)
+        value = run_chain(n, S, priors.speed / lever, 1.0, m.q[kind], kf, lin, still, 0, trial)
         evidence, gain = solve(n, value, trial)
         if evidence > top:
             total = total * np.exp(top - evidence) + 1.0
@@ -86,35 +86,35 @@ def _solve_densities(
             best.H[:], best.step[:] = trial.H, trial.step
         else:
             total += np.exp(evidence - top)
-    return top + np.log(total / priors.densities.size), best_S, best_value, best_gain
+    return top + np.log(total / priors.process_noise.size), best_S, best_value, best_gain
 
 
 @hot
 def _track(
-    kind: int, m: Models, p: Packets, priors: Priors, lin: Linear, best: Chain, trial: Chain
+    kind: int, m: Models, kf: Keyframes, priors: Priors, lin: Linear, best: Chain, trial: Chain
 ) -> float:
-    """Filters q anew with the errors' fast share only, into `best`; returns its density S.
+    """Filters q anew with the white share of the errors only, into `best`; returns its density S.
 
-    A slow error moves along with q: following the measurement is then better than smoothing it. S
-    is the likeliest of the newest packets: in a long even motion, a stop would drown.
-    What theta is worth stays as it is; the slow share comes on top of the variance of q.
+    A correlated error cannot be averaged away, so that q follows the measurements and its variance
+    gets the correlated share on top. S is the density under which the newest keyframes are
+    likeliest, whatever a long motion before them was like. The covariance of theta is not changed.
     """
     n, lever, q = dimension(kind), _lever(kind, m, priors), m.q[kind].copy()
-    speed, since = priors.speed / lever, p.size[0] - RECENT
+    speed, since = priors.speed / lever, kf.size[0] - RECENT
     top, best_S = -np.inf, 0.0
-    for density in priors.densities:
+    for density in priors.process_noise:
         S = density / lever**2
-        value = run_chain(n, S, speed, priors.fast, q, p, lin, best.step, since, trial)
+        value = run_chain(n, S, speed, priors.white_share, q, kf, lin, best.step, since, trial)
         if value > top:
             top, best_S = value, S
             best.m[:], best.M[:], best.P[:] = trial.m, trial.M, trial.P
-    best.P[0] += priors.slow / lin.alpha[p.size[0] - 1]
+    best.P[0] += priors.correlated_share / lin.alpha[kf.size[0] - 1]
     return best_S
 
 
 @hot
 def _store(kind: int, m: Models, chain: Chain) -> None:
-    """Keeps the posterior of the newest packet."""
+    """Keeps the posterior of the newest keyframe."""
     n = dimension(kind)
     cholesky.inverse(chain.H, m.covariance[kind], n)
     for i in range(2):
@@ -140,39 +140,40 @@ def _trusted(kind: int, c: Array, step: Array) -> float:
 
 @hot
 def _move(kind: int, m: Models, priors: Priors, q: Array, step: Array) -> None:
-    """Moves theta by `step`; m.q came with it from `q`, linearly.
+    """Moves theta by `step`; m.q is already moved from `q` by its linear share of the step.
 
-    What it moved by is scaled so that paths keep their length where the axis moves away.
+    The change of m.q is scaled by the lever, so that a path keeps its length if the axis recedes.
     """
-    before = _lever(kind, m, priors)
+    lever = _lever(kind, m, priors)
     retract(kind, m.Y[kind], m.a[kind], m.c[kind], step)
-    share = before / _lever(kind, m, priors)
+    share = lever / _lever(kind, m, priors)
     for i in range(q.size):
         m.q[kind, i] = q[i] + share * (m.q[kind, i] - q[i])
 
 
 @hot
-def solve_moving(kind: int, m: Models, p: Packets, priors: Priors, steps: int) -> None:
+def solve_moving(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int) -> None:
     """Gauss-Newton with step shortening on theta and all q; stores posterior and evidence.
 
-    Only a step that promises next to nothing is taken without looking back: along a valley, as that
-    of an axis far away, a step can promise little, go far and end high up on the other side.
+    The last step is not verified by another linearisation, so that it is taken only if its gain is
+    next to nothing: along a valley, such as that of an axis far away, a step of small gain can go
+    far and lose much.
 
     Args:
         kind: `PRISMATIC` or `REVOLUTE`.
         m: Models.
-        p: Packets.
+        kf: Keyframes.
         priors: See `Priors`.
         steps: Linearisations at most, two or more.
     """
-    lin = new_linear(p.time.size)
+    lin = new_linear(kf.time.size)
     best, trial = new_chain(), new_chain()
     previous, q_previous = -np.inf, m.q[kind].copy()
     Y, a, c = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy()
-    step, dq = np.zeros(10), np.zeros(p.time.size)
+    step, dq = np.zeros(10), np.zeros(kf.time.size)
     for i in range(steps):
-        linearise(kind, m, p, priors.axis_distance, lin)
-        evidence, S, value, gain = _solve_densities(kind, m, p, priors, lin, best, trial)
+        linearise(kind, m, kf, priors.axis_distance, lin)
+        evidence, S, value, gain = _solve_densities(kind, m, kf, priors, lin, best, trial)
         if i < steps - 1 and value < previous:
             share = _SHORTER if i < steps - 2 else 0.0
             step *= share
@@ -182,44 +183,44 @@ def solve_moving(kind: int, m: Models, p: Packets, priors: Priors, steps: int) -
             continue
         previous = value
         Y[:], a[:], c[:], q_previous[:] = m.Y[kind], m.a[kind], m.c[kind], m.q[kind]
-        last = i >= steps - 2 or gain < _STILL
+        last = i >= steps - 2 or gain < _CONVERGED
         best.step[:] *= _trusted(kind, m.c[kind], best.step)
-        if last and gain >= _STILL:
+        if last and gain >= _CONVERGED:
             best.step[:] = 0.0
         step[:] = best.step
         sigma_v = priors.speed / _lever(kind, m, priors)
-        smooth(dimension(kind), S, sigma_v, q_previous, p, lin, step, m.q[kind])
-        if last and priors.fast < 1.0:
+        smooth(dimension(kind), S, sigma_v, q_previous, kf, lin, step, m.q[kind])
+        if last and priors.white_share < 1.0:
             m.q[kind], q_smooth = q_previous, m.q[kind].copy()
-            S = _track(kind, m, p, priors, lin, best, trial)
+            S = _track(kind, m, kf, priors, lin, best, trial)
             m.q[kind] = q_smooth
         dq = m.q[kind] - q_previous
         _move(kind, m, priors, q_previous, step)
         evidence -= max(gain - _PROMISED, 0.0)
-        m.log_evidence[kind], m.density[kind] = evidence + m.carried[kind], S
+        m.log_evidence[kind], m.process_noise[kind] = evidence + m.marginal_evidence[kind], S
         _store(kind, m, best)
         if last:
             break
 
 
 @hot
-def solve_still(m: Models, p: Packets, axis_distance: float) -> None:
-    """The rigid model, all but linear, and the free walk's evidence."""
-    rigid = int(np.int64(RIGID))  # Not a literal, for which all it calls would be compiled again.
-    lin, chain = new_linear(p.time.size), new_chain()
+def solve_still(m: Models, kf: Keyframes, axis_distance: float) -> None:
+    """Solves the rigid model, which is nearly linear, and sums up the free walk's evidence."""
+    rigid = int(np.int64(RIGID))  # For a literal, Numba would compile all callees again.
+    lin, chain = new_linear(kf.time.size), new_chain()
     for _ in range(2):
-        linearise(rigid, m, p, axis_distance, lin)
+        linearise(rigid, m, kf, axis_distance, lin)
         for i in range(6):
             chain.h[i] = lin.vector[i]
             for j in range(i + 1):
                 chain.H[i, j] = lin.information[i, j]
         evidence, gain = solve(dimension(rigid), lin.value[0], chain)
         retract(rigid, m.Y[RIGID], m.a[RIGID], m.c[RIGID], chain.step)
-        m.log_evidence[RIGID] = evidence + m.carried[RIGID]
-        if gain < _STILL:
+        m.log_evidence[RIGID] = evidence + m.marginal_evidence[RIGID]
+        if gain < _CONVERGED:
             break
     cholesky.inverse(chain.H, m.covariance[RIGID], dimension(rigid))
-    walk = 0.5 * p.log_det[0] + p.walk[0] + m.carried[3]
-    for k in range(p.size[0] - 1):
-        walk += p.pair[k, 1]
+    walk = 0.5 * kf.log_det[0] + kf.walk[0] + m.marginal_evidence[3]
+    for k in range(kf.size[0] - 1):
+        walk += kf.pair[k, 1]
     m.log_evidence[3] = walk

@@ -8,55 +8,54 @@ import numpy as np
 
 from maths.arrays import Array
 from maths.compiled import hot
+from maths.se3_in_place import relative_log
+from maths.tangent_plane import normal_basis
 from systems.kinematics.joint_solver.joint_geometry import (
     PRISMATIC,
     REVOLUTE,
     RIGID,
     dimension,
-    tangent_basis,
 )
 from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.pose_packets import Packets, relative_log
+from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
-_SIGNIFICANT = 4.0  # Standard deviations of q that decide its sign,
-_MOVED = 10.0  # where the evidence is this many nats above the rigid model's.
+_SIGNIFICANT = 4.0  # Standard deviations of q from zero at which its sign is decided.
+_MOVED = 10.0  # Log evidence over the rigid model's at which its sign is decided, [nat].
 
 
 @hot
-def _twists(p: Packets, xi: Array) -> None:
+def _twists(kf: Keyframes, xi: Array) -> None:
     for k in range(xi.shape[0]):
-        relative_log(p.Z[0], p.Z[k], xi[k])
+        relative_log(kf.Z[0], kf.Z[k], xi[k])
 
 
 def _screw_start(V: Array, axis_distance: float) -> tuple[Array, Array]:
     """The axis (3,) and its point (3,) of a body that moves along the twist V (6,) at Fo."""
     w, v = V[:3], V[3:]
     speed, rate = float(np.linalg.norm(v)), float(np.linalg.norm(w))
-    if speed > 0.3 * rate:  # Only what is normal to the path bends it.
+    if speed > 0.3 * rate:  # A rotation about the path's own direction does not bend it.
         w = w - v * (w @ v) / speed**2
         rate = float(np.linalg.norm(w))
     if rate < 1e-9:
-        B = np.empty((2, 3))
-        tangent_basis(v / speed, B)
-        w, rate = B[0], 1.0
+        w, rate = normal_basis(v / speed)[0], 1.0
     a = w / np.linalg.norm(w)
     return a, np.cross(a, v) / max(rate, speed / (1.5 * axis_distance))
 
 
-def fresh_start(m: Models, p: Packets, axis_distance: float) -> None:
+def fresh_start(m: Models, kf: Keyframes, axis_distance: float) -> None:
     """Starts both moving models, in place, from the principal direction of all twists.
 
     Args:
         m: Models.
-        p: Packets, at least two.
+        kf: Keyframes, at least two.
         axis_distance: See `Priors`; a revolute axis starts no further away than 1.5 times this.
     """
-    n = int(p.size[0])
-    R = np.diagonal(p.R[n - 1])
+    n = int(kf.size[0])
+    R = np.diagonal(kf.R[n - 1])
     scale = np.sqrt(np.repeat([R[:3].mean(), R[3:].mean()], 3))
     xi = np.empty((n, 6))
-    _twists(p, xi)
-    weight = R[3] / p.R[:n, 3, 3]
+    _twists(kf, xi)
+    weight = R[3] / kf.R[:n, 3, 3]
     d = (xi - weight @ xi / weight.sum()) / scale
     scatter = (d.T * weight) @ d
     a = np.linalg.eigh(scatter[3:, 3:])[1][:, 2]
@@ -73,7 +72,7 @@ def turn(kind: int, m: Models) -> None:
     """Turns the axis, and with it the sign of q, in place."""
     for x in (m.a, m.q, m.state, m.gain):
         x[kind] *= -1.0
-    # The basis normal to -a: its first vector stays, the second turns.
+    # `tangent_basis(-a)` has the first vector of `tangent_basis(a)` and the opposite of its second.
     for i in (6, 9):
         m.gain[kind, :, i] *= -1.0
         m.covariance[kind, i, :] *= -1.0

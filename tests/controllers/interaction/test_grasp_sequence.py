@@ -13,7 +13,7 @@ from controllers.interaction.phases import Phase
 from maths import se3
 
 CONFIG = GraspSequenceConfig()
-GOAL = Goal(travel=0.2, return_to_start=True)
+GOAL = Goal(configuration=0.2, return_to_start=True)
 SLIDE = np.array([0.0, 0, 0, -1, 0, 0])
 HELD = np.array([6.0e4, 6.0e4, 6.0e4, 8.0e4])
 BACK = np.array([0.02, -0.01, 0.03, 0.01, 0.02, -0.1])
@@ -68,7 +68,7 @@ def test_exploration_goes_on_until_the_perceived_joint_reaches_the_goal() -> Non
     assert step(exploring(), perceived(1.0, 0.19)).phase == Phase.EXPLORE
     assert step(exploring(), perceived(1.0, 0.2)).phase == Phase.RETURN
     assert step(exploring(), perceived(1.0, -0.2)).phase == Phase.RETURN
-    assert step(exploring(), perceived(1.0, 0.2), Goal(travel=0.2)).phase == Phase.STOP
+    assert step(exploring(), perceived(1.0, 0.2), Goal(configuration=0.2)).phase == Phase.STOP
 
 
 def test_the_hand_is_stopped_as_much_earlier_as_the_joint_is_fast() -> None:

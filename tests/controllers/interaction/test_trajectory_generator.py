@@ -1,16 +1,14 @@
 """The plan back to the start: closed forms, the loop on the perceived joint, its ports."""
 
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from known_arm import STILL, arm_model
 from numpy.testing import assert_allclose
-from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
 from controllers.arm.impedance import DesiredMotion, ImpedanceGains
-from controllers.arm.kinematics import ArmModel
 from controllers.interaction.phases import Phase
 from controllers.interaction.trajectory_generator import (
     Plan,
@@ -21,16 +19,6 @@ from controllers.interaction.trajectory_generator import (
     plan_duration,
 )
 from maths import se3
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.wam import WAM_WITH_SOFT_HAND
-
-Q = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.1])
-STILL = np.concatenate([Q, np.zeros(7)])
-
-
-@cache
-def arm_model() -> ArmModel:
-    return ArmModel(make_arm_with_load(WAM_WITH_SOFT_HAND, RigidTransform()))
 
 
 def about_vertical(point: np.ndarray) -> np.ndarray:
@@ -174,3 +162,5 @@ def test_the_return_begins_where_the_hand_is_and_leads_to_the_joints_start() -> 
 def test_impossible_values_are_refused_by_name() -> None:
     with pytest.raises(ValueError, match="speed"):
         TrajectoryGenerator(TrajectoryGeneratorConfig(speed=0.0), arm_model())
+    with pytest.raises(ValueError, match="mass"):
+        TrajectoryGenerator(TrajectoryGeneratorConfig(mass=np.nan), arm_model())

@@ -111,7 +111,7 @@ def test_models_that_cannot_be_read_are_refused_in_one_line(tmp_path: Path) -> N
     assert "is not valid XML" in refusal(path)
 
 
-@pytest.mark.filterwarnings("ignore::diagrams.crossmodal.objects.own_object.ObjectWarning")
+@pytest.mark.filterwarnings("ignore::diagrams.crossmodal.objects.object_import.ObjectWarning")
 def test_a_fixed_joint_cannot_be_explored(tmp_path: Path) -> None:
     (tmp_path / "stiff.sdf").write_text(
         "<sdf version='1.9'><model name='m'><link name='a'/><link name='b'/>"

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from synthetic_episode import synthetic_episode
 
-from diagrams.crossmodal.experiments import EXPERIMENTS
 from diagrams.crossmodal.scenario import load_scenario
+from diagrams.crossmodal.studies.experiments import EXPERIMENTS
 from diagrams.evaluation.campaign import (
     Evaluation,
     Workers,

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from synthetic_episode import LIGHTS_OFF, PERIOD, synthetic_episode
 
-from diagrams.crossmodal.experiments import EXPERIMENTS
+from diagrams.crossmodal.studies.experiments import EXPERIMENTS
 from diagrams.evaluation.campaign import Evaluation, episode_folder, prepare
 from diagrams.evaluation.campaign_plots import (
     common_events,

@@ -3,7 +3,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagrams.crossmodal.experiments import Experiment, Reference
+from diagrams.crossmodal.studies.experiments import Experiment, Reference
 from diagrams.evaluation.metric_table import (
     COLUMNS,
     count,

@@ -1,34 +1,36 @@
 """The joint filters on simulated motions: type, errors, and how honest their covariances are."""
 
 import copy
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from pydrake.common.yaml import yaml_load_typed
-from scipy.stats import chi2
 from synthetic_motion import Run, Scene, at_rest, filter_states, simulate, stop_and_go, to_and_fro
 
 from maths import se3
+from maths.consistency import is_consistent
+from maths.tangent_plane import normal_basis
 from systems.kinematics.joint_filters import (
     JointFilters,
     JointFiltersConfig,
     JointFiltersState,
-    frame_covariance,
 )
+from systems.kinematics.measurement_errors import MeasurementErrorsConfig, white_equivalent
 from systems.port_values import JointModelBelief, JointType
 
 PRISMATIC, REVOLUTE = JointType.PRISMATIC, JointType.REVOLUTE
 RIGID, DISCONNECTED = JointType.RIGID, JointType.DISCONNECTED
 
 
+def _correlated(**errors: float) -> JointFiltersConfig:
+    return JointFiltersConfig(errors=MeasurementErrorsConfig(**errors))
+
+
 def _angle(model: JointModelBelief, axis: np.ndarray) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(model.axis_P, axis)), model.axis_P @ axis))
-
-
-def _inside(e: np.ndarray, C: np.ndarray) -> bool:
-    low, high = chi2.ppf([0.025, 0.975], e.size)
-    return bool(low < e @ np.linalg.solve(C, e) < high)
 
 
 def _consistency(scene: Scene, seeds: range, config: JointFiltersConfig | None = None) -> tuple:
@@ -39,19 +41,19 @@ def _consistency(scene: Scene, seeds: range, config: JointFiltersConfig | None =
         filters, states = filter_states(scene, run, config)
         for k in range(15, len(states) - 1, 5):
             m = filters.belief(states[k]).models[scene.joint]
-            B = np.linalg.svd(m.axis_P[None])[2][1:]
+            B = normal_basis(m.axis_P)
             row = [
-                _inside(m.configuration[:1] - run.q[k], m.configuration_covariance[:1, :1]),
-                _inside(B @ run.axis, B @ m.axis_covariance @ B.T),
+                is_consistent(m.configuration[:1] - run.q[k], m.configuration_covariance[:1, :1]),
+                is_consistent(B @ run.axis, B @ m.axis_covariance @ B.T),
             ]
             if scene.joint == REVOLUTE:
                 # The true axis, where it passes the plane through the estimate, normal to it.
                 d = run.point - m.p_PA
                 d -= run.axis * (d @ m.axis_P) / (run.axis @ m.axis_P)
-                row.append(_inside(B @ d, B @ m.p_PA_covariance @ B.T))
+                row.append(is_consistent(B @ d, B @ m.p_PA_covariance @ B.T))
             predicted = filters.predict(states[k], scene.joint, 1.0 / 15.0)
             e = se3.log(se3.inverse(predicted.X) @ run.X_PB[k + 1])
-            row.append(_inside(e, predicted.covariance))
+            row.append(is_consistent(e, predicted.covariance))
             inside.append(row)
     return tuple(np.mean(inside, axis=0))
 
@@ -119,14 +121,16 @@ def test_correlated_noise_needs_its_correlation_time_to_be_judged_honestly() -> 
     scene = Scene(joint=REVOLUTE, seconds=15.0, correlation_time=2.0)
     q, axis, point, predicted = _consistency(scene, range(4))
     assert min(q, axis, point, predicted) < 0.7
-    shares = _consistency(scene, range(4), JointFiltersConfig(correlation_time=2.0))
+    shares = _consistency(scene, range(4), _correlated(correlation_time=2.0))
     assert min(shares) > 0.8
 
 
 @pytest.mark.parametrize("joint", [PRISMATIC, REVOLUTE])
-def test_the_configuration_never_claims_less_than_a_slow_error_s_share(joint: JointType) -> None:
+def test_the_configuration_never_claims_less_than_a_correlated_error(
+    joint: JointType,
+) -> None:
     scene = Scene(joint=joint, radius=0.0, motion=at_rest, translation=1e-4, rotation=1e-2)
-    config = JointFiltersConfig(slow_rotation=0.01, slow_translation=0.01, slow_time=2.0)
+    config = _correlated(correlated_rotation=0.01, correlated_translation=0.01, correlated_time=2.0)
     filters, states = filter_states(scene, simulate(scene, 0), config)
     m = filters.belief(states[-1]).models[joint]
     assert np.sqrt(m.configuration_covariance[0, 0]) > 0.0095
@@ -183,8 +187,8 @@ def test_an_episode_of_minutes_keeps_learning_in_bounded_memory() -> None:
     run = simulate(scene, 3)
     filters, states = filter_states(scene, run)
     early, late = (filters.belief(states[k]).models[REVOLUTE] for k in (300, -1))
-    assert states[-1].packets.size[0] <= JointFiltersConfig().memory
-    assert states[-1].models.prior_information[1].any()  # Packets have been dropped.
+    assert states[-1].keyframes.size[0] <= JointFiltersConfig().memory
+    assert states[-1].models.prior_information[1].any()  # Keyframes have been marginalised.
     assert late.axis_covariance.trace() < 0.4 * early.axis_covariance.trace()
     assert _angle(late, run.axis) < 3.0 * np.sqrt(late.axis_covariance.trace())
     assert filters.belief(states[-1]).type == REVOLUTE
@@ -235,7 +239,7 @@ def test_an_update_changes_nothing_of_the_state_before_and_repeats_exactly() -> 
     filters, states = filter_states(scene, run)
 
     def content(state: JointFiltersState) -> list[np.ndarray]:
-        return [x.copy() for x in (*state.models, *state.packets)]
+        return [x.copy() for x in (*state.models, *state.keyframes)]
 
     before = content(states[-2])
     again = filters.update(states[-2], run.measured[-1], scene.covariance, float(run.times[-1]))
@@ -244,6 +248,30 @@ def test_an_update_changes_nothing_of_the_state_before_and_repeats_exactly() -> 
     for x, y in zip(content(again), content(states[-1]), strict=True):
         assert_allclose(x, y, atol=0.0)
     assert copy.deepcopy(again) is again
+
+
+WITHOUT_DRAKE = """
+import sys
+sys.modules["pydrake"] = None  # Any import of it fails.
+import numpy as np
+from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig, __doc__ as text
+rng, covariance, time = np.random.default_rng(0), 1e-6 * np.eye(6), 0.0
+X_PB = np.eye(4)
+measurements = []
+for k in range(1, 30):
+    X = np.eye(4)
+    X[:3, 3] = [0.01 * k, 0.0, 0.0] + 1e-3 * rng.normal(size=3)
+    measurements.append((X, covariance, k / 15.0))
+exec("\\n".join(line[4:] for line in text.splitlines() if line.startswith("    ")))
+"""
+
+
+def test_the_module_s_example_runs_without_drake() -> None:
+    command = [sys.executable, "-c", WITHOUT_DRAKE]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    assert printed[0] == "prismatic"
+    assert float(printed[1]) > 0.99
+    assert_allclose(float(printed[2].strip("[")), 0.29, atol=2e-3)
 
 
 def test_fields_that_a_type_lacks_are_nan() -> None:
@@ -259,12 +287,12 @@ def test_fields_that_a_type_lacks_are_nan() -> None:
 
 def test_correlated_errors_count_as_much_as_their_average_is_worth() -> None:
     """The variance of an average over long is that of white noise with the same covariance."""
-    config = JointFiltersConfig(correlation_time=0.5)
+    config = MeasurementErrorsConfig(correlation_time=0.5)
     dt, n = 1.0 / 15.0, 4000
     r = np.exp(-dt / 0.5)
     lags = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     variance = np.mean(r**lags)
-    R = frame_covariance(np.eye(6), dt, config)
+    R = white_equivalent(np.eye(6), dt, config)
     assert_allclose(R, np.eye(6) * variance * n, rtol=0.01, atol=1e-9)
 
 
@@ -274,19 +302,20 @@ def test_correlated_errors_count_as_much_as_their_average_is_worth() -> None:
         ("speed", 0.0, "m/s"),
         ("radius", -0.3, "m"),
         ("axis_distance", float("nan"), "m"),
-        ("prior_rigid", 0.0, "> 0"),
-        ("correlation_time", -1.0, "s"),
-        ("slow_translation", float("inf"), "m"),
-        ("acceleration_densities", [], "m^2/s^3"),
-        ("acceleration_densities", [1e-5, 0.0], "m^2/s^3"),
-        ("memory", 11, "packets"),
+        ("type_priors.rigid", 0.0, "> 0"),
+        ("errors.correlation_time", -1.0, "s"),
+        ("errors.correlated_translation", float("inf"), "m"),
+        ("process_noise", [], "m^2/s^3"),
+        ("process_noise", [1e-5, 0.0], "m^2/s^3"),
+        ("memory", 11, "keyframes"),
         ("coarseness", 1.0, "< 1"),
     ],
 )
 def test_impossible_values_are_refused_by_name(field: str, value: object, unit: str) -> None:
     config = JointFiltersConfig()
-    setattr(config, field, value)
-    with pytest.raises(ValueError, match=rf"^Owner: need .*{field}") as error:
+    group, _, name = field.rpartition(".")
+    setattr(getattr(config, group) if group else config, name, value)
+    with pytest.raises(ValueError, match=rf"^Owner: ({group}: )?{name} = .*, need") as error:
         JointFilters(config, owner="Owner")
     assert unit in str(error.value)
     assert repr(value) in str(error.value)
@@ -294,16 +323,16 @@ def test_impossible_values_are_refused_by_name(field: str, value: object, unit: 
 
 def test_the_config_is_read_from_yaml() -> None:
     config = yaml_load_typed(
-        schema=JointFiltersConfig, data="{memory: 40, acceleration_densities: [1.0e-5]}"
+        schema=JointFiltersConfig, data="{memory: 40, process_noise: [1.0e-5]}"
     )
     assert config.memory == 40
-    assert config.acceleration_densities == [1e-5]
+    assert config.process_noise == [1e-5]
     with pytest.raises(RuntimeError, match="memori"):
         yaml_load_typed(schema=JointFiltersConfig, data="{memori: 40}")
 
 
 def _slide_then_drift(config: JointFiltersConfig, *, declared: bool) -> tuple:
-    """A slide seen well for 4 s, then felt for 6 s with an error that bends slowly aside.
+    """A slide seen well for 4 s, then felt for 6 s with a correlated error that grows.
 
     Returns:
         Probability of a prismatic joint and the angle of its axis to the true one, [rad].
@@ -316,17 +345,17 @@ def _slide_then_drift(config: JointFiltersConfig, *, declared: bool) -> tuple:
         time, unseen = k / 15, max(0.0, k / 15 - 4.0)
         X = se3.exp(np.array([0.0, 0.0, 0.0, 0.02 * time, 0.0, 0.0]))
         drift = np.array([0.0, 0.0, 8e-3, 0.0, 2e-3, 0.0]) * unseen
-        lasting = np.diag(np.repeat([4e-3, 1e-3], 3) * unseen) ** 2
+        correlated = np.diag(np.repeat([4e-3, 1e-3], 3) * unseen) ** 2
         X = X @ se3.exp(drift) @ se3.exp(sigma * rng.normal(size=6))
-        covariance = np.diag(sigma**2) + lasting
-        state = filters.update(state, X, covariance, time, lasting if declared else None)
+        covariance = np.diag(sigma**2) + correlated
+        state = filters.update(state, X, covariance, time, correlated if declared else None)
     belief = filters.belief(state)
     slide = belief.models[PRISMATIC]
     return belief.probabilities[PRISMATIC], _angle(slide, np.array([1.0, 0.0, 0.0]))
 
 
-def test_a_lasting_error_does_not_bend_a_slide_that_was_seen_well() -> None:
-    config = JointFiltersConfig(lasting_time=5.0, slow_rotation=3e-3, slow_translation=3e-4)
+def test_a_correlated_error_does_not_bend_a_slide_that_was_seen_well() -> None:
+    config = _correlated(declared_time=5.0, correlated_rotation=3e-3, correlated_translation=3e-4)
     right, angle = _slide_then_drift(config, declared=True)
     assert right > 0.99
     assert angle < np.deg2rad(0.3)
@@ -336,9 +365,9 @@ def test_a_lasting_error_does_not_bend_a_slide_that_was_seen_well() -> None:
 
 
 @pytest.mark.parametrize("declared", [True, False])
-def test_a_body_that_stops_is_not_believed_to_go_on_for_a_lasting_error(declared: bool) -> None:
+def test_a_body_that_stops_is_not_believed_to_go_on_for_a_correlated_error(declared: bool) -> None:
     """A slide felt by the hand alone: off by a millimetre that stays, and by little that is new."""
-    config = JointFiltersConfig(lasting_time=5.0, slow_rotation=3e-3, slow_translation=3e-4)
+    config = _correlated(declared_time=5.0, correlated_rotation=3e-3, correlated_translation=3e-4)
     rng = np.random.default_rng(0)
     filters = JointFilters(config)
     state = filters.start(np.eye(4), 1e-12 * np.eye(6), -1.0)
@@ -353,8 +382,8 @@ def test_a_body_that_stops_is_not_believed_to_go_on_for_a_lasting_error(declared
             + off
             + rng.multivariate_normal(np.zeros(6), new)
         )
-        lasting = np.diag(np.repeat([0.05, 4e-3], 3) * min(time, 1.0)) ** 2
-        state = filters.update(state, X, new + lasting, time, lasting if declared else None)
+        correlated = np.diag(np.repeat([0.05, 4e-3], 3) * min(time, 1.0)) ** 2
+        state = filters.update(state, X, new + correlated, time, correlated if declared else None)
         slide = filters.belief(state).models[PRISMATIC]
         errors.append(slide.configuration[0] - way)
     pulled, stopped = np.array(errors[60:118]), np.array(errors[121:])
@@ -380,7 +409,7 @@ def _with_new_reference(joint: JointType, seed: int) -> tuple[JointFilters, list
             continue
         X = run.X_PB[k] @ offset @ se3.exp(rng.multivariate_normal(np.zeros(6), fine))
         if k == half:
-            states.append(filters.refer(states[-1], X, fine, time))
+            states.append(filters.rebase(states[-1], X, fine, time))
         else:
             states.append(filters.update(states[-1], X, fine, time))
     return filters, states, run, half
@@ -410,11 +439,11 @@ def test_what_follows_a_new_reference_is_as_wrong_as_it_says(joint: JointType) -
         filters, states, run, half = _with_new_reference(joint, seed)
         model = filters.belief(states[-1]).models[joint]
         error = model.configuration[:1] - run.q[-1]
-        B = np.linalg.svd(model.axis_P[None])[2][1:]
+        B = normal_basis(model.axis_P)
         inside.append(
             [
-                _inside(error, model.configuration_covariance[:1, :1]),
-                _inside(B @ run.axis, B @ model.axis_covariance @ B.T),
+                is_consistent(error, model.configuration_covariance[:1, :1]),
+                is_consistent(B @ run.axis, B @ model.axis_covariance @ B.T),
             ]
         )
         before = filters.belief(states[half]).models[joint].configuration[0] - run.q[half]
@@ -436,7 +465,7 @@ def test_what_follows_a_new_reference_is_as_wrong_as_it_says(joint: JointType) -
 def test_the_evidence_of_a_wrong_axis_far_away_does_not_jump() -> None:
     """To and fro on a straight path, felt by a hand that can turn: hardly a revolute joint."""
     filters = JointFilters(
-        JointFiltersConfig(slow_rotation=0.05, slow_translation=6e-3, slow_time=5.0)
+        _correlated(correlated_rotation=0.05, correlated_translation=6e-3, correlated_time=5.0)
     )
     rng, evidence = np.random.default_rng(0), []
     state = filters.start(np.eye(4), 1e-12 * np.eye(6), -1.0)
@@ -451,19 +480,21 @@ def test_the_evidence_of_a_wrong_axis_far_away_does_not_jump() -> None:
 
 
 def test_a_grip_that_settles_after_the_reference_does_not_bend_the_path() -> None:
-    """The settling lies across the path; with it allowed for, q still counts from the reference."""
+    """Its error lies across the path; with it allowed for, q still counts from the reference."""
     filters = JointFilters(JointFiltersConfig())
-    settling = np.diag(np.repeat([0.05**2, 6e-3**2], 3))
+    reference_error = np.diag(np.repeat([0.05**2, 6e-3**2], 3))
     R, rng, angles = 1e-6 * np.eye(6), np.random.default_rng(0), []
-    for allowed in (settling, None):
-        state = filters.start(np.eye(4), 1e-12 * np.eye(6), -1.0 / 15.0, settling=allowed)
+    for allowed in (reference_error, None):
+        state = filters.start(np.eye(4), 1e-12 * np.eye(6), -1.0 / 15.0, reference_error=allowed)
         for k in range(150):
             y, fades = 0.02 * k / 15, 1.0 - np.exp(-k / 15)
             xi = np.array([0.0, 0.0, 0.03, 5e-3, 0.0, 0.0]) * fades
             X = se3.exp(np.array([0.0, 0.0, 0.0, 0.0, y, 0.0])) @ se3.exp(xi)
             X = X @ se3.exp(1e-3 * rng.normal(size=6))
-            lasting = settling * np.exp(-2.0 * k / 15)
-            state = filters.update(state, X, R + (lasting if allowed is not None else 0.0), k / 15)
+            correlated = reference_error * np.exp(-2.0 * k / 15)
+            state = filters.update(
+                state, X, R + (correlated if allowed is not None else 0.0), k / 15
+            )
         belief = filters.belief(state)
         angles.append(_angle(belief.models[PRISMATIC], np.array([0.0, 1.0, 0.0])))
         if allowed is not None:

@@ -18,15 +18,22 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from systems.sensors.robot_mask import (
-    HandPostureModel,
+    MaskedRobot,
     RobotMask,
     RobotMaskConfig,
+    RobotPosture,
     enlarge,
     reduced_intrinsics,
     silhouette_to_mask,
 )
 
 INTRINSICS = CameraInfo(320, 240, 288.0, 288.0, 159.5, 119.5)
+ROBOT = MaskedRobot(
+    arm="DefaultModelInstance",
+    arm_joints=["arm"],
+    hand="DefaultModelInstance",
+    hand_posture={"knuckle": (0.0, 1.2)},
+)
 X_WC = RigidTransform(RollPitchYaw(-np.pi / 2.0, 0.0, 0.0), [0.2, -1.0, 0.0])
 
 
@@ -56,7 +63,7 @@ def _frame(plant, body, X_BF):
 
 
 def robot_mask(config, q, closure):
-    mask = RobotMask(config, build_robot, INTRINSICS, X_WC, ["arm"], {"knuckle": (0.0, 1.2)})
+    mask = RobotMask(config, build_robot, INTRINSICS, X_WC, {"robot": ROBOT})
     context = mask.CreateDefaultContext()
     mask.GetInputPort("joint_state_measured").FixValue(context, [q, 0.0])
     mask.GetInputPort("closure_commanded").FixValue(context, [closure])
@@ -120,6 +127,42 @@ def test_the_mask_moves_with_the_measured_joint_and_the_commanded_closure():
     assert (robot_mask(config, 0.4, 0.0) != open_hand).any()
 
 
+def test_a_camera_on_a_link_sees_the_same_of_that_link_wherever_it_is():
+    """A camera that looks at the link from the side, and does not turn with the finger."""
+    X_LC = RigidTransform(RollPitchYaw(-np.pi / 2.0, 0.0, 0.0), [0.15, -1.0, 0.0])
+    config, base = RobotMaskConfig(), "DefaultModelInstance::link"
+    mask = RobotMask(config, build_robot, INTRINSICS, X_LC, {"robot": ROBOT}, base)
+    context = mask.CreateDefaultContext()
+    images = []
+    for q, closure in ((0.0, 0.0), (0.7, 0.0), (0.7, 1.0)):
+        mask.GetInputPort("joint_state_measured").FixValue(context, [q, 0.0])
+        mask.GetInputPort("closure_commanded").FixValue(context, [closure])
+        images.append(mask.get_output_port().Eval(context).data.copy())
+    assert images[0].any()
+    np.testing.assert_array_equal(images[0], images[1])
+    assert (images[1] != images[2]).any()
+
+
+def test_several_robots_have_ports_of_their_own_and_move_by_them():
+    def build_two(plant):
+        for name in ("left", "right"):
+            instance = plant.AddModelInstance(name)
+            inertia = SpatialInertia.SolidCubeWithDensity(1.0, 0.1)
+            link = plant.AddRigidBody("link", instance, inertia)
+            plant.AddJoint(
+                RevoluteJoint("arm", plant.world_frame(), link.body_frame(), np.array([0, 1.0, 0]))
+            )
+
+    robots = {name: MaskedRobot(arm=name, arm_joints=["arm"]) for name in ("left", "right")}
+    mask = RobotMask(RobotMaskConfig(), build_two, INTRINSICS, X_WC, robots)
+    context = mask.CreateDefaultContext()
+    for name, q in (("left", 0.3), ("right", -0.4)):
+        mask.GetInputPort(f"{name}_joint_state_measured").FixValue(context, [q, 0.0])
+    posture = mask.GetSubsystemByName("posture")
+    positions = posture.get_output_port().Eval(posture.GetMyContextFromRoot(context))
+    np.testing.assert_allclose(positions, [0.3, -0.4])
+
+
 def test_the_margin_is_a_disc_of_its_size_in_pixels():
     depth = np.full((41, 41), np.inf, dtype=np.float32)
     depth[20, 20] = 2.0
@@ -167,7 +210,9 @@ def test_reduced_intrinsics_see_a_ray_in_the_block_that_holds_it():
 
 
 def test_the_posture_goes_linearly_with_the_closure_and_takes_the_arm_from_the_encoders():
-    model = HandPostureModel(np.array([0, 2]), np.array([9.0, 0.1, 9.0]), np.array([9.0, 1.1, 9.0]))
+    q_open, q_closed = np.array([9.0, 0.1, 9.0]), np.array([9.0, 1.1, 9.0])
+    arm, hand = {"robot": np.array([0, 2])}, {"robot": np.array([1])}
+    model = RobotPosture(arm, hand, q_open, q_closed)
     context = model.CreateDefaultContext()
     model.GetInputPort("joint_state_measured").FixValue(context, [1.0, 2.0, 30.0, 40.0])
     output = model.get_output_port()

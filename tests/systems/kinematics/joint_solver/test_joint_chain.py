@@ -6,7 +6,8 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 
 from maths import se3
-from systems.kinematics.joint_solver import pose_packets
+from maths.tangent_plane import tangent_basis
+from systems.kinematics.joint_solver import pose_keyframes
 from systems.kinematics.joint_solver.joint_chain import new_chain, run_chain, smooth, solve
 from systems.kinematics.joint_solver.joint_geometry import (
     PRISMATIC,
@@ -14,20 +15,19 @@ from systems.kinematics.joint_solver.joint_geometry import (
     child_pose,
     dimension,
     retract,
-    tangent_basis,
 )
 from systems.kinematics.joint_solver.joint_linearisation import linearise, new_linear
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
-from systems.kinematics.joint_solver.pose_packets import Packets
+from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 K = 7
 S, SIGMA_V, SIGMA_C = 2e-3, 0.2, 0.6
 TIMES = np.array([0.0, 0.1, 0.3, 0.4, 0.9, 1.0, 1.1])
 
 
-def _problem(kind: int) -> tuple[Models, Packets]:
+def _problem(kind: int) -> tuple[Models, Keyframes]:
     rng = np.random.default_rng(kind)
-    m, p = initial_models(K), pose_packets.empty_packets(K)
+    m, kf = initial_models(K), pose_keyframes.empty_keyframes(K)
     a = rng.normal(size=3)
     m.a[kind] = a / np.linalg.norm(a)
     if kind == REVOLUTE:
@@ -40,8 +40,8 @@ def _problem(kind: int) -> tuple[Models, Packets]:
         X = np.empty((4, 4))
         child_pose(kind, m.Y[kind], m.a[kind], m.c[kind], m.q[kind, k], X)
         X = X @ se3.exp(0.01 * rng.normal(size=6))
-        pose_packets.append(p, X, 1e-4 * (A @ A.T + np.eye(6)), TIMES[k], np.ones(6))
-    return m, p
+        pose_keyframes.append(kf, X, 1e-4 * (A @ A.T + np.eye(6)), TIMES[k], np.ones(6))
+    return m, kf
 
 
 def _prior_of_q(density: float = S) -> np.ndarray:
@@ -76,41 +76,41 @@ def _jacobian(kind: int, m: Models) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _dense(
-    kind: int, m: Models, p: Packets
+    kind: int, m: Models, kf: Keyframes
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """J (6K, n), Jq (6K, K), the data relative to q = 0 (6K,) and the packets' covariance."""
+    """J (6K, n), Jq (6K, K), the data relative to q = 0 (6K,) and the keyframes' covariance."""
     J, Jq = _jacobian(kind, m)
     R, z, X = np.zeros((6 * K, 6 * K)), np.zeros(6 * K), np.empty((4, 4))
     for k in range(K):
         child_pose(kind, m.Y[kind], m.a[kind], m.c[kind], m.q[kind, k], X)
-        z[6 * k : 6 * k + 6] = se3.log(se3.inverse(X) @ p.Z[k])
-        R[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = p.R[k]
+        z[6 * k : 6 * k + 6] = se3.log(se3.inverse(X) @ kf.Z[k])
+        R[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = kf.R[k]
     return J, Jq, z + Jq @ m.q[kind], R
 
 
-def _normaliser(p: Packets) -> float:
-    """What the likelihood leaves out: every packet's own density at its mean."""
-    return float(-0.5 * np.sum(p.log_det) - 3.0 * K * np.log(2.0 * np.pi))
+def _normaliser(kf: Keyframes) -> float:
+    """What the likelihood leaves out: every keyframe's own density at its mean."""
+    return float(-0.5 * np.sum(kf.log_det) - 3.0 * K * np.log(2.0 * np.pi))
 
 
 @pytest.mark.parametrize("kind", [PRISMATIC, REVOLUTE])
 def test_normal_equations_and_likelihood_are_those_of_the_dense_problem(kind: int) -> None:
-    m, p = _problem(kind)
-    J, Jq, z, R = _dense(kind, m, p)
+    m, kf = _problem(kind)
+    J, Jq, z, R = _dense(kind, m, kf)
     C = R + Jq @ _prior_of_q() @ Jq.T
     n = dimension(kind)
     H, h = J.T @ np.linalg.solve(C, J), J.T @ np.linalg.solve(C, z)
-    value = multivariate_normal(cov=C).logpdf(z) - _normaliser(p)
+    value = multivariate_normal(cov=C).logpdf(z) - _normaliser(kf)
     H[6:8, 6:8] += np.eye(2) / AXIS_SPREAD**2
     lin, chain = new_linear(K), new_chain()
-    linearise(kind, m, p, SIGMA_C, lin)
+    linearise(kind, m, kf, SIGMA_C, lin)
     if kind == REVOLUTE:
         H[8:, 8:] += np.eye(2) / SIGMA_C**2
         B = np.empty((2, 3))
         tangent_basis(m.a[kind], B)
         h[8:] -= B @ m.c[kind] / SIGMA_C**2
         value -= 0.5 * m.c[kind] @ m.c[kind] / SIGMA_C**2 + 2.0 * np.log(SIGMA_C)
-    found = run_chain(n, S, SIGMA_V, 1.0, m.q[kind], p, lin, np.zeros(10), 0, chain)
+    found = run_chain(n, S, SIGMA_V, 1.0, m.q[kind], kf, lin, np.zeros(10), 0, chain)
     assert_allclose(found, value, rtol=1e-5)
     assert_allclose(chain.h[:n], h, rtol=1e-4, atol=1e-4 * np.abs(h).max())
     assert_allclose(np.tril(chain.H[:n, :n]), np.tril(H), rtol=1e-4, atol=1e-5 * np.abs(H).max())
@@ -118,12 +118,12 @@ def test_normal_equations_and_likelihood_are_those_of_the_dense_problem(kind: in
 
 @pytest.mark.parametrize("kind", [PRISMATIC, REVOLUTE])
 def test_the_last_configuration_and_its_variance_are_those_of_the_dense_problem(kind: int) -> None:
-    m, p = _problem(kind)
+    m, kf = _problem(kind)
     n = dimension(kind)
-    J, Jq, z, R = _dense(kind, m, p)
+    J, Jq, z, R = _dense(kind, m, kf)
     lin, chain = new_linear(K), new_chain()
-    linearise(kind, m, p, SIGMA_C, lin)
-    run_chain(n, S, SIGMA_V, 1.0, m.q[kind], p, lin, np.zeros(10), 0, chain)
+    linearise(kind, m, kf, SIGMA_C, lin)
+    run_chain(n, S, SIGMA_V, 1.0, m.q[kind], kf, lin, np.zeros(10), 0, chain)
     prior = _prior_of_q()
     C = R + Jq @ prior @ Jq.T
     gain = prior @ Jq.T @ np.linalg.inv(C)
@@ -132,21 +132,21 @@ def test_the_last_configuration_and_its_variance_are_those_of_the_dense_problem(
     assert_allclose(chain.P[0], posterior[-1, -1], rtol=1e-5)
     assert_allclose(chain.M[0, :n], -(gain @ J)[-1], atol=1e-5)
     q, step = np.empty(K), 1e-3 * np.arange(10.0)
-    smooth(n, S, SIGMA_V, m.q[kind], p, lin, step, q)
+    smooth(n, S, SIGMA_V, m.q[kind], kf, lin, step, q)
     assert_allclose(q, gain @ (z - J @ step[:n]), atol=1e-6)
 
 
-def test_densities_are_compared_by_the_newest_packets_at_the_moved_joint() -> None:
+def test_densities_are_compared_by_the_newest_keyframes_at_the_moved_joint() -> None:
     """The likelihood of the last three given all before, but for what does not depend on S."""
-    m, p = _problem(REVOLUTE)
-    J, Jq, z, R = _dense(REVOLUTE, m, p)
+    m, kf = _problem(REVOLUTE)
+    J, Jq, z, R = _dense(REVOLUTE, m, kf)
     lin, chain = new_linear(K), new_chain()
-    linearise(REVOLUTE, m, p, SIGMA_C, lin)
+    linearise(REVOLUTE, m, kf, SIGMA_C, lin)
     step, since = 2e-3 * np.arange(10.0), K - 3
     found, expected = [], []
     for scale in (1.0, 30.0):
         found.append(
-            run_chain(10, scale * S, SIGMA_V, 1.0, m.q[REVOLUTE], p, lin, step, since, chain)
+            run_chain(10, scale * S, SIGMA_V, 1.0, m.q[REVOLUTE], kf, lin, step, since, chain)
         )
         C = R + Jq @ _prior_of_q(scale * S) @ Jq.T
         before, e = 6 * since, z - J @ step
@@ -157,15 +157,15 @@ def test_densities_are_compared_by_the_newest_packets_at_the_moved_joint() -> No
 
 def test_the_evidence_is_the_integral_over_theta() -> None:
     """Laplace's approximation is exact here: theta enters linearly, with a Gaussian prior."""
-    m, p = _problem(PRISMATIC)
-    J, Jq, z, R = _dense(PRISMATIC, m, p)
+    m, kf = _problem(PRISMATIC)
+    J, Jq, z, R = _dense(PRISMATIC, m, kf)
     lin, chain = new_linear(K), new_chain()
-    linearise(PRISMATIC, m, p, SIGMA_C, lin)
-    value = run_chain(8, S, SIGMA_V, 1.0, m.q[PRISMATIC], p, lin, np.zeros(10), 0, chain)
+    linearise(PRISMATIC, m, kf, SIGMA_C, lin)
+    value = run_chain(8, S, SIGMA_V, 1.0, m.q[PRISMATIC], kf, lin, np.zeros(10), 0, chain)
     evidence, _ = solve(8, value, chain)
     spread = 30.0  # All but flat in the pose, as the evidence has it.
     prior = np.diag([spread**2] * 6 + [AXIS_SPREAD**2] * 2)
     C = R + Jq @ _prior_of_q() @ Jq.T + J @ prior @ J.T
-    expected = multivariate_normal(cov=C).logpdf(z) - _normaliser(p)
+    expected = multivariate_normal(cov=C).logpdf(z) - _normaliser(kf)
     expected += 6.0 * np.log(spread) + 2.0 * np.log(AXIS_SPREAD)
     assert_allclose(evidence, expected, atol=1e-2)

@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maths import se3
+from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver.joint_geometry import (
     PRISMATIC,
     REVOLUTE,
@@ -14,7 +15,6 @@ from systems.kinematics.joint_solver.joint_geometry import (
     jacobian,
     retract,
     screw_twists,
-    tangent_basis,
 )
 
 MODELS = [PRISMATIC, REVOLUTE, RIGID]
@@ -33,14 +33,6 @@ def _pose(kind: int, Y: np.ndarray, a: np.ndarray, c: np.ndarray, q: float) -> n
     X = np.empty((4, 4))
     child_pose(kind, Y, a, c, q, X)
     return X
-
-
-@pytest.mark.parametrize("axis", [[0, 0, 1.0], [0, -1.0, 0], [1.0, 0, 0], [0.6, 0.0, 0.8]])
-def test_the_tangent_basis_is_orthonormal_and_right_handed_with_the_axis(axis: list[float]) -> None:
-    B = np.empty((2, 3))
-    tangent_basis(np.array(axis), B)
-    assert_allclose(np.vstack([B, axis]) @ np.vstack([B, axis]).T, np.eye(3), atol=1e-15)
-    assert_allclose(np.cross(axis, B[0]), B[1], atol=1e-15)
 
 
 @pytest.mark.parametrize("q", [0.0, 1e-6, -0.7, 3.0, 7.0])

@@ -1,8 +1,8 @@
 import pytest
 
 from diagrams.crossmodal.application import APPLICATION
-from diagrams.crossmodal.experiments import EXPERIMENTS
 from diagrams.crossmodal.scenario import SCENARIO_FOLDER
+from diagrams.crossmodal.studies.experiments import EXPERIMENTS
 from diagrams.evaluation.metric_table import EPISODE_METRICS, TICK_METRICS
 
 METRICS = {

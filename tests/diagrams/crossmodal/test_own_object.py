@@ -12,15 +12,11 @@ from numpy.testing import assert_allclose
 
 from diagrams.applications import load_scenario
 from diagrams.crossmodal.application import APPLICATION
+from diagrams.crossmodal.objects.object_import import ObjectWarning, check_pull
 from diagrams.crossmodal.objects.object_model import read_object_model
-from diagrams.crossmodal.objects.own_object import (
-    ObjectWarning,
-    OwnObject,
-    check_pull,
-    overlaps,
-    own_object_assignments,
-)
+from diagrams.crossmodal.own_object import OwnObject, own_object_assignments
 from diagrams.crossmodal.scenario import Scenario, object_model_file
+from diagrams.crossmodal.station.overlaps import overlaps
 from diagrams.crossmodal.station.station import ManipulationStation, make_manipulation_station
 from diagrams.run.episode import StationWarning, build_station
 from diagrams.run.run_folder import scenario_hash, write_scenario
@@ -28,7 +24,7 @@ from diagrams.run.yaml_schema import ScenarioError
 from models import MODELS_DIR
 
 pytestmark = pytest.mark.filterwarnings(
-    "ignore::diagrams.crossmodal.objects.own_object.ObjectWarning"
+    "ignore::diagrams.crossmodal.objects.object_import.ObjectWarning"
 )
 EXAMPLE = MODELS_DIR / "examples" / "two_drawers.urdf"
 DOOR = """<robot name='door'><link name='case'/><link name='leaf'><visual><geometry>
@@ -141,7 +137,7 @@ def test_a_runs_folder_repeats_the_run_without_the_original(tmp_path: Path) -> N
 
 def test_what_is_converted_does_not_outlive_the_process(tmp_path: Path) -> None:
     code = (
-        "from pathlib import Path; from diagrams.crossmodal.objects.own_object import imported;"
+        "from pathlib import Path; from diagrams.crossmodal.objects.object_import import imported;"
         f"made = imported(Path({str(EXAMPLE)!r}), joint='', frame='left_handle', free=False,"
         " source=''); assert made.model.is_file(); print(made.model)"
     )

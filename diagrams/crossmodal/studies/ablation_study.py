@@ -1,106 +1,47 @@
-"""The cross-modal flows of information, each shown by cutting the one wire that carries it.
-
-An episode is simulated once and its sensor streams are kept; the cross-modal network then perceives
-them twice, whole and with the wire cut, so that nothing else differs.
-"""
+"""What each wire between the senses is worth: networks, whole and cut, on the same measurements."""
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from diagrams.run.yaml_schema import ScenarioError, suggestion
+from diagrams.crossmodal.estimators import make_network
+from diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve
+from diagrams.crossmodal.studies.ablations import Ablation, find_ablation
+from diagrams.run.application import Application
+from diagrams.run.episode import run_episode
+from diagrams.run.replay import replay
+from diagrams.run.run_folder import (
+    SENSORS_FILE,
+    fingerprint,
+    open_run_folder,
+    without_nan,
+    write_run,
+    write_text,
+)
+from diagrams.run.scenario import parse_scenario, read_document
 from systems.port_values import JointType
 
 _RESULT_FILE = "ablation.json"
 WIRINGS = ("whole", "cut")
 
 
-@dataclass(kw_only=True)
-class Ablation:
-    """A flow of information, where it matters, and the wire that carries it.
-
-    Attributes:
-        flow: What is shown, in one line.
-        scenario: Its name.
-        wire: One of `CROSSMODAL_WIRES`.
-        overrides: Assignments to the scenario.
-    """
-
-    flow: str
-    scenario: str
-    wire: str
-    overrides: list[str] = field(default_factory=list)
-
-
-_DARK = ["disturbances.lights_off=[{start: 14.0}]"]
-
-ABLATIONS = {
-    "grasp-in-the-dark": Ablation(
-        flow="the grasp learnt with the eye carries the hand when the light is off",
-        scenario="cupboard-door",
-        wire="interacted_body_to_grasp",
-        overrides=_DARK,
-    ),
-    "taught-by-the-eye": Ablation(
-        flow="what the eye has corrected carries the hand's reading when the light is off",
-        scenario="cupboard-door",
-        wire="features_to_interacted_body",
-        overrides=_DARK,
-    ),
-    "body-in-the-hand": Ablation(
-        flow="the body felt by the hand tells the eye which features are its own",
-        scenario="drawer-lights-off",
-        wire="interacted_body_to_vision",
-    ),
-    "behind-the-arm": Ablation(
-        flow="the body felt by the hand tells the eye which features are its own, once they show",
-        scenario="door-occluded",
-        wire="interacted_body_to_vision",
-    ),
-    "seen-reference": Ablation(
-        flow="a body that only the eye follows is the reference of a joint felt by the hand",
-        scenario="box-lid",
-        wire="visual_bodies_to_joints",
-    ),
-}
-
-
-def find_ablation(name: str) -> Ablation:
-    if name not in ABLATIONS:
-        raise ScenarioError(f"unknown ablation '{name}'; {suggestion(name, ABLATIONS)}")
-    return ABLATIONS[name]
-
-
-def run_ablation(ablation: Ablation, seed: int, folder: Path) -> dict[str, Any]:
+def run_ablation(
+    application: Application, ablation: Ablation, seed: int, folder: Path
+) -> dict[str, Any]:
     """Simulates one episode and perceives it whole and cut; a finished one is read instead.
 
     Returns:
         By wiring, the joint's summary at the end of the episode, see `summarise_joint`.
     """
-    from diagrams.crossmodal.application import APPLICATION
-    from diagrams.crossmodal.estimators import make_network
-    from diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve
-    from diagrams.run.episode import run_episode
-    from diagrams.run.replay import replay
-    from diagrams.run.run_folder import (
-        SENSORS_FILE,
-        fingerprint,
-        open_run_folder,
-        without_nan,
-        write_run,
-        write_text,
-    )
-    from diagrams.run.scenario import parse_scenario, read_document
-
     path = SCENARIO_FOLDER / f"{ablation.scenario}.yaml"
     document = read_document(path, [*ablation.overrides, f"seed={seed}"])
     scenario = resolve(parse_scenario(Scenario, document, path), path)
     scenario = replace(scenario, modalities=["crossmodal"])
-    key = {**fingerprint(APPLICATION, scenario), "wire": ablation.wire}
+    key = {**fingerprint(application, scenario), "wire": ablation.wire}
     try:
         known = json.loads((folder / _RESULT_FILE).read_text(encoding="utf-8"))
         if {name: known.get(name) for name in key} == key:
@@ -110,26 +51,27 @@ def run_ablation(ablation: Ablation, seed: int, folder: Path) -> dict[str, Any]:
     open_run_folder(folder, force=True)
     sensors_file = folder / SENSORS_FILE
     try:
-        episode = run_episode(APPLICATION, scenario, sensors_file=sensors_file)
+        episode = run_episode(application, scenario, sensors_file=sensors_file)
         if episode.interrupted:
             raise KeyboardInterrupt
-        write_run(folder, APPLICATION, episode, APPLICATION.evaluate(episode))
-        calibration = APPLICATION.make_calibration(scenario)
+        write_run(folder, application, episode, application.evaluate(episode))
+        calibration = application.make_calibration(scenario)
         cuts = dict(zip(WIRINGS, ([], [ablation.wire]), strict=True))
         networks = {
             name: make_network("crossmodal", replace(scenario.perception, cut=cut), calibration)
             for name, cut in cuts.items()
         }
-        record = replay(APPLICATION, folder, scenario, networks)
+        record = replay(application, folder, scenario, networks)
     finally:
         sensors_file.unlink(missing_ok=True)  # Some hundred MB, and the seed makes them again.
-    perceived = APPLICATION.evaluate(record).summary["modalities"]
+    perceived = application.evaluate(record).summary["modalities"]
     wirings = {name: without_nan(perceived[name]["joints"][0]) for name in WIRINGS}
     write_text(folder / _RESULT_FILE, json.dumps(key | {"wirings": wirings}, indent=2) + "\n")
     return wirings
 
 
 def run_ablations(
+    application: Application,
     names: Sequence[str],
     seeds: Sequence[int],
     folder: Path,
@@ -146,7 +88,7 @@ def run_ablations(
         results[name] = []
         for seed in seeds:
             place = folder / f"{name}-{seed:04d}"
-            results[name].append(run_ablation(ablation, seed, place))
+            results[name].append(run_ablation(application, ablation, seed, place))
             progress()
     return table(results)
 

@@ -1,20 +1,15 @@
-"""What a station is made of, and what the functions that build it share."""
+"""The robot of the cross-modal application: its sensors and its controllers."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder
 
 from controllers.arm.impedance import ImpedanceConfig
 from controllers.interaction.bending_excitation import BendingExcitationConfig
 from controllers.interaction.exploration import ExplorationConfig
-from controllers.interaction.grasp_decisions import Goal
 from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
 from controllers.interaction.pull_direction import PullDirectionConfig
 from controllers.interaction.trajectory_generator import TrajectoryGeneratorConfig
-from plants.hands.pneumatic_hand import PneumaticHandConfig
-from plants.scene import ManipulationScene, PlantConfig
 from systems.sensors.air_pressure import PressureSensorConfig
 from systems.sensors.joint_encoders import JointEncodersConfig
 from systems.sensors.rgbd_camera import CameraNoiseConfig
@@ -50,23 +45,3 @@ class ControlConfig:
     # How well a person guides the hand to the handle, standard deviations.
     guidance_translation: float = 0.004  # [m]
     guidance_rotation: float = 0.03  # [rad]
-
-
-@dataclass(kw_only=True)
-class StationConfig:
-    plant: PlantConfig = field(default_factory=PlantConfig)
-    hand: PneumaticHandConfig = field(default_factory=PneumaticHandConfig)
-    sensors: SensorsConfig = field(default_factory=SensorsConfig)
-    control: ControlConfig = field(default_factory=ControlConfig)
-    goal: Goal = field(default_factory=Goal)
-
-
-@dataclass(kw_only=True)
-class StationWiring:
-    """Shared by the functions that build the station, in order."""
-
-    builder: DiagramBuilder
-    scene: ManipulationScene
-    arm: MultibodyPlant
-    config: StationConfig
-    seed: int

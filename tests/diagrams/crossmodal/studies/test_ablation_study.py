@@ -7,8 +7,11 @@ import pytest
 from synthetic_episode import synthetic_episode
 
 from diagrams.applications import load_scenario
-from diagrams.crossmodal.ablations import ABLATIONS, Ablation, find_ablation, run_ablation, table
+from diagrams.crossmodal.application import APPLICATION
 from diagrams.crossmodal.estimators import CROSSMODAL_WIRES
+from diagrams.crossmodal.studies import ablation_study
+from diagrams.crossmodal.studies.ablation_study import run_ablation, table
+from diagrams.crossmodal.studies.ablations import ABLATIONS, Ablation, find_ablation
 from diagrams.run.record import EpisodeRecord
 from diagrams.run.run_folder import fingerprint
 from diagrams.run.yaml_schema import ScenarioError
@@ -56,10 +59,10 @@ def test_a_finished_ablation_is_not_simulated_again(
     def simulate(*_: object, **__: object) -> None:
         raise AssertionError("simulated")
 
-    monkeypatch.setattr("diagrams.run.episode.run_episode", simulate)
-    assert run_ablation(ablation, 4, tmp_path) == wirings
+    monkeypatch.setattr(ablation_study, "run_episode", simulate)
+    assert run_ablation(APPLICATION, ablation, 4, tmp_path) == wirings
     with pytest.raises(AssertionError, match="simulated"):
-        run_ablation(ablation, 5, tmp_path)
+        run_ablation(APPLICATION, ablation, 5, tmp_path)
 
 
 def test_an_interrupted_ablation_is_no_result(
@@ -71,7 +74,7 @@ def test_an_interrupted_ablation_is_no_result(
         record.interrupted = True
         return record
 
-    monkeypatch.setattr("diagrams.run.episode.run_episode", simulate)
+    monkeypatch.setattr(ablation_study, "run_episode", simulate)
     with pytest.raises(KeyboardInterrupt):
-        run_ablation(ABLATIONS["body-in-the-hand"], 4, tmp_path)
+        run_ablation(APPLICATION, ABLATIONS["body-in-the-hand"], 4, tmp_path)
     assert not any(tmp_path.iterdir())

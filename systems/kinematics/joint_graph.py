@@ -1,9 +1,9 @@
 """Which pairs of bodies have joint filters, and what each pair measures and predicts.
 
 Frames: W world, P parent, B child, F the child's measured reference pose. A pair is (parent id,
-child id); the parent is `STATIC_BODY` or the body with the higher id, the younger one: until it
-began to move it belonged to the environment, so that what the environment says about the child's
-way is what the parent says about it.
+child id); the parent is `STATIC_BODY` or the body with the higher id, the younger one. Until that
+began to move it belonged to the environment, so that the child's joint to the environment was its
+joint to the parent too.
 """
 
 from collections.abc import Sequence
@@ -15,12 +15,14 @@ from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
 from systems.kinematics.joint_filters import JointFilters, JointFiltersState
+from systems.kinematics.kinematic_model_config import KinematicModelConfig
 from systems.port_values import (
     INTERACTED_BODY,
     STATIC_BODY,
     BodyMotion,
     BodyMotions,
     BodyPrediction,
+    BodyPredictions,
     JointType,
     MotionBelief,
     PoseBelief,
@@ -30,13 +32,13 @@ Pair = tuple[int, int]
 
 
 @dataclass(kw_only=True)
-class PairLevel(Immutable):
-    """All pairs at one tick; never changed in place, so copies share it.
+class JointGraphState(Immutable):
+    """Bodies, and joints between pairs of them, at one tick.
 
     Attributes:
         pairs: Each pair's filters.
         bodies: Each body when it was last measured, or resting since then.
-        past: Each body's filters with the environment at the last ticks, the oldest first.
+        past: Each body's filters with the environment within the transfer window, oldest first.
         unseen: Ticks since each body was measured.
         ticks: Number of this tick, from one on.
     """
@@ -46,6 +48,9 @@ class PairLevel(Immutable):
     past: dict[int, list[JointFiltersState]]
     unseen: dict[int, int]
     ticks: int
+
+
+EMPTY_GRAPH = JointGraphState(pairs={}, bodies={}, past={}, unseen={}, ticks=0)
 
 
 def merge_bodies(sources: Sequence[BodyMotions]) -> dict[int, BodyMotion]:
@@ -77,13 +82,13 @@ def relative_pose(parent: PoseBelief, child: PoseBelief) -> PoseBelief:
 
 
 def _pose(body: BodyMotion) -> PoseBelief:
-    """Since the body was anchored, without the constant error that it has had since then."""
+    """X_WB without the error that has been constant in B since the body's last reset."""
     covariance = body.motion.covariance[:6, :6] - body.offset_covariance
     return PoseBelief(X=body.motion.X, covariance=covariance)
 
 
 def measured_pose(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[PoseBelief, Array, Array]:
-    """X_PB of a pair now, what lasts of its covariance (6, 6), and X_PB (4, 4) at the reference."""
+    """X_PB of a pair now, the correlated part of its covariance (6, 6), X_PB at the reference."""
     child = bodies[pair[1]]
     if pair[0] == STATIC_BODY:
         return _pose(child), child.lasting_covariance, child.X_WB_reference
@@ -91,147 +96,150 @@ def measured_pose(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[PoseBelief
     X_PB_reference = se3.inverse(parent.X_WB_reference) @ child.X_WB_reference
     pose = relative_pose(_pose(parent), _pose(child))
     Ad = se3.adjoint(se3.inverse(pose.X))
-    lasting = child.lasting_covariance + Ad @ parent.lasting_covariance @ Ad.T
-    return pose, lasting, X_PB_reference
+    correlated = child.lasting_covariance + Ad @ parent.lasting_covariance @ Ad.T
+    return pose, correlated, X_PB_reference
 
 
-def inherited(
+def transferred(
     pair: Pair, bodies: dict[int, BodyMotion], past: list[JointFiltersState], time: float
 ) -> JointFiltersState | None:
     """The child's filters with the environment when the parent still belonged to it.
 
     Poses of the child are relative to its own reference X_PF, so that only this is changed: to the
-    frame of the parent where it stood. None where that is too long ago.
+    frame of the parent where it stood. None where that was before the transfer window.
     """
     parent = bodies[pair[0]]
-    stood = time - parent.reference_age  # NaN finds nothing.
-    before = [state for state in past if state.time <= stood + 1e-9]
-    if not before:
+    stood = time - parent.reference_age  # NaN, an unknown age, finds no state.
+    earlier = [state for state in past if state.time <= stood + 1e-9]
+    if not earlier:
         return None
-    X_PF = se3.inverse(parent.X_WB_reference) @ before[-1].X_PF
-    return replace(before[-1], parent_id=pair[0], X_PF=X_PF)
+    X_PF = se3.inverse(parent.X_WB_reference) @ earlier[-1].X_PF
+    return replace(earlier[-1], parent_id=pair[0], X_PF=X_PF)
 
 
-def at_rest(body: BodyMotion, period: float, walk: Array) -> BodyMotion:
-    """A body that nobody sees any more, one tick later: where it was, and less and less certainly.
-
-    Args:
-        body: At the last tick.
-        period: Of the ticks, [s].
-        walk: (6,) standard deviation of its pose, in B, after one second, [rad, m].
-    """
-    growth = np.diag(walk**2 * period)
+def at_rest(body: BodyMotion, config: KinematicModelConfig) -> BodyMotion:
+    """A body that is not measured any more, one tick later: at rest, with growing covariance."""
+    walk = np.repeat([config.rest_rotation, config.rest_translation], 3)
+    growth = np.diag(walk**2 * config.period)
     covariance = body.motion.covariance.copy()
     covariance[:6, :6] += growth
     return replace(
         body,
         motion=MotionBelief(X=body.motion.X, V=np.zeros(6), covariance=covariance),
         lasting_covariance=body.lasting_covariance + growth,
-        reference_age=body.reference_age + period,
+        reference_age=body.reference_age + config.period,
     )
 
 
 def resting_parents(
-    level: PairLevel, bodies: dict[int, BodyMotion], period: float, walk: Array
+    graph: JointGraphState, bodies: dict[int, BodyMotion], config: KinematicModelConfig
 ) -> dict[int, BodyMotion]:
     """Parents that are not measured, as predicted: at rest for as long as they were followed."""
-    lost = {parent for parent, child in level.pairs if parent not in bodies and child in bodies}
+    lost = {parent for parent, child in graph.pairs if parent not in bodies and child in bodies}
     resting = {}
     for body_id in sorted(lost - {STATIC_BODY}):
-        body, unseen = level.bodies[body_id], period * (level.unseen[body_id] + 1)
-        if 2.0 * unseen <= body.reference_age:  # NaN is not followed.
-            resting[body_id] = at_rest(body, period, walk)
+        body, unseen = graph.bodies[body_id], config.period * (graph.unseen[body_id] + 1)
+        if 2.0 * unseen <= body.reference_age:  # An unknown age, NaN, is not enough.
+            resting[body_id] = at_rest(body, config)
     return resting
 
 
-def update_pairs(
-    level: PairLevel,
+def _update_pair(
+    pair: Pair,
+    graph: JointGraphState,
     bodies: dict[int, BodyMotion],
     filters: JointFilters,
-    period: float,
-    reference_age: float,
-    patience: float,
-    max_pairs: int,
-    heritage: int,
-    walk: Array,
-) -> PairLevel:
-    """The level one tick later.
+    config: KinematicModelConfig,
+) -> JointFiltersState:
+    """The filters of one pair after this tick's measurement, where needed started or rebased."""
+    time = (graph.ticks + 1) * config.period
+    pose, correlated, X_PB_reference = measured_pose(pair, bodies)
+    reset_count = sum(bodies[i].anchored for i in pair if i != STATIC_BODY)
+    state = graph.pairs.get(pair)
+    if state is None and pair[0] != STATIC_BODY:
+        state = transferred(pair, bodies, graph.past.get(pair[1], []), time)
+    if state is None:
+        age = config.reference_age
+        if pair[1] == INTERACTED_BODY and pair[1] not in graph.bodies:
+            # The body in the hand is first measured at its reference. Closing the hand may have
+            # moved its parent away from the parent's own.
+            age, X_PB_reference = config.period, pose.X
+        state = filters.start(X_PB_reference, pose.covariance, time - age, *pair, correlated)
+    elif reset_count != state.reset_count:
+        state = filters.rebase(state, pose.X, pose.covariance, time, correlated)
+    state = replace(state, reset_count=reset_count)
+    return filters.update(state, pose.X, pose.covariance, time, correlated)
+
+
+def update_graph(
+    graph: JointGraphState,
+    bodies: dict[int, BodyMotion],
+    filters: JointFilters,
+    config: KinematicModelConfig,
+) -> JointGraphState:
+    """The graph one tick later.
 
     Args:
-        level: At the last tick.
+        graph: At the last tick.
         bodies: Measured at this tick, by id.
         filters: Shared by all pairs.
-        period: Of the ticks, [s].
-        reference_age: How long before a body was first measured its reference may be, [s].
-        patience: How long a pair outlives its bodies' measurements, [s].
-        max_pairs: Most pairs at a time.
-        heritage: Ticks whose filters with the environment are remembered.
-        walk: See `at_rest`.
+        config: See `KinematicModelConfig`.
     """
-    time = (level.ticks + 1) * period
-    resting = resting_parents(level, bodies, period, walk)
-    measured = set(wanted_pairs(list(bodies), max_pairs))
-    measured |= {pair for pair in level.pairs if pair[0] in resting and pair[1] in bodies}
+    time = (graph.ticks + 1) * config.period
+    resting = resting_parents(graph, bodies, config)
     present = {**resting, **bodies}
+    measured = set(wanted_pairs(list(bodies), config.max_pairs))
+    measured |= {pair for pair in graph.pairs if pair[0] in resting and pair[1] in bodies}
     pairs: dict[Pair, JointFiltersState] = {}
-    for pair in sorted(measured | set(level.pairs)):
-        state = level.pairs.get(pair)
+    for pair in sorted(measured | set(graph.pairs)):
         if pair in measured:
-            pose, lasting, X_PB_reference = measured_pose(pair, present)
-            anchored = sum(present[i].anchored for i in pair if i != STATIC_BODY)
-            if state is None and pair[0] != STATIC_BODY:
-                state = inherited(pair, present, level.past.get(pair[1], []), time)
-            if state is None:
-                age = reference_age
-                if pair[1] == INTERACTED_BODY and pair[1] not in level.bodies:
-                    # The body in the hand is at its reference when it is first measured; closing
-                    # the hand may have moved its parent from where that was first.
-                    age, X_PB_reference = period, pose.X
-                state = filters.start(X_PB_reference, pose.covariance, time - age, *pair, lasting)
-            elif anchored != state.anchored:
-                state = filters.refer(state, pose.X, pose.covariance, time, lasting)
-            state = replace(state, anchored=anchored)
-            pairs[pair] = filters.update(state, pose.X, pose.covariance, time, lasting)
-        elif state is not None and time - state.time <= patience:
-            pairs[pair] = state
-    known = {i: body for i, body in level.bodies.items() if any(i in pair for pair in pairs)}
+            pairs[pair] = _update_pair(pair, graph, present, filters, config)
+        elif time - graph.pairs[pair].time <= config.patience:
+            pairs[pair] = graph.pairs[pair]
+    window = max(1, round(config.transfer_window / config.period))
     past = {
-        child: [*level.past.get(child, []), state][-heritage:]
+        child: [*graph.past.get(child, []), state][-window:]
         for (parent, child), state in pairs.items()
         if parent == STATIC_BODY
     }
-    unseen = {i: level.unseen[i] + 1 for i in known} | dict.fromkeys(bodies, 0)
-    return PairLevel(
+    known = {i: body for i, body in graph.bodies.items() if any(i in pair for pair in pairs)}
+    unseen = {i: graph.unseen[i] + 1 for i in known} | dict.fromkeys(bodies, 0)
+    return JointGraphState(
         pairs=pairs,
         bodies={**known, **present},
         past=past,
         unseen=unseen,
-        ticks=level.ticks + 1,
+        ticks=graph.ticks + 1,
     )
 
 
+def known_bodies(graph: JointGraphState) -> BodyMotions:
+    """The bodies that the joints belong to, by id."""
+    return BodyMotions(bodies=[graph.bodies[i] for i in sorted(graph.bodies)])
+
+
 def predict_bodies(
-    level: PairLevel, filters: JointFilters, period: float, least_probability: float
-) -> list[BodyPrediction]:
+    graph: JointGraphState, filters: JointFilters, config: KinematicModelConfig
+) -> BodyPredictions:
     """Where each joint expects its child at the next tick, the likeliest first, for each child.
 
     The disconnected type says nothing of its own and is left out.
     """
     found: list[tuple[float, BodyPrediction]] = []
-    for (parent_id, child_id), state in level.pairs.items():
-        dt = (level.ticks + 1) * period - state.time
+    for (parent_id, child_id), state in graph.pairs.items():
+        dt = (graph.ticks + 1) * config.period - state.time
         for joint_type, probability in filters.probabilities(state).items():
-            if joint_type == JointType.DISCONNECTED or probability < least_probability:
+            if joint_type == JointType.DISCONNECTED or probability < config.least_probability:
                 continue
             pose = filters.predict(state, joint_type, dt)
             source = joint_type.value
             if parent_id != STATIC_BODY:
-                pose = _on_parent(pose, level.bodies[parent_id].motion, period)
+                pose = _on_parent(pose, graph.bodies[parent_id].motion, config.period)
                 source = f"{source} on {parent_id}"
             prediction = BodyPrediction(body_id=child_id, source=source, pose=pose)
             found.append((probability, prediction))
     found.sort(key=lambda item: (item[1].body_id, -item[0]))
-    return [prediction for _, prediction in found]
+    return BodyPredictions(predictions=[prediction for _, prediction in found])
 
 
 def _on_parent(pose: PoseBelief, parent: MotionBelief, period: float) -> PoseBelief:

@@ -1,0 +1,90 @@
+"""Objects that do not come with the program: imported when a scenario names them."""
+
+import hashlib
+import tempfile
+import warnings
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from diagrams.crossmodal.objects.object_model import ObjectModel
+from diagrams.run.yaml_schema import ScenarioError
+from plants.object_import import MODEL_FILE
+
+if TYPE_CHECKING:
+    from plants.object_import.object_import import ImportedObject
+
+_WIDEST_PULL = 60.0  # From the way that the joint allows, [deg].
+
+
+class ObjectWarning(UserWarning):
+    """What an import changed or assumed."""
+
+
+def imported(model: Path, *, joint: str, frame: str, free: bool, source: str) -> "ImportedObject":
+    """The imported copy of a model, in a folder that is there as long as this process is.
+
+    A run takes it along into its own folder.
+
+    Raises:
+        ScenarioError: where the model cannot be converted.
+    """
+    from plants.object_import.object_import import import_object  # Slow: trimesh.
+
+    store = Path(_store().name)
+    with tempfile.TemporaryDirectory(dir=store) as scratch:
+        folder = Path(scratch) / "model"
+        try:
+            result = import_object(model, folder, grasp_frame=frame, joint=joint)
+        except ValueError as error:
+            raise ScenarioError(f"{source}: {error}") from None
+        if result.model.parent == folder:
+            place = store / content_hash(folder)
+            if not place.exists():
+                folder.rename(place)
+            result.model = place / MODEL_FILE
+            if result.is_floating and not free:
+                result.warnings.append(
+                    "nothing fixes the model to the world, so its root is fixed there;"
+                    " with object.free = true it rests on the table"
+                )
+    for line in result.warnings:
+        warnings.warn(f"{model.name}: {line}", ObjectWarning, stacklevel=2)
+    return result
+
+
+@cache
+def _store() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="crossmodal-objects-")
+
+
+def content_hash(folder: Path) -> str:
+    """Of all its files, wherever it is."""
+    digest = hashlib.sha256()
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        digest.update(str(path.relative_to(folder)).encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def check_pull(facts: ObjectModel, pull_direction: np.ndarray, joint: str, frame: str) -> None:
+    """Warns of a pull that hardly moves the joint: it wrenches the handle out of the hand."""
+    if not np.any(facts.way_H):
+        return
+    along = float(facts.way_H @ pull_direction / np.linalg.norm(pull_direction))
+    along = abs(along) if facts.two_ways else along
+    angle = np.rad2deg(np.arccos(np.clip(along, -1.0, 1.0)))
+    if angle > _WIDEST_PULL:
+        given, better = (
+            ",".join(f"{component + 0.0:.2g}" for component in np.round(vector, 2))
+            for vector in (pull_direction, facts.way_H)
+        )
+        warnings.warn(
+            f"the pull along {given} of '{frame}' is {angle:.0f} deg off the way that '{joint}'"
+            f" lets it go, and may lose the handle; along it is {better} (--pull-direction or"
+            " object.pull_direction)",
+            ObjectWarning,
+            stacklevel=2,
+        )

@@ -1,0 +1,119 @@
+"""An arm of a station: what it feels and how it is moved."""
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame, JacobianWrtVariable, ModelInstanceIndex
+from pydrake.systems.framework import DiagramBuilder
+
+from controllers.arm.impedance import ImpedanceConfig, ImpedanceController
+from controllers.arm.kinematics import ArmModel
+from diagrams.stations.naming import own_seed, prefixed
+from maths.arrays import Array
+from systems.sensors.joint_encoders import JointEncoders, JointEncodersConfig
+from systems.sensors.wrist_wrench import ReactionWrench, WristWrenchConfig, WristWrenchSensor
+
+
+def add_encoders(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    arm: ModelInstanceIndex,
+    true_arm: MultibodyPlant,
+    q_nominal: Array,
+    config: JointEncodersConfig,
+    seed: int,
+    owner: str = "",
+) -> JointEncoders:
+    """Adds the encoders of an arm's joints; exports `joint_state_window`.
+
+    Args:
+        builder: Of the station.
+        plant: The simulated one.
+        arm: The arm in it.
+        true_arm: The arm alone, as it is.
+        q_nominal: Posture (n,) at which the end-effector's offset has its covariance, [rad].
+        config: Of the encoders.
+        seed: Of offset and noise.
+        owner: Name of the arm where there are several; it then begins the names.
+    """
+    context = true_arm.CreateDefaultContext()
+    true_arm.SetPositions(context, q_nominal)
+    frame = true_arm.GetFrameByName("end_effector")
+    J_E = true_arm.CalcJacobianSpatialVelocity(
+        context, JacobianWrtVariable.kV, frame, np.zeros(3), true_arm.world_frame(), frame
+    )
+    encoders = builder.AddNamedSystem(
+        prefixed(owner, "encoders"), JointEncoders(config, J_E, own_seed(seed, owner))
+    )
+    builder.Connect(plant.get_state_output_port(arm), encoders.GetInputPort("joint_state"))
+    window = encoders.GetOutputPort("joint_state_window")
+    builder.ExportOutput(window, prefixed(owner, "joint_state_window"))
+    return encoders
+
+
+def add_wrist_wrench(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    sensor: Frame,
+    config: WristWrenchConfig,
+    seed: int,
+    owner: str = "",
+) -> WristWrenchSensor:
+    """Adds the sensor of what a hand does to the arm that carries it; exports `wrench_window`.
+
+    Args:
+        builder: Of the station.
+        plant: The simulated one.
+        sensor: S, a frame of the first body beyond the joint or weld that the sensor measures.
+        config: Of the sensor.
+        seed: Of bias and noise.
+        owner: Name of the arm where there are several; it then begins the names.
+    """
+    (mount,) = (
+        joint
+        for joint in map(plant.get_joint, plant.GetJointIndices())
+        if joint.child_body().index() == sensor.body().index()
+    )
+    X_JcS = sensor.CalcPose(plant.CreateDefaultContext(), mount.frame_on_child())
+    load = builder.AddNamedSystem(
+        prefixed(owner, "wrist_load"), ReactionWrench(plant, mount, X_JcS)
+    )
+    wrench = builder.AddNamedSystem(
+        prefixed(owner, "wrench"), WristWrenchSensor(config, own_seed(seed, owner))
+    )
+    builder.Connect(plant.get_reaction_forces_output_port(), load.get_input_port())
+    builder.Connect(load.get_output_port(), wrench.get_input_port())
+    builder.ExportOutput(wrench.GetOutputPort("wrench_window"), prefixed(owner, "wrench_window"))
+    return wrench
+
+
+def add_impedance_control(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    arm: ModelInstanceIndex,
+    encoders: JointEncoders,
+    model: ArmModel,
+    config: ImpedanceConfig,
+    q_posture: Array,
+    owner: str = "",
+) -> ImpedanceController:
+    """Adds the controller that moves an arm; motion, gains and tare are left to be connected.
+
+    Args:
+        builder: Of the station.
+        plant: The simulated one.
+        arm: The arm in it.
+        encoders: Of the arm.
+        model: What the robot believes of the arm.
+        config: Of the controller.
+        q_posture: What the null space's spring draws the joints to (n,), [rad].
+        owner: Name of the arm where there are several; it then begins the system's name.
+    """
+    impedance = builder.AddNamedSystem(
+        prefixed(owner, "impedance"), ImpedanceController(config, model, q_posture)
+    )
+    builder.Connect(
+        encoders.GetOutputPort("joint_state_measured"),
+        impedance.GetInputPort("joint_state_measured"),
+    )
+    builder.Connect(impedance.get_output_port(), plant.get_actuation_input_port(arm))
+    return impedance

@@ -1,0 +1,39 @@
+"""Whether errors are as large as their covariances say."""
+
+import numpy as np
+from scipy.stats import chi2
+
+from maths.arrays import Array
+
+
+def normalised_squared_error(error: Array, covariance: Array) -> float:
+    """NEES of an error (n,): infinite where the covariance (n, n) is not positive definite.
+
+    NaN gives NaN. The filters use `gaussian.nees`, which is compiled and refuses both.
+    """
+    try:
+        L = np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        return float("inf")
+    whitened = np.linalg.solve(L, error)
+    return float(whitened @ whitened)
+
+
+def chi_square_bounds(degrees: int, probability: float = 0.95) -> tuple[float, float]:
+    """The two-sided bounds inside which a consistent error's NEES is with this probability."""
+    low, high = chi2.ppf([0.5 - 0.5 * probability, 0.5 + 0.5 * probability], degrees)
+    return float(low), float(high)
+
+
+def is_consistent(error: Array, covariance: Array) -> bool:
+    """Whether the NEES of an error (n,) is inside its 95 % bounds."""
+    low, high = chi_square_bounds(error.size)
+    return low <= normalised_squared_error(error, covariance) <= high
+
+
+def share_inside(values: Array, degrees: int) -> float:
+    """Share of NEES inside their 95 % bounds; NaN where there is no value."""
+    if len(values) == 0:
+        return float("nan")
+    low, high = chi_square_bounds(degrees)
+    return float(np.mean((values >= low) & (values <= high)))

@@ -1,0 +1,29 @@
+"""The plane normal to a unit vector, where errors of directions are small vectors; compiled."""
+
+import numpy as np
+
+from maths.arrays import Array
+from maths.compiled import hot
+
+
+@hot
+def tangent_basis(a: Array, B: Array) -> None:
+    """Writes two unit vectors normal to the unit vector `a` and to each other into `B` (2, 3)."""
+    k = 0
+    for i in range(1, 3):
+        if abs(a[i]) < abs(a[k]):
+            k = i
+    s = np.sqrt(1.0 - a[k] * a[k])
+    for i in range(3):
+        B[0, i] = ((1.0 if i == k else 0.0) - a[k] * a[i]) / s
+    B[1, 0] = a[1] * B[0, 2] - a[2] * B[0, 1]
+    B[1, 1] = a[2] * B[0, 0] - a[0] * B[0, 2]
+    B[1, 2] = a[0] * B[0, 1] - a[1] * B[0, 0]
+
+
+@hot
+def normal_basis(a: Array) -> Array:
+    """Two unit vectors (2, 3) normal to the unit vector `a` and to each other."""
+    B = np.empty((2, 3))
+    tangent_basis(a, B)
+    return B

@@ -1,0 +1,203 @@
+"""A bounded memory of one body's relative poses: neighbours in time are averaged into keyframes.
+
+Frame F is the measured reference pose of the child: X_PF, a constant. Keyframe k holds the mean
+X_FB of one or more consecutive measurements, at their mean time, with the covariance of that mean
+(right perturbation, in B). The mean of two poses lies on the geodesic between them, a screw motion,
+so that the mean of two poses on a joint's path is on that path too, at any angle.
+
+Of all neighbours, those are averaged that lose the least: the criterion of J. H. Ward,
+"Hierarchical grouping to optimize an objective function", 1963, here xi^T (R_i + R_j)^-1 xi for
+keyframes xi apart. So a body at rest fills one keyframe however long it rests, and motion is kept
+in even steps.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from maths import cholesky
+from maths.arrays import Array, Ids
+from maths.compiled import hot
+from maths.se3_in_place import perturb, relative_log
+
+RECENT = 4  # Newest keyframes, which stay single measurements: they say the present velocity.
+FIRST = 4  # Oldest keyframes, which are never marginalised: they say where the motion started.
+_EXCESS = 6.0  # Expected loss when two keyframes of the same pose are averaged: their dimension.
+
+
+class Keyframes(NamedTuple):
+    """Arrays of capacity K; the first `size[0]` rows are in use, oldest first.
+
+    Attributes:
+        size: (1,) keyframes in use.
+        time: (K,) [s].
+        Z: (K, 4, 4) X_FB.
+        R: (K, 6, 6) covariance.
+        W: (K, 6, 6) its inverse.
+        log_det: (K,) log determinant of R.
+        pair: (K, 2) of keyframes k and k + 1: what averaging them loses, and their log density
+            ratio under a free walk.
+        walk: (1,) log density ratio of the free walk over a joint in what has been averaged.
+        spread: (1,) largest mean squared distance of a keyframe from the mean, in units of R.
+    """
+
+    size: Ids
+    time: Array
+    Z: Array
+    R: Array
+    W: Array
+    log_det: Array
+    pair: Array
+    walk: Array
+    spread: Array
+
+
+def empty_keyframes(capacity: int) -> Keyframes:
+    """A memory for `capacity` keyframes."""
+    return Keyframes(
+        size=np.zeros(1, dtype=np.int64),
+        time=np.zeros(capacity),
+        Z=np.zeros((capacity, 4, 4)),
+        R=np.zeros((capacity, 6, 6)),
+        W=np.zeros((capacity, 6, 6)),
+        log_det=np.zeros(capacity),
+        pair=np.zeros((capacity, 2)),
+        walk=np.zeros(1),
+        spread=np.zeros(1),
+    )
+
+
+def copy_keyframes(kf: Keyframes) -> Keyframes:
+    """A copy that may be changed."""
+    return Keyframes(kf.size.copy(), *[x.copy() for x in kf[1:]])
+
+
+@hot
+def _fill(kf: Keyframes, k: int) -> None:
+    """Completes keyframe k from its covariance."""
+    L = kf.R[k].copy()
+    six = int(np.int64(6))  # For a literal, Numba would compile all callees again.
+    kf.log_det[k] = cholesky.factor(L, six)
+    cholesky.inverse(L, kf.W[k], six)
+
+
+@hot
+def _pair(kf: Keyframes, k: int, walk_noise: Array) -> None:
+    """Completes the pair of keyframes k and k + 1; `walk_noise` as in `Priors`."""
+    if k < 0 or k + 1 >= kf.size[0]:
+        return
+    six = int(np.int64(6))
+    xi, e = np.empty(6), np.empty(6)
+    relative_log(kf.Z[k], kf.Z[k + 1], xi)
+    C = kf.R[k] + kf.R[k + 1]
+    for walking in range(2):
+        L = C.copy()
+        e[:] = xi
+        if walking:
+            for i in range(6):
+                L[i, i] += walk_noise[i] * (kf.time[k + 1] - kf.time[k])
+        log_det = cholesky.factor(L, six)
+        cholesky.forward(L, e, six)
+        square = 0.0
+        for i in range(6):
+            square += e[i] * e[i]
+        if walking:
+            kf.pair[k, 1] = -0.5 * (square + log_det - kf.log_det[k + 1])
+        else:
+            kf.pair[k, 0] = square
+
+
+@hot
+def _delete(kf: Keyframes, k: int) -> None:
+    """Removes keyframe k; the pairs beside it stay stale."""
+    n = kf.size[0]
+    for i in range(k, n - 1):
+        kf.time[i], kf.log_det[i] = kf.time[i + 1], kf.log_det[i + 1]
+        kf.Z[i], kf.R[i] = kf.Z[i + 1], kf.R[i + 1]
+        kf.W[i], kf.pair[i] = kf.W[i + 1], kf.pair[i + 1]
+    kf.size[0] = n - 1
+
+
+@hot
+def remove(kf: Keyframes, k: int, walk_noise: Array) -> None:
+    """Removes keyframe k and completes the pair that it leaves."""
+    _delete(kf, k)
+    _pair(kf, k - 1, walk_noise)
+
+
+@hot
+def append(kf: Keyframes, X: Array, R: Array, time: float, walk_noise: Array) -> None:
+    """Adds one measurement as a keyframe of its own; there must be room."""
+    k = kf.size[0]
+    kf.time[k] = time
+    kf.Z[k], kf.R[k] = X, R
+    _fill(kf, k)
+    kf.size[0] = k + 1
+    _pair(kf, k - 1, walk_noise)
+
+
+@hot
+def merge(kf: Keyframes, k: int, walk_noise: Array) -> None:
+    """Averages keyframes k and k + 1 with scalar weights, which keeps the mean on their screw."""
+    before = kf.pair[k, 1] + (kf.pair[k - 1, 1] if k > 0 else 0.0)
+    before += kf.pair[k + 1, 1] if k + 2 < kf.size[0] else 0.0
+    loss = min(kf.pair[k, 0], _EXCESS)
+    trace_i, trace_j = 0.0, 0.0
+    for i in range(6):
+        trace_i += kf.R[k, i, i] * kf.W[k + 1, i, i]
+        trace_j += kf.R[k + 1, i, i] * kf.W[k, i, i]
+    weight = np.sqrt(trace_i) / (np.sqrt(trace_i) + np.sqrt(trace_j))
+    xi = np.empty(6)
+    relative_log(kf.Z[k], kf.Z[k + 1], xi)
+    perturb(kf.Z[k], weight * xi, kf.Z[k])
+    kf.R[k] = (1.0 - weight) ** 2 * kf.R[k] + weight**2 * kf.R[k + 1]
+    kf.time[k] = (1.0 - weight) * kf.time[k] + weight * kf.time[k + 1]
+    _delete(kf, k + 1)
+    _fill(kf, k)
+    _pair(kf, k - 1, walk_noise)
+    _pair(kf, k, walk_noise)
+    after = kf.pair[k - 1, 1] if k > 0 else 0.0
+    after += kf.pair[k, 1] if k + 1 < kf.size[0] else 0.0
+    kf.walk[0] += before - after + 0.5 * loss
+
+
+@hot
+def _spread(kf: Keyframes) -> float:
+    """Mean squared distance of the keyframes from their mean, in units of the newest covariance."""
+    n = kf.size[0]
+    R = kf.R[n - 1]
+    mean, square, total = np.zeros((3, 4)), 0.0, 0.0
+    scale_r = 3.0 / (R[0, 0] + R[1, 1] + R[2, 2]) / 2.0
+    scale_t = 3.0 / (R[3, 3] + R[4, 4] + R[5, 5])
+    for k in range(n):
+        m = R[0, 0] / kf.R[k, 0, 0]
+        total += m
+        for i in range(3):
+            for j in range(4):
+                scale = scale_t if j == 3 else scale_r
+                mean[i, j] += m * np.sqrt(scale) * kf.Z[k, i, j]
+                square += m * scale * kf.Z[k, i, j] ** 2
+    for i in range(3):
+        for j in range(4):
+            square -= mean[i, j] ** 2 / total
+    return square / total
+
+
+@hot
+def choose(kf: Keyframes, coarseness: float) -> tuple[int, bool]:
+    """What to do for room: (k, True) to average k and k + 1, or (k, False) to marginalise k.
+
+    Averages that span more than `coarseness` of the whole motion's mean square, as in a body that
+    goes to and fro for long, would lose what it has shown: an old keyframe is marginalised instead.
+    """
+    best = 1  # Keyframe 0 is the reference.
+    for k in range(1, kf.size[0] - RECENT):
+        if kf.pair[k, 0] < kf.pair[best, 0]:
+            best = k
+    n = kf.size[0]
+    kf.spread[0] = max(kf.spread[0], _spread(kf))
+    m = kf.R[n - 1, 0, 0] / kf.R[best, 0, 0] + kf.R[n - 1, 0, 0] / kf.R[best + 1, 0, 0]
+    loss = kf.pair[best, 0]
+    if loss > 10.0 * _EXCESS and loss / m > coarseness * kf.spread[0]:
+        return FIRST, False
+    return best, True

@@ -1,0 +1,119 @@
+"""What measurements with correlated errors are worth to a filter that takes them for white.
+
+The errors are first-order Gauss-Markov processes, each of a standard deviation sigma and a time
+constant tau: their covariance after a time t is sigma^2 exp(-t / tau).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from maths.arrays import Array
+from systems.checks import require_fields
+
+_LEAST_WHITE = 1e-2  # Least share of a measurement's own variance that is white.
+_FLOOR = 1e-12 * np.eye(6)  # Added to every covariance, for exact ones, [rad^2, m^2].
+
+
+@dataclass(kw_only=True)
+class MeasurementErrorsConfig:
+    """The correlated errors of a stream of measurements; none by default, which is white noise.
+
+    A measurement that is another filter's posterior errs alike for a while, so that averaging n of
+    them gains less than n. With these settings the configuration's covariance is honest or too
+    large, never too small.
+
+    Attributes:
+        correlation_time: tau of each measurement's error as a whole, [s]; zero for white noise.
+        correlated_rotation: sigma of an error that is added to the measurement's own, as from a
+            biased calibration, [rad].
+        correlated_translation: The same in translation, [m].
+        correlated_time: tau of the added error, [s].
+        declared_time: tau of the part of its covariance that a measurement itself declares to be
+            correlated, [s]; zero to take that part for white.
+    """
+
+    correlation_time: float = 0.0
+    correlated_rotation: float = 0.0
+    correlated_translation: float = 0.0
+    correlated_time: float = 1.0
+    declared_time: float = 0.0
+
+
+def check_measurement_errors_config(config: MeasurementErrorsConfig, owner: str) -> None:
+    """Raises ValueError, naming `owner` and the field, where a value is impossible."""
+    require_fields(owner, config, ["correlated_time"], "> 0 s", lambda value: value > 0.0)
+    for unit, names in {
+        "s": ("correlation_time", "declared_time"),
+        "rad": ("correlated_rotation",),
+        "m": ("correlated_translation",),
+    }.items():
+        require_fields(owner, config, names, f">= 0 {unit}", lambda value: value >= 0.0)
+
+
+def _adds_error(config: MeasurementErrorsConfig) -> bool:
+    return config.correlated_rotation > 0.0 or config.correlated_translation > 0.0
+
+
+def is_correlated(config: MeasurementErrorsConfig) -> bool:
+    """Whether any error is other than white."""
+    return config.correlation_time > 0.0 or _adds_error(config) or config.declared_time > 0.0
+
+
+def white_equivalent(
+    covariance: Array,
+    dt: float,
+    config: MeasurementErrorsConfig,
+    correlated: Array | None = None,
+) -> Array:
+    """The covariance (6, 6) of white noise whose average over long is as uncertain.
+
+    For measurements a time dt << tau apart it is 2 tau / dt times that of the correlated error; for
+    the error as a whole, (1 + r) / (1 - r) times with r = exp(-dt / tau).
+
+    Args:
+        covariance: Of the measurement (6, 6).
+        dt: Since the last one, [s].
+        config: The time constants, and the error that is added.
+        correlated: The part (6, 6) of the covariance that is declared to be correlated.
+    """
+    R = covariance + _FLOOR
+    if dt <= 0.0:
+        return R
+    if config.correlation_time > 0.0:
+        r = np.exp(-dt / config.correlation_time)
+        R = R * ((1.0 + r) / (1.0 - r))
+    if _adds_error(config):
+        added = np.repeat([config.correlated_rotation**2, config.correlated_translation**2], 3)
+        R = R + np.diag(added) * max(1.0, 2.0 * config.correlated_time / dt)
+    if correlated is not None:
+        R = R + correlated * max(0.0, 2.0 * config.declared_time / dt - 1.0)
+    return R
+
+
+def error_shares(
+    covariance: Array,
+    R: Array,
+    dt: float,
+    config: MeasurementErrorsConfig,
+    correlated: Array | None = None,
+) -> tuple[float, float]:
+    """The shares of R, from `white_equivalent`, of one measurement's white and correlated variance.
+
+    Their sum is at most one: the rest of R makes up for averages that gain less than they seem to.
+    """
+    if dt <= 0.0:
+        return 1.0, 0.0
+
+    def share(part: Array) -> float:
+        return float(np.trace(np.linalg.solve(R, part))) / 6.0
+
+    without_added = replace(config, correlated_rotation=0.0, correlated_translation=0.0)
+    own = share(white_equivalent(covariance, dt, without_added))
+    r = np.exp(-dt / config.correlation_time) if config.correlation_time > 0.0 else 0.0
+    tau = max(config.correlated_time if _adds_error(config) else 0.0, config.declared_time)
+    rest = (1.0 - own) * min(1.0, 0.5 * dt / tau) if tau > 0.0 else 0.0
+    white = own
+    if correlated is not None and config.declared_time > 0.0:
+        white = max(own - share(correlated), _LEAST_WHITE * own)
+    return white * (1.0 - r) ** 2 / (1.0 + r), own * r * (1.0 - r) / (1.0 + r) + rest

@@ -1,0 +1,98 @@
+"""The impedance controller: its law, and what it takes over before contact."""
+
+import numpy as np
+import pytest
+from known_arm import Q, arm_model, desired
+from numpy.testing import assert_allclose
+from pydrake.common.value import AbstractValue
+from pydrake.systems.analysis import Simulator
+
+from controllers.arm.impedance import (
+    DesiredMotion,
+    ImpedanceConfig,
+    ImpedanceController,
+    ImpedanceGains,
+    impedance_wrench,
+    posture_torque,
+)
+from maths import se3
+
+
+def gains(scale: float) -> ImpedanceGains:
+    return ImpedanceGains(
+        stiffness=scale * np.eye(6), damping=scale * np.eye(6), mass=scale * np.eye(6)
+    )
+
+
+def test_the_wrench_is_that_of_spring_damper_and_mass() -> None:
+    rng = np.random.default_rng(0)
+    state = arm_model().Evaluate(np.concatenate([Q, rng.normal(size=7)]))
+    xi, V_des, A_des = rng.normal(size=(3, 6)) * 0.3
+    motion = DesiredMotion(X_WE=state.X_WE @ se3.exp(xi), V_WE_E=V_des, A_WE_E=A_des)
+    K, D, M = rng.normal(size=(3, 6, 6))
+    wrench = impedance_wrench(state, motion, ImpedanceGains(stiffness=K, damping=D, mass=M))
+    assert_allclose(wrench, K @ xi + D @ (V_des - state.V_WE_E) + M @ A_des, atol=1e-9)
+
+
+def test_the_posture_torque_leaves_the_end_effector_alone() -> None:
+    state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
+    tau = posture_torque(state, Q + 0.3, 4.0, 0.4)
+    wrench, *_ = np.linalg.lstsq(state.J_E.T, tau, rcond=None)
+    assert_allclose(wrench, np.zeros(6), atol=1e-9)
+    assert np.linalg.norm(tau) > 0.01
+
+
+def test_an_arm_at_its_goal_is_held_against_gravity_only() -> None:
+    state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
+    controller = ImpedanceController(ImpedanceConfig(), arm_model(), Q)
+    context = controller.CreateDefaultContext()
+    controller.GetInputPort("joint_state_measured").FixValue(
+        context, np.concatenate([Q, np.zeros(7)])
+    )
+    controller.GetInputPort("motion_desired").FixValue(
+        context, AbstractValue.Make(desired(state.X_WE))
+    )
+    controller.GetInputPort("gains_desired").FixValue(context, AbstractValue.Make(gains(100.0)))
+    torque = controller.EvalUniquePeriodicDiscreteUpdate(context).value()
+    assert_allclose(torque, state.tau_bias, atol=1e-6)
+    assert np.abs(torque).max() > 1.0
+
+
+def test_what_the_spring_holds_before_contact_is_taken_over_and_then_kept() -> None:
+    state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
+    config = ImpedanceConfig()
+    controller = ImpedanceController(config, arm_model(), Q)
+    error = np.array([0.01, 0, 0, 0, 0.002, 0])
+    simulator = Simulator(controller)
+    context = simulator.get_mutable_context()
+    tare = controller.GetInputPort("tare")
+    tare.FixValue(context, [1.0])
+    for name, value in (
+        ("motion_desired", desired(state.X_WE @ se3.exp(error))),
+        ("gains_desired", gains(100.0)),
+    ):
+        controller.GetInputPort(name).FixValue(context, AbstractValue.Make(value))
+    controller.GetInputPort("joint_state_measured").FixValue(
+        context, np.concatenate([Q, np.zeros(7)])
+    )
+    simulator.AdvanceTo(config.tare_time - 0.5 * config.period)
+    spring = state.J_E.T @ (100.0 * error)
+    port = controller.GetOutputPort("torque_commanded")
+    assert_allclose(port.Eval(context), state.tau_bias + 2.0 * spring, atol=1e-6)
+    tare.FixValue(context, [0.0])
+    simulator.AdvanceTo(1.0)
+    assert_allclose(port.Eval(context), state.tau_bias + 2.0 * spring, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("period", 0.0), ("tare_time", np.nan), ("torque_limit", -1.0), ("posture_damping", np.inf)],
+)
+def test_impossible_values_are_refused_by_name(field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f"ImpedanceController: {field} = "):
+        ImpedanceController(ImpedanceConfig(**{field: value}), arm_model(), Q)
+
+
+def test_a_posture_of_another_arm_is_refused() -> None:
+    with pytest.raises(ValueError, match="need 7 joints"):
+        ImpedanceController(ImpedanceConfig(), arm_model(), Q[:6])

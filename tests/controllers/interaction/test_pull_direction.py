@@ -1,0 +1,59 @@
+"""The direction of the pull: as taught, then along the perceived joint."""
+
+import numpy as np
+import pytest
+from known_arm import Q, arm_model
+from numpy.testing import assert_allclose
+from pydrake.systems.analysis import Simulator
+
+from controllers.interaction.phases import Phase
+from controllers.interaction.pull_direction import PullDirection, PullDirectionConfig
+from maths import se3
+
+BACK = np.array([0.0, 0.0, -1.0])
+
+
+def pull_towards(tangent_E: np.ndarray, q: float = 0.1, **config: float) -> np.ndarray:
+    """The pull after 2 s of exploring a joint along which the hand goes by `tangent_E`."""
+    state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
+    system = PullDirection(PullDirectionConfig(follow_joint=True, **config), arm_model(), BACK)
+    simulator = Simulator(system)
+    context = simulator.get_mutable_context()
+    screw_W = se3.adjoint(state.X_WE) @ np.concatenate([np.zeros(3), tangent_E])
+    for name, value in (
+        ("joint_state_measured", np.concatenate([Q, np.zeros(7)])),
+        ("joint_remembered", np.concatenate([np.zeros(6), [q, 0.0]])),
+        ("end_effector_screw_remembered", screw_W),
+        ("phase", [float(Phase.EXPLORE)]),
+    ):
+        system.GetInputPort(name).FixValue(context, value)
+    simulator.AdvanceTo(2.0)
+    return np.asarray(system.get_output_port().Eval(context))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_pull_turns_to_the_joint_whatever_sign_its_configuration_has(sign: float) -> None:
+    tangent = np.array([0.0, 0.6, -0.8])
+    assert_allclose(pull_towards(sign * 0.3 * tangent, q=sign), tangent, atol=1e-3)
+
+
+def test_the_pull_stays_as_taught_while_the_joint_is_unknown_hardly_moved_or_absurd() -> None:
+    tangent = np.array([0.0, 0.6, -0.8])
+    assert_allclose(pull_towards(np.full(3, np.nan), q=np.nan), BACK)
+    assert_allclose(pull_towards(tangent, q=0.02), BACK)
+    assert_allclose(pull_towards(np.array([0.0, 0.8, -0.6]), limit=50.0), BACK)
+
+
+def test_the_pull_turns_within_its_time() -> None:
+    tangent = np.array([0.0, 0.6, -0.8])
+    angle = np.arctan2(tangent[1], -tangent[2])
+    (y, z) = pull_towards(tangent, time=2.0)[1:]
+    assert_allclose(np.arctan2(y, -z) / angle, 1.0 - np.exp(-1.0), atol=0.05)
+
+
+def test_impossible_values_are_refused_by_name() -> None:
+    with pytest.raises(ValueError, match="direction_E"):
+        PullDirection(PullDirectionConfig(), arm_model(), 0.0 * BACK)
+    for field, value in (("limit", 120.0), ("start", np.nan), ("time", 0.0)):
+        with pytest.raises(ValueError, match=f"PullDirection: {field} = "):
+            PullDirection(PullDirectionConfig(**{field: value}), arm_model(), BACK)

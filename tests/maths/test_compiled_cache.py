@@ -1,0 +1,107 @@
+"""Compiled code is read from the disk, but not when anything that it was made from has changed."""
+
+import importlib
+import pkgutil
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from numba.core.registry import CPUDispatcher
+
+import maths
+import systems
+from maths.compiled_cache import _AllSources, sources_stamp
+
+CALLER = """
+from maths.compiled import hot
+from systems.callee import double
+
+@hot
+def quadruple(x: float) -> float:
+    return double(double(x))
+"""
+CALLEE = """
+from maths.compiled import hot
+from systems.constants import TWO
+
+@hot
+def double(x: float) -> float:
+    return TWO * x
+"""
+PRINT = """
+from systems.caller import quadruple
+print(quadruple(1.0), sum(quadruple.stats.cache_hits.values()))
+"""
+
+
+def _checkout(folder: Path) -> Path:
+    """A small checkout of its own; returns its folder of systems."""
+    shutil.copytree(Path(maths.__file__).parent, folder / "maths")
+    shutil.rmtree(folder / "maths" / "__pycache__", ignore_errors=True)
+    package = folder / "systems"
+    package.mkdir()
+    shutil.copy(systems.__file__, package)
+    (package / "caller.py").write_text(CALLER)
+    (package / "callee.py").write_text(CALLEE)
+    (package / "constants.py").write_text("TWO = 2.0\n")
+    return package
+
+
+def _run(folder: Path, script: str = PRINT) -> str:
+    command = [sys.executable, "-c", script]
+    found = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    return found.stdout.strip()
+
+
+def test_a_caller_is_compiled_again_when_what_it_calls_or_a_constant_changes(
+    tmp_path: Path,
+) -> None:
+    package = _checkout(tmp_path)
+    assert _run(tmp_path) == "4.0 0"
+    assert _run(tmp_path) == "4.0 1"
+    (package / "constants.py").write_text("TWO = 3.0\n")
+    assert _run(tmp_path) == "9.0 0"
+    (package / "callee.py").write_text(CALLEE.replace("TWO * x", "TWO * x + 1.0"))
+    assert _run(tmp_path) == "13.0 0"
+    assert _run(tmp_path) == "13.0 1"
+    folders = sorted((package / "__pycache__").glob("c*-*/"))
+    assert [folder.name.split("-")[0] for folder in folders] == ["callee", "caller"]
+
+
+def test_a_type_that_has_moved_to_another_module_is_not_looked_for_in_the_old_one(
+    tmp_path: Path,
+) -> None:
+    package = _checkout(tmp_path)
+    point = "from typing import NamedTuple\n\nclass Point(NamedTuple):\n    x: float\n"
+    (package / "here.py").write_text(point)
+    caller = CALLER.replace("systems.callee import double", "systems.here import Point")
+    caller = caller.replace("(x: float)", "(p: Point)").replace("double(double(x))", "4.0 * p.x")
+    script = PRINT.replace("import quadruple", "import Point, quadruple").replace(
+        "1.0", "Point(1.0)"
+    )
+    (package / "caller.py").write_text(caller)
+    assert _run(tmp_path, script) == "4.0 0"
+    (package / "here.py").rename(package / "there.py")
+    (package / "caller.py").write_text(caller.replace("here", "there"))
+    assert _run(tmp_path, script) == "4.0 0"
+
+
+def test_every_compiled_function_is_kept_so() -> None:
+    found = 0
+    for package in (maths, systems):
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            for value in vars(importlib.import_module(module.name)).values():
+                if isinstance(value, CPUDispatcher):
+                    found += 1
+                    assert isinstance(value._cache._impl.locator, _AllSources)
+    assert found > 5
+
+
+def test_the_stamp_is_that_of_the_contents(tmp_path: Path) -> None:
+    path = tmp_path / "module.py"
+    path.write_text("import numpy\n")
+    assert sources_stamp(path) == sources_stamp(path)
+    other = tmp_path / "other.py"
+    other.write_text("import numpy\n\n")
+    assert sources_stamp(path) != sources_stamp(other)

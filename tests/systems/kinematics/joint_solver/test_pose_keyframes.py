@@ -1,0 +1,101 @@
+"""The bounded memory of poses against the Lie group and plain averages."""
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+from maths import se3
+from systems.kinematics.joint_solver import pose_keyframes
+from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+
+WALK = np.repeat([0.09, 0.01], 3)
+
+
+def _fill(poses: np.ndarray, R: np.ndarray, capacity: int = 32) -> Keyframes:
+    kf = pose_keyframes.empty_keyframes(capacity)
+    for k, X in enumerate(poses):
+        if kf.size[0] == capacity:
+            at, average = pose_keyframes.choose(kf, 0.05)
+            if average:
+                pose_keyframes.merge(kf, at, WALK)
+            else:
+                pose_keyframes.remove(kf, at, WALK)
+        pose_keyframes.append(kf, X, R, k / 15.0, WALK)
+    return kf
+
+
+def test_the_mean_of_two_poses_on_a_screw_is_on_the_screw_at_the_mean_time() -> None:
+    screw = np.array([0.0, 0.0, 1.0, 0.3, -0.2, 0.1])
+    kf = _fill(np.array([se3.exp(q * screw) for q in (0.0, 0.4, 1.6)]), 1e-6 * np.eye(6))
+    pose_keyframes.merge(kf, 1, WALK)
+    assert_allclose(kf.Z[1], se3.exp(1.0 * screw), atol=1e-12)
+    assert_allclose(kf.time[1], 1.5 / 15.0)
+    assert_allclose(kf.R[1], 0.5e-6 * np.eye(6))
+
+
+def test_a_less_certain_pose_counts_less_in_the_mean() -> None:
+    kf = pose_keyframes.empty_keyframes(4)
+    pose_keyframes.append(kf, np.eye(4), np.eye(6), 0.0, WALK)
+    for x, variance in ((0.0, 1e-6), (1.0, 3e-6)):
+        X = np.eye(4)
+        X[0, 3] = x
+        pose_keyframes.append(kf, X, variance * np.eye(6), x, WALK)
+    pose_keyframes.merge(kf, 1, WALK)
+    assert_allclose(kf.Z[1, 0, 3], 0.25)
+    assert_allclose(kf.R[1], 0.75e-6 * np.eye(6), atol=1e-18)
+
+
+def test_a_body_at_rest_is_averaged_without_loss() -> None:
+    rng = np.random.default_rng(1)
+    noise = 1e-3 * rng.normal(size=(3000, 6))
+    kf = _fill(np.array([se3.exp(n) for n in noise]), 1e-6 * np.eye(6))
+    n = int(kf.size[0])
+    weights = np.array([1.0 / kf.R[k, 0, 0] for k in range(n)])
+    mean = np.array([se3.log(kf.Z[k]) for k in range(n)]).T @ weights / weights.sum()
+    assert_allclose(weights.sum(), 3000e6, rtol=1e-9)
+    assert_allclose(mean, noise.mean(axis=0), atol=2e-6)
+
+
+def test_memory_is_bounded_and_motion_is_kept_in_even_steps() -> None:
+    X = np.tile(np.eye(4), (600, 1, 1))
+    X[300:, 0, 3] = np.linspace(0.0, 0.3, 300)  # Ten seconds at rest first.
+    kf = _fill(X, 1e-6 * np.eye(6))
+    assert kf.size[0] == 32
+    moving = kf.Z[: kf.size[0] - pose_keyframes.RECENT, 0, 3]
+    assert (moving > 0.01).sum() >= 22
+    assert np.diff(moving).max() < 0.03
+
+
+def test_the_first_keyframe_is_never_averaged() -> None:
+    kf = _fill(np.tile(np.eye(4), (200, 1, 1)), 1e-6 * np.eye(6))
+    assert_allclose(kf.R[0], 1e-6 * np.eye(6))
+    assert kf.time[0] == 0.0
+
+
+def test_to_and_fro_for_long_marginalises_keyframes_instead_of_averaging_the_motion_away() -> None:
+    X = np.tile(np.eye(4), (4500, 1, 1))
+    X[:, 0, 3] = 0.1 * np.sin(2.0 * np.pi * np.arange(4500) / 120.0)
+    kf = _fill(X, 1e-6 * np.eye(6))
+    spread = np.std(kf.Z[: kf.size[0], 0, 3])
+    assert spread > 0.6 * 0.1 / np.sqrt(2.0)
+
+
+def test_a_free_walk_speaks_against_rest_and_for_jumps() -> None:
+    still = _fill(np.tile(np.eye(4), (20, 1, 1)), 1e-6 * np.eye(6))
+    assert (still.pair[:19, 1] < 0.0).all()
+    X = np.tile(np.eye(4), (20, 1, 1))
+    X[10:, 1, 3] = 0.02
+    jump = _fill(X, 1e-6 * np.eye(6))
+    assert jump.pair[9, 1] < still.pair[9, 1]  # Costs something under the walk,
+    assert -0.5 * jump.pair[9, 0] < jump.pair[9, 1] - 50.0  # far more at rest.
+
+
+def test_the_free_walk_remembers_what_averaging_hides() -> None:
+    rng = np.random.default_rng(2)
+    poses = np.array([se3.exp(1e-3 * rng.normal(size=6)) for _ in range(400)])
+    small, large = _fill(poses, 1e-6 * np.eye(6), 32), _fill(poses, 1e-6 * np.eye(6), 400)
+    evidence = [kf.walk[0] + kf.pair[: kf.size[0] - 1, 1].sum() for kf in (small, large)]
+    rest = [
+        -0.5 * sum(se3.log(kf.Z[k]) @ kf.W[k] @ se3.log(kf.Z[k]) for k in range(kf.size[0]))
+        for kf in (small, large)
+    ]
+    assert_allclose(evidence[0] - rest[0], evidence[1] - rest[1], rtol=0.2)

@@ -8,18 +8,20 @@ import pytest
 @pytest.fixture(scope="session")
 def recorded_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a run with its sensor streams: the lights go off after some centimetres."""
-    from diagrams.crossmodal.scenario import load_scenario
+    from diagrams.applications import load_scenario
     from diagrams.run.episode import run_episode
     from diagrams.run.run_folder import SENSORS_FILE, write_run
 
     folder = tmp_path_factory.mktemp("run")
-    scenario = load_scenario(
+    application, scenario = load_scenario(
         "drawer-lights-off",
         [
+            "seed=7",
             "control.sequence.travel=0.07",
             "task.opening=0.04",
             "disturbances.lights_off.0.start=7.0",
         ],
     )
-    write_run(folder, run_episode(scenario, 7, sensors_file=folder / SENSORS_FILE))
+    record = run_episode(application, scenario, sensors_file=folder / SENSORS_FILE)
+    write_run(folder, application, record, application.evaluate(record))
     return folder

@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from diagrams.crossmodal.estimators import MODALITIES, PerceptionConfig, check_cut
 from diagrams.crossmodal.objects.object_import import check_pull, imported
 from diagrams.crossmodal.objects.object_model import read_object_model
-from diagrams.crossmodal.robot_config import ControlConfig, SensorsConfig
+from diagrams.crossmodal.robot_config import HAND, ControlConfig, SensorsConfig
 from diagrams.run import scenario as base
 from diagrams.run.scenario import CameraConfig, require_positive, require_vector
 from diagrams.run.yaml_schema import ScenarioError, suggestion
@@ -256,6 +256,8 @@ def _check(scenario: Scenario, source: str) -> None:
         raise ScenarioError(
             f"{source}: cameras: the estimators see through one camera that is fixed to the world"
         )
+    if HAND not in scenario.model_drivers:
+        raise ScenarioError(f"{source}: model_drivers: need one of the model '{HAND}'")
     if not (SDF_DIR / scenario.plant.scene).is_file():
         raise ScenarioError(
             f"{source}: plant.scene = '{scenario.plant.scene}': there is no such file in {SDF_DIR}"

@@ -91,24 +91,27 @@ def task_phases(task: Task, truth: Truth, events: Sequence[Event]) -> dict[str, 
     """Target and true travel of exploration and exploitation, [m or rad].
 
     Exploration reaches its turning point: the largest travel up to half a second after the return
-    began, or up to the end without one. Exploitation reaches where the joint is at the end.
+    began, or up to the end without one. Exploitation reaches where the joint is at the end. Where
+    the truth is not known, what was reached is NaN.
     """
     opening = truth.opening()
     if task.goal is None:
-        reached = float(abs(opening[-1])) if len(opening) else 0.0
+        reached = float(abs(opening[-1])) if len(opening) else float("nan")
         return {"exploration": Phase(target=task.opening, reached=reached)}
     returns = begun(events, ControlPhase.RETURN)
     travel = np.abs(opening[truth.times <= turning_time(events)])
-    reached = float(np.nanmax(travel, initial=0.0))
+    reached = float(np.nanmax(travel, initial=0.0)) if len(opening) else float("nan")
     phases = {"exploration": Phase(target=task.goal, reached=reached)}
     if task.return_to_start:
-        end = float(abs(opening[-1])) if returns else float("nan")
+        end = float(abs(opening[-1])) if returns and len(opening) else float("nan")
         phases["exploitation"] = Phase(target=0.0, reached=end)
     return phases
 
 
 def task_failure(task: Task, truth: Truth, events: Sequence[Event]) -> str | None:
-    """Why the task was not done, in one line; None where it was."""
+    """Why the task was not done, in one line; None where it was, or where nobody can know."""
+    if truth.joint_type is None:
+        return None
     phases = task_phases(task, truth, events)
     reached = phases["exploration"].reached
     lost = [event.time for event in events if event.name == GRASP_LOST]

@@ -1,19 +1,17 @@
 """An episode made of port values with known errors, so that no simulation is needed."""
 
+from typing import Any
+
 import numpy as np
 from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, State
 
-from diagrams.crossmodal.scenario import Interval, Scenario
-from diagrams.run.record import (
-    EpisodeResult,
-    FrameRecord,
-    ModalityRecord,
-    PinholeCamera,
-    TickRecord,
-    Truth,
-)
+from diagrams.crossmodal.scenario import Scenario
+from diagrams.joints.joint_truth import JointTruth, Truth, truth_of
+from diagrams.run.calibration import Calibration, CalibrationErrors, Camera, calibrated
+from diagrams.run.record import EpisodeRecord, EstimatorRecord, Event, Picture, Tick
+from diagrams.run.scenario import CameraConfig, Interval
 from maths import se3
 from maths.arrays import Array
 from systems.port_values import (
@@ -80,20 +78,9 @@ def body_motion(body_id: int, X_WB: Array, X_WB_0: Array, feature_ids: Array) ->
     )
 
 
-def looking_at(position: Array, target: Array) -> Array:
-    """X_WC (4, 4) of a camera with x right, y down, z forward."""
-    z = (target - position) / np.linalg.norm(target - position)
-    x = np.cross(z, [0.0, 0.0, 1.0])
-    x /= np.linalg.norm(x)
-    X = np.eye(4)
-    X[:3, :3] = np.column_stack([x, np.cross(z, x), z])
-    X[:3, 3] = position
-    return X
-
-
 def synthetic_episode(
     joint_type: JointType = JointType.PRISMATIC, seed: int = 3, duration: float = 16.0
-) -> EpisodeResult:
+) -> EpisodeRecord:
     """A drawer or door pulled from 4 s on; vision is born late and ends when the lights go off."""
     rng = np.random.default_rng(seed)
     times = np.arange(0.0, duration + 1e-9, PERIOD)
@@ -107,43 +94,59 @@ def synthetic_episode(
     point = np.array([0.8, 0.35, 0.5])
     handle = np.array([0.75, 0.0, 0.5])
     X_WB = np.array([_pose(joint_type, axis, point, handle, value) for value in q])
-    truth = Truth(
-        joint_name="drawer" if joint_type == JointType.PRISMATIC else "hinge",
-        joint_type=joint_type,
+    joint = JointTruth(
+        name="drawer" if joint_type == JointType.PRISMATIC else "hinge",
+        type=str(joint_type),
         axis_W=axis,
         point_W=point,
-        times=times,
-        configuration=q,
-        X_WB=X_WB,
-        grasp_time=GRASP_TIME,
+        parent_moves=False,
     )
-    scenario = Scenario(name="drawer", seed=seed, duration=duration)
+    scenario = Scenario(system="crossmodal", name="drawer", seed=seed, duration=duration)
+    scenario.cameras = {
+        "camera": CameraConfig(
+            position=np.array([-0.3, 0.75, 1.1]), looking_at=np.array([0.75, 0.0, 0.45])
+        )
+    }
     scenario.disturbances.lights_off.append(Interval(start=LIGHTS_OFF))
-    result = EpisodeResult(
+    camera = scenario.camera.camera()
+    record = EpisodeRecord(
         scenario=scenario,
-        truth=truth,
-        modalities={},
-        camera=PinholeCamera(
-            K=np.array([[577.0, 0, 319.5], [0, 577.0, 239.5], [0, 0, 1.0]]),
-            X_WC=looking_at(np.array([-0.3, 0.75, 1.1]), np.array([0.75, 0.0, 0.45])),
-        ),
+        calibration=Calibration(cameras={"camera": calibrated(camera, CalibrationErrors())}),
+        station=[
+            Tick(
+                time=float(time),
+                values={
+                    "cheat_joint": joint,
+                    "cheat_configuration": np.array([value]),
+                    "cheat_body_pose": RigidTransform(X),
+                    "interaction_active": np.array([float(time >= GRASP_TIME - 1e-9)]),
+                },
+            )
+            for time, value, X in zip(times, q, X_WB, strict=True)
+        ],
+        estimators={},
         duration=duration,
         wall_time=11.0,
+        events=[Event(time=2.0, name="closing"), Event(time=GRASP_TIME, name="exploring")],
         peak_memory=700_000_000,
     )
+    truth = truth_of(record)
     errors = {"vision": (0.0015, 0.8), "proprioception": (0.006, 1.5), "crossmodal": (0.001, 0.4)}
     static = np.column_stack([rng.uniform(0.76, 0.8, 60), rng.uniform(-0.4, 0.4, 60),
                               rng.uniform(0.1, 0.8, 60)])  # fmt: skip
     moving = np.column_stack([np.full(40, 0.74), rng.uniform(-0.2, 0.2, 40),
                               rng.uniform(0.4, 0.6, 40)])  # fmt: skip
+    features = [
+        _features(camera, static, moving, X @ np.linalg.inv(truth.X_WB[0])) for X in truth.X_WB
+    ]
     for name, (q_error, axis_error) in errors.items():
-        result.modalities[name] = _modality(name, truth, q_error, np.deg2rad(axis_error), rng)
-    for time in np.arange(0.0, duration, 0.5):
-        k = int(np.argmin(np.abs(times - time)))
-        result.frames.append(
-            _frame(float(times[k]), result.camera, static, moving, X_WB[k] @ np.linalg.inv(X_WB[0]))
+        record.estimators[name] = _estimator(
+            name, truth, q_error, np.deg2rad(axis_error), features, rng
         )
-    return result
+    for time in np.arange(0.0, duration, 0.5):
+        nearest = float(times[int(np.argmin(np.abs(times - time)))])
+        record.pictures.append(_picture(nearest))
+    return record
 
 
 def _pose(joint_type: JointType, axis: Array, point: Array, handle: Array, q: float) -> Array:
@@ -154,17 +157,21 @@ def _pose(joint_type: JointType, axis: Array, point: Array, handle: Array, q: fl
     return np.asarray(se3.exp(np.concatenate([q * axis, -q * np.cross(axis, point)])) @ X)
 
 
-def _modality(
-    name: str, truth: Truth, q_error: float, axis_error: float, rng: np.random.Generator
-) -> ModalityRecord:
-    record = ModalityRecord(tick_times=list(rng.uniform(0.005, 0.02, len(truth.times))))
+def _estimator(
+    name: str,
+    truth: Truth,
+    q_error: float,
+    axis_error: float,
+    features: list[FeatureBelief],
+    rng: np.random.Generator,
+) -> EstimatorRecord:
+    record = EstimatorRecord(tick_times=list(rng.uniform(0.005, 0.02, len(truth.times))))
     side = np.cross(truth.axis_W, [0.0, 0.0, 1.0] if abs(truth.axis_W[2]) < 0.9 else [1.0, 0, 0])
     side /= np.linalg.norm(side)
     body_id = 2 if name == "vision" else INTERACTED_BODY
     opening = truth.opening()
     drift = 0.0
     sign = -1.0 if name == "proprioception" else 1.0
-    frozen = opening
     for k, time in enumerate(truth.times):
         seen = time >= (5.5 if name == "vision" else GRASP_TIME)
         joints, bodies = JointBeliefs(), BodyMotions()
@@ -177,118 +184,93 @@ def _modality(
             axis = sign * (truth.axis_W + spread * rng.normal(0.0, 0.3) * side)
             kind = truth.joint_type if time > 5.0 else JointType.RIGID
             probability = min(0.4 + 0.1 * age**2, 0.995)
-            q = sign * (frozen[k] + drift)
+            q = sign * (opening[k] + drift)
             joints.joints.append(
                 joint_belief(kind, axis, q, q_error, spread, body_id, probability, truth.point_W)
             )
             bodies.bodies.append(
                 body_motion(body_id, truth.X_WB[k], truth.X_WB[0], np.arange(100, 140))
             )
-        grasp = None
+        values: dict[str, Any] = {"joints_latest": joints, "body_motions_latest": bodies}
+        if name != "proprioception":
+            values["features_latest"] = features[k]
         if name != "vision":
-            grasp = GraspBelief(
+            values["grasp_latest"] = GraspBelief(
                 probabilities=dict.fromkeys(GraspType, 0.25),
                 X_HB=np.eye(4), covariance=np.eye(6), axis_H=np.array([0.0, 1.0, 0.0]),
                 p_HA=np.zeros(3), line_covariance=np.zeros((6, 6)), free_motion=np.zeros((6, 6)),
             )  # fmt: skip
-        record.ticks.append(
-            TickRecord(
-                time=float(time),
-                joints=joints,
-                bodies=bodies,
-                grasp=grasp,
-                feature_count=0 if name == "proprioception" else 100,
-            )
-        )
+        record.ticks.append(Tick(time=float(time), values=values))
     return record
 
 
-def _frame(
-    time: float, camera: PinholeCamera, static: Array, moving: Array, displacement: Array
-) -> FrameRecord:
+def _features(camera: Camera, static: Array, moving: Array, displacement: Array) -> FeatureBelief:
+    """The resting features, and those of the body that has been moved by `displacement` (4, 4)."""
     moved = moving @ displacement[:3, :3].T + displacement[:3, 3]
     points = np.vstack([static, moved])
-    color = np.full((480, 640, 3), 20 if time >= LIGHTS_OFF else 150, dtype=np.uint8)
-    color[::40] //= 2
-    features = FeatureBelief(
-        ids=np.arange(40 + len(static), dtype=np.int64),
+    return FeatureBelief(
+        ids=np.concatenate([np.arange(40, 40 + len(static)), np.arange(100, 140)]).astype(np.int64),
         uv=camera.project(points),
         p_WF=points,
         covariance=np.tile(1e-6 * np.eye(3), (len(points), 1, 1)),
         age=np.full(len(points), 5),
     )
-    features.ids[len(static) :] = np.arange(100, 140)
-    return FrameRecord(
-        time=time, color=color, features={"vision": features, "crossmodal": features}
-    )
+
+
+def _picture(time: float) -> Picture:
+    color = np.full((480, 640, 3), 20 if time >= LIGHTS_OFF else 150, dtype=np.uint8)
+    color[::40] //= 2
+    return Picture(time=time, port="color_measured", color=color)
 
 
 class ReplayedBeliefs(LeafSystem):
-    """Outputs a synthetic episode's beliefs as the network's `latest` ports would be.
+    """Outputs what station and estimators of a synthetic episode gave, as their ports would.
 
     The belief of the tick at t is stored at t, so it is what a reader sees after t.
     """
 
-    def __init__(self, result: EpisodeResult) -> None:
+    def __init__(self, record: EpisodeRecord) -> None:
         super().__init__()
-        self._result = result
+        self._record = record
         state = self.DeclareAbstractState(Value(-1))
         self._index = int(state)
         self.DeclarePeriodicUnrestrictedUpdateEvent(PERIOD, 0.0, self._step)
-        ticket = {self.abstract_state_ticket(state)}
-        for modality, record in result.modalities.items():
-            for name in ("joints", "body_motions", "features"):
-
-                def calc(
-                    context: Context,
-                    output: AbstractValue,
-                    record: ModalityRecord = record,
-                    modality: str = modality,
-                    name: str = name,
-                ) -> None:
-                    k = context.get_abstract_state(self._index).get_value()
-                    output.set_value(self._value(record, modality, name, k))
-
-                self.DeclareAbstractOutputPort(
-                    f"{modality}_{name}_latest",
-                    lambda record=record, modality=modality, name=name: AbstractValue.Make(
-                        self._value(record, modality, name, -1)
-                    ),
-                    calc,
-                    prerequisites_of_calc=ticket,
+        empty = {"joints_latest": JointBeliefs(), "body_motions_latest": BodyMotions()}
+        for name, estimator in record.estimators.items():
+            for port, value in estimator.ticks[0].values.items():
+                self._declare_belief(
+                    name, port, empty.get(port, value), self.abstract_state_ticket(state)
                 )
-        self.DeclareVectorOutputPort(
-            "cheat_configuration", 1, lambda c, o: o.SetFromVector([self._truth_at(c)[0]])
-        )
+        for port, value in record.station[0].values.items():
+            self._declare_truth(port, value)
+
+    def _declare_belief(self, name: str, port: str, first: object, ticket: Any) -> None:
+        ticks = self._record.estimators[name].ticks
+
+        def calc(context: Context, output: AbstractValue) -> None:
+            k = min(context.get_abstract_state(self._index).get_value(), len(ticks) - 1)
+            output.set_value(ticks[k].values[port] if k >= 0 else first)
+
         self.DeclareAbstractOutputPort(
-            "cheat_body_pose",
-            lambda: Value(RigidTransform()),
-            lambda c, o: o.set_value(RigidTransform(self._truth_at(c)[1])),
+            f"{name}_{port}", lambda: AbstractValue.Make(first), calc, {ticket}
         )
-        self.DeclareVectorOutputPort(
-            "interaction_active",
-            1,
-            lambda c, o: o.SetFromVector([float(c.get_time() >= GRASP_TIME - 1e-9)]),
-        )
+
+    def _declare_truth(self, port: str, model: object) -> None:
+        def calc(context: Context, output: Any) -> None:
+            times = np.array([tick.time for tick in self._record.station])
+            k = int(np.argmin(np.abs(times - context.get_time())))
+            output.set_value(self._record.station[k].values[port])
+
+        if isinstance(model, np.ndarray):
+            self.DeclareVectorOutputPort(port, len(model), calc, {self.time_ticket()})
+        else:
+            self.DeclareAbstractOutputPort(
+                port, lambda: AbstractValue.Make(model), calc, {self.time_ticket()}
+            )
 
     def _step(self, context: Context, state: State) -> None:
         k = context.get_abstract_state(self._index).get_value()
         state.get_mutable_abstract_state(self._index).set_value(k + 1)
-
-    def _value(self, record: ModalityRecord, modality: str, name: str, k: int) -> object:
-        k = min(k, len(record.ticks) - 1)
-        if name == "joints":
-            return record.ticks[k].joints if k >= 0 else JointBeliefs()
-        if name == "body_motions":
-            return record.ticks[k].bodies if k >= 0 else BodyMotions()
-        frames = self._result.frames
-        time = max(k, 0) * PERIOD
-        return min(frames, key=lambda frame: abs(frame.time - time)).features["crossmodal"]
-
-    def _truth_at(self, context: Context) -> tuple[float, Array]:
-        truth = self._result.truth
-        k = int(np.argmin(np.abs(truth.times - context.get_time())))
-        return float(truth.configuration[k]), truth.X_WB[k]
 
 
 def connect_all(builder: DiagramBuilder, source: LeafSystem, sink: LeafSystem) -> None:
@@ -299,15 +281,22 @@ def connect_all(builder: DiagramBuilder, source: LeafSystem, sink: LeafSystem) -
             builder.Connect(source.GetOutputPort(port.get_name()), port)
 
 
-def empty_episode() -> EpisodeResult:
+def without_truth(record: EpisodeRecord) -> EpisodeRecord:
+    """The same episode as a real robot would record it: nobody knows what is true."""
+    for tick in record.station:
+        tick.values = {
+            port: value for port, value in tick.values.items() if not port.startswith("cheat_")
+        }
+    return record
+
+
+def empty_episode() -> EpisodeRecord:
     """An episode that a person stopped before its first tick."""
-    result = synthetic_episode()
-    result.interrupted, result.duration, result.wall_time = True, 0.0, 0.0
-    result.frames.clear()
-    truth = result.truth
-    truth.times, truth.configuration = np.zeros(0), np.zeros(0)
-    truth.X_WB, truth.grasp_time = np.zeros((0, 4, 4)), float("nan")
-    for record in result.modalities.values():
-        record.ticks.clear()
-        record.tick_times.clear()
-    return result
+    record = synthetic_episode()
+    record.interrupted, record.duration, record.wall_time = True, 0.0, 0.0
+    for kept in (record.pictures, record.station, record.events):
+        kept.clear()
+    for estimator in record.estimators.values():
+        estimator.ticks.clear()
+        estimator.tick_times.clear()
+    return record

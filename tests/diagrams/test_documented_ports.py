@@ -7,9 +7,13 @@ from collections.abc import Iterator
 import pytest
 from pydrake.systems.framework import Diagram, System
 
-from diagrams.crossmodal.meshcat_view import MeshcatView, MeshcatViewConfig, start_meshcat
-from diagrams.crossmodal.scenario import load_scenario
+from diagrams.applications import load_scenario
+from diagrams.crossmodal.meshcat_view import MeshcatView, MeshcatViewConfig
+from diagrams.drawing.meshcat import start_meshcat
 from diagrams.run.episode import Episode
+from diagrams.run.record import TaskStatus
+from diagrams.run.recorder import STATUS_PORT
+from diagrams.run.sensor_log import SensorLog, SensorRecorder, SensorReplay, make_streams
 
 _ROOMS = ("systems.", "controllers.", "plants.", "diagrams.")
 
@@ -37,13 +41,19 @@ def matches(name: str, documented_name: str) -> bool:
 
 
 @pytest.fixture(scope="module")
-def declared() -> dict[type, dict[str, set[str]]]:
+def declared(tmp_path_factory: pytest.TempPathFactory) -> dict[type, dict[str, set[str]]]:
     """By class of our own, the names of input and output ports that its instances declare."""
-    scenario = load_scenario("drawer-return")
-    episode = Episode(scenario, 0)
+    application, scenario = load_scenario("drawer-return")
+    episode = Episode(application, scenario)
     view = MeshcatView(MeshcatViewConfig(), start_meshcat(), scenario.modalities)
+    path = tmp_path_factory.mktemp("log") / "sensors.mcap"
+    streams = make_streams({STATUS_PORT: TaskStatus()}, {})
+    recorder = SensorRecorder(path, streams, 1.0)
+    recorder.log.write(streams[0], TaskStatus(), 0.0)
+    recorder.log.close()
+    replay = SensorReplay(SensorLog(path, streams), 1.0)
     ports: dict[type, dict[str, set[str]]] = defaultdict(lambda: {"input": set(), "output": set()})
-    for system in [*systems_within(episode.diagram), view]:
+    for system in [*systems_within(episode.diagram), view, recorder, replay]:
         if type(system).__module__.startswith(_ROOMS):
             for i in range(system.num_input_ports()):
                 ports[type(system)]["input"].add(system.get_input_port(i).get_name())
@@ -58,6 +68,7 @@ def test_all_filters_sensors_and_controllers_are_in_the_episode(
     names = {cls.__name__ for cls in declared}
     assert {"FeatureMotion", "GraspModel", "KinematicModel", "CameraNoise", "RobotMask"} <= names
     assert {"ImpedanceController", "ExplorationController", "PneumaticHand"} <= names
+    assert {"SensorRecorder", "SensorReplay", "EpisodeRecorder", "ManipulationStatus"} <= names
     assert len(names) > 20
 
 

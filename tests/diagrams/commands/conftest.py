@@ -2,7 +2,6 @@
 
 import os
 import signal
-import sys
 import types
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +10,9 @@ from typing import Any
 import pytest
 from synthetic_episode import synthetic_episode
 
-from diagrams.crossmodal.scenario import Scenario
+from diagrams.run.application import Application
+from diagrams.run.record import EpisodeRecord
+from diagrams.run.scenario import Scenario
 
 Progress = Callable[[float], None] | None
 
@@ -23,23 +24,32 @@ def work_in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.fixture
 def fake_episode(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
-    """Replaces the simulation by a synthetic episode; its attributes say how that ends."""
+    """Replaces the simulation by a synthetic episode; its attributes say how that ends.
+
+    The drawer is open by the 20 cm asked for after 14 s.
+    """
     fake = types.SimpleNamespace(
-        failure=None, interrupt=False, error=None, stops_early=False, runs=[]
+        duration=16.0, interrupt=False, error=None, stops_early=False, warning="", runs=[]
     )
 
     def run_episode(
+        application: Application,
         scenario: Scenario,
-        seed: int,
         *,
         meshcat: Any = None,
         progress: Progress = None,
         sensors_file: Path | None = None,
-    ) -> Any:
-        fake.runs.append((scenario.name, seed, meshcat is not None))
-        result = synthetic_episode(seed=seed)
-        result.scenario, result.failure = scenario, fake.failure
-        result.interrupted = fake.stops_early
+    ) -> EpisodeRecord:
+        import warnings
+
+        from diagrams.run.episode import StationWarning
+
+        fake.runs.append((scenario.name, scenario.seed, meshcat is not None))
+        if fake.warning:
+            warnings.warn(fake.warning, StationWarning, stacklevel=2)
+        record = synthetic_episode(seed=scenario.seed, duration=fake.duration)
+        record.scenario = scenario
+        record.interrupted = fake.stops_early
         if fake.error is not None:
             raise fake.error
         if progress is not None:
@@ -49,10 +59,8 @@ def fake_episode(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
                 try:
                     progress(2.0)
                 except KeyboardInterrupt:
-                    result.interrupted = True
-        return result
+                    record.interrupted = True
+        return record
 
-    module = types.ModuleType("diagrams.run.episode")
-    module.run_episode = run_episode  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "diagrams.run.episode", module)
+    monkeypatch.setattr("diagrams.run.episode.run_episode", run_episode)
     return fake

@@ -19,11 +19,12 @@ RUNNER = CliRunner()
         ["run", "malformed.yaml"],
         ["run", "drawer", "--set", "sensors.encoders.noise_positio=1"],
         ["run", "drawer", "--set", "plant.time_step=0"],
-        ["run", "drawer", "--set", "object.model=none.sdf"],
-        ["run", "drawer", "--set", "object.handle_frame=none"],
+        ["run", "drawer", "--set", "objects.drawer.model=none.sdf"],
+        ["run", "drawer", "--set", "objects.drawer.handle_frame=none"],
         ["run", "drawer", "--modalities", "vision,smell"],
         ["run", "drawer", "--duration", "-3"],
         ["run", "drawer", "--out", "malformed.yaml/run"],
+        ["run", "drawer", "--host", "203.0.113.7"],
         ["evaluate", "cupboard"],
         ["evaluate", "drawer", "--seeds", "a:b"],
         ["evaluate", "drawer", "--seeds", "5:5"],
@@ -35,11 +36,13 @@ RUNNER = CliRunner()
     ],
 )
 def test_bad_input_is_answered_in_one_line_with_status_two(
-    arguments: list[str], fake_episode: types.SimpleNamespace
+    arguments: list[str], fake_episode: types.SimpleNamespace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     Path("malformed.yaml").write_text("a: [1\n")
-    sys.modules["diagrams.run.episode"].build_networks = None  # type: ignore[attr-defined]
-    sys.modules["diagrams.run.episode"].build_station = None  # type: ignore[attr-defined]
+    monkeypatch.setattr(
+        "diagrams.run.episode.build_estimators",
+        lambda application, scenario: dict.fromkeys(scenario.modalities),
+    )
     result = RUNNER.invoke(app, arguments)
     assert result.exit_code == 2, result.output
     assert result.stderr.startswith("crossmodal: ")

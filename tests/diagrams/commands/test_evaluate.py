@@ -6,11 +6,13 @@ import pytest
 from typer.testing import CliRunner
 
 from diagrams.command_line import app
-from diagrams.crossmodal.scenario import Scenario
-from diagrams.crossmodal.studies.experiments import EXPERIMENTS
+from diagrams.commands.episode import run_here
+from diagrams.crossmodal.application import APPLICATION
 from diagrams.run import process
+from diagrams.run.application import Application
 from diagrams.run.process import failed_summary
 from diagrams.run.run_folder import finished_summary, write_scenario
+from diagrams.run.scenario import Scenario
 
 RUNNER = CliRunner()
 
@@ -19,12 +21,14 @@ RUNNER = CliRunner()
 def in_this_process(monkeypatch: pytest.MonkeyPatch, fake_episode: types.SimpleNamespace) -> None:
     """Lets an evaluation's episodes run in the test's own process."""
 
-    def run_apart(scenario: Scenario, folder: Path, environment: Any) -> dict[str, Any]:
-        write_scenario(folder, scenario)
-        process.run_here(folder)
+    def run_apart(
+        application: Application, scenario: Scenario, folder: Path, environment: Any
+    ) -> dict[str, Any]:
+        write_scenario(folder, application, scenario)
+        run_here(folder)
         if fake_episode.stops_early:
             raise KeyboardInterrupt
-        summary = finished_summary(folder, scenario)
+        summary = finished_summary(folder, application, scenario)
         return summary or failed_summary(scenario, process._reason(folder, 1))
 
     monkeypatch.setattr(process, "run_apart", run_apart)
@@ -66,8 +70,10 @@ def test_an_interrupted_evaluation_stops_and_its_table_has_what_was_finished(
 def test_all_experiments_end_in_one_table_and_single_ones_are_taken_over(
     fake_episode: types.SimpleNamespace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    kept = {name: EXPERIMENTS[name] for name in ("drawer", "drawer-lights-off")}
-    monkeypatch.setattr("diagrams.crossmodal.studies.experiments.EXPERIMENTS", kept)
+    names = ("drawer", "drawer-lights-off")
+    monkeypatch.setattr(
+        "diagrams.applications.experiments", lambda: {n: APPLICATION for n in names}
+    )
     assert RUNNER.invoke(app, ["evaluate", "drawer", "--seeds", "1"]).exit_code == 0
     result = RUNNER.invoke(app, ["evaluate", "all", "--seeds", "1"])
     assert result.exit_code == 0, result.output

@@ -2,8 +2,8 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
+from diagrams.applications import load_scenario
 from diagrams.command_line import app
-from diagrams.crossmodal.scenario import load_scenario
 from diagrams.run.run_folder import write_scenario
 
 RUNNER = CliRunner()
@@ -16,7 +16,7 @@ def test_a_replay_needs_a_recorded_run() -> None:
 
 
 def test_a_replay_does_not_replace_the_run_itself() -> None:
-    write_scenario(Path("run"), load_scenario("drawer"))
+    write_scenario(Path("run"), *load_scenario("drawer"))
     Path("run/sensors.mcap").touch()
     result = RUNNER.invoke(app, ["replay", "run", "--out", "run", "--force"])
     assert result.exit_code == 2
@@ -25,8 +25,7 @@ def test_a_replay_does_not_replace_the_run_itself() -> None:
 
 
 def test_a_recording_that_is_cut_off_is_refused_and_leaves_no_folder() -> None:
-    scenario = load_scenario("drawer")
-    write_scenario(Path("run"), scenario)
+    write_scenario(Path("run"), *load_scenario("drawer"))
     Path("run/sensors.mcap").write_bytes(b"\x89MCAP0\r\n" + 64 * b"\x00")
     result = RUNNER.invoke(app, ["replay", "run"])
     assert result.exit_code == 2

@@ -3,6 +3,7 @@ import json
 import types
 from pathlib import Path
 
+import yaml
 from typer.testing import CliRunner
 
 from diagrams.command_line import app
@@ -41,10 +42,10 @@ def test_a_second_run_into_the_same_folder_needs_force(fake_episode: types.Simpl
 def test_an_episode_that_misses_its_task_exits_with_one_and_keeps_its_files(
     fake_episode: types.SimpleNamespace,
 ) -> None:
-    fake_episode.failure = "the drawer was opened by 12.0 cm of 20.0 cm"
+    fake_episode.duration = 10.0
     result = RUNNER.invoke(app, ["run", "drawer", "--out", "here", "--no-recording"])
     assert result.exit_code == 1
-    assert "12.0 cm of 20.0 cm" in result.output
+    assert "The episode failed: opened 0.120 of the 0.2 asked for" in result.output
     assert json.loads(Path("here/summary.json").read_text())["success"] is False
 
 
@@ -96,3 +97,21 @@ def test_a_full_disk_is_said_in_one_line(fake_episode: types.SimpleNamespace) ->
     assert result.exit_code == 1
     assert "no space left" in result.stderr.splitlines()[-1]
     assert "Traceback" not in result.output
+
+
+def test_what_a_station_warns_of_is_said_in_one_line(fake_episode: types.SimpleNamespace) -> None:
+    fake_episode.warning = "drawer: link 'front' starts 3 cm inside 'palm'"
+    result = RUNNER.invoke(app, ["run", "drawer", "--out", "here", "--no-recording"])
+    assert result.exit_code == 0, result.output
+    lines = [line for line in result.stderr.splitlines() if "palm" in line]
+    assert lines == [f"crossmodal: warning: {fake_episode.warning}"]
+
+
+def test_how_long_and_which_modalities_can_be_said_in_short(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    command = ["run", "drawer", "--out", "here", "--no-recording", "--duration", "3"]
+    assert RUNNER.invoke(app, [*command, "--modalities", "crossmodal, vision"]).exit_code == 0
+    written = yaml.safe_load(Path("here/scenario.yaml").read_text())
+    assert written["duration"] == 3.0
+    assert written["modalities"] == ["vision", "crossmodal"]

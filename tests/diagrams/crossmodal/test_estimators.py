@@ -4,15 +4,17 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
+from diagrams.applications import load_scenario
+from diagrams.crossmodal.application import APPLICATION, QUANTITIES
 from diagrams.crossmodal.estimators import CROSSMODAL_WIRES, MODALITIES, make_network
-from diagrams.crossmodal.scenario import Scenario, load_scenario
-from diagrams.crossmodal.station.station import Station
+from diagrams.crossmodal.scenario import Scenario
 from diagrams.drawing.diagram_drawing import leaf_systems, wires
-from diagrams.run.episode import Episode, build_networks, build_station
+from diagrams.run.application import Station
+from diagrams.run.calibration import Calibration
+from diagrams.run.episode import Episode, build_estimators, build_station
 from diagrams.run.yaml_schema import ScenarioError
 from diagrams.stations.truth_paths import truth_paths
 from systems.port_values import INTERACTED_BODY, SampleWindow
@@ -22,24 +24,37 @@ from systems.proprioception.grasp_model import initial_grasp
 Q = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0])
 
 
+def drawer(*overrides: str) -> Scenario:
+    return load_scenario("drawer", overrides)[1]
+
+
 @cache
 def scenario() -> Scenario:
-    return load_scenario("drawer")
+    return drawer()
+
+
+@cache
+def calibration() -> Calibration:
+    return APPLICATION.make_calibration(scenario())
 
 
 @cache
 def station() -> Station:
-    return build_station(scenario(), 0)
+    return build_station(APPLICATION, scenario(), calibration())
+
+
+def built(*overrides: str) -> dict[str, Diagram]:
+    return dict(build_estimators(APPLICATION, drawer(*overrides), calibration()))
 
 
 @cache
 def networks() -> dict[str, Diagram]:
-    return build_networks(scenario(), station())
+    return built()
 
 
 @cache
 def episode() -> Episode:
-    return Episode(scenario(), 0)
+    return Episode(APPLICATION, scenario())
 
 
 @pytest.mark.parametrize("modality", MODALITIES)
@@ -59,7 +74,7 @@ def test_every_modality_reads_only_its_own_senses() -> None:
 
 def test_an_unknown_modality_lists_the_known_ones() -> None:
     with pytest.raises(ValueError, match=r"unknown modality 'smell'.*vision"):
-        make_network("smell", scenario().perception, None)
+        make_network("smell", scenario().perception, Calibration())
 
 
 def connections(network: Diagram) -> set[tuple[str, str, str, str]]:
@@ -72,16 +87,14 @@ def connections(network: Diagram) -> set[tuple[str, str, str, str]]:
 
 @pytest.mark.parametrize("name", CROSSMODAL_WIRES)
 def test_cutting_a_wire_removes_its_connections_and_no_other(name: str) -> None:
-    chosen = load_scenario("drawer", [f"perception.cut=[{name}]", "modalities=[crossmodal]"])
-    cut = build_networks(chosen, station())["crossmodal"]
+    cut = built(f"perception.cut=[{name}]", "modalities=[crossmodal]")["crossmodal"]
     missing = connections(networks()["crossmodal"]) - connections(cut)
     assert missing == set(CROSSMODAL_WIRES[name].connections)
 
 
 def test_with_every_wire_cut_the_network_still_ticks() -> None:
     names = ", ".join(CROSSMODAL_WIRES)
-    chosen = load_scenario("drawer", [f"perception.cut=[{names}]", "modalities=[crossmodal]"])
-    network = build_networks(chosen, station())["crossmodal"]
+    network = built(f"perception.cut=[{names}]", "modalities=[crossmodal]")["crossmodal"]
     context = network.CreateDefaultContext()
     fix_inputs(network, context, Q, 0.0)
     body = network.GetSubsystemByName("interacted_body_motion")
@@ -94,14 +107,14 @@ def test_with_every_wire_cut_the_network_still_ticks() -> None:
 
 def test_a_cut_touches_no_other_modality() -> None:
     names = ", ".join(CROSSMODAL_WIRES)
-    cut = build_networks(load_scenario("drawer", [f"perception.cut=[{names}]"]), station())
+    cut = built(f"perception.cut=[{names}]")
     for modality in ("vision", "proprioception"):
         assert connections(cut[modality]) == connections(networks()[modality])
 
 
 def test_an_unknown_wire_lists_the_known_ones() -> None:
     with pytest.raises(ScenarioError, match=r"cut: unknown wire 'thumb'.*joints_to_vision"):
-        load_scenario("drawer", ["perception.cut=[thumb]"])
+        drawer("perception.cut=[thumb]")
 
 
 def test_no_path_leads_from_the_truth_to_what_the_robot_runs() -> None:
@@ -110,8 +123,7 @@ def test_no_path_leads_from_the_truth_to_what_the_robot_runs() -> None:
 
 @pytest.mark.parametrize("modality", MODALITIES)
 def test_control_acts_by_what_one_network_perceives_and_by_nothing_true(modality: str) -> None:
-    chosen = load_scenario("drawer-return", [f"modalities=[{modality}]"])
-    diagram = Episode(chosen, 0).diagram
+    diagram = Episode(*load_scenario("drawer-return", [f"modalities=[{modality}]"])).diagram
     assert truth_paths(diagram) == []
     wired = connections(diagram)
     assert ("kinematic_model", "joints_latest", "interacted_joint", "joints_latest") in wired
@@ -119,13 +131,13 @@ def test_control_acts_by_what_one_network_perceives_and_by_nothing_true(modality
 
 
 def test_a_wire_from_the_truth_into_a_filter_is_found() -> None:
-    plant = build_station(scenario(), 0)
-    network = build_networks(scenario(), plant)["proprioception"]
+    plant = build_station(APPLICATION, scenario()).diagram
+    network = built("modalities=[proprioception]")["proprioception"]
     builder = DiagramBuilder()
-    builder.AddSystem(plant.diagram)
+    builder.AddSystem(plant)
     builder.AddSystem(network)
     builder.Connect(
-        plant.diagram.GetOutputPort("cheat_configuration"),
+        plant.GetOutputPort("cheat_configuration"),
         network.GetInputPort("interaction_active"),
     )
     paths = truth_paths(builder.Build())
@@ -189,7 +201,20 @@ def test_an_estimate_reacts_to_a_measurement_in_the_same_tick() -> None:
     assert latest.bodies == []
 
 
-def test_filters_read_the_calibrated_camera_and_the_arm_that_the_station_has() -> None:
-    assert episode().station.arm.num_positions() == 7
-    focal = episode().station.intrinsics.focal_x()
-    assert_allclose(focal, 320 / np.tan(np.deg2rad(29)))
+def test_what_is_recorded_of_a_network_is_what_it_has() -> None:
+    known = {quantity.port: quantity.model for quantity in QUANTITIES}
+    for network in networks().values():
+        for index in range(network.num_output_ports()):
+            port = network.get_output_port(index)
+            assert type(port.Allocate().get_value()) is type(known[port.get_name()])
+
+
+def test_a_station_has_what_is_recorded_of_it_and_what_every_network_hears() -> None:
+    diagram = station().diagram
+    for quantity in APPLICATION.station_quantities:
+        assert diagram.HasOutputPort(quantity.port)
+    for port in (*APPLICATION.pictures, "task_status", "cheat_query_object"):
+        assert diagram.HasOutputPort(port)
+    for network in networks().values():
+        for index in range(network.num_input_ports()):
+            assert diagram.HasOutputPort(network.get_input_port(index).get_name())

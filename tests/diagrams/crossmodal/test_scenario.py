@@ -1,17 +1,18 @@
+"""What a scenario of the cross-modal application may say."""
+
 from pathlib import Path
 
-import numpy as np
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
-from diagrams.crossmodal.scenario import (
-    MODALITIES,
-    Interval,
-    load_scenario,
-    object_model_file,
-    scenario_files,
-)
-from diagrams.run.yaml_schema import ScenarioError, apply_override, building
+from diagrams.applications import load_scenario, scenario_files
+from diagrams.crossmodal.estimators import MODALITIES
+from diagrams.crossmodal.scenario import Scenario, object_model_file
+from diagrams.run.yaml_schema import ScenarioError
+
+
+def loaded(name: str, *overrides: str) -> Scenario:
+    return load_scenario(name, overrides)[1]
 
 
 def refusal(name: str, *overrides: str) -> str:
@@ -24,28 +25,31 @@ def refusal(name: str, *overrides: str) -> str:
 
 def written(folder: Path, text: str) -> str:
     path = folder / "mine.yaml"
-    path.write_text(text)
+    path.write_text(f"system: crossmodal\n{text}")
     return str(path)
 
 
 @pytest.mark.parametrize("name", scenario_files())
 def test_every_scenario_that_comes_along_loads(name: str) -> None:
-    scenario = load_scenario(name)
+    scenario = loaded(name)
     assert scenario.name == name
     assert scenario.description
-    assert object_model_file(scenario).is_file()
+    for thing in scenario.objects.values():
+        assert object_model_file(thing).is_file()
 
 
 def test_a_resolved_scenario_loads_as_the_same(tmp_path: Path) -> None:
-    text = yaml_dump_typed(load_scenario("drawer", ["seed=7", "task.opening=0.1"]))
-    again = load_scenario(written(tmp_path, text))
+    text = yaml_dump_typed(loaded("drawer", "seed=7", "task.opening=0.1"))
+    path = tmp_path / "again.yaml"
+    path.write_text(text)
+    again = loaded(str(path))
     assert yaml_dump_typed(again) == text
     assert again.seed == 7
 
 
 def test_absent_keys_keep_their_defaults_and_overrides_win(tmp_path: Path) -> None:
     path = written(tmp_path, "duration: 3\ndisturbances:\n  lights_off:\n  - start: 1.0\n")
-    scenario = load_scenario(path, ["disturbances.lights_off.0.start=2", "task={opening: 0.05}"])
+    scenario = loaded(path, "disturbances.lights_off.0.start=2", "task={opening: 0.05}")
     assert scenario.name == "mine"
     assert scenario.modalities == list(MODALITIES)
     assert scenario.duration == 3.0
@@ -54,7 +58,7 @@ def test_absent_keys_keep_their_defaults_and_overrides_win(tmp_path: Path) -> No
 
 
 def test_the_network_period_reaches_every_filter_and_window() -> None:
-    scenario = load_scenario("drawer", ["network_period=0.05"])
+    scenario = loaded("drawer", "network_period=0.05")
     assert scenario.perception.features.period == 0.05
     assert scenario.sensors.encoders.tick == 0.05
     assert "network_period" in refusal("drawer", "perception.features.period=0.2")
@@ -66,88 +70,110 @@ def test_the_network_period_reaches_every_filter_and_window() -> None:
         ("duraton=3", "unknown key 'duraton'; did you mean 'duration'?"),
         ("sensors.encoders.nois=3", "unknown key 'sensors.encoders.nois'; did you mean 'noise"),
         ("disturbances.lights_off=[{begin: 3}]", "unknown key 'disturbances.lights_off.0.begin'"),
-        ("duration=fast", "duration = 'fast', but it must be a number"),
-        ("duration=0", "duration = 0.0 s, but it must be > 0 s"),
-        ("duration=.nan", "duration = nan s"),
-        ("network_period=0", "network_period = 0.0 s"),
+        ("cameras.camera.width=0", "cameras.camera.width = 0 pixels"),
         ("plant.time_step=-0.001", "plant.time_step = -0.001 s"),
-        ("seed=-1", "seed = -1"),
-        ("seed=1.5", "seed = 1.5, but it must be a whole number"),
         ("modalities=[vision, touch]", "unknown modality 'touch'"),
         ("modalities=[]", "at least one"),
         ("modalities=[vision, vision]", "each once"),
-        ("modalities=vision", "must be a list"),
-        ("camera.width=0", "camera.width = 0 pixels"),
-        ("camera.horizontal_angle=180", "between 0 and 180 deg"),
-        ("camera.lamp=-0.1", "camera.lamp = -0.1"),
-        ("camera.position=[0, 1]", "camera.position = [0.0, 1.0], but it must be 3 numbers"),
-        ("camera.position=high", "camera.position = 'high', but it must be numbers in a list"),
-        ("object.variation.yaw=-3", "object.variation.yaw = -3.0"),
-        ("object.variation.textures=[glitter]", "unknown texture 'glitter'"),
-        ("object.friction=-1", "object.friction = -1.0"),
-        ("object.position=[1, 2]", "object.position = [1.0, 2.0], but it must be 3 numbers"),
-        ("object.pull_direction=[0, 0, 0]", "object.pull_direction must not be all zero"),
+        ("objects.drawer.variation.yaw=-3", "objects.drawer.variation.yaw = -3.0"),
+        ("objects.drawer.variation.textures=[glitter]", "unknown texture 'glitter'"),
+        ("objects.drawer.friction=-1", "objects.drawer.friction = -1.0"),
+        (
+            "objects.drawer.position=[1, 2]",
+            "objects.drawer.position = [1.0, 2.0], but it must be 3 numbers",
+        ),
+        (
+            "objects.drawer.pull_direction=[0, 0, 0]",
+            "objects.drawer.pull_direction must not be all zero",
+        ),
         ("control.posture=[1, 2]", "control.posture = [1.0, 2.0], but it must be 7 numbers"),
-        ("object.pull_direction=[1]", "object.pull_direction = [1.0], but it must be 3 numbers"),
-        ("object.model=no_such.sdf", "object.model = 'no_such.sdf': there is no such file"),
-        ("object.joint=slid", "has no joint 'slid'; did you mean 'slide'?"),
-        ("object.handle_frame=handel", "has no frame 'handel'; did you mean 'handle'?"),
+        (
+            "objects.drawer.pull_direction=[1]",
+            "objects.drawer.pull_direction = [1.0], but it must be 3 numbers",
+        ),
+        (
+            "objects.drawer.model=no_such.sdf",
+            "objects.drawer.model = 'no_such.sdf': there is no such file",
+        ),
+        ("objects.drawer.joint=slid", "has no joint 'slid'; did you mean 'slide'?"),
+        ("objects.drawer.handle_frame=handel", "has no frame 'handel'; did you mean 'handle'?"),
         ("plant.scene=no_scene.yaml", "plant.scene = 'no_scene.yaml': there is no such file"),
-        ("disturbances.lights_off=[{start: 3, end: 2}]", "must be 0 <= start < end"),
-        ("disturbances=dark", "disturbances = 'dark', but it must be a mapping"),
-        ("duration", "expected key.path=value"),
-        ("duration.x=3", "inside a plain value"),
-        ("disturbances.lights_off.5.start=1", "not one of the 1 elements"),
     ],
 )
 def test_bad_values_are_refused_in_one_line(override: str, expected: str) -> None:
     assert expected in refusal("drawer-lights-off", override)
 
 
-def test_bad_files_are_refused_in_one_line(tmp_path: Path) -> None:
-    assert "there is no such file" in refusal(str(tmp_path / "none.yaml"))
-    assert "did you mean 'drawer'?" in refusal("drawr")
-    assert "line 3" in refusal(written(tmp_path, "duration: 3\nname: [a\n"))
-    assert "mapping" in refusal(written(tmp_path, "- a\n- b\n"))
-    assert "cannot be read" in refusal(str(_binary(tmp_path)))
+def test_models_that_cannot_be_read_are_refused_in_one_line(tmp_path: Path) -> None:
     broken = tmp_path / "broken.sdf"
     broken.write_text("<sdf version='1.9'><model name='m'></sdf>")
-    path = written(tmp_path, f"object: {{model: {broken}}}\n")
+    path = written(tmp_path, f"objects: {{thing: {{model: {broken}}}}}\n")
     assert "is not valid XML" in refusal(path)
 
 
-def _binary(folder: Path) -> Path:
-    path = folder / "binary.yaml"
-    path.write_bytes(b"\xff\xfe\x00")
-    return path
-
-
-@pytest.mark.filterwarnings("ignore::diagrams.crossmodal.own_object.ObjectWarning")
+@pytest.mark.filterwarnings("ignore::diagrams.crossmodal.objects.object_import.ObjectWarning")
 def test_a_fixed_joint_cannot_be_explored(tmp_path: Path) -> None:
     (tmp_path / "stiff.sdf").write_text(
         "<sdf version='1.9'><model name='m'><link name='a'/><link name='b'/>"
         "<joint name='j' type='fixed'><parent>a</parent><child>b</child></joint></model></sdf>"
     )
-    path = written(tmp_path, "object: {model: stiff.sdf, joint: j, handle_frame: b}\n")
+    path = written(tmp_path, "objects: {thing: {model: stiff.sdf, joint: j, handle_frame: b}}\n")
     assert "no prismatic or revolute joint moves 'b'" in refusal(path)
 
 
-def test_what_building_refuses_becomes_a_scenario_error() -> None:
-    with pytest.raises(ScenarioError, match="drawer: Encoders: noise = -1 rad, need >= 0"):  # noqa: SIM117
-        with building("drawer"):
-            raise ValueError("Encoders: noise = -1\n rad, need >= 0")
+TWO_OBJECTS = """
+objects:
+  box: {model: cardboard_box.sdf, joint: hinge, free: true, position: [1.0, 0.6, 0.7]}
+  drawer: {model: chest_drawer.sdf}
+"""
 
 
-def test_overrides_reach_into_lists_and_make_missing_mappings() -> None:
-    document: dict = {"a": [{"b": 1}]}
-    apply_override(document, "a.0.b=2")
-    apply_override(document, "c.d.e=[1, 2]")
-    assert document == {"a": [{"b": 2}], "c": {"d": {"e": [1, 2]}}}
+def test_of_several_objects_the_task_says_which_one_is_manipulated(tmp_path: Path) -> None:
+    path = written(tmp_path, TWO_OBJECTS)
+    message = refusal(path)
+    assert "task.object must say which of the objects is manipulated: box, drawer" in message
+    scenario = loaded(path, "task.object=drawer")
+    assert list(scenario.objects) == ["box", "drawer"]
+    assert scenario.object is scenario.objects["drawer"]
+    assert "did you mean 'drawer'?" in refusal(path, "task.object=drawr")
+    assert "task.object = ''" in refusal(path, "objects={}")
+    wrong = refusal(path, "task.object=drawer", "objects.box.joint=slide")
+    assert "objects.box" in wrong
+    assert "has no joint 'slide'" in wrong
 
 
-def test_an_interval_holds_its_start_and_not_its_end() -> None:
-    interval = Interval(start=1.0, end=2.0)
-    assert 1.0 in interval
-    assert 2.0 not in interval
-    assert 1e9 in Interval(start=1.0)
-    assert np.isinf(Interval().end)
+def test_the_only_object_needs_no_mention() -> None:
+    scenario = loaded("drawer")
+    assert scenario.object is scenario.objects["drawer"]
+    assert loaded("drawer", "task.object=drawer").object.joint == "slide"
+
+
+@pytest.mark.parametrize(
+    "override",
+    ["cameras={}", "cameras.second={}", "cameras.camera.base_frame=arm::tool_plate"],
+)
+def test_the_estimators_see_through_one_camera_that_stands(override: str) -> None:
+    message = refusal("box-lid", override)
+    assert "cameras: the estimators see through one camera that is fixed to the world" in message
+
+
+def test_the_camera_may_have_any_name() -> None:
+    scenario = loaded("drawer", "cameras={head: {position: [-0.1, 0.4, 1.4]}}")
+    assert scenario.camera is scenario.cameras["head"]
+
+
+def test_a_camera_that_is_moved_a_little_keeps_the_rest_of_its_defaults() -> None:
+    usual, moved = loaded("drawer"), loaded("drawer", "cameras.camera.lamp=0.5")
+    assert moved.camera.lamp == 0.5
+    assert moved.camera.position.tolist() == usual.camera.position.tolist()
+    assert moved.camera.looking_at.tolist() == usual.camera.looking_at.tolist()
+
+
+def test_a_hand_without_a_driver_is_refused() -> None:
+    assert "model_drivers" in refusal("drawer", "model_drivers={left_hand: {}}")
+
+
+def test_the_robot_acts_by_all_senses_unless_it_is_told_otherwise() -> None:
+    assert loaded("drawer").acting_modality == "crossmodal"
+    assert loaded("drawer", "modalities=[vision]").acting_modality == "vision"
+    assert loaded("drawer", "task.modality=proprioception").acting_modality == "proprioception"

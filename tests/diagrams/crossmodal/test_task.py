@@ -5,10 +5,18 @@ import pytest
 from numpy.testing import assert_allclose
 
 from controllers.interaction.phases import Phase as ControlPhase
-from diagrams.crossmodal.scenario import Task, load_scenario
-from diagrams.crossmodal.task import event_name, task_failure, task_phases
+from diagrams.applications import load_scenario
+from diagrams.crossmodal.scenario import Task
+from diagrams.crossmodal.task import (
+    ManipulationStatus,
+    later_events,
+    task_failure,
+    task_phases,
+    task_status,
+)
+from diagrams.joints.joint_truth import UNKNOWN_JOINT, Truth
 from diagrams.run.episode import run_episode
-from diagrams.run.record import Event, Truth
+from diagrams.run.record import Event
 from diagrams.run.yaml_schema import ScenarioError
 from systems.port_values import JointType
 
@@ -30,7 +38,7 @@ def truth(*opening: float) -> Truth:
 
 
 def events(*phases: tuple[float, ControlPhase], lost: bool = False) -> list[Event]:
-    return [Event(time=time, name=str(event_name(phase, lost))) for time, phase in phases]
+    return [Event(time=time, name=task_status(phase, lost).event) for time, phase in phases]
 
 
 DONE = events((0.0, ControlPhase.EXPLORE), (2.0, ControlPhase.RETURN), (4.0, ControlPhase.STOP))
@@ -68,6 +76,36 @@ def test_a_mere_exploration_says_too_that_the_grasp_was_lost() -> None:
     assert task_failure(Task(opening=0.2), truth(0.0, 0.1, 0.2), lost) is None
 
 
+def test_where_the_truth_is_unknown_nothing_failed_and_nothing_is_said_to_be_reached() -> None:
+    unknown = Truth(
+        joint_name="", joint_type=None, axis_W=UNKNOWN_JOINT.axis_W, point_W=UNKNOWN_JOINT.point_W,
+        times=np.zeros(0), configuration=np.zeros(0), X_WB=np.zeros((0, 4, 4)), grasp_time=1.0,
+    )  # fmt: skip
+    for task in (TASK, Task(opening=0.2), Task(goal=0.2)):
+        assert task_failure(task, unknown, DONE) is None
+        phases = task_phases(task, unknown, DONE)
+        assert np.all(np.isnan([phase.reached for phase in phases.values()]))
+
+
+def test_events_after_the_first_exploration_are_the_later_ones() -> None:
+    names = [event.name for event in later_events(DONE)]
+    assert names == ["returning", "stopped"]
+    assert later_events([]) == []
+
+
+@pytest.mark.parametrize("phase", ControlPhase)
+def test_the_station_says_what_a_phase_means_and_only_stopping_ends_it(phase: ControlPhase) -> None:
+    system = ManipulationStatus()
+    context = system.CreateDefaultContext()
+    for lost in (0.0, 1.0):
+        system.GetInputPort("phase").FixValue(context, [float(phase)])
+        system.GetInputPort("grasp_lost").FixValue(context, [lost])
+        status = system.GetOutputPort("task_status").Eval(context)
+        assert status == task_status(phase, lost > 0.5)
+        assert status.done == (phase == ControlPhase.STOP)
+    assert (status.note == "grasp lost") == (phase == ControlPhase.STOP)
+
+
 @pytest.mark.parametrize(
     ("assignment", "message"),
     [
@@ -83,10 +121,14 @@ def test_an_impossible_task_is_refused_by_its_key(assignment: str, message: str)
 
 
 def test_the_drawer_is_pulled_to_the_perceived_goal_and_pushed_back() -> None:
-    scenario = load_scenario("drawer-return", ["task.goal=0.04", "modalities=[crossmodal]"])
-    result = run_episode(scenario, 7)
-    assert result.failure is None
-    names = [event.name for event in result.events]
+    application, scenario = load_scenario(
+        "drawer-return", ["seed=7", "task.goal=0.04", "modalities=[crossmodal]"]
+    )
+    record = run_episode(application, scenario)
+    results = application.evaluate(record)
+    assert results.failure is None
+    names = [event.name for event in record.events]
     assert names == ["closing", "exploring", "returning", "stopped"]
-    assert abs(result.phases["exploration"].reached - 0.04) < 0.004
-    assert abs(result.phases["exploitation"].reached) < 0.004
+    phases = results.summary["phases"]
+    assert abs(phases["exploration"]["reached"] - 0.04) < 0.004
+    assert abs(phases["exploitation"]["reached"]) < 0.004

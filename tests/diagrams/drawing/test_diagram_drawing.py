@@ -4,8 +4,7 @@ import pytest
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
 from diagrams.drawing import diagram_drawing
-from diagrams.drawing.diagram_drawing import network_dot, render_svg, wires, words
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.drawing.diagram_drawing import diagram_dot, render_svg, wires, words
 
 
 def fake_filter(name: str, package: str, inputs: list[str], outputs: list[str]) -> LeafSystem:
@@ -74,7 +73,7 @@ def test_every_wire_between_leaf_systems_is_found_through_nested_diagrams() -> N
 
 
 def test_measurements_are_solid_and_predictions_dashed() -> None:
-    lines = network_dot(network(), "drawer").splitlines()
+    lines = diagram_dot(network(), "drawer").splitlines()
     (up,) = (line for line in lines if "body_motions_estimated to body_motions" in line)
     (down,) = (line for line in lines if "bodies_predicted to joint_predictions" in line)
     assert "dashed" not in up
@@ -84,7 +83,7 @@ def test_measurements_are_solid_and_predictions_dashed() -> None:
 
 
 def test_systems_are_grouped_by_what_they_perceive_with() -> None:
-    dot = network_dot(network(), "drawer")
+    dot = diagram_dot(network(), "drawer")
     assert 'label="rigid body motion' in dot
     assert 'label="kinematic model' in dot
     assert dot.index("cluster_Vision") < dot.index("rigid body motion")
@@ -93,7 +92,7 @@ def test_systems_are_grouped_by_what_they_perceive_with() -> None:
 
 @pytest.mark.skipif(shutil.which("dot") is None, reason="Graphviz is not installed")
 def test_the_svg_holds_a_node_per_system_and_an_edge_per_wire() -> None:
-    svg = render_svg(network_dot(network(), "drawer & <door>"))
+    svg = render_svg(diagram_dot(network(), "drawer & <door>"))
     assert svg.lstrip().startswith("<?xml")
     assert svg.count('class="edge"') == 3
     assert "rigid body motion" in svg
@@ -102,8 +101,8 @@ def test_the_svg_holds_a_node_per_system_and_an_edge_per_wire() -> None:
 
 def test_a_missing_graphviz_names_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(diagram_drawing.shutil, "which", lambda name: None)
-    with pytest.raises(ScenarioError, match="install the system package 'graphviz'"):
-        render_svg(network_dot(network(), "drawer"))
+    with pytest.raises(RuntimeError, match="install the system package 'graphviz'"):
+        render_svg(diagram_dot(network(), "drawer"))
 
 
 def test_names_are_read_as_words() -> None:

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from diagrams.crossmodal.scenario import load_scenario
+from diagrams.applications import load_scenario
+from diagrams.crossmodal.application import APPLICATION
+from diagrams.joints.joint_episode import JointEpisode, joint_episode
 from diagrams.run.episode import build_station, run_episode
-from diagrams.run.record import EpisodeResult
 from diagrams.run.run_folder import SUMMARY_FILE, open_run_folder, write_run
 from diagrams.run.yaml_schema import ScenarioError
 from systems.port_values import JointType
@@ -17,15 +18,15 @@ from systems.port_values import JointType
 TIMINGS = {"wall_time", "real_time_factor", "peak_memory", "tick"}
 
 
-def short_episode(*overrides: str) -> EpisodeResult:
-    scenario = load_scenario(
-        "drawer", ["control.sequence.travel=0.06", "task.opening=0.04", *overrides]
+def short_episode(*overrides: str) -> JointEpisode:
+    application, scenario = load_scenario(
+        "drawer", ["seed=7", "control.sequence.travel=0.06", "task.opening=0.04", *overrides]
     )
-    return run_episode(scenario, 7)
+    return joint_episode(run_episode(application, scenario))
 
 
 @pytest.fixture(scope="module")
-def episode() -> EpisodeResult:
+def episode() -> JointEpisode:
     return short_episode()
 
 
@@ -37,43 +38,52 @@ def without_timings(value: object) -> object:
     return value
 
 
-def summary(result: EpisodeResult, folder: Path) -> dict:
-    write_run(open_run_folder(folder, False), result)
+def summary(episode: JointEpisode, folder: Path) -> dict:
+    results = APPLICATION.evaluate(episode.record)
+    write_run(open_run_folder(folder, False), APPLICATION, episode.record, results)
     return json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))
 
 
-def test_the_drawer_is_pulled_open_by_contact_alone(episode: EpisodeResult) -> None:
-    assert episode.failure is None
+def test_the_drawer_is_pulled_open_by_contact_alone(episode: JointEpisode) -> None:
+    assert APPLICATION.evaluate(episode.record).failure is None
     assert 0.05 < episode.truth.opening()[-1] < 0.08
 
 
-def test_the_object_rests_until_the_hand_closes(episode: EpisodeResult) -> None:
+def test_the_object_rests_until_the_hand_closes(episode: JointEpisode) -> None:
     before = episode.truth.times < 2.0
     assert_allclose(episode.truth.configuration[before], 0.0, atol=1e-4)
 
 
-def test_cross_modal_perception_finds_the_slide(episode: EpisodeResult) -> None:
+def test_what_the_robot_says_that_it_does_ends_the_episode(episode: JointEpisode) -> None:
+    events = episode.record.events
+    assert [event.name for event in events] == ["closing", "exploring", "stopped"]
+    assert_allclose(episode.record.duration, events[-1].time + 1.0, atol=1e-6)
+    assert events[0].time < episode.truth.grasp_time <= events[1].time + 1e-6
+
+
+def test_cross_modal_perception_finds_the_slide(episode: JointEpisode) -> None:
+    last = episode.record.estimators["crossmodal"].ticks[-1]
     joint = next(
         joint
-        for joint in episode.modalities["crossmodal"].ticks[-1].joints.joints
+        for joint in last.values["joints_latest"].joints
         if joint.parent_id == 0 and joint.child_id == 1
     )
     assert joint.type == JointType.PRISMATIC
     truth = episode.truth
-    at_last_tick = np.searchsorted(truth.times, episode.modalities["crossmodal"].ticks[-1].time)
-    opening = truth.opening()[min(at_last_tick, len(truth.times) - 1)]
+    opening = truth.opening()[min(np.searchsorted(truth.times, last.time), len(truth.times) - 1)]
     assert abs(abs(joint.model.configuration[0]) - opening) < 0.003
     assert abs(joint.model.axis_P @ truth.axis_W) > np.cos(np.deg2rad(3.0))
 
 
-def test_every_modality_ticks_at_the_networks_rate(episode: EpisodeResult) -> None:
-    for record in episode.modalities.values():
+def test_every_estimator_ticks_at_the_networks_rate(episode: JointEpisode) -> None:
+    assert list(episode.record.estimators) == episode.record.scenario.modalities
+    for record in episode.record.estimators.values():
         times = np.array([tick.time for tick in record.ticks])
         assert_allclose(np.diff(times), 1 / 15, atol=1e-9)
         assert len(record.tick_times) >= len(times) - 1
 
 
-def test_the_same_seed_gives_the_same_summary(episode: EpisodeResult, tmp_path: Path) -> None:
+def test_the_same_seed_gives_the_same_summary(episode: JointEpisode, tmp_path: Path) -> None:
     again = short_episode()
     first, second = summary(episode, tmp_path / "a"), summary(again, tmp_path / "b")
     assert without_timings(first) == without_timings(second)
@@ -82,4 +92,4 @@ def test_the_same_seed_gives_the_same_summary(episode: EpisodeResult, tmp_path: 
 @pytest.mark.parametrize("assignment", ["plant.contact_approximation=foo", "plant.scene=table.sdf"])
 def test_what_drake_refuses_is_a_fault_of_the_scenario(assignment: str) -> None:
     with pytest.raises(ScenarioError, match=r"^drawer: "):
-        build_station(load_scenario("drawer", [assignment]), 0)
+        build_station(*load_scenario("drawer", [assignment]))

@@ -2,13 +2,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from pydrake.common.value import Value
+from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
-from synthetic_episode import GRASP_TIME, PERIOD, ReplayedBeliefs, connect_all, synthetic_episode
+from synthetic_episode import PERIOD, ReplayedBeliefs, connect_all, synthetic_episode
 
+from diagrams.crossmodal.application import QUANTITIES
+from diagrams.joints.joint_truth import TRUTH_QUANTITIES
+from diagrams.run.record import Quantity, TaskStatus
 from diagrams.run.recorder import EpisodeRecorder, RecorderConfig, TickStopwatch
-from systems.port_values import JointType
 
 
 class FakeCamera(LeafSystem):
@@ -18,7 +21,7 @@ class FakeCamera(LeafSystem):
         super().__init__()
         self.reads = 0
         self.DeclareAbstractOutputPort(
-            "color_image", lambda: Value(ImageRgba8U(8, 6)), self._calc, {self.time_ticket()}
+            "color_measured", lambda: Value(ImageRgba8U(8, 6)), self._calc, {self.time_ticket()}
         )
 
     def _calc(self, context: Context, output: Value) -> None:
@@ -29,12 +32,17 @@ class FakeCamera(LeafSystem):
 
 
 def record(duration: float, **config: float) -> tuple[EpisodeRecorder, FakeCamera]:
-    result = synthetic_episode()
     builder = DiagramBuilder()
-    source = builder.AddSystem(ReplayedBeliefs(result))
+    source = builder.AddSystem(ReplayedBeliefs(synthetic_episode()))
     camera = builder.AddSystem(FakeCamera())
     recorder = builder.AddSystem(
-        EpisodeRecorder(RecorderConfig(**config), ["vision", "proprioception", "crossmodal"])
+        EpisodeRecorder(
+            RecorderConfig(**config),
+            ["vision", "proprioception", "crossmodal"],
+            QUANTITIES,
+            TRUTH_QUANTITIES,
+            ["color_measured"],
+        )
     )
     connect_all(builder, source, recorder)
     connect_all(builder, camera, recorder)
@@ -45,56 +53,122 @@ def record(duration: float, **config: float) -> tuple[EpisodeRecorder, FakeCamer
 def test_belief_and_truth_of_one_tick_are_stored_under_its_time() -> None:
     expected = synthetic_episode()
     recorder, _ = record(6.0 + 0.6 * PERIOD)
-    truth = recorder.truth("slide", JointType.PRISMATIC, np.array([1.0, 0, 0]), np.zeros(3))
-    count = len(truth.times)
-    assert count == 91
-    assert_allclose(truth.times, np.arange(count) * PERIOD)
-    assert_allclose(truth.configuration, expected.truth.configuration[:count])
-    assert_allclose(truth.X_WB, expected.truth.X_WB[:count])
-    assert_allclose(truth.grasp_time, GRASP_TIME)
-    for name, modality in recorder.modalities.items():
-        assert len(modality.ticks) == count
-        for tick, replayed in zip(modality.ticks, expected.modalities[name].ticks, strict=False):
-            assert_allclose(tick.time, replayed.time)
-            assert len(tick.joints.joints) == len(replayed.joints.joints)
-            for joint, other in zip(tick.joints.joints, replayed.joints.joints, strict=True):
+    assert len(recorder.station) == 91
+    for k, (tick, given) in enumerate(zip(recorder.station, expected.station, strict=False)):
+        assert_allclose(tick.time, k * PERIOD)
+        assert set(tick.values) == set(given.values)
+        assert tick.values["cheat_joint"].name == given.values["cheat_joint"].name
+        for port in ("cheat_configuration", "interaction_active"):
+            assert_allclose(tick.values[port], given.values[port])
+        pose, true_pose = (one.values["cheat_body_pose"] for one in (tick, given))
+        assert_allclose(pose.GetAsMatrix4(), true_pose.GetAsMatrix4())
+    for name, estimator in recorder.estimators.items():
+        assert len(estimator.ticks) == 91
+        replayed = expected.estimators[name].ticks
+        for tick, given in zip(estimator.ticks, replayed, strict=False):
+            assert_allclose(tick.time, given.time)
+            assert set(tick.values) == set(given.values)
+            joints, others = (one.values["joints_latest"].joints for one in (tick, given))
+            for joint, other in zip(joints, others, strict=True):
                 assert_allclose(joint.model.configuration, other.model.configuration)
 
 
-def test_images_are_kept_with_the_features_of_their_tick_and_their_number_is_bounded() -> None:
-    recorder, camera = record(15.0, frame_interval=0.2, max_frames=10)
-    frames = recorder.frames
-    times = np.array([frame.time for frame in frames])
-    assert 5 <= len(frames) <= 10
-    assert frames[0].time == 0.0
+def test_images_are_kept_with_their_time_and_their_number_is_bounded() -> None:
+    recorder, camera = record(15.0, picture_interval=0.2, max_pictures=10)
+    pictures = recorder.pictures
+    times = np.array([picture.time for picture in pictures])
+    assert 5 <= len(pictures) <= 10
+    assert pictures[0].time == 0.0
     assert times[-1] > 12.0
     assert np.max(np.diff(times)) < 2.5 * np.min(np.diff(times))
-    for frame in frames:
-        assert frame.color.shape == (6, 8, 3)
-        assert frame.color[0, 0, 0] == round(10 * frame.time)
-        assert set(frame.features) == {"vision", "proprioception", "crossmodal"}
+    for picture in pictures:
+        assert picture.port == "color_measured"
+        assert picture.color.shape == (6, 8, 3)
+        assert picture.color[0, 0, 0] == round(10 * picture.time)
     assert camera.reads < 60
 
 
-def test_unconnected_beliefs_are_empty() -> None:
+def test_images_of_several_cameras_are_in_order_of_time() -> None:
+    builder = DiagramBuilder()
+    ports = ["left", "right"]
+    recorder = builder.AddSystem(EpisodeRecorder(RecorderConfig(), [], [], pictures=ports))
+    for port in ports:
+        camera = builder.AddSystem(FakeCamera())
+        builder.Connect(camera.get_output_port(), recorder.GetInputPort(port))
+    Simulator(builder.Build()).AdvanceTo(1.9)
+    kept = [(picture.time, picture.port) for picture in recorder.pictures]
+    assert [time for time, _ in kept] == sorted(time for time, _ in kept)
+    assert [port for _, port in kept].count("left") == [port for _, port in kept].count("right") > 2
+
+
+def test_what_has_no_source_is_left_out() -> None:
     builder = DiagramBuilder()
     source = builder.AddSystem(ReplayedBeliefs(synthetic_episode()))
-    recorder = builder.AddSystem(EpisodeRecorder(RecorderConfig(), ["vision"]))
-    for name in ("interaction_active", "cheat_configuration", "cheat_body_pose"):
+    recorder = builder.AddSystem(
+        EpisodeRecorder(
+            RecorderConfig(), ["vision"], QUANTITIES, TRUTH_QUANTITIES, ["color_measured"]
+        )
+    )
+    for name in ("interaction_active", "cheat_configuration"):
         builder.Connect(source.GetOutputPort(name), recorder.GetInputPort(name))
     Simulator(builder.Build()).AdvanceTo(0.5)
-    tick = recorder.modalities["vision"].ticks[-1]
-    assert tick.joints.joints == []
-    assert tick.grasp is None
-    assert tick.feature_count == 0
-    assert recorder.frames == []
+    assert set(recorder.station[-1].values) == {"interaction_active", "cheat_configuration"}
+    assert recorder.estimators["vision"].ticks[-1].values == {}
+    assert recorder.pictures == []
+
+
+class Counter(LeafSystem):
+    """A vector, a Drake value and a value of our own, all written in place again and again."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.DeclareVectorOutputPort("vector", 2, lambda c, o: o.SetFromVector([c.get_time()] * 2))
+        self.DeclareAbstractOutputPort(
+            "pose",
+            lambda: Value(RigidTransform()),
+            lambda c, o: o.get_mutable_value().set_translation([c.get_time(), 0.0, 0.0]),
+        )
+
+
+def test_what_was_recorded_does_not_change_with_the_port() -> None:
+    builder = DiagramBuilder()
+    source = builder.AddSystem(Counter())
+    quantities = [
+        Quantity(port="vector", model=np.zeros(2)),
+        Quantity(port="pose", model=RigidTransform()),
+    ]
+    recorder = builder.AddSystem(EpisodeRecorder(RecorderConfig(), [], [], quantities))
+    connect_all(builder, source, recorder)
+    Simulator(builder.Build()).AdvanceTo(1.0)
+    times = [tick.time for tick in recorder.station]
+    assert_allclose([tick.values["vector"][0] for tick in recorder.station], times)
+    poses = [tick.values["pose"].translation()[0] for tick in recorder.station]
+    assert_allclose(poses, times)
+
+
+def test_a_phase_is_an_event_when_it_begins_if_it_has_a_name() -> None:
+    recorder = EpisodeRecorder(RecorderConfig(), [], [])
+    for time, status in enumerate(
+        [
+            TaskStatus(),
+            TaskStatus(phase="closing"),
+            TaskStatus(phase="closing"),
+            TaskStatus(),
+            TaskStatus(phase="closing"),
+            TaskStatus(phase="stopped", done=True, note="grasp lost"),
+            TaskStatus(phase="stopped", done=True, note="grasp lost"),
+        ]
+    ):
+        recorder.note_status(float(time), status)
+    events = [(event.time, event.name) for event in recorder.events]
+    assert events == [(1.0, "closing"), (4.0, "closing"), (5.0, "grasp lost")]
 
 
 def test_impossible_values_are_refused() -> None:
     with pytest.raises(ValueError, match=r"EpisodeRecorder: need period > 0 s, got nan"):
-        EpisodeRecorder(RecorderConfig(period=float("nan")), [])
-    with pytest.raises(ValueError, match="max_frames >= 3"):
-        EpisodeRecorder(RecorderConfig(max_frames=2), [])
+        EpisodeRecorder(RecorderConfig(period=float("nan")), [], [])
+    with pytest.raises(ValueError, match="max_pictures >= 3"):
+        EpisodeRecorder(RecorderConfig(max_pictures=2), [], [])
     with pytest.raises(ValueError, match="TickStopwatch: need period > 0 s"):
         TickStopwatch(0.0)
 

@@ -1,6 +1,8 @@
 """A recorded run drives the network again; other wirings on the very same measurements."""
 
 import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,34 +10,54 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from diagrams.crossmodal.estimators import CROSSMODAL_WIRES
-from diagrams.joints.joint_metrics import joint_series
-from diagrams.joints.joint_record import estimates_table, summarise
-from diagrams.run.record import EpisodeResult
-from diagrams.run.replay import SensorReplay, Wiring, load_recorded_scenario, replay
-from diagrams.run.run_folder import ESTIMATES_FILE, SENSORS_FILE, SUMMARY_FILE
-from diagrams.run.sensor_log import SensorLog
+from diagrams.applications import load_scenario
+from diagrams.crossmodal.application import APPLICATION, TOPICS
+from diagrams.crossmodal.estimators import CROSSMODAL_WIRES, make_network
+from diagrams.crossmodal.scenario import Scenario
+from diagrams.joints.joint_episode import JointEpisode, joint_episode
+from diagrams.run.episode import build_estimators, stream_models
+from diagrams.run.record import Tick
+from diagrams.run.replay import check_recorded, replay
+from diagrams.run.run_folder import ESTIMATES_FILE, SENSORS_FILE, SUMMARY_FILE, summarise, write_run
+from diagrams.run.sensor_log import SensorLog, SensorLogWriter, SensorReplay, Stream, make_streams
 from diagrams.run.yaml_schema import ScenarioError
-from systems.port_values import INTERACTED_BODY
+from systems.port_values import INTERACTED_BODY, BodyMotion
 
-WIRINGS = {
-    "crossmodal": Wiring(),
-    "proprioception": Wiring(modality="proprioception"),
-    "unguided": Wiring(cut=["interacted_body_to_vision"]),
-    "separate": Wiring(cut=list(CROSSMODAL_WIRES)),
+WIRINGS: dict[str, tuple[str, list[str]]] = {
+    "crossmodal": ("crossmodal", []),
+    "proprioception": ("proprioception", []),
+    "unguided": ("crossmodal", ["interacted_body_to_vision"]),
+    "separate": ("crossmodal", list(CROSSMODAL_WIRES)),
 }
 
 
+def scenario_of(folder: Path, *changes: str) -> Scenario:
+    return load_scenario(str(check_recorded(folder, changes)), changes)[1]
+
+
+def streams(scenario: Scenario) -> list[Stream]:
+    """Those that a recording of the scenario holds but for the pictures'."""
+    estimators = build_estimators(APPLICATION, scenario)
+    return make_streams(stream_models(estimators, APPLICATION.station_quantities), TOPICS)
+
+
 @pytest.fixture(scope="module")
-def replayed(recorded_run: Path) -> EpisodeResult:
-    return replay(recorded_run, load_recorded_scenario(recorded_run), WIRINGS)
+def replayed(recorded_run: Path) -> JointEpisode:
+    scenario = scenario_of(recorded_run)
+    calibration = APPLICATION.make_calibration(scenario)
+    networks = {
+        name: make_network(modality, replace(scenario.perception, cut=cut), calibration)
+        for name, (modality, cut) in WIRINGS.items()
+    }
+    return joint_episode(replay(APPLICATION, recorded_run, scenario, networks))
 
 
 @pytest.mark.parametrize("modality", ["proprioception", "crossmodal"])
 def test_a_replay_believes_what_the_episode_believed(
-    recorded_run: Path, replayed: EpisodeResult, modality: str
+    recorded_run: Path, replayed: JointEpisode, modality: str
 ) -> None:
-    then, now = pd.read_parquet(recorded_run / ESTIMATES_FILE), estimates_table(replayed)
+    then = pd.read_parquet(recorded_run / ESTIMATES_FILE)
+    now = APPLICATION.evaluate(replayed.record).estimates
     keys = ["time", "quantity", "component"]
     tables = [
         table[(table.modality == modality) & (table.quantity == "configuration")].round({"time": 6})
@@ -48,64 +70,136 @@ def test_a_replay_believes_what_the_episode_believed(
     assert_allclose(both.truth_x, both.truth_y, atol=1e-12)
 
 
-def test_a_replay_reports_what_the_run_came_to(recorded_run: Path, replayed: EpisodeResult) -> None:
-    then, now = json.loads((recorded_run / SUMMARY_FILE).read_text()), summarise(replayed)
-    for key in ("success", "failure", "phases", "events"):
+def test_a_replay_reports_what_the_run_came_to(recorded_run: Path, replayed: JointEpisode) -> None:
+    record = replayed.record
+    then = json.loads((recorded_run / SUMMARY_FILE).read_text())
+    now = summarise(APPLICATION, record, APPLICATION.evaluate(record))
+    for key in ("success", "failure", "phases"):
         assert now[key] == then[key]
-
-
-def held_features(replayed: EpisodeResult, name: str) -> int:
-    """Most features that ever belonged to the body in the hand."""
-    return max(
-        len(body.feature_ids)
-        for tick in replayed.modalities[name].ticks
-        for body in tick.bodies.bodies
-        if body.body_id == INTERACTED_BODY
+    assert [event["name"] for event in now["events"]] == [event["name"] for event in then["events"]]
+    assert_allclose(
+        [event["time"] for event in now["events"]],
+        [event["time"] for event in then["events"]],
+        atol=1e-6,
     )
 
 
+def last_ticks(replayed: JointEpisode) -> dict[str, Tick]:
+    return {name: record.ticks[-1] for name, record in replayed.record.estimators.items()}
+
+
+def held_body(tick: Tick) -> BodyMotion | None:
+    bodies = tick.values["body_motions_latest"].bodies
+    return next((body for body in bodies if body.body_id == INTERACTED_BODY), None)
+
+
+def held_features(replayed: JointEpisode, name: str) -> int:
+    """Most features that ever belonged to the body in the hand."""
+    bodies = map(held_body, replayed.record.estimators[name].ticks)
+    return max(len(body.feature_ids) for body in bodies if body is not None)
+
+
 def test_features_join_the_body_in_the_hand_only_through_its_prior(
-    replayed: EpisodeResult,
+    replayed: JointEpisode,
 ) -> None:
     assert held_features(replayed, "crossmodal") >= 4
     assert held_features(replayed, "unguided") == 0
 
 
-def test_without_that_prior_the_axis_is_worse_in_the_dark(replayed: EpisodeResult) -> None:
-    angle = {
-        name: joint_series(replayed.modalities[name].ticks, replayed.truth).axis_error[-1]
-        for name in ("crossmodal", "unguided")
-    }
+def test_without_that_prior_the_axis_is_worse_in_the_dark(replayed: JointEpisode) -> None:
+    angle = {name: replayed.series[name].axis_error[-1] for name in ("crossmodal", "unguided")}
     assert angle["crossmodal"] < np.deg2rad(1.0)
     assert not angle["unguided"] < 2.0 * angle["crossmodal"]  # True, too, without any axis.
 
 
-def test_with_every_wire_cut_the_hand_learns_nothing_from_the_eye(replayed: EpisodeResult) -> None:
-    ticks = {name: record.ticks[-1] for name, record in replayed.modalities.items()}
-    separate, alone = (
-        next(body for body in ticks[name].bodies.bodies if body.body_id == INTERACTED_BODY)
-        for name in ("separate", "proprioception")
+def test_with_every_wire_cut_the_hand_learns_nothing_from_the_eye(replayed: JointEpisode) -> None:
+    poses = {}
+    for name, tick in last_ticks(replayed).items():
+        body = held_body(tick)
+        assert body is not None
+        poses[name] = body.motion.X
+    assert_allclose(poses["separate"], poses["proprioception"], atol=1e-12)
+    assert np.abs(poses["crossmodal"] - poses["proprioception"]).max() > 1e-5
+
+
+@pytest.fixture(scope="module")
+def real_recording(recorded_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same streams as a real robot would have recorded them: no truth, no task's status."""
+    folder = tmp_path_factory.mktemp("real")
+    shutil.copy(recorded_run / "scenario.yaml", folder)
+    scenario = scenario_of(recorded_run, "modalities=[proprioception]")
+    known = [
+        stream
+        for stream in streams(scenario)
+        if not stream.port.startswith("cheat_") and stream.port != "task_status"
+    ]
+    log = SensorLog(recorded_run / SENSORS_FILE, known)
+    writer = SensorLogWriter(folder / SENSORS_FILE)
+    period = scenario.network_period
+    for tick in range(int(log.end / period + 1e-6) + 1):
+        values = log.read(tick * period, period)
+        for stream in log.streams:
+            writer.write(stream, values[stream.port], tick * period)
+    writer.close()
+    return folder
+
+
+def test_a_recording_without_truth_is_perceived_and_no_errors_are_claimed(
+    recorded_run: Path, real_recording: Path, tmp_path: Path
+) -> None:
+    scenario = scenario_of(real_recording, "modalities=[proprioception]")
+    record = replay(APPLICATION, real_recording, scenario)
+    assert record.events == []
+    ports = {port for tick in record.station for port in tick.values}
+    assert ports == {"interaction_active"}
+    results = APPLICATION.evaluate(record)
+    assert results.failure is None
+    now, then = (
+        table[(table.modality == "proprioception") & (table.quantity == "configuration_rate")]
+        for table in (results.estimates, pd.read_parquet(recorded_run / ESTIMATES_FILE))
     )
-    assert_allclose(separate.motion.X, alone.motion.X, atol=1e-12)
-    crossmodal = ticks["crossmodal"].bodies.bodies[0]
-    assert np.abs(crossmodal.motion.X - alone.motion.X).max() > 1e-5
+    assert len(now) > 20
+    assert_allclose(np.abs(now.estimate), np.abs(then.estimate), atol=1e-5)
+    assert results.estimates.truth.isna().all()
+    write_run(tmp_path, APPLICATION, record, results)
+    summary = json.loads((tmp_path / SUMMARY_FILE).read_text())
+    (joint,) = summary["modalities"]["proprioception"]["joints"]
+    assert joint["type_estimated"] == "prismatic"
+    assert joint["configuration_estimated"] is not None
+    for key, value in joint.items():
+        if key.endswith("_true") or "_error" in key:
+            assert value in (None, [None] * 3), key
+    assert summary["phases"]["exploration"]["error"] is None
+    report = "\n".join(results.report(summary))
+    assert "prismatic" in report
+    assert "Against the truth" not in report
+    assert not (tmp_path / "figures" / "errors.png").exists()
+
+
+def test_a_stream_that_an_estimator_needs_is_missed_by_its_name(real_recording: Path) -> None:
+    scenario = scenario_of(real_recording, "modalities=[vision]")
+    with pytest.raises(ScenarioError, match=r"holds no stream '\w+', which 'vision' needs"):
+        replay(APPLICATION, real_recording, scenario)
 
 
 def test_a_replay_cannot_change_what_was_measured(recorded_run: Path) -> None:
-    with pytest.raises(ScenarioError, match=r"object\.friction.*only perception"):
-        load_recorded_scenario(recorded_run, ["object.friction=3"])
+    with pytest.raises(ScenarioError, match=r"objects\.drawer\.friction.*only perception"):
+        check_recorded(recorded_run, ["objects.drawer.friction=3"])
+    for change in ("perception.cut=[]", "modalities=[vision]", "calibration.believed.latency=1"):
+        check_recorded(recorded_run, [change])
 
 
 def test_a_folder_without_a_recording_says_how_to_make_one(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=r"scenario\.yaml; name the folder"):
-        load_recorded_scenario(tmp_path)
+        check_recorded(tmp_path)
     (tmp_path / "scenario.yaml").write_text("name: a\n")
     with pytest.raises(ScenarioError, match="--record-sensors"):
-        load_recorded_scenario(tmp_path)
+        check_recorded(tmp_path)
 
 
 def test_between_ticks_the_last_ticks_values_stay(recorded_run: Path) -> None:
-    source = SensorReplay(SensorLog(recorded_run / SENSORS_FILE), 1 / 15)
+    known = streams(scenario_of(recorded_run))
+    source = SensorReplay(SensorLog(recorded_run / SENSORS_FILE, known), 1 / 15)
     context = source.CreateDefaultContext()
     port = source.GetOutputPort("joint_state_window")
     context.SetTime(2.0)

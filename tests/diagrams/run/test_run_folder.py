@@ -1,39 +1,61 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+from numpy.testing import assert_allclose
 from synthetic_episode import empty_episode, synthetic_episode
 
-from diagrams.crossmodal.scenario import load_scenario
+from diagrams.applications import load_scenario
+from diagrams.crossmodal.application import APPLICATION
+from diagrams.run.record import EpisodeRecord
 from diagrams.run.run_folder import (
-    FIGURE_FILES,
-    OWN_FILES,
+    PLOT_FOLDER,
     SENSORS_FILE,
     default_folder,
     finished_summary,
     open_run_folder,
+    scenario_hash,
+    summarise,
+    without_nan,
     write_atomically,
     write_run,
     write_text,
 )
 from diagrams.run.yaml_schema import ScenarioError
 
+FILES = {
+    "scenario.yaml",
+    "estimates.parquet",
+    "figures/errors.png",
+    "figures/frames.png",
+    "figures/opening.png",
+    "meshcat.html",
+    "sensors.mcap",
+    "summary.json",
+}
+
+
+def write(folder: Path, record: EpisodeRecord) -> list[Path]:
+    return write_run(folder, APPLICATION, record, APPLICATION.evaluate(record))
+
 
 def test_a_run_writes_all_its_files_and_can_be_run_again(tmp_path: Path) -> None:
-    result = synthetic_episode()
-    result.scenario = load_scenario("drawer", ["seed=3"])
-    result.meshcat_html = "<html></html>"
+    record = synthetic_episode()
+    record.scenario = load_scenario("drawer", ["seed=3"])[1]
+    record.meshcat_html = "<html></html>"
     folder = open_run_folder(tmp_path / "a" / "run")
-    result.sensors_file = write_text(folder / SENSORS_FILE, "streams")
-    written = write_run(folder, result)
-    assert {path.relative_to(folder).as_posix() for path in written} == set(OWN_FILES)
-    assert {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()} == set(
-        OWN_FILES
-    )
-    for name in FIGURE_FILES:
-        assert (folder / name).read_bytes().startswith(b"\x89PNG")
-    again = load_scenario(str(folder / "scenario.yaml"))
+    record.sensors_file = write_text(folder / SENSORS_FILE, "streams")
+    written = write(folder, record)
+    assert {path.relative_to(folder).as_posix() for path in written} == FILES
+    files = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
+    assert files == FILES
+    assert written[-1].name == "summary.json"  # So that a folder that has one is complete.
+    for path in (folder / PLOT_FOLDER).iterdir():
+        assert path.read_bytes().startswith(b"\x89PNG")
+    _, again = load_scenario(str(folder / "scenario.yaml"))
     assert again.seed == 3
     assert "drake" in again.versions
     assert len(pd.read_parquet(folder / "estimates.parquet")) > 1000
@@ -52,8 +74,7 @@ def test_a_folder_that_holds_something_is_refused_without_force(tmp_path: Path) 
 def test_force_replaces_the_own_files_only(tmp_path: Path) -> None:
     foreign = write_text(tmp_path / "figures" / "mine.png", "mine")
     stale = write_text(tmp_path / "meshcat.html", "of an earlier run")
-    result = synthetic_episode()
-    write_run(open_run_folder(tmp_path, force=True), result)
+    write(open_run_folder(tmp_path, force=True), synthetic_episode())
     assert foreign.read_text() == "mine"
     assert not stale.exists()
 
@@ -80,25 +101,62 @@ def test_a_write_that_fails_leaves_the_old_file_and_no_rest(tmp_path: Path) -> N
 
 
 def test_an_interrupted_run_keeps_what_there_is(tmp_path: Path) -> None:
-    written = write_run(open_run_folder(tmp_path / "run"), empty_episode())
-    names = {path.name for path in written}
+    names = {path.name for path in write(open_run_folder(tmp_path / "run"), empty_episode())}
     assert {"scenario.yaml", "estimates.parquet", "summary.json"} <= names
     assert "frames.png" not in names
 
 
+def test_the_summary_has_what_every_episode_has_and_is_strict_json() -> None:
+    record = synthetic_episode()
+    summary = summarise(APPLICATION, record, APPLICATION.evaluate(record))
+    json.dumps(summary, allow_nan=False)
+    assert {"scenario", "seed", "success", "duration", "wall_time", "real_time_factor", "failure",
+            "modalities", "peak_memory", "events", "interrupted"} <= set(summary)  # fmt: skip
+    assert summary["success"] is True
+    assert set(summary["modalities"]) == {"vision", "proprioception", "crossmodal"}
+    for modality in summary["modalities"].values():
+        assert set(modality["tick"]) == {"median", "p95"}
+        assert modality["tick"]["median"] <= modality["tick"]["p95"]
+    assert_allclose(summary["real_time_factor"], 16.0 / 11.0)
+
+
+def test_an_episode_that_hardly_began_still_has_a_summary() -> None:
+    record = empty_episode()
+    summary = summarise(APPLICATION, record, APPLICATION.evaluate(record))
+    json.dumps(summary, allow_nan=False)
+    assert summary["success"] is False
+    assert summary["failure"] == "interrupted"
+    assert summary["modalities"]["vision"]["tick"] == {"median": None, "p95": None}
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), np.float64("nan")])
+def test_what_json_cannot_hold_becomes_null(value: float) -> None:
+    assert without_nan({"a": [value, 1.0], "b": (np.float64(2.0),)}) == {
+        "a": [None, 1.0],
+        "b": [2.0],
+    }
+
+
 def test_only_a_complete_run_of_the_same_scenario_counts_as_finished(tmp_path: Path) -> None:
-    result = synthetic_episode()
-    write_run(open_run_folder(tmp_path), result)
-    summary = finished_summary(tmp_path, result.scenario)
+    record = synthetic_episode()
+    write(open_run_folder(tmp_path), record)
+    summary = finished_summary(tmp_path, APPLICATION, record.scenario)
     assert summary is not None
-    assert summary["seed"] == result.scenario.seed
-    result.scenario.task.opening = 0.3
-    assert finished_summary(tmp_path, result.scenario) is None
-    result.interrupted = True
-    write_run(open_run_folder(tmp_path, force=True), result)
-    assert finished_summary(tmp_path, result.scenario) is None
-    assert finished_summary(tmp_path / "none", result.scenario) is None
+    assert summary["seed"] == record.scenario.seed
+    record.scenario.task.opening = 0.3
+    assert finished_summary(tmp_path, APPLICATION, record.scenario) is None
+    record.interrupted = True
+    write(open_run_folder(tmp_path, force=True), record)
+    assert finished_summary(tmp_path, APPLICATION, record.scenario) is None
+    assert finished_summary(tmp_path / "none", APPLICATION, record.scenario) is None
+
+
+def test_the_versions_that_ran_a_scenario_do_not_make_it_another() -> None:
+    _, scenario = load_scenario("drawer")
+    first = scenario_hash(APPLICATION, scenario)
+    assert scenario_hash(APPLICATION, replace(scenario, versions={"drake": "1.0"})) == first
+    assert scenario_hash(APPLICATION, replace(scenario, seed=1)) != first
 
 
 def test_the_usual_folder_names_scenario_and_seed() -> None:
-    assert default_folder(load_scenario("drawer", ["seed=4"])) == Path("runs/drawer-seed4")
+    assert default_folder(load_scenario("drawer", ["seed=4"])[1]) == Path("runs/drawer-seed4")

@@ -8,7 +8,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
-from diagrams.run.sensor_log import STREAMS, SensorLog, SensorLogWriter
+from diagrams.crossmodal.application import TOPICS
+from diagrams.run.record import TaskStatus
+from diagrams.run.sensor_log import SensorLog, SensorLogWriter, Stream, make_streams
 from diagrams.run.yaml_schema import ScenarioError
 from systems.port_values import SampleWindow
 
@@ -39,7 +41,17 @@ def measured(port: str, tick: int) -> object:
         return SampleWindow(times=times, values=rng.normal(size=(len(times), size)))
     if port == "cheat_body_pose":
         return RigidTransform(RollPitchYaw(*rng.normal(size=3)), rng.normal(size=3))
+    if port == "task_status":
+        return TaskStatus(phase=f"phase {tick}")
     return rng.normal(size=1)
+
+
+PORTS = (*IMAGES, *WINDOWS, "interaction_active", "cheat_configuration", "cheat_body_pose",
+         "task_status")  # fmt: skip
+
+
+def streams() -> list[Stream]:
+    return make_streams({port: measured(port, 0) for port in PORTS}, TOPICS)
 
 
 def assert_same(port: str, value: object, expected: object) -> None:
@@ -50,6 +62,8 @@ def assert_same(port: str, value: object, expected: object) -> None:
         assert_array_equal(value.values, expected.values)
     elif port == "cheat_body_pose":
         assert_allclose(value.GetAsMatrix4(), expected.GetAsMatrix4(), atol=1e-14)
+    elif port == "task_status":
+        assert value == expected
     else:
         assert_array_equal(value, expected)
 
@@ -59,17 +73,17 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> SensorLog:
     path = tmp_path_factory.mktemp("log") / "sensors.mcap"
     writer = SensorLogWriter(path)
     for tick in range(4):
-        for port, stream in STREAMS.items():
-            if tick != 2 or port in WINDOWS:  # At the third tick only the windows have news.
-                writer.write(stream, measured(port, tick), tick * PERIOD)
+        for stream in streams():
+            if tick != 2 or stream.port in WINDOWS:  # At the third tick only windows have news.
+                writer.write(stream, measured(stream.port, tick), tick * PERIOD)
     writer.close()
-    return SensorLog(path)
+    return SensorLog(path, streams())
 
 
 @pytest.mark.parametrize("tick", [3, 0, 1])
 def test_every_port_is_read_as_it_was_written_in_any_order(log: SensorLog, tick: int) -> None:
     values = log.read(tick * PERIOD, PERIOD)
-    assert set(values) == set(STREAMS)
+    assert set(values) == set(PORTS)
     for port, value in values.items():
         assert_same(port, value, measured(port, tick))
 
@@ -84,18 +98,39 @@ def test_the_last_message_ends_the_log(log: SensorLog) -> None:
     assert_allclose(log.end, 3 * PERIOD, atol=1e-9)
 
 
+def test_a_window_without_messages_is_empty(log: SensorLog) -> None:
+    window = log.read(9 * PERIOD, PERIOD)["joint_state_window"]
+    assert window.values.shape == (0, 14)
+
+
+def test_streams_that_a_file_does_not_hold_are_left_out(log: SensorLog, tmp_path: Path) -> None:
+    known = make_streams({"cheat_joint": TaskStatus(), "pressure_window": np.zeros(1)}, TOPICS)
+    path = tmp_path / "sensors.mcap"
+    writer = SensorLogWriter(path)
+    writer.write(known[1], np.ones(1), 0.0)
+    writer.close()
+    assert [stream.port for stream in SensorLog(path, known).streams] == ["pressure_window"]
+
+
+def test_a_port_without_a_topic_of_its_own_has_one_with_its_name() -> None:
+    topics = {stream.port: stream.topic for stream in streams()}
+    assert topics["task_status"] == "/task_status"
+    assert topics["joint_state_window"] == "/joint_states"
+
+
 def test_a_file_that_is_no_log_is_refused_by_name(tmp_path: Path) -> None:
     path = tmp_path / "sensors.mcap"
     path.write_bytes(b"nothing of the kind")
     with pytest.raises(ScenarioError, match=r"sensors\.mcap"):
-        SensorLog(path)
+        SensorLog(path, streams())
     with pytest.raises(ScenarioError, match=r"cannot be read"):
-        SensorLog(tmp_path / "absent.mcap")
+        SensorLog(tmp_path / "absent.mcap", streams())
 
 
 def test_a_log_appears_only_when_it_is_whole(tmp_path: Path) -> None:
     writer = SensorLogWriter(tmp_path / "sensors.mcap")
-    writer.write(STREAMS["interaction_active"], [1.0], 0.0)
+    (stream,) = make_streams({"interaction_active": np.zeros(1)}, TOPICS)
+    writer.write(stream, [1.0], 0.0)
     assert not (tmp_path / "sensors.mcap").exists()
     writer.close()
     assert [path.name for path in tmp_path.iterdir()] == ["sensors.mcap"]

@@ -1,24 +1,38 @@
-"""The station's sensors on whole scenes."""
+"""The station's sensors on whole scenes, and what the seed draws."""
 
 from collections.abc import Sequence
 
 import numpy as np
+import pytest
+from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform
 
-from diagrams.crossmodal.scenario import load_scenario
-from diagrams.crossmodal.station.station import Station
-from diagrams.run.episode import build_station
+from diagrams.applications import load_scenario
+from diagrams.crossmodal.application import APPLICATION
+from diagrams.crossmodal.scenario import Scenario
+from diagrams.crossmodal.station.station import (
+    ManipulationStation,
+    draw_placements,
+    make_manipulation_station,
+)
+from diagrams.run.calibration import Camera
 
 
-def _pixel(station: Station, X_WB: RigidTransform, p_BP: Sequence[float]) -> tuple[int, int]:
+def make_station(*given: str) -> tuple[ManipulationStation, Camera]:
+    """The station of a scenario, and the camera that the robot believes to have."""
+    _, scenario = load_scenario(given[0], given[1:])
+    calibration = APPLICATION.make_calibration(scenario)
+    return make_manipulation_station(scenario, calibration), calibration.camera
+
+
+def _pixel(camera: Camera, X_WB: RigidTransform, p_BP: Sequence[float]) -> tuple[int, int]:
     """Row and column at which the camera sees a point of a body."""
-    p_CP = station.X_WC.inverse() @ X_WB @ np.array(p_BP)
-    u, v, w = station.intrinsics.intrinsic_matrix() @ p_CP
-    return round(v / w), round(u / w)
+    ((u, v),) = camera.project(X_WB @ np.array(p_BP))
+    return round(v), round(u)
 
 
 def test_the_glass_pane_is_seen_through_but_returns_no_depth() -> None:
-    station = build_station(load_scenario("glass-door"), 3)
+    station, camera = make_station("glass-door", "seed=3")
     context = station.diagram.CreateDefaultContext()
     station.SetInitialState(context)
     color = station.diagram.GetOutputPort("color_measured").Eval(context).data[:, :, :3]
@@ -27,7 +41,52 @@ def test_the_glass_pane_is_seen_through_but_returns_no_depth() -> None:
     door = plant.GetBodyByName("door").EvalPoseInWorld(plant.GetMyContextFromRoot(context))
     # On the pane and on the stile beside it, in the door's frame.
     for y, returned in ((-0.035, 0.0), (-0.188, 1.0)):
-        around = [_pixel(station, door, [0.0, y, z]) for z in np.linspace(-0.15, 0.15, 9)]
+        around = [_pixel(camera, door, [0.0, y, z]) for z in np.linspace(-0.15, 0.15, 9)]
         rows, columns = np.array(around).T
         assert np.mean(depth[rows, columns] > 0.0) == returned
         assert color[rows, columns].mean() > 10.0
+
+
+TWO = ["objects={drawer: {}, box: {model: cardboard_box.sdf, joint: hinge, free: true,"
+       " position: [1.0, 0.7, 0.7], variation: {position: [0.1, 0.1, 0.0]}}}",
+       "task.object=drawer", "objects.drawer.variation.position=[0.02, 0.03, 0.02]"]  # fmt: skip
+
+
+def drawn(seed: int, *given: str) -> dict[str, np.ndarray]:
+    scenario: Scenario = load_scenario("drawer", [*given, f"seed={seed}"])[1]
+    placements = draw_placements(scenario)
+    return {name: placement.X_WO.translation() for name, placement in placements.items()}
+
+
+def test_every_seed_places_the_objects_elsewhere_within_their_half_ranges() -> None:
+    first, second = drawn(1, *TWO), drawn(2, *TWO)
+    nominal = np.array([1.0, 0.7, 0.7])
+    for name in ("drawer", "box"):
+        assert not np.allclose(first[name], second[name])
+    assert np.all(np.abs(first["box"] - nominal) <= [0.1, 0.1, 0.0])
+    assert_allclose(drawn(1, *TWO)["box"], first["box"])
+
+
+def test_another_object_beside_it_does_not_move_the_first() -> None:
+    alone = "objects={drawer: {variation: {position: [0.02, 0.03, 0.02]}}}"
+    assert_allclose(drawn(3, alone)["drawer"], drawn(3, *TWO)["drawer"])
+
+
+def test_the_task_says_which_of_two_objects_the_robot_goes_to() -> None:
+    station, _ = make_station("drawer", *TWO)
+    assert station.object == "drawer"
+    assert station.joint.name() == "slide"
+    assert list(station.scene.objects) == ["drawer", "box"]
+
+
+@pytest.mark.parametrize("error", ["camera_translation=0.05", "focal_length=0.1"])
+def test_the_true_camera_is_not_quite_the_believed_one(error: str) -> None:
+    """What the robot believes stays; the images are those of another camera."""
+    images = []
+    for given in ([], [f"calibration.errors.{error}"]):
+        small = ["cameras.camera.width=64", "cameras.camera.height=48", "seed=4"]
+        station, _ = make_station("drawer", *small, *given)
+        context = station.diagram.CreateDefaultContext()
+        station.SetInitialState(context)
+        images.append(station.diagram.GetOutputPort("color_measured").Eval(context).data.copy())
+    assert np.mean(images[0] != images[1]) > 0.05

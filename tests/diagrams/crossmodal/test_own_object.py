@@ -10,21 +10,22 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from diagrams.applications import load_scenario
+from diagrams.crossmodal.application import APPLICATION
+from diagrams.crossmodal.objects.object_import import ObjectWarning, check_pull
 from diagrams.crossmodal.objects.object_model import read_object_model
-from diagrams.crossmodal.own_object import (
-    ObjectWarning,
-    OwnObject,
-    check_pull,
-    overlaps,
-    own_object_assignments,
-)
-from diagrams.crossmodal.scenario import Scenario, load_scenario, object_model_file
-from diagrams.run.episode import build_station
+from diagrams.crossmodal.own_object import OwnObject, own_object_assignments
+from diagrams.crossmodal.scenario import Scenario, object_model_file
+from diagrams.crossmodal.station.overlaps import overlaps
+from diagrams.crossmodal.station.station import ManipulationStation, make_manipulation_station
+from diagrams.run.episode import StationWarning, build_station
 from diagrams.run.run_folder import scenario_hash, write_scenario
 from diagrams.run.yaml_schema import ScenarioError
 from models import MODELS_DIR
 
-pytestmark = pytest.mark.filterwarnings("ignore::diagrams.crossmodal.own_object.ObjectWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore::diagrams.crossmodal.objects.object_import.ObjectWarning"
+)
 EXAMPLE = MODELS_DIR / "examples" / "two_drawers.urdf"
 DOOR = """<robot name='door'><link name='case'/><link name='leaf'><visual><geometry>
 <box size='0.02 0.4 0.4'/></geometry></visual></link><joint name='hinge' type='revolute'>
@@ -34,16 +35,23 @@ type='fixed'><origin xyz='0.05 -0.5 0.1' rpy='0 0 0.5'/><parent link='leaf'/><ch
 </joint></robot>"""
 
 
+def drawer(*given: str) -> Scenario:
+    return load_scenario("drawer", given)[1]
+
+
 def loaded(*given: str, **own: str) -> Scenario:
     values: dict = {"model": EXAMPLE, "grasp_frame": "left_handle"} | own
-    lines = own_object_assignments("drawer", given, OwnObject(**values))
-    return load_scenario("drawer", [*lines, *given])
+    return drawer(*own_object_assignments(drawer(*given), "drawer", OwnObject(**values)), *given)
+
+
+def station(scenario: Scenario) -> ManipulationStation:
+    return make_manipulation_station(scenario, APPLICATION.make_calibration(scenario))
 
 
 def handle_pose(scenario: Scenario) -> np.ndarray:
     thing = scenario.object
     model = read_object_model(
-        object_model_file(scenario), joint=thing.joint, frame=thing.handle_frame, source=""
+        object_model_file(thing), joint=thing.joint, frame=thing.handle_frame, source=""
     )
     return (thing.pose() @ model.X_OH).GetAsMatrix4()
 
@@ -51,14 +59,14 @@ def handle_pose(scenario: Scenario) -> np.ndarray:
 def test_the_grasped_frame_comes_where_the_scenarios_handle_is() -> None:
     scenario = loaded()
     assert scenario.object.joint == "left_slide"
-    assert_allclose(handle_pose(scenario), handle_pose(load_scenario("drawer")), atol=0.02)
-    assert scenario.object.variation.yaw == load_scenario("drawer").object.variation.yaw
+    assert_allclose(handle_pose(scenario), handle_pose(drawer()), atol=0.02)
+    assert scenario.object.variation.yaw == drawer().object.variation.yaw
 
 
 def test_a_turned_frame_turns_the_object_about_the_vertical_only(tmp_path: Path) -> None:
     (tmp_path / "door.urdf").write_text(DOOR)
     scenario = loaded(model=tmp_path / "door.urdf", grasp_frame="knob")
-    expected = handle_pose(load_scenario("drawer"))
+    expected = handle_pose(drawer())
     assert_allclose(handle_pose(scenario)[:3, :3], expected[:3, :3], atol=1e-9)
     assert_allclose(scenario.object.pose().rotation().col(2), [0, 0, 1], atol=1e-12)
 
@@ -67,19 +75,21 @@ def test_an_object_that_would_be_inside_the_table_is_lifted(tmp_path: Path) -> N
     for height, lifted in ((0.1, False), (0.5, True)):
         (tmp_path / "door.urdf").write_text(DOOR.replace("0.02 0.4 0.4", f"0.02 0.4 {height}"))
         scenario = loaded(model=tmp_path / "door.urdf", grasp_frame="knob")
-        p_WH = handle_pose(scenario)[:3, 3] - handle_pose(load_scenario("drawer"))[:3, 3]
+        p_WH = handle_pose(scenario)[:3, 3] - handle_pose(drawer())[:3, 3]
         assert_allclose(p_WH[:2], 0, atol=1e-9)
         assert bool(p_WH[2] > 0.1) is lifted
-        assert overlaps(build_station(scenario, 0)) == []
+        assert overlaps(station(scenario)) == []
 
 
 def test_a_free_object_stands_on_the_table(tmp_path: Path) -> None:
     for height in (0.1, 0.5):
         (tmp_path / "door.urdf").write_text(DOOR.replace("0.02 0.4 0.4", f"0.02 0.4 {height}"))
-        scenario = loaded("object.free=true", model=tmp_path / "door.urdf", grasp_frame="knob")
+        scenario = loaded(
+            "objects.drawer.free=true", model=tmp_path / "door.urdf", grasp_frame="knob"
+        )
         assert scenario.object.variation.position[2] == 0.0
         assert 0.70 < scenario.object.position[2] - 0.5 * height < 0.72  # The table's top is 0.7.
-        plant = build_station(scenario, 0).scene.plant
+        plant = station(scenario).scene.plant
         assert plant.GetBodyByName("case").is_floating_base_body()
 
 
@@ -88,7 +98,7 @@ def test_friction_is_that_at_the_hand_and_the_opening_within_the_limits(tmp_path
     scenario = loaded(model=tmp_path / "door.urdf", grasp_frame="knob")
     assert_allclose(scenario.object.friction, 6.0 * np.hypot(0.05, 0.5))
     assert_allclose(scenario.task.opening, 0.09)
-    assert loaded("object.friction=2").object.friction == 2.0
+    assert loaded("objects.drawer.friction=2").object.friction == 2.0
 
 
 def test_an_asked_pose_is_that_of_the_models_frame_in_radians() -> None:
@@ -102,32 +112,32 @@ def test_an_asked_pose_is_that_of_the_models_frame_in_radians() -> None:
 def test_a_scenario_file_says_the_same(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(
-        f"object: {{model: {EXAMPLE}, joint: '', handle_frame: right_handle, place_handle: true,"
-        " position: [0.8, -0.2, 0.9], yaw: 170}\n"
+        f"system: crossmodal\nobjects: {{mine: {{model: {EXAMPLE}, joint: '',"
+        " handle_frame: right_handle, place_handle: true, position: [0.8, -0.2, 0.9], yaw: 170}}\n"
     )
-    scenario = load_scenario(str(path))
+    _, scenario = load_scenario(str(path))
     assert scenario.object.joint == "right_slide"
     assert_allclose(handle_pose(scenario)[:3, 3], [0.8, -0.2, 0.9])
 
 
 def test_a_runs_folder_repeats_the_run_without_the_original(tmp_path: Path) -> None:
     scenario = loaded()
-    path = write_scenario(tmp_path / "run", scenario)
+    path = write_scenario(tmp_path / "run", APPLICATION, scenario)
     moved = (tmp_path / "run").rename(tmp_path / "moved")
     with warnings.catch_warnings():
         warnings.simplefilter("error", ObjectWarning)
-        again = load_scenario(str(moved / path.name))
-    copy = object_model_file(again)
+        _, again = load_scenario(str(moved / path.name))
+    copy = object_model_file(again.object)
     assert copy == moved / "model" / "object.sdf"
-    assert copy.read_bytes() == object_model_file(scenario).read_bytes()
-    assert scenario_hash(again) == scenario_hash(scenario)
+    assert copy.read_bytes() == object_model_file(scenario.object).read_bytes()
+    assert scenario_hash(APPLICATION, again) == scenario_hash(APPLICATION, scenario)
     copy.write_text(copy.read_text().replace("</mass>", "1</mass>"))
-    assert scenario_hash(again) != scenario_hash(scenario)
+    assert scenario_hash(APPLICATION, again) != scenario_hash(APPLICATION, scenario)
 
 
 def test_what_is_converted_does_not_outlive_the_process(tmp_path: Path) -> None:
     code = (
-        "from pathlib import Path; from diagrams.crossmodal.own_object import imported;"
+        "from pathlib import Path; from diagrams.crossmodal.objects.object_import import imported;"
         f"made = imported(Path({str(EXAMPLE)!r}), joint='', frame='left_handle', free=False,"
         " source=''); assert made.model.is_file(); print(made.model)"
     )
@@ -147,9 +157,28 @@ def test_what_is_converted_does_not_outlive_the_process(tmp_path: Path) -> None:
 def test_a_run_with_an_object_of_the_program_leaves_no_model_of_an_earlier_one(
     tmp_path: Path,
 ) -> None:
-    write_scenario(tmp_path, loaded())
-    write_scenario(tmp_path, load_scenario("drawer"))
+    write_scenario(tmp_path, APPLICATION, loaded())
+    write_scenario(tmp_path, APPLICATION, drawer())
     assert not (tmp_path / "model").exists()
+
+
+def test_of_several_objects_each_is_kept_in_a_folder_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "door.urdf").write_text(DOOR)
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "system: crossmodal\ntask: {object: chest}\nobjects:\n"
+        f"  chest: {{model: {EXAMPLE}, joint: '', handle_frame: right_handle}}\n"
+        "  door: {model: door.urdf, joint: hinge, handle_frame: knob}\n"
+        "  drawer: {model: chest_drawer.sdf}\n"
+    )
+    _, scenario = load_scenario(str(path))
+    written = write_scenario(tmp_path / "run", APPLICATION, scenario)
+    _, again = load_scenario(str(written))
+    models = {name: object_model_file(thing) for name, thing in again.objects.items()}
+    assert models["chest"] == tmp_path / "run" / "model" / "chest" / "object.sdf"
+    assert models["door"] == tmp_path / "run" / "model" / "door" / "object.sdf"
+    assert again.objects["drawer"].model == "chest_drawer.sdf"
+    assert scenario_hash(APPLICATION, again) == scenario_hash(APPLICATION, scenario)
 
 
 def test_what_is_assumed_is_said() -> None:
@@ -187,7 +216,7 @@ def test_a_joint_that_goes_both_ways_may_be_pushed_as_well(tmp_path: Path) -> No
             warnings.simplefilter("always", ObjectWarning)
             check_pull(
                 read_object_model(
-                    object_model_file(scenario), joint="hinge", frame="grasp", source=""
+                    object_model_file(scenario.object), joint="hinge", frame="grasp", source=""
                 ),
                 np.array([1.0, 0.0, 0.0]),
                 "hinge",
@@ -215,13 +244,13 @@ def test_bad_options_are_refused_in_one_line(own: dict, expected: str) -> None:
 
 
 def test_an_object_in_the_way_of_the_hand_is_said_to_be(tmp_path: Path) -> None:
-    assert overlaps(build_station(loaded(), 0)) == []
+    assert overlaps(station(loaded())) == []
     (tmp_path / "door.urdf").write_text(DOOR.replace("0.02 0.4 0.4", "0.5 0.9 0.4"))
     scenario = loaded(model=tmp_path / "door.urdf", grasp_frame="knob")
-    with pytest.warns(ObjectWarning, match=r"link 'leaf' starts \d+ cm inside 'palm'"):
-        build_station(scenario, 0)
+    with pytest.warns(StationWarning, match=r"^drawer: link 'leaf' starts \d+ cm inside 'palm'"):
+        build_station(APPLICATION, scenario)
 
 
 def test_a_handle_out_of_reach_is_refused_in_one_line() -> None:
     with pytest.raises(ScenarioError, match=r"does not reach .* place the object elsewhere"):
-        build_station(loaded(pose="3,0,0.9,0,0,0"), 0)
+        build_station(APPLICATION, loaded(pose="3,0,0.9,0,0,0"))

@@ -6,17 +6,13 @@ from pathlib import Path
 import pytest
 from synthetic_episode import synthetic_episode
 
-from diagrams.crossmodal import ablations
+from diagrams.applications import load_scenario
+from diagrams.crossmodal.application import APPLICATION
 from diagrams.crossmodal.estimators import CROSSMODAL_WIRES
-from diagrams.crossmodal.scenario import load_scenario
-from diagrams.crossmodal.studies.ablations import (
-    ABLATIONS,
-    Ablation,
-    find_ablation,
-    run_ablation,
-    table,
-)
-from diagrams.run.record import EpisodeResult
+from diagrams.crossmodal.studies import ablation_study
+from diagrams.crossmodal.studies.ablation_study import run_ablation, table
+from diagrams.crossmodal.studies.ablations import ABLATIONS, Ablation, find_ablation
+from diagrams.run.record import EpisodeRecord
 from diagrams.run.run_folder import fingerprint
 from diagrams.run.yaml_schema import ScenarioError
 
@@ -55,31 +51,30 @@ def test_a_finished_ablation_is_not_simulated_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ablation = Ablation(flow="", scenario="drawer", wire="joints_to_vision")
-    scenario = load_scenario("drawer", ["seed=4"])
-    scenario.modalities = ["crossmodal"]
+    application, scenario = load_scenario("drawer", ["seed=4", "modalities=[crossmodal]"])
     wirings = {"whole": joint(1e-3), "cut": joint(2e-3)}
-    known = fingerprint(scenario) | {"wire": ablation.wire, "wirings": wirings}
+    known = fingerprint(application, scenario) | {"wire": ablation.wire, "wirings": wirings}
     (tmp_path / "ablation.json").write_text(json.dumps(known))
 
     def simulate(*_: object, **__: object) -> None:
         raise AssertionError("simulated")
 
-    monkeypatch.setattr(ablations, "run_episode", simulate)
-    assert run_ablation(ablation, 4, tmp_path) == wirings
+    monkeypatch.setattr(ablation_study, "run_episode", simulate)
+    assert run_ablation(APPLICATION, ablation, 4, tmp_path) == wirings
     with pytest.raises(AssertionError, match="simulated"):
-        run_ablation(ablation, 5, tmp_path)
+        run_ablation(APPLICATION, ablation, 5, tmp_path)
 
 
 def test_an_interrupted_ablation_is_no_result(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def simulate(*_: object, sensors_file: Path) -> EpisodeResult:
+    def simulate(*_: object, sensors_file: Path) -> EpisodeRecord:
         sensors_file.touch()
-        result = synthetic_episode(seed=4)
-        result.interrupted = True
-        return result
+        record = synthetic_episode(seed=4)
+        record.interrupted = True
+        return record
 
-    monkeypatch.setattr(ablations, "run_episode", simulate)
+    monkeypatch.setattr(ablation_study, "run_episode", simulate)
     with pytest.raises(KeyboardInterrupt):
-        run_ablation(ABLATIONS["body-in-the-hand"], 4, tmp_path)
+        run_ablation(APPLICATION, ABLATIONS["body-in-the-hand"], 4, tmp_path)
     assert not any(tmp_path.iterdir())

@@ -1,0 +1,27 @@
+"""The process of one episode of a campaign."""
+
+import subprocess
+from pathlib import Path
+
+from diagrams.applications import load_scenario
+from diagrams.commands.episode import run_here
+from diagrams.run import process
+from diagrams.run.run_folder import write_scenario, write_text
+
+
+def test_it_ends_with_the_one_that_started_it(tmp_path: Path) -> None:
+    write_scenario(tmp_path, *load_scenario("drawer"))
+    command = [*process._COMMAND, str(tmp_path)]
+    root = Path(process.__file__).parents[2]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, cwd=root) as child:
+        pass  # Closes its input.
+    assert child.returncode == 1
+    assert not (tmp_path / "summary.json").exists()
+
+
+def test_what_it_raises_is_kept_with_its_reason_first(tmp_path: Path) -> None:
+    write_text(tmp_path / "scenario.yaml", "system: crossmodal\nduratoin: 3\n")
+    assert run_here(tmp_path) == 1
+    lines = (tmp_path / "error.txt").read_text().splitlines()
+    assert "duratoin" in lines[0]
+    assert lines[2].startswith("Traceback")

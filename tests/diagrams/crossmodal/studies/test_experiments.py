@@ -1,0 +1,32 @@
+import pytest
+
+from diagrams.crossmodal.application import APPLICATION
+from diagrams.crossmodal.scenario import SCENARIO_FOLDER
+from diagrams.crossmodal.studies.experiments import EXPERIMENTS
+from diagrams.evaluation.metric_table import EPISODE_METRICS, TICK_METRICS
+
+METRICS = {
+    metric.name: metric for metric in (*EPISODE_METRICS, *APPLICATION.metrics, *TICK_METRICS)
+}
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_what_an_experiment_says_of_a_metric_is_shown_in_a_table(name: str) -> None:
+    experiment = EXPERIMENTS[name]
+    for metric in (*experiment.references, *experiment.without):
+        assert METRICS[metric].title
+        assert METRICS[metric].cell is not None
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_experiment_has_its_scenario(name: str) -> None:
+    assert (SCENARIO_FOLDER / f"{EXPERIMENTS[name].scenario}.yaml").is_file()
+
+
+def test_every_column_of_the_overview_is_a_metric_of_its_kind() -> None:
+    for column in APPLICATION.overview:
+        assert METRICS[column.metric].by_estimator == bool(column.estimator)
+
+
+def test_no_two_metrics_have_one_name() -> None:
+    assert len(METRICS) == len((*EPISODE_METRICS, *APPLICATION.metrics, *TICK_METRICS))

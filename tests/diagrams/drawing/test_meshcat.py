@@ -1,0 +1,12 @@
+import pytest
+
+from diagrams.drawing.meshcat import start_meshcat
+
+
+def test_the_server_is_for_this_machine_only() -> None:
+    assert "localhost" in start_meshcat().web_url()
+
+
+def test_an_interface_that_there_is_not_is_refused() -> None:
+    with pytest.raises(RuntimeError, match="failed to open a websocket port"):
+        start_meshcat("203.0.113.7")

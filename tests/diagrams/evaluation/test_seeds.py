@@ -1,0 +1,24 @@
+import pytest
+
+from diagrams.evaluation.seeds import parse_seeds
+from diagrams.run.yaml_schema import ScenarioError
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("100:103", [100, 101, 102]),
+        ("2", [100, 101]),
+        ("7:8", [7]),
+        ("1,4,9", [1, 4, 9]),
+        ("3:5,4,8", [3, 4, 8]),
+    ],
+)
+def test_seeds_are_counts_ranges_and_lists(text: str, expected: list[int]) -> None:
+    assert parse_seeds(text) == expected
+
+
+@pytest.mark.parametrize("text", ["", "0", "a", "1:", "5:5", "-3", "1;2", "1,,2"])
+def test_other_seeds_are_refused(text: str) -> None:
+    with pytest.raises(ScenarioError, match="--seeds"):
+        parse_seeds(text)

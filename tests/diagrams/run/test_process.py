@@ -1,0 +1,38 @@
+"""An episode in a process of its own."""
+
+import threading
+import time
+from pathlib import Path
+
+from diagrams.applications import load_scenario
+from diagrams.run import process
+from diagrams.run.process import peak_memory, run_apart, thread_limits
+
+
+def test_an_episode_whose_folder_cannot_be_made_is_a_failure(tmp_path: Path) -> None:
+    (tmp_path / "seed-0000").write_text("a file")
+    summary = run_apart(*load_scenario("drawer"), tmp_path / "seed-0000", {})
+    assert not summary["success"]
+    assert "seed-0000: cannot be written" in summary["failure"]
+
+
+def test_a_process_that_is_killed_while_it_runs_is_reported(tmp_path: Path) -> None:
+    def kill() -> None:
+        while not process._RUNNING:
+            time.sleep(0.01)
+        process.stop_running()
+
+    threading.Thread(target=kill).start()
+    summary = run_apart(*load_scenario("drawer"), tmp_path / "seed-0000", {})
+    assert summary["failure"] == "worker died (SIGKILL), see log.txt"
+    assert not process._RUNNING
+
+
+def test_an_episode_with_one_core_draws_in_the_thread_that_asks_for_it() -> None:
+    assert thread_limits(4)["LP_NUM_THREADS"] == "4"
+    assert thread_limits(1)["LP_NUM_THREADS"] == "0"
+    assert thread_limits(1)["OPENCV_FOR_THREADS_NUM"] == "1"
+
+
+def test_memory_is_counted_in_bytes() -> None:
+    assert 1e7 < peak_memory() < 1e12

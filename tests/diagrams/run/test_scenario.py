@@ -1,0 +1,120 @@
+"""What every scenario has, whatever its application."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from diagrams.run.episode import building
+from diagrams.run.scenario import (
+    CameraConfig,
+    Disturbances,
+    Interval,
+    Scenario,
+    looking_at,
+    parse_scenario,
+    read_document,
+)
+from diagrams.run.yaml_schema import ScenarioError
+
+PATH = Path("mine.yaml")
+
+
+def test_a_scenario_without_a_name_is_called_like_its_file() -> None:
+    assert parse_scenario(Scenario, {}, PATH).name == "mine"
+    assert parse_scenario(Scenario, {"name": "yours"}, PATH).name == "yours"
+
+
+def test_overrides_replace_what_the_file_says(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text("duration: 3\ncameras:\n  head: {lamp: 0.5}\n")
+    document = read_document(path, ["duration=4", "cameras.head.width=64", "cameras.wrist={}"])
+    scenario = parse_scenario(Scenario, document, path)
+    assert scenario.duration == 4.0
+    assert (scenario.cameras["head"].lamp, scenario.cameras["head"].width) == (0.5, 64)
+    assert set(scenario.cameras) == {"head", "wrist"}
+
+
+@pytest.mark.parametrize(
+    ("document", "expected"),
+    [
+        ({"duration": 0}, "duration = 0.0 s, but it must be > 0 s"),
+        ({"duration": float("nan")}, "duration = nan s"),
+        ({"duration": "fast"}, "duration = 'fast', but it must be a number"),
+        ({"network_period": -1}, "network_period = -1.0 s"),
+        ({"stop_time": -1}, "stop_time = -1.0 s, but it must be >= 0 s"),
+        ({"seed": -1}, "seed = -1"),
+        ({"seed": 1.5}, "seed = 1.5, but it must be a whole number"),
+        ({"modalities": "vision"}, "must be a list"),
+        ({"cameras": {"head": {"width": 0}}}, "cameras.head.width = 0 pixels"),
+        ({"cameras": {"head": {"horizontal_angle": 180}}}, "between 0 and 180 deg"),
+        ({"cameras": {"head": {"lamp": -0.1}}}, "cameras.head.lamp = -0.1"),
+        ({"cameras": {"head": {"position": [0, 1]}}}, "cameras.head.position = [0.0, 1.0]"),
+        ({"cameras": {"head": {"position": "high"}}}, "must be numbers in a list"),
+        ({"cameras": {"head": {"looking_at": [0, 0, 0]}}}, "looking_at must differ from"),
+        ({"cameras": {"head": {"looking_at": [0, 0, 2]}}}, "cameras.head.up must not be zero or"),
+        ({"cameras": {"head": {"up": [0, 0, 0]}}}, "cameras.head.up must not be zero or"),
+        ({"calibration": {"errors": {"latency": -1}}}, "calibration.errors.latency = -1.0, need"),
+        ({"calibration": {"believed": {"focal_length": 0.5}}}, "calibration.believed.focal_length"),
+        ({"disturbances": {"lights_off": [{"start": 3, "end": 2}]}}, "must be 0 <= start < end"),
+        ({"disturbances": {"camera_covered": [{"begin": 3}]}}, "camera_covered.0.begin"),
+        ({"disturbances": "dark"}, "disturbances = 'dark', but it must be a mapping"),
+    ],
+)
+def test_values_that_no_episode_can_have_are_refused(document: dict, expected: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(Scenario, document, PATH)
+    assert str(caught.value).startswith("mine.yaml: ")
+    assert expected in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_scenario_is_perfectly_calibrated_and_the_robot_does_not_know_it() -> None:
+    calibration = parse_scenario(Scenario, {}, PATH).calibration
+    assert set(vars(calibration.errors).values()) == {0.0}
+    assert min(vars(calibration.believed).values()) > 0.0
+    changed = parse_scenario(Scenario, {"calibration": {"believed": {"latency": 0.1}}}, PATH)
+    assert changed.calibration.believed.latency == 0.1
+    assert changed.calibration.believed.registration == calibration.believed.registration
+
+
+def test_a_camera_looks_where_it_is_told_with_its_top_up() -> None:
+    position, target = np.array([0.1, 0.4, 1.4]), np.array([0.8, -0.3, 0.9])
+    X_PC = looking_at(position, target)
+    assert_allclose(X_PC.translation(), position)
+    ray = target - position
+    assert_allclose(X_PC.rotation().col(2), ray / np.linalg.norm(ray))
+    assert X_PC.rotation().col(1)[2] < 0.0
+    assert_allclose(X_PC.rotation().col(0)[2], 0.0, atol=1e-12)
+    down = looking_at(position, position - [0, 0, 1], np.array([1.0, 0.0, 0.0]))
+    assert_allclose(down.rotation().col(1), [-1, 0, 0], atol=1e-12)
+
+
+def test_the_field_of_view_ends_at_the_edges_of_the_image() -> None:
+    camera = CameraConfig(width=640, height=480, horizontal_angle=90.0).camera()
+    assert_allclose(camera.intrinsics.focal_x, 320.0)
+    assert camera.intrinsics.focal_y == camera.intrinsics.focal_x
+    assert (camera.intrinsics.center_x, camera.intrinsics.center_y) == (319.0, 239.0)
+
+
+def test_an_interval_holds_its_start_and_not_its_end() -> None:
+    interval = Interval(start=1.0, end=2.0)
+    assert 1.0 in interval
+    assert 2.0 not in interval
+    assert 1e9 in Interval(start=1.0)
+    assert np.isinf(Interval().end)
+
+
+def test_disturbances_are_told_in_words() -> None:
+    disturbances = Disturbances(
+        lights_off=[Interval(start=3.0)], camera_covered=[Interval(start=1.0, end=2.0)]
+    )
+    names = [(name, span.start) for name, span in disturbances.spans()]
+    assert names == [("lights off", 3.0), ("camera covered", 1.0)]
+
+
+def test_what_building_refuses_becomes_a_scenario_error() -> None:
+    with pytest.raises(ScenarioError, match="drawer: Encoders: noise = -1 rad, need >= 0"):  # noqa: SIM117
+        with building("drawer"):
+            raise ValueError("Encoders: noise = -1\n rad, need >= 0")

@@ -1,0 +1,146 @@
+"""A scenario finds its application; applications of a user's own are found by a variable."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from diagrams.applications import (
+    OWN,
+    applications,
+    experiments,
+    find_scenario,
+    load_scenario,
+    scenario_files,
+)
+from diagrams.command_line import app
+from diagrams.run.scenario import Scenario
+from diagrams.run.yaml_schema import ScenarioError
+
+RUNNER = CliRunner()
+TOY = """
+from dataclasses import dataclass
+from pathlib import Path
+
+from diagrams.run.application import Application, Results
+from diagrams.run.scenario import Scenario
+
+
+@dataclass(kw_only=True)
+class ToyScenario(Scenario):
+    speed: float = 1.0  # [m/s]
+
+
+APPLICATION = Application(
+    name="{name}",
+    description="a toy",
+    scenario=ToyScenario,
+    scenarios=Path(__file__).parent / "scenarios",
+    make_station=lambda scenario, calibration: None,
+    make_estimators=lambda scenario, calibration: {{}},
+    quantities=(),
+    evaluate=lambda record: None,
+)
+"""
+
+
+@pytest.fixture
+def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The file of an application of the user's own, with one scenario beside it."""
+    path = tmp_path / "toy_application.py"
+    path.write_text(TOY.format(name="toy"))
+    (tmp_path / "scenarios").mkdir()
+    (tmp_path / "scenarios" / "rolling.yaml").write_text(
+        "system: toy\ndescription: a ball rolls\nspeed: 3\n"
+    )
+    monkeypatch.setenv(OWN, f" {path} ,")
+    return path
+
+
+def test_the_one_that_comes_along_is_there() -> None:
+    assert list(applications()) == ["crossmodal"]
+    assert set(experiments()) <= set(scenario_files())
+
+
+def test_one_of_the_users_own_comes_after_those_that_come_along(toy: Path) -> None:
+    assert list(applications()) == ["crossmodal", "toy"]
+    assert "rolling" in scenario_files()
+    application, scenario = load_scenario("rolling", ["seed=4"])
+    assert application.name == "toy"
+    assert (scenario.speed, scenario.seed, scenario.name) == (3.0, 4, "rolling")
+
+
+def test_a_list_shows_each_application_with_its_scenarios(toy: Path) -> None:
+    result = RUNNER.invoke(app, ["list"])
+    assert result.exit_code == 0, result.output
+    assert "toy: a toy" in result.output
+    assert "rolling            a ball rolls" in result.output
+    assert result.output.index("drawer") < result.output.index("rolling")
+
+
+def test_an_application_may_be_a_module(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(toy.parent)
+    monkeypatch.setenv(OWN, "toy_application")
+    assert "toy" in applications()
+
+
+@pytest.mark.parametrize("system", ["", "system: crosmodal\n"])
+def test_an_unknown_system_lists_the_known_ones(tmp_path: Path, system: str) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"{system}duration: 3\n")
+    with pytest.raises(ScenarioError, match=r"mine\.yaml: system = '\w*': .*crossmodal"):
+        load_scenario(str(path))
+    result = RUNNER.invoke(app, ["run", str(path)])
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (None, "cannot be had: .*No such file"),
+        ("x = 3\n", "holds no Application called APPLICATION"),
+        ("APPLICATION = 3\n", "holds no Application called APPLICATION"),
+        ("def f(:\n", "cannot be had: .*invalid syntax"),
+        ("import no_such_module\n", "cannot be had: No module named 'no_such_module'"),
+        (TOY.format(name="crossmodal"), "there are two applications 'crossmodal'"),
+    ],
+)
+@pytest.mark.parametrize("command", [["list"], ["run", "drawer"], ["evaluate", "drawer"]])
+def test_what_is_no_application_is_said_in_one_line_with_status_two(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    text: str | None,
+    expected: str,
+    command: list[str],
+) -> None:
+    path = tmp_path / "mine.py"
+    if text is not None:
+        path.write_text(text)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(OWN, str(path))
+    with pytest.raises(ScenarioError, match=expected):
+        applications()
+    result = RUNNER.invoke(app, command)
+    assert result.exit_code == 2, result.output
+    assert result.stderr.startswith(f"crossmodal: {OWN}: ")
+    assert result.stderr.count("\n") == 1
+
+
+def test_a_module_that_there_is_not_is_said_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(OWN, "no.such.module")
+    with pytest.raises(ScenarioError, match=r"'no\.such\.module' cannot be had"):
+        applications()
+
+
+def test_a_scenario_is_found_by_name_or_by_path(tmp_path: Path) -> None:
+    assert find_scenario("drawer").name == "drawer.yaml"
+    assert find_scenario(str(tmp_path / "x.yaml")) == tmp_path / "x.yaml"
+    with pytest.raises(ScenarioError, match="unknown scenario 'drawr'; did you mean 'drawer'"):
+        find_scenario("drawr")
+
+
+def test_a_scenario_is_of_its_applications_class() -> None:
+    application, scenario = load_scenario("drawer")
+    assert type(scenario) is application.scenario
+    assert isinstance(scenario, Scenario)

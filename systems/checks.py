@@ -26,3 +26,9 @@ def require_fields(
         value = getattr(config, name)
         valid = bool(np.isfinite(value)) and accept(value)
         require(valid, system, config, name, f"{allowed}, finite")
+
+
+def require_positive(system: str, config: object, units: dict[str, str]) -> None:
+    """Refuses a config whose named fields are not above zero; `units` maps field to unit."""
+    for field, unit in units.items():
+        require(getattr(config, field) > 0, system, config, field, f"> 0 {unit}".rstrip())

@@ -10,9 +10,9 @@ from pydrake.systems.framework import Context
 
 from maths import se3
 from maths.arrays import Array
-from systems.checks import require
+from systems.checks import require, require_positive
 from systems.port_values import EndEffectorBelief, SampleWindow
-from systems.recursive_filter import RecursiveFilter, require_positive
+from systems.recursive_filter import RecursiveFilter
 
 
 @dataclass(kw_only=True)

@@ -9,7 +9,7 @@ from pydrake.systems.framework import Context
 from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
-from systems.checks import require
+from systems.checks import require, require_positive
 from systems.port_values import (
     INTERACTED_BODY,
     UNKNOWN_END_EFFECTOR,
@@ -33,7 +33,7 @@ from systems.proprioception.grasp_filters import (
     predict_filter,
     start_filter,
 )
-from systems.recursive_filter import RecursiveFilter, require_positive
+from systems.recursive_filter import RecursiveFilter
 
 TYPES = (*HELD_TYPES, GraspType.FAILED)
 

@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context
 from maths import se3
 from maths.arrays import Array
 from models import WEIGHTS_DIR
-from systems.checks import require
+from systems.checks import require, require_positive
 from systems.port_values import UNKNOWN_END_EFFECTOR, PoseBelief, SampleWindow
 from systems.proprioception.bending_network import (
     BendingNetwork,
@@ -20,7 +20,7 @@ from systems.proprioception.bending_network import (
     predict_deviation,
 )
 from systems.proprioception.bent_hand import screw
-from systems.recursive_filter import RecursiveFilter, require_positive
+from systems.recursive_filter import RecursiveFilter
 
 GRAVITY = 9.81  # [m/s^2]
 CERTAIN = 1e-12  # Variance of what is so by definition, [rad^2, m^2].

@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context, InputPort
 from maths import se3
 from maths.arrays import Array, Ids
 from maths.immutable import Immutable
-from systems.checks import require
+from systems.checks import require, require_positive
 from systems.port_values import (
     INTERACTED_BODY,
     UNKNOWN_END_EFFECTOR,
@@ -34,7 +34,7 @@ from systems.proprioception.interacted_body_filter import (
     start_body,
     with_velocity,
 )
-from systems.recursive_filter import RecursiveFilter, require_positive
+from systems.recursive_filter import RecursiveFilter
 
 ABSENT = PoseBelief(X=np.full((4, 4), np.nan), covariance=np.full((6, 6), np.nan))
 

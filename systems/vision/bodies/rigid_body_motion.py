@@ -1,8 +1,7 @@
 """The system that turns moving point features into moving rigid bodies."""
 
 import numpy as np
-from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context, LeafSystem, State, ValueProducer
+from pydrake.systems.framework import Context, InputPort
 from pydrake.systems.sensors import CameraInfo
 
 from maths import se3
@@ -17,6 +16,7 @@ from systems.port_values import (
     MotionBelief,
     PoseBelief,
 )
+from systems.recursive_filter import RecursiveFilter
 from systems.vision import camera_geometry
 from systems.vision.bodies import body_tracking, feature_association
 from systems.vision.bodies.body_adoption import adopt
@@ -111,7 +111,7 @@ def body_motions(level: BodyLevel, period: float) -> BodyMotions:
     )
 
 
-class RigidBodyMotion(LeafSystem):
+class RigidBodyMotion(RecursiveFilter):
     """Finds rigid bodies B among the features F of a static world W and follows their motion.
 
     Each body has a Kalman filter over its pose, velocity and its features' constant positions,
@@ -169,76 +169,28 @@ class RigidBodyMotion(LeafSystem):
         self._intrinsics = camera_geometry.intrinsics_vector(camera)
         self._X_CW = se3.inverse(np.array(X_WC, dtype=float))
 
-        self._features = self.DeclareAbstractInputPort(
-            "features_estimated", AbstractValue.Make(no_features())
-        )
-        self._joints = self.DeclareAbstractInputPort(
-            "joint_predictions", AbstractValue.Make(BodyPredictions())
-        )
-        self._prior = None
+        self._features = self._declare_value_input("features_estimated", no_features())
+        self._joints = self._declare_value_input("joint_predictions", BodyPredictions())
+        self._prior: InputPort | None = None
         if with_interacted_body:
             absent = PoseBelief(X=np.full((4, 4), np.nan), covariance=np.full((6, 6), np.nan))
-            self._prior = self.DeclareAbstractInputPort(
-                "interacted_body_prior", AbstractValue.Make(absent)
-            )
-        self._state = self.DeclareAbstractState(AbstractValue.Make(no_bodies(config)))
-        state_only = {self.abstract_state_ticket(self._state)}
-        self._posterior = self.DeclareCacheEntry(
-            description="bodies of this tick",
-            value_producer=ValueProducer(
-                allocate=lambda: AbstractValue.Make(no_bodies(config)), calc=self._calc_level
-            ),
-            prerequisites_of_calc={*state_only, self.all_input_ports_ticket()},
-        )
-        self.DeclareAbstractOutputPort(
-            "body_motions_estimated",
-            lambda: AbstractValue.Make(BodyMotions()),
-            self._calc_estimated,
-            prerequisites_of_calc={self._posterior.ticket()},
-        )
-        self.DeclareAbstractOutputPort(
-            "body_motions_latest",
-            lambda: AbstractValue.Make(BodyMotions()),
-            self._calc_latest,
-            prerequisites_of_calc=state_only,
-        )
-        self.DeclareAbstractOutputPort(
-            "features_predicted",
-            lambda: AbstractValue.Make(no_features()),
-            self._calc_predicted,
-            prerequisites_of_calc=state_only,
-        )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
+            self._prior = self._declare_value_input("interacted_body_prior", absent)
+        self._declare_recursion(no_bodies(config), self._calc_level, config.period)
+        self._declare_estimated("body_motions_estimated", self._motions)
+        self._declare_latest("body_motions_latest", self._motions)
+        self._declare_latest("features_predicted", self._predicted)
 
-    def _stored(self, context: Context) -> BodyLevel:
-        level: BodyLevel = context.get_abstract_state(int(self._state)).get_value()
-        return level
+    def _calc_level(self, context: Context, level: BodyLevel) -> BodyLevel:
+        features = self._read(self._features, context)
+        joints = self._read_optional(self._joints, context) or BodyPredictions()
+        prior = self._read_optional(self._prior, context)
+        return step(self._config, level, features, joints, prior)
 
-    def _calc_level(self, context: Context, output: AbstractValue) -> None:
-        joints = self._joints.Eval(context) if self._joints.HasValue(context) else None
-        prior = None
-        if self._prior is not None and self._prior.HasValue(context):
-            prior = self._prior.Eval(context)
-        features = self._features.Eval(context)
-        joints = joints or BodyPredictions()
-        output.set_value(step(self._config, self._stored(context), features, joints, prior))
+    def _motions(self, level: BodyLevel) -> BodyMotions:
+        return body_motions(level, self._config.period)
 
-    def _calc_estimated(self, context: Context, output: AbstractValue) -> None:
-        level = self._posterior.EvalAbstract(context).get_value()
-        output.set_value(body_motions(level, self._config.period))
-
-    def _calc_latest(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(body_motions(self._stored(context), self._config.period))
-
-    def _calc_predicted(self, context: Context, output: AbstractValue) -> None:
-        predicted = predicted_features(
-            self._config, self._stored(context), self._intrinsics, self._X_CW
-        )
-        output.set_value(predicted)
-
-    def _update(self, context: Context, state: State) -> None:
-        level = self._posterior.EvalAbstract(context).get_value()
-        state.get_mutable_abstract_state(int(self._state)).set_value(level)
+    def _predicted(self, level: BodyLevel) -> FeatureBelief:
+        return predicted_features(self._config, level, self._intrinsics, self._X_CW)
 
 
 def _check(config: RigidBodyMotionConfig) -> None:

@@ -2,12 +2,12 @@
 
 import cv2
 import numpy as np
-from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context, LeafSystem, State, ValueProducer
+from pydrake.systems.framework import Context
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from maths.arrays import Array
 from systems.checks import require_fields
+from systems.recursive_filter import RecursiveFilter
 from systems.vision import camera_geometry
 from systems.vision.features import feature_detection
 from systems.vision.features.feature_tracks import (
@@ -21,7 +21,7 @@ from systems.vision.features.feature_tracks import (
 )
 
 
-class FeatureMotion(LeafSystem):
+class FeatureMotion(RecursiveFilter):
     """Follows up to N point features F through the colour and depth images of a fixed camera.
 
     A feature is a patch of texture on a smooth surface. Each tick it is registered to the template
@@ -77,56 +77,25 @@ class FeatureMotion(LeafSystem):
         side = 2 * config.robot_border + 1
         self._border = np.ones((side, side), np.uint8)
 
-        self._color = self.DeclareAbstractInputPort(
-            "color_measured", AbstractValue.Make(ImageRgba8U(*size))
-        )
-        self._depth = self.DeclareAbstractInputPort(
-            "depth_measured", AbstractValue.Make(ImageDepth32F(*size))
-        )
-        self._mask = self.DeclareAbstractInputPort(
-            "robot_mask", AbstractValue.Make(ImageGrey8U(*size))
-        )
-        self._predicted = self.DeclareAbstractInputPort(
-            "features_predicted", AbstractValue.Make(no_features())
-        )
-        self._state = self.DeclareAbstractState(AbstractValue.Make(no_tracks(config)))
-        posterior = self.DeclareCacheEntry(
-            description="tracks of this tick",
-            value_producer=ValueProducer(
-                allocate=lambda: AbstractValue.Make(no_tracks(config)), calc=self._calc_tracks
-            ),
-            prerequisites_of_calc={
-                self.abstract_state_ticket(self._state),
-                self.all_input_ports_ticket(),
-            },
-        )
-        self._posterior = posterior
-        self.DeclareAbstractOutputPort(
-            "features_estimated",
-            lambda: AbstractValue.Make(no_features()),
-            self._calc_estimated,
-            prerequisites_of_calc={posterior.ticket()},
-        )
-        self.DeclareAbstractOutputPort(
-            "features_latest",
-            lambda: AbstractValue.Make(no_features()),
-            self._calc_latest,
-            prerequisites_of_calc={self.abstract_state_ticket(self._state)},
-        )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
+        self._color = self._declare_value_input("color_measured", ImageRgba8U(*size))
+        self._depth = self._declare_value_input("depth_measured", ImageDepth32F(*size))
+        self._mask = self._declare_value_input("robot_mask", ImageGrey8U(*size))
+        self._predicted = self._declare_value_input("features_predicted", no_features())
+        self._declare_recursion(no_tracks(config), self._calc_tracks, config.period)
+        self._declare_estimated("features_estimated", belief)
+        self._declare_latest("features_latest", belief)
 
-    def _calc_tracks(self, context: Context, output: AbstractValue) -> None:
-        tracks: FeatureTracks = context.get_abstract_state(int(self._state)).get_value()
-        predicted = self._predicted.Eval(context) if self._predicted.HasValue(context) else None
-        frame = self._read_frame(context)
-        output.set_value(track(self._config, tracks, frame, predicted or no_features()))
+    def _calc_tracks(self, context: Context, tracks: FeatureTracks) -> FeatureTracks:
+        predicted = self._read_optional(self._predicted, context) or no_features()
+        return track(self._config, tracks, self._read_frame(context), predicted)
 
     def _read_frame(self, context: Context) -> Frame:
-        image, noise = feature_detection.smooth_grey(self._color.Eval(context).data)
-        depth = self._depth.Eval(context).data[:, :, 0]
+        image, noise = feature_detection.smooth_grey(self._read(self._color, context).data)
+        depth = self._read(self._depth, context).data[:, :, 0]
+        mask = self._read_optional(self._mask, context)
         robot = np.zeros(image.shape, np.uint8)
-        if self._mask.HasValue(context):
-            robot = cv2.dilate(self._mask.Eval(context).data[:, :, 0], self._border)
+        if mask is not None:
+            robot = cv2.dilate(mask.data[:, :, 0], self._border)
         return Frame(
             image=image,
             noise=noise,
@@ -135,16 +104,6 @@ class FeatureMotion(LeafSystem):
             intrinsics=self._intrinsics,
             X_WC=self._X_WC,
         )
-
-    def _calc_estimated(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(belief(self._posterior.EvalAbstract(context).get_value()))
-
-    def _calc_latest(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(belief(context.get_abstract_state(int(self._state)).get_value()))
-
-    def _update(self, context: Context, state: State) -> None:
-        tracks = self._posterior.EvalAbstract(context).get_value()
-        state.get_mutable_abstract_state(int(self._state)).set_value(tracks)
 
 
 def _check(config: FeatureMotionConfig) -> None:

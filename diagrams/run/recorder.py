@@ -15,11 +15,11 @@ from maths.arrays import Array
 from systems.port_values import (
     UNKNOWN_END_EFFECTOR,
     BodyMotions,
-    FeatureBelief,
     GraspBelief,
     JointBeliefs,
     JointType,
     PoseBelief,
+    no_features,
 )
 
 
@@ -166,14 +166,6 @@ class EpisodeRecorder(LeafSystem):
 
 
 def _belief_models() -> dict[str, object]:
-    none = np.zeros(0, dtype=np.int64)
-    features = FeatureBelief(
-        ids=none,
-        uv=np.zeros((0, 2)),
-        p_WF=np.zeros((0, 3)),
-        covariance=np.zeros((0, 3, 3)),
-        age=none,
-    )
     grasp = GraspBelief(
         probabilities={},
         X_HB=np.eye(4),
@@ -186,7 +178,7 @@ def _belief_models() -> dict[str, object]:
     return {
         "joints": JointBeliefs(),
         "body_motions": BodyMotions(),
-        "features": features,
+        "features": no_features(),
         "grasp": grasp,
         "end_effector": UNKNOWN_END_EFFECTOR,
         "hand_bending": PoseBelief(X=np.eye(4), covariance=np.eye(6)),

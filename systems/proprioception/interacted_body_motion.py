@@ -13,6 +13,7 @@ from maths.immutable import Immutable
 from systems.checks import require, require_positive
 from systems.port_values import (
     INTERACTED_BODY,
+    NO_POSE,
     UNKNOWN_END_EFFECTOR,
     BodyMotion,
     BodyMotions,
@@ -20,6 +21,7 @@ from systems.port_values import (
     InteractedBody,
     MotionBelief,
     PoseBelief,
+    no_features,
 )
 from systems.proprioception.bent_hand import bent_hand
 from systems.proprioception.feature_registration import GATE, register
@@ -35,8 +37,6 @@ from systems.proprioception.interacted_body_filter import (
     with_velocity,
 )
 from systems.recursive_filter import RecursiveFilter
-
-ABSENT = PoseBelief(X=np.full((4, 4), np.nan), covariance=np.full((6, 6), np.nan))
 
 
 @dataclass(kw_only=True)
@@ -199,20 +199,13 @@ class InteractedBodyMotion(RecursiveFilter):
         prior_inputs = [self._end_effector, self._bending, self._grasp, self._active]
         self._features: InputPort | None = None
         if corrected_by_vision:
-            none_seen = FeatureBelief(
-                ids=np.zeros(0, dtype=np.int64),
-                uv=np.zeros((0, 2)),
-                p_WF=np.zeros((0, 3)),
-                covariance=np.zeros((0, 3, 3)),
-                age=np.zeros(0, dtype=np.int64),
-            )
-            self._features = self._declare_value_input("features_estimated", none_seen)
+            self._features = self._declare_value_input("features_estimated", no_features())
             self._motions = self._declare_value_input("body_motions_estimated", BodyMotions())
         initial = InteractedState(body=None, sighting=None)
         self._declare_recursion(initial, self._calc_posterior_state, config.period)
         self._prior = self._declare_cache("prior", self._calc_prior, prior_inputs)
         self.DeclareAbstractOutputPort(
-            "body_prior", lambda: Value[object](ABSENT), self._write_prior, {self._prior.ticket()}
+            "body_prior", lambda: Value[object](NO_POSE), self._write_prior, {self._prior.ticket()}
         )
         self._declare_estimated("body_motions_estimated", body_motions)
         self._declare_latest("body_motions_latest", body_motions)
@@ -264,7 +257,7 @@ class InteractedBodyMotion(RecursiveFilter):
 
     def _write_prior(self, context: Context, value: AbstractValue) -> None:
         body = self._prior.Eval(context)
-        value.set_value(ABSENT if body is None else body.pose)
+        value.set_value(NO_POSE if body is None else body.pose)
 
     def _calc_posterior_state(self, context: Context, state: Any) -> InteractedState:
         body = self._prior.Eval(context)

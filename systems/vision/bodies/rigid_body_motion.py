@@ -8,6 +8,7 @@ from maths import se3
 from maths.arrays import Array
 from systems.checks import require_fields
 from systems.port_values import (
+    NO_POSE,
     STATIC_BODY,
     BodyMotion,
     BodyMotions,
@@ -15,6 +16,7 @@ from systems.port_values import (
     FeatureBelief,
     MotionBelief,
     PoseBelief,
+    no_features,
 )
 from systems.recursive_filter import RecursiveFilter
 from systems.vision import camera_geometry
@@ -28,7 +30,6 @@ from systems.vision.bodies.body_level import (
     no_bodies,
 )
 from systems.vision.bodies.feature_history import displacements
-from systems.vision.features.feature_tracks import no_features
 
 
 def step(
@@ -173,8 +174,7 @@ class RigidBodyMotion(RecursiveFilter):
         self._joints = self._declare_value_input("joint_predictions", BodyPredictions())
         self._prior: InputPort | None = None
         if with_interacted_body:
-            absent = PoseBelief(X=np.full((4, 4), np.nan), covariance=np.full((6, 6), np.nan))
-            self._prior = self._declare_value_input("interacted_body_prior", absent)
+            self._prior = self._declare_value_input("interacted_body_prior", NO_POSE)
         self._declare_recursion(no_bodies(config), self._calc_level, config.period)
         self._declare_estimated("body_motions_estimated", self._motions)
         self._declare_latest("body_motions_latest", self._motions)

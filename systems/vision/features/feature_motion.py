@@ -7,6 +7,7 @@ from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, Imag
 
 from maths.arrays import Array
 from systems.checks import require_fields
+from systems.port_values import no_features
 from systems.recursive_filter import RecursiveFilter
 from systems.vision import camera_geometry
 from systems.vision.features import feature_detection
@@ -15,7 +16,6 @@ from systems.vision.features.feature_tracks import (
     FeatureTracks,
     Frame,
     belief,
-    no_features,
     no_tracks,
     track,
 )

@@ -147,16 +147,6 @@ def no_tracks(config: FeatureMotionConfig) -> FeatureTracks:
     )
 
 
-def no_features() -> FeatureBelief:
-    return FeatureBelief(
-        ids=np.zeros(0, np.int64),
-        uv=np.zeros((0, 2)),
-        p_WF=np.zeros((0, 3)),
-        covariance=np.zeros((0, 3, 3)),
-        age=np.zeros(0, np.int64),
-    )
-
-
 def belief(tracks: FeatureTracks) -> FeatureBelief:
     """The features that are seen now."""
     seen = tracks.missed == 0

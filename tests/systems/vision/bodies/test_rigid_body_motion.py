@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from maths import se3
 from systems.port_values import (
     INTERACTED_BODY,
+    NO_POSE,
     BodyMotion,
     BodyPrediction,
     BodyPredictions,
@@ -24,7 +25,6 @@ X_WC = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0.7], [0, 0, 0, 1]])
 ONSET = 40  # Tick at which the body starts to move.
 # White noise, as simulated here, leaves nothing for the floors to cover.
 WHITE = RigidBodyMotionConfig(feature_floor=0.0, anchor_floor=0.0, anchor_walk=0.0, turn_walk=0.0)
-ABSENT = PoseBelief(X=np.full((4, 4), np.nan), covariance=np.full((6, 6), np.nan))
 
 
 def path(kind: str, k: int) -> np.ndarray:
@@ -273,7 +273,7 @@ def prior_path(stream: Stream, held_at: int, slip: float, lead: int) -> list[Pos
     priors = []
     for k in range(stream.ticks):
         if k < held_at:
-            priors.append(ABSENT)
+            priors.append(NO_POSE)
             continue
         way = path(stream.kind, k + lead)[:3, 3] * (1.0 + slip)
         X = X_WH.copy()
@@ -339,7 +339,7 @@ def test_features_that_come_late_show_the_motion_since_they_came(play: Callable)
 def test_the_interacted_body_ends_with_the_grasp(play: Callable) -> None:
     stream = Stream(kind="drawer", seed=9, ticks=90)
     priors = prior_path(stream, 30, 0.0, lead=0)
-    priors[80:] = [ABSENT] * 10
+    priors[80:] = [NO_POSE] * 10
     motions = play(stream, None, priors)
     assert motions[79][0].body_id == INTERACTED_BODY
     assert all(b.body_id != INTERACTED_BODY for b in motions[80])

@@ -1,0 +1,83 @@
+"""Rigid bodies: how they move and where they are expected."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from maths.arrays import Array, Ids
+from systems.port_values.motions import MotionBelief, PoseBelief
+
+STATIC_BODY = 0  # The environment, which never moves.
+INTERACTED_BODY = 1  # The body the hand holds; vision numbers the bodies that it finds from 2 on.
+
+
+@dataclass(kw_only=True)
+class BodyMotion:
+    """A rigid body's motion and the features that move with it.
+
+    Attributes:
+        body_id: `STATIC_BODY`, `INTERACTED_BODY` or a number from 2 on.
+        motion: Pose X_WB and velocity.
+        X_WB_reference: X_WB (4, 4) at the reference, before the body moved.
+        feature_ids: (K,) features assigned to the body.
+        p_BF: Their constant positions in the body (K, 3), [m].
+        p_BF_covariance: (3K, 3K), [m^2]: features placed in the body together are wrong together.
+        lasting_covariance: (6, 6), in B, of that part of the pose's error that stays for seconds:
+            more measurements of the kind do not average it away.
+        reference_age: How long ago the body was last known to stand at its reference, [s]; NaN
+            where that is not known.
+        anchored: How many times the body was lost from sight and its new features were placed where
+            it was believed to be; the pose's error then got a part that is constant in B.
+        offset_covariance: (6, 6), in B, of that part; included in the motion's covariance.
+    """
+
+    body_id: int
+    motion: MotionBelief
+    X_WB_reference: Array
+    feature_ids: Ids
+    p_BF: Array
+    p_BF_covariance: Array
+    lasting_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    reference_age: float = float("nan")
+    anchored: int = 0
+    offset_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+
+
+@dataclass(kw_only=True)
+class InteractedBody(BodyMotion):
+    """The body in the hand, and what vision alone says about it at this tick.
+
+    Attributes:
+        seen: X_WB from the features alone, independent of proprioception, with the covariance of
+            one frame's noise; None in the dark.
+        seen_offset_covariance: (6, 6), in B, of the error that stays as long as the same features
+            are used: their positions in the body are as wrong at the next tick.
+    """
+
+    seen: PoseBelief | None
+    seen_offset_covariance: Array
+
+
+@dataclass(kw_only=True)
+class BodyMotions:
+    """All moving bodies that one system knows; the static environment is left out."""
+
+    bodies: list[BodyMotion] = field(default_factory=list)
+
+    def find(self, body_id: int) -> BodyMotion | None:
+        """The body of this number, None where it is not known."""
+        return next((body for body in self.bodies if body.body_id == body_id), None)
+
+
+@dataclass(kw_only=True)
+class BodyPrediction:
+    """Where a body is expected at the next tick, by one model that predicts it."""
+
+    body_id: int
+    source: str
+    pose: PoseBelief
+
+
+@dataclass(kw_only=True)
+class BodyPredictions:
+    predictions: list[BodyPrediction] = field(default_factory=list)

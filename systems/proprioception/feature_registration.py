@@ -51,8 +51,8 @@ def register(
     noise = (gain @ R_BF[inside] @ gain.transpose(0, 2, 1)).sum(axis=0)
     A = gain.transpose(1, 0, 2).reshape(6, -1)
     rows = np.repeat(inside, 3)
-    anchors = A @ P_BF[np.ix_(rows, rows)] @ A.T
-    return X, noise + _WEAK * covariance @ covariance, anchors, distance
+    landmarks = A @ P_BF[np.ix_(rows, rows)] @ A.T
+    return X, noise + _WEAK * covariance @ covariance, landmarks, distance
 
 
 @numba.njit(cache=True)

@@ -190,7 +190,7 @@ def correct_filter(
     Args:
         z: X_HB (4, 4), with white noise R (6, 6) expressed in H.
         hand: With the loading of its constant errors.
-        factor: Of the hand's other errors (6, 6), those of vision's anchors among them.
+        factor: Of the hand's other errors (6, 6), those of vision's landmarks among them.
     """
     factor = with_slip(factor, grasp.way, config)
     predicted, H = expected(grasp, hand.loading, factor)

@@ -52,8 +52,8 @@ class InteractedBodyMotionConfig:
     translation_velocity_noise: float = 4.0e-3  # [m/s]
     minimum_features: int = 8  # Fewer may all be edges that slide over a plain body.
     inlier_share: float = 0.5  # Of the features seen, at least so many agree on one pose.
-    anchor_rotation_floor: float = 2.0e-3  # Common error of the features' positions, [rad].
-    anchor_translation_floor: float = 3.0e-4  # [m]
+    landmark_rotation_floor: float = 2.0e-3  # Common error of the features' positions, [rad].
+    landmark_translation_floor: float = 3.0e-4  # [m]
     surprise: float = 22.5  # Squared innovation above which the grasp has slipped (99.9 %), [-].
     surprise_rotation: float = 0.05  # By how much then, [rad].
     surprise_translation: float = 0.01  # [m]
@@ -111,7 +111,7 @@ class BodyState(Immutable):
             the hand's errors are behind it, which change slowly.
         settling: (6, 6), in B, by what the grip still settles; none once features have been seen,
             unless these were placed late: then what they settle by.
-        anchored: See `BodyMotion`.
+        reset_count: How many times vision has placed its landmarks anew.
         offset: (6, 6), in B, of the pose's constant error since then; not part of P.
     """
 
@@ -126,7 +126,7 @@ class BodyState(Immutable):
     grasp_type: GraspType
     unseen: Array
     settling: Array
-    anchored: int
+    reset_count: int
     offset: Array
 
     @property
@@ -233,7 +233,7 @@ def start_body(hand: BentHand, grasp: GraspBelief, config: InteractedBodyMotionC
         grasp_type=grasp.type,
         unseen=np.zeros((6, 6)),
         settling=np.diag(settling**2),
-        anchored=0,
+        reset_count=0,
         offset=np.zeros((6, 6)),
     )
 
@@ -345,11 +345,11 @@ def with_velocity(
     return replace(body, V=G @ V_H + turn * rate, V_covariance=symmetric(covariance))
 
 
-def anchor_body(
+def reset_body(
     body: BodyState,
     seen: PoseBelief,
     feature_ids: Ids,
-    anchored: int,
+    reset_count: int,
     config: InteractedBodyMotionConfig,
 ) -> BodyState:
     """The body when features are back that were placed in it where the hand had carried it.
@@ -372,7 +372,7 @@ def anchor_body(
         feature_ids=feature_ids,
         unseen=np.zeros((6, 6)),
         settling=np.diag(settling**2),
-        anchored=anchored,
+        reset_count=reset_count,
         offset=offset,
     )
 
@@ -412,7 +412,7 @@ def correct_body(
     X_WB = body.X_WB @ se3.exp(x[:6])
     x[:6] = 0.0
     none = np.zeros((6, 6))
-    settling = body.settling if body.anchored else none
+    settling = body.settling if body.reset_count else none
     return replace(
         body, X_WB=X_WB, x=x, P=P, feature_ids=feature_ids, unseen=none, settling=settling
     )

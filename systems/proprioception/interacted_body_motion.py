@@ -30,9 +30,9 @@ from systems.proprioception.grasp_model import initial_grasp
 from systems.proprioception.interacted_body_filter import (
     BodyState,
     InteractedBodyMotionConfig,
-    anchor_body,
     correct_body,
     predict_body,
+    reset_body,
     start_body,
     with_velocity,
 )
@@ -84,7 +84,7 @@ def sight(
     agree = distance <= GATE
     if agree.sum() < max(config.minimum_features, config.inlier_share * len(rows)):
         return None
-    floor = np.repeat([config.anchor_rotation_floor**2, config.anchor_translation_floor**2], 3)
+    floor = np.repeat([config.landmark_rotation_floor**2, config.landmark_translation_floor**2], 3)
     return Sighting(
         pose=PoseBelief(X=X, covariance=0.5 * (white + white.T)),
         offset_covariance=0.5 * (offset + offset.T) + np.diag(floor),
@@ -122,7 +122,7 @@ def body_motions(state: InteractedState) -> BodyMotions:
                     np.zeros((0, 0)) if sighting is None else covariance_of(sighting.body, rows)
                 ),
                 lasting_covariance=body.unseen + body.settling,
-                anchored=body.anchored,
+                anchored=body.reset_count,
                 offset_covariance=body.offset,
                 seen=None if sighting is None else sighting.pose,
                 seen_offset_covariance=(
@@ -224,8 +224,8 @@ class InteractedBodyMotion(RecursiveFilter):
             "hinge_curvature": "rad/m",
             "rotation_velocity_noise": "rad/s",
             "translation_velocity_noise": "m/s",
-            "anchor_rotation_floor": "rad",
-            "anchor_translation_floor": "m",
+            "landmark_rotation_floor": "rad",
+            "landmark_translation_floor": "m",
             "surprise": "",
             "surprise_rotation": "rad",
             "surprise_translation": "m",
@@ -269,9 +269,9 @@ class InteractedBodyMotion(RecursiveFilter):
         if sighting is not None:
             ids = sighting.body.feature_ids[sighting.rows]
             offset = sighting.offset_covariance
-            if sighting.body.anchored != body.anchored:
-                anchored = sighting.body.anchored
-                body = anchor_body(body, sighting.pose, ids, anchored, self._config)
+            resets = sighting.body.anchored
+            if resets != body.reset_count:
+                body = reset_body(body, sighting.pose, ids, resets, self._config)
             else:
                 corrected = correct_body(body, sighting.pose, offset, ids, self._config)
                 if corrected is None:

@@ -26,8 +26,8 @@ def moved_frame(body: BodyFilter, T: Array) -> BodyFilter:
         X=body.X @ T,
         V=Ad @ body.V,
         p_BF=body.p_BF @ R.T + T_inverse[:3, 3],
-        p_BF_first=body.p_BF_first @ R.T + T_inverse[:3, 3],
-        C_first=J[12:, 12:] @ body.C_first @ J[12:, 12:].T,
+        p_BF_initial=body.p_BF_initial @ R.T + T_inverse[:3, 3],
+        initial_covariance=J[12:, 12:] @ body.initial_covariance @ J[12:, 12:].T,
         P=J @ body.P @ J.T,
     )
 

@@ -153,7 +153,7 @@ def first_positions(
     return RestPositions(
         ids=history.ids[seen],
         p_WF=history.p_W[seen, reference],
-        covariance=covariance + config.anchor_floor**2 * np.eye(3),
+        covariance=covariance + config.landmark_floor**2 * np.eye(3),
     )
 
 
@@ -168,14 +168,14 @@ def new_body(
         rest = body_tracking.rest_positions(config, history, reference_tick, level.tick + 1)
     else:
         rest = first_positions(config, history.select(rows), reference)
-    _, anchored, of_rest = np.intersect1d(history.ids[rows], rest.ids, return_indices=True)
-    anchored, of_rest = anchored[: config.max_anchors], of_rest[: config.max_anchors]
-    mine = history.select(rows[anchored])
+    _, placed, of_rest = np.intersect1d(history.ids[rows], rest.ids, return_indices=True)
+    placed, of_rest = placed[: config.max_landmarks], of_rest[: config.max_landmarks]
+    mine = history.select(rows[placed])
     X_WB_reference = np.eye(4)
     X_WB_reference[:3, 3] = rest.p_WF[of_rest].mean(axis=0)
     sigma = np.repeat([config.initial_angular_velocity, config.initial_linear_velocity], 3)
     body = body_filter.at_reference(X_WB_reference, sigma if stood else 5.0 * sigma)
-    body = body_filter.add_rest_anchors(
+    body = body_filter.add_reference_landmarks(
         body, mine.ids, X_WB_reference, rest.p_WF[of_rest], rest.covariance[of_rest]
     )
     path = np.tile(X_WB_reference, (window, 1, 1))
@@ -196,7 +196,7 @@ def new_body(
         reference_tick=reference_tick,
         rest=rest,
         path=path,
-        support=len(anchored),
+        support=len(placed),
         source="birth",
     )
 

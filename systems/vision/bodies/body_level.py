@@ -18,10 +18,10 @@ class RigidBodyMotionConfig:
     rest_samples: float = 60.0  # Samples that average at most into a feature's rest.
     newest: int = 3  # Ticks that make a feature's newest position, [ticks].
     feature_floor: float = 2e-4  # Added to a feature's standard deviation, [m].
-    anchor_floor: float = 3e-4  # Error of an anchor that averaging does not remove, [m].
-    late_floor: float = 1e-3  # The same for features that a body has when it comes into view, [m].
-    anchor_support: int = 8  # So many it needs then.
-    anchor_walk: float = 5e-5  # Drift of an anchor, [m/sqrt(s)].
+    landmark_floor: float = 3e-4  # Error of a landmark that averaging does not remove, [m].
+    reset_floor: float = 1e-3  # The same for features that a body has when it comes into view, [m].
+    reset_support: int = 8  # So many it needs then.
+    landmark_walk: float = 5e-5  # Drift of a landmark, [m/sqrt(s)].
     turn_walk: float = 3e-4  # The same per turn of its body, [m/sqrt(rad)].
     angular_acceleration: float = 1e-2  # Spectral density, [rad^2/s^3].
     linear_acceleration: float = 2.5e-3  # Spectral density, [m^2/s^3].
@@ -41,7 +41,7 @@ class RigidBodyMotionConfig:
     merging_share: float = 0.8  # Of a body's telling features that make it part of an older one.
     patience: int = 30  # Ticks that it lives without, less if it had it for less, [ticks].
     neighbourhood: float = 0.08  # Where a new body's features outnumber all others, [m].
-    max_anchors: int = 50  # Features that a body's filter holds.
+    max_landmarks: int = 50  # Features that a body's filter holds.
     max_suspicion: int = 8  # A feature that disagrees for so long with its body leaves it, [ticks].
     max_free_suspicion: int = 45  # A free one, or one that left, starts afresh, [ticks].
     rotation_sigma: float = 0.1  # Prior rotation of a new body's first motion, [rad].
@@ -73,7 +73,7 @@ class TrackedBody(Immutable):
 
     Attributes:
         body_id: Its number.
-        filter: Belief about pose, velocity and anchors.
+        filter: Belief about pose, velocity and landmarks.
         X_WB_reference: Pose (4, 4) at the reference.
         reference_tick: The last tick at which it is known to have stood there.
         rest: Positions until then of all features that existed, whosoever they are.
@@ -83,7 +83,7 @@ class TrackedBody(Immutable):
         unsupported: Ticks since then.
         source: Which prediction fitted best at this tick.
         held_since: Tick at which the hand had closed, of the interacted body; -1 for others.
-        anchored: See `BodyMotion`.
+        reset_count: How many times it was lost and its landmarks were placed anew.
     """
 
     body_id: int
@@ -97,7 +97,7 @@ class TrackedBody(Immutable):
     unsupported: int = 0
     source: str = "reference"
     held_since: int = -1
-    anchored: int = 0
+    reset_count: int = 0
 
 
 @dataclass(kw_only=True)

@@ -1,4 +1,4 @@
-"""The motion of known rigid bodies over one tick: predictions, correction, anchors."""
+"""The motion of known rigid bodies over one tick: predictions, correction, landmarks."""
 
 from dataclasses import replace
 
@@ -37,15 +37,15 @@ def predict(config: RigidBodyMotionConfig, body: BodyFilter) -> BodyFilter:
     """The filter one tick later, by its velocity."""
     acceleration = np.repeat([config.angular_acceleration, config.linear_acceleration], 3)
     return body_filter.predict(
-        body, config.period, acceleration, config.anchor_walk, config.turn_walk
+        body, config.period, acceleration, config.landmark_walk, config.turn_walk
     )
 
 
-def _seen_anchors(body: BodyFilter, history: FeatureHistory) -> tuple[Ids, Ids]:
-    """Indices of the anchors whose features are seen now, and of these in the history."""
-    _, anchors, rows = np.intersect1d(body.ids, history.ids, return_indices=True)
+def _seen_landmarks(body: BodyFilter, history: FeatureHistory) -> tuple[Ids, Ids]:
+    """Indices of the landmarks whose features are seen now, and of these in the history."""
+    _, landmarks, rows = np.intersect1d(body.ids, history.ids, return_indices=True)
     seen = history.seen[rows]
-    return anchors[seen], rows[seen]
+    return landmarks[seen], rows[seen]
 
 
 def newest_samples(history: FeatureHistory, rows: Ids) -> tuple[Array, Array]:
@@ -54,12 +54,12 @@ def newest_samples(history: FeatureHistory, rows: Ids) -> tuple[Array, Array]:
 
 
 def robust_likelihood(
-    config: RigidBodyMotionConfig, body: BodyFilter, anchors: Ids, p_WF: Array, covariance: Array
+    config: RigidBodyMotionConfig, body: BodyFilter, landmarks: Ids, p_WF: Array, covariance: Array
 ) -> float:
     """Log likelihood, up to a constant, of features at a pose; outliers count as on the gate."""
     z, R_B = body_filter.in_body(body.X, p_WF, covariance)
-    S = body_filter.innovation_blocks(body, anchors, R_B)
-    distance, log_determinant = squared_distances(z - body.p_BF[anchors], S)
+    S = body_filter.innovation_blocks(body, landmarks, R_B)
+    distance, log_determinant = squared_distances(z - body.p_BF[landmarks], S)
     return -0.5 * float(np.sum(np.minimum(distance, config.gate) + log_determinant))
 
 
@@ -80,23 +80,23 @@ def advance(
     Returns:
         The body, and the rows of the history that agreed and disagreed.
     """
-    old = body_filter.remove_anchors(body.filter, np.setdiff1d(body.filter.ids, history.ids))
+    old = body_filter.remove_landmarks(body.filter, np.setdiff1d(body.filter.ids, history.ids))
     predicted = predict(config, old)
     candidates = [("velocity", predicted), ("still", replace(predicted, X=old.X, V=np.zeros(6)))]
     for source, X_WB in predictions:
         V = se3.log(se3.inverse(old.X) @ X_WB) / config.period
         candidates.append((source, replace(predicted, X=X_WB, V=V)))
-    anchors, rows = _seen_anchors(predicted, history)
+    landmarks, rows = _seen_landmarks(predicted, history)
     if len(rows) == 0:
         return _coasted(config, body, old, candidates), rows, rows
     p_WF, covariance = newest_samples(history, rows)
-    scores = [robust_likelihood(config, c, anchors, p_WF, covariance) for _, c in candidates]
+    scores = [robust_likelihood(config, c, landmarks, p_WF, covariance) for _, c in candidates]
     source, chosen = candidates[int(np.argmax(scores))]
-    chosen, fits = _agreeing(config, chosen, anchors, p_WF, covariance)
+    chosen, fits = _agreeing(config, chosen, landmarks, p_WF, covariance)
     if body.unsupported > 0 and np.sum(fits) < config.keep_support:
         # While the pose is uncertain, any one feature would fit.
         return _coasted(config, body, old, candidates), rows[:0], rows
-    filtered = body_filter.correct(chosen, anchors[fits], p_WF[fits], covariance[fits])
+    filtered = body_filter.correct(chosen, landmarks[fits], p_WF[fits], covariance[fits])
     moved = _recorded(config, body, filtered, source, int(np.sum(fits)))
     return moved, rows[fits], rows[~fits]
 
@@ -104,17 +104,17 @@ def advance(
 def _agreeing(
     config: RigidBodyMotionConfig,
     body: BodyFilter,
-    anchors: Ids,
+    landmarks: Ids,
     p_WF: Array,
     covariance: Array,
 ) -> tuple[BodyFilter, Mask]:
     """The features that agree; where most do not, after a jump of the pose, if they do then."""
-    fits = body_filter.agreeing(body, anchors, p_WF, covariance, config.gate)
+    fits = body_filter.agreeing(body, landmarks, p_WF, covariance, config.gate)
     if len(fits) < config.min_support or np.mean(fits) > 0.5:
         return body, fits
     sigma = np.repeat([config.jump_rotation, config.jump_translation], 3)
     jumped = body_filter.inflated(body, sigma)
-    again = body_filter.agreeing(jumped, anchors, p_WF, covariance, config.gate)
+    again = body_filter.agreeing(jumped, landmarks, p_WF, covariance, config.gate)
     return (jumped, again) if np.mean(again) > 0.6 else (body, fits)
 
 
@@ -178,7 +178,7 @@ def rest_positions(
         )
         nudged = np.nonzero(valid)[0][distance > config.gate]
         p[nudged], C[nudged] = short.p_old[nudged], short.C_old[nudged]
-    C = C + config.anchor_floor**2 * np.eye(3)
+    C = C + config.landmark_floor**2 * np.eye(3)
     return RestPositions(ids=history.ids[valid], p_WF=p[valid], covariance=C[valid])
 
 
@@ -205,24 +205,24 @@ def without_nudges(
     return forget(history, rows, ticks)
 
 
-def with_anchors(
+def with_new_landmarks(
     config: RigidBodyMotionConfig, body: TrackedBody, history: FeatureHistory
 ) -> TrackedBody:
-    """Gives anchors to assigned features that have none, as far as there is room.
+    """Gives landmarks to assigned features that have none, as far as there is room.
 
     If these are all that the body has, and none was there when it stood at its reference, its pose
     is from now on where it is believed to be, up to a constant (`BodyMotion.anchored`).
     """
     waiting = (history.body == body.body_id) & history.seen
     waiting &= ~np.isin(history.ids, body.filter.ids)
-    room = config.max_anchors - len(body.filter.ids)
+    room = config.max_landmarks - len(body.filter.ids)
     if room <= 0 or not waiting.any():
         return body
     rows = np.nonzero(waiting)[0]
     _, first, rested = np.intersect1d(history.ids[rows], body.rest.ids, return_indices=True)
     late = np.setdiff1d(np.arange(len(rows)), first)
     first, rested = rows[first[:room]], rested[:room]
-    filtered = body_filter.add_rest_anchors(
+    filtered = body_filter.add_reference_landmarks(
         body.filter,
         history.ids[first],
         body.X_WB_reference,
@@ -231,18 +231,18 @@ def with_anchors(
     )
     if len(first):
         p_WF, covariance = newest_samples(history, first)
-        anchors = len(body.filter.ids) + np.arange(len(first))
-        fits = body_filter.agreeing(filtered, anchors, p_WF, covariance, config.gate)
-        filtered = body_filter.correct(filtered, anchors[fits], p_WF[fits], covariance[fits])
+        landmarks = len(body.filter.ids) + np.arange(len(first))
+        fits = body_filter.agreeing(filtered, landmarks, p_WF, covariance, config.gate)
+        filtered = body_filter.correct(filtered, landmarks[fits], p_WF[fits], covariance[fits])
     late = rows[late[: room - len(first)]]
     p_WF, covariance = newest_samples(history, late)
     if len(filtered.ids) == 0:
-        if len(late) < config.anchor_support:
+        if len(late) < config.reset_support:
             return body
         filtered = body_filter.with_known_pose(filtered)
-        covariance = covariance + config.late_floor**2 * np.eye(3)
-        body = replace(body, anchored=body.anchored + 1)
-    filtered = body_filter.add_present_anchors(filtered, history.ids[late], p_WF, covariance)
+        covariance = covariance + config.reset_floor**2 * np.eye(3)
+        body = replace(body, reset_count=body.reset_count + 1)
+    filtered = body_filter.add_current_landmarks(filtered, history.ids[late], p_WF, covariance)
     path = np.concatenate([body.path[:-1], filtered.X[None]])
     return replace(body, filter=filtered, path=path)
 
@@ -251,10 +251,10 @@ def corrected(
     config: RigidBodyMotionConfig, body: BodyFilter, history: FeatureHistory
 ) -> BodyFilter:
     """The filter after the features seen now that agree with one pose."""
-    anchors, rows = _seen_anchors(body, history)
+    landmarks, rows = _seen_landmarks(body, history)
     p_WF, covariance = newest_samples(history, rows)
-    fits = body_filter.agreeing(body, anchors, p_WF, covariance, config.gate)
-    return body_filter.correct(body, anchors[fits], p_WF[fits], covariance[fits])
+    fits = body_filter.agreeing(body, landmarks, p_WF, covariance, config.gate)
+    return body_filter.correct(body, landmarks[fits], p_WF[fits], covariance[fits])
 
 
 def interacted_body(

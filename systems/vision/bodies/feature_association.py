@@ -201,7 +201,7 @@ def merged(
 def without_strays(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> list[TrackedBody]:
-    """Removes the anchors of features that do not belong to the body, and what they did to it."""
+    """Removes the landmarks of features that do not belong to the body, and what they did to it."""
     kept = []
     for body in bodies:
         strays = body.filter.ids[
@@ -209,7 +209,9 @@ def without_strays(
         ]
         if len(strays):
             sigma = np.repeat([config.jump_rotation, config.jump_translation], 3)
-            filtered = body_filter.rebuilt(body_filter.remove_anchors(body.filter, strays), sigma)
+            filtered = body_filter.reset_to_initial(
+                body_filter.remove_landmarks(body.filter, strays), sigma
+            )
             body = replace(body, filter=corrected(config, filtered, history))
         kept.append(body)
     return kept

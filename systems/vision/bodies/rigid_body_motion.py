@@ -51,7 +51,7 @@ def step(
     history = feature_association.cast_out(config, living, history)
     history = feature_association.afresh(config, living, history)
     living = feature_association.without_strays(config, living, history)
-    living = [body_tracking.with_anchors(config, body, history) for body in living]
+    living = [body_tracking.with_new_landmarks(config, body, history) for body in living]
     living, history = feature_association.without_features_of_others(config, living, history, prior)
     return BodyLevel(tick=tick, next_id=next_id, history=history, bodies=living)
 
@@ -77,8 +77,8 @@ def predicted_features(
         mine = history.body == body.body_id
         p_BF = camera_geometry.transform(se3.inverse(X_WB), p_WF[mine])
         p_WF[mine] = camera_geometry.transform(X_WB_next, p_BF)
-        _, anchors, rows = np.intersect1d(body.filter.ids, history.ids, return_indices=True)
-        p_WF[rows] = camera_geometry.transform(X_WB_next, body.filter.p_BF[anchors])
+        _, landmarks, rows = np.intersect1d(body.filter.ids, history.ids, return_indices=True)
+        p_WF[rows] = camera_geometry.transform(X_WB_next, body.filter.p_BF[landmarks])
     return FeatureBelief(
         ids=history.ids,
         uv=camera_geometry.project(camera_geometry.transform(X_CW, p_WF), intrinsics),
@@ -98,9 +98,9 @@ def body_motion(body: TrackedBody, age: float) -> BodyMotion:
         X_WB_reference=body.X_WB_reference,
         feature_ids=body.filter.ids,
         p_BF=body.filter.p_BF,
-        p_BF_covariance=body.filter.anchor_covariance,
+        p_BF_covariance=body.filter.landmark_covariance,
         reference_age=age,
-        anchored=body.anchored,
+        anchored=body.reset_count,
     )
 
 
@@ -198,14 +198,14 @@ def _check(config: RigidBodyMotionConfig) -> None:
     positive += " initial_angular_velocity initial_linear_velocity gate moving better association"
     positive += " prior_rotation_walk prior_translation_walk jump_rotation jump_translation"
     positive += " extent neighbourhood nudged blind_rotation blind_translation"
-    floors = "feature_floor anchor_floor late_floor anchor_walk turn_walk max_penalty min_gain"
+    floors = "feature_floor landmark_floor reset_floor landmark_walk turn_walk max_penalty min_gain"
     floors += " min_spread patience memory max_suspicion max_free_suspicion seed"
-    counts = "newest min_support keep_support anchor_support"
+    counts = "newest min_support keep_support reset_support"
     name = "RigidBodyMotion"
     require_fields(name, config, positive.split(), "> 0", lambda x: x > 0)
     require_fields(name, config, floors.split(), ">= 0", lambda x: x >= 0)
     require_fields(name, config, counts.split(), ">= 1", lambda x: x >= 1)
     require_fields(name, config, ["merging_share"], "in (0, 1]", lambda x: 0 < x <= 1)
-    require_fields(name, config, ["max_anchors"], ">= 3", lambda x: x >= 3)
+    require_fields(name, config, ["max_landmarks"], ">= 3", lambda x: x >= 3)
     least = config.newest + 8
     require_fields(name, config, ["window"], f">= newest + 8 = {least}", lambda x: x >= least)

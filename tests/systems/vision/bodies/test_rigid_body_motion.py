@@ -24,7 +24,9 @@ from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 X_WC = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0.7], [0, 0, 0, 1]])
 ONSET = 40  # Tick at which the body starts to move.
 # White noise, as simulated here, leaves nothing for the floors to cover.
-WHITE = RigidBodyMotionConfig(feature_floor=0.0, anchor_floor=0.0, anchor_walk=0.0, turn_walk=0.0)
+WHITE = RigidBodyMotionConfig(
+    feature_floor=0.0, landmark_floor=0.0, landmark_walk=0.0, turn_walk=0.0
+)
 
 
 def path(kind: str, k: int) -> np.ndarray:
@@ -328,7 +330,7 @@ def test_features_that_come_late_show_the_motion_since_they_came(play: Callable)
     first, last = motions[anchored][0], motions[-1][0]
     assert lit < anchored < lit + 45
     assert last.anchored == 1
-    assert len(first.feature_ids) >= RigidBodyMotionConfig().anchor_support
+    assert len(first.feature_ids) >= RigidBodyMotionConfig().reset_support
     assert set(last.feature_ids.tolist()) <= stream.moving_ids
     assert np.linalg.norm(stream.error(first, anchored, 30)[3:]) > 0.01
     moved = path("drawer", stream.ticks - 1) @ se3.inverse(path("drawer", anchored))

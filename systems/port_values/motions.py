@@ -34,27 +34,27 @@ class MotionBelief:
 class EndEffectorBelief(MotionBelief):
     """The end-effector's motion, with the part of its pose error that stays for an episode.
 
-    The pose error is white + offset_loading @ c, where c ~ N(0, I) is drawn once per episode (the
+    The pose error is white + bias_jacobian @ c, where c ~ N(0, I) is drawn once per episode (the
     offset of the encoders); `covariance` holds the sum of both parts. Whoever uses displacements
     needs them apart: the offset nearly cancels between two ticks, the white part does not.
 
     Attributes:
-        offset_loading: (6, m), pose error in E per unit of each constant.
+        bias_jacobian: (6, m), pose error in E per unit of each constant.
     """
 
-    offset_loading: Array
+    bias_jacobian: Array
 
     @property
     def white_covariance(self) -> Array:
         """The covariance (12, 12) without the offset."""
         white = self.covariance.copy()
-        white[:6, :6] -= self.offset_loading @ self.offset_loading.T
+        white[:6, :6] -= self.bias_jacobian @ self.bias_jacobian.T
         return white
 
 
 # What a port of this type holds before anyone has written to it.
 UNKNOWN_END_EFFECTOR = EndEffectorBelief(
-    X=np.eye(4), V=np.zeros(6), covariance=np.eye(12), offset_loading=np.zeros((6, 0))
+    X=np.eye(4), V=np.zeros(6), covariance=np.eye(12), bias_jacobian=np.zeros((6, 0))
 )
 
 # What stands for a pose that does not exist.

@@ -86,7 +86,7 @@ def correct_motion(
     return X @ se3.exp(correction[:6]), V + correction[6:], 0.5 * (posterior + posterior.T)
 
 
-def joint_offset_loading(J_E: Array, config: EndEffectorMotionConfig) -> Array:
+def calibration_bias_jacobian(J_E: Array, config: EndEffectorMotionConfig) -> Array:
     """Joint offsets (n, 6) [rad] per unit constant that offset the pose as the calibration does.
 
     The damped inverse of the Jacobian `J_E` (6, n) of the calibration posture, so that
@@ -97,18 +97,18 @@ def joint_offset_loading(J_E: Array, config: EndEffectorMotionConfig) -> Array:
     return J_E.T @ np.linalg.solve(gram, np.diag(scale))
 
 
-def with_offset(X: Array, V: Array, white: Array, loading: Array) -> EndEffectorBelief:
-    """The belief whose pose error is white noise plus `loading` (6, m) times constants."""
+def with_offset(X: Array, V: Array, white: Array, bias_jacobian: Array) -> EndEffectorBelief:
+    """The belief whose pose error is white noise plus `bias_jacobian` (6, m) times constants."""
     covariance = white.copy()
-    covariance[:6, :6] += loading @ loading.T
-    return EndEffectorBelief(X=X, V=V, covariance=covariance, offset_loading=loading)
+    covariance[:6, :6] += bias_jacobian @ bias_jacobian.T
+    return EndEffectorBelief(X=X, V=V, covariance=covariance, bias_jacobian=bias_jacobian)
 
 
 def predict_belief(belief: EndEffectorBelief, config: EndEffectorMotionConfig) -> EndEffectorBelief:
     """The belief one tick later; the offset turns with the end-effector."""
     X, V, white = predict_motion(belief.X, belief.V, belief.white_covariance, config)
     turn = se3.adjoint(se3.inverse(X) @ belief.X)
-    return with_offset(X, V, white, turn @ belief.offset_loading)
+    return with_offset(X, V, white, turn @ belief.bias_jacobian)
 
 
 def estimate_belief(
@@ -116,12 +116,12 @@ def estimate_belief(
     X_measured: Array,
     V_measured: Array,
     R: Array,
-    loading: Array,
+    bias_jacobian: Array,
     config: EndEffectorMotionConfig,
 ) -> EndEffectorBelief:
-    """This tick's posterior from the last one, a measurement and the offset's loading here."""
+    """This tick's posterior from the last one, a measurement and the bias Jacobian here."""
     predicted = predict_motion(belief.X, belief.V, belief.white_covariance, config)
-    return with_offset(*correct_motion(predicted, X_measured, V_measured, R), loading)
+    return with_offset(*correct_motion(predicted, X_measured, V_measured, R), bias_jacobian)
 
 
 @dataclass(kw_only=True)
@@ -129,7 +129,7 @@ class EndEffectorState:
     """The posterior, and the joint offsets per unit constant (n, m); None before the first data."""
 
     belief: EndEffectorBelief
-    joint_loading: Array | None
+    joint_bias_jacobian: Array | None
 
 
 class EndEffectorMotion(RecursiveFilter):
@@ -140,7 +140,7 @@ class EndEffectorMotion(RecursiveFilter):
     of itself. Its white part is the encoders' noise through J_E. The calibration error, 1 cm and 3
     degrees, is an offset: the joints are off by constants of the episode, so it neither averages
     away nor shows between ticks. It is kept out of the recursion and added to the output, where
-    `offset_loading` tells how much of the pose error each constant causes at this posture:
+    `bias_jacobian` tells how much of the pose error each constant causes at this posture:
     J_E(q) J_E(q_0)^+ diag(3 deg, 1 cm), q_0 being the posture of the calibration. (The velocity
     that an offset turns, about 5 % of it, is not modelled.)
 
@@ -189,9 +189,9 @@ class EndEffectorMotion(RecursiveFilter):
             X=np.eye(4),
             V=np.zeros(6),
             covariance=100.0 * np.eye(12),
-            offset_loading=np.zeros((6, 6)),
+            bias_jacobian=np.zeros((6, 6)),
         )
-        initial = EndEffectorState(belief=unknown, joint_loading=None)
+        initial = EndEffectorState(belief=unknown, joint_bias_jacobian=None)
         self._declare_recursion(initial, self._calc_motion, config.period)
         self._declare_estimated("end_effector_estimated", lambda state: state.belief)
         self._declare_latest("end_effector_latest", lambda state: state.belief)
@@ -242,7 +242,7 @@ class EndEffectorMotion(RecursiveFilter):
         posture = np.array(self._config.calibration_posture, dtype=float)
         if posture.size:
             _, J_E = self._kinematics(np.concatenate([posture, 0.0 * posture]))
-        return joint_offset_loading(J_E, self._config)
+        return calibration_bias_jacobian(J_E, self._config)
 
     def _predict(self, state: EndEffectorState) -> EndEffectorBelief:
         return predict_belief(state.belief, self._config)
@@ -250,15 +250,19 @@ class EndEffectorMotion(RecursiveFilter):
     def _calc_motion(self, context: Context, state: EndEffectorState) -> EndEffectorState:
         window: SampleWindow = self._read(self._window, context)
         if window.times.size == 0:
-            if state.joint_loading is None:
+            if state.joint_bias_jacobian is None:
                 return state
-            return EndEffectorState(belief=self._predict(state), joint_loading=state.joint_loading)
+            return EndEffectorState(
+                belief=self._predict(state), joint_bias_jacobian=state.joint_bias_jacobian
+            )
         tau = window.times - context.get_time()
         q, v, covariance = fit_joint_samples(tau, window.values, self._config)
         X_WE, J_E = self._kinematics(np.concatenate([q, v]))
-        joint_loading = state.joint_loading
-        if joint_loading is None:
-            joint_loading = self._calibrate(J_E)
+        joint_bias_jacobian = state.joint_bias_jacobian
+        if joint_bias_jacobian is None:
+            joint_bias_jacobian = self._calibrate(J_E)
         R = np.asarray(np.kron(covariance, J_E @ J_E.T), dtype=float)
-        belief = estimate_belief(state.belief, X_WE, J_E @ v, R, J_E @ joint_loading, self._config)
-        return EndEffectorState(belief=belief, joint_loading=joint_loading)
+        belief = estimate_belief(
+            state.belief, X_WE, J_E @ v, R, J_E @ joint_bias_jacobian, self._config
+        )
+        return EndEffectorState(belief=belief, joint_bias_jacobian=joint_bias_jacobian)

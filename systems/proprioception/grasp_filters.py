@@ -1,7 +1,8 @@
 """Filters of the grasp types side by side: how the body moves in the bent hand.
 
 What is measured is z = X_WH^-1 X_WB, the hand from proprioception and the body from vision. With
-z_0 at the reference, e = loading c + factor n the hand's error and v that of vision, a grasp says
+z_0 at the reference, e = J c + L n the hand's error (J its bias Jacobian, L its noise square root)
+and v that of vision, a grasp says
 
     z = exp(e - e_0) E z_0 exp(v),   E = exp(turn phi + slide d)
 
@@ -63,7 +64,7 @@ class GraspFilter:
 
     Attributes:
         type: Perfect, revolute or cylindrical.
-        z_0: X_HB (4, 4) at its reference, with loading_0 (6, m) of the hand's error there.
+        z_0: X_HB (4, 4) at its reference, with the hand's bias Jacobian (6, m) there.
         axis: Unit vector (3,) in H as measured, through point (3,), [m].
         coordinates: (phi [rad], d [m]).
         line_covariance: (6, 6) of (axis, point), what a single tick could tell at best.
@@ -75,7 +76,7 @@ class GraspFilter:
 
     type: GraspType
     z_0: Array
-    loading_0: Array
+    bias_jacobian_0: Array
     axis: Array
     point: Array
     coordinates: Array
@@ -87,12 +88,12 @@ class GraspFilter:
 
 
 def start_filter(
-    grasp_type: GraspType, z_0: Array, loading_0: Array, config: GraspModelConfig
+    grasp_type: GraspType, z_0: Array, bias_jacobian_0: Array, config: GraspModelConfig
 ) -> GraspFilter:
     """A filter at its reference, with the hand's morphology as prior."""
     axis, point = morphology(config)
-    errors = loading_0.shape[1] + 6
-    line = prior_line_variances(loading_0, config)
+    errors = bias_jacobian_0.shape[1] + 6
+    line = prior_line_variances(bias_jacobian_0, config)
     variances = [1.0] * errors
     if grasp_type != GraspType.PERFECT:
         variances += [*line, *([1e-12] * _COORDINATES[grasp_type])]
@@ -100,7 +101,7 @@ def start_filter(
     return GraspFilter(
         type=grasp_type,
         z_0=z_0,
-        loading_0=loading_0,
+        bias_jacobian_0=bias_jacobian_0,
         axis=axis,
         point=point,
         coordinates=np.zeros(2),
@@ -110,9 +111,9 @@ def start_filter(
     )
 
 
-def prior_line_variances(loading_0: Array, config: GraspModelConfig) -> Array:
+def prior_line_variances(bias_jacobian_0: Array, config: GraspModelConfig) -> Array:
     """Of axis (2) and point (2): the bar lies elsewhere, and the hand is not where it seems."""
-    offset = (loading_0**2).sum(axis=1).reshape(2, 3).mean(axis=1)
+    offset = (bias_jacobian_0**2).sum(axis=1).reshape(2, 3).mean(axis=1)
     own = np.array([config.axis_deviation**2, config.point_deviation**2])
     return np.repeat(own + offset, 2)
 
@@ -172,28 +173,35 @@ def predict_filter(grasp: GraspFilter, config: GraspModelConfig, way: float) -> 
     )
 
 
-def expected(grasp: GraspFilter, loading: Array, factor: Array) -> tuple[Array, Array]:
+def expected(
+    grasp: GraspFilter, bias_jacobian: Array, noise_square_root: Array
+) -> tuple[Array, Array]:
     """The z that a filter expects (4, 4), and the left derivative by its error state (6, n)."""
-    m = loading.shape[1]
+    m = bias_jacobian.shape[1]
     E, D = grasp_displacement(grasp.axis, grasp.point, grasp.coordinates)
-    change = loading - grasp.loading_0
-    e = change @ grasp.x[:m] + factor @ grasp.x[m:]
-    H = np.hstack([change, factor, D[:, : len(grasp.P) - m - 6]])
+    change = bias_jacobian - grasp.bias_jacobian_0
+    e = change @ grasp.x[:m] + noise_square_root @ grasp.x[m:]
+    H = np.hstack([change, noise_square_root, D[:, : len(grasp.P) - m - 6]])
     return se3.exp(e) @ E @ grasp.z_0, H
 
 
 def correct_filter(
-    grasp: GraspFilter, z: Array, R: Array, hand: BentHand, factor: Array, config: GraspModelConfig
+    grasp: GraspFilter,
+    z: Array,
+    R: Array,
+    hand: BentHand,
+    noise_square_root: Array,
+    config: GraspModelConfig,
 ) -> tuple[GraspFilter, float]:
     """The filter after the measurement z, and its log likelihood before.
 
     Args:
         z: X_HB (4, 4), with white noise R (6, 6) expressed in H.
-        hand: With the loading of its constant errors.
-        factor: Of the hand's other errors (6, 6), those of vision's landmarks among them.
+        hand: With the Jacobian of its constant errors.
+        noise_square_root: Of the hand's other errors (6, 6), those of the landmarks among them.
     """
-    factor = with_slip(factor, grasp.way, config)
-    predicted, H = expected(grasp, hand.loading, factor)
+    noise_square_root = with_slip(noise_square_root, grasp.way, config)
+    predicted, H = expected(grasp, hand.bias_jacobian, noise_square_root)
     innovation = se3.log(z @ se3.inverse(predicted))
     R = R + second_order_noise(grasp)
     S = symmetric(H @ grasp.P @ H.T + R)
@@ -216,7 +224,7 @@ def correct_filter(
         rejected=0,
     )
     if grasp.type != GraspType.PERFECT:
-        single = single_tick_line_covariance(corrected, hand, factor, R, config)
+        single = single_tick_line_covariance(corrected, hand, noise_square_root, R, config)
         corrected = with_line_covariance(corrected, single)
     return corrected, likelihood
 
@@ -242,7 +250,7 @@ def second_order_noise(grasp: GraspFilter) -> Array:
 
 
 def single_tick_line_covariance(
-    grasp: GraspFilter, hand: BentHand, factor: Array, R: Array, config: GraspModelConfig
+    grasp: GraspFilter, hand: BentHand, noise_square_root: Array, R: Array, config: GraspModelConfig
 ) -> Array:
     """Covariance (4, 4) of axis and point across the axis, from this tick's displacement alone.
 
@@ -250,12 +258,12 @@ def single_tick_line_covariance(
     them. The filter's own covariance claims more: its angle, and with it how the line and those
     errors show in the measurement, is noisy, and so it takes for different what is the same.
     """
-    change = hand.loading - grasp.loading_0
-    C = change @ change.T + factor @ factor.T + R
+    change = hand.bias_jacobian - grasp.bias_jacobian_0
+    C = change @ change.T + noise_square_root @ noise_square_root.T + R
     _, D = grasp_displacement(grasp.axis, grasp.point, grasp.coordinates)
     D = D[:, : 4 + _COORDINATES[grasp.type]]
     information = D.T @ np.linalg.solve(C, D)
-    information[:4, :4] += np.diag(1.0 / prior_line_variances(grasp.loading_0, config))
+    information[:4, :4] += np.diag(1.0 / prior_line_variances(grasp.bias_jacobian_0, config))
     return np.asarray(np.linalg.inv(information)[:4, :4])
 
 
@@ -268,13 +276,13 @@ def with_line_covariance(grasp: GraspFilter, single: Array) -> GraspFilter:
     return replace(grasp, line_covariance=U @ single @ U.T)
 
 
-def with_slip(factor: Array, way: float, config: GraspModelConfig) -> Array:
-    """The factor (6, 6) of the hand's error together with what slips over a way [m]."""
+def with_slip(noise_square_root: Array, way: float, config: GraspModelConfig) -> Array:
+    """The square root (6, 6) of the hand's noise and of the slip over a way [m]."""
     slip = np.repeat([config.slip_rotation**2, config.slip_translation**2], 3) * way
-    return np.asarray(np.linalg.cholesky(factor @ factor.T + np.diag(slip)))
+    return np.asarray(np.linalg.cholesky(noise_square_root @ noise_square_root.T + np.diag(slip)))
 
 
-def follow(grasp: GraspFilter, z: Array, hand: BentHand, factor: Array) -> GraspFilter:
+def follow(grasp: GraspFilter, z: Array, hand: BentHand, noise_square_root: Array) -> GraspFilter:
     """Moves the coordinates to where `z` is, without learning anything from it.
 
     For z that was computed through the grasp itself: it may not confirm the grasp.
@@ -282,7 +290,7 @@ def follow(grasp: GraspFilter, z: Array, hand: BentHand, factor: Array) -> Grasp
     count = _COORDINATES[grasp.type]
     if count == 0:
         return grasp
-    predicted, _ = expected(grasp, hand.loading, factor)
+    predicted, _ = expected(grasp, hand.bias_jacobian, noise_square_root)
     nu = se3.log(z @ se3.inverse(predicted))
     moved = np.array([grasp.axis @ nu[:3], grasp.axis @ (nu[3:] + cross(nu[:3], grasp.point))])
     moved[count:] = 0.0

@@ -105,7 +105,10 @@ def make_belief(
 def measured_covariance(hand: BentHand, z: Array, P_B: Array) -> Array:
     """Covariance (6, 6) in H of z = X_WH^-1 X_WB, the body's (6, 6) being in B."""
     Ad = se3.adjoint(z)
-    own = hand.loading @ hand.loading.T + hand.factor @ hand.factor.T
+    own = (
+        hand.bias_jacobian @ hand.bias_jacobian.T
+        + hand.noise_square_root @ hand.noise_square_root.T
+    )
     return np.asarray(own + Ad @ P_B @ Ad.T)
 
 
@@ -128,7 +131,7 @@ def initial_state(config: GraspModelConfig) -> GraspState:
 def start_state(hand: BentHand, body: InteractedBody, config: GraspModelConfig) -> GraspState:
     """The filters at the reference, where X_HB is known."""
     z_0 = se3.inverse(hand.X_WH) @ body.motion.X
-    filters = [start_filter(kind, z_0, hand.loading, config) for kind in HELD_TYPES]
+    filters = [start_filter(kind, z_0, hand.bias_jacobian, config) for kind in HELD_TYPES]
     at_reference = PoseBelief(X=body.motion.X, covariance=body.motion.covariance[:6, :6])
     covariance = measured_covariance(hand, z_0, body.motion.covariance[:6, :6])
     return GraspState(
@@ -145,7 +148,7 @@ def reaffirm(
 ) -> GraspState:
     """A tick without vision: X_HB follows from the grasp, so that it cannot confirm it."""
     z = se3.inverse(hand.X_WH) @ body.motion.X
-    filters = [follow(f, z, hand, hand.factor) for f in state.filters]
+    filters = [follow(f, z, hand, hand.noise_square_root) for f in state.filters]
     covariance = measured_covariance(hand, z, body.motion.covariance[:6, :6])
     probabilities = np.array([state.belief.probabilities[kind] for kind in TYPES])
     return GraspState(
@@ -163,7 +166,7 @@ def refresh(
     """A filter that has explained nothing for long starts from where the body is now."""
     if candidate.rejected * config.period < config.patience:
         return candidate
-    return start_filter(candidate.type, z, hand.loading, config)
+    return start_filter(candidate.type, z, hand.bias_jacobian, config)
 
 
 def learn(
@@ -177,8 +180,10 @@ def learn(
     z = se3.inverse(hand.X_WH) @ seen.X
     Ad = se3.adjoint(z)
     R = Ad @ seen.covariance @ Ad.T
-    factor: Any = np.linalg.cholesky(hand.factor @ hand.factor.T + Ad @ offset_covariance @ Ad.T)
-    results = [correct_filter(f, z, R, hand, factor, config) for f in state.filters]
+    noise_square_root: Any = np.linalg.cholesky(
+        hand.noise_square_root @ hand.noise_square_root.T + Ad @ offset_covariance @ Ad.T
+    )
+    results = [correct_filter(f, z, R, hand, noise_square_root, config) for f in state.filters]
     likelihoods = np.array([likelihood for _, likelihood in results])
     likelihoods = np.maximum(likelihoods - likelihoods.max(), -config.loss_limit)
     evidence = np.exp(-config.period / config.memory) * state.evidence + likelihoods

@@ -145,7 +145,7 @@ class FreeMotion:
             the body follows.
         looseness: Share of a hinge's turning to expect of the body, 1 sigma: one if it may turn
             about the axis, else the square root of the probability that it may.
-        line: Factor (6, 6) of the covariance of axis and point; zero if neither is free.
+        line: Square root (6, 6) of the covariance of axis and point; zero if neither is free.
     """
 
     projection: Array
@@ -177,7 +177,7 @@ def free_motion(grasp: GraspBelief) -> FreeMotion:
 
 
 def square_root(covariance: Array) -> Array:
-    """A symmetric factor A (n, n) of a covariance that may be singular, A A = covariance."""
+    """The symmetric square root A (n, n) of a covariance that may be singular, A A = covariance."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T)
 
@@ -218,7 +218,7 @@ def start_body(hand: BentHand, grasp: GraspBelief, config: InteractedBodyMotionC
     settling = np.repeat([config.settling_rotation, config.settling_translation], 3)
     X_WB = np.eye(4)
     X_WB[:3, 3] = hand.X_WH[:3, 3]
-    layout = Layout(hand.loading.shape[1])
+    layout = Layout(hand.bias_jacobian.shape[1])
     P = np.eye(layout.size)
     P[:6, :6] *= _REFERENCE_VARIANCE
     return BodyState(
@@ -255,12 +255,12 @@ def predict_body(
     """Moves the body as the hand moved, X_WH T X_WH^-1 X_WB, as far as the grasp transmits it.
 
     With the hand's twist tau = log(X_WH^-1(t-1) X_WH(t)) and the free projection N, the body is
-    moved by T = exp((I - N) tau). The hand's errors e = loading c + factor n enter by what they
-    have changed since the last tick; what stays the same moves the grasping axis with the hand and
-    cancels. When another type of grasp has become the likeliest, f and k mean something else and
-    start afresh.
+    moved by T = exp((I - N) tau). The hand's errors e = J c + L n, of its bias Jacobian J and noise
+    square root L, enter by what they have changed since the last tick; what stays the same moves
+    the grasping axis with the hand and cancels. When another type of grasp has become the most
+    likely, f and k mean something else and start from their prior.
     """
-    layout = Layout(hand.loading.shape[1])
+    layout = Layout(hand.bias_jacobian.shape[1])
     if grasp.type != body.grasp_type:
         x, P = fade(body.x, body.P, slice(layout.f.start, layout.k.stop), 0.0)
         body = replace(body, x=x, P=P, grasp_type=grasp.type)
@@ -279,8 +279,8 @@ def predict_body(
 
     rho = np.exp(-config.period / config.hand_error_time)
     F = np.eye(layout.size)
-    F[:6, layout.c] = G @ now @ (hand.loading - before.loading)
-    F[:6, layout.n] = G @ now @ (rho * hand.factor - before.factor)
+    F[:6, layout.c] = G @ now @ (hand.bias_jacobian - before.bias_jacobian)
+    F[:6, layout.n] = G @ now @ (rho * hand.noise_square_root - before.noise_square_root)
     F[layout.n, layout.n] *= rho
     F[:6, layout.f] = G @ np.column_stack([turn * turned, slide * slid]) * free.doubt
     curvature = free.looseness * config.hinge_curvature
@@ -290,14 +290,14 @@ def predict_body(
     slides = grasp.type == GraspType.CYLINDRICAL
     F[:6, layout.s] = G @ line_sensitivity(free, tau, against, slides) @ free.line
     noise = np.zeros((layout.size, 6))
-    noise[:6] = G @ now @ hand.factor
+    noise[:6] = G @ now @ hand.noise_square_root
     noise[layout.n] = np.eye(6)
     P = F @ body.P @ F.T + (1.0 - rho**2) * noise @ noise.T
     P[:6, :6] += G @ np.diag(_slip(tau, config)) @ G.T
 
     # Surer about the bending does not mean that it bent back: the mean error in metres stays.
-    F[:6, layout.n] = (rho - 1.0) * G @ now @ before.factor
-    F[layout.n, layout.n] = rho * np.linalg.solve(hand.factor, before.factor)
+    F[:6, layout.n] = (rho - 1.0) * G @ now @ before.noise_square_root
+    F[layout.n, layout.n] = rho * np.linalg.solve(hand.noise_square_root, before.noise_square_root)
     x = F @ body.x
     X_WB = before.X_WH @ step @ se3.inverse(before.X_WH) @ body.X_WB @ se3.exp(x[:6])
     x[:6] = 0.0
@@ -322,7 +322,7 @@ def with_velocity(
     config: InteractedBodyMotionConfig,
 ) -> BodyState:
     """Adds the velocity that the grasp transmits from the hand's, (6,) with covariance (6, 6)."""
-    layout = Layout(body.hand.loading.shape[1])
+    layout = Layout(body.hand.bias_jacobian.shape[1])
     free = free_motion(grasp)
     G = se3.adjoint(se3.inverse(body.X_WB) @ body.hand.X_WH)
     transmitted = np.eye(6) - free.projection
@@ -357,7 +357,7 @@ def reset_body(
     They know nothing of the pose's error until then, but say how the body moves from now on: that
     error becomes a constant `offset`, and the pose is where they see it, up to their noise.
     """
-    layout = Layout(body.hand.loading.shape[1])
+    layout = Layout(body.hand.bias_jacobian.shape[1])
     x, P = fade(body.x, body.P, layout.b, 0.0)
     offset = body.offset + P[:6, :6]
     P[:6] = 0.0
@@ -391,7 +391,7 @@ def correct_body(
     nothing explains means that the body slipped: the pose's covariance grows first. Only features
     seen before can show that; others are on something else then: None.
     """
-    layout = Layout(body.hand.loading.shape[1])
+    layout = Layout(body.hand.bias_jacobian.shape[1])
     kept = np.isin(feature_ids, body.feature_ids).mean() if len(feature_ids) else 0.0
     x, P = fade(body.x, body.P, layout.b, float(kept))
     x, P = fade(x, P, layout.s, 0.0)

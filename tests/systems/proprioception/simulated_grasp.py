@@ -160,7 +160,7 @@ class Episode:
         return se3.exp(self.bending_end * min(t / 2.0, 1.0))
 
     def _end_effector(self, t: float) -> tuple[np.ndarray, np.ndarray]:
-        """Measured X_WE and its offset loading."""
+        """Measured X_WE and its offset bias_jacobian."""
         X_WE = self.X_WH(t) @ se3.inverse(self._bending(t))
         start = np.eye(4)
         start[:3, 3] = X_WH_START[:3, 3]
@@ -177,7 +177,7 @@ class Episode:
         covariance[6:, 6:] = np.diag(np.repeat([3e-3, 1e-3], 3) ** 2)
         twist = se3.log(se3.inverse(self.X_WH(t)) @ self.X_WH(t + 1e-3)) / 1e-3
         V = se3.adjoint(self._bending(t)) @ twist
-        end_effector = EndEffectorBelief(X=X_WE, V=V, covariance=covariance, offset_loading=L)
+        end_effector = EndEffectorBelief(X=X_WE, V=V, covariance=covariance, bias_jacobian=L)
         bending = PoseBelief(
             X=self._bending(t) @ se3.exp(-error),
             covariance=ramp**2 * np.diag(BENDING_SIGMA**2) + 1e-12 * np.eye(6),

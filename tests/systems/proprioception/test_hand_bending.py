@@ -44,7 +44,7 @@ def trained(
 
 def end_effector(X: np.ndarray) -> EndEffectorBelief:
     return EndEffectorBelief(
-        X=X, V=np.zeros(6), covariance=1e-8 * np.eye(12), offset_loading=np.zeros((6, 0))
+        X=X, V=np.zeros(6), covariance=1e-8 * np.eye(12), bias_jacobian=np.zeros((6, 0))
     )
 
 

@@ -30,8 +30,10 @@ LAYOUT = Layout(6)
 
 
 def hand(rng: np.random.Generator, X_WH: np.ndarray) -> BentHand:
-    factor = np.linalg.cholesky(np.diag(rng.uniform(0.5, 1.0, 6)))
-    return BentHand(X_WH=X_WH, loading=rng.normal(size=(6, 6)), factor=factor)
+    noise_square_root = np.linalg.cholesky(np.diag(rng.uniform(0.5, 1.0, 6)))
+    return BentHand(
+        X_WH=X_WH, bias_jacobian=rng.normal(size=(6, 6)), noise_square_root=noise_square_root
+    )
 
 
 def grasp(kind: GraspType, axis: np.ndarray, point: np.ndarray) -> GraspBelief:
@@ -77,8 +79,8 @@ def test_a_known_hand_error_moves_the_body_as_the_corrected_hand_would(part: str
     x[rows] = error
     moved = predict_body(replace(body, x=x), after, belief, CONFIG)
     rho = np.exp(-CONFIG.period / CONFIG.hand_error_time) if part == "n" else 1.0
-    before_by = body.hand.loading if part == "c" else body.hand.factor
-    after_by = after.loading if part == "c" else rho * body.hand.factor
+    before_by = body.hand.bias_jacobian if part == "c" else body.hand.noise_square_root
+    after_by = after.bias_jacobian if part == "c" else rho * body.hand.noise_square_root
     corrected_before = replace(
         body, hand=replace(body.hand, X_WH=body.hand.X_WH @ se3.exp(before_by @ error))
     )
@@ -90,7 +92,7 @@ def test_a_known_hand_error_moves_the_body_as_the_corrected_hand_would(part: str
 
 def test_an_offset_that_stays_the_same_cancels() -> None:
     body, after, belief = pair(4)
-    after = replace(after, loading=body.hand.loading)
+    after = replace(after, bias_jacobian=body.hand.bias_jacobian)
     P = predict_body(body, after, belief, CONFIG).P
     np.testing.assert_allclose(P[:6, LAYOUT.c], 0.0, atol=1e-9)
 

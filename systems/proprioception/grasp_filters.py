@@ -54,7 +54,7 @@ class GraspModelConfig:
     lodging: float = 0.1  # Probability that a loose grasp has become firm, [-].
     loss_limit: float = 10.0  # Most that one tick speaks against a type, [nat].
     gate: float = 30.0  # Squared innovation above which a filter is not corrected, [-].
-    patience: float = 1.0  # A filter that explains nothing so long starts afresh, [s].
+    patience: float = 1.0  # A filter rejected for so long is started again, [s].
     failure: GraspFailureConfig = field(default_factory=GraspFailureConfig)
 
 
@@ -71,7 +71,7 @@ class GraspFilter:
         x: Mean (m + 6,) of (c, n).
         P: Covariance of (c, n, axis, point, coordinates).
         way: Of the hand since the reference, [m].
-        rejected: Ticks in a row at which it explained nothing.
+        rejection_count: Ticks in a row at which the gate rejected the measurement.
     """
 
     type: GraspType
@@ -84,7 +84,7 @@ class GraspFilter:
     x: Array
     P: Array
     way: float = 0.0
-    rejected: int = 0
+    rejection_count: int = 0
 
 
 def start_filter(
@@ -207,7 +207,7 @@ def correct_filter(
     S = symmetric(H @ grasp.P @ H.T + R)
     likelihood = log_likelihood(innovation, S)
     if nees(innovation, S) > config.gate:
-        return replace(grasp, rejected=grasp.rejected + 1), likelihood
+        return replace(grasp, rejection_count=grasp.rejection_count + 1), likelihood
     correction, P = joseph_update(grasp.P, np.ascontiguousarray(H), R, innovation)
     errors = len(grasp.x)
     theta = np.zeros(6)
@@ -221,7 +221,7 @@ def correct_filter(
         coordinates=grasp.coordinates + theta[4:],
         x=grasp.x + correction[:errors],
         P=P,
-        rejected=0,
+        rejection_count=0,
     )
     if grasp.type != GraspType.PERFECT:
         single = single_tick_line_covariance(corrected, hand, noise_square_root, R, config)

@@ -164,7 +164,7 @@ def refresh(
     candidate: GraspFilter, z: Array, hand: BentHand, config: GraspModelConfig
 ) -> GraspFilter:
     """A filter that has explained nothing for long starts from where the body is now."""
-    if candidate.rejected * config.period < config.patience:
+    if candidate.rejection_count * config.period < config.patience:
         return candidate
     return start_filter(candidate.type, z, hand.bias_jacobian, config)
 

@@ -62,13 +62,13 @@ def find_moving_features(
     """Free features that share a significant motion.
 
     Returns:
-        The history with updated suspicion, the motion, and the rows of its supporters.
+        The history with new rejection counts, the motion, and the rows of its supporters.
     """
     d, distance, free = free_motion(config, history)
     moving = free & (distance > config.moving)
-    suspicion = np.where(moving, history.suspicion + 1, history.suspicion)
-    suspicion = np.where(free & ~moving, 0, suspicion)
-    history = replace(history, suspicion=suspicion)
+    rejection_count = np.where(moving, history.rejection_count + 1, history.rejection_count)
+    rejection_count = np.where(free & ~moving, 0, rejection_count)
+    history = replace(history, rejection_count=rejection_count)
     none = np.zeros(0, np.int64)
     if np.sum(moving) < config.min_support:
         return history, None, none
@@ -223,15 +223,19 @@ def give_birth(
     if consensus is None:
         return bodies, history, level.next_id
     assigned = history.body.copy()
-    suspicion = history.suspicion.copy()
-    suspicion[rows] = 0
+    rejection_count = history.rejection_count.copy()
+    rejection_count[rows] = 0
     for body in bodies:
         if body.body_id != INTERACTED_BODY or body.support or prior is None:
             continue
         if is_interacted(config, body, consensus.X, prior):
             assigned[rows] = INTERACTED_BODY
-            return bodies, replace(history, body=assigned, suspicion=suspicion), level.next_id
+            return (
+                bodies,
+                replace(history, body=assigned, rejection_count=rejection_count),
+                level.next_id,
+            )
     born = new_body(config, level, history, rows, consensus.X)
     assigned[rows] = born.body_id
-    history = replace(history, body=assigned, suspicion=suspicion)
+    history = replace(history, body=assigned, rejection_count=rejection_count)
     return [*bodies, born], history, level.next_id + 1

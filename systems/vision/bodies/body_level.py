@@ -42,8 +42,8 @@ class RigidBodyMotionConfig:
     patience: int = 30  # Ticks that it lives without, less if it had it for less, [ticks].
     neighbourhood: float = 0.08  # Where a new body's features outnumber all others, [m].
     max_landmarks: int = 50  # Features that a body's filter holds.
-    max_suspicion: int = 8  # A feature that disagrees for so long with its body leaves it, [ticks].
-    max_free_suspicion: int = 45  # A free one, or one that left, starts afresh, [ticks].
+    max_rejections: int = 8  # Disagreements with its body after which a feature leaves it, [ticks].
+    max_free_rejections: int = 45  # The same after which a free or left one is reset, [ticks].
     rotation_sigma: float = 0.1  # Prior rotation of a new body's first motion, [rad].
     jump_rotation: float = 0.1  # Unpredicted turn that is believed if features agree, [rad].
     jump_translation: float = 0.03  # The same for a shift, [m].
@@ -53,8 +53,8 @@ class RigidBodyMotionConfig:
     blind_translation: float = 0.01  # The same, [m].
     handle_way: float = 2.5e-3  # How well the hand knows the handle's way over the window, [m].
     handle_noise: float = 1e-3  # Of a feature's displacement over the window, at least, [m].
-    adoption_way: float = 0.003  # Of the hand before a body may turn out to be held by it, [m].
-    adoption_share: float = 0.5  # Of that way which the body may have missed then, [-].
+    identification_travel: float = 0.003  # Way of the hand before a body can be held, [m].
+    identification_miss: float = 0.5  # Share of that way a held body may miss, [-].
     seed: int = 0  # Of RANSAC.
 
 

@@ -305,8 +305,8 @@ def advance_all(
     joints: BodyPredictions,
     prior: PoseBelief | None,
 ) -> tuple[list[TrackedBody], FeatureHistory]:
-    """All bodies at this tick, the interacted one too, and their features' suspicion."""
-    suspicion = history.suspicion.copy()
+    """All bodies at this tick, the interacted one too, and the features with their rejections."""
+    rejection_count = history.rejection_count.copy()
     bodies = []
     for body in level.bodies:
         predictions = [
@@ -320,10 +320,10 @@ def advance_all(
                 continue
             predictions.append(("prior", prior.X))
         moved, agreed, disagreed = advance(config, body, history, predictions)
-        suspicion[agreed] = 0
-        suspicion[disagreed] += 1
+        rejection_count[agreed] = 0
+        rejection_count[disagreed] += 1
         bodies.append(moved)
-    history = replace(history, suspicion=suspicion)
+    history = replace(history, rejection_count=rejection_count)
     known = any(body.body_id == INTERACTED_BODY for body in bodies)
     if prior is not None and is_active(prior) and not known:
         history = without_nudges(config, history, _STILL)

@@ -10,7 +10,7 @@ from systems.vision.bodies import body_filter
 from systems.vision.bodies.body_level import RigidBodyMotionConfig, TrackedBody
 from systems.vision.bodies.body_tracking import corrected, follow_prior, is_active
 from systems.vision.bodies.feature_history import (
-    OUTCAST,
+    OUTLIER,
     FeatureHistory,
     displacements,
     forget,
@@ -163,21 +163,23 @@ def associate(
         moves &= ~blind[best]
         assigned[moves] = ids[best[moves]]
     changed = assigned != history.body
-    return replace(history, body=assigned, suspicion=np.where(changed, 0, history.suspicion))
+    return replace(
+        history, body=assigned, rejection_count=np.where(changed, 0, history.rejection_count)
+    )
 
 
 def merged(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> tuple[list[TrackedBody], FeatureHistory]:
     """Gives a body's features to an older one that explains the motion of nearly all of them."""
-    assigned, suspicion = history.body.copy(), history.suspicion.copy()
+    assigned, rejection_count = history.body.copy(), history.rejection_count.copy()
     kept: list[TrackedBody] = []
     for body in bodies:
         mine = assigned == body.body_id
-        adopted = False
+        absorbed = False
         for older in kept:
             if body.reference_tick < older.held_since:
-                continue  # Adoption keeps what was seen before the hand closed.
+                continue  # Identification keeps what was seen before the hand closed.
             if older.body_id == INTERACTED_BODY and body.supported > config.window:
                 continue  # What the hand carries blindly may be anywhere; the body is not.
             ratio, fit = body_against_static(config, older, history)
@@ -190,27 +192,26 @@ def merged(
             if outnumbered and not take_the_handle_along(config, older, history, rows):
                 continue
             if np.sum(shared) >= config.merging_share * np.sum(told):
-                assigned[mine], suspicion[mine] = older.body_id, 0
-                adopted = True
+                assigned[mine], rejection_count[mine] = older.body_id, 0
+                absorbed = True
                 break
-        if not adopted:
+        if not absorbed:
             kept.append(body)
-    return kept, replace(history, body=assigned, suspicion=suspicion)
+    return kept, replace(history, body=assigned, rejection_count=rejection_count)
 
 
-def without_strays(
+def without_outliers(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> list[TrackedBody]:
     """Removes the landmarks of features that do not belong to the body, and what they did to it."""
     kept = []
     for body in bodies:
-        strays = body.filter.ids[
-            np.isin(body.filter.ids, history.ids[history.body != body.body_id])
-        ]
-        if len(strays):
+        others = history.ids[history.body != body.body_id]
+        outliers = body.filter.ids[np.isin(body.filter.ids, others)]
+        if len(outliers):
             sigma = np.repeat([config.jump_rotation, config.jump_translation], 3)
             filtered = body_filter.reset_to_initial(
-                body_filter.remove_landmarks(body.filter, strays), sigma
+                body_filter.remove_landmarks(body.filter, outliers), sigma
             )
             body = replace(body, filter=corrected(config, filtered, history))
         kept.append(body)
@@ -251,34 +252,38 @@ def without_features_of_others(
     return kept, history
 
 
-def cast_out(
+def reject_outliers(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> FeatureHistory:
-    """Takes features from bodies that they disagreed with or slid on; they are ignored a while."""
+    """Takes features from bodies that they disagreed with or slid on; they are ignored then."""
     slid = np.zeros(len(history.ids), bool)
     for body in bodies:
         drifted = body.filter.ids[body_filter.drifted(body.filter, config.gate)]
         slid |= (history.body == body.body_id) & np.isin(history.ids, drifted)
-    outcast = history.body == OUTCAST
-    worn = ~outcast & (history.body != STATIC_BODY) & (history.suspicion >= config.max_suspicion)
-    suspicion = np.where(outcast, history.suspicion + 1, history.suspicion)
+    outlier = history.body == OUTLIER
+    rejected = (
+        ~outlier
+        & (history.body != STATIC_BODY)
+        & (history.rejection_count >= config.max_rejections)
+    )
+    rejection_count = np.where(outlier, history.rejection_count + 1, history.rejection_count)
     return replace(
         history,
-        body=np.where(worn | slid, OUTCAST, history.body),
-        suspicion=np.where(worn | slid, 0, suspicion),
+        body=np.where(rejected | slid, OUTLIER, history.body),
+        rejection_count=np.where(rejected | slid, 0, rejection_count),
     )
 
 
-def afresh(
+def reset_tracks(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> FeatureHistory:
-    """Frees features whose body ended, or that have been suspicious for long.
+    """Frees features whose body ended, or that were rejected for long.
 
     All their samples but the newest are forgotten.
     """
-    numbers = [STATIC_BODY, OUTCAST, *(body.body_id for body in bodies)]
-    unbound = (history.body == STATIC_BODY) | (history.body == OUTCAST)
-    rows = unbound & (history.suspicion >= config.max_free_suspicion)
+    numbers = [STATIC_BODY, OUTLIER, *(body.body_id for body in bodies)]
+    unbound = (history.body == STATIC_BODY) | (history.body == OUTLIER)
+    rows = unbound & (history.rejection_count >= config.max_free_rejections)
     rows |= ~np.isin(history.body, numbers)
     if not rows.any():
         return history

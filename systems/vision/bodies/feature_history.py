@@ -11,7 +11,7 @@ from systems.port_values import STATIC_BODY, FeatureBelief
 
 Mask = Mask
 
-OUTCAST = -1  # The body of features that left theirs because they disagreed.
+OUTLIER = -1  # Body number of features that were rejected by theirs.
 REST_COUNT = 20  # Samples that a feature's rest counts as.
 
 
@@ -22,15 +22,15 @@ class FeatureHistory(Immutable):
     Attributes:
         ids: (N,), sorted.
         body: The body that each feature is assigned to (N,); `STATIC_BODY` for free ones,
-            `OUTCAST` for those that are ignored for a while.
+            `OUTLIER` for those that are ignored for a while.
         p_W: Positions at the last H ticks (N, H, 3), [m].
         information: Of these (N, H, 3, 3), [1/m^2]; zero where the feature was not seen.
         rest_information: Sum over the samples that left the window (N, 3, 3), [1/m^2].
         rest_moment: Sum of information times position over the same (N, 3), [1/m].
         rest_until: Tick of the newest of these samples (N,); -1 without any.
         unseen: Ticks since last seen (N,).
-        suspicion: Ticks that a free feature has disagreed with standing still, an assigned one
-            with its body, or an outcast has been one (N,).
+        rejection_count: Ticks for which a free feature has disagreed with standing still, an
+            assigned one with its body, or an outlier has been one (N,).
     """
 
     ids: Ids
@@ -41,7 +41,7 @@ class FeatureHistory(Immutable):
     rest_moment: Array
     rest_until: Ids
     unseen: Ids
-    suspicion: Ids
+    rejection_count: Ids
 
     def select(self, index: Mask | Ids) -> "FeatureHistory":
         return FeatureHistory(**{name: value[index] for name, value in vars(self).items()})
@@ -67,7 +67,7 @@ def no_history(window: int) -> FeatureHistory:
         rest_moment=np.zeros((0, 3)),
         rest_until=np.zeros(0, np.int64),
         unseen=np.zeros(0, np.int64),
-        suspicion=np.zeros(0, np.int64),
+        rejection_count=np.zeros(0, np.int64),
     )
 
 
@@ -94,7 +94,7 @@ def remember(
     """
     window = history.p_W.shape[1]
     history = history.select(history.unseen < memory)
-    leaving = (history.body == STATIC_BODY) & (history.suspicion == 0) & history.samples[:, 0]
+    leaving = (history.body == STATIC_BODY) & (history.rejection_count == 0) & history.samples[:, 0]
     oldest = history.information[:, 0] * leaving[:, None, None]
     keep = np.where(leaving, 1.0 - 1.0 / rest_samples, 1.0)
     rest_information = history.rest_information * keep[:, None, None] + oldest
@@ -281,7 +281,7 @@ def forget(history: FeatureHistory, rows: Ids, ticks: int) -> FeatureHistory:
         rest_information=np.where(index[:, None, None], 0.0, history.rest_information),
         rest_moment=np.where(index[:, None], 0.0, history.rest_moment),
         rest_until=np.where(index, -1, history.rest_until),
-        suspicion=np.where(index, 0, history.suspicion),
+        rejection_count=np.where(index, 0, history.rejection_count),
     )
 
 

@@ -21,7 +21,6 @@ from systems.port_values import (
 from systems.recursive_filter import RecursiveFilter
 from systems.vision import camera_geometry
 from systems.vision.bodies import body_tracking, feature_association
-from systems.vision.bodies.body_adoption import adopt
 from systems.vision.bodies.body_birth import give_birth
 from systems.vision.bodies.body_level import (
     BodyLevel,
@@ -30,6 +29,7 @@ from systems.vision.bodies.body_level import (
     no_bodies,
 )
 from systems.vision.bodies.feature_history import displacements
+from systems.vision.bodies.held_body_identification import identify_held_body
 
 
 def step(
@@ -43,14 +43,14 @@ def step(
     tick = level.tick + 1
     history = body_tracking.remember_features(config, level, features)
     bodies, history = body_tracking.advance_all(config, level, history, joints, prior)
-    bodies, history = adopt(config, bodies, history, prior, tick)
+    bodies, history = identify_held_body(config, bodies, history, prior, tick)
     history = feature_association.associate(config, bodies, history)
     bodies, history = feature_association.merged(config, bodies, history)
     bodies, history, next_id = give_birth(config, level, bodies, history, prior)
     living = [body for body in bodies if body_tracking.is_alive(config, body)]
-    history = feature_association.cast_out(config, living, history)
-    history = feature_association.afresh(config, living, history)
-    living = feature_association.without_strays(config, living, history)
+    history = feature_association.reject_outliers(config, living, history)
+    history = feature_association.reset_tracks(config, living, history)
+    living = feature_association.without_outliers(config, living, history)
     living = [body_tracking.with_new_landmarks(config, body, history) for body in living]
     living, history = feature_association.without_features_of_others(config, living, history, prior)
     return BodyLevel(tick=tick, next_id=next_id, history=history, bodies=living)
@@ -68,7 +68,7 @@ def predicted_features(
     mean = displacements(history, newest=0, last_old=window - 1)
     p_WF = history.p_W[:, -1].copy()
     covariance = np.tile(1e-6 * np.eye(3), (len(history.ids), 1, 1))
-    resting = (history.body == STATIC_BODY) & (history.suspicion == 0) & (mean.count_old > 0)
+    resting = (history.body == STATIC_BODY) & (history.rejection_count == 0) & (mean.count_old > 0)
     p_WF[resting] = mean.p_old[resting]
     covariance[resting] = mean.C_old[resting]
     for body in level.bodies:
@@ -199,7 +199,7 @@ def _check(config: RigidBodyMotionConfig) -> None:
     positive += " prior_rotation_walk prior_translation_walk jump_rotation jump_translation"
     positive += " extent neighbourhood nudged blind_rotation blind_translation"
     floors = "feature_floor landmark_floor reset_floor landmark_walk turn_walk max_penalty min_gain"
-    floors += " min_spread patience memory max_suspicion max_free_suspicion seed"
+    floors += " min_spread patience memory max_rejections max_free_rejections seed"
     counts = "newest min_support keep_support reset_support"
     name = "RigidBodyMotion"
     require_fields(name, config, positive.split(), "> 0", lambda x: x > 0)

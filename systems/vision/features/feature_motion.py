@@ -111,14 +111,14 @@ def _check(config: FeatureMotionConfig) -> None:
     positive += " max_missed max_blackout"
     positive += " corner_noise_factor depth_correlated_pixels pixel_correlated depth_radius"
     floors = "depth_noise depth_noise_growth depth_noise_range depth_floor pixel_floor"
-    floors += " probation probation_pause shape_change renewal_shape robot_border"
+    floors += " tentative_ticks failure_pause shape_change renewal_shape robot_border"
     floors += " max_flow_features max_blackout_flow flow_levels"
-    shares = (
-        "young_correlation min_correlation renewal_correlation blackout_share depth_share min_shape"
-    )
+    correlations = "tentative_correlation min_correlation renewal_correlation"
+    shares = "blackout_share depth_share min_shape"
     require_fields("FeatureMotion", config, positive.split(), "> 0", lambda x: x > 0)
     require_fields("FeatureMotion", config, floors.split(), ">= 0", lambda x: x >= 0)
-    require_fields("FeatureMotion", config, shares.split(), "in (0, 1)", lambda x: 0 < x < 1)
+    for names in (correlations, shares):
+        require_fields("FeatureMotion", config, names.split(), "in (0, 1)", lambda x: 0 < x < 1)
     require_fields("FeatureMotion", config, ["max_incidence"], "in (0, pi/2) rad", _is_acute)
     require_fields(
         "FeatureMotion",

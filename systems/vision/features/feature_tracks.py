@@ -29,9 +29,9 @@ class FeatureMotionConfig:
     min_contrast: float = 2.5  # Standard deviation of a patch, [grey levels].
     min_correlation: float = 0.8  # ZNCC below which a feature is not seen.
     birth_ticks: int = 2  # New features are looked for every so many ticks, [ticks].
-    probation: int = 3  # A feature so young has to be recognised at every tick, [ticks].
-    young_correlation: float = 0.92  # ZNCC below which a young one is not worth following.
-    probation_pause: int = 60  # Nothing is born for so long where one failed, [ticks].
+    tentative_ticks: int = 3  # A feature so young has to be recognised at every tick, [ticks].
+    tentative_correlation: float = 0.92  # ZNCC below which a young one is not worth following.
+    failure_pause: int = 60  # Nothing is born for so long where one failed, [ticks].
     renewal_correlation: float = 0.88  # ZNCC below which a reshaped patch's template is renewed.
     renewal_shape: float = 0.3  # Logarithm of the change of size that makes it reshaped.
     shape_change: float = 0.04  # Relative change of a patch's shape per update of it, 1 sigma.
@@ -355,21 +355,21 @@ def follow(
         # Without a change of shape, what no longer looks the same is not the same.
         worn &= np.max(np.abs(np.log(sizes)), axis=1) > config.renewal_shape
         fresh = _renew(config, fresh, frame, tangents, worn)
-        fresh, passed = _examine(config, fresh, found.scores)
+        fresh, passed = _confirm(config, fresh, found.scores)
         fresh = fresh.select(passed)
     return fresh.select(_alive(config, fresh, frame))
 
 
-def _examine(
+def _confirm(
     config: FeatureMotionConfig, tracks: FeatureTracks, scores: Array
 ) -> tuple[FeatureTracks, Mask]:
-    """Which features (N,) pass their probation, and where the others failed.
+    """Which features (N,) stay, and where tentative ones failed.
 
-    A young patch looks as it did, but for the noise: where the noise shows, it would wander.
+    A young patch differs from its template by noise alone; where this is large, it would wander.
     """
-    passed = (tracks.age > config.probation) | (scores >= config.young_correlation)
+    passed = (tracks.age > config.tentative_ticks) | (scores >= config.tentative_correlation)
     where = tracks.uv[~passed]
-    pause = np.full((len(where), 1), float(config.probation_pause))
+    pause = np.full((len(where), 1), float(config.failure_pause))
     left = tracks.failed - [0.0, 0.0, 1.0]
     failed = np.concatenate([left[left[:, 2] > 0], np.concatenate([where, pause], axis=1)])
     return replace(tracks, failed=failed), passed

@@ -70,12 +70,12 @@ def moves_with_hand(
     return bool(
         nees(moved, covariance) > _CHANCE
         and nees(error, covariance + prior.covariance + np.diag(slack**2)) < _CHANCE
-        and way > config.adoption_way
-        and missed < config.adoption_share * way
+        and way > config.identification_travel
+        and missed < config.identification_miss * way
     )
 
 
-def adopt(
+def identify_held_body(
     config: RigidBodyMotionConfig,
     bodies: list[TrackedBody],
     history: FeatureHistory,
@@ -101,7 +101,7 @@ def adopt(
         if moves_with_hand(config, body, held, prior, age):
             index = len(body.path) - 1 - age
             T = se3.inverse(smoothed_pose(body.path, index)) @ held.path[index]
-            adopted = replace(
+            identified = replace(
                 body,
                 body_id=INTERACTED_BODY,
                 filter=moved_frame(body.filter, T),
@@ -112,5 +112,5 @@ def adopt(
             mine = history.body == body.body_id
             others = [other for other in bodies if other is not body and other is not held]
             assigned = np.where(mine, INTERACTED_BODY, history.body)
-            return [adopted, *others], replace(history, body=assigned)
+            return [identified, *others], replace(history, body=assigned)
     return bodies, history

@@ -17,16 +17,16 @@ from systems.recursive_filter import RecursiveFilter
 
 @dataclass(kw_only=True)
 class EndEffectorMotionConfig:
-    period: float = 1.0 / 15.0  # Tick, [s].
+    period: float = 1.0 / 15.0  # Update period, [s].
     position_noise: float = 1.0e-4  # Of one encoder sample, [rad].
     velocity_noise: float = 5.0e-3  # Of one velocity sample, [rad/s].
-    joint_acceleration: float = 1.0  # Expected within a window, [rad/s^2].
-    angular_acceleration: float = 0.5  # White noise that drives the velocity, [rad/s^1.5].
-    linear_acceleration: float = 0.2  # The same for the translation, [m/s^1.5].
+    joint_acceleration: float = 1.0  # Expected within a window, 1 sigma, [rad/s^2].
+    angular_process_noise: float = 0.5  # White acceleration that drives the velocity, [rad/s^1.5].
+    linear_process_noise: float = 0.2  # The same for the translation, [m/s^1.5].
     offset_rotation: float = float(np.deg2rad(3.0))  # Calibration offset of the pose, [rad].
     offset_translation: float = 0.01  # The same for the translation, [m].
-    offset_damping: float = 0.05  # Keeps joint offsets small near singular postures, [-].
-    # Where the offset has this size, [rad]; empty: the first posture that is measured.
+    offset_damping: float = 0.05  # Bounds the joint offsets near singular postures, [-].
+    # Posture at which the offset has this size, [rad]; empty: the first that is measured.
     calibration_posture: list[float] = field(default_factory=list)
 
 
@@ -65,7 +65,7 @@ def predict_motion(
     F = np.eye(12)
     F[:6, :6] = se3.adjoint(se3.inverse(step))
     F[:6, 6:] = dt * se3.right_jacobian(V * dt)
-    q = np.repeat([config.angular_acceleration**2, config.linear_acceleration**2], 3)
+    q = np.repeat([config.angular_process_noise**2, config.linear_process_noise**2], 3)
     Q = np.zeros((12, 12))
     Q[:6, :6] = np.diag(q * dt**3 / 3.0)
     Q[:6, 6:] = Q[6:, :6] = np.diag(q * dt**2 / 2.0)
@@ -204,8 +204,8 @@ class EndEffectorMotion(RecursiveFilter):
             "position_noise": "rad",
             "velocity_noise": "rad/s",
             "joint_acceleration": "rad/s^2",
-            "angular_acceleration": "rad/s^1.5",
-            "linear_acceleration": "m/s^1.5",
+            "angular_process_noise": "rad/s^1.5",
+            "linear_process_noise": "m/s^1.5",
             "offset_damping": "",
         }
         require_positive("EndEffectorMotion", config, units)

@@ -33,28 +33,28 @@ _COORDINATES = {GraspType.PERFECT: 0, GraspType.REVOLUTE: 1, GraspType.CYLINDRIC
 
 @dataclass(kw_only=True)
 class GraspModelConfig:
-    period: float = 1.0 / 15.0  # Tick, [s].
+    period: float = 1.0 / 15.0  # Update period, [s].
     prior_perfect: float = 0.72  # Probability when the hand closes, if it holds the body, [-].
-    prior_revolute: float = 0.21
-    prior_cylindrical: float = 0.07
-    axis_H: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))  # Fingers' curl.
-    p_HA: np.ndarray = field(
-        default_factory=lambda: np.array([0.0, 0.0, -0.02])
-    )  # On the bar, [m].
-    axis_deviation: float = 0.2  # How far the bar may point elsewhere, [rad].
-    point_deviation: float = 0.015  # How far it may lie elsewhere, [m].
-    rotation_rate: float = 0.05  # Of the body about the bar, random walk, [rad/s^0.5].
-    sliding_rate: float = 0.02  # Of the body along the bar, [m/s^0.5].
-    axis_rate: float = 0.01  # Of the axis in the soft palm, random walk, [rad/s^0.5].
-    point_rate: float = 3.0e-3  # Of the point on it, [m/s^0.5].
-    hand_error_time: float = 30.0  # How long the bent hand's error stays the same, [s].
-    slip_rotation: float = 0.03  # Slip per way of the hand, [rad/m^0.5].
-    slip_translation: float = 2.0e-3  # [m/m^0.5]
-    memory: float = 0.7  # Of the evidence, [s].
+    prior_revolute: float = 0.21  # The same of a revolute grasp, [-].
+    prior_cylindrical: float = 0.07  # The same of a cylindrical grasp, [-].
+    # Direction of the bar, about which the fingers curl.
+    axis_H: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
+    # Point on the bar, [m].
+    p_HA: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, -0.02]))
+    axis_deviation: float = 0.2  # Standard deviation of the bar's direction, [rad].
+    point_deviation: float = 0.015  # Standard deviation of the bar's place, [m].
+    rotation_process_noise: float = 0.05  # Random walk of the body about the bar, [rad/s^0.5].
+    sliding_process_noise: float = 0.02  # Random walk of the body along the bar, [m/s^0.5].
+    axis_process_noise: float = 0.01  # Random walk of the axis in the soft palm, [rad/s^0.5].
+    point_process_noise: float = 3.0e-3  # Random walk of the point on it, [m/s^0.5].
+    hand_correlation_time: float = 30.0  # Of the bent hand's error, a Gauss-Markov process, [s].
+    slip_rotation: float = 0.03  # Slip, a random walk over the hand's way, [rad/m^0.5].
+    slip_translation: float = 2.0e-3  # The same for the translation, [m/m^0.5].
+    memory: float = 0.7  # Time constant with which the evidence fades, [s].
     lodging: float = 0.1  # Probability that a loose grasp has become firm, [-].
     loss_limit: float = 10.0  # Most that one tick speaks against a type, [nat].
     gate: float = 30.0  # Squared innovation above which a filter is not corrected, [-].
-    patience: float = 1.0  # A filter rejected for so long is started again, [s].
+    patience: float = 1.0  # Time of rejections after which a filter is started again, [s].
     failure: GraspFailureConfig = field(default_factory=GraspFailureConfig)
 
 
@@ -150,18 +150,20 @@ def grasp_displacement(axis: Array, point: Array, coordinates: Array) -> tuple[A
 def predict_filter(grasp: GraspFilter, config: GraspModelConfig, way: float) -> GraspFilter:
     """The bent hand's error fades, the coordinates walk, axis and point hardly."""
     m = len(grasp.x) - 6
-    rho = np.exp(-config.period / config.hand_error_time)
+    rho = np.exp(-config.period / config.hand_correlation_time)
     x, P = grasp.x.copy(), grasp.P.copy()
     x[m:] *= rho
     P[m : m + 6] *= rho
     P[:, m : m + 6] *= rho
     Q = np.zeros(len(P))
     Q[m : m + 6] = 1.0 - rho**2
-    rates = np.array([config.rotation_rate, config.sliding_rate])
+    rates = np.array([config.rotation_process_noise, config.sliding_process_noise])
     count = _COORDINATES[grasp.type]
     if count:
         Q[-count:] = rates[:count] ** 2 * config.period
-    line = np.repeat([config.axis_rate**2, config.point_rate**2], 3) * config.period
+    line = (
+        np.repeat([config.axis_process_noise**2, config.point_process_noise**2], 3) * config.period
+    )
     if count:
         Q[m + 6 : m + 10] = line[[0, 1, 3, 4]]
     return replace(

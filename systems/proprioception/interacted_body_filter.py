@@ -37,27 +37,27 @@ _REFERENCE_VARIANCE = 1e-12  # The reference pose is so by definition, [rad^2, m
 
 @dataclass(kw_only=True)
 class InteractedBodyMotionConfig:
-    period: float = 1.0 / 15.0  # Tick, [s].
-    hand_error_time: float = 30.0  # How long the bent hand's error stays the same, [s].
-    slip_rotation: float = 0.03  # Slip in the hand per way moved, [rad/m^0.5].
-    slip_translation: float = 2.0e-3  # [m/m^0.5]
-    settling_rotation: float = 0.05  # How the grip may settle while the eye sees nothing, [rad].
-    settling_translation: float = 6.0e-3  # [m]
-    view_settling_rotation: float = 0.015  # How late features may, few and dim as they are, [rad].
-    view_settling_translation: float = 3.0e-3  # [m]
-    settling_time: float = 2.0  # Until it has settled but for a share of 1/e, [s].
-    lever: float = 0.1  # Way of the hand per rotation, when counting its way, [m/rad].
+    period: float = 1.0 / 15.0  # Update period, [s].
+    hand_correlation_time: float = 30.0  # Of the bent hand's error, a Gauss-Markov process, [s].
+    slip_rotation: float = 0.03  # Slip in the hand, a random walk over its way, [rad/m^0.5].
+    slip_translation: float = 2.0e-3  # The same for the translation, [m/m^0.5].
+    reference_rotation_error: float = 0.05  # Unseen settling after the reference, [rad].
+    reference_translation_error: float = 6.0e-3  # The same for the translation, [m].
+    reset_rotation_error: float = 0.015  # The same after new landmarks were placed, [rad].
+    reset_translation_error: float = 3.0e-3  # The same for the translation, [m].
+    reference_error_time: float = 2.0  # Time constant with which these errors decay, [s].
+    lever: float = 0.1  # Way of the hand that counts for a turn of it, [m/rad].
     hinge_curvature: float = 3.0  # One over the radius of a hinge, 1 sigma, [rad/m].
-    rotation_velocity_noise: float = 0.02  # Of the bending's rate and of slip, [rad/s].
-    translation_velocity_noise: float = 4.0e-3  # [m/s]
-    minimum_features: int = 8  # Fewer may all be edges that slide over a plain body.
-    inlier_share: float = 0.5  # Of the features seen, at least so many agree on one pose.
-    landmark_rotation_floor: float = 2.0e-3  # Common error of the features' positions, [rad].
-    landmark_translation_floor: float = 3.0e-4  # [m]
-    surprise: float = 22.5  # Squared innovation above which the grasp has slipped (99.9 %), [-].
-    surprise_rotation: float = 0.05  # By how much then, [rad].
-    surprise_translation: float = 0.01  # [m]
-    familiar_share: float = 0.5  # Of the features that show it, at least so many were seen before.
+    rotation_velocity_noise: float = 0.02  # From slip and the rate of bending, [rad/s].
+    translation_velocity_noise: float = 4.0e-3  # The same for the translation, [m/s].
+    minimum_features: int = 8  # Least number of features that tell a pose, [-].
+    inlier_share: float = 0.5  # Least share of them that agrees on one pose, [-].
+    landmark_rotation_floor: float = 2.0e-3  # Common error of the landmarks, [rad].
+    landmark_translation_floor: float = 3.0e-4  # The same for the translation, [m].
+    jump_gate: float = 22.5  # Squared innovation above which the grasp slipped (99.9 %), [-].
+    jump_rotation: float = 0.05  # Standard deviation of such a slip, [rad].
+    jump_translation: float = 0.01  # The same for the translation, [m].
+    retained_share: float = 0.5  # Least share of features seen before that shows a slip, [-].
 
 
 @dataclass(frozen=True)
@@ -107,10 +107,10 @@ class BodyState(Immutable):
         V: V_WB_B (6,), with covariance V_covariance (6, 6).
         feature_ids: The features seen last.
         grasp_type: Under which f and k have their present meaning.
-        unseen: (6, 6), in B, by what the pose's covariance has grown since features corrected it;
-            the hand's errors are behind it, which change slowly.
-        settling: (6, 6), in B, by what the grip still settles; none once features have been seen,
-            unless these were placed late: then what they settle by.
+        unseen_growth: (6, 6), in B, by what the pose's covariance has grown since features
+            corrected it; it comes from the hand's errors, which are correlated over time.
+        reference_error: (6, 6), in B, of the grip's settling since the reference; zero once
+            features have been seen, unless the landmarks were placed anew: then of theirs.
         reset_count: How many times vision has placed its landmarks anew.
         offset: (6, 6), in B, of the pose's constant error since then; not part of P.
     """
@@ -124,8 +124,8 @@ class BodyState(Immutable):
     V_covariance: Array
     feature_ids: Ids
     grasp_type: GraspType
-    unseen: Array
-    settling: Array
+    unseen_growth: Array
+    reference_error: Array
     reset_count: int
     offset: Array
 
@@ -215,7 +215,9 @@ def start_body(hand: BentHand, grasp: GraspBelief, config: InteractedBodyMotionC
     A hand that settles on the handle after that misleads about the body, at the reference most,
     until features say where it is.
     """
-    settling = np.repeat([config.settling_rotation, config.settling_translation], 3)
+    reference_error = np.repeat(
+        [config.reference_rotation_error, config.reference_translation_error], 3
+    )
     X_WB = np.eye(4)
     X_WB[:3, 3] = hand.X_WH[:3, 3]
     layout = Layout(hand.bias_jacobian.shape[1])
@@ -231,8 +233,8 @@ def start_body(hand: BentHand, grasp: GraspBelief, config: InteractedBodyMotionC
         V_covariance=1e-4 * np.eye(6),
         feature_ids=np.zeros(0, dtype=np.int64),
         grasp_type=grasp.type,
-        unseen=np.zeros((6, 6)),
-        settling=np.diag(settling**2),
+        unseen_growth=np.zeros((6, 6)),
+        reference_error=np.diag(reference_error**2),
         reset_count=0,
         offset=np.zeros((6, 6)),
     )
@@ -277,7 +279,7 @@ def predict_body(
     turned = float(free.axis @ tau[:3])
     slid = free.axis @ (tau[3:] + cross(tau[:3], free.point))
 
-    rho = np.exp(-config.period / config.hand_error_time)
+    rho = np.exp(-config.period / config.hand_correlation_time)
     F = np.eye(layout.size)
     F[:6, layout.c] = G @ now @ (hand.bias_jacobian - before.bias_jacobian)
     F[:6, layout.n] = G @ now @ (rho * hand.noise_square_root - before.noise_square_root)
@@ -301,10 +303,18 @@ def predict_body(
     x = F @ body.x
     X_WB = before.X_WH @ step @ se3.inverse(before.X_WH) @ body.X_WB @ se3.exp(x[:6])
     x[:6] = 0.0
-    unseen = positive_part(body.unseen + P[:6, :6] - body.P[:6, :6])
-    settling = np.exp(-2.0 * config.period / config.settling_time) * body.settling
+    unseen_growth = positive_part(body.unseen_growth + P[:6, :6] - body.P[:6, :6])
+    reference_error = (
+        np.exp(-2.0 * config.period / config.reference_error_time) * body.reference_error
+    )
     return replace(
-        body, hand=hand, X_WB=X_WB, x=x, P=symmetric(P), unseen=unseen, settling=settling
+        body,
+        hand=hand,
+        X_WB=X_WB,
+        x=x,
+        P=symmetric(P),
+        unseen_growth=unseen_growth,
+        reference_error=reference_error,
     )
 
 
@@ -363,15 +373,15 @@ def reset_body(
     P[:6] = 0.0
     P[:, :6] = 0.0
     P[:6, :6] = seen.covariance
-    settling = np.repeat([config.view_settling_rotation, config.view_settling_translation], 3)
+    reference_error = np.repeat([config.reset_rotation_error, config.reset_translation_error], 3)
     return replace(
         body,
         X_WB=seen.X,
         x=x,
         P=P,
         feature_ids=feature_ids,
-        unseen=np.zeros((6, 6)),
-        settling=np.diag(settling**2),
+        unseen_growth=np.zeros((6, 6)),
+        reference_error=np.diag(reference_error**2),
         reset_count=reset_count,
         offset=offset,
     )
@@ -399,10 +409,10 @@ def correct_body(
     H[:, :6] = np.eye(6)
     H[:, layout.b] = np.linalg.cholesky(offset_covariance)
     innovation = se3.log(se3.inverse(body.X_WB) @ seen.X) - H @ x
-    if nees(innovation, H @ P @ H.T + seen.covariance) > config.surprise:
-        if kept < config.familiar_share:
+    if nees(innovation, H @ P @ H.T + seen.covariance) > config.jump_gate:
+        if kept < config.retained_share:
             return None
-        jump = np.repeat([config.surprise_rotation**2, config.surprise_translation**2], 3)
+        jump = np.repeat([config.jump_rotation**2, config.jump_translation**2], 3)
         P[:6, :6] += np.diag(jump)
     considered = np.zeros(layout.size, dtype=np.bool_)
     considered[layout.f] = True
@@ -412,7 +422,13 @@ def correct_body(
     X_WB = body.X_WB @ se3.exp(x[:6])
     x[:6] = 0.0
     none = np.zeros((6, 6))
-    settling = body.settling if body.reset_count else none
+    reference_error = body.reference_error if body.reset_count else none
     return replace(
-        body, X_WB=X_WB, x=x, P=P, feature_ids=feature_ids, unseen=none, settling=settling
+        body,
+        X_WB=X_WB,
+        x=x,
+        P=P,
+        feature_ids=feature_ids,
+        unseen_growth=none,
+        reference_error=reference_error,
     )

@@ -121,7 +121,7 @@ def body_motions(state: InteractedState) -> BodyMotions:
                 p_BF_covariance=(
                     np.zeros((0, 0)) if sighting is None else covariance_of(sighting.body, rows)
                 ),
-                lasting_covariance=body.unseen + body.settling,
+                lasting_covariance=body.unseen_growth + body.reference_error,
                 anchored=body.reset_count,
                 offset_covariance=body.offset,
                 seen=None if sighting is None else sighting.pose,
@@ -214,28 +214,28 @@ class InteractedBodyMotion(RecursiveFilter):
     def _check(config: InteractedBodyMotionConfig) -> None:
         units = {
             "period": "s",
-            "hand_error_time": "s",
-            "settling_rotation": "rad",
-            "settling_translation": "m",
-            "settling_time": "s",
-            "view_settling_rotation": "rad",
-            "view_settling_translation": "m",
+            "hand_correlation_time": "s",
+            "reference_rotation_error": "rad",
+            "reference_translation_error": "m",
+            "reference_error_time": "s",
+            "reset_rotation_error": "rad",
+            "reset_translation_error": "m",
             "lever": "m/rad",
             "hinge_curvature": "rad/m",
             "rotation_velocity_noise": "rad/s",
             "translation_velocity_noise": "m/s",
             "landmark_rotation_floor": "rad",
             "landmark_translation_floor": "m",
-            "surprise": "",
-            "surprise_rotation": "rad",
-            "surprise_translation": "m",
+            "jump_gate": "",
+            "jump_rotation": "rad",
+            "jump_translation": "m",
         }
         name = "InteractedBodyMotion"
         require_positive(name, config, units)
         require(config.slip_rotation >= 0, name, config, "slip_rotation", ">= 0 rad/m^0.5")
         require(config.slip_translation >= 0, name, config, "slip_translation", ">= 0 m^0.5")
         require(config.minimum_features >= 3, name, config, "minimum_features", ">= 3")
-        for share in ("inlier_share", "familiar_share"):
+        for share in ("inlier_share", "retained_share"):
             require(0 < getattr(config, share) <= 1, name, config, share, "in (0, 1]")
 
     def _calc_prior(self, context: Context, value: AbstractValue) -> None:

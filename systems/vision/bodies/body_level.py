@@ -23,8 +23,8 @@ class RigidBodyMotionConfig:
     reset_support: int = 8  # So many it needs then.
     landmark_walk: float = 5e-5  # Drift of a landmark, [m/sqrt(s)].
     turn_walk: float = 3e-4  # The same per turn of its body, [m/sqrt(rad)].
-    angular_acceleration: float = 1e-2  # Spectral density, [rad^2/s^3].
-    linear_acceleration: float = 2.5e-3  # Spectral density, [m^2/s^3].
+    angular_process_noise: float = 1e-2  # Spectral density, [rad^2/s^3].
+    linear_process_noise: float = 2.5e-3  # Spectral density, [m^2/s^3].
     initial_angular_velocity: float = 0.1  # Standard deviation at the reference, [rad/s].
     initial_linear_velocity: float = 0.02  # Standard deviation at the reference, [m/s].
     gate: float = 16.27  # Squared Mahalanobis distance of 3 dof that 0.1 % exceed.

@@ -35,7 +35,7 @@ _STILL = 5  # Ticks up to a reference that tell whether a feature was nudged bef
 
 def predict(config: RigidBodyMotionConfig, body: BodyFilter) -> BodyFilter:
     """The filter one tick later, by its velocity."""
-    acceleration = np.repeat([config.angular_acceleration, config.linear_acceleration], 3)
+    acceleration = np.repeat([config.angular_process_noise, config.linear_process_noise], 3)
     return body_filter.predict(
         body, config.period, acceleration, config.landmark_walk, config.turn_walk
     )

@@ -194,7 +194,7 @@ class RigidBodyMotion(RecursiveFilter):
 
 
 def _check(config: RigidBodyMotionConfig) -> None:
-    positive = "period rest_samples angular_acceleration linear_acceleration rotation_sigma"
+    positive = "period rest_samples angular_process_noise linear_process_noise rotation_sigma"
     positive += " initial_angular_velocity initial_linear_velocity gate moving better association"
     positive += " prior_rotation_walk prior_translation_walk jump_rotation jump_translation"
     positive += " extent neighbourhood nudged blind_rotation blind_translation"

@@ -78,7 +78,7 @@ def test_a_known_hand_error_moves_the_body_as_the_corrected_hand_would(part: str
     x = body.x.copy()
     x[rows] = error
     moved = predict_body(replace(body, x=x), after, belief, CONFIG)
-    rho = np.exp(-CONFIG.period / CONFIG.hand_error_time) if part == "n" else 1.0
+    rho = np.exp(-CONFIG.period / CONFIG.hand_correlation_time) if part == "n" else 1.0
     before_by = body.hand.bias_jacobian if part == "c" else body.hand.noise_square_root
     after_by = after.bias_jacobian if part == "c" else rho * body.hand.noise_square_root
     corrected_before = replace(

@@ -32,3 +32,28 @@ def require_positive(system: str, config: object, units: dict[str, str]) -> None
     """Refuses a config whose named fields are not above zero; `units` maps field to unit."""
     for field, unit in units.items():
         require(getattr(config, field) > 0, system, config, field, f"> 0 {unit}".rstrip())
+
+
+def require_ranges(
+    system: str,
+    config: object,
+    *,
+    positive: str = "",
+    not_negative: str = "",
+    counts: str = "",
+    shares: str = "",
+) -> None:
+    """Refuses the first field that is out of its range; each argument lists fields by name.
+
+    Args:
+        system: Name of the system, and of the part of its config.
+        config: Holds the fields.
+        positive: Fields above zero.
+        not_negative: Fields not below zero.
+        counts: Fields not below one.
+        shares: Fields above zero and not above one.
+    """
+    require_fields(system, config, positive.split(), "> 0", lambda x: x > 0)
+    require_fields(system, config, not_negative.split(), ">= 0", lambda x: x >= 0)
+    require_fields(system, config, counts.split(), ">= 1", lambda x: x >= 1)
+    require_fields(system, config, shares.split(), "in (0, 1]", lambda x: 0 < x <= 1)

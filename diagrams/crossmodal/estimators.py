@@ -18,10 +18,10 @@ from systems.proprioception.interacted_body_motion import (
     InteractedBodyMotion,
     InteractedBodyMotionConfig,
 )
-from systems.vision.bodies.body_level import RigidBodyMotionConfig
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
+from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 from systems.vision.features.feature_motion import FeatureMotion
-from systems.vision.features.feature_tracks import FeatureMotionConfig
+from systems.vision.features.feature_motion_config import FeatureMotionConfig
 
 MODALITIES = ("vision", "proprioception", "crossmodal")
 VISION_INPUTS = ("color_measured", "depth_measured", "robot_mask")

@@ -15,7 +15,6 @@ from systems.vision.bodies import body_filter, body_tracking
 from systems.vision.bodies.body_level import (
     BodyLevel,
     RestPositions,
-    RigidBodyMotionConfig,
     TrackedBody,
 )
 from systems.vision.bodies.feature_history import (
@@ -26,6 +25,7 @@ from systems.vision.bodies.feature_history import (
     squared_distances,
 )
 from systems.vision.bodies.motion_consensus import Consensus, find_consensus, stillness
+from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 
 def free_motion(
@@ -35,12 +35,12 @@ def free_motion(
 
     Zero where a feature is not free, not seen or too young to tell.
     """
-    d = displacements(history, newest=config.newest)
+    d = displacements(history, newest=config.history.newest)
     free = (history.body == STATIC_BODY) & history.seen
     free &= (d.count_new >= 2) & (d.count_old >= 5)
     distance = np.zeros(len(free))
     if free.any():
-        S = (d.C_old + d.C_new)[free] + config.feature_floor**2 * np.eye(3)
+        S = (d.C_old + d.C_new)[free] + config.history.floor**2 * np.eye(3)
         distance[free], _ = squared_distances((d.p_new - d.p_old)[free], S)
     return d, distance, free
 
@@ -65,30 +65,30 @@ def find_moving_features(
         The history with new rejection counts, the motion, and the rows of its supporters.
     """
     d, distance, free = free_motion(config, history)
-    moving = free & (distance > config.moving)
+    moving = free & (distance > config.birth.motion_gate)
     rejection_count = np.where(moving, history.rejection_count + 1, history.rejection_count)
     rejection_count = np.where(free & ~moving, 0, rejection_count)
     history = replace(history, rejection_count=rejection_count)
     none = np.zeros(0, np.int64)
-    if np.sum(moving) < config.min_support:
+    if np.sum(moving) < config.birth.min_support:
         return history, None, none
     rows = np.nonzero(free)[0]
     consensus = find_consensus(
-        _subset(d, rows, config.feature_floor),
+        _subset(d, rows, config.history.floor),
         distance[rows],
         np.nonzero(moving[rows])[0],
-        np.random.default_rng([config.seed, tick]),
+        np.random.default_rng([config.birth.seed, tick]),
         gate=config.gate,
-        better=config.better,
-        rotation_sigma=config.rotation_sigma,
+        support_gate=config.birth.support_gate,
+        rotation_sigma=config.birth.rotation_sigma,
     )
     if consensus is None:
         return history, None, none
     supporters = rows[consensus.support]
-    if len(supporters) < config.min_support or consensus.gain < config.min_gain:
+    if len(supporters) < config.birth.min_support or consensus.gain < config.birth.min_gain:
         return history, None, none
     p = d.p_old[supporters]
-    if np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))) < config.min_spread:
+    if np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))) < config.birth.min_spread:
         return history, None, none
     if not outnumbers(config, history, d, consensus.X, supporters):
         return history, None, none
@@ -111,12 +111,12 @@ def outnumbers(
     told[supporters] = False
     others = np.nonzero(told)[0]
     error = d.p_new[others] - d.p_old[others] @ X[:3, :3].T - X[:3, 3]
-    S = d.C_old[others] + d.C_new[others] + config.feature_floor**2 * np.eye(3)
+    S = d.C_old[others] + d.C_new[others] + config.history.floor**2 * np.eye(3)
     against = others[squared_distances(error, S)[0] > config.gate]
 
     def neighbours(rows: Ids) -> int:
         difference = d.p_new[supporters][:, None] - d.p_new[rows]
-        return int(np.sum(np.sum(difference**2, axis=2) < config.neighbourhood**2))
+        return int(np.sum(np.sum(difference**2, axis=2) < config.birth.neighbourhood**2))
 
     return neighbours(supporters) > neighbours(against)
 
@@ -129,7 +129,7 @@ def onset(
     Without any still tick it is the first one at which most of them were seen.
     """
     window = history.p_W.shape[1]
-    d = displacements(history.select(rows), newest=config.newest)
+    d = displacements(history.select(rows), newest=config.history.newest)
     motion = d.p_old @ X[:3, :3].T + X[:3, 3] - d.p_old
     share, sigma = stillness(history.p_W[rows], history.information[rows], d.p_old, motion)
     # The earlier mean may hold moving samples; zero is where the shares start.
@@ -153,7 +153,7 @@ def first_positions(
     return RestPositions(
         ids=history.ids[seen],
         p_WF=history.p_W[seen, reference],
-        covariance=covariance + config.landmark_floor**2 * np.eye(3),
+        covariance=covariance + config.landmarks.floor**2 * np.eye(3),
     )
 
 
@@ -169,11 +169,11 @@ def new_body(
     else:
         rest = first_positions(config, history.select(rows), reference)
     _, placed, of_rest = np.intersect1d(history.ids[rows], rest.ids, return_indices=True)
-    placed, of_rest = placed[: config.max_landmarks], of_rest[: config.max_landmarks]
+    placed, of_rest = placed[: config.landmarks.max_count], of_rest[: config.landmarks.max_count]
     mine = history.select(rows[placed])
     X_WB_reference = np.eye(4)
     X_WB_reference[:3, 3] = rest.p_WF[of_rest].mean(axis=0)
-    sigma = np.repeat([config.initial_angular_velocity, config.initial_linear_velocity], 3)
+    sigma = config.dynamics.initial_velocity
     body = body_filter.at_reference(X_WB_reference, sigma if stood else 5.0 * sigma)
     body = body_filter.add_reference_landmarks(
         body, mine.ids, X_WB_reference, rest.p_WF[of_rest], rest.covariance[of_rest]
@@ -206,7 +206,7 @@ def is_interacted(
 ) -> bool:
     """Whether a motion X (4, 4) since the reference may be that of the body in the hand."""
     error = se3.log(se3.inverse(X @ body.X_WB_reference) @ prior.X)
-    slack = np.repeat([config.prior_rotation_walk, config.prior_translation_walk], 3)
+    slack = config.held_body.prior_walk
     S = prior.covariance + np.diag(slack**2)
     return bool(error @ np.linalg.solve(S, error) < 22.46)  # 0.1 % of 6 dof exceed it.
 

@@ -18,7 +18,6 @@ from systems.vision.bodies.body_filter import BodyFilter
 from systems.vision.bodies.body_level import (
     BodyLevel,
     RestPositions,
-    RigidBodyMotionConfig,
     TrackedBody,
 )
 from systems.vision.bodies.feature_history import (
@@ -29,15 +28,16 @@ from systems.vision.bodies.feature_history import (
     remember,
     squared_distances,
 )
+from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 _STILL = 5  # Ticks up to a reference that tell whether a feature was nudged before.
 
 
 def predict(config: RigidBodyMotionConfig, body: BodyFilter) -> BodyFilter:
     """The filter one tick later, by its velocity."""
-    acceleration = np.repeat([config.angular_process_noise, config.linear_process_noise], 3)
+    acceleration = config.dynamics.process_noise
     return body_filter.predict(
-        body, config.period, acceleration, config.landmark_walk, config.turn_walk
+        body, config.period, acceleration, config.landmarks.walk, config.landmarks.turn_walk
     )
 
 
@@ -110,9 +110,9 @@ def _agreeing(
 ) -> tuple[BodyFilter, Mask]:
     """The features that agree; where most do not, after a jump of the pose, if they do then."""
     fits = body_filter.agreeing(body, landmarks, p_WF, covariance, config.gate)
-    if len(fits) < config.min_support or np.mean(fits) > 0.5:
+    if len(fits) < config.birth.min_support or np.mean(fits) > 0.5:
         return body, fits
-    sigma = np.repeat([config.jump_rotation, config.jump_translation], 3)
+    sigma = config.dynamics.jump
     jumped = body_filter.inflated(body, sigma)
     again = body_filter.agreeing(jumped, landmarks, p_WF, covariance, config.gate)
     return (jumped, again) if np.mean(again) > 0.6 else (body, fits)
@@ -146,7 +146,7 @@ def _coasted(
     """Without features: follow the interacted body's prior, else the velocity."""
     for source, candidate in candidates:
         if source == "prior":
-            walk = np.repeat([config.prior_rotation_walk, config.prior_translation_walk], 3)
+            walk = config.held_body.prior_walk
             moved = body_filter.carried(old, candidate.X, config.period, walk)
             return _recorded(config, body, moved, source, 0)
     return _recorded(config, body, candidates[0][1], "velocity", 0)
@@ -178,7 +178,7 @@ def rest_positions(
         )
         nudged = np.nonzero(valid)[0][distance > config.gate]
         p[nudged], C[nudged] = short.p_old[nudged], short.C_old[nudged]
-    C = C + config.landmark_floor**2 * np.eye(3)
+    C = C + config.landmarks.floor**2 * np.eye(3)
     return RestPositions(ids=history.ids[valid], p_WF=p[valid], covariance=C[valid])
 
 
@@ -201,7 +201,7 @@ def without_nudges(
         return history
     S = now.C_old[told] + before.C_old[told]
     distance, _ = squared_distances(now.p_old[told] - before.p_old[told], S)
-    rows = told[distance > config.nudged]
+    rows = told[distance > config.held_body.nudge_gate]
     return forget(history, rows, ticks)
 
 
@@ -215,7 +215,7 @@ def with_new_landmarks(
     """
     waiting = (history.body == body.body_id) & history.seen
     waiting &= ~np.isin(history.ids, body.filter.ids)
-    room = config.max_landmarks - len(body.filter.ids)
+    room = config.landmarks.max_count - len(body.filter.ids)
     if room <= 0 or not waiting.any():
         return body
     rows = np.nonzero(waiting)[0]
@@ -237,10 +237,10 @@ def with_new_landmarks(
     late = rows[late[: room - len(first)]]
     p_WF, covariance = newest_samples(history, late)
     if len(filtered.ids) == 0:
-        if len(late) < config.reset_support:
+        if len(late) < config.landmarks.reset_support:
             return body
         filtered = body_filter.with_known_pose(filtered)
-        covariance = covariance + config.reset_floor**2 * np.eye(3)
+        covariance = covariance + config.landmarks.reset_floor**2 * np.eye(3)
         body = replace(body, reset_count=body.reset_count + 1)
     filtered = body_filter.add_current_landmarks(filtered, history.ids[late], p_WF, covariance)
     path = np.concatenate([body.path[:-1], filtered.X[None]])
@@ -261,14 +261,14 @@ def interacted_body(
     config: RigidBodyMotionConfig, prior: PoseBelief, history: FeatureHistory, tick: int
 ) -> TrackedBody:
     """The interacted body at its first tick, which is its reference."""
-    sigma = np.repeat([config.initial_angular_velocity, config.initial_linear_velocity], 3)
+    sigma = config.dynamics.initial_velocity
     return TrackedBody(
         body_id=INTERACTED_BODY,
         filter=body_filter.at_reference(prior.X, sigma),
         X_WB_reference=prior.X,
         reference_tick=tick,
         rest=rest_positions(config, history, tick, tick),
-        path=np.tile(prior.X, (config.window, 1, 1)),
+        path=np.tile(prior.X, (config.history.window, 1, 1)),
         source="prior",
         held_since=tick,
     )
@@ -278,7 +278,7 @@ def follow_prior(
     config: RigidBodyMotionConfig, body: TrackedBody, prior: PoseBelief
 ) -> TrackedBody:
     """The interacted body before it has any feature: it is where the prior says."""
-    sigma = np.repeat([config.initial_angular_velocity, config.initial_linear_velocity], 3)
+    sigma = config.dynamics.initial_velocity
     filtered = body_filter.at_reference(prior.X, sigma)
     filtered.P[:6, :6] = prior.covariance
     V = se3.log(se3.inverse(body.filter.X) @ prior.X) / config.period
@@ -338,7 +338,7 @@ def remember_features(
         level.history,
         features,
         level.tick + 1,
-        floor=config.feature_floor,
-        memory=config.memory,
-        rest_samples=config.rest_samples,
+        floor=config.history.floor,
+        memory=config.history.memory,
+        rest_samples=config.history.rest_samples,
     )

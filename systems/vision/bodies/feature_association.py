@@ -7,7 +7,7 @@ import numpy as np
 from maths.arrays import Array, Ids
 from systems.port_values import INTERACTED_BODY, STATIC_BODY, PoseBelief
 from systems.vision.bodies import body_filter
-from systems.vision.bodies.body_level import RigidBodyMotionConfig, TrackedBody
+from systems.vision.bodies.body_level import TrackedBody
 from systems.vision.bodies.body_tracking import corrected, follow_prior, is_active
 from systems.vision.bodies.feature_history import (
     OUTLIER,
@@ -16,6 +16,7 @@ from systems.vision.bodies.feature_history import (
     forget,
     squared_distances,
 )
+from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 
 def body_against_static(
@@ -30,17 +31,17 @@ def body_against_static(
     use_rest = history.rest_until <= body.reference_tick
     moving = displacements(
         history,
-        newest=config.newest,
+        newest=config.history.newest,
         X_WB=body.path,
         use_rest=use_rest,
         X_WB_rest=body.X_WB_reference,
     )
-    standing = displacements(history, newest=config.newest, use_rest=use_rest)
+    standing = displacements(history, newest=config.history.newest, use_rest=use_rest)
     enough = history.seen & (moving.count_new >= 2) & (moving.count_old >= 4)
     ratio, fit = np.zeros(len(enough)), np.full(len(enough), np.inf)
     if not enough.any():
         return ratio, fit
-    floor = config.feature_floor**2 * np.eye(3)
+    floor = config.history.floor**2 * np.eye(3)
     J = body_filter.pose_jacobian(moving.p_new[enough])
     pose = J @ body.filter.P[:6, :6] @ J.transpose(0, 2, 1)
     S = (moving.C_old + moving.C_new)[enough] + pose + floor
@@ -73,7 +74,7 @@ def take_the_handle_along(
     """
     moved = displacements(
         history.select(rows),
-        newest=config.newest,
+        newest=config.history.newest,
         X_WB=body.path,
         use_rest=np.zeros(len(rows), bool),
         X_WB_rest=body.X_WB_reference,
@@ -86,9 +87,9 @@ def take_the_handle_along(
     information = J.T @ J
     twist = np.linalg.lstsq(information, J.T @ rest, rcond=1e-9)[0]
     residual = rest - J @ twist
-    variance = max(float(np.mean(residual**2)), config.handle_noise**2)
+    variance = max(float(np.mean(residual**2)), config.held_body.handle_noise**2)
     covariance = variance * np.linalg.pinv(information)[3:, 3:]
-    covariance += config.handle_way**2 * np.eye(3)
+    covariance += config.held_body.handle_error**2 * np.eye(3)
     return bool(twist[3:] @ np.linalg.solve(covariance, twist[3:]) < config.gate)
 
 
@@ -103,7 +104,7 @@ def without_followers_of_another(
     Only features that would outnumber those which support the interacted body have to show it.
     """
     best = np.argmax(ratios, axis=0)
-    wants = ratios[best, np.arange(len(history.ids))] > config.association
+    wants = ratios[best, np.arange(len(history.ids))] > config.association.log_ratio
     wants &= history.body != INTERACTED_BODY
     for i, body in enumerate(bodies):
         rows = np.nonzero(wants & (best == i))[0]
@@ -124,8 +125,8 @@ def is_blind(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
         return False
     variance = np.diagonal(body.filter.P)[:6]
     return bool(
-        np.sum(variance[:3]) > config.blind_rotation**2
-        or np.sum(variance[3:]) > config.blind_translation**2
+        np.sum(variance[:3]) > config.held_body.blind_rotation**2
+        or np.sum(variance[3:]) > config.held_body.blind_translation**2
     )
 
 
@@ -142,13 +143,15 @@ def associate(
     ids = np.array([body.body_id for body in bodies])
     ratios = np.array([np.where(fit < config.gate, ratio, -np.inf) for ratio, fit in tests])
     distances = np.array([_distances(history, body.body_id) for body in bodies])
-    ratios -= np.minimum(0.5 * (distances / config.extent) ** 2, config.max_penalty)
+    ratios -= np.minimum(
+        0.5 * (distances / config.association.extent) ** 2, config.association.max_penalty
+    )
     ratios = without_followers_of_another(config, bodies, history, ratios)
     best = np.argmax(ratios, axis=0)
     highest = ratios[best, np.arange(len(history.ids))]
     assigned = history.body.copy()
     blind = np.array([is_blind(config, body) for body in bodies])
-    joins = (history.body == STATIC_BODY) & (highest > config.association) & ~blind[best]
+    joins = (history.body == STATIC_BODY) & (highest > config.association.log_ratio) & ~blind[best]
     for i, body_id in enumerate(ids):
         first = joins & (best == i)
         # A body that has no feature yet gets several at once, or an outlier would steer it.
@@ -157,9 +160,9 @@ def associate(
     assigned[joins] = ids[best[joins]]
     for i, (ratio, _) in enumerate(tests):
         mine = history.body == ids[i]
-        assigned[mine & (ratio < -config.association)] = STATIC_BODY
+        assigned[mine & (ratio < -config.association.log_ratio)] = STATIC_BODY
         # Another moving body explains it better than its own.
-        moves = mine & (highest > np.maximum(ratio, 0.0) + config.association)
+        moves = mine & (highest > np.maximum(ratio, 0.0) + config.association.log_ratio)
         moves &= ~blind[best]
         assigned[moves] = ids[best[moves]]
     changed = assigned != history.body
@@ -180,18 +183,18 @@ def merged(
         for older in kept:
             if body.reference_tick < older.held_since:
                 continue  # Identification keeps what was seen before the hand closed.
-            if older.body_id == INTERACTED_BODY and body.supported > config.window:
+            if older.body_id == INTERACTED_BODY and body.supported > config.history.window:
                 continue  # What the hand carries blindly may be anywhere; the body is not.
             ratio, fit = body_against_static(config, older, history)
-            told = mine & (np.abs(ratio) > config.association)
+            told = mine & (np.abs(ratio) > config.association.log_ratio)
             if np.sum(told) < config.keep_support or body.body_id == INTERACTED_BODY:
                 continue
-            shared = told & (ratio > config.association) & (fit < config.gate)
+            shared = told & (ratio > config.association.log_ratio) & (fit < config.gate)
             rows = np.nonzero(shared)[0]
             outnumbered = older.body_id == INTERACTED_BODY and len(rows) > older.support
             if outnumbered and not take_the_handle_along(config, older, history, rows):
                 continue
-            if np.sum(shared) >= config.merging_share * np.sum(told):
+            if np.sum(shared) >= config.association.merging_share * np.sum(told):
                 assigned[mine], rejection_count[mine] = older.body_id, 0
                 absorbed = True
                 break
@@ -209,7 +212,7 @@ def without_outliers(
         others = history.ids[history.body != body.body_id]
         outliers = body.filter.ids[np.isin(body.filter.ids, others)]
         if len(outliers):
-            sigma = np.repeat([config.jump_rotation, config.jump_translation], 3)
+            sigma = config.dynamics.jump
             filtered = body_filter.reset_to_initial(
                 body_filter.remove_landmarks(body.filter, outliers), sigma
             )
@@ -224,7 +227,7 @@ def is_at_hand(config: RigidBodyMotionConfig, body: TrackedBody, prior: PoseBeli
     error = R_BW @ (body.filter.X[:3, 3] - prior.X[:3, 3])
     turned = R_BW @ body.filter.X[:3, :3]
     S = prior.covariance[3:, 3:] + turned @ body.filter.P[3:6, 3:6] @ turned.T
-    S = S + config.prior_translation_walk**2 * np.eye(3)
+    S = S + config.held_body.prior_translation_walk**2 * np.eye(3)
     return bool(error @ np.linalg.solve(S, error) < config.gate)
 
 
@@ -264,7 +267,7 @@ def reject_outliers(
     rejected = (
         ~outlier
         & (history.body != STATIC_BODY)
-        & (history.rejection_count >= config.max_rejections)
+        & (history.rejection_count >= config.association.max_rejections)
     )
     rejection_count = np.where(outlier, history.rejection_count + 1, history.rejection_count)
     return replace(
@@ -283,7 +286,7 @@ def reset_tracks(
     """
     numbers = [STATIC_BODY, OUTLIER, *(body.body_id for body in bodies)]
     unbound = (history.body == STATIC_BODY) | (history.body == OUTLIER)
-    rows = unbound & (history.rejection_count >= config.max_free_rejections)
+    rows = unbound & (history.rejection_count >= config.association.max_free_rejections)
     rows |= ~np.isin(history.body, numbers)
     if not rows.any():
         return history

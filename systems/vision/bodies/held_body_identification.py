@@ -10,8 +10,9 @@ from maths.arrays import Array
 from maths.gaussian import nees
 from systems.port_values import INTERACTED_BODY, PoseBelief
 from systems.vision.bodies.body_filter import BodyFilter
-from systems.vision.bodies.body_level import RigidBodyMotionConfig, TrackedBody
+from systems.vision.bodies.body_level import TrackedBody
 from systems.vision.bodies.feature_history import FeatureHistory
+from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 _CHANCE = 22.46  # Squared distance of 6 dof that 0.1 % exceed.
 
@@ -64,14 +65,14 @@ def moves_with_hand(
     X_seen = displacement(body, age) @ X_start
     moved = se3.log(se3.inverse(X_start) @ X_seen)
     error = se3.log(se3.inverse(X_seen) @ prior.X)
-    slack = np.repeat([config.prior_rotation_walk, config.prior_translation_walk], 3)
+    slack = config.held_body.prior_walk
     way = np.linalg.norm(prior.X[:3, 3] - X_start[:3, 3])
     missed = np.linalg.norm(prior.X[:3, 3] - X_seen[:3, 3])
     return bool(
         nees(moved, covariance) > _CHANCE
         and nees(error, covariance + prior.covariance + np.diag(slack**2)) < _CHANCE
-        and way > config.identification_travel
-        and missed < config.identification_miss * way
+        and way > config.held_body.identification_way
+        and missed < config.held_body.identification_share * way
     )
 
 
@@ -92,7 +93,7 @@ def identify_held_body(
     if held is None or prior is None or not np.isfinite(prior.X).all():
         return bodies, history
     age = tick - held.held_since
-    if not 0 < age < config.window:
+    if not 0 < age < config.history.window:
         return bodies, history
     for body in bodies:
         seen_longer = len(body.filter.ids) > len(held.filter.ids)

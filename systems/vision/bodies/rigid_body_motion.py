@@ -6,7 +6,6 @@ from pydrake.systems.sensors import CameraInfo
 
 from maths import se3
 from maths.arrays import Array
-from systems.checks import require_fields
 from systems.port_values import (
     NO_POSE,
     STATIC_BODY,
@@ -24,12 +23,15 @@ from systems.vision.bodies import body_tracking, feature_association
 from systems.vision.bodies.body_birth import give_birth
 from systems.vision.bodies.body_level import (
     BodyLevel,
-    RigidBodyMotionConfig,
     TrackedBody,
     no_bodies,
 )
 from systems.vision.bodies.feature_history import displacements
 from systems.vision.bodies.held_body_identification import identify_held_body
+from systems.vision.bodies.rigid_body_motion_config import (
+    RigidBodyMotionConfig,
+    check_rigid_body_motion,
+)
 
 
 def step(
@@ -165,7 +167,7 @@ class RigidBodyMotion(RecursiveFilter):
         with_interacted_body: bool = False,
     ) -> None:
         super().__init__()
-        _check(config)
+        check_rigid_body_motion(config)
         self._config = config
         self._intrinsics = camera_geometry.intrinsics_vector(camera)
         self._X_CW = se3.inverse(np.array(X_WC, dtype=float))
@@ -191,21 +193,3 @@ class RigidBodyMotion(RecursiveFilter):
 
     def _predicted(self, level: BodyLevel) -> FeatureBelief:
         return predicted_features(self._config, level, self._intrinsics, self._X_CW)
-
-
-def _check(config: RigidBodyMotionConfig) -> None:
-    positive = "period rest_samples angular_process_noise linear_process_noise rotation_sigma"
-    positive += " initial_angular_velocity initial_linear_velocity gate moving better association"
-    positive += " prior_rotation_walk prior_translation_walk jump_rotation jump_translation"
-    positive += " extent neighbourhood nudged blind_rotation blind_translation"
-    floors = "feature_floor landmark_floor reset_floor landmark_walk turn_walk max_penalty min_gain"
-    floors += " min_spread patience memory max_rejections max_free_rejections seed"
-    counts = "newest min_support keep_support reset_support"
-    name = "RigidBodyMotion"
-    require_fields(name, config, positive.split(), "> 0", lambda x: x > 0)
-    require_fields(name, config, floors.split(), ">= 0", lambda x: x >= 0)
-    require_fields(name, config, counts.split(), ">= 1", lambda x: x >= 1)
-    require_fields(name, config, ["merging_share"], "in (0, 1]", lambda x: 0 < x <= 1)
-    require_fields(name, config, ["max_landmarks"], ">= 3", lambda x: x >= 3)
-    least = config.newest + 8
-    require_fields(name, config, ["window"], f">= newest + 8 = {least}", lambda x: x >= least)

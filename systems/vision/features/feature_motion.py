@@ -6,13 +6,15 @@ from pydrake.systems.framework import Context
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from maths.arrays import Array
-from systems.checks import require_fields
 from systems.port_values import no_features
 from systems.recursive_filter import RecursiveFilter
 from systems.vision import camera_geometry
 from systems.vision.features import feature_detection
-from systems.vision.features.feature_tracks import (
+from systems.vision.features.feature_motion_config import (
     FeatureMotionConfig,
+    check_feature_motion,
+)
+from systems.vision.features.feature_tracks import (
     FeatureTracks,
     Frame,
     belief,
@@ -69,12 +71,12 @@ class FeatureMotion(RecursiveFilter):
 
     def __init__(self, config: FeatureMotionConfig, camera: CameraInfo, X_WC: Array) -> None:
         super().__init__()
-        _check(config)
+        check_feature_motion(config)
         self._config = config
         self._intrinsics = camera_geometry.intrinsics_vector(camera)
         self._X_WC = np.array(X_WC, dtype=float)
         size = camera.width(), camera.height()
-        side = 2 * config.robot_border + 1
+        side = 2 * config.tracks.robot_border + 1
         self._border = np.ones((side, side), np.uint8)
 
         self._color = self._declare_value_input("color_measured", ImageRgba8U(*size))
@@ -104,31 +106,3 @@ class FeatureMotion(RecursiveFilter):
             intrinsics=self._intrinsics,
             X_WC=self._X_WC,
         )
-
-
-def _check(config: FeatureMotionConfig) -> None:
-    positive = "period min_contrast reach flow_error min_distance depth_step patch_radius"
-    positive += " max_missed max_blackout"
-    positive += " corner_noise_factor depth_correlated_pixels pixel_correlated depth_radius"
-    floors = "depth_noise depth_noise_growth depth_noise_range depth_floor pixel_floor"
-    floors += " tentative_ticks failure_pause shape_change renewal_shape robot_border"
-    floors += " max_flow_features max_blackout_flow flow_levels"
-    correlations = "tentative_correlation min_correlation renewal_correlation"
-    shares = "blackout_share depth_share min_shape"
-    require_fields("FeatureMotion", config, positive.split(), "> 0", lambda x: x > 0)
-    require_fields("FeatureMotion", config, floors.split(), ">= 0", lambda x: x >= 0)
-    for names in (correlations, shares):
-        require_fields("FeatureMotion", config, names.split(), "in (0, 1)", lambda x: 0 < x < 1)
-    require_fields("FeatureMotion", config, ["max_incidence"], "in (0, pi/2) rad", _is_acute)
-    require_fields(
-        "FeatureMotion",
-        config,
-        ["max_features", "shape_ticks", "birth_ticks"],
-        ">= 1",
-        lambda x: x >= 1,
-    )
-    require_fields("FeatureMotion", config, ["flow_window"], ">= 3 px", lambda x: x >= 3)
-
-
-def _is_acute(angle: float) -> bool:
-    return 0.0 < angle < np.pi / 2

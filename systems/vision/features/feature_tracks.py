@@ -12,54 +12,10 @@ from maths.immutable import Immutable
 from systems.port_values import FeatureBelief
 from systems.vision import camera_geometry
 from systems.vision.features import feature_detection, patch_registration
+from systems.vision.features.feature_motion_config import FeatureMotionConfig
 from systems.vision.features.patch_registration import Image, Mask, Templates
 
 Byte = npt.NDArray[np.uint8]
-
-
-@dataclass(kw_only=True)
-class FeatureMotionConfig:
-    """How features are found, followed and located; the defaults suit a 640x480 RGB-D camera."""
-
-    period: float = 1.0 / 15.0  # Update period, [s].
-    max_features: int = 200  # Features that exist at a time.
-    min_distance: int = 10  # Between features, [px].
-    patch_radius: int = 7  # Templates are 2 radius + 1 wide, [px].
-    corner_noise_factor: float = 15.0  # Corner strength over that of the image's noise.
-    min_contrast: float = 2.5  # Standard deviation of a patch, [grey levels].
-    min_correlation: float = 0.8  # ZNCC below which a feature is not seen.
-    birth_ticks: int = 2  # New features are looked for every so many ticks, [ticks].
-    tentative_ticks: int = 3  # A feature so young has to be recognised at every tick, [ticks].
-    tentative_correlation: float = 0.92  # ZNCC below which a young one is not worth following.
-    failure_pause: int = 60  # Nothing is born for so long where one failed, [ticks].
-    renewal_correlation: float = 0.88  # ZNCC below which a reshaped patch's template is renewed.
-    renewal_shape: float = 0.3  # Logarithm of the change of size that makes it reshaped.
-    shape_change: float = 0.04  # Relative change of a patch's shape per update of it, 1 sigma.
-    shape_ticks: int = 3  # A patch's shape is updated every so many ticks of its age, [ticks].
-    reach: float = 6.0  # Farthest a registration moves from its start, [px].
-    flow_window: int = 21  # Window of the pyramidal Lucas-Kanade tracker, [px].
-    flow_levels: int = 3  # Its pyramid levels above the image.
-    flow_error: float = 1.5  # Its forward-backward error, [px].
-    max_flow_features: int = 200  # Failed features that it is asked for, per tick.
-    max_blackout_flow: int = 40  # The same while the blackout lasts.
-    robot_border: int = 8  # Features die so near to the robot's mask, [px].
-    max_missed: float = 15.0  # A feature dies unseen after so many ticks, [ticks].
-    max_blackout: float = 45.0  # The same if nearly all features are unseen, [ticks].
-    blackout_share: float = 0.2  # Share of features seen below which it is a blackout.
-    depth_noise: float = 1.2e-3  # Depth noise of a pixel at depth_noise_range, [m].
-    depth_noise_growth: float = 1.9e-3  # Its growth with the square of the distance, [1/m].
-    depth_noise_range: float = 0.4  # [m].
-    depth_floor: float = 2e-4  # Depth error that averaging over a patch leaves, [m].
-    depth_correlated_pixels: float = 50.0  # Neighbours whose depth noise is one and the same.
-    depth_radius: int = 7  # A surface is fitted to a window of 2 radius + 1, [px].
-    depth_share: float = 0.85  # Share of that window that has to lie on the surface.
-    max_incidence: float = (
-        1.15  # Angle of a ray to a surface's normal beyond which it is lost, [rad].
-    )
-    min_shape: float = 0.4  # Size to which a patch may shrink in one direction.
-    depth_step: float = 0.02  # Jump between neighbours that makes a depth edge, [m].
-    pixel_floor: float = 0.05  # Registration error that does not show in the residual, [px].
-    pixel_correlated: float = 4.0  # Pixels of the blurred image whose noise is one.
 
 
 @dataclass(kw_only=True)
@@ -121,7 +77,7 @@ class FeatureTracks(Immutable):
 
 
 def no_tracks(config: FeatureMotionConfig) -> FeatureTracks:
-    n = (2 * config.patch_radius + 1) ** 2
+    n = (2 * config.registration.patch_radius + 1) ** 2
     return FeatureTracks(
         ids=np.zeros(0, np.int64),
         uv=np.zeros((0, 2)),
@@ -143,7 +99,7 @@ def no_tracks(config: FeatureMotionConfig) -> FeatureTracks:
         uv_image=np.zeros((0, 2)),
         blackout=False,
         failed=np.zeros((0, 3)),
-        since_birth=config.birth_ticks,
+        since_birth=config.detection.interval,
     )
 
 
@@ -186,25 +142,25 @@ def locate(
     """Positions p_WF (N, 3), covariances (N, 3, 3), tangents in C (N, 3, 2), validity (N,)."""
     noise = np.array(
         [
-            config.depth_noise,
-            config.depth_noise_growth,
-            config.depth_noise_range,
-            config.depth_floor,
+            config.depth.noise,
+            config.depth.noise_growth,
+            config.depth.noise_range,
+            config.depth.floor,
         ]
     )
     planes, variances, valid = camera_geometry.fit_surfaces(
         frame.depth,
         uv,
-        config.depth_radius,
+        config.depth.radius,
         noise,
-        config.depth_correlated_pixels,
-        config.depth_share,
+        config.depth.correlated_pixels,
+        config.depth.min_share,
     )
     planes[~valid] = [1.0, 0.0, 0.0]
     p_CF, covariance, tangents = camera_geometry.surface_points(
         uv, uv_covariance, planes, variances, frame.intrinsics
     )
-    valid &= camera_geometry.incidence_cosines(p_CF, tangents) > np.cos(config.max_incidence)
+    valid &= camera_geometry.incidence_cosines(p_CF, tangents) > np.cos(config.depth.max_incidence)
     R_WC = frame.X_WC[:3, :3]
     return camera_geometry.transform(frame.X_WC, p_CF), R_WC @ covariance @ R_WC.T, tangents, valid
 
@@ -253,17 +209,17 @@ def flow(config: FeatureMotionConfig, before: Image, after: Image, uv: Array) ->
     if len(uv) == 0:
         return uv, np.zeros(0, bool)
     images = locally_normalised(before), locally_normalised(after)
-    window = (config.flow_window, config.flow_window)
+    window = (config.flow.window, config.flow.window)
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.03)
     start = uv.astype(np.float32).reshape(-1, 1, 2)
     forward, found, _ = cv2.calcOpticalFlowPyrLK(
-        *images, start, None, winSize=window, maxLevel=config.flow_levels, criteria=criteria
+        *images, start, None, winSize=window, maxLevel=config.flow.levels, criteria=criteria
     )
     back, returned, _ = cv2.calcOpticalFlowPyrLK(
-        *images[::-1], forward, None, winSize=window, maxLevel=config.flow_levels, criteria=criteria
+        *images[::-1], forward, None, winSize=window, maxLevel=config.flow.levels, criteria=criteria
     )
     error = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
-    success = (found.ravel() > 0) & (returned.ravel() > 0) & (error < config.flow_error)
+    success = (found.ravel() > 0) & (returned.ravel() > 0) & (error < config.flow.max_error)
     return forward.reshape(-1, 2).astype(float), success
 
 
@@ -282,8 +238,8 @@ def search(
 ) -> Registration:
     """Registers all features; those that fail start once more from pyramidal Lucas-Kanade."""
     uv_start, expected = _starts(tracks, frame, predicted)
-    due = (tracks.age + tracks.ids) % config.shape_ticks == 0
-    shape_sigma = np.where(due, config.shape_change, 0.0)
+    due = (tracks.age + tracks.ids) % config.registration.shape_interval == 0
+    shape_sigma = np.where(due, config.registration.shape_change, 0.0)
 
     def register(index: Ids, start: Array) -> tuple[Array, Array, Array]:
         return patch_registration.register_patches(
@@ -291,17 +247,17 @@ def search(
             tracks.templates if len(index) == len(tracks.ids) else tracks.templates.select(index),
             (expected @ tracks.shapes)[index],
             start,
-            reach=config.reach,
+            reach=config.registration.reach,
             shape_sigma=shape_sigma[index],
         )
 
     uv, scores, warps = register(np.arange(len(tracks.ids)), uv_start)
     known = np.isfinite(tracks.uv_image[:, 0])
-    failed = np.nonzero((scores < config.min_correlation) & known)[0]
+    failed = np.nonzero((scores < config.registration.min_correlation) & known)[0]
     if tracks.image is not None and len(failed):
         # Fair over time: those unseen for longest have had their chance.
         order = np.argsort(tracks.missed[failed], kind="stable")
-        most = config.max_blackout_flow if tracks.blackout else config.max_flow_features
+        most = config.flow.max_blackout_features if tracks.blackout else config.flow.max_features
         failed = failed[order][:most]
         moved, success = flow(config, tracks.image, frame.image, tracks.uv_image[failed])
         again = failed[success]
@@ -321,20 +277,24 @@ def follow(
         return replace(tracks, image=frame.image, blackout=False)
     found = search(config, tracks, frame, predicted)
     uv_covariance = patch_registration.registration_covariance(
-        tracks.templates, found.warps, found.scores, config.pixel_correlated, config.pixel_floor
+        tracks.templates,
+        found.warps,
+        found.scores,
+        config.registration.correlated_pixels,
+        config.registration.pixel_floor,
     )
     p_WF, covariance, tangents, on_surface = locate(config, frame, found.uv, uv_covariance)
     sizes = np.linalg.svd(found.warps, compute_uv=False)
-    shrunk = sizes[:, 1] < config.min_shape
+    shrunk = sizes[:, 1] < config.registration.min_shape
     contrast = patch_registration.patch_contrasts(
         frame.image, tracks.templates, found.warps, found.uv
     )
     # A smooth template finds its like in noise, sooner or later.
     visible = contrast > 2.0 * feature_detection.BLUR_GAIN * frame.noise
-    seen = (found.scores >= config.min_correlation) & visible & on_surface & ~shrunk
+    seen = (found.scores >= config.registration.min_correlation) & visible & on_surface & ~shrunk
     before = int(np.sum(tracks.missed == 0)) if not tracks.blackout else len(tracks.ids)
-    blackout = before >= 10 and np.sum(seen) < config.blackout_share * before
-    waited = config.max_missed / config.max_blackout if blackout else 1.0
+    blackout = before >= 10 and np.sum(seen) < config.tracks.blackout_share * before
+    waited = config.tracks.max_missed / config.tracks.max_blackout if blackout else 1.0
 
     fresh = replace(
         tracks,
@@ -351,9 +311,9 @@ def follow(
         fresh = replace(
             fresh, image=frame.image, uv_image=np.where(seen[:, None], fresh.uv, np.nan)
         )
-        worn = seen & (found.scores < config.renewal_correlation)
+        worn = seen & (found.scores < config.registration.renewal_correlation)
         # Without a change of shape, what no longer looks the same is not the same.
-        worn &= np.max(np.abs(np.log(sizes)), axis=1) > config.renewal_shape
+        worn &= np.max(np.abs(np.log(sizes)), axis=1) > config.registration.renewal_shape
         fresh = _renew(config, fresh, frame, tangents, worn)
         fresh, passed = _confirm(config, fresh, found.scores)
         fresh = fresh.select(passed)
@@ -367,9 +327,11 @@ def _confirm(
 
     A young patch differs from its template by noise alone; where this is large, it would wander.
     """
-    passed = (tracks.age > config.tentative_ticks) | (scores >= config.tentative_correlation)
+    passed = (tracks.age > config.tracks.tentative_ticks) | (
+        scores >= config.tracks.tentative_correlation
+    )
     where = tracks.uv[~passed]
-    pause = np.full((len(where), 1), float(config.failure_pause))
+    pause = np.full((len(where), 1), float(config.tracks.failure_pause))
     left = tracks.failed - [0.0, 0.0, 1.0]
     failed = np.concatenate([left[left[:, 2] > 0], np.concatenate([where, pause], axis=1)])
     return replace(tracks, failed=failed), passed
@@ -397,7 +359,7 @@ def _renew(
     if len(index) == 0:
         return tracks
     cut, valid = patch_registration.cut_templates(
-        frame.image, tracks.uv[index], config.patch_radius
+        frame.image, tracks.uv[index], config.registration.patch_radius
     )
     index, cut = index[valid], cut.select(valid)
     templates = tracks.templates.select(np.arange(len(tracks.ids)))
@@ -415,21 +377,24 @@ def _renew(
 
 def _alive(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame) -> Mask:
     height, width = frame.image.shape
-    margin = config.patch_radius + 2
+    margin = config.registration.patch_radius + 2
     uv = tracks.uv
     within = (uv >= margin) & (uv < np.array([width, height]) - margin)
     inside: Mask = np.asarray(np.all(within, axis=1))  # False for NaN.
     pixel = np.where(inside[:, None], uv, 0.0).round().astype(int)
     free = frame.robot[pixel[:, 1], pixel[:, 0]] == 0
-    return np.asarray(inside & free & (tracks.missed <= config.max_missed))
+    return np.asarray(inside & free & (tracks.missed <= config.tracks.max_missed))
 
 
 def give_birth(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame) -> FeatureTracks:
     """The tracks and new features on textured, smooth, robot-free surfaces."""
-    wanted = config.max_features - len(tracks.ids)
-    allowed = feature_detection.flat_depth_mask(frame.depth, config.depth_radius, config.depth_step)
+    wanted = config.tracks.max_features - len(tracks.ids)
+    allowed = feature_detection.flat_depth_mask(
+        frame.depth, config.depth.radius, config.detection.depth_step
+    )
     allowed[frame.robot > 0] = 0
-    margin = config.patch_radius + 4
+    radius = config.registration.patch_radius
+    margin = radius + 4
     allowed[:margin], allowed[-margin:] = 0, 0
     allowed[:, :margin], allowed[:, -margin:] = 0, 0
     uv = feature_detection.find_corners(
@@ -438,14 +403,16 @@ def give_birth(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame)
         np.concatenate([tracks.uv, tracks.failed[:, :2]]),
         wanted,
         noise=frame.noise,
-        min_distance=config.min_distance,
-        noise_factor=config.corner_noise_factor,
+        min_distance=config.detection.min_distance,
+        noise_factor=config.detection.corner_noise_factor,
     )
     if len(uv) == 0:
         return tracks
-    templates, valid = patch_registration.cut_templates(frame.image, uv, config.patch_radius)
-    floor = max(config.min_contrast, 3.0 * feature_detection.BLUR_GAIN * frame.noise)
-    uv_covariance = np.tile(config.pixel_floor**2 * np.eye(2), (len(uv), 1, 1))
+    templates, valid = patch_registration.cut_templates(
+        frame.image, uv, config.registration.patch_radius
+    )
+    floor = max(config.detection.min_contrast, 3.0 * feature_detection.BLUR_GAIN * frame.noise)
+    uv_covariance = np.tile(config.registration.pixel_floor**2 * np.eye(2), (len(uv), 1, 1))
     p_WF, covariance, tangents, on_surface = locate(config, frame, uv, uv_covariance)
     keep = valid & on_surface & (templates.contrast > floor)
     born = int(np.sum(keep))
@@ -471,8 +438,10 @@ def track(
     """One tick: follow what exists, then replace what was lost."""
     tracks = follow(config, tracks, frame, predicted)
     waited = tracks.since_birth + 1
-    missing = config.max_features - len(tracks.ids)
-    due = waited >= config.birth_ticks and missing >= max(1, config.max_features // 20)
+    missing = config.tracks.max_features - len(tracks.ids)
+    due = waited >= config.detection.interval and missing >= max(
+        1, config.tracks.max_features // 20
+    )
     if tracks.blackout or not due:
         return replace(tracks, since_birth=waited)
     return replace(give_birth(config, tracks, frame), since_birth=0)

@@ -8,8 +8,9 @@ from maths import se3
 from systems.port_values import INTERACTED_BODY, PoseBelief
 from systems.vision.bodies import body_filter
 from systems.vision.bodies.body_filter import BodyFilter
-from systems.vision.bodies.body_level import RestPositions, RigidBodyMotionConfig, TrackedBody
+from systems.vision.bodies.body_level import RestPositions, TrackedBody
 from systems.vision.bodies.held_body_identification import moved_frame, moves_with_hand
+from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 T = se3.exp(np.array([0.3, -0.2, 0.1, 0.2, 0.1, -0.3]))
 NOISE = np.tile(np.diag([1e-6, 2e-6, 4e-6]), (8, 1, 1))

@@ -30,7 +30,7 @@ def search(d: Displacements, seed: int = 0):
     still, _ = squared_distances(d.p_new - d.p_old, d.C_old + d.C_new)
     movers = np.nonzero(still > 20.0)[0]
     rng = np.random.default_rng(seed)
-    return find_consensus(d, still, movers, rng, gate=16.27, better=9.0, rotation_sigma=0.1)
+    return find_consensus(d, still, movers, rng, gate=16.27, support_gate=9.0, rotation_sigma=0.1)
 
 
 def test_rigid_motions_are_recovered_exactly() -> None:

@@ -18,14 +18,20 @@ from systems.port_values import (
     FeatureBelief,
     PoseBelief,
 )
-from systems.vision.bodies.body_level import RigidBodyMotionConfig
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
+from systems.vision.bodies.rigid_body_motion_config import (
+    BodyBirthConfig,
+    FeatureHistoryConfig,
+    LandmarkConfig,
+    RigidBodyMotionConfig,
+)
 
 X_WC = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0.7], [0, 0, 0, 1]])
 ONSET = 40  # Tick at which the body starts to move.
 # White noise, as simulated here, leaves nothing for the floors to cover.
 WHITE = RigidBodyMotionConfig(
-    feature_floor=0.0, landmark_floor=0.0, landmark_walk=0.0, turn_walk=0.0
+    history=FeatureHistoryConfig(floor=0.0),
+    landmarks=LandmarkConfig(floor=0.0, walk=0.0, turn_walk=0.0),
 )
 
 
@@ -330,7 +336,7 @@ def test_features_that_come_late_show_the_motion_since_they_came(play: Callable)
     first, last = motions[anchored][0], motions[-1][0]
     assert lit < anchored < lit + 45
     assert last.anchored == 1
-    assert len(first.feature_ids) >= RigidBodyMotionConfig().reset_support
+    assert len(first.feature_ids) >= RigidBodyMotionConfig().landmarks.reset_support
     assert set(last.feature_ids.tolist()) <= stream.moving_ids
     assert np.linalg.norm(stream.error(first, anchored, 30)[3:]) > 0.01
     moved = path("drawer", stream.ticks - 1) @ se3.inverse(path("drawer", anchored))
@@ -380,9 +386,22 @@ def test_features_are_predicted_where_their_body_takes_them(
         assert np.abs(np.mean(error[group], axis=0)).max() < 6e-4
 
 
-@pytest.mark.parametrize(("field", "value"), [("period", 0.0), ("window", 5), ("min_gain", -1.0)])
+@pytest.mark.parametrize(
+    ("config", "named"),
+    [
+        (RigidBodyMotionConfig(period=0.0), "RigidBodyMotion: period = 0.0"),
+        (
+            RigidBodyMotionConfig(history=FeatureHistoryConfig(window=5)),
+            "RigidBodyMotion.history: window = 5",
+        ),
+        (
+            RigidBodyMotionConfig(birth=BodyBirthConfig(min_gain=-1.0)),
+            "RigidBodyMotion.birth: min_gain = -1.0",
+        ),
+    ],
+)
 def test_impossible_values_are_refused_by_name(
-    camera: CameraInfo, field: str, value: float
+    camera: CameraInfo, config: RigidBodyMotionConfig, named: str
 ) -> None:
-    with pytest.raises(ValueError, match=rf"RigidBodyMotion: {field} = {value!r}"):
-        RigidBodyMotion(replace(RigidBodyMotionConfig(), **{field: value}), camera, X_WC)
+    with pytest.raises(ValueError, match=named):
+        RigidBodyMotion(config, camera, X_WC)

@@ -12,8 +12,8 @@ from systems.port_values import (
     PoseBelief,
 )
 from systems.vision.bodies import body_filter, body_tracking
-from systems.vision.bodies.body_level import (
-    BodyLevel,
+from systems.vision.bodies.body_tracker_state import (
+    BodyTrackerState,
     RestPositions,
     TrackedBody,
 )
@@ -158,14 +158,18 @@ def first_positions(
 
 
 def new_body(
-    config: RigidBodyMotionConfig, level: BodyLevel, history: FeatureHistory, rows: Ids, X: Array
+    config: RigidBodyMotionConfig,
+    state: BodyTrackerState,
+    history: FeatureHistory,
+    rows: Ids,
+    X: Array,
 ) -> TrackedBody:
     """A body from the features' samples: standing at its reference, then replayed until now."""
     window = history.p_W.shape[1]
     reference, stood = onset(config, history, rows, X)
-    reference_tick = level.tick + 1 - (window - 1 - reference)
+    reference_tick = state.tick + 1 - (window - 1 - reference)
     if stood:
-        rest = body_tracking.rest_positions(config, history, reference_tick, level.tick + 1)
+        rest = body_tracking.rest_positions(config, history, reference_tick, state.tick + 1)
     else:
         rest = first_positions(config, history.select(rows), reference)
     _, placed, of_rest = np.intersect1d(history.ids[rows], rest.ids, return_indices=True)
@@ -190,7 +194,7 @@ def new_body(
             body = body_filter.correct(body, seen[fits], p_WF[fits], covariance[fits])
         path[k] = body.X
     return TrackedBody(
-        body_id=level.next_id,
+        body_id=state.next_id,
         filter=body,
         X_WB_reference=X_WB_reference,
         reference_tick=reference_tick,
@@ -213,15 +217,15 @@ def is_interacted(
 
 def give_birth(
     config: RigidBodyMotionConfig,
-    level: BodyLevel,
+    state: BodyTrackerState,
     bodies: list[TrackedBody],
     history: FeatureHistory,
     prior: PoseBelief | None,
 ) -> tuple[list[TrackedBody], FeatureHistory, int]:
     """At most one new body; or new features of the interacted body if it has none."""
-    history, consensus, rows = find_moving_features(config, history, level.tick + 1)
+    history, consensus, rows = find_moving_features(config, history, state.tick + 1)
     if consensus is None:
-        return bodies, history, level.next_id
+        return bodies, history, state.next_id
     assigned = history.body.copy()
     rejection_count = history.rejection_count.copy()
     rejection_count[rows] = 0
@@ -233,9 +237,9 @@ def give_birth(
             return (
                 bodies,
                 replace(history, body=assigned, rejection_count=rejection_count),
-                level.next_id,
+                state.next_id,
             )
-    born = new_body(config, level, history, rows, consensus.X)
+    born = new_body(config, state, history, rows, consensus.X)
     assigned[rows] = born.body_id
     history = replace(history, body=assigned, rejection_count=rejection_count)
-    return [*bodies, born], history, level.next_id + 1
+    return [*bodies, born], history, state.next_id + 1

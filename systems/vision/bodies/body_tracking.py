@@ -15,8 +15,8 @@ from systems.port_values import (
 )
 from systems.vision.bodies import body_filter
 from systems.vision.bodies.body_filter import BodyFilter
-from systems.vision.bodies.body_level import (
-    BodyLevel,
+from systems.vision.bodies.body_tracker_state import (
+    BodyTrackerState,
     RestPositions,
     TrackedBody,
 )
@@ -300,7 +300,7 @@ def is_alive(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
 
 def advance_all(
     config: RigidBodyMotionConfig,
-    level: BodyLevel,
+    state: BodyTrackerState,
     history: FeatureHistory,
     joints: BodyPredictions,
     prior: PoseBelief | None,
@@ -308,7 +308,7 @@ def advance_all(
     """All bodies at this tick, the interacted one too, and the features with their rejections."""
     rejection_count = history.rejection_count.copy()
     bodies = []
-    for body in level.bodies:
+    for body in state.bodies:
         predictions = [
             (p.source, p.pose.X) for p in joints.predictions if p.body_id == body.body_id
         ]
@@ -327,17 +327,17 @@ def advance_all(
     known = any(body.body_id == INTERACTED_BODY for body in bodies)
     if prior is not None and is_active(prior) and not known:
         history = without_nudges(config, history, _STILL)
-        bodies.insert(0, interacted_body(config, prior, history, level.tick + 1))
+        bodies.insert(0, interacted_body(config, prior, history, state.tick + 1))
     return bodies, history
 
 
 def remember_features(
-    config: RigidBodyMotionConfig, level: BodyLevel, features: FeatureBelief
+    config: RigidBodyMotionConfig, state: BodyTrackerState, features: FeatureBelief
 ) -> FeatureHistory:
     return remember(
-        level.history,
+        state.history,
         features,
-        level.tick + 1,
+        state.tick + 1,
         floor=config.history.floor,
         memory=config.history.memory,
         rest_samples=config.history.rest_samples,

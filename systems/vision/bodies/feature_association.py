@@ -7,7 +7,7 @@ import numpy as np
 from maths.arrays import Array, Ids
 from systems.port_values import INTERACTED_BODY, STATIC_BODY, PoseBelief
 from systems.vision.bodies import body_filter
-from systems.vision.bodies.body_level import TrackedBody
+from systems.vision.bodies.body_tracker_state import TrackedBody
 from systems.vision.bodies.body_tracking import corrected, follow_prior, is_active
 from systems.vision.bodies.feature_history import (
     OUTLIER,

@@ -1,4 +1,4 @@
-"""What the body level remembers of each feature, and tests of how it moved since."""
+"""What the body tracker remembers of each feature, and tests of how it moved since."""
 
 from dataclasses import dataclass, replace
 

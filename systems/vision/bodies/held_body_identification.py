@@ -10,7 +10,7 @@ from maths.arrays import Array
 from maths.gaussian import nees
 from systems.port_values import INTERACTED_BODY, PoseBelief
 from systems.vision.bodies.body_filter import BodyFilter
-from systems.vision.bodies.body_level import TrackedBody
+from systems.vision.bodies.body_tracker_state import TrackedBody
 from systems.vision.bodies.feature_history import FeatureHistory
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 

@@ -21,8 +21,8 @@ from systems.recursive_filter import RecursiveFilter
 from systems.vision import camera_geometry
 from systems.vision.bodies import body_tracking, feature_association
 from systems.vision.bodies.body_birth import give_birth
-from systems.vision.bodies.body_level import (
-    BodyLevel,
+from systems.vision.bodies.body_tracker_state import (
+    BodyTrackerState,
     TrackedBody,
     no_bodies,
 )
@@ -36,36 +36,36 @@ from systems.vision.bodies.rigid_body_motion_config import (
 
 def step(
     config: RigidBodyMotionConfig,
-    level: BodyLevel,
+    state: BodyTrackerState,
     features: FeatureBelief,
     joints: BodyPredictions,
     prior: PoseBelief | None,
-) -> BodyLevel:
+) -> BodyTrackerState:
     """One tick of all bodies."""
-    tick = level.tick + 1
-    history = body_tracking.remember_features(config, level, features)
-    bodies, history = body_tracking.advance_all(config, level, history, joints, prior)
+    tick = state.tick + 1
+    history = body_tracking.remember_features(config, state, features)
+    bodies, history = body_tracking.advance_all(config, state, history, joints, prior)
     bodies, history = identify_held_body(config, bodies, history, prior, tick)
     history = feature_association.associate(config, bodies, history)
     bodies, history = feature_association.merged(config, bodies, history)
-    bodies, history, next_id = give_birth(config, level, bodies, history, prior)
+    bodies, history, next_id = give_birth(config, state, bodies, history, prior)
     living = [body for body in bodies if body_tracking.is_alive(config, body)]
     history = feature_association.reject_outliers(config, living, history)
     history = feature_association.reset_tracks(config, living, history)
     living = feature_association.without_outliers(config, living, history)
     living = [body_tracking.with_new_landmarks(config, body, history) for body in living]
     living, history = feature_association.without_features_of_others(config, living, history, prior)
-    return BodyLevel(tick=tick, next_id=next_id, history=history, bodies=living)
+    return BodyTrackerState(tick=tick, next_id=next_id, history=history, bodies=living)
 
 
 def predicted_features(
-    config: RigidBodyMotionConfig, level: BodyLevel, intrinsics: Array, X_CW: Array
+    config: RigidBodyMotionConfig, state: BodyTrackerState, intrinsics: Array, X_CW: Array
 ) -> FeatureBelief:
     """Where the remembered features are expected at the next tick.
 
     Free ones where they were on average; assigned ones where their body's velocity takes them.
     """
-    history = level.history
+    history = state.history
     window = history.p_W.shape[1]
     mean = displacements(history, newest=0, last_old=window - 1)
     p_WF = history.p_W[:, -1].copy()
@@ -73,7 +73,7 @@ def predicted_features(
     resting = (history.body == STATIC_BODY) & (history.rejection_count == 0) & (mean.count_old > 0)
     p_WF[resting] = mean.p_old[resting]
     covariance[resting] = mean.C_old[resting]
-    for body in level.bodies:
+    for body in state.bodies:
         X_WB = body.filter.X
         X_WB_next = X_WB @ se3.exp(body.filter.V * config.period)
         mine = history.body == body.body_id
@@ -106,10 +106,10 @@ def body_motion(body: TrackedBody, age: float) -> BodyMotion:
     )
 
 
-def body_motions(level: BodyLevel, period: float) -> BodyMotions:
+def body_motions(state: BodyTrackerState, period: float) -> BodyMotions:
     return BodyMotions(
         bodies=[
-            body_motion(body, period * (level.tick - body.reference_tick)) for body in level.bodies
+            body_motion(body, period * (state.tick - body.reference_tick)) for body in state.bodies
         ]
     )
 
@@ -177,19 +177,19 @@ class RigidBodyMotion(RecursiveFilter):
         self._prior: InputPort | None = None
         if with_interacted_body:
             self._prior = self._declare_value_input("interacted_body_prior", NO_POSE)
-        self._declare_recursion(no_bodies(config), self._calc_level, config.period)
+        self._declare_recursion(no_bodies(config), self._calc_bodies, config.period)
         self._declare_estimated("body_motions_estimated", self._motions)
         self._declare_latest("body_motions_latest", self._motions)
         self._declare_latest("features_predicted", self._predicted)
 
-    def _calc_level(self, context: Context, level: BodyLevel) -> BodyLevel:
+    def _calc_bodies(self, context: Context, state: BodyTrackerState) -> BodyTrackerState:
         features = self._read(self._features, context)
         joints = self._read_optional(self._joints, context) or BodyPredictions()
         prior = self._read_optional(self._prior, context)
-        return step(self._config, level, features, joints, prior)
+        return step(self._config, state, features, joints, prior)
 
-    def _motions(self, level: BodyLevel) -> BodyMotions:
-        return body_motions(level, self._config.period)
+    def _motions(self, state: BodyTrackerState) -> BodyMotions:
+        return body_motions(state, self._config.period)
 
-    def _predicted(self, level: BodyLevel) -> FeatureBelief:
-        return predicted_features(self._config, level, self._intrinsics, self._X_CW)
+    def _predicted(self, state: BodyTrackerState) -> FeatureBelief:
+        return predicted_features(self._config, state, self._intrinsics, self._X_CW)

@@ -29,7 +29,7 @@ class FeatureMotion(RecursiveFilter):
     A feature is a patch of texture on a smooth surface. Each tick it is registered to the template
     cut at its birth (so that nothing drifts), warped by the scale and foreshortening that its
     measured surface and its position imply, starting from its last place or the one that the body
-    level predicts, whichever looks more like it. Where that fails, pyramidal Lucas-Kanade with a
+    tracker predicts, whichever looks more like it. Where that fails, pyramidal Lucas-Kanade with a
     forward-backward check from the last good image offers another start. Correlation is normalised,
     so gain and offset of the exposure do not matter. The position follows from a plane fitted to
     the depth around the pixel,
@@ -58,7 +58,7 @@ class FeatureMotion(RecursiveFilter):
     - `color_measured`: `ImageRgba8U`, read at the tick.
     - `depth_measured`: `ImageDepth32F`, registered to it, [m]; 0, NaN or inf is no return.
     - `robot_mask`: `ImageGrey8U`, nonzero on the robot; none if not connected.
-    - `features_predicted`: `FeatureBelief`, where the body level expects features, by id; may be
+    - `features_predicted`: `FeatureBelief`, where the body tracker expects features, by id; may be
       empty; none if not connected.
     - `features_estimated`: `FeatureBelief` of the features seen at this tick.
     - `features_latest`: the one of the last tick, from the state.

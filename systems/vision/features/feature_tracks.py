@@ -189,7 +189,7 @@ def _starts(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> tu
     better = patch_registration.score_patches(
         frame.image, templates, warps_predicted @ shapes, uv_predicted
     ) > patch_registration.score_patches(frame.image, templates, warps[mine] @ shapes, uv[mine])
-    # An unseen feature is where the body level says, whatever its last place looks like now.
+    # An unseen feature is where the body tracker says, whatever its last place looks like now.
     better |= tracks.missed[mine] > 0
     uv[mine[better]] = uv_predicted[better]
     warps[mine[better]] = warps_predicted[better]
@@ -338,7 +338,7 @@ def _confirm(
 
 
 def _coast(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> FeatureTracks:
-    """Moves the unseen features to where the body level predicts them."""
+    """Moves the unseen features to where the body tracker predicts them."""
     _, mine, theirs = np.intersect1d(tracks.ids, predicted.ids, return_indices=True)
     unseen = tracks.missed[mine] > 0
     mine, theirs = mine[unseen], theirs[unseen]

@@ -8,7 +8,7 @@ import pytest
 from maths import se3
 from maths.arrays import Array
 from systems.port_values import INTERACTED_BODY, STATIC_BODY, FeatureBelief, PoseBelief
-from systems.vision.bodies.body_level import TrackedBody
+from systems.vision.bodies.body_tracker_state import TrackedBody
 from systems.vision.bodies.body_tracking import interacted_body, without_nudges
 from systems.vision.bodies.feature_association import (
     associate,

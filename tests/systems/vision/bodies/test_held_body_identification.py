@@ -8,7 +8,7 @@ from maths import se3
 from systems.port_values import INTERACTED_BODY, PoseBelief
 from systems.vision.bodies import body_filter
 from systems.vision.bodies.body_filter import BodyFilter
-from systems.vision.bodies.body_level import RestPositions, TrackedBody
+from systems.vision.bodies.body_tracker_state import RestPositions, TrackedBody
 from systems.vision.bodies.held_body_identification import moved_frame, moves_with_hand
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 

@@ -52,8 +52,8 @@ class TrackedBody(Immutable):
 
 
 @dataclass(kw_only=True)
-class BodyLevel(Immutable):
-    """Everything the body level remembers."""
+class BodyTrackerState(Immutable):
+    """Everything that the body tracker remembers; never written after it is made."""
 
     tick: int
     next_id: int
@@ -61,5 +61,5 @@ class BodyLevel(Immutable):
     bodies: list[TrackedBody] = field(default_factory=list)
 
 
-def no_bodies(config: RigidBodyMotionConfig) -> BodyLevel:
-    return BodyLevel(tick=-1, next_id=2, history=no_history(config.history.window))
+def no_bodies(config: RigidBodyMotionConfig) -> BodyTrackerState:
+    return BodyTrackerState(tick=-1, next_id=2, history=no_history(config.history.window))

@@ -4,14 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from maths import se3
 from maths.arrays import Array, Ids
 from systems.port_values import (
-    INTERACTED_BODY,
     STATIC_BODY,
     PoseBelief,
 )
-from systems.vision.bodies import body_filter, body_tracking
+from systems.vision.bodies import body_filter, body_tracking, held_body
 from systems.vision.bodies.body_tracker_state import (
     BodyTrackerState,
     RestPositions,
@@ -205,16 +203,6 @@ def new_body(
     )
 
 
-def is_interacted(
-    config: RigidBodyMotionConfig, body: TrackedBody, X: Array, prior: PoseBelief
-) -> bool:
-    """Whether a motion X (4, 4) since the reference may be that of the body in the hand."""
-    error = se3.log(se3.inverse(X @ body.X_WB_reference) @ prior.X)
-    slack = config.held_body.prior_walk
-    S = prior.covariance + np.diag(slack**2)
-    return bool(error @ np.linalg.solve(S, error) < 22.46)  # 0.1 % of 6 dof exceed it.
-
-
 def give_birth(
     config: RigidBodyMotionConfig,
     state: BodyTrackerState,
@@ -222,24 +210,16 @@ def give_birth(
     history: FeatureHistory,
     prior: PoseBelief | None,
 ) -> tuple[list[TrackedBody], FeatureHistory, int]:
-    """At most one new body; or new features of the interacted body if it has none."""
+    """At most one new body; or new features of the held body if it has none."""
     history, consensus, rows = find_moving_features(config, history, state.tick + 1)
     if consensus is None:
         return bodies, history, state.next_id
-    assigned = history.body.copy()
-    rejection_count = history.rejection_count.copy()
-    rejection_count[rows] = 0
-    for body in bodies:
-        if body.body_id != INTERACTED_BODY or body.support or prior is None:
-            continue
-        if is_interacted(config, body, consensus.X, prior):
-            assigned[rows] = INTERACTED_BODY
-            return (
-                bodies,
-                replace(history, body=assigned, rejection_count=rejection_count),
-                state.next_id,
-            )
-    born = new_body(config, state, history, rows, consensus.X)
-    assigned[rows] = born.body_id
-    history = replace(history, body=assigned, rejection_count=rejection_count)
-    return [*bodies, born], history, state.next_id + 1
+    held = held_body.find_held(bodies)
+    if held is not None and held_body.claims(config, held, consensus.X, prior):
+        owner, next_id = held.body_id, state.next_id
+    else:
+        born = new_body(config, state, history, rows, consensus.X)
+        bodies, owner, next_id = [*bodies, born], born.body_id, state.next_id + 1
+    assigned, rejection_count = history.body.copy(), history.rejection_count.copy()
+    assigned[rows], rejection_count[rows] = owner, 0
+    return bodies, replace(history, body=assigned, rejection_count=rejection_count), next_id

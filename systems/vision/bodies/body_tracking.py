@@ -7,11 +7,7 @@ import numpy as np
 from maths import se3
 from maths.arrays import Array, Ids
 from systems.port_values import (
-    INTERACTED_BODY,
-    STATIC_BODY,
-    BodyPredictions,
     FeatureBelief,
-    PoseBelief,
 )
 from systems.vision.bodies import body_filter
 from systems.vision.bodies.body_filter import BodyFilter
@@ -24,13 +20,12 @@ from systems.vision.bodies.feature_history import (
     FeatureHistory,
     Mask,
     displacements,
-    forget,
     remember,
     squared_distances,
 )
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
-_STILL = 5  # Ticks up to a reference that tell whether a feature was nudged before.
+STILL = 5  # Ticks up to a reference that tell whether a feature was nudged before.
 
 
 def predict(config: RigidBodyMotionConfig, body: BodyFilter) -> BodyFilter:
@@ -97,7 +92,7 @@ def advance(
         # While the pose is uncertain, any one feature would fit.
         return _coasted(config, body, old, candidates), rows[:0], rows
     filtered = body_filter.correct(chosen, landmarks[fits], p_WF[fits], covariance[fits])
-    moved = _recorded(config, body, filtered, source, int(np.sum(fits)))
+    moved = recorded(config, body, filtered, source, int(np.sum(fits)))
     return moved, rows[fits], rows[~fits]
 
 
@@ -118,7 +113,7 @@ def _agreeing(
     return (jumped, again) if np.mean(again) > 0.6 else (body, fits)
 
 
-def _recorded(
+def recorded(
     config: RigidBodyMotionConfig,
     body: TrackedBody,
     filtered: BodyFilter,
@@ -148,8 +143,8 @@ def _coasted(
         if source == "prior":
             walk = config.held_body.prior_walk
             moved = body_filter.carried(old, candidate.X, config.period, walk)
-            return _recorded(config, body, moved, source, 0)
-    return _recorded(config, body, candidates[0][1], "velocity", 0)
+            return recorded(config, body, moved, source, 0)
+    return recorded(config, body, candidates[0][1], "velocity", 0)
 
 
 def rest_positions(
@@ -168,7 +163,7 @@ def rest_positions(
         history,
         newest=0,
         use_rest=np.zeros(len(before), bool),
-        first_old=last + 1 - _STILL,
+        first_old=last + 1 - STILL,
         last_old=last,
     )
     valid = (long.count_old >= 3) & (short.count_old >= 2)
@@ -180,29 +175,6 @@ def rest_positions(
         p[nudged], C[nudged] = short.p_old[nudged], short.C_old[nudged]
     C = C + config.landmarks.floor**2 * np.eye(3)
     return RestPositions(ids=history.ids[valid], p_WF=p[valid], covariance=C[valid])
-
-
-def without_nudges(
-    config: RigidBodyMotionConfig, history: FeatureHistory, ticks: int
-) -> FeatureHistory:
-    """Forgets where free features were before they moved within the window's last ticks.
-
-    Closing the hand moves more than what it will hold. None of that is motion with the hand, which
-    counts from then on only.
-    """
-    window = history.p_W.shape[1]
-    free = history.body == STATIC_BODY
-    before = displacements(history, newest=0, last_old=window - 1)
-    now = displacements(
-        history, newest=0, use_rest=np.zeros(len(free), bool), first_old=window - ticks
-    )
-    told = np.nonzero(free & (before.count_old >= ticks) & (now.count_old >= 2))[0]
-    if len(told) == 0:
-        return history
-    S = now.C_old[told] + before.C_old[told]
-    distance, _ = squared_distances(now.p_old[told] - before.p_old[told], S)
-    rows = told[distance > config.held_body.nudge_gate]
-    return forget(history, rows, ticks)
 
 
 def with_new_landmarks(
@@ -257,78 +229,10 @@ def corrected(
     return body_filter.correct(body, landmarks[fits], p_WF[fits], covariance[fits])
 
 
-def interacted_body(
-    config: RigidBodyMotionConfig, prior: PoseBelief, history: FeatureHistory, tick: int
-) -> TrackedBody:
-    """The interacted body at its first tick, which is its reference."""
-    sigma = config.dynamics.initial_velocity
-    return TrackedBody(
-        body_id=INTERACTED_BODY,
-        filter=body_filter.at_reference(prior.X, sigma),
-        X_WB_reference=prior.X,
-        reference_tick=tick,
-        rest=rest_positions(config, history, tick, tick),
-        path=np.tile(prior.X, (config.history.window, 1, 1)),
-        source="prior",
-        held_since=tick,
-    )
-
-
-def follow_prior(
-    config: RigidBodyMotionConfig, body: TrackedBody, prior: PoseBelief
-) -> TrackedBody:
-    """The interacted body before it has any feature: it is where the prior says."""
-    sigma = config.dynamics.initial_velocity
-    filtered = body_filter.at_reference(prior.X, sigma)
-    filtered.P[:6, :6] = prior.covariance
-    V = se3.log(se3.inverse(body.filter.X) @ prior.X) / config.period
-    return _recorded(config, body, replace(filtered, V=V), "prior", 0)
-
-
-def is_active(prior: PoseBelief | None) -> bool:
-    """Whether the interacted body exists; without one the prior's numbers are not finite."""
-    if prior is None:
-        return False
-    return bool(np.isfinite(prior.X).all() and np.isfinite(prior.covariance).all())
-
-
-def is_alive(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
+def is_supported(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
     """Whether a body goes on: one that was seen only briefly is given up sooner."""
     patience = min(config.patience, 5 + body.supported)
-    return body.body_id == INTERACTED_BODY or body.unsupported <= patience
-
-
-def advance_all(
-    config: RigidBodyMotionConfig,
-    state: BodyTrackerState,
-    history: FeatureHistory,
-    joints: BodyPredictions,
-    prior: PoseBelief | None,
-) -> tuple[list[TrackedBody], FeatureHistory]:
-    """All bodies at this tick, the interacted one too, and the features with their rejections."""
-    rejection_count = history.rejection_count.copy()
-    bodies = []
-    for body in state.bodies:
-        predictions = [
-            (p.source, p.pose.X) for p in joints.predictions if p.body_id == body.body_id
-        ]
-        if body.body_id == INTERACTED_BODY:
-            if prior is None or not is_active(prior):
-                continue
-            if len(np.intersect1d(body.filter.ids, history.ids)) == 0:
-                bodies.append(follow_prior(config, body, prior))
-                continue
-            predictions.append(("prior", prior.X))
-        moved, agreed, disagreed = advance(config, body, history, predictions)
-        rejection_count[agreed] = 0
-        rejection_count[disagreed] += 1
-        bodies.append(moved)
-    history = replace(history, rejection_count=rejection_count)
-    known = any(body.body_id == INTERACTED_BODY for body in bodies)
-    if prior is not None and is_active(prior) and not known:
-        history = without_nudges(config, history, _STILL)
-        bodies.insert(0, interacted_body(config, prior, history, state.tick + 1))
-    return bodies, history
+    return body.unsupported <= patience
 
 
 def remember_features(

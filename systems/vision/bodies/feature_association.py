@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from maths.arrays import Array, Ids
-from systems.port_values import INTERACTED_BODY, STATIC_BODY, PoseBelief
-from systems.vision.bodies import body_filter
+from maths.arrays import Array
+from systems.port_values import STATIC_BODY
+from systems.vision.bodies import body_filter, held_body
 from systems.vision.bodies.body_tracker_state import TrackedBody
-from systems.vision.bodies.body_tracking import corrected, follow_prior, is_active
+from systems.vision.bodies.body_tracking import corrected
 from systems.vision.bodies.feature_history import (
     OUTLIER,
     FeatureHistory,
@@ -62,74 +62,6 @@ def _distances(history: FeatureHistory, body_id: int) -> Array:
     return np.asarray(np.sqrt(np.min(np.sum(difference**2, axis=2), axis=1)))
 
 
-def take_the_handle_along(
-    config: RigidBodyMotionConfig, body: TrackedBody, history: FeatureHistory, rows: Ids
-) -> bool:
-    """Whether features that would join the interacted body move its handle as the hand does.
-
-    A body that the hand alone has carried for a while is known roughly, so that a neighbour's
-    features (the box under the lid that is being closed) may fit it one by one. Together they show
-    their own rigid motion; what that makes of the handle must agree with the hand, which knows the
-    handle's way to some millimetres whatever the body's rotation is.
-    """
-    moved = displacements(
-        history.select(rows),
-        newest=config.history.newest,
-        X_WB=body.path,
-        use_rest=np.zeros(len(rows), bool),
-        X_WB_rest=body.X_WB_reference,
-    )
-    told = (moved.count_new >= 2) & (moved.count_old >= 4)
-    if np.sum(told) < config.keep_support:
-        return True
-    J = body_filter.pose_jacobian(moved.p_new[told]).reshape(-1, 6)  # B sits at the handle.
-    rest = (moved.p_new - moved.p_old)[told].reshape(-1)
-    information = J.T @ J
-    twist = np.linalg.lstsq(information, J.T @ rest, rcond=1e-9)[0]
-    residual = rest - J @ twist
-    variance = max(float(np.mean(residual**2)), config.held_body.handle_noise**2)
-    covariance = variance * np.linalg.pinv(information)[3:, 3:]
-    covariance += config.held_body.handle_error**2 * np.eye(3)
-    return bool(twist[3:] @ np.linalg.solve(covariance, twist[3:]) < config.gate)
-
-
-def without_followers_of_another(
-    config: RigidBodyMotionConfig,
-    bodies: list[TrackedBody],
-    history: FeatureHistory,
-    ratios: Array,
-) -> Array:
-    """The log likelihood ratios (M, N) of the bodies, -inf where the handle forbids a feature.
-
-    Only features that would outnumber those which support the interacted body have to show it.
-    """
-    best = np.argmax(ratios, axis=0)
-    wants = ratios[best, np.arange(len(history.ids))] > config.association.log_ratio
-    wants &= history.body != INTERACTED_BODY
-    for i, body in enumerate(bodies):
-        rows = np.nonzero(wants & (best == i))[0]
-        if body.body_id != INTERACTED_BODY or len(rows) <= body.support:
-            continue
-        if not take_the_handle_along(config, body, history, rows):
-            ratios = ratios.copy()
-            ratios[i, rows] = -np.inf
-    return ratios
-
-
-def is_blind(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
-    """Whether the hand alone has carried a body for so long that any one feature would fit it.
-
-    Only features that share a rigid motion can tell then.
-    """
-    if body.body_id != INTERACTED_BODY or body.support >= config.keep_support:
-        return False
-    variance = np.diagonal(body.filter.P)[:6]
-    return bool(
-        np.sum(variance[:3]) > config.held_body.blind_rotation**2
-        or np.sum(variance[3:]) > config.held_body.blind_translation**2
-    )
-
-
 def associate(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> FeatureHistory:
@@ -146,11 +78,11 @@ def associate(
     ratios -= np.minimum(
         0.5 * (distances / config.association.extent) ** 2, config.association.max_penalty
     )
-    ratios = without_followers_of_another(config, bodies, history, ratios)
+    ratios = held_body.without_refused(config, bodies, history, ratios)
     best = np.argmax(ratios, axis=0)
     highest = ratios[best, np.arange(len(history.ids))]
     assigned = history.body.copy()
-    blind = np.array([is_blind(config, body) for body in bodies])
+    blind = np.array([held_body.is_blind(config, body) for body in bodies])
     joins = (history.body == STATIC_BODY) & (highest > config.association.log_ratio) & ~blind[best]
     for i, body_id in enumerate(ids):
         first = joins & (best == i)
@@ -181,18 +113,15 @@ def merged(
         mine = assigned == body.body_id
         absorbed = False
         for older in kept:
-            if body.reference_tick < older.held_since:
-                continue  # Identification keeps what was seen before the hand closed.
-            if older.body_id == INTERACTED_BODY and body.supported > config.history.window:
-                continue  # What the hand carries blindly may be anywhere; the body is not.
+            if not held_body.may_absorb(config, older, body):
+                continue
             ratio, fit = body_against_static(config, older, history)
             told = mine & (np.abs(ratio) > config.association.log_ratio)
-            if np.sum(told) < config.keep_support or body.body_id == INTERACTED_BODY:
+            if np.sum(told) < config.keep_support:
                 continue
             shared = told & (ratio > config.association.log_ratio) & (fit < config.gate)
             rows = np.nonzero(shared)[0]
-            outnumbered = older.body_id == INTERACTED_BODY and len(rows) > older.support
-            if outnumbered and not take_the_handle_along(config, older, history, rows):
+            if not held_body.accepts(config, older, history, rows):
                 continue
             if np.sum(shared) >= config.association.merging_share * np.sum(told):
                 assigned[mine], rejection_count[mine] = older.body_id, 0
@@ -219,40 +148,6 @@ def without_outliers(
             body = replace(body, filter=corrected(config, filtered, history))
         kept.append(body)
     return kept
-
-
-def is_at_hand(config: RigidBodyMotionConfig, body: TrackedBody, prior: PoseBelief) -> bool:
-    """Whether the interacted body's features leave its handle where the hand holds it."""
-    R_BW = prior.X[:3, :3].T
-    error = R_BW @ (body.filter.X[:3, 3] - prior.X[:3, 3])
-    turned = R_BW @ body.filter.X[:3, :3]
-    S = prior.covariance[3:, 3:] + turned @ body.filter.P[3:6, 3:6] @ turned.T
-    S = S + config.held_body.prior_translation_walk**2 * np.eye(3)
-    return bool(error @ np.linalg.solve(S, error) < config.gate)
-
-
-def without_features_of_others(
-    config: RigidBodyMotionConfig,
-    bodies: list[TrackedBody],
-    history: FeatureHistory,
-    prior: PoseBelief | None,
-) -> tuple[list[TrackedBody], FeatureHistory]:
-    """Frees the interacted body's features if they take its handle out of the hand.
-
-    They are another body's then, and the body is where the hand has it.
-    """
-    if prior is None or not is_active(prior):
-        return bodies, history
-    kept = []
-    for body in bodies:
-        if body.body_id == INTERACTED_BODY and not is_at_hand(config, body, prior):
-            rows = np.nonzero(history.body == INTERACTED_BODY)[0]
-            history = forget(history, rows, 1)
-            before = replace(body.filter, X=np.ascontiguousarray(body.path[-2]))
-            alone = follow_prior(config, replace(body, filter=before), prior)
-            body = replace(alone, path=np.concatenate([body.path[:-1], prior.X[None]]))
-        kept.append(body)
-    return kept, history
 
 
 def reject_outliers(

@@ -1,4 +1,4 @@
-"""A body that vision found first turns out to be the one in the hand."""
+"""A body that vision found first turns out to be the held one."""
 
 from dataclasses import replace
 
@@ -8,10 +8,11 @@ import scipy.linalg
 from maths import se3
 from maths.arrays import Array
 from maths.gaussian import nees
-from systems.port_values import INTERACTED_BODY, PoseBelief
+from systems.port_values import PoseBelief
 from systems.vision.bodies.body_filter import BodyFilter
 from systems.vision.bodies.body_tracker_state import TrackedBody
 from systems.vision.bodies.feature_history import FeatureHistory
+from systems.vision.bodies.held_body import find_held
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 _CHANCE = 22.46  # Squared distance of 6 dof that 0.1 % exceed.
@@ -55,7 +56,7 @@ def moves_with_hand(
 ) -> bool:
     """Whether a body has moved since the hand closed, and as the hand's prior says.
 
-    Both displacements are compared at the interacted body's frame; the body's own uncertainty is
+    Both displacements are compared at the held body's frame; the body's own uncertainty is
     that since its reference, which is no less than that since the hand closed. A body that has gone
     only a part of the handle's way is dragged along, like a box by its lid.
     """
@@ -83,13 +84,13 @@ def identify_held_body(
     prior: PoseBelief | None,
     tick: int,
 ) -> tuple[list[TrackedBody], FeatureHistory]:
-    """Makes a body that moves with the hand the interacted one.
+    """Makes a body that moves with the hand the held one.
 
     Closing the hand nudges the object, so that vision has often found a body before the hand
-    holds it. Its filter goes on in the interacted body's frame, which is where the prior's was when
-    the hand had closed.
+    holds it. Its filter goes on in the held body's frame, which is where the prior's was when the
+    hand had closed.
     """
-    held = next((body for body in bodies if body.body_id == INTERACTED_BODY), None)
+    held = find_held(bodies)
     if held is None or prior is None or not np.isfinite(prior.X).all():
         return bodies, history
     age = tick - held.held_since
@@ -104,7 +105,7 @@ def identify_held_body(
             T = se3.inverse(smoothed_pose(body.path, index)) @ held.path[index]
             identified = replace(
                 body,
-                body_id=INTERACTED_BODY,
+                body_id=held.body_id,
                 filter=moved_frame(body.filter, T),
                 X_WB_reference=body.X_WB_reference @ T,
                 path=body.path @ T,
@@ -112,6 +113,6 @@ def identify_held_body(
             )
             mine = history.body == body.body_id
             others = [other for other in bodies if other is not body and other is not held]
-            assigned = np.where(mine, INTERACTED_BODY, history.body)
+            assigned = np.where(mine, held.body_id, history.body)
             return [identified, *others], replace(history, body=assigned)
     return bodies, history

@@ -1,5 +1,7 @@
 """The system that turns moving point features into moving rigid bodies."""
 
+from dataclasses import replace
+
 import numpy as np
 from pydrake.systems.framework import Context, InputPort
 from pydrake.systems.sensors import CameraInfo
@@ -19,19 +21,54 @@ from systems.port_values import (
 )
 from systems.recursive_filter import RecursiveFilter
 from systems.vision import camera_geometry
-from systems.vision.bodies import body_tracking, feature_association
+from systems.vision.bodies import body_tracking, feature_association, held_body
 from systems.vision.bodies.body_birth import give_birth
 from systems.vision.bodies.body_tracker_state import (
     BodyTrackerState,
     TrackedBody,
     no_bodies,
 )
-from systems.vision.bodies.feature_history import displacements
+from systems.vision.bodies.feature_history import FeatureHistory, displacements
 from systems.vision.bodies.held_body_identification import identify_held_body
 from systems.vision.bodies.rigid_body_motion_config import (
     RigidBodyMotionConfig,
     check_rigid_body_motion,
 )
+
+
+def advance_all(
+    config: RigidBodyMotionConfig,
+    state: BodyTrackerState,
+    history: FeatureHistory,
+    joints: BodyPredictions,
+    prior: PoseBelief | None,
+) -> tuple[list[TrackedBody], FeatureHistory]:
+    """All bodies at this tick, the held one too, and the features with their rejections."""
+    rejection_count = history.rejection_count.copy()
+    bodies = []
+    for body in state.bodies:
+        predictions = [
+            (p.source, p.pose.X) for p in joints.predictions if p.body_id == body.body_id
+        ]
+        if not held_body.is_held(body):
+            moved, agreed, disagreed = body_tracking.advance(config, body, history, predictions)
+        elif prior is not None and held_body.is_active(prior):
+            moved, agreed, disagreed = held_body.advance(config, body, history, predictions, prior)
+        else:
+            continue
+        rejection_count[agreed] = 0
+        rejection_count[disagreed] += 1
+        bodies.append(moved)
+    history = replace(history, rejection_count=rejection_count)
+    if prior is not None and held_body.is_active(prior) and held_body.find_held(bodies) is None:
+        history = held_body.without_nudges(config, history, body_tracking.STILL)
+        bodies.insert(0, held_body.start(config, prior, history, state.tick + 1))
+    return bodies, history
+
+
+def is_alive(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
+    """Whether a body goes on; the held one does as long as the hand holds it."""
+    return held_body.is_held(body) or body_tracking.is_supported(config, body)
 
 
 def step(
@@ -44,17 +81,17 @@ def step(
     """One tick of all bodies."""
     tick = state.tick + 1
     history = body_tracking.remember_features(config, state, features)
-    bodies, history = body_tracking.advance_all(config, state, history, joints, prior)
+    bodies, history = advance_all(config, state, history, joints, prior)
     bodies, history = identify_held_body(config, bodies, history, prior, tick)
     history = feature_association.associate(config, bodies, history)
     bodies, history = feature_association.merged(config, bodies, history)
     bodies, history, next_id = give_birth(config, state, bodies, history, prior)
-    living = [body for body in bodies if body_tracking.is_alive(config, body)]
+    living = [body for body in bodies if is_alive(config, body)]
     history = feature_association.reject_outliers(config, living, history)
     history = feature_association.reset_tracks(config, living, history)
     living = feature_association.without_outliers(config, living, history)
     living = [body_tracking.with_new_landmarks(config, body, history) for body in living]
-    living, history = feature_association.without_features_of_others(config, living, history, prior)
+    living, history = held_body.without_features_of_others(config, living, history, prior)
     return BodyTrackerState(tick=tick, next_id=next_id, history=history, bodies=living)
 
 

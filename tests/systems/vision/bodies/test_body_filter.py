@@ -116,7 +116,7 @@ def test_a_landmark_added_now_inherits_the_error_of_the_pose() -> None:
     again = body_filter.correct(grown, np.array([12]), p_new, C_new)
     assert_allclose(again.P[:6, :6], body.P[:6, :6], rtol=1e-3, atol=1e-12)
     assert_allclose(
-        grown.p_BF_covariance[-1], J @ body.P[:6, :6] @ J.T + 1e-8 * np.eye(3), atol=1e-12
+        grown.landmark_blocks[-1], J @ body.P[:6, :6] @ J.T + 1e-8 * np.eye(3), atol=1e-12
     )
 
 

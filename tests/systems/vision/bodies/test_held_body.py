@@ -1,4 +1,4 @@
-"""Which features may join the body in the hand: those that take its handle along."""
+"""Which features may join the held body: those that take its handle along."""
 
 from dataclasses import replace
 
@@ -9,14 +9,14 @@ from maths import se3
 from maths.arrays import Array
 from systems.port_values import INTERACTED_BODY, STATIC_BODY, FeatureBelief, PoseBelief
 from systems.vision.bodies.body_tracker_state import TrackedBody
-from systems.vision.bodies.body_tracking import interacted_body, without_nudges
-from systems.vision.bodies.feature_association import (
-    associate,
-    merged,
-    take_the_handle_along,
-    without_features_of_others,
-)
+from systems.vision.bodies.feature_association import associate, merged
 from systems.vision.bodies.feature_history import FeatureHistory, no_history, remember
+from systems.vision.bodies.held_body import (
+    start,
+    takes_handle_along,
+    without_features_of_others,
+    without_nudges,
+)
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 CONFIG = RigidBodyMotionConfig()
@@ -56,7 +56,7 @@ def moving(rate: Array) -> Array:
 
 def held(path: Array, history: FeatureHistory) -> TrackedBody:
     prior = PoseBelief(X=np.ascontiguousarray(path[-1]), covariance=1e-4 * np.eye(6))
-    body = interacted_body(CONFIG, prior, history, CONFIG.history.window)
+    body = start(CONFIG, prior, history, CONFIG.history.window)
     return replace(body, path=path)
 
 
@@ -66,7 +66,7 @@ def test_features_of_the_held_body_join_even_if_the_hand_turns_on_the_handle(see
     misled = RATE + np.array([0.05, -0.08, 0.05, 0, 0, 0])
     rows = np.arange(20)
     for path in (moving(RATE), moving(misled)):
-        assert take_the_handle_along(CONFIG, held(path, history), history, rows)
+        assert takes_handle_along(CONFIG, held(path, history), history, rows)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -74,7 +74,7 @@ def test_features_of_a_box_that_slides_slower_than_its_lid_do_not(seed: int) -> 
     sliding = np.array([0.0, 0.0, 0.0, 0.005, 0.0, 0.0])
     history = seen(moving(sliding), np.random.default_rng(seed))
     body = held(moving(RATE), history)
-    assert not take_the_handle_along(CONFIG, body, history, np.arange(20))
+    assert not takes_handle_along(CONFIG, body, history, np.arange(20))
 
 
 def test_what_the_closing_hand_has_nudged_does_not_move_with_it() -> None:

@@ -14,9 +14,9 @@ from systems.kinematics.kinematic_model import KinematicModel, KinematicModelCon
 from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
 from systems.proprioception.grasp_model import GraspModel, GraspModelConfig
 from systems.proprioception.hand_bending import HandBending, HandBendingConfig
-from systems.proprioception.interacted_body_motion import (
-    InteractedBodyMotion,
-    InteractedBodyMotionConfig,
+from systems.proprioception.held_body_motion import (
+    HeldBodyMotion,
+    HeldBodyMotionConfig,
 )
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
@@ -47,34 +47,32 @@ class CrossModalWire:
 
 
 CROSSMODAL_WIRES = {
-    "interacted_body_to_vision": CrossModalWire(
+    "held_body_to_vision": CrossModalWire(
         carries="where the hand takes its body, so that vision finds its features",
-        connections=(
-            ("interacted_body_motion", "body_prior", "rigid_body_motion", "interacted_body_prior"),
-        ),
+        connections=(("held_body_motion", "body_prior", "rigid_body_motion", "held_body_prior"),),
     ),
-    "features_to_interacted_body": CrossModalWire(
-        carries="the features of the body in the hand, which correct its pose",
+    "features_to_held_body": CrossModalWire(
+        carries="the features of the held body, which correct its pose",
         connections=(
             (
                 "feature_motion",
                 "features_estimated",
-                "interacted_body_motion",
+                "held_body_motion",
                 "features_estimated",
             ),
             (
                 "rigid_body_motion",
                 "body_motions_estimated",
-                "interacted_body_motion",
+                "held_body_motion",
                 "body_motions_estimated",
             ),
         ),
     ),
-    "interacted_body_to_grasp": CrossModalWire(
-        carries="how the body in the hand was seen to move, from which the grasp is learnt",
+    "held_body_to_grasp": CrossModalWire(
+        carries="how the held body was seen to move, from which the grasp is learnt",
         connections=(
             (
-                "interacted_body_motion",
+                "held_body_motion",
                 "body_motions_estimated",
                 "grasp_model",
                 "body_motions_estimated",
@@ -82,7 +80,7 @@ CROSSMODAL_WIRES = {
         ),
     ),
     "visual_bodies_to_joints": CrossModalWire(
-        carries="bodies that only vision sees, to which the body in the hand may be jointed",
+        carries="bodies that only vision sees, to which the held body may be jointed",
         connections=(
             ("rigid_body_motion", "body_motions_estimated", "kinematic_model", "body_motions"),
         ),
@@ -133,7 +131,7 @@ class PerceptionConfig:
     end_effector: EndEffectorMotionConfig = field(default_factory=EndEffectorMotionConfig)
     hand_bending: HandBendingConfig = field(default_factory=HandBendingConfig)
     grasp: GraspModelConfig = field(default_factory=GraspModelConfig)
-    interacted_body: InteractedBodyMotionConfig = field(default_factory=InteractedBodyMotionConfig)
+    held_body: HeldBodyMotionConfig = field(default_factory=HeldBodyMotionConfig)
     features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
     bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
     joints_vision: KinematicModelConfig = field(default_factory=joints_from_features)
@@ -176,7 +174,7 @@ def make_network(modality: str, config: PerceptionConfig, robot: RobotKnowledge)
     kinematics = getattr(config, f"joints_{modality}")
     if modality == "vision":
         model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=1))
-        bodies = _add_vision(builder, config, robot, with_interacted_body=False)
+        bodies = _add_vision(builder, config, robot, with_held_body=False)
         _wire(builder, bodies, "body_motions_estimated", model, "body_motions")
         _wire(builder, model, "bodies_predicted", bodies, "joint_predictions")
     elif modality == "proprioception":
@@ -186,12 +184,12 @@ def make_network(modality: str, config: PerceptionConfig, robot: RobotKnowledge)
         _wire(builder, body, "body_motions_estimated", model, "body_motions")
     else:
         model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=2))
-        _add_vision(builder, config, robot, with_interacted_body=True)
+        _add_vision(builder, config, robot, with_held_body=True)
         body, _ = _add_proprioception(builder, config, robot, corrected_by_vision=True)
         for name, wire in CROSSMODAL_WIRES.items():
             if name not in config.cut:
                 _connect(builder, wire)
-        # What hand and eye know together of the interacted body counts, not what the eye knows.
+        # What hand and eye know together of the held body counts, not what the eye knows.
         _wire(builder, body, "body_motions_estimated", model, "body_motions_1")
     _export_outputs(builder, model, "joints_latest", "body_motions_latest")
     diagram = builder.Build()
@@ -203,7 +201,7 @@ def _add_vision(
     builder: DiagramBuilder,
     config: PerceptionConfig,
     robot: RobotKnowledge,
-    with_interacted_body: bool,
+    with_held_body: bool,
 ) -> System:
     """Feature motion and, on top of it, rigid-body motion; returns the latter."""
     X_WC = np.asarray(robot.X_WC.GetAsMatrix4())
@@ -213,7 +211,7 @@ def _add_vision(
     bodies = _add(
         builder,
         "rigid_body_motion",
-        RigidBodyMotion(config.bodies, robot.intrinsics, X_WC, with_interacted_body),
+        RigidBodyMotion(config.bodies, robot.intrinsics, X_WC, with_held_body),
     )
     for port in VISION_INPUTS:
         builder.ExportInput(features.GetInputPort(port), port)
@@ -229,7 +227,7 @@ def _add_proprioception(
     robot: RobotKnowledge,
     corrected_by_vision: bool,
 ) -> tuple[System, System]:
-    """End-effector, bending, grasp and interacted body; returns the last and the grasp."""
+    """End-effector, bending, grasp and held body; returns the last and the grasp."""
     end_effector = _add(
         builder, "end_effector_motion", EndEffectorMotion(config.end_effector, robot.arm)
     )
@@ -237,8 +235,8 @@ def _add_proprioception(
     grasp = _add(builder, "grasp_model", GraspModel(config.grasp))
     body = _add(
         builder,
-        "interacted_body_motion",
-        InteractedBodyMotion(config.interacted_body, corrected_by_vision=corrected_by_vision),
+        "held_body_motion",
+        HeldBodyMotion(config.held_body, corrected_by_vision=corrected_by_vision),
     )
     builder.ExportInput(end_effector.GetInputPort("joint_state_window"), "joint_state_window")
     for port in ("wrench_window", "pressure_window"):

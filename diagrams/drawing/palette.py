@@ -22,7 +22,7 @@ JOINT = {
 }
 PLAN = "#2255EE"  # The way before the hand.
 _STATIC = "#D0D0D0"
-_INTERACTED = "#FFCC22"
+_HELD = "#FFCC22"
 _OTHERS = ("#33BBEE", "#EE3377", "#99DD55", "#BB88FF")
 
 
@@ -41,7 +41,7 @@ def body_color(body_id: int) -> str:
     if body_id == STATIC_BODY:
         return _STATIC
     if body_id == INTERACTED_BODY:
-        return _INTERACTED
+        return _HELD
     return _OTHERS[(body_id - 2) % len(_OTHERS)]
 
 

@@ -18,7 +18,7 @@ from systems.port_values.bodies import (
     BodyMotions,
     BodyPrediction,
     BodyPredictions,
-    InteractedBody,
+    HeldBody,
 )
 from systems.port_values.features import FeatureBelief, no_features
 from systems.port_values.grasp import GraspBelief, GraspType
@@ -45,7 +45,7 @@ __all__ = [
     "FeatureBelief",
     "GraspBelief",
     "GraspType",
-    "InteractedBody",
+    "HeldBody",
     "JointBelief",
     "JointBeliefs",
     "JointModelBelief",

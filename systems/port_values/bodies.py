@@ -44,8 +44,8 @@ class BodyMotion:
 
 
 @dataclass(kw_only=True)
-class InteractedBody(BodyMotion):
-    """The body in the hand, and what vision alone says about it at this tick.
+class HeldBody(BodyMotion):
+    """The held body, and what vision alone says about it at this tick.
 
     Attributes:
         seen: X_WB from the features alone, independent of proprioception, with the covariance of

@@ -15,7 +15,7 @@ class GraspType(StrEnum):
 
 @dataclass(kw_only=True)
 class GraspBelief:
-    """How the bent hand H holds the interacted body B.
+    """How the bent hand H holds the held body B.
 
     Attributes:
         probabilities: Of each type, summing to one.

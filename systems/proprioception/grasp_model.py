@@ -1,4 +1,4 @@
-"""How the bent hand holds the interacted body: four types side by side, the likeliest wins."""
+"""How the bent hand holds the held body: four types side by side, the likeliest wins."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +16,7 @@ from systems.port_values import (
     BodyMotions,
     GraspBelief,
     GraspType,
-    InteractedBody,
+    HeldBody,
     PoseBelief,
 )
 from systems.proprioception.bent_hand import BentHand, bent_hand
@@ -128,7 +128,7 @@ def initial_state(config: GraspModelConfig) -> GraspState:
     )
 
 
-def start_state(hand: BentHand, body: InteractedBody, config: GraspModelConfig) -> GraspState:
+def start_state(hand: BentHand, body: HeldBody, config: GraspModelConfig) -> GraspState:
     """The filters at the reference, where X_HB is known."""
     z_0 = se3.inverse(hand.X_WH) @ body.motion.X
     filters = [start_filter(kind, z_0, hand.bias_jacobian, config) for kind in HELD_TYPES]
@@ -144,7 +144,7 @@ def start_state(hand: BentHand, body: InteractedBody, config: GraspModelConfig) 
 
 
 def reaffirm(
-    state: GraspState, hand: BentHand, body: InteractedBody, config: GraspModelConfig
+    state: GraspState, hand: BentHand, body: HeldBody, config: GraspModelConfig
 ) -> GraspState:
     """A tick without vision: X_HB follows from the grasp, so that it cannot confirm it."""
     z = se3.inverse(hand.X_WH) @ body.motion.X
@@ -211,7 +211,7 @@ class GraspModel(RecursiveFilter):
     real innovation covariance, with a memory of `memory` seconds. A loose grasp is never beyond
     doubt, for it may have become a firm one (`lodging`).
 
-    Only what vision alone says about the body (`InteractedBody.seen`) is independent of the grasp.
+    Only what vision alone says about the body (`HeldBody.seen`) is independent of the grasp.
     In the proprioception-only wiring, and in the dark, the body's pose is computed through the
     grasp: then the relative pose is followed and the prior reaffirmed, without new confidence.
 
@@ -229,8 +229,8 @@ class GraspModel(RecursiveFilter):
 
     - `end_effector_estimated`: `EndEffectorBelief` X_WE.
     - `hand_bending_estimated`: `PoseBelief` X_EH.
-    - `body_motions_estimated`: `BodyMotions` with the one `InteractedBody`, of
-      `InteractedBodyMotion`; unconnected, the grasp stays the prior.
+    - `body_motions_estimated`: `BodyMotions` with the one `HeldBody`, of
+      `HeldBodyMotion`; unconnected, the grasp stays the prior.
     - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
     - `grasp_estimated`: `GraspBelief`, posterior of this tick.
     - `grasp_latest`: `GraspBelief`, posterior of the last tick, from the state alone.
@@ -295,7 +295,7 @@ class GraspModel(RecursiveFilter):
     def _calc_grasp(self, context: Context, state: Any) -> GraspState:
         motions = self._read(self._bodies, context) if self._bodies.HasValue(context) else None
         body = None if motions is None else motions.find(INTERACTED_BODY)
-        if self._read(self._active, context)[0] <= 0.5 or not isinstance(body, InteractedBody):
+        if self._read(self._active, context)[0] <= 0.5 or not isinstance(body, HeldBody):
             return self._nothing_held
         end_effector = self._read(self._end_effector, context)
         hand = bent_hand(end_effector, self._read(self._bending, context))

@@ -33,7 +33,7 @@ class TrackedBody(Immutable):
         supported: Ticks with at least `keep_support`.
         unsupported: Ticks since then.
         source: Which prediction fitted best at this tick.
-        held_since: Tick at which the hand had closed, of the interacted body; -1 for others.
+        held_since: Tick at which the hand had closed, of the held body; -1 for others.
         reset_count: How many times it was lost and its landmarks were placed anew.
     """
 

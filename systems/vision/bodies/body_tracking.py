@@ -138,7 +138,7 @@ def _coasted(
     old: BodyFilter,
     candidates: list[tuple[str, BodyFilter]],
 ) -> TrackedBody:
-    """Without features: follow the interacted body's prior, else the velocity."""
+    """Without features: follow the held body's prior, else the velocity."""
     for source, candidate in candidates:
         if source == "prior":
             walk = config.held_body.prior_walk

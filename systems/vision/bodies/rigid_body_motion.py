@@ -166,7 +166,7 @@ class RigidBodyMotion(RecursiveFilter):
     free features share a rigid motion that their covariances do not explain (RANSAC on the
     significant ones), and end when they have had no support for a while.
 
-    With the interacted body, its prior's motion is one more hypothesis from the first tick on, so
+    With the held body, its prior's motion is one more hypothesis from the first tick on, so
     that features join it without RANSAC; its reference is the prior's pose at that tick.
 
     .. pydrake_system::
@@ -175,7 +175,7 @@ class RigidBodyMotion(RecursiveFilter):
         input_ports:
         - features_estimated
         - joint_predictions
-        - interacted_body_prior
+        - held_body_prior
         output_ports:
         - body_motions_estimated
         - body_motions_latest
@@ -183,8 +183,8 @@ class RigidBodyMotion(RecursiveFilter):
 
     - `features_estimated`: `FeatureBelief`, the features seen at this tick, positions in W.
     - `joint_predictions`: `BodyPredictions` of X_WB at this tick; none if not connected.
-    - `interacted_body_prior`: `PoseBelief` X_WB of `INTERACTED_BODY`, not finite while there is
-      none; only declared with `with_interacted_body`.
+    - `held_body_prior`: `PoseBelief` X_WB of `INTERACTED_BODY`, not finite while there is
+      none; only declared with `with_held_body`.
     - `body_motions_estimated`: `BodyMotions`, posterior of this tick; vision's own bodies are
       numbered from 2; B has W's axes at the features' centroid at the reference. The covariance is
       that of the displacement since then, the errors of p_BF included.
@@ -201,7 +201,7 @@ class RigidBodyMotion(RecursiveFilter):
         config: RigidBodyMotionConfig,
         camera: CameraInfo,
         X_WC: Array,
-        with_interacted_body: bool = False,
+        with_held_body: bool = False,
     ) -> None:
         super().__init__()
         check_rigid_body_motion(config)
@@ -212,8 +212,8 @@ class RigidBodyMotion(RecursiveFilter):
         self._features = self._declare_value_input("features_estimated", no_features())
         self._joints = self._declare_value_input("joint_predictions", BodyPredictions())
         self._prior: InputPort | None = None
-        if with_interacted_body:
-            self._prior = self._declare_value_input("interacted_body_prior", NO_POSE)
+        if with_held_body:
+            self._prior = self._declare_value_input("held_body_prior", NO_POSE)
         self._declare_recursion(no_bodies(config), self._calc_bodies, config.period)
         self._declare_estimated("body_motions_estimated", self._motions)
         self._declare_latest("body_motions_latest", self._motions)

@@ -84,7 +84,7 @@ def test_with_every_wire_cut_the_network_still_ticks() -> None:
     network = build_networks(chosen, station())["crossmodal"]
     context = network.CreateDefaultContext()
     fix_inputs(network, context, Q, 0.0)
-    body = network.GetSubsystemByName("interacted_body_motion")
+    body = network.GetSubsystemByName("held_body_motion")
     grasp = network.GetSubsystemByName("grasp_model")
     motions = body.GetOutputPort("body_motions_estimated").Eval(body.GetMyContextFromRoot(context))
     belief = grasp.GetOutputPort("grasp_estimated").Eval(grasp.GetMyContextFromRoot(context))
@@ -148,8 +148,8 @@ def test_predictions_close_the_loop_from_joints_to_features() -> None:
     }
     assert ("kinematic_model", "rigid_body_motion") in found
     assert ("rigid_body_motion", "feature_motion") in found
-    assert ("interacted_body_motion", "rigid_body_motion") in found
-    assert ("grasp_model", "interacted_body_motion") in found
+    assert ("held_body_motion", "rigid_body_motion") in found
+    assert ("grasp_model", "held_body_motion") in found
 
 
 def fix_inputs(network: Diagram, context: Context, q: np.ndarray, time: float) -> None:
@@ -170,7 +170,7 @@ def fix_inputs(network: Diagram, context: Context, q: np.ndarray, time: float) -
 
 def test_an_estimate_reacts_to_a_measurement_in_the_same_tick() -> None:
     network = networks()["proprioception"]
-    body = network.GetSubsystemByName("interacted_body_motion")
+    body = network.GetSubsystemByName("held_body_motion")
     context = network.CreateDefaultContext()
 
     def position(q: np.ndarray) -> np.ndarray:

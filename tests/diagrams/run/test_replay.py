@@ -21,7 +21,7 @@ from systems.port_values import INTERACTED_BODY
 WIRINGS = {
     "crossmodal": Wiring(),
     "proprioception": Wiring(modality="proprioception"),
-    "unguided": Wiring(cut=["interacted_body_to_vision"]),
+    "unguided": Wiring(cut=["held_body_to_vision"]),
     "separate": Wiring(cut=list(CROSSMODAL_WIRES)),
 }
 

@@ -15,16 +15,16 @@ from systems.port_values import (
     EndEffectorBelief,
     FeatureBelief,
     GraspBelief,
-    InteractedBody,
+    HeldBody,
     MotionBelief,
     PoseBelief,
 )
 from systems.proprioception.bent_hand import screw
 from systems.proprioception.grasp_filters import GraspModelConfig
 from systems.proprioception.grasp_model import GraspModel
-from systems.proprioception.interacted_body_motion import (
-    InteractedBodyMotion,
-    InteractedBodyMotionConfig,
+from systems.proprioception.held_body_motion import (
+    HeldBodyMotion,
+    HeldBodyMotionConfig,
 )
 
 PERIOD = 1.0 / 15.0
@@ -69,7 +69,7 @@ class Tick:
 
     X_WB: np.ndarray
     X_HB: np.ndarray
-    body: InteractedBody
+    body: HeldBody
     prior: PoseBelief
     grasp: GraspBelief
 
@@ -100,7 +100,7 @@ class AutoRegression:
 
 def make_diagram(
     vision: bool,
-    body_config: InteractedBodyMotionConfig,
+    body_config: HeldBodyMotionConfig,
     grasp_config: GraspModelConfig,
     grasp_wire: bool = True,
 ) -> Diagram:
@@ -109,7 +109,7 @@ def make_diagram(
     Without `grasp_wire` the grasp model does not see the body and stays the prior.
     """
     builder = DiagramBuilder()
-    body = builder.AddNamedSystem("body", InteractedBodyMotion(body_config, vision))
+    body = builder.AddNamedSystem("body", HeldBodyMotion(body_config, vision))
     grasp = builder.AddNamedSystem("grasp", GraspModel(grasp_config))
     builder.Connect(grasp.GetOutputPort("grasp_latest"), body.GetInputPort("grasp_latest"))
     if grasp_wire:
@@ -222,7 +222,7 @@ def run(
     scene: Scene,
     seed: int,
     vision: bool,
-    body_config: InteractedBodyMotionConfig | None = None,
+    body_config: HeldBodyMotionConfig | None = None,
     grasp_config: GraspModelConfig | None = None,
     grasp_wire: bool = True,
 ) -> list[Tick]:
@@ -230,7 +230,7 @@ def run(
     episode = Episode(scene, seed)
     diagram = make_diagram(
         vision,
-        body_config or InteractedBodyMotionConfig(),
+        body_config or HeldBodyMotionConfig(),
         grasp_config or GraspModelConfig(),
         grasp_wire,
     )

@@ -131,7 +131,7 @@ def test_features_that_take_the_handle_out_of_the_hand_are_freed() -> None:
         assert np.allclose(after.path[:-1], body.path[:-1])
 
 
-def test_a_body_seen_for_long_is_not_taken_for_the_one_in_the_hand() -> None:
+def test_a_body_seen_for_long_is_not_taken_for_the_held_one() -> None:
     history = seen(moving(RATE), np.random.default_rng(0))
     history = replace(history, body=np.full(20, 2))
     hand = held(moving(RATE), history)

@@ -1,4 +1,4 @@
-"""A body that vision found goes on as the interacted one, described in another frame."""
+"""A body that vision found goes on as the held one, described in another frame."""
 
 import numpy as np
 import pytest
@@ -72,9 +72,7 @@ def tracked(body_id: int, way: float) -> TrackedBody:
 
 
 @pytest.mark.parametrize(("share", "held"), [(1.0, True), (0.8, True), (0.3, False), (0.0, False)])
-def test_a_body_that_the_handle_drags_along_is_not_the_one_in_the_hand(
-    share: float, held: bool
-) -> None:
+def test_a_body_that_the_handle_drags_along_is_not_the_held_one(share: float, held: bool) -> None:
     way = 0.01
     X = np.eye(4)
     X[0, 3] = way

@@ -128,7 +128,7 @@ def play(camera: CameraInfo, tick: Callable) -> Callable:
         def inputs(k: int) -> dict:
             values = {"features_estimated": stream.beliefs[k]}
             if priors is not None:
-                values["interacted_body_prior"] = priors[k]
+                values["held_body_prior"] = priors[k]
             if joints is not None:
                 values["joint_predictions"] = joints(k)
             return values
@@ -292,9 +292,7 @@ def prior_path(stream: Stream, held_at: int, slip: float, lead: int) -> list[Pos
 
 
 @pytest.mark.parametrize("slip", [0.0, 0.1])
-def test_what_moves_with_the_hand_joins_the_interacted_body_at_once(
-    play: Callable, slip: float
-) -> None:
+def test_what_moves_with_the_hand_joins_the_held_body_at_once(play: Callable, slip: float) -> None:
     held_at = 30
     stream = Stream(kind="drawer", seed=6)
     priors = prior_path(stream, held_at, slip, lead=0)
@@ -319,7 +317,7 @@ def test_a_hand_that_moves_alone_takes_no_feature_along(play: Callable) -> None:
     assert np.linalg.norm(motions[-1][0].motion.X[:3, 3] - [0.93, 0.0, 0.55]) > 0.05
 
 
-def test_in_the_dark_the_interacted_body_follows_the_hand(play: Callable) -> None:
+def test_in_the_dark_the_held_body_follows_the_hand(play: Callable) -> None:
     dark = 90
     stream = Stream(kind="drawer", seed=8, dark_from=dark, ticks=dark + 45)
     priors = prior_path(stream, 30, 0.05, lead=0)
@@ -344,7 +342,7 @@ def test_features_that_come_late_show_the_motion_since_they_came(play: Callable)
     assert np.linalg.norm(error[3:]) < 3e-3
 
 
-def test_the_interacted_body_ends_with_the_grasp(play: Callable) -> None:
+def test_the_held_body_ends_with_the_grasp(play: Callable) -> None:
     stream = Stream(kind="drawer", seed=9, ticks=90)
     priors = prior_path(stream, 30, 0.0, lead=0)
     priors[80:] = [NO_POSE] * 10

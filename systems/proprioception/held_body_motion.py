@@ -18,7 +18,7 @@ from systems.port_values import (
     BodyMotion,
     BodyMotions,
     FeatureBelief,
-    InteractedBody,
+    HeldBody,
     MotionBelief,
     PoseBelief,
     no_features,
@@ -27,9 +27,9 @@ from systems.proprioception.bent_hand import bent_hand
 from systems.proprioception.feature_registration import GATE, register
 from systems.proprioception.grasp_filters import GraspModelConfig
 from systems.proprioception.grasp_model import initial_grasp
-from systems.proprioception.interacted_body_filter import (
+from systems.proprioception.held_body_filter import (
     BodyState,
-    InteractedBodyMotionConfig,
+    HeldBodyMotionConfig,
     correct_body,
     predict_body,
     reset_body,
@@ -65,9 +65,9 @@ def sight(
     X_start: Array,
     features: FeatureBelief,
     motions: BodyMotions,
-    config: InteractedBodyMotionConfig,
+    config: HeldBodyMotionConfig,
 ) -> Sighting | None:
-    """Registers the features that belong to the interacted body; None if they are too few."""
+    """Registers the features that belong to the held body; None if they are too few."""
     body = motions.find(INTERACTED_BODY)
     if body is None:
         return None
@@ -94,14 +94,14 @@ def sight(
 
 
 @dataclass(kw_only=True)
-class InteractedState(Immutable):
+class HeldBodyState(Immutable):
     """The body, None while nothing is held, and the sighting that corrected it, if any."""
 
     body: BodyState | None
     sighting: Sighting | None
 
 
-def body_motions(state: InteractedState) -> BodyMotions:
+def body_motions(state: HeldBodyState) -> BodyMotions:
     """The port value of a state."""
     body, sighting = state.body, state.sighting
     if body is None:
@@ -112,7 +112,7 @@ def body_motions(state: InteractedState) -> BodyMotions:
     rows = np.zeros(0, dtype=np.int64) if sighting is None else sighting.rows
     return BodyMotions(
         bodies=[
-            InteractedBody(
+            HeldBody(
                 body_id=INTERACTED_BODY,
                 motion=MotionBelief(X=body.X_WB, V=body.V, covariance=covariance),
                 X_WB_reference=body.X_WB_reference,
@@ -133,7 +133,7 @@ def body_motions(state: InteractedState) -> BodyMotions:
     )
 
 
-class InteractedBodyMotion(RecursiveFilter):
+class HeldBodyMotion(RecursiveFilter):
     """Recursive estimate of the pose and velocity of the body that the hand holds.
 
     Prediction: the bent hand's displacement moves the body as far as the grasp transmits it,
@@ -145,12 +145,12 @@ class InteractedBodyMotion(RecursiveFilter):
     too few of them (darkness), the prediction goes on from the last posterior.
 
     B has the world's axes and sits at Ho at the first tick of the interaction, the reference. The
-    covariance, in B, is that of the displacement since then (`interacted_body_filter`). It is
+    covariance, in B, is that of the displacement since then (`held_body_filter`). It is
     correlated over time: the calibration offset and the bending's error are the same at each tick.
 
     .. pydrake_system::
 
-        name: InteractedBodyMotion
+        name: HeldBodyMotion
         input_ports:
         - end_effector_estimated
         - hand_bending_estimated
@@ -172,7 +172,7 @@ class InteractedBodyMotion(RecursiveFilter):
       and may stay unconnected, as in the dark.
     - `body_prior`: `PoseBelief` X_WB before vision, not a number while nothing is held. It depends
       on the state and on the first four inputs only.
-    - `body_motions_estimated`: `BodyMotions`, one `InteractedBody` or none, posterior of this tick.
+    - `body_motions_estimated`: `BodyMotions`, one `HeldBody` or none, posterior of this tick.
       Its features are those that corrected it.
     - `body_motions_latest`: The same of the last tick, from the state alone.
 
@@ -182,9 +182,7 @@ class InteractedBodyMotion(RecursiveFilter):
     Schmidt, "Application of state-space methods to navigation problems", 1966.
     """
 
-    def __init__(
-        self, config: InteractedBodyMotionConfig, corrected_by_vision: bool = False
-    ) -> None:
+    def __init__(self, config: HeldBodyMotionConfig, corrected_by_vision: bool = False) -> None:
         super().__init__()
         self._check(config)
         self._config = config
@@ -201,7 +199,7 @@ class InteractedBodyMotion(RecursiveFilter):
         if corrected_by_vision:
             self._features = self._declare_value_input("features_estimated", no_features())
             self._motions = self._declare_value_input("body_motions_estimated", BodyMotions())
-        initial = InteractedState(body=None, sighting=None)
+        initial = HeldBodyState(body=None, sighting=None)
         self._declare_recursion(initial, self._calc_posterior_state, config.period)
         self._prior = self._declare_cache("prior", self._calc_prior, prior_inputs)
         self.DeclareAbstractOutputPort(
@@ -211,7 +209,7 @@ class InteractedBodyMotion(RecursiveFilter):
         self._declare_latest("body_motions_latest", body_motions)
 
     @staticmethod
-    def _check(config: InteractedBodyMotionConfig) -> None:
+    def _check(config: HeldBodyMotionConfig) -> None:
         units = {
             "period": "s",
             "hand_correlation_time": "s",
@@ -230,7 +228,7 @@ class InteractedBodyMotion(RecursiveFilter):
             "jump_rotation": "rad",
             "jump_translation": "m",
         }
-        name = "InteractedBodyMotion"
+        name = "HeldBodyMotion"
         require_positive(name, config, units)
         require(config.slip_rotation >= 0, name, config, "slip_rotation", ">= 0 rad/m^0.5")
         require(config.slip_translation >= 0, name, config, "slip_translation", ">= 0 m^0.5")
@@ -259,10 +257,10 @@ class InteractedBodyMotion(RecursiveFilter):
         body = self._prior.Eval(context)
         value.set_value(NO_POSE if body is None else body.pose)
 
-    def _calc_posterior_state(self, context: Context, state: Any) -> InteractedState:
+    def _calc_posterior_state(self, context: Context, state: Any) -> HeldBodyState:
         body = self._prior.Eval(context)
         if body is None or self._features is None or not self._features.HasValue(context):
-            return InteractedState(body=body, sighting=None)
+            return HeldBodyState(body=body, sighting=None)
         features = self._read(self._features, context)
         motions = self._read(self._motions, context)
         sighting = sight(body.X_WB, features, motions, self._config)
@@ -278,4 +276,4 @@ class InteractedBodyMotion(RecursiveFilter):
                     sighting = None
                 else:
                     body = corrected
-        return InteractedState(body=body, sighting=sighting)
+        return HeldBodyState(body=body, sighting=sighting)

@@ -1,4 +1,4 @@
-"""The pose of the body in the hand: predicted by the hand through the grasp, corrected by features.
+"""The pose of the held body: predicted by the hand through the grasp, corrected by features.
 
 Error state, all but the first in units of their own standard deviation:
 
@@ -36,7 +36,7 @@ _REFERENCE_VARIANCE = 1e-12  # The reference pose is so by definition, [rad^2, m
 
 
 @dataclass(kw_only=True)
-class InteractedBodyMotionConfig:
+class HeldBodyMotionConfig:
     period: float = 1.0 / 15.0  # Update period, [s].
     hand_correlation_time: float = 30.0  # Of the bent hand's error, a Gauss-Markov process, [s].
     slip_rotation: float = 0.03  # Slip in the hand, a random walk over its way, [rad/m^0.5].
@@ -209,7 +209,7 @@ def line_sensitivity(free: FreeMotion, tau: Array, turned: float, slides: bool) 
     return A
 
 
-def start_body(hand: BentHand, grasp: GraspBelief, config: InteractedBodyMotionConfig) -> BodyState:
+def start_body(hand: BentHand, grasp: GraspBelief, config: HeldBodyMotionConfig) -> BodyState:
     """The body at its reference: B has the world's axes and sits at the hand's origin.
 
     A hand that settles on the handle after that misleads about the body, at the reference most,
@@ -252,7 +252,7 @@ def fade(x: Array, P: Array, part: slice, rho: float) -> tuple[Array, Array]:
 
 
 def predict_body(
-    body: BodyState, hand: BentHand, grasp: GraspBelief, config: InteractedBodyMotionConfig
+    body: BodyState, hand: BentHand, grasp: GraspBelief, config: HeldBodyMotionConfig
 ) -> BodyState:
     """Moves the body as the hand moved, X_WH T X_WH^-1 X_WB, as far as the grasp transmits it.
 
@@ -318,7 +318,7 @@ def predict_body(
     )
 
 
-def _slip(tau: Array, config: InteractedBodyMotionConfig) -> Array:
+def _slip(tau: Array, config: HeldBodyMotionConfig) -> Array:
     """Variances (6,) by which the body slips in the hand while the hand moves by `tau`."""
     way = np.linalg.norm(tau[3:]) + config.lever * np.linalg.norm(tau[:3])
     return way * np.repeat([config.slip_rotation**2, config.slip_translation**2], 3)
@@ -329,7 +329,7 @@ def with_velocity(
     V_WH_H: Array,
     V_covariance: Array,
     grasp: GraspBelief,
-    config: InteractedBodyMotionConfig,
+    config: HeldBodyMotionConfig,
 ) -> BodyState:
     """Adds the velocity that the grasp transmits from the hand's, (6,) with covariance (6, 6)."""
     layout = Layout(body.hand.bias_jacobian.shape[1])
@@ -360,7 +360,7 @@ def reset_body(
     seen: PoseBelief,
     feature_ids: Ids,
     reset_count: int,
-    config: InteractedBodyMotionConfig,
+    config: HeldBodyMotionConfig,
 ) -> BodyState:
     """The body when features are back that were placed in it where the hand had carried it.
 
@@ -392,7 +392,7 @@ def correct_body(
     seen: PoseBelief,
     offset_covariance: Array,
     feature_ids: Ids,
-    config: InteractedBodyMotionConfig,
+    config: HeldBodyMotionConfig,
 ) -> BodyState | None:
     """Corrects by the pose that the features show, seen = X_WB exp(xi + offset b + noise).
 

@@ -1,4 +1,4 @@
-"""The interacted body: derivatives, then beliefs against simulated hands."""
+"""The held body: derivatives, then beliefs against simulated hands."""
 
 from dataclasses import replace
 
@@ -13,9 +13,9 @@ from systems.port_values import INTERACTED_BODY, GraspBelief, GraspType, PoseBel
 from systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
 from systems.proprioception.grasp_filters import GraspModelConfig, free_projection
 from systems.proprioception.grasp_model import initial_grasp
-from systems.proprioception.interacted_body_filter import (
+from systems.proprioception.held_body_filter import (
     BodyState,
-    InteractedBodyMotionConfig,
+    HeldBodyMotionConfig,
     Layout,
     correct_body,
     free_motion,
@@ -23,9 +23,9 @@ from systems.proprioception.interacted_body_filter import (
     predict_body,
     start_body,
 )
-from systems.proprioception.interacted_body_motion import InteractedBodyMotion
+from systems.proprioception.held_body_motion import HeldBodyMotion
 
-CONFIG = InteractedBodyMotionConfig()
+CONFIG = HeldBodyMotionConfig()
 LAYOUT = Layout(6)
 
 
@@ -51,7 +51,7 @@ def grasp(kind: GraspType, axis: np.ndarray, point: np.ndarray) -> GraspBelief:
 def pair(seed: int) -> tuple[BodyState, BentHand, GraspBelief]:
     rng = np.random.default_rng(seed)
     belief = grasp(GraspType.PERFECT, np.array([0.0, 1.0, 0.0]), np.array([0.02, 0.0, 0.05]))
-    body = start_body(hand(rng, se3.exp(rng.normal(size=6))), belief, InteractedBodyMotionConfig())
+    body = start_body(hand(rng, se3.exp(rng.normal(size=6))), belief, HeldBodyMotionConfig())
     after = hand(rng, body.hand.X_WH @ se3.exp(0.3 * rng.normal(size=6)))
     return body, after, belief
 
@@ -332,7 +332,7 @@ def test_features_that_come_late_tell_the_motion_since_but_not_the_pose() -> Non
 
 
 def test_the_prior_does_not_depend_on_vision() -> None:
-    system = InteractedBodyMotion(CONFIG, corrected_by_vision=True)
+    system = HeldBodyMotion(CONFIG, corrected_by_vision=True)
     prior = system.GetOutputPort("body_prior").get_index()
     estimated = system.GetOutputPort("body_motions_estimated").get_index()
     latest = system.GetOutputPort("body_motions_latest").get_index()
@@ -346,7 +346,7 @@ def test_the_prior_does_not_depend_on_vision() -> None:
 
 
 def test_there_is_no_body_while_nothing_is_held() -> None:
-    system = InteractedBodyMotion(CONFIG)
+    system = HeldBodyMotion(CONFIG)
     context = system.CreateDefaultContext()
     episode = Episode(Scene(displacement=pull()), 0)
     end_effector, bending = episode.streams(0.0)
@@ -368,10 +368,10 @@ def test_there_is_no_body_while_nothing_is_held() -> None:
 
 @pytest.mark.parametrize(("field", "value"), [("inlier_share", 0.0), ("slip_rotation", -1.0)])
 def test_impossible_values_are_refused(field: str, value: float) -> None:
-    config = InteractedBodyMotionConfig()
+    config = HeldBodyMotionConfig()
     setattr(config, field, value)
-    with pytest.raises(ValueError, match=f"InteractedBodyMotion: {field}"):
-        InteractedBodyMotion(config)
+    with pytest.raises(ValueError, match=f"HeldBodyMotion: {field}"):
+        HeldBodyMotion(config)
 
 
 def test_nothing_lasts_but_the_pose_error_and_a_grip_that_settles() -> None:

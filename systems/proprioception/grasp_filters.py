@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 import numba
 import numpy as np
 
-from maths import se3
+from maths import error_state, se3
 from maths.arrays import Array
 from maths.gaussian import joseph_update, log_likelihood, nees, symmetric
 from systems.port_values import GraspType
@@ -151,12 +151,8 @@ def predict_filter(grasp: GraspFilter, config: GraspModelConfig, way: float) -> 
     """The bent hand's error fades, the coordinates walk, axis and point hardly."""
     m = len(grasp.x) - 6
     rho = np.exp(-config.period / config.hand_correlation_time)
-    x, P = grasp.x.copy(), grasp.P.copy()
-    x[m:] *= rho
-    P[m : m + 6] *= rho
-    P[:, m : m + 6] *= rho
+    x, P = error_state.fade(grasp.x, grasp.P, slice(m, m + 6), rho)
     Q = np.zeros(len(P))
-    Q[m : m + 6] = 1.0 - rho**2
     rates = np.array([config.rotation_process_noise, config.sliding_process_noise])
     count = _COORDINATES[grasp.type]
     if count:

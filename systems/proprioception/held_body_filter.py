@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maths import se3
+from maths import error_state, se3
 from maths.arrays import Array, Ids
 from maths.gaussian import nees, schmidt_update, symmetric
 from maths.immutable import Immutable
@@ -32,6 +32,7 @@ from systems.port_values import GraspBelief, GraspType, PoseBelief
 from systems.proprioception.bent_hand import BentHand, cross, screw
 
 _LOOSE_TYPES = (GraspType.REVOLUTE, GraspType.CYLINDRICAL)
+_POSE = slice(0, 6)
 _REFERENCE_VARIANCE = 1e-12  # The reference pose is so by definition, [rad^2, m^2].
 
 
@@ -240,17 +241,6 @@ def start_body(hand: BentHand, grasp: GraspBelief, config: HeldBodyMotionConfig)
     )
 
 
-def fade(x: Array, P: Array, part: slice, rho: float) -> tuple[Array, Array]:
-    """Normalised states that keep the share `rho` and renew the rest."""
-    x, P = x.copy(), P.copy()
-    x[part] *= rho
-    P[part] *= rho
-    P[:, part] *= rho
-    index = np.arange(part.start, part.stop)
-    P[index, index] += 1.0 - rho**2
-    return x, P
-
-
 def predict_body(
     body: BodyState, hand: BentHand, grasp: GraspBelief, config: HeldBodyMotionConfig
 ) -> BodyState:
@@ -264,7 +254,7 @@ def predict_body(
     """
     layout = Layout(hand.bias_jacobian.shape[1])
     if grasp.type != body.grasp_type:
-        x, P = fade(body.x, body.P, slice(layout.f.start, layout.k.stop), 0.0)
+        x, P = error_state.fade(body.x, body.P, slice(layout.f.start, layout.k.stop), 0.0)
         body = replace(body, x=x, P=P, grasp_type=grasp.type)
     free = free_motion(grasp)
     before = body.hand
@@ -368,11 +358,9 @@ def reset_body(
     error becomes a constant `offset`, and the pose is where they see it, up to their noise.
     """
     layout = Layout(body.hand.bias_jacobian.shape[1])
-    x, P = fade(body.x, body.P, layout.b, 0.0)
+    x, P = error_state.fade(body.x, body.P, layout.b, 0.0)
     offset = body.offset + P[:6, :6]
-    P[:6] = 0.0
-    P[:, :6] = 0.0
-    P[:6, :6] = seen.covariance
+    P = error_state.reset(P, _POSE, seen.covariance)
     reference_error = np.repeat([config.reset_rotation_error, config.reset_translation_error], 3)
     return replace(
         body,
@@ -403,8 +391,8 @@ def correct_body(
     """
     layout = Layout(body.hand.bias_jacobian.shape[1])
     kept = np.isin(feature_ids, body.feature_ids).mean() if len(feature_ids) else 0.0
-    x, P = fade(body.x, body.P, layout.b, float(kept))
-    x, P = fade(x, P, layout.s, 0.0)
+    x, P = error_state.fade(body.x, body.P, layout.b, float(kept))
+    x, P = error_state.fade(x, P, layout.s, 0.0)
     H = np.zeros((6, layout.size))
     H[:, :6] = np.eye(6)
     H[:, layout.b] = np.linalg.cholesky(offset_covariance)
@@ -413,7 +401,7 @@ def correct_body(
         if kept < config.retained_share:
             return None
         jump = np.repeat([config.jump_rotation**2, config.jump_translation**2], 3)
-        P[:6, :6] += np.diag(jump)
+        P = error_state.inflate(P, _POSE, np.diag(jump))
     considered = np.zeros(layout.size, dtype=np.bool_)
     considered[layout.f] = True
     considered[layout.k] = body.grasp_type not in _LOOSE_TYPES

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from maths import se3
+from maths import error_state, se3
 from maths.arrays import Array, Ids, Mask
 from maths.gaussian import diagonal_blocks
 from maths.immutable import Immutable
@@ -91,9 +91,7 @@ def predict(
     F = np.eye(_MOTION)
     F[:6, :6] = se3.adjoint(se3.inverse(step))
     F[:6, 6:] = se3.right_jacobian(body.V * dt) * dt
-    P = body.P.copy()
-    P[:_MOTION] = F @ P[:_MOTION]
-    P[:, :_MOTION] = P[:, :_MOTION] @ F.T
+    P = error_state.propagate(body.P, slice(0, _MOTION), F)
     Q = np.diag(acceleration)
     P[:6, :6] += Q * dt**3 / 3.0
     P[:6, 6:_MOTION] += Q * dt**2 / 2.0
@@ -177,10 +175,7 @@ def agreeing(body: BodyFilter, index: Ids, p_WF: Array, covariance: Array, gate:
 
 
 def correct(body: BodyFilter, index: Ids, p_WF: Array, covariance: Array) -> BodyFilter:
-    """The filter after the features at landmarks `index` (K,) were seen at `p_WF` (K, 3).
-
-    The covariance shrinks by W^T W with W = L^-1 H P and L L^T = S: symmetric by construction.
-    """
+    """The filter after the features at landmarks `index` (K,) were seen at `p_WF` (K, 3)."""
     count = len(index)
     if count == 0:
         return body
@@ -192,18 +187,13 @@ def correct(body: BodyFilter, index: Ids, p_WF: Array, covariance: Array) -> Bod
     S = 0.5 * (S + S.T)
     blocks = np.arange(3 * count).reshape(count, 3)
     S[blocks[:, :, None], blocks[:, None, :]] += R_B
-    L = scipy.linalg.cholesky(S, lower=True, check_finite=False)
-    W = scipy.linalg.solve_triangular(L, HP, lower=True, check_finite=False)
-    innovation = (z - body.p_BF[index]).ravel()
-    whitened = scipy.linalg.solve_triangular(L, innovation, lower=True, check_finite=False)
-    dx = W.T @ whitened
-    P = body.P - W.T @ W
+    dx, P = error_state.update(body.P, HP, S, (z - body.p_BF[index]).ravel())
     return replace(
         body,
         X=body.X @ se3.exp(dx[:6]),
         V=body.V + dx[6:_MOTION],
         p_BF=body.p_BF + dx[_MOTION:].reshape(-1, 3),
-        P=0.5 * (P + P.T),
+        P=P,
     )
 
 
@@ -220,22 +210,16 @@ def _still_common(C: Array, P: Array, cross: Array) -> Array:
 
 def _extended(body: BodyFilter, ids: Ids, p_BF: Array, rows: Array, blocks: Array) -> BodyFilter:
     """Appends landmarks; `rows` (3K, n) is their covariance with the state, `blocks` their own."""
-    old, new = len(body.P), 3 * len(ids)
-    P = np.zeros((old + new, old + new))
-    P[:old, :old] = body.P
-    P[old:, :old] = rows
-    P[:old, old:] = rows.T
-    P[old:, old:] = blocks
     grown = replace(
         body,
         ids=np.concatenate([body.ids, ids]),
         p_BF=np.concatenate([body.p_BF, p_BF]),
         p_BF_initial=np.concatenate([body.p_BF_initial, p_BF]),
-        P=P,
+        P=error_state.augment(body.P, rows, blocks),
     )
     initial_covariance = grown.landmark_covariance
-    known = old - _MOTION
-    if known and new:
+    known = 3 * len(body.ids)
+    if known and len(ids):
         cross = _still_common(
             body.initial_covariance, body.landmark_covariance, initial_covariance[:known, known:]
         )
@@ -268,10 +252,7 @@ def add_current_landmarks(body: BodyFilter, ids: Ids, p_WF: Array, covariance: A
 
 def with_known_pose(body: BodyFilter) -> BodyFilter:
     """The filter whose pose is right by definition."""
-    P = body.P.copy()
-    P[_POSE] = 0.0
-    P[:, _POSE] = 0.0
-    return replace(body, P=P)
+    return replace(body, P=error_state.reset(body.P, _POSE, 0.0))
 
 
 def remove_landmarks(body: BodyFilter, ids: Ids) -> BodyFilter:
@@ -285,8 +266,8 @@ def remove_landmarks(body: BodyFilter, ids: Ids) -> BodyFilter:
         ids=body.ids[keep],
         p_BF=body.p_BF[keep],
         p_BF_initial=body.p_BF_initial[keep],
-        initial_covariance=body.initial_covariance[np.ix_(rows[_MOTION:], rows[_MOTION:])],
-        P=body.P[np.ix_(rows, rows)],
+        initial_covariance=error_state.remove(body.initial_covariance, rows[_MOTION:]),
+        P=error_state.remove(body.P, rows),
     )
 
 
@@ -317,17 +298,13 @@ def reset_to_initial(body: BodyFilter, sigma: Array) -> BodyFilter:
 
 def inflated(body: BodyFilter, sigma: Array) -> BodyFilter:
     """The filter whose pose may have jumped by `sigma` (6,), [rad, m]."""
-    P = body.P.copy()
-    P[_POSE, _POSE] += np.diag(sigma**2)
-    return replace(body, P=P)
+    return replace(body, P=error_state.inflate(body.P, _POSE, np.diag(sigma**2)))
 
 
 def carried(body: BodyFilter, X_WB: Array, dt: float, walk: Array) -> BodyFilter:
     """The filter moved to `X_WB` by another's account, trusted up to `walk` (6,) per sqrt(s)."""
     step = se3.inverse(body.X) @ X_WB
     Ad = se3.adjoint(se3.inverse(step))
-    P = body.P.copy()
-    P[_POSE] = Ad @ P[_POSE]
-    P[:, _POSE] = P[:, _POSE] @ Ad.T
-    P[_POSE, _POSE] += np.diag(walk**2 * dt)
+    P = error_state.propagate(body.P, _POSE, Ad)
+    P = error_state.inflate(P, _POSE, np.diag(walk**2 * dt))
     return replace(body, X=X_WB, V=se3.log(step) / dt, P=0.5 * (P + P.T))

@@ -7,6 +7,7 @@ import numpy as np
 
 from maths import se3
 from maths.arrays import Array
+from maths.vectors import cross
 from systems.port_values import EndEffectorBelief, PoseBelief
 
 
@@ -35,14 +36,6 @@ def bent_hand(end_effector: EndEffectorBelief, bending: PoseBelief) -> BentHand:
         X_WH=end_effector.X @ bending.X,
         bias_jacobian=Ad @ end_effector.bias_jacobian,
         noise_square_root=np.asarray(np.linalg.cholesky(covariance), dtype=float),
-    )
-
-
-@numba.njit(cache=True)
-def cross(a: Array, b: Array) -> Array:
-    """a x b (3,); `numpy.cross` takes twenty times as long."""
-    return np.array(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     )
 
 

@@ -21,8 +21,9 @@ import numpy as np
 from maths import error_state, se3
 from maths.arrays import Array
 from maths.gaussian import joseph_update, log_likelihood, nees, symmetric
+from maths.vectors import cross, tangent_basis
 from systems.port_values import GraspType
-from systems.proprioception.bent_hand import BentHand, cross, free_rotation, free_sliding, screw
+from systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
 from systems.proprioception.grasp_failure import GraspFailureConfig
 
 HELD_TYPES = (GraspType.PERFECT, GraspType.REVOLUTE, GraspType.CYLINDRICAL)
@@ -116,18 +117,6 @@ def prior_line_variances(bias_jacobian_0: Array, config: GraspModelConfig) -> Ar
     offset = (bias_jacobian_0**2).sum(axis=1).reshape(2, 3).mean(axis=1)
     own = np.array([config.axis_deviation**2, config.point_deviation**2])
     return np.repeat(own + offset, 2)
-
-
-@numba.njit(cache=True)
-def tangent_basis(axis: Array) -> Array:
-    """Two unit vectors (3, 2) perpendicular to `axis` and to each other."""
-    helper = np.zeros(3)
-    helper[np.argmin(np.abs(axis))] = 1.0
-    U = np.empty((3, 2))
-    U[:, 0] = cross(axis, helper)
-    U[:, 0] /= np.sqrt(np.sum(U[:, 0] ** 2))
-    U[:, 1] = cross(axis, U[:, 0])
-    return U
 
 
 @numba.njit(cache=True)

@@ -28,8 +28,9 @@ from maths import error_state, se3
 from maths.arrays import Array, Ids
 from maths.gaussian import nees, schmidt_update, symmetric
 from maths.immutable import Immutable
+from maths.vectors import cross
 from systems.port_values import GraspBelief, GraspType, PoseBelief
-from systems.proprioception.bent_hand import BentHand, cross, screw
+from systems.proprioception.bent_hand import BentHand, screw
 
 _LOOSE_TYPES = (GraspType.REVOLUTE, GraspType.CYLINDRICAL)
 _POSE = slice(0, 6)

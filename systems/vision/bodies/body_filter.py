@@ -18,6 +18,7 @@ from maths import error_state, se3
 from maths.arrays import Array, Ids, Mask
 from maths.gaussian import diagonal_blocks
 from maths.immutable import Immutable
+from maths.rigid_points import pose_jacobian
 
 Mask = Mask
 
@@ -101,22 +102,6 @@ def predict(
     turn = float(np.linalg.norm(body.V[:3])) * dt
     P[landmarks, landmarks] += landmark_walk**2 * dt + turn_walk**2 * turn
     return replace(body, X=body.X @ step, P=P)
-
-
-def _cross(p: Array) -> Array:
-    """Matrices (K, 3, 3) with `_cross(p)[k] @ w == cross(p[k], w)`."""
-    K = np.zeros((len(p), 3, 3))
-    K[:, 0, 1], K[:, 0, 2], K[:, 1, 2] = -p[:, 2], p[:, 1], -p[:, 0]
-    K[:, 1, 0], K[:, 2, 0], K[:, 2, 1] = p[:, 2], -p[:, 1], p[:, 0]
-    return K
-
-
-def pose_jacobian(p_BF: Array) -> Array:
-    """d(exp(xi) p)/dxi (K, 3, 6) at zero, for points (K, 3)."""
-    J = np.zeros((len(p_BF), 3, 6))
-    J[:, :, :3] = -_cross(p_BF)
-    J[:, [0, 1, 2], [3, 4, 5]] = 1.0
-    return J
 
 
 def in_body(X_WB: Array, p_WF: Array, covariance: Array) -> tuple[Array, Array]:

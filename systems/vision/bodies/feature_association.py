@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from maths.arrays import Array
+from maths.rigid_points import pose_jacobian
 from systems.port_values import STATIC_BODY
 from systems.vision.bodies import body_filter, held_body
 from systems.vision.bodies.body_tracker_state import TrackedBody
@@ -42,7 +43,7 @@ def body_against_static(
     if not enough.any():
         return ratio, fit
     floor = config.history.floor**2 * np.eye(3)
-    J = body_filter.pose_jacobian(moving.p_new[enough])
+    J = pose_jacobian(moving.p_new[enough])
     pose = J @ body.filter.P[:6, :6] @ J.transpose(0, 2, 1)
     S = (moving.C_old + moving.C_new)[enough] + pose + floor
     chi, log_determinant = squared_distances((moving.p_new - moving.p_old)[enough], S)

@@ -10,6 +10,8 @@ import numpy as np
 
 from maths import se3
 from maths.arrays import Array, Ids
+from maths.gaussian import chi_square_gate
+from maths.rigid_points import pose_jacobian
 from systems.port_values import INTERACTED_BODY, STATIC_BODY, PoseBelief
 from systems.vision.bodies import body_filter, body_tracking
 from systems.vision.bodies.body_tracker_state import TrackedBody
@@ -21,7 +23,7 @@ from systems.vision.bodies.feature_history import (
 )
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
-_UNLIKELY = 22.46  # Squared Mahalanobis distance, 6 dof, that 0.1 % exceed.
+_UNLIKELY = chi_square_gate(0.001, 6)
 
 
 def is_held(body: TrackedBody) -> bool:
@@ -135,7 +137,7 @@ def takes_handle_along(
     told = (moved.count_new >= 2) & (moved.count_old >= 4)
     if np.sum(told) < config.keep_support:
         return True
-    J = body_filter.pose_jacobian(moved.p_new[told]).reshape(-1, 6)  # B sits at the handle.
+    J = pose_jacobian(moved.p_new[told]).reshape(-1, 6)  # B sits at the handle.
     displacement = (moved.p_new - moved.p_old)[told].reshape(-1)
     information = J.T @ J
     twist = np.linalg.lstsq(information, J.T @ displacement, rcond=1e-9)[0]

@@ -7,7 +7,7 @@ import scipy.linalg
 
 from maths import se3
 from maths.arrays import Array
-from maths.gaussian import nees
+from maths.gaussian import chi_square_gate, nees
 from systems.port_values import PoseBelief
 from systems.vision.bodies.body_filter import BodyFilter
 from systems.vision.bodies.body_tracker_state import TrackedBody
@@ -15,7 +15,7 @@ from systems.vision.bodies.feature_history import FeatureHistory
 from systems.vision.bodies.held_body import find_held
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
-_CHANCE = 22.46  # Squared distance of 6 dof that 0.1 % exceed.
+_UNLIKELY = chi_square_gate(0.001, 6)
 
 
 def moved_frame(body: BodyFilter, T: Array) -> BodyFilter:
@@ -70,8 +70,8 @@ def moves_with_hand(
     way = np.linalg.norm(prior.X[:3, 3] - X_start[:3, 3])
     missed = np.linalg.norm(prior.X[:3, 3] - X_seen[:3, 3])
     return bool(
-        nees(moved, covariance) > _CHANCE
-        and nees(error, covariance + prior.covariance + np.diag(slack**2)) < _CHANCE
+        nees(moved, covariance) > _UNLIKELY
+        and nees(error, covariance + prior.covariance + np.diag(slack**2)) < _UNLIKELY
         and way > config.held_body.identification_way
         and missed < config.held_body.identification_share * way
     )

@@ -6,7 +6,7 @@ import numpy as np
 
 from maths import se3
 from maths.arrays import Array, Ids, Mask
-from systems.vision.bodies.body_filter import pose_jacobian
+from maths.rigid_points import pose_jacobian
 from systems.vision.bodies.feature_history import Displacements, squared_distances
 
 Mask = Mask

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from maths.arrays import Array
+from maths.gaussian import chi_square_gate
 from systems.checks import require_fields, require_ranges
 
 
@@ -88,7 +89,8 @@ class AssociationConfig:
 class HeldBodyConfig:
     """What the hand says about the body that it holds."""
 
-    nudge_gate: float = 7.81  # Squared distance, 3 dof, of features the closing hand moved (5 %).
+    # Squared distance beyond which the closing hand has moved a feature, [-].
+    nudge_gate: float = chi_square_gate(0.05, 3)
     prior_rotation_walk: float = 0.05  # Error of the prior while unseen, [rad/sqrt(s)].
     prior_translation_walk: float = 0.01  # The same for the translation, [m/sqrt(s)].
     blind_rotation: float = 0.1  # Error beyond which no single feature joins, [rad].
@@ -109,7 +111,7 @@ class RigidBodyMotionConfig:
     """Squared distances are Mahalanobis distances."""
 
     period: float = 1.0 / 15.0  # Update period, [s].
-    gate: float = 16.27  # Squared distance, 3 dof, beyond which a feature is an outlier (0.1 %).
+    gate: float = chi_square_gate(0.001, 3)  # Squared distance of an outlier, at least, [-].
     keep_support: int = 3  # Least number of features that keeps a body alive.
     patience: int = 30  # Longest time that a body lives without them, [ticks].
     history: FeatureHistoryConfig = field(default_factory=FeatureHistoryConfig)

@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 from maths import se3
 from maths.arrays import Array
+from maths.rigid_points import pose_jacobian
 from systems.vision.bodies import body_filter
 from systems.vision.bodies.body_filter import BodyFilter
 
@@ -35,17 +36,6 @@ def predicted(body: BodyFilter) -> BodyFilter:
     return body_filter.predict(body, 1 / 15, np.full(6, 1e-2), 1e-5, 1e-4)
 
 
-def test_pose_jacobian_is_the_derivative_of_a_moved_point() -> None:
-    points = RNG.normal(size=(5, 3))
-    J = body_filter.pose_jacobian(points)
-    for i in range(6):
-        d = np.zeros(6)
-        d[i] = 1e-6
-        forward, backward = se3.exp(d), se3.exp(-d)
-        difference = points @ (forward - backward)[:3, :3].T + (forward - backward)[:3, 3]
-        assert_allclose(difference / 2e-6, J[:, :, i], atol=1e-9)
-
-
 def test_prediction_transports_the_error_as_the_exact_motion_does() -> None:
     V = np.array([0.3, -0.2, 0.5, 0.1, 0.2, -0.3])
     body = body_filter.at_reference(X_REFERENCE, np.full(6, 0.05))
@@ -70,7 +60,7 @@ def test_correction_equals_the_information_form() -> None:
     after = body_filter.correct(body, index, seen, C_SEEN)
     z, R_B = body_filter.in_body(body.X, seen, C_SEEN)
     H = np.zeros((36, len(body.P)))
-    H[:, :6] = body_filter.pose_jacobian(body.p_BF).reshape(36, 6)
+    H[:, :6] = pose_jacobian(body.p_BF).reshape(36, 6)
     H[:, 12:] = np.eye(36)
     R_inverse = np.zeros((36, 36))
     for i in range(12):
@@ -90,7 +80,7 @@ def test_innovation_blocks_are_those_of_the_whole_innovation() -> None:
     S = body_filter.innovation_blocks(body, index, R_B)
     for row, i in enumerate(index):
         H = np.zeros((3, len(body.P)))
-        H[:, :6] = body_filter.pose_jacobian(body.p_BF[i : i + 1])[0]
+        H[:, :6] = pose_jacobian(body.p_BF[i : i + 1])[0]
         H[:, 12 + 3 * i : 15 + 3 * i] = np.eye(3)
         assert_allclose(S[row], H @ body.P @ H.T + R_B[row], atol=1e-15)
 
@@ -111,7 +101,7 @@ def test_a_landmark_added_now_inherits_the_error_of_the_pose() -> None:
     body = body_filter.correct(predicted(resting()), np.arange(12), P_WF, C_SEEN)
     p_new, C_new = P_WF[:1] + 0.01, 1e-8 * np.eye(3)[None]
     grown = body_filter.add_current_landmarks(body, np.array([99]), p_new, C_new)
-    J = body_filter.pose_jacobian(grown.p_BF[-1:])[0]
+    J = pose_jacobian(grown.p_BF[-1:])[0]
     # Seen again at once, by a nearly noiseless camera, it says nothing about the pose.
     again = body_filter.correct(grown, np.array([12]), p_new, C_new)
     assert_allclose(again.P[:6, :6], body.P[:6, :6], rtol=1e-3, atol=1e-12)

@@ -4,7 +4,7 @@ Modalities use Paul Tol's bright scheme, which stays distinct for colour-blind r
 the green and red of the paper's pictures and differ in form too.
 """
 
-from systems.port_values import INTERACTED_BODY, STATIC_BODY, JointType
+from systems.port_values import HELD_BODY, STATIC_BODY, JointType
 
 MODALITY = {"vision": "#4477AA", "proprioception": "#EE7733", "crossmodal": "#AA3377"}
 MODALITY_LABEL = {
@@ -33,14 +33,14 @@ def body_label(body_id: int) -> str:
     """What a legend calls the features of a body."""
     if body_id == STATIC_BODY:
         return "resting features"
-    return "of the held body" if body_id == INTERACTED_BODY else f"of moving body {body_id}"
+    return "of the held body" if body_id == HELD_BODY else f"of moving body {body_id}"
 
 
 def body_color(body_id: int) -> str:
     """Of the features of a body; the same body always has the same colour."""
     if body_id == STATIC_BODY:
         return _STATIC
-    if body_id == INTERACTED_BODY:
+    if body_id == HELD_BODY:
         return _HELD
     return _OTHERS[(body_id - 2) % len(_OTHERS)]
 

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from diagrams.run.record import TickRecord, Truth
 from maths.arrays import Array, Mask
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     STATIC_BODY,
     BodyMotions,
     JointBelief,
@@ -92,7 +92,7 @@ def select_joint(joints: JointBeliefs, parent_moves: bool = False) -> JointBelie
 
 def is_held(joint: JointBelief) -> bool:
     """Whether one of the joint's bodies is the one in the hand."""
-    return INTERACTED_BODY in (joint.parent_id, joint.child_id)
+    return HELD_BODY in (joint.parent_id, joint.child_id)
 
 
 def in_world(joint: JointBelief, X_WP: Array) -> JointBelief:

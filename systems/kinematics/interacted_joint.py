@@ -10,7 +10,7 @@ from maths import se3
 from maths.arrays import Array
 from systems.checks import require
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     STATIC_BODY,
     BodyMotions,
     EndEffectorBelief,
@@ -75,7 +75,7 @@ def choose_joint(
     candidates = [
         joint
         for joint in joints.joints
-        if is_likely(joint, config) and not (body_is_known and joint.child_id != INTERACTED_BODY)
+        if is_likely(joint, config) and not (body_is_known and joint.child_id != HELD_BODY)
     ]
 
     def preference(joint: JointBelief) -> tuple[float, int]:

@@ -16,7 +16,7 @@ from maths.arrays import Array
 from maths.immutable import Immutable
 from systems.kinematics.joint_filters import JointFilters, JointFiltersState
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     STATIC_BODY,
     BodyMotion,
     BodyMotions,
@@ -86,12 +86,12 @@ def measured_pose(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[PoseBelief
     """X_PB of a pair now, what lasts of its covariance (6, 6), and X_PB (4, 4) at the reference."""
     child = bodies[pair[1]]
     if pair[0] == STATIC_BODY:
-        return _pose(child), child.lasting_covariance, child.X_WB_reference
+        return _pose(child), child.correlated_covariance, child.X_WB_reference
     parent = bodies[pair[0]]
     X_PB_reference = se3.inverse(parent.X_WB_reference) @ child.X_WB_reference
     pose = relative_pose(_pose(parent), _pose(child))
     Ad = se3.adjoint(se3.inverse(pose.X))
-    lasting = child.lasting_covariance + Ad @ parent.lasting_covariance @ Ad.T
+    lasting = child.correlated_covariance + Ad @ parent.correlated_covariance @ Ad.T
     return pose, lasting, X_PB_reference
 
 
@@ -126,7 +126,7 @@ def at_rest(body: BodyMotion, period: float, walk: Array) -> BodyMotion:
     return replace(
         body,
         motion=MotionBelief(X=body.motion.X, V=np.zeros(6), covariance=covariance),
-        lasting_covariance=body.lasting_covariance + growth,
+        correlated_covariance=body.correlated_covariance + growth,
         reference_age=body.reference_age + period,
     )
 
@@ -178,12 +178,12 @@ def update_pairs(
         state = level.pairs.get(pair)
         if pair in measured:
             pose, lasting, X_PB_reference = measured_pose(pair, present)
-            anchored = sum(present[i].anchored for i in pair if i != STATIC_BODY)
+            anchored = sum(present[i].reset_count for i in pair if i != STATIC_BODY)
             if state is None and pair[0] != STATIC_BODY:
                 state = inherited(pair, present, level.past.get(pair[1], []), time)
             if state is None:
                 age = reference_age
-                if pair[1] == INTERACTED_BODY and pair[1] not in level.bodies:
+                if pair[1] == HELD_BODY and pair[1] not in level.bodies:
                     # The body in the hand is at its reference when it is first measured; closing
                     # the hand may have moved its parent from where that was first.
                     age, X_PB_reference = period, pose.X

@@ -12,7 +12,7 @@ Port values are read-only: what `Eval` returns is shared by all readers.
 """
 
 from systems.port_values.bodies import (
-    INTERACTED_BODY,
+    HELD_BODY,
     STATIC_BODY,
     BodyMotion,
     BodyMotions,
@@ -33,7 +33,7 @@ from systems.port_values.motions import (
 from systems.port_values.samples import SampleWindow
 
 __all__ = [
-    "INTERACTED_BODY",
+    "HELD_BODY",
     "NO_POSE",
     "STATIC_BODY",
     "UNKNOWN_END_EFFECTOR",

@@ -8,7 +8,7 @@ from maths.arrays import Array, Ids
 from systems.port_values.motions import MotionBelief, PoseBelief
 
 STATIC_BODY = 0  # The environment, which never moves.
-INTERACTED_BODY = 1  # The body the hand holds; vision numbers the bodies that it finds from 2 on.
+HELD_BODY = 1  # The body that the hand holds; vision numbers its own from 2 on.
 
 
 @dataclass(kw_only=True)
@@ -16,18 +16,18 @@ class BodyMotion:
     """A rigid body's motion and the features that move with it.
 
     Attributes:
-        body_id: `STATIC_BODY`, `INTERACTED_BODY` or a number from 2 on.
+        body_id: `STATIC_BODY`, `HELD_BODY` or a number from 2 on.
         motion: Pose X_WB and velocity.
         X_WB_reference: X_WB (4, 4) at the reference, before the body moved.
         feature_ids: (K,) features assigned to the body.
-        p_BF: Their constant positions in the body (K, 3), [m].
-        p_BF_covariance: (3K, 3K), [m^2]: features placed in the body together are wrong together.
-        lasting_covariance: (6, 6), in B, of that part of the pose's error that stays for seconds:
-            more measurements of the kind do not average it away.
-        reference_age: How long ago the body was last known to stand at its reference, [s]; NaN
+        p_BF: Landmarks, the constant positions of these features in the body (K, 3), [m].
+        p_BF_covariance: (3K, 3K), [m^2]: landmarks that were placed together are wrong together.
+        correlated_covariance: (6, 6), in B, of that part of the pose's error that is correlated
+            over seconds: more measurements of the kind do not average it away.
+        reference_age: Time since the body was last known to stand at its reference, [s]; NaN
             where that is not known.
-        anchored: How many times the body was lost from sight and its new features were placed where
-            it was believed to be; the pose's error then got a part that is constant in B.
+        reset_count: How many times the body was lost from sight and got new landmarks where it was
+            believed to be; from then on, the pose's error has a part that is constant in B.
         offset_covariance: (6, 6), in B, of that part; included in the motion's covariance.
     """
 
@@ -37,21 +37,21 @@ class BodyMotion:
     feature_ids: Ids
     p_BF: Array
     p_BF_covariance: Array
-    lasting_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    correlated_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     reference_age: float = float("nan")
-    anchored: int = 0
+    reset_count: int = 0
     offset_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
 
 
 @dataclass(kw_only=True)
 class HeldBody(BodyMotion):
-    """The held body, and what vision alone says about it at this tick.
+    """The body that the hand holds, and what vision alone says about it at this tick.
 
     Attributes:
         seen: X_WB from the features alone, independent of proprioception, with the covariance of
             one frame's noise; None in the dark.
         seen_offset_covariance: (6, 6), in B, of the error that stays as long as the same features
-            are used: their positions in the body are as wrong at the next tick.
+            are used: their landmarks are as wrong at the next tick.
     """
 
     seen: PoseBelief | None

@@ -11,7 +11,7 @@ from maths.arrays import Array
 from maths.immutable import Immutable
 from systems.checks import require, require_positive
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     UNKNOWN_END_EFFECTOR,
     BodyMotions,
     GraspBelief,
@@ -294,7 +294,7 @@ class GraspModel(RecursiveFilter):
 
     def _calc_grasp(self, context: Context, state: Any) -> GraspState:
         motions = self._read(self._bodies, context) if self._bodies.HasValue(context) else None
-        body = None if motions is None else motions.find(INTERACTED_BODY)
+        body = None if motions is None else motions.find(HELD_BODY)
         if self._read(self._active, context)[0] <= 0.5 or not isinstance(body, HeldBody):
             return self._nothing_held
         end_effector = self._read(self._end_effector, context)

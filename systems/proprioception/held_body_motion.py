@@ -12,7 +12,7 @@ from maths.arrays import Array, Ids
 from maths.immutable import Immutable
 from systems.checks import require, require_positive
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     NO_POSE,
     UNKNOWN_END_EFFECTOR,
     BodyMotion,
@@ -68,7 +68,7 @@ def sight(
     config: HeldBodyMotionConfig,
 ) -> Sighting | None:
     """Registers the features that belong to the held body; None if they are too few."""
-    body = motions.find(INTERACTED_BODY)
+    body = motions.find(HELD_BODY)
     if body is None:
         return None
     _, rows, seen = np.intersect1d(body.feature_ids, features.ids, return_indices=True)
@@ -113,7 +113,7 @@ def body_motions(state: HeldBodyState) -> BodyMotions:
     return BodyMotions(
         bodies=[
             HeldBody(
-                body_id=INTERACTED_BODY,
+                body_id=HELD_BODY,
                 motion=MotionBelief(X=body.X_WB, V=body.V, covariance=covariance),
                 X_WB_reference=body.X_WB_reference,
                 feature_ids=rows if sighting is None else sighting.body.feature_ids[rows],
@@ -121,8 +121,8 @@ def body_motions(state: HeldBodyState) -> BodyMotions:
                 p_BF_covariance=(
                     np.zeros((0, 0)) if sighting is None else covariance_of(sighting.body, rows)
                 ),
-                lasting_covariance=body.unseen_growth + body.reference_error,
-                anchored=body.reset_count,
+                correlated_covariance=body.unseen_growth + body.reference_error,
+                reset_count=body.reset_count,
                 offset_covariance=body.offset,
                 seen=None if sighting is None else sighting.pose,
                 seen_offset_covariance=(
@@ -168,7 +168,7 @@ class HeldBodyMotion(RecursiveFilter):
     - `grasp_latest`: `GraspBelief` of the last tick.
     - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
     - `features_estimated`: `FeatureBelief`; body_motions_estimated: `BodyMotions`, of which the
-      features of `INTERACTED_BODY` are used. Both exist only with `corrected_by_vision`
+      features of `HELD_BODY` are used. Both exist only with `corrected_by_vision`
       and may stay unconnected, as in the dark.
     - `body_prior`: `PoseBelief` X_WB before vision, not a number while nothing is held. It depends
       on the state and on the first four inputs only.
@@ -267,7 +267,7 @@ class HeldBodyMotion(RecursiveFilter):
         if sighting is not None:
             ids = sighting.body.feature_ids[sighting.rows]
             offset = sighting.offset_covariance
-            resets = sighting.body.anchored
+            resets = sighting.body.reset_count
             if resets != body.reset_count:
                 body = reset_body(body, sighting.pose, ids, resets, self._config)
             else:

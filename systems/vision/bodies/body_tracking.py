@@ -183,7 +183,7 @@ def with_new_landmarks(
     """Gives landmarks to assigned features that have none, as far as there is room.
 
     If these are all that the body has, and none was there when it stood at its reference, its pose
-    is from now on where it is believed to be, up to a constant (`BodyMotion.anchored`).
+    is from now on where it is believed to be, up to a constant (`BodyMotion.reset_count`).
     """
     waiting = (history.body == body.body_id) & history.seen
     waiting &= ~np.isin(history.ids, body.filter.ids)

@@ -12,7 +12,7 @@ from maths import se3
 from maths.arrays import Array, Ids
 from maths.gaussian import chi_square_gate
 from maths.rigid_points import pose_jacobian
-from systems.port_values import INTERACTED_BODY, STATIC_BODY, PoseBelief
+from systems.port_values import HELD_BODY, STATIC_BODY, PoseBelief
 from systems.vision.bodies import body_filter, body_tracking
 from systems.vision.bodies.body_tracker_state import TrackedBody
 from systems.vision.bodies.feature_history import (
@@ -28,7 +28,7 @@ _UNLIKELY = chi_square_gate(0.001, 6)
 
 def is_held(body: TrackedBody) -> bool:
     """Whether a body is the one that the hand holds."""
-    return body.body_id == INTERACTED_BODY
+    return body.body_id == HELD_BODY
 
 
 def find_held(bodies: list[TrackedBody]) -> TrackedBody | None:
@@ -48,7 +48,7 @@ def start(
 ) -> TrackedBody:
     """The held body at its first tick, which is its reference."""
     return TrackedBody(
-        body_id=INTERACTED_BODY,
+        body_id=HELD_BODY,
         filter=body_filter.at_reference(prior.X, config.dynamics.initial_velocity),
         X_WB_reference=prior.X,
         reference_tick=tick,
@@ -169,7 +169,7 @@ def without_refused(
     """The log likelihood ratios (M, N) of the bodies, -inf where the held one refuses a feature."""
     best = np.argmax(ratios, axis=0)
     wants = ratios[best, np.arange(len(history.ids))] > config.association.log_ratio
-    wants &= history.body != INTERACTED_BODY
+    wants &= history.body != HELD_BODY
     for i, body in enumerate(bodies):
         rows = np.nonzero(wants & (best == i))[0]
         if not accepts(config, body, history, rows):
@@ -225,7 +225,7 @@ def without_features_of_others(
     kept = []
     for body in bodies:
         if is_held(body) and not is_at_hand(config, body, prior):
-            rows = np.nonzero(history.body == INTERACTED_BODY)[0]
+            rows = np.nonzero(history.body == HELD_BODY)[0]
             history = forget(history, rows, 1)
             before = replace(body.filter, X=np.ascontiguousarray(body.path[-2]))
             alone = follow_prior(config, replace(body, filter=before), prior)

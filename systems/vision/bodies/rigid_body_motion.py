@@ -139,7 +139,7 @@ def body_motion(body: TrackedBody, age: float) -> BodyMotion:
         p_BF=body.filter.p_BF,
         p_BF_covariance=body.filter.landmark_covariance,
         reference_age=age,
-        anchored=body.reset_count,
+        reset_count=body.reset_count,
     )
 
 
@@ -183,7 +183,7 @@ class RigidBodyMotion(RecursiveFilter):
 
     - `features_estimated`: `FeatureBelief`, the features seen at this tick, positions in W.
     - `joint_predictions`: `BodyPredictions` of X_WB at this tick; none if not connected.
-    - `held_body_prior`: `PoseBelief` X_WB of `INTERACTED_BODY`, not finite while there is
+    - `held_body_prior`: `PoseBelief` X_WB of `HELD_BODY`, not finite while there is
       none; only declared with `with_held_body`.
     - `body_motions_estimated`: `BodyMotions`, posterior of this tick; vision's own bodies are
       numbered from 2; B has W's axes at the features' centroid at the reference. The covariance is

@@ -15,7 +15,7 @@ from diagrams.drawing.diagram_drawing import leaf_systems, wires
 from diagrams.run.episode import Episode, build_networks, build_station
 from diagrams.run.yaml_schema import ScenarioError
 from diagrams.stations.truth_paths import truth_paths
-from systems.port_values import INTERACTED_BODY, SampleWindow
+from systems.port_values import HELD_BODY, SampleWindow
 from systems.proprioception.grasp_filters import GraspModelConfig
 from systems.proprioception.grasp_model import initial_grasp
 
@@ -179,7 +179,7 @@ def test_an_estimate_reacts_to_a_measurement_in_the_same_tick() -> None:
             body.GetMyContextFromRoot(context)
         )
         (motion,) = motions.bodies
-        assert motion.body_id == INTERACTED_BODY
+        assert motion.body_id == HELD_BODY
         return np.array(motion.motion.X[:3, 3])
 
     first = position(Q)

@@ -16,7 +16,7 @@ from diagrams.run.replay import SensorReplay, Wiring, load_recorded_scenario, re
 from diagrams.run.run_folder import ESTIMATES_FILE, SENSORS_FILE, SUMMARY_FILE
 from diagrams.run.sensor_log import SensorLog
 from diagrams.run.yaml_schema import ScenarioError
-from systems.port_values import INTERACTED_BODY
+from systems.port_values import HELD_BODY
 
 WIRINGS = {
     "crossmodal": Wiring(),
@@ -60,7 +60,7 @@ def held_features(replayed: EpisodeResult, name: str) -> int:
         len(body.feature_ids)
         for tick in replayed.modalities[name].ticks
         for body in tick.bodies.bodies
-        if body.body_id == INTERACTED_BODY
+        if body.body_id == HELD_BODY
     )
 
 
@@ -83,7 +83,7 @@ def test_without_that_prior_the_axis_is_worse_in_the_dark(replayed: EpisodeResul
 def test_with_every_wire_cut_the_hand_learns_nothing_from_the_eye(replayed: EpisodeResult) -> None:
     ticks = {name: record.ticks[-1] for name, record in replayed.modalities.items()}
     separate, alone = (
-        next(body for body in ticks[name].bodies.bodies if body.body_id == INTERACTED_BODY)
+        next(body for body in ticks[name].bodies.bodies if body.body_id == HELD_BODY)
         for name in ("separate", "proprioception")
     )
     assert_allclose(separate.motion.X, alone.motion.X, atol=1e-12)

@@ -15,7 +15,7 @@ from systems.kinematics.interacted_joint import (
     end_effector_screw,
 )
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     STATIC_BODY,
     BodyMotion,
     BodyMotions,
@@ -34,7 +34,7 @@ def joint(
     kind: JointType,
     q: float,
     parent: int = STATIC_BODY,
-    child: int = INTERACTED_BODY,
+    child: int = HELD_BODY,
     probability: float = 0.99,
     axis_std: float = 0.01,
     updates: int = 10,

@@ -9,7 +9,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from maths import se3
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     BodyMotion,
     BodyMotions,
     EndEffectorBelief,
@@ -143,7 +143,7 @@ class Episode:
         self.X_reference[:3, 3] = X_WE[:3, 3]
         self.p_BF = self.p_WF - self.X_reference[:3, 3]
         self.p_BF_seen = self.p_BF + ANCHOR_SIGMA * rng.normal(size=self.p_BF.shape)
-        self.anchored = 0
+        self.reset_count = 0
 
     def X_WH(self, t: float) -> np.ndarray:
         coordinates = self.scene.coordinates(t)
@@ -188,7 +188,7 @@ class Episode:
         """Places the features in the body, which is believed to be at `X_WB`."""
         error = se3.inverse(X_WB) @ self.X_WB(t)
         self.p_BF_seen = self.p_BF_seen @ error[:3, :3].T + error[:3, 3]
-        self.anchored = 1
+        self.reset_count = 1
 
     def vision(self, t: float) -> tuple[FeatureBelief, BodyMotions]:
         lit = self.scene.lit_from <= t < self.scene.dark_from
@@ -207,13 +207,13 @@ class Episode:
         )
         motion = MotionBelief(X=np.eye(4), V=np.zeros(6), covariance=np.eye(12))
         body = BodyMotion(
-            body_id=INTERACTED_BODY,
+            body_id=HELD_BODY,
             motion=motion,
             X_WB_reference=self.X_reference,
             feature_ids=ids,
             p_BF=self.p_BF_seen,
             p_BF_covariance=ANCHOR_SIGMA**2 * np.eye(3 * len(ids)),
-            anchored=self.anchored,
+            reset_count=self.reset_count,
         )
         return features, BodyMotions(bodies=[body])
 
@@ -245,7 +245,7 @@ def run(
         for name, value in values.items():
             diagram.GetInputPort(name).FixValue(context, AbstractValue.Make(value))
         if vision:
-            if 0.0 < scene.lit_from <= t and not episode.anchored:
+            if 0.0 < scene.lit_from <= t and not episode.reset_count:
                 episode.place(t, diagram.GetOutputPort("body_prior").Eval(context).X)
             features, motions = episode.vision(t)
             for name, value in (("features_estimated", features), ("body_motions_seen", motions)):

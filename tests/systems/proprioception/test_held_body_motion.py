@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from simulated_grasp import Episode, Scene, Tick, body_error, body_nees, pull, run, swing
 
 from maths import se3
-from systems.port_values import INTERACTED_BODY, GraspBelief, GraspType, PoseBelief
+from systems.port_values import HELD_BODY, GraspBelief, GraspType, PoseBelief
 from systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
 from systems.proprioception.grasp_filters import GraspModelConfig, free_projection
 from systems.proprioception.grasp_model import initial_grasp
@@ -301,12 +301,12 @@ def test_covariances_stay_symmetric_and_positive() -> None:
 
 def test_what_grows_unseen_lasts_until_it_is_seen_again() -> None:
     ticks = run(Scene(displacement=pull(), dark_from=3.0, duration=6.0), 5, vision=True)
-    lasting = [tick.body.lasting_covariance for tick in ticks]
+    lasting = [tick.body.correlated_covariance for tick in ticks]
     seen = [tick.body.seen is not None for tick in ticks]
     assert sum(seen) > 30
     assert not any(matrix.any() for matrix, sees in zip(lasting, seen, strict=True) if sees)
     last = ticks[-1].body
-    growth = np.diag(last.lasting_covariance)[3:]
+    growth = np.diag(last.correlated_covariance)[3:]
     assert np.all(growth > 0.0)
     assert np.all(growth < np.diag(last.motion.covariance)[3:6])
     assert np.trace(lasting[-1][3:, 3:]) > 2.0 * np.trace(lasting[-30][3:, 3:])
@@ -319,8 +319,8 @@ def test_features_that_come_late_tell_the_motion_since_but_not_the_pose() -> Non
     for seed in range(12):
         ticks = run(scene, seed, vision=True)
         first, last = ticks[lit], ticks[-1]
-        assert first.body.anchored == last.body.anchored == 1
-        assert ticks[lit - 10].body.anchored == 0
+        assert first.body.reset_count == last.body.reset_count == 1
+        assert ticks[lit - 10].body.reset_count == 0
         np.testing.assert_array_equal(first.body.offset_covariance, last.body.offset_covariance)
         poses.append(body_nees(last))
         error = se3.log(se3.inverse(ticks[lit].body.motion.X) @ ticks[lit].X_WB)
@@ -360,7 +360,7 @@ def test_there_is_no_body_while_nothing_is_held() -> None:
     for value, count in ((0.0, 0), (1.0, 1), (0.0, 0)):
         active.FixValue(context, value)
         bodies = system.GetOutputPort("body_motions_estimated").Eval(context).bodies
-        assert [b.body_id for b in bodies] == [INTERACTED_BODY] * count
+        assert [b.body_id for b in bodies] == [HELD_BODY] * count
         prior = system.GetOutputPort("body_prior").Eval(context)
         assert np.isfinite(prior.X).all() == (count == 1)
         system.ExecuteForcedEvents(context)
@@ -376,13 +376,13 @@ def test_impossible_values_are_refused(field: str, value: float) -> None:
 
 def test_nothing_lasts_but_the_pose_error_and_a_grip_that_settles() -> None:
     ticks = run(Scene(displacement=pull(), duration=8.0), 6, vision=False)
-    first = ticks[0].body.lasting_covariance
+    first = ticks[0].body.correlated_covariance
     assert np.diag(first).min() > 0.0
     for tick in ticks:
-        rest = tick.body.motion.covariance[:6, :6] + first - tick.body.lasting_covariance
+        rest = tick.body.motion.covariance[:6, :6] + first - tick.body.correlated_covariance
         assert np.linalg.eigvalsh(rest).min() > -1e-9
     last = ticks[-1].body
     assert np.all(
-        np.diag(last.lasting_covariance)
+        np.diag(last.correlated_covariance)
         < 1e-3 * np.diag(first) + np.diag(last.motion.covariance)[:6]
     )

@@ -7,7 +7,7 @@ import pytest
 
 from maths import se3
 from maths.arrays import Array
-from systems.port_values import INTERACTED_BODY, STATIC_BODY, FeatureBelief, PoseBelief
+from systems.port_values import HELD_BODY, STATIC_BODY, FeatureBelief, PoseBelief
 from systems.vision.bodies.body_tracker_state import TrackedBody
 from systems.vision.bodies.feature_association import associate, merged
 from systems.vision.bodies.feature_history import FeatureHistory, no_history, remember
@@ -85,7 +85,7 @@ def test_what_the_closing_hand_has_nudged_does_not_move_with_it() -> None:
     nudged[-6:] = nudged[-1]
     history = seen(nudged, rng)
     before = associate(CONFIG, [carried(history)], history)
-    assert np.sum(before.body == INTERACTED_BODY) >= 10
+    assert np.sum(before.body == HELD_BODY) >= 10
     settled = without_nudges(CONFIG, history, 5)
     assert np.mean(settled.samples[:, :-5].any(axis=1)) < 0.2
     after = associate(CONFIG, [carried(settled)], settled)
@@ -115,12 +115,12 @@ def test_a_body_that_the_hand_has_carried_blindly_for_long_takes_no_single_featu
     for sigma, joined in ((0.01, True), (0.2, False)):
         body.filter.P[:3, :3] = sigma**2 * np.eye(3)
         after = associate(CONFIG, [body], history)
-        assert np.all((after.body == INTERACTED_BODY) == joined)
+        assert np.all((after.body == HELD_BODY) == joined)
 
 
 def test_features_that_take_the_handle_out_of_the_hand_are_freed() -> None:
     history = seen(moving(RATE), np.random.default_rng(0))
-    history = replace(history, body=np.full(20, INTERACTED_BODY))
+    history = replace(history, body=np.full(20, HELD_BODY))
     body = held(moving(RATE), history)
     for way, freed in ((0.005, False), (0.08, True)):
         prior = PoseBelief(X=body.filter.X.copy(), covariance=1e-5 * np.eye(6))

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maths import se3
-from systems.port_values import INTERACTED_BODY, PoseBelief
+from systems.port_values import HELD_BODY, PoseBelief
 from systems.vision.bodies import body_filter
 from systems.vision.bodies.body_filter import BodyFilter
 from systems.vision.bodies.body_tracker_state import RestPositions, TrackedBody
@@ -78,5 +78,5 @@ def test_a_body_that_the_handle_drags_along_is_not_the_held_one(share: float, he
     X[0, 3] = way
     sigma = np.repeat([0.05, 6e-3], 3)  # As the grip may still settle.
     prior = PoseBelief(X=X, covariance=np.diag(sigma**2))
-    box, lid = tracked(2, share * way), tracked(INTERACTED_BODY, 0.0)
+    box, lid = tracked(2, share * way), tracked(HELD_BODY, 0.0)
     assert moves_with_hand(RigidBodyMotionConfig(), box, lid, prior, age=10) == held

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from maths import se3
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     NO_POSE,
     BodyMotion,
     BodyPrediction,
@@ -298,11 +298,11 @@ def test_what_moves_with_the_hand_joins_the_held_body_at_once(play: Callable, sl
     priors = prior_path(stream, held_at, slip, lead=0)
     motions = play(stream, WHITE, priors)
     assert not motions[held_at - 1]
-    assert [b.body_id for b in motions[held_at]] == [INTERACTED_BODY]
+    assert [b.body_id for b in motions[held_at]] == [HELD_BODY]
     np.testing.assert_allclose(motions[held_at][0].X_WB_reference, priors[held_at].X)
     joined = next(k for k, m in enumerate(motions) if m and len(m[0].feature_ids) >= 6)
     assert ONSET < joined < ONSET + 12
-    assert all([b.body_id for b in m] == [INTERACTED_BODY] for m in motions[held_at:])
+    assert all([b.body_id for b in m] == [HELD_BODY] for m in motions[held_at:])
     last = motions[-1][0]
     assert set(last.feature_ids.tolist()) <= stream.moving_ids
     assert np.linalg.norm(stream.error(last, stream.ticks - 1, held_at)[3:]) < 1.5e-3
@@ -330,14 +330,14 @@ def test_features_that_come_late_show_the_motion_since_they_came(play: Callable)
     lit = 100
     stream = Stream(kind="drawer", seed=10, lit_from=lit, ticks=lit + 120)
     motions = play(stream, None, prior_path(stream, 30, 0.2, lead=0))
-    anchored = next(k for k, m in enumerate(motions) if m and m[0].anchored)
-    first, last = motions[anchored][0], motions[-1][0]
-    assert lit < anchored < lit + 45
-    assert last.anchored == 1
+    found = next(k for k, m in enumerate(motions) if m and m[0].reset_count)
+    first, last = motions[found][0], motions[-1][0]
+    assert lit < found < lit + 45
+    assert last.reset_count == 1
     assert len(first.feature_ids) >= RigidBodyMotionConfig().landmarks.reset_support
     assert set(last.feature_ids.tolist()) <= stream.moving_ids
-    assert np.linalg.norm(stream.error(first, anchored, 30)[3:]) > 0.01
-    moved = path("drawer", stream.ticks - 1) @ se3.inverse(path("drawer", anchored))
+    assert np.linalg.norm(stream.error(first, found, 30)[3:]) > 0.01
+    moved = path("drawer", stream.ticks - 1) @ se3.inverse(path("drawer", found))
     error = se3.log(se3.inverse(last.motion.X) @ moved @ first.motion.X)
     assert np.linalg.norm(error[3:]) < 3e-3
 
@@ -347,8 +347,8 @@ def test_the_held_body_ends_with_the_grasp(play: Callable) -> None:
     priors = prior_path(stream, 30, 0.0, lead=0)
     priors[80:] = [NO_POSE] * 10
     motions = play(stream, None, priors)
-    assert motions[79][0].body_id == INTERACTED_BODY
-    assert all(b.body_id != INTERACTED_BODY for b in motions[80])
+    assert motions[79][0].body_id == HELD_BODY
+    assert all(b.body_id != HELD_BODY for b in motions[80])
 
 
 def test_the_same_stream_gives_the_same_bodies(play: Callable) -> None:

@@ -34,6 +34,13 @@ def require_positive(system: str, config: object, units: dict[str, str]) -> None
         require(getattr(config, field) > 0, system, config, field, f"> 0 {unit}".rstrip())
 
 
+def require_vector(system: str, config: object, field: str, unit: str) -> None:
+    """Refuses a config whose field is not a vector of three finite numbers."""
+    value = np.asarray(getattr(config, field), dtype=float)
+    finite = value.shape == (3,) and bool(np.isfinite(value).all())
+    require(finite, system, config, field, f"three finite numbers, {unit}")
+
+
 def require_ranges(
     system: str,
     config: object,

@@ -80,4 +80,6 @@ class BodyPrediction:
 
 @dataclass(kw_only=True)
 class BodyPredictions:
+    """Where bodies are expected at the next tick."""
+
     predictions: list[BodyPrediction] = field(default_factory=list)

@@ -69,4 +69,6 @@ class JointBelief:
 
 @dataclass(kw_only=True)
 class JointBeliefs:
+    """All joints that one system knows."""
+
     joints: list[JointBelief] = field(default_factory=list)

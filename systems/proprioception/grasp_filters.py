@@ -27,8 +27,8 @@ from systems.proprioception.bent_hand import BentHand, free_rotation, free_slidi
 from systems.proprioception.grasp_failure import GraspFailureConfig
 
 HELD_TYPES = (GraspType.PERFECT, GraspType.REVOLUTE, GraspType.CYLINDRICAL)
-_PLAUSIBLE = 3.0  # Deviations from the morphology, in standard deviations, that cost nothing,
-_BEYOND = 100.0  # and what each one more costs, [nat].
+_PLAUSIBLE = 3.0  # Deviation from the morphology that costs nothing, in standard deviations.
+_BEYOND = 100.0  # Cost of each standard deviation beyond, [nat].
 _COORDINATES = {GraspType.PERFECT: 0, GraspType.REVOLUTE: 1, GraspType.CYLINDRICAL: 2}
 
 
@@ -68,7 +68,7 @@ class GraspFilter:
         z_0: X_HB (4, 4) at its reference, with the hand's bias Jacobian (6, m) there.
         axis: Unit vector (3,) in H as measured, through point (3,), [m].
         coordinates: (phi [rad], d [m]).
-        line_covariance: (6, 6) of (axis, point), what a single tick could tell at best.
+        line_covariance: (6, 6) of (axis, point), as the best single tick tells them.
         x: Mean (m + 6,) of (c, n).
         P: Covariance of (c, n, axis, point, coordinates).
         way: Of the hand since the reference, [m].
@@ -137,7 +137,7 @@ def grasp_displacement(axis: Array, point: Array, coordinates: Array) -> tuple[A
 
 
 def predict_filter(grasp: GraspFilter, config: GraspModelConfig, way: float) -> GraspFilter:
-    """The bent hand's error fades, the coordinates walk, axis and point hardly."""
+    """One tick: the bent hand's error is a Gauss-Markov process, all else a random walk."""
     m = len(grasp.x) - 6
     rho = np.exp(-config.period / config.hand_correlation_time)
     x, P = error_state.fade(grasp.x, grasp.P, slice(m, m + 6), rho)

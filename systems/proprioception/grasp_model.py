@@ -9,7 +9,7 @@ from pydrake.systems.framework import Context
 from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
-from systems.checks import require, require_positive
+from systems.checks import require, require_positive, require_vector
 from systems.port_values import (
     HELD_BODY,
     UNKNOWN_END_EFFECTOR,
@@ -278,10 +278,8 @@ class GraspModel(RecursiveFilter):
         require_positive("GraspModel", config, units)
         for name, unit in {"slip_rotation": "rad/m^0.5", "slip_translation": "m^0.5"}.items():
             require(getattr(config, name) >= 0, "GraspModel", config, name, f">= 0 {unit}")
-        for name in ("axis_H", "p_HA"):
-            value = np.asarray(getattr(config, name), dtype=float)
-            finite = value.shape == (3,) and bool(np.isfinite(value).all())
-            require(finite, "GraspModel", config, name, "three finite numbers")
+        for name, unit in {"axis_H": "-", "p_HA": "m"}.items():
+            require_vector("GraspModel", config, name, unit)
         length = float(np.linalg.norm(config.axis_H))
         require(length > 1e-6, "GraspModel", config, "axis_H", "a direction")
         require(0 <= config.lodging < 1, "GraspModel", config, "lodging", "in [0, 1)")

@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context
 from maths import se3
 from maths.arrays import Array
 from models import WEIGHTS_DIR
-from systems.checks import require, require_positive
+from systems.checks import require, require_positive, require_vector
 from systems.port_values import UNKNOWN_END_EFFECTOR, PoseBelief, SampleWindow
 from systems.proprioception.bending_network import (
     BendingNetwork,
@@ -113,7 +113,7 @@ def correct_bending_state(
     Args:
         measured: z (6,), the networks' reading, [rad, m].
         deviation: Their standard deviation (6,).
-        creep: What of the bending the sensors do not show (6,), one standard deviation.
+        creep: Part of the bending that the sensors do not show (6,), one standard deviation.
         R: Covariance (6, 6) of the white noise, the sensors' through the network.
     """
     H = np.hstack([np.eye(6), np.diag(deviation), creep[:, None]])
@@ -221,9 +221,7 @@ class HandBending(RecursiveFilter):
         require(config.hand_mass >= 0, "HandBending", config, "hand_mass", ">= 0 kg")
         require(config.creep >= 0, "HandBending", config, "creep", ">= 0 rad/s^0.5")
         for name, unit in {"p_S_com": "m", "rpy_ES": "rad", "axis_H": "-", "p_HA": "m"}.items():
-            value = np.asarray(getattr(config, name), dtype=float)
-            finite = value.shape == (3,) and bool(np.isfinite(value).all())
-            require(finite, "HandBending", config, name, f"three finite numbers, {unit}")
+            require_vector("HandBending", config, name, unit)
 
     def _average(self, context: Context) -> Array | None:
         """This tick's reading (10,); None without samples."""

@@ -4,14 +4,14 @@ Error state, all but the first in units of their own standard deviation:
 
     xi  (6,)  pose error, X_WB,true = X_WB exp(xi)
     c   (m,)  constants of the episode: the calibration offset of the encoders
-    n   (6,)  what else is wrong with the bent hand's pose; fades slowly into another value
-    b   (6,)  how wrong the features' positions in the body are, as a pose error in B
-    f   (2,)  how much of the hand's turning about the grasping axis and of its sliding along it the
-              body follows, against what the likeliest grasp says; a constant, only considered
-    k   (3,)  how much the body turns about the axis per way of its handle, if the grasp lets it;
-              a constant, as the body of a hinge turns by one radian per radius; only considered
+    n   (6,)  rest of the bent hand's pose error, a Gauss-Markov process
+    b   (6,)  error of the landmarks, as a pose error in B
+    f   (2,)  share of the hand's turning about the grasping axis, and of its sliding along it, that
+              the body follows against what the likeliest grasp says; a constant, only considered
+    k   (3,)  turn of the body about the axis per way of its handle, if the grasp lets it; a
+              constant, as the body of a hinge turns by one radian per radius; only considered
               unless the likeliest grasp lets it
-    s   (6,)  how wrong the grasping axis and the point on it are; the same as long as nobody sees
+    s   (6,)  error of the grasping axis and of the point on it; constant as long as nobody sees
 
 The constants make the displacement's error honest over time: they are the same at every tick, so
 they grow with the way that the hand has moved and do not average away. Vision, while it lasts,
@@ -108,7 +108,7 @@ class BodyState(Immutable):
         P: Covariance (n, n).
         V: V_WB_B (6,), with covariance V_covariance (6, 6).
         feature_ids: The features seen last.
-        grasp_type: Under which f and k have their present meaning.
+        grasp_type: The type under which f and k have their present meaning.
         unseen_growth: (6, 6), in B, by what the pose's covariance has grown since features
             corrected it; it comes from the hand's errors, which are correlated over time.
         reference_error: (6, 6), in B, of the grip's settling since the reference; zero once
@@ -288,7 +288,7 @@ def predict_body(
     P = F @ body.P @ F.T + (1.0 - rho**2) * noise @ noise.T
     P[:6, :6] += G @ np.diag(_slip(tau, config)) @ G.T
 
-    # Surer about the bending does not mean that it bent back: the mean error in metres stays.
+    # A smaller noise square root does not bend the hand back: the mean error in metres stays.
     F[:6, layout.n] = (rho - 1.0) * G @ now @ before.noise_square_root
     F[layout.n, layout.n] = rho * np.linalg.solve(hand.noise_square_root, before.noise_square_root)
     x = F @ body.x

@@ -29,7 +29,7 @@ from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 def free_motion(
     config: RigidBodyMotionConfig, history: FeatureHistory
 ) -> tuple[Displacements, Array, Mask]:
-    """The features' displacements in W, how unlike standing still they are, and which are free.
+    """The features' displacements in W, their squared distances from rest, and which are free.
 
     Zero where a feature is not free, not seen or too young to tell.
     """
@@ -130,7 +130,7 @@ def onset(
     d = displacements(history.select(rows), newest=config.history.newest)
     motion = d.p_old @ X[:3, :3].T + X[:3, 3] - d.p_old
     share, sigma = stillness(history.p_W[rows], history.information[rows], d.p_old, motion)
-    # The earlier mean may hold moving samples; zero is where the shares start.
+    # The earlier mean may hold samples of the motion: the shares then start from an offset.
     start = np.nanmedian(share[np.isfinite(share)][:5])
     excess = np.abs(share - start) / sigma
     smooth = np.convolve(np.where(np.isfinite(excess), excess, 0.0), np.ones(2) / 2.0)[:window]

@@ -24,7 +24,7 @@ Mask = Mask
 
 _POSE = slice(0, 6)
 _MOTION = 12
-_EXACT = 1e-12  # Of a position that is known exactly, [m^2].
+_EXACT = 1e-12  # Variance of a position that is known exactly, [m^2].
 
 
 @dataclass(kw_only=True)
@@ -182,11 +182,16 @@ def correct(body: BodyFilter, index: Ids, p_WF: Array, covariance: Array) -> Bod
     )
 
 
-def _still_common(C: Array, P: Array, cross: Array) -> Array:
-    """What states known to P (n, n) now have in common with others, `cross` (n, m), at C (n, n).
+def _shrunk_cross_covariance(C: Array, P: Array, cross: Array) -> Array:
+    """The cross covariance (n, m) of some states with others that goes with a covariance C.
 
-    In the directions in which C is smaller it shrinks by as much as their standard deviations, so
-    that C, it and the others' covariance still make a covariance.
+    Where C is smaller than P, the cross covariance shrinks in proportion to the standard deviation,
+    so that C, it and the others' covariance together are a covariance.
+
+    Args:
+        C: Covariance (n, n) of the states at another time.
+        P: Their present covariance (n, n).
+        cross: Their present cross covariance (n, m) with the others.
     """
     P = P + _EXACT * np.eye(len(P))
     ratio, W = scipy.linalg.eigh(C, P)
@@ -205,7 +210,7 @@ def _extended(body: BodyFilter, ids: Ids, p_BF: Array, rows: Array, blocks: Arra
     initial_covariance = grown.landmark_covariance
     known = 3 * len(body.ids)
     if known and len(ids):
-        cross = _still_common(
+        cross = _shrunk_cross_covariance(
             body.initial_covariance, body.landmark_covariance, initial_covariance[:known, known:]
         )
         initial_covariance[:known, known:], initial_covariance[known:, :known] = cross, cross.T
@@ -257,7 +262,7 @@ def remove_landmarks(body: BodyFilter, ids: Ids) -> BodyFilter:
 
 
 def drifted(body: BodyFilter, gate: float) -> Mask:
-    """Which landmarks (K,) have moved farther since they were added than their covariance then.
+    """Which landmarks (K,) have moved farther since they were added than their covariance allowed.
 
     A patch that lies on two surfaces slides slowly, and its landmark follows.
     """
@@ -286,8 +291,15 @@ def inflated(body: BodyFilter, sigma: Array) -> BodyFilter:
     return replace(body, P=error_state.inflate(body.P, _POSE, np.diag(sigma**2)))
 
 
-def carried(body: BodyFilter, X_WB: Array, dt: float, walk: Array) -> BodyFilter:
-    """The filter moved to `X_WB` by another's account, trusted up to `walk` (6,) per sqrt(s)."""
+def moved_to(body: BodyFilter, X_WB: Array, dt: float, walk: Array) -> BodyFilter:
+    """The filter at a pose X_WB (4, 4) from elsewhere, whose error walks by `walk` (6,).
+
+    Args:
+        body: At the last tick.
+        X_WB: Pose now.
+        dt: Time since the last tick, [s].
+        walk: Random walk of the pose's error, [rad/sqrt(s), m/sqrt(s)].
+    """
     step = se3.inverse(body.X) @ X_WB
     Ad = se3.adjoint(se3.inverse(step))
     P = error_state.propagate(body.P, _POSE, Ad)

@@ -23,17 +23,17 @@ class TrackedBody(Immutable):
     """One body's filter and recent past; never written after it is made.
 
     Attributes:
-        body_id: Its number.
+        body_id: `HELD_BODY` or a number from 2 on.
         filter: Belief about pose, velocity and landmarks.
         X_WB_reference: Pose (4, 4) at the reference.
         reference_tick: The last tick at which it is known to have stood there.
-        rest: Positions until then of all features that existed, whosoever they are.
+        rest: Positions until then of all features that existed, on whatever body.
         path: X_WB over the window (H, 4, 4), newest last.
-        support: Features that agreed with it at this tick.
-        supported: Ticks with at least `keep_support`.
-        unsupported: Ticks since then.
-        source: Which prediction fitted best at this tick.
-        held_since: Tick at which the hand had closed, of the held body; -1 for others.
+        support: Number of features that agreed with it at this tick.
+        supported: Number of ticks with at least `keep_support` of them.
+        unsupported: Ticks since the last of these.
+        source: Name of the prediction that fitted best at this tick.
+        held_since: Tick at which the hand had closed on the held body; -1 for others.
         reset_count: How many times it was lost and its landmarks were placed anew.
     """
 

@@ -25,7 +25,7 @@ from systems.vision.bodies.feature_history import (
 )
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
-STILL = 5  # Ticks up to a reference that tell whether a feature was nudged before.
+STILL = 5  # Time up to a reference within which a nudge of a feature shows, [ticks].
 
 
 def predict(config: RigidBodyMotionConfig, body: BodyFilter) -> BodyFilter:
@@ -138,11 +138,11 @@ def _coasted(
     old: BodyFilter,
     candidates: list[tuple[str, BodyFilter]],
 ) -> TrackedBody:
-    """Without features: follow the held body's prior, else the velocity."""
+    """The body without features: it follows the prior where there is one, else its velocity."""
     for source, candidate in candidates:
         if source == "prior":
             walk = config.held_body.prior_walk
-            moved = body_filter.carried(old, candidate.X, config.period, walk)
+            moved = body_filter.moved_to(old, candidate.X, config.period, walk)
             return recorded(config, body, moved, source, 0)
     return recorded(config, body, candidates[0][1], "velocity", 0)
 

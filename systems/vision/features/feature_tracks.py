@@ -23,23 +23,24 @@ class FeatureTracks(Immutable):
     """What the tracker remembers; never written after it is made, so a deep copy is the object.
 
     Attributes:
-        ids: (N,).
-        uv: Pixels (N, 2), the last seen or since then predicted ones.
-        p_WF: Positions (N, 3), [m], likewise.
-        covariance: Of the positions (N, 3, 3), [m^2], when last seen.
+        ids: Numbers of the features (N,).
+        uv: Pixels (N, 2), seen or, since the feature was last seen, predicted.
+        p_WF: Positions (N, 3), seen or predicted likewise, [m].
+        covariance: Covariance of the positions when last seen (N, 3, 3), [m^2].
         age: Ticks since birth (N,).
         missed: Ticks since the feature was last seen (N,); zero for those seen now. A tick of a
             blackout counts less.
-        templates: Patches, cut where tangents_C was measured.
-        tangents_C: How the surface point moves with the template's pixel (N, 3, 2), [m/px].
-        shapes: What the patch's affine map has besides what position and tangents predict, mostly
+        templates: Patches, cut when `tangents_C` was measured.
+        tangents_C: Derivative of the surface point by the template's pixel (N, 3, 2), [m/px].
+        shapes: Part of the patch's affine map that position and tangents do not predict, mostly
             from turning (N, 2, 2): map = predicted map @ shape.
         next_id: The id of the next feature.
         image: The last image in which most features were seen (H, W), blurred grey.
-        uv_image: Pixels in it (N, 2); NaN where a feature was not seen in it.
+        uv_image: Pixels of the features in that image (N, 2); NaN where one was not seen in it.
         blackout: Whether nearly all features went unseen.
-        failed: Where young features failed, and ticks left of that memory (M, 3).
-        since_birth: Ticks since new features were looked for.
+        failed: Pixels where tentative features failed, and the ticks for which none is born
+            there (M, 3).
+        since_birth: Ticks since the last search for new features.
     """
 
     ids: Ids
@@ -255,7 +256,7 @@ def search(
     known = np.isfinite(tracks.uv_image[:, 0])
     failed = np.nonzero((scores < config.registration.min_correlation) & known)[0]
     if tracks.image is not None and len(failed):
-        # Fair over time: those unseen for longest have had their chance.
+        # Features missed for the shortest time first: the others were tried at earlier ticks.
         order = np.argsort(tracks.missed[failed], kind="stable")
         most = config.flow.max_blackout_features if tracks.blackout else config.flow.max_features
         failed = failed[order][:most]
@@ -289,7 +290,7 @@ def follow(
     contrast = patch_registration.patch_contrasts(
         frame.image, tracks.templates, found.warps, found.uv
     )
-    # A smooth template finds its like in noise, sooner or later.
+    # A smooth template correlates well with mere noise, sooner or later.
     visible = contrast > 2.0 * feature_detection.BLUR_GAIN * frame.noise
     seen = (found.scores >= config.registration.min_correlation) & visible & on_surface & ~shrunk
     before = int(np.sum(tracks.missed == 0)) if not tracks.blackout else len(tracks.ids)
@@ -311,10 +312,10 @@ def follow(
         fresh = replace(
             fresh, image=frame.image, uv_image=np.where(seen[:, None], fresh.uv, np.nan)
         )
-        worn = seen & (found.scores < config.registration.renewal_correlation)
-        # Without a change of shape, what no longer looks the same is not the same.
-        worn &= np.max(np.abs(np.log(sizes)), axis=1) > config.registration.renewal_shape
-        fresh = _renew(config, fresh, frame, tangents, worn)
+        outdated = seen & (found.scores < config.registration.renewal_correlation)
+        # A patch that has kept its shape but not its looks is another one: no renewal.
+        outdated &= np.max(np.abs(np.log(sizes)), axis=1) > config.registration.renewal_shape
+        fresh = _renew(config, fresh, frame, tangents, outdated)
         fresh, passed = _confirm(config, fresh, found.scores)
         fresh = fresh.select(passed)
     return fresh.select(_alive(config, fresh, frame))
@@ -352,10 +353,14 @@ def _coast(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> Fea
 
 
 def _renew(
-    config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame, tangents: Array, worn: Mask
+    config: FeatureMotionConfig,
+    tracks: FeatureTracks,
+    frame: Frame,
+    tangents: Array,
+    outdated: Mask,
 ) -> FeatureTracks:
     """Cuts new templates for the features that no longer look like theirs."""
-    index = np.nonzero(worn)[0]
+    index = np.nonzero(outdated)[0]
     if len(index) == 0:
         return tracks
     cut, valid = patch_registration.cut_templates(

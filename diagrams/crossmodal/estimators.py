@@ -12,12 +12,11 @@ from pydrake.systems.sensors import CameraInfo
 from systems.kinematics.joint_filters import JointFiltersConfig
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
-from systems.proprioception.grasp_model import GraspModel, GraspModelConfig
+from systems.proprioception.grasp_model import GraspModel
+from systems.proprioception.grasp_model_config import GraspModelConfig
 from systems.proprioception.hand_bending import HandBending, HandBendingConfig
-from systems.proprioception.held_body_motion import (
-    HeldBodyMotion,
-    HeldBodyMotionConfig,
-)
+from systems.proprioception.held_body_motion import HeldBodyMotion
+from systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 from systems.vision.features.feature_motion import FeatureMotion

@@ -13,7 +13,7 @@ point (2), phi, d), cut to what the type has. A failed grasp lets the body stay 
 loosely.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
@@ -24,39 +24,12 @@ from maths.gaussian import joseph_update, log_likelihood, nees, symmetric
 from maths.vectors import cross, tangent_basis
 from systems.port_values import GraspType
 from systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
-from systems.proprioception.grasp_failure import GraspFailureConfig
+from systems.proprioception.grasp_model_config import GraspModelConfig, morphology
 
 HELD_TYPES = (GraspType.PERFECT, GraspType.REVOLUTE, GraspType.CYLINDRICAL)
 _PLAUSIBLE = 3.0  # Deviation from the morphology that costs nothing, in standard deviations.
 _BEYOND = 100.0  # Cost of each standard deviation beyond, [nat].
 _COORDINATES = {GraspType.PERFECT: 0, GraspType.REVOLUTE: 1, GraspType.CYLINDRICAL: 2}
-
-
-@dataclass(kw_only=True)
-class GraspModelConfig:
-    period: float = 1.0 / 15.0  # Update period, [s].
-    prior_perfect: float = 0.72  # Probability when the hand closes, if it holds the body, [-].
-    prior_revolute: float = 0.21  # The same of a revolute grasp, [-].
-    prior_cylindrical: float = 0.07  # The same of a cylindrical grasp, [-].
-    # Direction of the bar, about which the fingers curl.
-    axis_H: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
-    # Point on the bar, [m].
-    p_HA: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, -0.02]))
-    axis_deviation: float = 0.2  # Standard deviation of the bar's direction, [rad].
-    point_deviation: float = 0.015  # Standard deviation of the bar's place, [m].
-    rotation_process_noise: float = 0.05  # Random walk of the body about the bar, [rad/s^0.5].
-    sliding_process_noise: float = 0.02  # Random walk of the body along the bar, [m/s^0.5].
-    axis_process_noise: float = 0.01  # Random walk of the axis in the soft palm, [rad/s^0.5].
-    point_process_noise: float = 3.0e-3  # Random walk of the point on it, [m/s^0.5].
-    hand_correlation_time: float = 30.0  # Of the bent hand's error, a Gauss-Markov process, [s].
-    slip_rotation: float = 0.03  # Slip, a random walk over the hand's way, [rad/m^0.5].
-    slip_translation: float = 2.0e-3  # The same for the translation, [m/m^0.5].
-    memory: float = 0.7  # Time constant with which the evidence fades, [s].
-    lodging: float = 0.1  # Probability that a loose grasp has become firm, [-].
-    loss_limit: float = 10.0  # Most that one tick speaks against a type, [nat].
-    gate: float = 30.0  # Squared innovation above which a filter is not corrected, [-].
-    patience: float = 1.0  # Time of rejections after which a filter is started again, [s].
-    failure: GraspFailureConfig = field(default_factory=GraspFailureConfig)
 
 
 @dataclass(kw_only=True)
@@ -298,12 +271,6 @@ def plausibility(grasp: GraspFilter, config: GraspModelConfig) -> float:
     shift = float(np.linalg.norm(grasp.point - point)) / config.point_deviation
     beyond = max(0.0, tilt - _PLAUSIBLE) + max(0.0, shift - _PLAUSIBLE)
     return -0.5 * excess - _BEYOND * beyond
-
-
-def morphology(config: GraspModelConfig) -> tuple[Array, Array]:
-    """The hand's grasping axis (3,), a unit vector in H, and a point on it (3,)."""
-    axis = np.asarray(config.axis_H, dtype=float)
-    return axis / np.linalg.norm(axis), np.asarray(config.p_HA, dtype=float)
 
 
 def free_projection(grasp_type: GraspType, axis: Array, point: Array) -> Array:

@@ -9,7 +9,6 @@ from pydrake.systems.framework import Context
 from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
-from systems.checks import require, require_positive, require_vector
 from systems.port_values import (
     HELD_BODY,
     UNKNOWN_END_EFFECTOR,
@@ -24,25 +23,22 @@ from systems.proprioception.grasp_failure import GraspFailure, compare
 from systems.proprioception.grasp_filters import (
     HELD_TYPES,
     GraspFilter,
-    GraspModelConfig,
     correct_filter,
     follow,
     free_projection,
-    morphology,
     plausibility,
     predict_filter,
     start_filter,
 )
+from systems.proprioception.grasp_model_config import (
+    GraspModelConfig,
+    check_grasp_model,
+    morphology,
+    prior_probabilities,
+)
 from systems.recursive_filter import RecursiveFilter
 
 TYPES = (*HELD_TYPES, GraspType.FAILED)
-
-
-def prior_probabilities(config: GraspModelConfig) -> Array:
-    """Of the types (4,), in the order of `TYPES`."""
-    failed = config.failure.prior
-    held = [config.prior_perfect, config.prior_revolute, config.prior_cylindrical]
-    return np.append((1.0 - failed) * np.array(held), failed)
 
 
 def weigh(evidence: Array, failure: GraspFailure, config: GraspModelConfig) -> Array:
@@ -242,7 +238,7 @@ class GraspModel(RecursiveFilter):
 
     def __init__(self, config: GraspModelConfig) -> None:
         super().__init__()
-        self._check(config)
+        check_grasp_model(config)
         self._config = config
         nowhere = PoseBelief(X=np.eye(4), covariance=np.eye(6))
         self._end_effector = self._declare_value_input(
@@ -255,40 +251,6 @@ class GraspModel(RecursiveFilter):
         self._declare_recursion(self._nothing_held, self._calc_grasp, config.period)
         self._declare_estimated("grasp_estimated", lambda state: state.belief)
         self._declare_latest("grasp_latest", lambda state: state.belief)
-
-    @staticmethod
-    def _check(config: GraspModelConfig) -> None:
-        units = {
-            "period": "s",
-            "prior_perfect": "",
-            "prior_revolute": "",
-            "prior_cylindrical": "",
-            "axis_deviation": "rad",
-            "point_deviation": "m",
-            "rotation_process_noise": "rad/s^0.5",
-            "axis_process_noise": "rad/s^0.5",
-            "point_process_noise": "m/s^0.5",
-            "sliding_process_noise": "m/s^0.5",
-            "hand_correlation_time": "s",
-            "memory": "s",
-            "loss_limit": "nat",
-            "gate": "",
-            "patience": "s",
-        }
-        require_positive("GraspModel", config, units)
-        for name, unit in {"slip_rotation": "rad/m^0.5", "slip_translation": "m^0.5"}.items():
-            require(getattr(config, name) >= 0, "GraspModel", config, name, f">= 0 {unit}")
-        for name, unit in {"axis_H": "-", "p_HA": "m"}.items():
-            require_vector("GraspModel", config, name, unit)
-        length = float(np.linalg.norm(config.axis_H))
-        require(length > 1e-6, "GraspModel", config, "axis_H", "a direction")
-        require(0 <= config.lodging < 1, "GraspModel", config, "lodging", "in [0, 1)")
-        units = {"prior": "", "way": "m", "rest": "m", "limit": "nat"}
-        require_positive("GraspModel", config.failure, units)
-        require(config.failure.prior < 1, "GraspModel", config.failure, "prior", "< 1")
-        require(config.failure.shift >= 0, "GraspModel", config.failure, "shift", ">= 0")
-        total = float(prior_probabilities(config).sum())
-        require(abs(total - 1.0) < 1e-6, "GraspModel", config, "prior_perfect", "a sum of one")
 
     def _calc_grasp(self, context: Context, state: Any) -> GraspState:
         motions = self._read(self._bodies, context) if self._bodies.HasValue(context) else None

@@ -1,214 +1,31 @@
 """The pose of the held body: predicted by the hand through the grasp, corrected by features.
 
-Error state, all but the first in units of their own standard deviation:
-
-    xi  (6,)  pose error, X_WB,true = X_WB exp(xi)
-    c   (m,)  constants of the episode: the calibration offset of the encoders
-    n   (6,)  rest of the bent hand's pose error, a Gauss-Markov process
-    b   (6,)  error of the landmarks, as a pose error in B
-    f   (2,)  share of the hand's turning about the grasping axis, and of its sliding along it, that
-              the body follows against what the likeliest grasp says; a constant, only considered
-    k   (3,)  turn of the body about the axis per way of its handle, if the grasp lets it; a
-              constant, as the body of a hinge turns by one radian per radius; only considered
-              unless the likeliest grasp lets it
-    s   (6,)  error of the grasping axis and of the point on it; constant as long as nobody sees
-
-The constants make the displacement's error honest over time: they are the same at every tick, so
-they grow with the way that the hand has moved and do not average away. Vision, while it lasts,
-measures them too, and so improves what proprioception says in the dark. What the grasp transmits
-is learnt by the grasp model alone: states that are only considered make the pose less certain and
-are not corrected.
+The error state is described in `held_body_state`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from maths import error_state, se3
 from maths.arrays import Array, Ids
 from maths.gaussian import nees, schmidt_update, symmetric
-from maths.immutable import Immutable
 from maths.vectors import cross
 from systems.port_values import GraspBelief, GraspType, PoseBelief
 from systems.proprioception.bent_hand import BentHand, screw
+from systems.proprioception.free_motion import free_motion, line_sensitivity
+from systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
+from systems.proprioception.held_body_state import BodyState, Layout
 
 _LOOSE_TYPES = (GraspType.REVOLUTE, GraspType.CYLINDRICAL)
 _POSE = slice(0, 6)
 _REFERENCE_VARIANCE = 1e-12  # The reference pose is so by definition, [rad^2, m^2].
 
 
-@dataclass(kw_only=True)
-class HeldBodyMotionConfig:
-    period: float = 1.0 / 15.0  # Update period, [s].
-    hand_correlation_time: float = 30.0  # Of the bent hand's error, a Gauss-Markov process, [s].
-    slip_rotation: float = 0.03  # Slip in the hand, a random walk over its way, [rad/m^0.5].
-    slip_translation: float = 2.0e-3  # The same for the translation, [m/m^0.5].
-    reference_rotation_error: float = 0.05  # Unseen settling after the reference, [rad].
-    reference_translation_error: float = 6.0e-3  # The same for the translation, [m].
-    reset_rotation_error: float = 0.015  # The same after new landmarks were placed, [rad].
-    reset_translation_error: float = 3.0e-3  # The same for the translation, [m].
-    reference_error_time: float = 2.0  # Time constant with which these errors decay, [s].
-    lever: float = 0.1  # Way of the hand that counts for a turn of it, [m/rad].
-    hinge_curvature: float = 3.0  # One over the radius of a hinge, 1 sigma, [rad/m].
-    rotation_velocity_noise: float = 0.02  # From slip and the rate of bending, [rad/s].
-    translation_velocity_noise: float = 4.0e-3  # The same for the translation, [m/s].
-    minimum_features: int = 8  # Least number of features that tell a pose, [-].
-    inlier_share: float = 0.5  # Least share of them that agrees on one pose, [-].
-    landmark_rotation_floor: float = 2.0e-3  # Common error of the landmarks, [rad].
-    landmark_translation_floor: float = 3.0e-4  # The same for the translation, [m].
-    jump_gate: float = 22.5  # Squared innovation above which the grasp slipped (99.9 %), [-].
-    jump_rotation: float = 0.05  # Standard deviation of such a slip, [rad].
-    jump_translation: float = 0.01  # The same for the translation, [m].
-    retained_share: float = 0.5  # Least share of features seen before that shows a slip, [-].
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Where the parts of the error state lie, for m constants."""
-
-    m: int
-
-    @property
-    def size(self) -> int:
-        return 29 + self.m
-
-    @property
-    def c(self) -> slice:
-        return slice(6, 6 + self.m)
-
-    @property
-    def n(self) -> slice:
-        return slice(6 + self.m, 12 + self.m)
-
-    @property
-    def b(self) -> slice:
-        return slice(12 + self.m, 18 + self.m)
-
-    @property
-    def f(self) -> slice:
-        return slice(18 + self.m, 20 + self.m)
-
-    @property
-    def k(self) -> slice:
-        return slice(20 + self.m, 23 + self.m)
-
-    @property
-    def s(self) -> slice:
-        return slice(23 + self.m, 29 + self.m)
-
-
-@dataclass(kw_only=True)
-class BodyState(Immutable):
-    """Mean and covariance of the body; never written after it is made.
-
-    Attributes:
-        hand: The bent hand at the same tick.
-        X_WB: (4, 4), with the reference pose X_WB_reference (4, 4).
-        x: Mean (n,) of the error state; its first six are zero.
-        P: Covariance (n, n).
-        V: V_WB_B (6,), with covariance V_covariance (6, 6).
-        feature_ids: The features seen last.
-        grasp_type: The type under which f and k have their present meaning.
-        unseen_growth: (6, 6), in B, by what the pose's covariance has grown since features
-            corrected it; it comes from the hand's errors, which are correlated over time.
-        reference_error: (6, 6), in B, of the grip's settling since the reference; zero once
-            features have been seen, unless the landmarks were placed anew: then of theirs.
-        reset_count: How many times vision has placed its landmarks anew.
-        offset: (6, 6), in B, of the pose's constant error since then; not part of P.
-    """
-
-    hand: BentHand
-    X_WB: Array
-    X_WB_reference: Array
-    x: Array
-    P: Array
-    V: Array
-    V_covariance: Array
-    feature_ids: Ids
-    grasp_type: GraspType
-    unseen_growth: Array
-    reference_error: Array
-    reset_count: int
-    offset: Array
-
-    @property
-    def pose(self) -> PoseBelief:
-        return PoseBelief(X=self.X_WB, covariance=self.P[:6, :6] + self.offset)
-
-
-@dataclass(kw_only=True)
-class FreeMotion:
-    """What the grasp leaves free, and how sure that is.
-
-    Attributes:
-        projection: (6, 6), the free part of the hand's twist, in H.
-        axis: Grasping axis (3,) in H through point (3,), [m].
-        doubt: (2,) standard deviation of the share of the hand's turning and of its sliding that
-            the body follows.
-        looseness: Share of a hinge's turning to expect of the body, 1 sigma: one if it may turn
-            about the axis, else the square root of the probability that it may.
-        line: Square root (6, 6) of the covariance of axis and point; zero if neither is free.
-    """
-
-    projection: Array
-    axis: Array
-    point: Array
-    doubt: Array
-    looseness: float
-    line: Array
-
-
-def free_motion(grasp: GraspBelief) -> FreeMotion:
-    """Reads the grasp; the likeliest type decides, the others are doubts."""
-    held = max(1.0 - grasp.probabilities[GraspType.FAILED], 1e-9)
-    slides = grasp.probabilities[GraspType.CYLINDRICAL] / held
-    turns = slides + grasp.probabilities[GraspType.REVOLUTE] / held
-    free = np.array([grasp.type != GraspType.PERFECT, grasp.type == GraspType.CYLINDRICAL])
-    chance = np.clip([turns, slides], 0.0, 1.0)
-    doubt = np.sqrt(np.where(free, 1.0 - chance, chance))
-    if grasp.type == GraspType.FAILED:
-        doubt = np.zeros(2)
-    return FreeMotion(
-        projection=grasp.free_motion,
-        axis=grasp.axis_H,
-        point=grasp.p_HA,
-        doubt=doubt,
-        looseness=1.0 if free[0] else float(np.sqrt(chance[0])),
-        line=square_root(grasp.line_covariance) if free[0] else np.zeros((6, 6)),
-    )
-
-
-def square_root(covariance: Array) -> Array:
-    """The symmetric square root A (n, n) of a covariance that may be singular, A A = covariance."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T)
-
-
 def positive_part(matrix: Array) -> Array:
     """The nearest positive semidefinite matrix to a symmetric one (n, n)."""
     values, vectors = np.linalg.eigh(symmetric(matrix))
     return np.asarray(vectors * np.maximum(values, 0.0) @ vectors.T)
-
-
-def line_sensitivity(free: FreeMotion, tau: Array, turned: float, slides: bool) -> Array:
-    """How an error of axis and point (6,) moves the body, in H, against the mean; (6, 6).
-
-    Args:
-        free: Axis a and point p.
-        tau: The hand's twist (6,).
-        turned: How much the body turns about the axis against the hand, [rad].
-        slides: Whether it slides too.
-    """
-    a, p = free.axis, free.point
-    A = np.zeros((6, 6))
-    A[:3, :3] = turned * np.eye(3) - np.outer(a, tau[:3])
-    A[3:, :3] = turned * se3.skew(p) - np.outer(cross(p, a), tau[:3])
-    A[3:, 3:] = -turned * se3.skew(a)
-    if slides:
-        A[3:, :3] -= (a @ (tau[3:] + cross(tau[:3], p))) * np.eye(3)
-        A[3:, :3] -= np.outer(a, tau[3:] + cross(tau[:3], p))
-        A[3:, 3:] -= np.outer(a, cross(a, tau[:3]))
-    return A
 
 
 def start_body(hand: BentHand, grasp: GraspBelief, config: HeldBodyMotionConfig) -> BodyState:

@@ -10,7 +10,6 @@ from pydrake.systems.framework import Context, InputPort
 from maths import se3
 from maths.arrays import Array, Ids
 from maths.immutable import Immutable
-from systems.checks import require, require_positive
 from systems.port_values import (
     HELD_BODY,
     NO_POSE,
@@ -25,17 +24,20 @@ from systems.port_values import (
 )
 from systems.proprioception.bent_hand import bent_hand
 from systems.proprioception.feature_registration import GATE, register
-from systems.proprioception.grasp_filters import GraspModelConfig
 from systems.proprioception.grasp_model import initial_grasp
+from systems.proprioception.grasp_model_config import GraspModelConfig
 from systems.proprioception.held_body_filter import (
-    BodyState,
-    HeldBodyMotionConfig,
     correct_body,
     predict_body,
     reset_body,
     start_body,
     with_velocity,
 )
+from systems.proprioception.held_body_motion_config import (
+    HeldBodyMotionConfig,
+    check_held_body_motion,
+)
+from systems.proprioception.held_body_state import BodyState
 from systems.recursive_filter import RecursiveFilter
 
 
@@ -184,7 +186,7 @@ class HeldBodyMotion(RecursiveFilter):
 
     def __init__(self, config: HeldBodyMotionConfig, corrected_by_vision: bool = False) -> None:
         super().__init__()
-        self._check(config)
+        check_held_body_motion(config)
         self._config = config
         nowhere = PoseBelief(X=np.eye(4), covariance=np.eye(6))
         grasp = initial_grasp(GraspModelConfig())
@@ -207,34 +209,6 @@ class HeldBodyMotion(RecursiveFilter):
         )
         self._declare_estimated("body_motions_estimated", body_motions)
         self._declare_latest("body_motions_latest", body_motions)
-
-    @staticmethod
-    def _check(config: HeldBodyMotionConfig) -> None:
-        units = {
-            "period": "s",
-            "hand_correlation_time": "s",
-            "reference_rotation_error": "rad",
-            "reference_translation_error": "m",
-            "reference_error_time": "s",
-            "reset_rotation_error": "rad",
-            "reset_translation_error": "m",
-            "lever": "m/rad",
-            "hinge_curvature": "rad/m",
-            "rotation_velocity_noise": "rad/s",
-            "translation_velocity_noise": "m/s",
-            "landmark_rotation_floor": "rad",
-            "landmark_translation_floor": "m",
-            "jump_gate": "",
-            "jump_rotation": "rad",
-            "jump_translation": "m",
-        }
-        name = "HeldBodyMotion"
-        require_positive(name, config, units)
-        require(config.slip_rotation >= 0, name, config, "slip_rotation", ">= 0 rad/m^0.5")
-        require(config.slip_translation >= 0, name, config, "slip_translation", ">= 0 m^0.5")
-        require(config.minimum_features >= 3, name, config, "minimum_features", ">= 3")
-        for share in ("inlier_share", "retained_share"):
-            require(0 < getattr(config, share) <= 1, name, config, share, "in (0, 1]")
 
     def _calc_prior(self, context: Context, value: AbstractValue) -> None:
         body: BodyState | None = None

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from maths.arrays import Array, Ids
+from maths.arrays import Array, Ids, Mask
 from systems.port_values import (
     STATIC_BODY,
     PoseBelief,
@@ -15,13 +15,12 @@ from systems.vision.bodies.body_tracker_state import (
     RestPositions,
     TrackedBody,
 )
-from systems.vision.bodies.feature_history import (
+from systems.vision.bodies.feature_displacements import (
     Displacements,
-    FeatureHistory,
-    Mask,
     displacements,
     squared_distances,
 )
+from systems.vision.bodies.feature_history import FeatureHistory
 from systems.vision.bodies.motion_consensus import Consensus, find_consensus, stillness
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 

@@ -20,8 +20,6 @@ from maths.gaussian import diagonal_blocks
 from maths.immutable import Immutable
 from maths.rigid_points import pose_jacobian
 
-Mask = Mask
-
 _POSE = slice(0, 6)
 _MOTION = 12
 _EXACT = 1e-12  # Variance of a position that is known exactly, [m^2].

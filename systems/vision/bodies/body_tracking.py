@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from maths import se3
-from maths.arrays import Array, Ids
+from maths.arrays import Array, Ids, Mask
 from systems.port_values import (
     FeatureBelief,
 )
@@ -16,13 +16,8 @@ from systems.vision.bodies.body_tracker_state import (
     RestPositions,
     TrackedBody,
 )
-from systems.vision.bodies.feature_history import (
-    FeatureHistory,
-    Mask,
-    displacements,
-    remember,
-    squared_distances,
-)
+from systems.vision.bodies.feature_displacements import displacements, squared_distances
+from systems.vision.bodies.feature_history import FeatureHistory, remember
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 STILL = 5  # Time up to a reference within which a nudge of a feature shows, [ticks].

@@ -10,13 +10,8 @@ from systems.port_values import STATIC_BODY
 from systems.vision.bodies import body_filter, held_body
 from systems.vision.bodies.body_tracker_state import TrackedBody
 from systems.vision.bodies.body_tracking import corrected
-from systems.vision.bodies.feature_history import (
-    OUTLIER,
-    FeatureHistory,
-    displacements,
-    forget,
-    squared_distances,
-)
+from systems.vision.bodies.feature_displacements import displacements, squared_distances
+from systems.vision.bodies.feature_history import OUTLIER, FeatureHistory, forget
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 

@@ -15,12 +15,8 @@ from maths.rigid_points import pose_jacobian
 from systems.port_values import HELD_BODY, STATIC_BODY, PoseBelief
 from systems.vision.bodies import body_filter, body_tracking
 from systems.vision.bodies.body_tracker_state import TrackedBody
-from systems.vision.bodies.feature_history import (
-    FeatureHistory,
-    displacements,
-    forget,
-    squared_distances,
-)
+from systems.vision.bodies.feature_displacements import displacements, squared_distances
+from systems.vision.bodies.feature_history import FeatureHistory, forget
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 _UNLIKELY = chi_square_gate(0.001, 6)

@@ -7,9 +7,7 @@ import numpy as np
 from maths import se3
 from maths.arrays import Array, Ids, Mask
 from maths.rigid_points import pose_jacobian
-from systems.vision.bodies.feature_history import Displacements, squared_distances
-
-Mask = Mask
+from systems.vision.bodies.feature_displacements import Displacements, squared_distances
 
 
 @dataclass(kw_only=True)

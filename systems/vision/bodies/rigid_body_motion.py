@@ -28,7 +28,8 @@ from systems.vision.bodies.body_tracker_state import (
     TrackedBody,
     no_bodies,
 )
-from systems.vision.bodies.feature_history import FeatureHistory, displacements
+from systems.vision.bodies.feature_displacements import displacements
+from systems.vision.bodies.feature_history import FeatureHistory
 from systems.vision.bodies.held_body_identification import identify_held_body
 from systems.vision.bodies.rigid_body_motion_config import (
     RigidBodyMotionConfig,

@@ -14,12 +14,12 @@ from systems.vision.features.feature_motion_config import (
     FeatureMotionConfig,
     check_feature_motion,
 )
+from systems.vision.features.feature_tracking import track
 from systems.vision.features.feature_tracks import (
     FeatureTracks,
     Frame,
     belief,
     no_tracks,
-    track,
 )
 
 

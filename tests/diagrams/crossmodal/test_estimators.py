@@ -16,8 +16,8 @@ from diagrams.run.episode import Episode, build_networks, build_station
 from diagrams.run.yaml_schema import ScenarioError
 from diagrams.stations.truth_paths import truth_paths
 from systems.port_values import HELD_BODY, SampleWindow
-from systems.proprioception.grasp_filters import GraspModelConfig
 from systems.proprioception.grasp_model import initial_grasp
+from systems.proprioception.grasp_model_config import GraspModelConfig
 
 Q = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0])
 

@@ -20,12 +20,10 @@ from systems.port_values import (
     PoseBelief,
 )
 from systems.proprioception.bent_hand import screw
-from systems.proprioception.grasp_filters import GraspModelConfig
 from systems.proprioception.grasp_model import GraspModel
-from systems.proprioception.held_body_motion import (
-    HeldBodyMotion,
-    HeldBodyMotionConfig,
-)
+from systems.proprioception.grasp_model_config import GraspModelConfig
+from systems.proprioception.held_body_motion import HeldBodyMotion
+from systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
 
 PERIOD = 1.0 / 15.0
 X_WH_START = np.array(

@@ -6,13 +6,11 @@ from pydrake.common.value import AbstractValue
 from simulated_grasp import Episode, Scene, Tick, pull, run, swing
 
 from maths import se3
+from maths.vectors import tangent_basis
 from systems.port_values import BodyMotions, GraspBelief, GraspType
-from systems.proprioception.grasp_filters import (
-    GraspModelConfig,
-    grasp_displacement,
-    tangent_basis,
-)
+from systems.proprioception.grasp_filters import grasp_displacement
 from systems.proprioception.grasp_model import GraspModel, initial_grasp
+from systems.proprioception.grasp_model_config import GraspModelConfig
 
 CONFIG = GraspModelConfig()
 SCENES = {

@@ -11,19 +11,14 @@ from simulated_grasp import Episode, Scene, Tick, body_error, body_nees, pull, r
 from maths import se3
 from systems.port_values import HELD_BODY, GraspBelief, GraspType, PoseBelief
 from systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
-from systems.proprioception.grasp_filters import GraspModelConfig, free_projection
+from systems.proprioception.free_motion import free_motion, line_sensitivity
+from systems.proprioception.grasp_filters import free_projection
 from systems.proprioception.grasp_model import initial_grasp
-from systems.proprioception.held_body_filter import (
-    BodyState,
-    HeldBodyMotionConfig,
-    Layout,
-    correct_body,
-    free_motion,
-    line_sensitivity,
-    predict_body,
-    start_body,
-)
+from systems.proprioception.grasp_model_config import GraspModelConfig
+from systems.proprioception.held_body_filter import correct_body, predict_body, start_body
 from systems.proprioception.held_body_motion import HeldBodyMotion
+from systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
+from systems.proprioception.held_body_state import BodyState, Layout
 
 CONFIG = HeldBodyMotionConfig()
 LAYOUT = Layout(6)

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maths import se3
-from systems.vision.bodies.feature_history import Displacements, squared_distances
+from systems.vision.bodies.feature_displacements import Displacements, squared_distances
 from systems.vision.bodies.motion_consensus import find_consensus, rigid_motions, stillness
 
 RNG = np.random.default_rng(0)

@@ -11,7 +11,7 @@ class HeldBodyMotionConfig:
     hand_correlation_time: float = 30.0  # Of the bent hand's error, a Gauss-Markov process, [s].
     slip_rotation: float = 0.03  # Slip in the hand, a random walk over its way, [rad/m^0.5].
     slip_translation: float = 2.0e-3  # The same for the translation, [m/m^0.5].
-    reference_rotation_error: float = 0.05  # Unseen settling after the reference, [rad].
+    reference_rotation_error: float = 0.05  # Settling of the grip after the reference, [rad].
     reference_translation_error: float = 6.0e-3  # The same for the translation, [m].
     reset_rotation_error: float = 0.015  # The same after new landmarks were placed, [rad].
     reset_translation_error: float = 3.0e-3  # The same for the translation, [m].

@@ -32,7 +32,7 @@ X_WH_START = np.array(
 OFFSET_SIGMA = np.repeat([np.deg2rad(3.0), 0.01], 3)
 ENCODER_SIGMA = np.repeat([5e-5, 5e-5], 3)
 BENDING_SIGMA = np.repeat([8e-3, 1e-3], 3)
-FEATURE_SIGMA, ANCHOR_SIGMA = 2e-3, 1e-3
+FEATURE_SIGMA, LANDMARK_SIGMA = 2e-3, 1e-3
 
 
 @dataclass(kw_only=True)
@@ -140,7 +140,7 @@ class Episode:
         self.X_reference = np.eye(4)
         self.X_reference[:3, 3] = X_WE[:3, 3]
         self.p_BF = self.p_WF - self.X_reference[:3, 3]
-        self.p_BF_seen = self.p_BF + ANCHOR_SIGMA * rng.normal(size=self.p_BF.shape)
+        self.p_BF_seen = self.p_BF + LANDMARK_SIGMA * rng.normal(size=self.p_BF.shape)
         self.reset_count = 0
 
     def X_WH(self, t: float) -> np.ndarray:
@@ -210,7 +210,7 @@ class Episode:
             X_WB_reference=self.X_reference,
             feature_ids=ids,
             p_BF=self.p_BF_seen,
-            p_BF_covariance=ANCHOR_SIGMA**2 * np.eye(3 * len(ids)),
+            p_BF_covariance=LANDMARK_SIGMA**2 * np.eye(3 * len(ids)),
             reset_count=self.reset_count,
         )
         return features, BodyMotions(bodies=[body])

@@ -296,15 +296,15 @@ def test_covariances_stay_symmetric_and_positive() -> None:
 
 def test_what_grows_unseen_lasts_until_it_is_seen_again() -> None:
     ticks = run(Scene(displacement=pull(), dark_from=3.0, duration=6.0), 5, vision=True)
-    lasting = [tick.body.correlated_covariance for tick in ticks]
+    correlated = [tick.body.correlated_covariance for tick in ticks]
     seen = [tick.body.seen is not None for tick in ticks]
     assert sum(seen) > 30
-    assert not any(matrix.any() for matrix, sees in zip(lasting, seen, strict=True) if sees)
+    assert not any(matrix.any() for matrix, sees in zip(correlated, seen, strict=True) if sees)
     last = ticks[-1].body
     growth = np.diag(last.correlated_covariance)[3:]
     assert np.all(growth > 0.0)
     assert np.all(growth < np.diag(last.motion.covariance)[3:6])
-    assert np.trace(lasting[-1][3:, 3:]) > 2.0 * np.trace(lasting[-30][3:, 3:])
+    assert np.trace(correlated[-1][3:, 3:]) > 2.0 * np.trace(correlated[-30][3:, 3:])
 
 
 def test_features_that_come_late_tell_the_motion_since_but_not_the_pose() -> None:
@@ -369,7 +369,7 @@ def test_impossible_values_are_refused(field: str, value: float) -> None:
         HeldBodyMotion(config)
 
 
-def test_nothing_lasts_but_the_pose_error_and_a_grip_that_settles() -> None:
+def test_only_the_pose_error_and_the_reference_error_are_correlated() -> None:
     ticks = run(Scene(displacement=pull(), duration=8.0), 6, vision=False)
     first = ticks[0].body.correlated_covariance
     assert np.diag(first).min() > 0.0

@@ -134,7 +134,7 @@ def test_outliers_do_not_agree_even_with_a_long_lever(far: float) -> None:
     assert not fits[wrong].any()
 
 
-def test_a_rebuilt_filter_has_forgotten_what_a_wrong_feature_did() -> None:
+def test_a_reset_filter_has_forgotten_what_a_wrong_feature_did() -> None:
     body = predicted(resting())
     lie = P_WF.copy()
     lie[0] += [0.0, 0.02, 0.0]

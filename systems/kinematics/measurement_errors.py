@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from maths.arrays import Array
-from systems.checks import require_fields
+from maths.validation import require_fields
 
 _LEAST_WHITE = 1e-2  # Least share of a measurement's own variance that is white.
 _FLOOR = 1e-12 * np.eye(6)  # Added to every covariance, for exact ones, [rad^2, m^2].

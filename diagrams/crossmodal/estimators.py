@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
-from systems.vision.bodies.body_level import RigidBodyMotionConfig
 
 from diagrams.crossmodal.modalities import MODALITIES
 from diagrams.run.calibration import Calibration
@@ -13,15 +12,17 @@ from systems.kinematics.joint_filters import JointFiltersConfig
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
-from systems.proprioception.grasp_model import GraspModel, GraspModelConfig
+from systems.proprioception.grasp_model import GraspModel
+from systems.proprioception.grasp_model_config import GraspModelConfig
 from systems.proprioception.hand_bending import HandBending, HandBendingConfig
 from systems.proprioception.held_body_motion import (
     HeldBodyMotion,
     HeldBodyMotionConfig,
 )
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
+from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 from systems.vision.features.feature_motion import FeatureMotion
-from systems.vision.features.feature_tracks import FeatureMotionConfig
+from systems.vision.features.feature_motion_config import FeatureMotionConfig
 
 VISION_INPUTS = ("color_measured", "depth_measured", "robot_mask")
 PROPRIOCEPTION_INPUTS = (

@@ -37,7 +37,7 @@ from systems.port_values import (
     PoseBelief,
     no_features,
 )
-from systems.proprioception.grasp_model import GraspModelConfig, initial_grasp
+from systems.proprioception.grasp_model_config import GraspModelConfig, initial_grasp
 
 QUANTITIES = (
     Quantity(port="joints_latest", model=JointBeliefs()),

@@ -13,7 +13,7 @@ from matplotlib.ticker import NullFormatter
 
 from diagrams.drawing import palette
 from diagrams.drawing.plot_style import STYLE, mark_event, new_figure, note, shade
-from diagrams.evaluation.metric_table import READABLE, estimators_of, label
+from diagrams.evaluation.metric_table import estimators_of, label, readable
 from diagrams.run.application import Application
 from diagrams.run.scenario import Disturbances
 from maths.arrays import Array
@@ -162,7 +162,7 @@ def draw_metrics(
         grid = figure.subplots(1, len(titles), squeeze=False)[0]
         for axes, (key, title) in zip(grid, titles.items(), strict=True):
             rows = figures[figures["metric"] == key]
-            scale, unit = READABLE[str(rows["unit"].iloc[0])] if len(rows) else (1.0, "")
+            scale, unit = readable(str(rows["unit"].iloc[0])) if len(rows) else (1.0, "")
             for level, name in enumerate(estimators):
                 values = scale * rows.loc[rows["modality"] == name, "value"].dropna().abs()
                 if values.empty:

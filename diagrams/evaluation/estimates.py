@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from diagrams.drawing.estimate_plots import draw_estimates
-from diagrams.evaluation.metric_table import READABLE, mean_share, median_and_range
+from diagrams.evaluation.metric_table import mean_share, median_and_range, readable
 from diagrams.run.application import Results
 from diagrams.run.experiment import Metric
 from diagrams.run.record import EpisodeRecord, Tick
@@ -113,15 +113,15 @@ def evaluate_rows(
 
 def _draw(table: pd.DataFrame, quantity: str, unit: str) -> Any:
     components = dict.fromkeys(table.loc[table["quantity"] == quantity, "component"].astype(str))
-    scale, readable = READABLE.get(unit, (1.0, unit))
-    return draw_estimates(table, quantity, list(components), scale=scale, unit=readable)
+    scale, shown = readable(unit)
+    return draw_estimates(table, quantity, list(components), scale=scale, unit=shown)
 
 
 def _report(summary: Mapping[str, Any]) -> list[str]:
     lines = []
     for name, record in summary["modalities"].items():
         for quantity, errors in record["quantities"].items():
-            scale, unit = READABLE.get(errors["unit"], (1.0, errors["unit"]))
+            scale, unit = readable(errors["unit"])
             final, rms, inside = (
                 "-" if errors[key] is None else f"{factor * errors[key]:.3g}"
                 for key, factor in (

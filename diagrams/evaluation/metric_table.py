@@ -23,8 +23,12 @@ READABLE = {
     "s": (1.0, "s"),
     "B": (1e-9, "GB"),
     "N": (1.0, "N"),
-    "": (1.0, ""),
 }
+
+
+def readable(unit: str) -> tuple[float, str]:
+    """Factor and unit in which values in an SI unit are written for people."""
+    return READABLE.get(unit, (1.0, unit))
 
 
 def tidy_metrics(application: Application, name: str, summaries: Sequence[Summary]) -> pd.DataFrame:
@@ -78,13 +82,13 @@ def median_and_range(values: npt.ArrayLike, unit: str, digits: int = 1) -> str:
     values = np.asarray(values, dtype=float)
     if not np.any(np.isfinite(values)):
         return "none"
-    scale, readable = READABLE[unit]
+    scale, shown = readable(unit)
 
     def text(share: float) -> str:
         value = scale * quantile(values, share)
         return f"{value:.{digits}f}" if math.isfinite(value) else "none"
 
-    return f"{text(0.5)} ({text(0.05)} to {text(0.95)}) {readable}".rstrip()
+    return f"{text(0.5)} ({text(0.05)} to {text(0.95)}) {shown}".rstrip()
 
 
 def mean_and_deviation(values: npt.ArrayLike, unit: str, digits: int = 1) -> str:
@@ -93,13 +97,13 @@ def mean_and_deviation(values: npt.ArrayLike, unit: str, digits: int = 1) -> str
     known = np.abs(values[np.isfinite(values)])
     if len(known) == 0:
         return "-"
-    scale, readable = READABLE[unit]
+    scale, shown = readable(unit)
     deviation = float(np.std(known, ddof=1)) if len(known) > 1 else math.nan
     text = f"{scale * np.mean(known):.{digits}f}"
     if math.isfinite(deviation):
         text += f" ± {scale * deviation:.{digits}f}"
     missing = len(values) - len(known)
-    return f"{text} {readable}".rstrip() + (f" ({missing} without)" if missing else "")
+    return f"{text} {shown}".rstrip() + (f" ({missing} without)" if missing else "")
 
 
 def count(values: npt.ArrayLike) -> str:

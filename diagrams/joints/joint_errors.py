@@ -52,7 +52,7 @@ def errors_over_time(estimates: pd.DataFrame) -> dict[str, ErrorsOverTime]:
 
 def _errors(estimate: pd.DataFrame, truth: pd.DataFrame) -> ErrorsOverTime | None:
     types = [str(key) for key in estimate if str(key).startswith("type_probability/")]
-    true_type = next((key for key in types if (truth[key] == 1.0).any()), None)
+    true_type = next((key for key in types if key in truth and (truth[key] == 1.0).any()), None)
     if true_type is None:
         return None
     likeliest = estimate[types].idxmax(axis=1)

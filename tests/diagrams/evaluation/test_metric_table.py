@@ -2,11 +2,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from toy_application import TOY, toy_summary
 
-from diagrams.crossmodal.studies.experiments import Experiment, Reference
+from diagrams.crossmodal.application import APPLICATION
 from diagrams.evaluation.metric_table import (
     COLUMNS,
     count,
+    count_of_known,
     experiment_tables,
     failures_table,
     markdown,
@@ -16,17 +18,17 @@ from diagrams.evaluation.metric_table import (
     overall_table,
     quantile,
     seed_ranges,
-    tidy_figures,
+    tidy_metrics,
 )
+from diagrams.run.experiment import Experiment, Reference
 
 NAN = float("nan")
 EXPERIMENT = Experiment(
     scenario="door",
     description="",
-    returns=True,
     references={
-        "configuration error at the end": Reference(paper="5 deg", goal="2 deg"),
-        "exploration error": Reference(paper="1.3 deg"),
+        "configuration_error": Reference(paper="5 deg", goal="2 deg"),
+        "exploration_error": Reference(paper="1.3 deg"),
     },
 )
 
@@ -45,6 +47,11 @@ def summary(seed: int, error: float | None, *, kind: str = "revolute") -> dict[s
             "axis_angle_error": error,
             "axis_distance_error": error,
             "consistency": {"configuration": error and 0.9, "axis": error and 0.8},
+            "configuration_error_at_turn": error,
+            "configuration_rms_moving": error,
+            "axis_angle_error_at_turn": error,
+            "configuration_inside_two_sigma": error and True,
+            "axis_inside_two_sigma": error and False,
         }
         return {"joints": [joint], "tick": {"median": 0.02, "p95": 0.03}}
 
@@ -77,21 +84,23 @@ def broken(seed: int) -> dict[str, Any]:
 
 
 def cells(summaries: list[dict[str, Any]]) -> dict[str, list[str]]:
-    tables = experiment_tables(EXPERIMENT, tidy_figures("door", summaries))
+    tables = experiment_tables(
+        APPLICATION, EXPERIMENT, tidy_metrics(APPLICATION, "door", summaries)
+    )
     return {row[0]: row[1:] for table in tables for row in table.rows}
 
 
 def test_the_tidy_table_has_one_row_per_episode_modality_and_figure() -> None:
-    figures = tidy_figures("door", [summary(3, 0.1), broken(4)])
+    figures = tidy_metrics(APPLICATION, "door", [summary(3, 0.1), broken(4)])
     assert tuple(figures.columns) == COLUMNS
-    assert not figures.duplicated(["experiment", "seed", "modality", "figure"]).any()
-    error = figures[(figures.modality == "crossmodal") & (figures.figure == "configuration_error")]
+    assert not figures.duplicated(["experiment", "seed", "modality", "metric"]).any()
+    error = figures[(figures.modality == "crossmodal") & (figures.metric == "configuration_error")]
     assert (error.value.item(), error.unit.item()) == (0.1, "rad")
     assert len(figures[figures.modality == "vision"]) == len(
         figures[figures.modality == "crossmodal"]
     )
     last = figures[figures.seed == 4]
-    assert last[["figure", "value", "reason"]].values.tolist() == [
+    assert last[["metric", "value", "reason"]].values.tolist() == [
         ["success", 0.0, "RuntimeError: no | way"]
     ]
 
@@ -149,8 +158,8 @@ def test_only_revolute_joints_have_a_distance_of_the_axis() -> None:
 
 
 def test_the_markdown_holds_tables_reasons_and_origin() -> None:
-    figures = tidy_figures("door", [summary(0, 0.1), broken(1), summary(2, 0.1)])
-    text = markdown("door", EXPERIMENT, figures, "made so")
+    figures = tidy_metrics(APPLICATION, "door", [summary(0, 0.1), broken(1), summary(2, 0.1)])
+    text = markdown(APPLICATION, "door", EXPERIMENT, figures, "made so")
     assert text.startswith("# door: 3 episodes, seeds 0 to 2\n\nmade so\n")
     assert "| 1 | RuntimeError: no \\| way |" in text
     assert "Real-time factor: median 2.00, least 2.00." in text
@@ -160,18 +169,23 @@ def test_the_markdown_holds_tables_reasons_and_origin() -> None:
 
 
 def test_there_is_a_table_even_if_all_episodes_broke() -> None:
-    figures = tidy_figures("door", [broken(1)])
-    assert [table.rows for table in experiment_tables(EXPERIMENT, figures)] == [
+    figures = tidy_metrics(APPLICATION, "door", [broken(1)])
+    assert [table.rows for table in experiment_tables(APPLICATION, EXPERIMENT, figures)] == [
         [["task done", "0/1", "", ""]]
     ]
     assert failures_table(figures).rows == [["1", "RuntimeError: no | way"]]
 
 
 def test_the_overall_table_adds_up_the_experiments() -> None:
-    doors = tidy_figures("door", [summary(0, 0.1), broken(1)])
-    drawers = tidy_figures("drawer", [summary(0, 0.001, kind="prismatic")])
+    doors = tidy_metrics(APPLICATION, "door", [summary(0, 0.1), broken(1)])
+    drawers = tidy_metrics(APPLICATION, "drawer", [summary(0, 0.001, kind="prismatic")])
     table = overall_table(
-        {"glass-door": doors, "drawer": drawers, "box-lid": tidy_figures("box-lid", [broken(7)])}
+        APPLICATION,
+        {
+            "glass-door": doors,
+            "drawer": drawers,
+            "box-lid": tidy_metrics(APPLICATION, "box-lid", [broken(7)]),
+        },
     )
     rows = {row[0]: dict(zip(table.header[1:], row[1:], strict=True)) for row in table.rows}
     assert rows["glass-door"]["task done"] == "1/2"
@@ -190,3 +204,66 @@ def test_the_overall_table_adds_up_the_experiments() -> None:
 )
 def test_seeds_in_a_row_are_written_as_a_range(seeds: list[int], text: str) -> None:
     assert seed_ranges(seeds) == text
+
+
+def toy_cells(name: str, summaries: list[dict[str, Any]]) -> dict[str, list[str]]:
+    figures = tidy_metrics(TOY, name, summaries)
+    tables = experiment_tables(TOY, TOY.experiments[name], figures)
+    return {row[0]: row[1:] for table in tables for row in table.rows}
+
+
+def test_an_application_of_two_metrics_has_its_own_tables() -> None:
+    summaries = [toy_summary(0, 0.001, 0.004), toy_summary(1, 0.003, None, score=2), broken(2)]
+    figures = tidy_metrics(TOY, "near", summaries)
+    known = figures[figures.metric == "distance_error"]
+    assert sorted(known.value.dropna()) == [0.001, 0.003, 0.004]
+    assert set(known.unit) == {"m"}
+    first, second = experiment_tables(TOY, TOY.experiments["near"], figures)
+    assert first.header == ["", "all episodes", "paper", "goal"]
+    assert second.header == ["", "the left eye", "right", "paper", "goal"]
+    rows = toy_cells("near", summaries)
+    assert rows["scored"] == ["1/3", "", "all"]
+    assert rows["error of the distance"] == [
+        "3.0 (1.2 to none) mm", "none (none to none) mm", "3 mm", "1 mm"
+    ]  # fmt: skip
+    assert rows["task done"][0] == "2/3"
+    assert rows["tick"][0] == "20.0 (20.0 to 20.0) ms"
+
+
+def test_a_metric_that_means_nothing_in_an_experiment_has_no_row() -> None:
+    assert "scored" not in toy_cells("far", [toy_summary(0, 0.001, 0.004)])
+    table = overall_table(
+        TOY,
+        {name: tidy_metrics(TOY, name, [toy_summary(0, 0.001, 0.004)]) for name in ("near", "far")},
+    )
+    rows = {row[0]: dict(zip(table.header[1:], row[1:], strict=True)) for row in table.rows}
+    assert rows["near"] == {
+        "done": "1/1", "left": "1.0 (1.0 to 1.0) mm", "scored": "1/1", "paper": "3 mm",
+        "goal": "1 mm",
+    }  # fmt: skip
+    assert rows["far"]["scored"] == "-"
+    assert rows["all"]["done"] == "2/2 (100 %)"
+
+
+def test_a_metric_that_an_episode_does_not_have_is_left_out() -> None:
+    without = toy_summary(0, 0.001, 0.004)
+    del without["modalities"]["right"]["distance_error"]
+    rows = toy_cells("near", [without])
+    assert rows["error of the distance"][:2] == ["1.0 (1.0 to 1.0) mm", "-"]
+
+
+def test_a_metric_in_a_unit_of_its_own_is_written_in_it() -> None:
+    assert median_and_range([2.0], "px") == "2.0 (2.0 to 2.0) px"
+    assert mean_and_deviation([1.0, 3.0], "m/s") == "2.0 ± 1.4 m/s"
+
+
+def test_notes_of_the_experiment_and_what_counts_as_done_stand_below_the_tables() -> None:
+    figures = tidy_metrics(TOY, "near", [toy_summary(0, 0.001, 0.004)])
+    text = markdown(TOY, "near", TOY.experiments["near"], figures, "made so", "Done: seen.")
+    assert "- Done: seen.\n- It is near." in text
+
+
+def test_of_what_has_a_value_is_counted_apart_from_what_has_none() -> None:
+    assert count_of_known([1.0, 0.0, NAN]) == "1/2 (1 without)"
+    assert count_of_known([1.0]) == "1/1"
+    assert count_of_known([NAN]) == "-"

@@ -6,20 +6,26 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 from synthetic_episode import body_motion, joint_belief, synthetic_episode
 
+from diagrams.joints.joint_episode import joint_episode
 from diagrams.joints.joint_metrics import (
     axis_angle_error,
     axis_distance_error,
     axis_nees,
     axis_sign,
+    error_at,
+    inside_claim,
     joint_now,
     joint_series,
     last_seen,
     motion_start,
     moving_at,
+    rms_while_moving,
     select_joint,
+    turning_point,
     type_settled_at,
 )
-from diagrams.run.record import TickRecord, Truth
+from diagrams.joints.joint_truth import Truth
+from diagrams.run.record import Tick
 from maths.consistency import share_inside
 from systems.port_values import (
     HELD_BODY,
@@ -46,8 +52,13 @@ def truth_of(q: np.ndarray, joint_type: JointType = JointType.PRISMATIC) -> Trut
     )
 
 
-def tick(time: float, *joints: JointBelief) -> TickRecord:
-    return TickRecord(time=time, joints=JointBeliefs(joints=list(joints)), bodies=BodyMotions())
+def tick_of(time: float, joints: JointBeliefs, bodies: BodyMotions | None = None) -> Tick:
+    bodies = BodyMotions() if bodies is None else bodies
+    return Tick(time=time, values={"joints_latest": joints, "body_motions_latest": bodies})
+
+
+def tick(time: float, *joints: JointBelief) -> Tick:
+    return tick_of(time, JointBeliefs(joints=list(joints)))
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-8, 0.1, 1.0, np.pi / 2])
@@ -183,8 +194,7 @@ def test_consistency_is_judged_while_the_object_moves_only() -> None:
 
 
 def test_a_modality_that_loses_its_joint_is_last_seen_before() -> None:
-    result = synthetic_episode()
-    series = joint_series(result.modalities["vision"].ticks, result.truth)
+    series = joint_episode(synthetic_episode()).series["vision"]
     last = last_seen(series)
     assert last is not None
     assert_allclose(series.times[last], 9.4666, atol=1e-3)
@@ -207,7 +217,7 @@ def test_a_joint_between_moving_bodies_is_compared_where_its_parent_was_at_the_r
     to_the_room = joint_belief(JointType.REVOLUTE, AXIS, 0.9, 0.01, 0.01)
     beliefs = JointBeliefs(joints=[to_the_room, lid])
     bodies = BodyMotions(bodies=[body_motion(HELD_BODY, X_WP, X_WP_0, np.zeros(0))])
-    series = joint_series([TickRecord(time=3.0, joints=beliefs, bodies=bodies)], truth)
+    series = joint_series([tick_of(3.0, beliefs, bodies)], truth)
     assert_allclose(series.axis_error, 0.0, atol=1e-9)
     assert_allclose(series.distance_error, 0.0, atol=1e-9)
     assert_allclose(series.error, 0.0, atol=1e-9)
@@ -226,8 +236,64 @@ def test_of_two_bodies_that_are_only_seen_either_may_be_the_parent(q: float) -> 
 
     def error(child_id: int) -> float:
         joint = replace(lid, parent_id=3, child_id=child_id)
-        tick = TickRecord(time=3.0, joints=JointBeliefs(joints=[joint]), bodies=bodies)
+        tick = tick_of(3.0, JointBeliefs(joints=[joint]), bodies)
         return float(joint_series([tick], truth).error[0])
 
     assert_allclose(error(child_id=2), 0.0, atol=1e-9)
     assert_allclose(error(child_id=HELD_BODY), q - 0.6, atol=1e-9)
+
+
+def test_a_tick_without_beliefs_is_one_without_a_joint() -> None:
+    truth = truth_of(np.array([0.0, 0.0, 0.05]))
+    series = joint_series([Tick(time=2.0, values={})], truth)
+    assert series.joints == [None]
+    assert np.isnan(series.configuration[0])
+
+
+def test_the_turning_point_is_the_farthest_before_a_time() -> None:
+    truth = truth_of(np.array([0.0, 0.0, -0.3, 0.1, 0.5]))
+    assert turning_point(truth) == 4
+    assert turning_point(truth, latest=3.5) == 2
+    assert turning_point(truth, latest=-1.0) is None
+    assert turning_point(truth_of(np.zeros(0))) is None
+
+
+def test_the_error_at_a_time_is_that_of_the_nearest_tick() -> None:
+    truth = truth_of(np.array([0.0, 0.0, 0.05, 0.10]))
+    ticks = [
+        tick(2.0, joint_belief(JointType.PRISMATIC, AXIS, 0.052, 0.002, 0.01)),
+        tick(3.0, joint_belief(JointType.PRISMATIC, AXIS, 0.103, 0.002, 0.01)),
+    ]
+    series = joint_series(ticks, truth)
+    assert_allclose(error_at(series, 2.4), [0.002, 0.0], atol=1e-9)
+    assert_allclose(error_at(series, 9.0)[0], 0.003, atol=1e-9)
+    assert np.all(np.isnan(error_at(joint_series([], truth), 2.0)))
+
+
+def test_an_estimator_that_loses_the_joint_on_the_way_has_no_finite_error_of_moving() -> None:
+    truth = truth_of(np.array([0.0, 0.0, 0.02, 0.04, 0.06, 0.06]))
+
+    def moving(*seen: float) -> float:
+        ticks = [
+            tick(t, joint_belief(JointType.PRISMATIC, AXIS, 0.02 * (t - 1.0) + 0.003, 0.1, 0.1))
+            if t in seen
+            else tick(t)
+            for t in (2.0, 3.0, 4.0)
+        ]
+        return rms_while_moving(joint_series(ticks, truth), truth)
+
+    assert_allclose(moving(2.0, 3.0, 4.0), 0.003, atol=1e-9)
+    assert_allclose(moving(2.0, 4.0), 0.003, atol=1e-9)
+    assert moving(2.0) == np.inf
+    still = truth_of(np.full(5, 0.2))
+    assert np.isnan(rms_while_moving(joint_series([tick(2.0)], still), still))
+
+
+@pytest.mark.parametrize(("deviations", "inside"), [(1.9, True), (2.1, False)])
+def test_two_sigma_are_claimed(deviations: float, inside: bool) -> None:
+    truth = truth_of(np.array([0.0, 0.0, 0.05]))
+    joint = joint_belief(JointType.PRISMATIC, AXIS, 0.05 + deviations * 0.002, 0.002, 0.01)
+    rigid = joint_belief(JointType.RIGID, AXIS, 0.0, 0.1, 0.1)
+    series = joint_series([tick(2.0, joint), tick(2.0, rigid)], truth)
+    assert inside_claim(series, 0) == (inside, True)
+    assert inside_claim(series, 1) == (None, None)

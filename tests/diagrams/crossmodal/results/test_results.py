@@ -1,0 +1,108 @@
+"""What an episode of the cross-modal application comes to."""
+
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from synthetic_episode import empty_episode, synthetic_episode, without_truth
+
+from diagrams.crossmodal.application import APPLICATION
+from diagrams.crossmodal.results.report import final_beliefs
+from diagrams.crossmodal.results.results import evaluate
+from diagrams.evaluation.estimates import COLUMNS
+from diagrams.joints.joint_episode import joint_episode
+from diagrams.joints.joint_record import summarise_joint
+from diagrams.run.record import EpisodeRecord
+from diagrams.run.run_folder import summarise
+from systems.port_values import JointType
+
+
+def joints_at_the_end(record: EpisodeRecord) -> dict[str, dict]:
+    episode = joint_episode(record)
+    return {name: summarise_joint(series, episode.truth) for name, series in episode.series.items()}
+
+
+def test_the_phase_counts_what_the_joint_truly_travelled() -> None:
+    phase = evaluate(synthetic_episode()).summary["phases"]["exploration"]
+    assert_allclose([phase["target"], phase["reached"], phase["error"]], [0.2, 0.24, 0.04])
+
+
+def test_an_episode_that_opened_too_little_failed() -> None:
+    assert evaluate(synthetic_episode()).failure is None
+    assert evaluate(synthetic_episode(duration=10.0)).failure == "opened 0.120 of the 0.2 asked for"
+
+
+def test_an_episode_that_hardly_began_has_an_empty_table() -> None:
+    results = evaluate(empty_episode())
+    assert len(results.estimates) == 0
+    joint = results.summary["modalities"]["vision"]["joints"][0]
+    assert joint["type_estimated"] is None
+    assert results.report(summarise(APPLICATION, empty_episode(), results))
+
+
+def test_the_table_is_tidy_and_agrees_with_the_summary() -> None:
+    record = synthetic_episode(JointType.REVOLUTE)
+    table = evaluate(record).estimates
+    assert tuple(table.columns) == COLUMNS
+    assert not table.duplicated(["time", "modality", "quantity", "component"]).any()
+    q = table[(table.modality == "crossmodal") & (table.quantity == "configuration")]
+    joint = joints_at_the_end(record)["crossmodal"]
+    assert_allclose(q.iloc[-1].estimate, joint["configuration_estimated"])
+    assert_allclose(q.iloc[-1].truth, joint["configuration_true"])
+    axis = table[table.quantity == "axis"]
+    assert_allclose(
+        axis["std"] ** 2,
+        [c["xyz".index(k)] for c, k in zip(axis.covariance, axis.component, strict=True)],
+    )
+    assert (axis[axis.component == "z"].estimate > 0.99).all()
+
+
+def test_the_body_is_compared_at_its_own_instant() -> None:
+    table = evaluate(synthetic_episode(JointType.REVOLUTE)).estimates
+    for quantity in ("body_position", "body_rotation"):
+        rows = table[(table.quantity == quantity) & (table.modality == "crossmodal")]
+        assert len(rows) > 500
+        assert_allclose(rows.estimate, rows.truth, atol=1e-9)
+
+
+def test_type_probabilities_sum_to_one_and_their_truth_names_one_type() -> None:
+    table = evaluate(synthetic_episode()).estimates
+    rows = table[table.quantity == "type_probability"]
+    sums = rows.groupby(["time", "modality"], observed=True)[["estimate", "truth"]].sum()
+    assert_allclose(sums, 1.0)
+
+
+@pytest.mark.parametrize("name", ["vision", "proprioception", "crossmodal"])
+def test_every_modality_has_its_own_rows(name: str) -> None:
+    record = synthetic_episode()
+    table = evaluate(record).estimates
+    rows = table[(table.modality == name) & (table.quantity == "configuration")]
+    series = joint_episode(record).series[name]
+    expected = series.configuration[~np.isnan(series.configuration)]
+    assert_allclose(rows.estimate, expected)
+    quantities = set(table[table.modality == name].quantity)
+    assert ("feature_count" in quantities) == (name != "proprioception")
+    assert ("grasp_probability" in quantities) == (name != "vision")
+
+
+def test_without_the_truth_nothing_failed_and_no_error_is_claimed() -> None:
+    record = without_truth(synthetic_episode())
+    results = evaluate(record)
+    assert results.failure is None
+    assert results.estimates.truth.isna().all()
+    summary = summarise(APPLICATION, record, results)
+    json.dumps(summary, allow_nan=False)
+    assert summary["phases"]["exploration"]["reached"] is None
+    text = "\n".join(results.report(summary))
+    assert "cross-modal:    prismatic" in text
+    assert "Against the truth" not in text
+    assert [name for name, draw in results.plots.items() if draw() is not None] == ["frames.png"]
+
+
+def test_final_beliefs_are_a_table_for_people() -> None:
+    record = synthetic_episode()
+    table = final_beliefs(summarise(APPLICATION, record, evaluate(record)))
+    assert list(table.index) == ["vision", "proprioception", "cross-modal"]
+    assert "opening error [mm]" in table
+    assert abs(table.loc["cross-modal", "opening error [mm]"]) < 4.0

@@ -1,0 +1,84 @@
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import to_hex
+from toy_application import TOY, toy_summary
+
+from diagrams.evaluation.campaign_plots import (
+    Panel,
+    common_events,
+    draw_metrics,
+    draw_spreads,
+    spread,
+)
+from diagrams.evaluation.metric_table import tidy_metrics
+from diagrams.run.scenario import Disturbances, Interval
+
+NAN = float("nan")
+
+
+def test_the_spread_is_over_the_episodes_that_reach_an_instant() -> None:
+    series = [
+        (np.array([0.0, 0.1, 0.2]), np.array([1.0, 2.0, NAN])),
+        (np.array([0.1, 0.2]), np.array([4.0, NAN])),
+        (np.array([0.1, 0.2, 0.3]), np.array([6.0, 8.0, 9.0])),
+        (np.array([0.0, 0.1]), np.array([3.0, 8.0])),
+    ]
+    times, (low, median, high) = spread(series, 0.1)
+    np.testing.assert_allclose(times, [0.0, 0.1])
+    np.testing.assert_allclose(median, [2.0, 5.0])
+    np.testing.assert_allclose(low, [1.1, 2.3])
+    np.testing.assert_allclose(high, [2.9, 7.7])
+
+
+def test_the_spread_of_nothing_is_empty() -> None:
+    times, quantiles = spread([(np.zeros(0), np.zeros(0))], 0.1)
+    assert len(times) == 0
+    assert quantiles.shape == (3, 0)
+
+
+def test_disturbances_and_events_are_marked_above_the_estimators_spreads() -> None:
+    times = np.arange(0.0, 12.0, 0.1)
+    series = {"left": [(times, 1.0 + 0.0 * times)], "right": []}
+    panels = [
+        Panel(title="error [mm]", series=series),
+        Panel(title="share", series=series, logarithmic=False),
+    ]
+    disturbances = Disturbances(lights_off=[Interval(start=9.5)])
+    figure = draw_spreads(TOY, panels, 0.1, disturbances, {"returning": 8.0, "never": 99.0})
+    first, second = figure.axes
+    assert first.get_title(loc="left") == "error [mm]"
+    assert [text.get_text() for text in first.texts] == ["returning", "lights off"]
+    assert any(np.allclose(line.get_xdata(), 9.5) for line in first.lines)
+    assert (first.get_yscale(), second.get_yscale()) == ("log", "linear")
+    (label,) = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert label == "the left eye"
+    assert to_hex(first.lines[0].get_color()) == TOY.colors["left"].lower()
+
+
+def test_events_are_marked_where_half_of_the_episodes_have_them() -> None:
+    def summary(**times: float) -> dict[str, Any]:
+        return {"events": [{"name": name, "time": time} for name, time in times.items()]}
+
+    twice = {"events": [{"name": "exploring", "time": time} for time in (5.0, 9.0)]}
+    assert common_events([summary(exploring=3.0, returning=8.0), twice, {}, {}]) == {
+        "exploring": 4.0
+    }
+
+
+def test_pictures_are_drawn_even_if_all_episodes_broke() -> None:
+    broken: dict[str, Any] = {"seed": 1, "success": False, "failure": "no", "modalities": {}}
+    titles = {"distance_error": "distance", "score": "score"}
+    figure = draw_metrics(TOY, tidy_metrics(TOY, "toy", [broken]), titles)
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["distance", "score"]
+
+
+def test_every_episode_is_a_dot_in_its_estimators_row_in_units_for_people() -> None:
+    summaries = [toy_summary(seed, left=0.001 * (seed + 1), right=None) for seed in range(4)]
+    figures = tidy_metrics(TOY, "toy", summaries)
+    figure = draw_metrics(TOY, figures, {"distance_error": "distance"})
+    (axes,) = figure.axes
+    assert axes.get_title(loc="left") == "distance [mm]"
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == ["the left eye", "right"]
+    (dots,) = axes.collections
+    np.testing.assert_allclose(np.asarray(dots.get_offsets())[:, 0], [1.0, 2.0, 3.0, 4.0])

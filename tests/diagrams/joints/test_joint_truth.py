@@ -1,0 +1,97 @@
+"""What is true, as the station gives it and as an evaluation reads it from a record."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Joint
+from synthetic_episode import GRASP_TIME, empty_episode, synthetic_episode, without_truth
+
+from diagrams.joints.joint_truth import ObjectTruth, joint_constants, truth_of
+from models import SDF_DIR
+from plants.parsing import make_parser
+from systems.port_values import JointType
+
+X_WO = RigidTransform([0.9, 0.1, 0.8])
+
+
+def placed(model: str, joint: str, *, free: bool = False) -> tuple[MultibodyPlant, Joint]:
+    plant = MultibodyPlant(0.0)
+    (instance,) = make_parser(plant).AddModels(str(SDF_DIR / model))
+    if not free:
+        plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("__model__", instance), X_WO)
+    plant.Finalize()
+    return plant, plant.GetJointByName(joint)
+
+
+def test_the_constants_are_axis_and_place_of_the_joint_in_the_world() -> None:
+    plant, joint = placed("cupboard_door.sdf", "hinge")
+    constants = joint_constants(plant, joint)
+    assert (constants.name, constants.type) == ("hinge", "revolute")
+    assert_allclose(np.abs(constants.axis_W), [0, 0, 1], atol=1e-12)
+    assert not constants.parent_moves
+    # Points of the axis stay where they are when the door turns.
+    context = plant.CreateDefaultContext()
+    body = joint.child_body()
+    p_BA = body.EvalPoseInWorld(context).inverse() @ constants.point_W
+    joint.set_angle(context, 0.7)
+    assert_allclose(body.EvalPoseInWorld(context) @ p_BA, constants.point_W, atol=1e-12)
+
+
+def test_a_growing_position_moves_the_body_along_the_axis() -> None:
+    plant, joint = placed("chest_drawer.sdf", "slide")
+    axis = joint_constants(plant, joint).axis_W
+    system = ObjectTruth(plant, joint)
+    context = system.CreateDefaultContext()
+    poses = []
+    for q in (0.0, 0.1):
+        system.get_input_port().FixValue(context, [q, 0.0])
+        assert system.GetOutputPort("cheat_configuration").Eval(context) == [q]
+        poses.append(np.array(system.GetOutputPort("cheat_body_pose").Eval(context).translation()))
+        assert system.GetOutputPort("cheat_joint").Eval(context).name == "slide"
+    assert_allclose(poses[1] - poses[0], 0.1 * axis, atol=1e-12)
+
+
+def test_the_lid_of_a_free_box_has_a_parent_that_moves() -> None:
+    assert joint_constants(*placed("cardboard_box.sdf", "hinge", free=True)).parent_moves
+    assert not joint_constants(*placed("cardboard_box.sdf", "hinge")).parent_moves
+
+
+def test_a_joint_of_another_type_is_refused() -> None:
+    plant, joint = placed("chest_drawer.sdf", "slide")
+    welds = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    (weld,) = (other for other in welds if other.name() != joint.name())
+    with pytest.raises(ValueError, match="neither prismatic nor revolute"):
+        joint_constants(plant, weld)
+
+
+def test_the_truth_of_a_record_is_what_its_station_gave() -> None:
+    record = synthetic_episode(JointType.REVOLUTE)
+    truth = truth_of(record)
+    assert (truth.joint_name, truth.joint_type) == ("hinge", JointType.REVOLUTE)
+    assert_allclose(truth.grasp_time, GRASP_TIME)
+    assert truth.regrasp_times == []
+    assert len(truth.times) == len(truth.configuration) == len(truth.X_WB) == len(record.station)
+    assert truth.opening()[np.searchsorted(truth.times, GRASP_TIME)] == 0.0
+
+
+def test_a_grasp_after_a_lost_one_is_told() -> None:
+    record = synthetic_episode()
+    for tick in record.station:
+        if 5.0 <= tick.time < 7.0:
+            tick.values = tick.values | {"interaction_active": np.zeros(1)}
+    truth = truth_of(record)
+    assert_allclose(truth.grasp_time, GRASP_TIME)
+    assert_allclose(truth.regrasp_times, [7.0])
+    assert_allclose(truth.last_grasp(6.9), GRASP_TIME)
+    assert_allclose(truth.last_grasp(8.0), 7.0)
+
+
+def test_without_the_truth_only_the_grasp_is_known() -> None:
+    truth = truth_of(without_truth(synthetic_episode()))
+    assert truth.joint_type is None
+    assert len(truth.times) == len(truth.opening()) == 0
+    assert truth.X_WB.shape == (0, 4, 4)
+    assert_allclose(truth.grasp_time, GRASP_TIME)
+    assert np.isnan(truth_of(empty_episode()).grasp_time)

@@ -37,7 +37,8 @@ from systems.port_values import (
     PoseBelief,
     no_features,
 )
-from systems.proprioception.grasp_model_config import GraspModelConfig, initial_grasp
+from systems.proprioception.grasp_model import initial_grasp
+from systems.proprioception.grasp_model_config import GraspModelConfig
 
 QUANTITIES = (
     Quantity(port="joints_latest", model=JointBeliefs()),

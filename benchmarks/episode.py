@@ -25,10 +25,10 @@ IMAGES = ("color_measured", "depth_measured", "robot_mask")
 FILTERS = (
     ("end_effector_motion", "end_effector_estimated"),
     ("hand_bending", "hand_bending_estimated"),
-    ("interacted_body_motion", "body_prior"),
+    ("held_body_motion", "body_prior"),
     ("feature_motion", "features_estimated"),
     ("rigid_body_motion", "body_motions_estimated"),
-    ("interacted_body_motion", "body_motions_estimated"),
+    ("held_body_motion", "body_motions_estimated"),
     ("grasp_model", "grasp_estimated"),
     ("kinematic_model", "joints_estimated"),
 )

@@ -6,6 +6,7 @@ covariance is S = H P H^T + R.
 
 import numba
 import numpy as np
+import scipy.special
 
 from maths.arrays import Array, Mask
 
@@ -61,6 +62,11 @@ def log_likelihood(e: Array, S: Array) -> float:
     L = np.linalg.cholesky(S)
     log_determinant = 2.0 * np.sum(np.log(np.diag(L)))
     return -0.5 * (nees(e, S) + log_determinant + e.size * np.log(2.0 * np.pi))
+
+
+def chi_square_gate(exceeded: float, dof: int) -> float:
+    """The squared Mahalanobis distance that is exceeded with a probability, to two decimals."""
+    return round(float(scipy.special.chdtri(dof, exceeded)), 2)
 
 
 def diagonal_blocks(P: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The anatomy of the proprioceptive filters: one posterior per tick, kept in the Context."""
+"""The anatomy of all filters: one posterior per tick, kept in the Context."""
 
 from collections.abc import Callable
 from functools import partial
@@ -14,14 +14,6 @@ from pydrake.systems.framework import (
     ValueProducer,
 )
 
-from systems.checks import require
-
-
-def require_positive(system: str, config: object, units: dict[str, str]) -> None:
-    """Refuses a config whose named fields are not above zero; `units` maps field to unit."""
-    for field, unit in units.items():
-        require(getattr(config, field) > 0, system, config, field, f"> 0 {unit}".rstrip())
-
 
 class RecursiveFilter(LeafSystem):
     """A system whose state is the posterior of the last tick.
@@ -34,7 +26,7 @@ class RecursiveFilter(LeafSystem):
     """
 
     def _declare_value_input(self, name: str, model: object) -> InputPort:
-        return self.DeclareAbstractInputPort(name, Value[object](model))
+        return self.DeclareAbstractInputPort(name, AbstractValue.Make(model))
 
     def _declare_recursion(
         self,
@@ -91,6 +83,11 @@ class RecursiveFilter(LeafSystem):
     @staticmethod
     def _read(port: InputPort, context: Context) -> Any:
         return port.Eval(context)
+
+    @staticmethod
+    def _read_optional(port: InputPort | None, context: Context) -> Any:
+        """The value of an input that may be left undeclared or unconnected; None then."""
+        return port.Eval(context) if port is not None and port.HasValue(context) else None
 
     def _write_estimated(
         self, project: Callable[[Any], Any], context: Context, value: AbstractValue

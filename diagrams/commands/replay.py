@@ -11,7 +11,7 @@ from diagrams.commands.run_output import run_folder, write_and_report
 
 EXAMPLES = (
     "Example:  crossmodal run drawer --record-sensors --out runs/a, then"
-    "  crossmodal replay runs/a --set 'perception.cut=[interacted_body_to_grasp]'"
+    "  crossmodal replay runs/a --set 'perception.cut=[held_body_to_grasp]'"
 )
 
 

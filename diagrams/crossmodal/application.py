@@ -29,15 +29,16 @@ from diagrams.run.application import Application, Station
 from diagrams.run.calibration import Calibration
 from diagrams.run.record import Quantity
 from diagrams.run.sensor_codecs import JOINT_STATES, WRENCHES, Topic
-from systems.kinematics.interacted_joint import InteractedJoint, InteractedJointConfig
+from systems.kinematics.held_joint import HeldJoint, HeldJointConfig
 from systems.port_values import (
     UNKNOWN_END_EFFECTOR,
     BodyMotions,
     JointBeliefs,
     PoseBelief,
+    no_features,
 )
-from systems.proprioception.grasp_model import GraspModelConfig, initial_grasp
-from systems.vision.features.feature_tracks import no_features
+from systems.proprioception.grasp_model import initial_grasp
+from systems.proprioception.grasp_model_config import GraspModelConfig
 
 QUANTITIES = (
     Quantity(port="joints_latest", model=JointBeliefs()),
@@ -86,7 +87,7 @@ def close_loop(
     if scenario.task.goal is None:
         return
     network = estimators[scenario.acting_modality]
-    readout = builder.AddNamedSystem("interacted_joint", InteractedJoint(InteractedJointConfig()))
+    readout = builder.AddNamedSystem("held_joint", HeldJoint(HeldJointConfig()))
     for index in range(readout.num_input_ports()):
         port = readout.get_input_port(index)
         if network.HasOutputPort(port.get_name()):

@@ -12,16 +12,17 @@ from systems.kinematics.joint_filters import JointFiltersConfig
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
-from systems.proprioception.grasp_model import GraspModel, GraspModelConfig
+from systems.proprioception.grasp_model import GraspModel
+from systems.proprioception.grasp_model_config import GraspModelConfig
 from systems.proprioception.hand_bending import HandBending, HandBendingConfig
-from systems.proprioception.interacted_body_motion import (
-    InteractedBodyMotion,
-    InteractedBodyMotionConfig,
+from systems.proprioception.held_body_motion import (
+    HeldBodyMotion,
+    HeldBodyMotionConfig,
 )
-from systems.vision.bodies.body_level import RigidBodyMotionConfig
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
+from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 from systems.vision.features.feature_motion import FeatureMotion
-from systems.vision.features.feature_tracks import FeatureMotionConfig
+from systems.vision.features.feature_motion_config import FeatureMotionConfig
 
 VISION_INPUTS = ("color_measured", "depth_measured", "robot_mask")
 PROPRIOCEPTION_INPUTS = (
@@ -46,34 +47,32 @@ class CrossModalWire:
 
 
 CROSSMODAL_WIRES = {
-    "interacted_body_to_vision": CrossModalWire(
+    "held_body_to_vision": CrossModalWire(
         carries="where the hand takes its body, so that vision finds its features",
-        connections=(
-            ("interacted_body_motion", "body_prior", "rigid_body_motion", "interacted_body_prior"),
-        ),
+        connections=(("held_body_motion", "body_prior", "rigid_body_motion", "held_body_prior"),),
     ),
-    "features_to_interacted_body": CrossModalWire(
+    "features_to_held_body": CrossModalWire(
         carries="the features of the body in the hand, which correct its pose",
         connections=(
             (
                 "feature_motion",
                 "features_estimated",
-                "interacted_body_motion",
+                "held_body_motion",
                 "features_estimated",
             ),
             (
                 "rigid_body_motion",
                 "body_motions_estimated",
-                "interacted_body_motion",
+                "held_body_motion",
                 "body_motions_estimated",
             ),
         ),
     ),
-    "interacted_body_to_grasp": CrossModalWire(
+    "held_body_to_grasp": CrossModalWire(
         carries="how the body in the hand was seen to move, from which the grasp is learnt",
         connections=(
             (
-                "interacted_body_motion",
+                "held_body_motion",
                 "body_motions_estimated",
                 "grasp_model",
                 "body_motions_estimated",
@@ -141,7 +140,7 @@ class PerceptionConfig:
     end_effector: EndEffectorMotionConfig = field(default_factory=EndEffectorMotionConfig)
     hand_bending: HandBendingConfig = field(default_factory=HandBendingConfig)
     grasp: GraspModelConfig = field(default_factory=GraspModelConfig)
-    interacted_body: InteractedBodyMotionConfig = field(default_factory=InteractedBodyMotionConfig)
+    held_body: HeldBodyMotionConfig = field(default_factory=HeldBodyMotionConfig)
     features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
     bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
     joints_vision: KinematicModelConfig = field(default_factory=joints_from_features)
@@ -169,7 +168,7 @@ def make_network(modality: str, config: PerceptionConfig, calibration: Calibrati
     kinematics = getattr(config, f"joints_{modality}")
     if modality == "vision":
         model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=1))
-        bodies = _add_vision(builder, config, calibration, with_interacted_body=False)
+        bodies = _add_vision(builder, config, calibration, with_held_body=False)
         _wire(builder, bodies, "body_motions_estimated", model, "body_motions")
         _wire(builder, model, "bodies_predicted", bodies, "joint_predictions")
     elif modality == "proprioception":
@@ -179,7 +178,7 @@ def make_network(modality: str, config: PerceptionConfig, calibration: Calibrati
         _wire(builder, body, "body_motions_estimated", model, "body_motions")
     else:
         model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=2))
-        _add_vision(builder, config, calibration, with_interacted_body=True)
+        _add_vision(builder, config, calibration, with_held_body=True)
         body, _ = _add_proprioception(builder, config, calibration, corrected_by_vision=True)
         for name, wire in CROSSMODAL_WIRES.items():
             if name not in config.cut:
@@ -196,7 +195,7 @@ def _add_vision(
     builder: DiagramBuilder,
     config: PerceptionConfig,
     calibration: Calibration,
-    with_interacted_body: bool,
+    with_held_body: bool,
 ) -> System:
     """Feature motion and, on top of it, rigid-body motion; returns the latter."""
     camera = calibration.camera
@@ -205,7 +204,7 @@ def _add_vision(
     bodies = _add(
         builder,
         "rigid_body_motion",
-        RigidBodyMotion(config.bodies, intrinsics, X_WC, with_interacted_body),
+        RigidBodyMotion(config.bodies, intrinsics, X_WC, with_held_body),
     )
     for port in VISION_INPUTS:
         builder.ExportInput(features.GetInputPort(port), port)
@@ -231,8 +230,8 @@ def _add_proprioception(
     grasp = _add(builder, "grasp_model", GraspModel(config.grasp))
     body = _add(
         builder,
-        "interacted_body_motion",
-        InteractedBodyMotion(config.interacted_body, corrected_by_vision=corrected_by_vision),
+        "held_body_motion",
+        HeldBodyMotion(config.held_body, corrected_by_vision=corrected_by_vision),
     )
     builder.ExportInput(end_effector.GetInputPort("joint_state_window"), "joint_state_window")
     for port in ("wrench_window", "pressure_window"):

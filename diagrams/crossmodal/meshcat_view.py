@@ -27,6 +27,7 @@ from systems.port_values import (
     JointBelief,
     JointBeliefs,
     JointType,
+    no_features,
 )
 
 ROOT = "/perception"
@@ -102,7 +103,11 @@ class MeshcatView(LeafSystem):
         meshcat.SetCameraPose(config.viewpoint, config.looking_at)
         self._ports: dict[str, dict[str, InputPort]] = {}
         self._layers: dict[str, _Layer] = {}
-        models = {"joints": JointBeliefs(), "body_motions": BodyMotions(), "features": _NO_FEATURES}
+        models = {
+            "joints": JointBeliefs(),
+            "body_motions": BodyMotions(),
+            "features": no_features(),
+        }
         shown = "crossmodal" if "crossmodal" in modalities else next(iter(modalities), "")
         for modality in modalities:
             self._ports[modality] = {
@@ -127,21 +132,12 @@ class MeshcatView(LeafSystem):
             }
             bodies: BodyMotions = values.get("body_motions", BodyMotions())
             layer = self._layers[modality]
-            layer.draw_features(time, values.get("features", _NO_FEATURES), bodies.bodies)
+            layer.draw_features(time, values.get("features", no_features()), bodies.bodies)
             joints = values.get("joints", JointBeliefs())
             joint = joint_now(joints, bodies, truth.parent_moves)
             layer.draw_joint(time, joint, bodies.bodies)
         if self._path.HasValue(context):
             self._plan.draw(time, self._path.Eval(context))
-
-
-_NO_FEATURES = FeatureBelief(
-    ids=np.zeros(0, dtype=np.int64),
-    uv=np.zeros((0, 2)),
-    p_WF=np.zeros((0, 3)),
-    covariance=np.zeros((0, 3, 3)),
-    age=np.zeros(0, dtype=np.int64),
-)
 
 
 class _PlannedPath:

@@ -79,10 +79,10 @@ def evaluate_rows(
     """
     table = estimates_table(
         {
-            name: (
+            name: [
                 (tick.time, rows(tick, station))
                 for tick, station in zip(estimator.ticks, record.station, strict=False)
-            )
+            ]
             for name, estimator in record.estimators.items()
         }
     )

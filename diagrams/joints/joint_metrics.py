@@ -17,7 +17,7 @@ from maths.arrays import Array, Mask
 from maths.consistency import normalised_squared_error
 from maths.tangent_plane import normal_basis
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     STATIC_BODY,
     BodyMotions,
     JointBelief,
@@ -78,7 +78,7 @@ def select_joint(joints: JointBeliefs, parent_moves: bool = False) -> JointBelie
 
 def is_held(joint: JointBelief) -> bool:
     """Whether one of the joint's bodies is the one in the hand."""
-    return INTERACTED_BODY in (joint.parent_id, joint.child_id)
+    return HELD_BODY in (joint.parent_id, joint.child_id)
 
 
 def in_world(joint: JointBelief, X_WP: Array) -> JointBelief:

@@ -3,7 +3,7 @@
 Joints keep the green and red of the cross-modal paper's pictures and differ in form too.
 """
 
-from systems.port_values import INTERACTED_BODY, STATIC_BODY, JointType
+from systems.port_values import HELD_BODY, STATIC_BODY, JointType
 
 JOINT = {
     JointType.PRISMATIC: "#228833",
@@ -21,13 +21,13 @@ def body_label(body_id: int) -> str:
     """What a legend calls the features of a body."""
     if body_id == STATIC_BODY:
         return "resting features"
-    return "of the held body" if body_id == INTERACTED_BODY else f"of moving body {body_id}"
+    return "of the held body" if body_id == HELD_BODY else f"of moving body {body_id}"
 
 
 def body_color(body_id: int) -> str:
     """Of the features of a body; the same body always has the same colour."""
     if body_id == STATIC_BODY:
         return _STATIC
-    if body_id == INTERACTED_BODY:
+    if body_id == HELD_BODY:
         return _INTERACTED
     return _OTHERS[(body_id - 2) % len(_OTHERS)]

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from systems.checks import require, require_fields
+from maths.validation import require, require_fields
 from systems.kinematics.joint_solver.pose_keyframes import FIRST, RECENT
 from systems.kinematics.measurement_errors import (
     MeasurementErrorsConfig,

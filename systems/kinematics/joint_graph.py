@@ -17,7 +17,7 @@ from maths.immutable import Immutable
 from systems.kinematics.joint_filters import JointFilters, JointFiltersState
 from systems.kinematics.kinematic_model_config import KinematicModelConfig
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     STATIC_BODY,
     BodyMotion,
     BodyMotions,
@@ -91,12 +91,12 @@ def measured_pose(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[PoseBelief
     """X_PB of a pair now, the correlated part of its covariance (6, 6), X_PB at the reference."""
     child = bodies[pair[1]]
     if pair[0] == STATIC_BODY:
-        return _pose(child), child.lasting_covariance, child.X_WB_reference
+        return _pose(child), child.correlated_covariance, child.X_WB_reference
     parent = bodies[pair[0]]
     X_PB_reference = se3.inverse(parent.X_WB_reference) @ child.X_WB_reference
     pose = relative_pose(_pose(parent), _pose(child))
     Ad = se3.adjoint(se3.inverse(pose.X))
-    correlated = child.lasting_covariance + Ad @ parent.lasting_covariance @ Ad.T
+    correlated = child.correlated_covariance + Ad @ parent.correlated_covariance @ Ad.T
     return pose, correlated, X_PB_reference
 
 
@@ -126,7 +126,7 @@ def at_rest(body: BodyMotion, config: KinematicModelConfig) -> BodyMotion:
     return replace(
         body,
         motion=MotionBelief(X=body.motion.X, V=np.zeros(6), covariance=covariance),
-        lasting_covariance=body.lasting_covariance + growth,
+        correlated_covariance=body.correlated_covariance + growth,
         reference_age=body.reference_age + config.period,
     )
 
@@ -154,13 +154,13 @@ def _update_pair(
     """The filters of one pair after this tick's measurement, where needed started or rebased."""
     time = (graph.ticks + 1) * config.period
     pose, correlated, X_PB_reference = measured_pose(pair, bodies)
-    reset_count = sum(bodies[i].anchored for i in pair if i != STATIC_BODY)
+    reset_count = sum(bodies[i].reset_count for i in pair if i != STATIC_BODY)
     state = graph.pairs.get(pair)
     if state is None and pair[0] != STATIC_BODY:
         state = transferred(pair, bodies, graph.past.get(pair[1], []), time)
     if state is None:
         age = config.reference_age
-        if pair[1] == INTERACTED_BODY and pair[1] not in graph.bodies:
+        if pair[1] == HELD_BODY and pair[1] not in graph.bodies:
             # The body in the hand is first measured at its reference. Closing the hand may have
             # moved its parent away from the parent's own.
             age, X_PB_reference = config.period, pose.X

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from systems.checks import require, require_fields
+from maths.validation import require, require_fields
 from systems.kinematics.joint_filters_config import JointFiltersConfig
 
 

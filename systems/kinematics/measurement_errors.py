@@ -4,12 +4,12 @@ The errors are first-order Gauss-Markov processes, each of a standard deviation 
 constant tau: their covariance after a time t is sigma^2 exp(-t / tau).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from maths.arrays import Array
-from systems.checks import require_fields
+from maths.validation import require_fields
 
 _LEAST_WHITE = 1e-2  # Least share of a measurement's own variance that is white.
 _FLOOR = 1e-12 * np.eye(6)  # Added to every covariance, for exact ones, [rad^2, m^2].
@@ -60,6 +60,15 @@ def is_correlated(config: MeasurementErrorsConfig) -> bool:
     return config.correlation_time > 0.0 or _adds_error(config) or config.declared_time > 0.0
 
 
+def _own_equivalent(covariance: Array, dt: float, config: MeasurementErrorsConfig) -> Array:
+    """The white equivalent (6, 6) of the measurement's own error, none of it declared."""
+    R = covariance + _FLOOR
+    if dt > 0.0 and config.correlation_time > 0.0:
+        r = np.exp(-dt / config.correlation_time)
+        R = R * ((1.0 + r) / (1.0 - r))
+    return R
+
+
 def white_equivalent(
     covariance: Array,
     dt: float,
@@ -77,12 +86,9 @@ def white_equivalent(
         config: The time constants, and the error that is added.
         correlated: The part (6, 6) of the covariance that is declared to be correlated.
     """
-    R = covariance + _FLOOR
+    R = _own_equivalent(covariance, dt, config)
     if dt <= 0.0:
         return R
-    if config.correlation_time > 0.0:
-        r = np.exp(-dt / config.correlation_time)
-        R = R * ((1.0 + r) / (1.0 - r))
     if _adds_error(config):
         added = np.repeat([config.correlated_rotation**2, config.correlated_translation**2], 3)
         R = R + np.diag(added) * max(1.0, 2.0 * config.correlated_time / dt)
@@ -108,8 +114,7 @@ def error_shares(
     def share(part: Array) -> float:
         return float(np.trace(np.linalg.solve(R, part))) / 6.0
 
-    without_added = replace(config, correlated_rotation=0.0, correlated_translation=0.0)
-    own = share(white_equivalent(covariance, dt, without_added))
+    own = share(_own_equivalent(covariance, dt, config))
     r = np.exp(-dt / config.correlation_time) if config.correlation_time > 0.0 else 0.0
     tau = max(config.correlated_time if _adds_error(config) else 0.0, config.declared_time)
     rest = (1.0 - own) * min(1.0, 0.5 * dt / tau) if tau > 0.0 else 0.0

@@ -7,23 +7,24 @@ import numpy as np
 
 from maths import se3
 from maths.arrays import Array
+from maths.vectors import cross
 from systems.port_values import EndEffectorBelief, PoseBelief
 
 
 @dataclass(kw_only=True)
 class BentHand:
-    """Pose of the bent hand, X_WH,true = X_WH exp(loading @ c + factor @ n).
+    """Pose of the bent hand, X_WH,true = X_WH exp(J c + L n).
 
     Attributes:
         X_WH: (4, 4).
-        loading: (6, m), error in H per unit of each constant of the episode, c ~ N(0, I).
-        factor: (6, 6), error in H per unit of n ~ N(0, I), what the bending and the encoders' noise
-            leave; n fades slowly into another value.
+        bias_jacobian: J (6, m), error in H per unit of each constant of the episode, c ~ N(0, I).
+        noise_square_root: L (6, 6), error in H per unit of n ~ N(0, I), from the bending and the
+            encoders' noise; n is a Gauss-Markov process.
     """
 
     X_WH: Array
-    loading: Array
-    factor: Array
+    bias_jacobian: Array
+    noise_square_root: Array
 
 
 def bent_hand(end_effector: EndEffectorBelief, bending: PoseBelief) -> BentHand:
@@ -33,16 +34,8 @@ def bent_hand(end_effector: EndEffectorBelief, bending: PoseBelief) -> BentHand:
     covariance = Ad @ white @ Ad.T + bending.covariance + 1e-14 * np.eye(6)
     return BentHand(
         X_WH=end_effector.X @ bending.X,
-        loading=Ad @ end_effector.offset_loading,
-        factor=np.asarray(np.linalg.cholesky(covariance), dtype=float),
-    )
-
-
-@numba.njit(cache=True)
-def cross(a: Array, b: Array) -> Array:
-    """a x b (3,); `numpy.cross` takes twenty times as long."""
-    return np.array(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        bias_jacobian=Ad @ end_effector.bias_jacobian,
+        noise_square_root=np.asarray(np.linalg.cholesky(covariance), dtype=float),
     )
 
 

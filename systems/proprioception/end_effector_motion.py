@@ -10,23 +10,23 @@ from pydrake.systems.framework import Context
 
 from maths import se3
 from maths.arrays import Array
-from systems.checks import require
+from maths.validation import require, require_positive
 from systems.port_values import EndEffectorBelief, SampleWindow
-from systems.recursive_filter import RecursiveFilter, require_positive
+from systems.recursive_filter import RecursiveFilter
 
 
 @dataclass(kw_only=True)
 class EndEffectorMotionConfig:
-    period: float = 1.0 / 15.0  # Tick, [s].
+    period: float = 1.0 / 15.0  # Update period, [s].
     position_noise: float = 1.0e-4  # Of one encoder sample, [rad].
     velocity_noise: float = 5.0e-3  # Of one velocity sample, [rad/s].
-    joint_acceleration: float = 1.0  # Expected within a window, [rad/s^2].
-    angular_acceleration: float = 0.5  # White noise that drives the velocity, [rad/s^1.5].
-    linear_acceleration: float = 0.2  # The same for the translation, [m/s^1.5].
+    joint_acceleration: float = 1.0  # Expected within a window, 1 sigma, [rad/s^2].
+    angular_process_noise: float = 0.5  # White acceleration that drives the velocity, [rad/s^1.5].
+    linear_process_noise: float = 0.2  # The same for the translation, [m/s^1.5].
     offset_rotation: float = float(np.deg2rad(3.0))  # Calibration offset of the pose, [rad].
     offset_translation: float = 0.01  # The same for the translation, [m].
-    offset_damping: float = 0.05  # Keeps joint offsets small near singular postures, [-].
-    # Where the offset has this size, [rad]; empty: the first posture that is measured.
+    offset_damping: float = 0.05  # Bounds the joint offsets near singular postures, [-].
+    # Posture at which the offset has this size, [rad]; empty: the first that is measured.
     calibration_posture: list[float] = field(default_factory=list)
 
 
@@ -65,7 +65,7 @@ def predict_motion(
     F = np.eye(12)
     F[:6, :6] = se3.adjoint(se3.inverse(step))
     F[:6, 6:] = dt * se3.right_jacobian(V * dt)
-    q = np.repeat([config.angular_acceleration**2, config.linear_acceleration**2], 3)
+    q = np.repeat([config.angular_process_noise**2, config.linear_process_noise**2], 3)
     Q = np.zeros((12, 12))
     Q[:6, :6] = np.diag(q * dt**3 / 3.0)
     Q[:6, 6:] = Q[6:, :6] = np.diag(q * dt**2 / 2.0)
@@ -86,7 +86,7 @@ def correct_motion(
     return X @ se3.exp(correction[:6]), V + correction[6:], 0.5 * (posterior + posterior.T)
 
 
-def joint_offset_loading(J_E: Array, config: EndEffectorMotionConfig) -> Array:
+def calibration_bias_jacobian(J_E: Array, config: EndEffectorMotionConfig) -> Array:
     """Joint offsets (n, 6) [rad] per unit constant that offset the pose as the calibration does.
 
     The damped inverse of the Jacobian `J_E` (6, n) of the calibration posture, so that
@@ -97,18 +97,18 @@ def joint_offset_loading(J_E: Array, config: EndEffectorMotionConfig) -> Array:
     return J_E.T @ np.linalg.solve(gram, np.diag(scale))
 
 
-def with_offset(X: Array, V: Array, white: Array, loading: Array) -> EndEffectorBelief:
-    """The belief whose pose error is white noise plus `loading` (6, m) times constants."""
+def with_offset(X: Array, V: Array, white: Array, bias_jacobian: Array) -> EndEffectorBelief:
+    """The belief whose pose error is white noise plus `bias_jacobian` (6, m) times constants."""
     covariance = white.copy()
-    covariance[:6, :6] += loading @ loading.T
-    return EndEffectorBelief(X=X, V=V, covariance=covariance, offset_loading=loading)
+    covariance[:6, :6] += bias_jacobian @ bias_jacobian.T
+    return EndEffectorBelief(X=X, V=V, covariance=covariance, bias_jacobian=bias_jacobian)
 
 
 def predict_belief(belief: EndEffectorBelief, config: EndEffectorMotionConfig) -> EndEffectorBelief:
     """The belief one tick later; the offset turns with the end-effector."""
     X, V, white = predict_motion(belief.X, belief.V, belief.white_covariance, config)
     turn = se3.adjoint(se3.inverse(X) @ belief.X)
-    return with_offset(X, V, white, turn @ belief.offset_loading)
+    return with_offset(X, V, white, turn @ belief.bias_jacobian)
 
 
 def estimate_belief(
@@ -116,12 +116,12 @@ def estimate_belief(
     X_measured: Array,
     V_measured: Array,
     R: Array,
-    loading: Array,
+    bias_jacobian: Array,
     config: EndEffectorMotionConfig,
 ) -> EndEffectorBelief:
-    """This tick's posterior from the last one, a measurement and the offset's loading here."""
+    """This tick's posterior from the last one, a measurement and the bias Jacobian here."""
     predicted = predict_motion(belief.X, belief.V, belief.white_covariance, config)
-    return with_offset(*correct_motion(predicted, X_measured, V_measured, R), loading)
+    return with_offset(*correct_motion(predicted, X_measured, V_measured, R), bias_jacobian)
 
 
 @dataclass(kw_only=True)
@@ -129,7 +129,7 @@ class EndEffectorState:
     """The posterior, and the joint offsets per unit constant (n, m); None before the first data."""
 
     belief: EndEffectorBelief
-    joint_loading: Array | None
+    joint_bias_jacobian: Array | None
 
 
 class EndEffectorMotion(RecursiveFilter):
@@ -140,7 +140,7 @@ class EndEffectorMotion(RecursiveFilter):
     of itself. Its white part is the encoders' noise through J_E. The calibration error, 1 cm and 3
     degrees, is an offset: the joints are off by constants of the episode, so it neither averages
     away nor shows between ticks. It is kept out of the recursion and added to the output, where
-    `offset_loading` tells how much of the pose error each constant causes at this posture:
+    `bias_jacobian` tells how much of the pose error each constant causes at this posture:
     J_E(q) J_E(q_0)^+ diag(3 deg, 1 cm), q_0 being the posture of the calibration. (The velocity
     that an offset turns, about 5 % of it, is not modelled.)
 
@@ -189,9 +189,9 @@ class EndEffectorMotion(RecursiveFilter):
             X=np.eye(4),
             V=np.zeros(6),
             covariance=100.0 * np.eye(12),
-            offset_loading=np.zeros((6, 6)),
+            bias_jacobian=np.zeros((6, 6)),
         )
-        initial = EndEffectorState(belief=unknown, joint_loading=None)
+        initial = EndEffectorState(belief=unknown, joint_bias_jacobian=None)
         self._declare_recursion(initial, self._calc_motion, config.period)
         self._declare_estimated("end_effector_estimated", lambda state: state.belief)
         self._declare_latest("end_effector_latest", lambda state: state.belief)
@@ -204,8 +204,8 @@ class EndEffectorMotion(RecursiveFilter):
             "position_noise": "rad",
             "velocity_noise": "rad/s",
             "joint_acceleration": "rad/s^2",
-            "angular_acceleration": "rad/s^1.5",
-            "linear_acceleration": "m/s^1.5",
+            "angular_process_noise": "rad/s^1.5",
+            "linear_process_noise": "m/s^1.5",
             "offset_damping": "",
         }
         require_positive("EndEffectorMotion", config, units)
@@ -242,7 +242,7 @@ class EndEffectorMotion(RecursiveFilter):
         posture = np.array(self._config.calibration_posture, dtype=float)
         if posture.size:
             _, J_E = self._kinematics(np.concatenate([posture, 0.0 * posture]))
-        return joint_offset_loading(J_E, self._config)
+        return calibration_bias_jacobian(J_E, self._config)
 
     def _predict(self, state: EndEffectorState) -> EndEffectorBelief:
         return predict_belief(state.belief, self._config)
@@ -250,15 +250,19 @@ class EndEffectorMotion(RecursiveFilter):
     def _calc_motion(self, context: Context, state: EndEffectorState) -> EndEffectorState:
         window: SampleWindow = self._read(self._window, context)
         if window.times.size == 0:
-            if state.joint_loading is None:
+            if state.joint_bias_jacobian is None:
                 return state
-            return EndEffectorState(belief=self._predict(state), joint_loading=state.joint_loading)
+            return EndEffectorState(
+                belief=self._predict(state), joint_bias_jacobian=state.joint_bias_jacobian
+            )
         tau = window.times - context.get_time()
         q, v, covariance = fit_joint_samples(tau, window.values, self._config)
         X_WE, J_E = self._kinematics(np.concatenate([q, v]))
-        joint_loading = state.joint_loading
-        if joint_loading is None:
-            joint_loading = self._calibrate(J_E)
+        joint_bias_jacobian = state.joint_bias_jacobian
+        if joint_bias_jacobian is None:
+            joint_bias_jacobian = self._calibrate(J_E)
         R = np.asarray(np.kron(covariance, J_E @ J_E.T), dtype=float)
-        belief = estimate_belief(state.belief, X_WE, J_E @ v, R, J_E @ joint_loading, self._config)
-        return EndEffectorState(belief=belief, joint_loading=joint_loading)
+        belief = estimate_belief(
+            state.belief, X_WE, J_E @ v, R, J_E @ joint_bias_jacobian, self._config
+        )
+        return EndEffectorState(belief=belief, joint_bias_jacobian=joint_bias_jacobian)

@@ -5,9 +5,10 @@ import numpy as np
 
 from maths import se3
 from maths.arrays import Array
-from maths.gaussian import diagonal_blocks
+from maths.gaussian import chi_square_gate, diagonal_blocks
+from maths.rigid_points import pose_jacobian
 
-GATE = 16.27  # 99.9 % of chi-square with three degrees of freedom.
+GATE = chi_square_gate(0.001, 3)  # Squared distance beyond which a feature is an outlier.
 _ITERATIONS = 10
 _SETTLED = 1e-5  # Step below which the iteration ends, [rad, m].
 _WIDTH = 9.0  # Least width of the weighting function, squared standard deviations.
@@ -37,10 +38,7 @@ def register(
     R = X_start[:3, :3]
     R_BF = R.T @ R_WF @ R
     W = np.asarray(np.linalg.inv(R_BF + diagonal_blocks(P_BF)), dtype=float)
-    J = np.zeros((len(p_BF), 3, 6))
-    J[:, [0, 1, 2], [1, 2, 0]] = p_BF[:, [2, 0, 1]]
-    J[:, [0, 1, 2], [2, 0, 1]] = -p_BF[:, [1, 2, 0]]
-    J[:, [0, 1, 2], [3, 4, 5]] = 1.0
+    J = pose_jacobian(p_BF)
     JtW = J.transpose(0, 2, 1) @ W
     X, distance = _iterate(np.ascontiguousarray(X_start), p_BF, p_WF, W, JtW, JtW @ J)
     inside = distance <= GATE
@@ -51,8 +49,8 @@ def register(
     noise = (gain @ R_BF[inside] @ gain.transpose(0, 2, 1)).sum(axis=0)
     A = gain.transpose(1, 0, 2).reshape(6, -1)
     rows = np.repeat(inside, 3)
-    anchors = A @ P_BF[np.ix_(rows, rows)] @ A.T
-    return X, noise + _WEAK * covariance @ covariance, anchors, distance
+    landmarks = A @ P_BF[np.ix_(rows, rows)] @ A.T
+    return X, noise + _WEAK * covariance @ covariance, landmarks, distance
 
 
 @numba.njit(cache=True)

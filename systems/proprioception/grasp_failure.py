@@ -18,9 +18,9 @@ from systems.port_values import PoseBelief
 @dataclass(kw_only=True)
 class GraspFailureConfig:
     prior: float = 0.03  # Probability of a failed grasp when the hand closes, [-].
-    way: float = 0.05  # Of the hand, after which the comparison begins anew, [m].
-    rest: float = 7.0e-3  # How far a body that nobody holds is pushed, 1 sigma, [m].
-    shift: float = 0.3  # How far one that is held shifts, per way of the hand, 1 sigma, [-].
+    way: float = 0.05  # Way of the hand after which the comparison begins anew, [m].
+    rest: float = 7.0e-3  # Way by which the hand pushes a body it does not hold, 1 sigma, [m].
+    shift: float = 0.3  # Shift of a held body per way of the hand, 1 sigma, [-].
     limit: float = 5.0  # Most that is remembered from one comparison to the next, [nat].
 
 

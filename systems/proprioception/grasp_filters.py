@@ -1,7 +1,8 @@
 """Filters of the grasp types side by side: how the body moves in the bent hand.
 
 What is measured is z = X_WH^-1 X_WB, the hand from proprioception and the body from vision. With
-z_0 at the reference, e = loading c + factor n the hand's error and v that of vision, a grasp says
+z_0 at the reference, e = J c + L n the hand's error (J its bias Jacobian, L its noise square root)
+and v that of vision, a grasp says
 
     z = exp(e - e_0) E z_0 exp(v),   E = exp(turn phi + slide d)
 
@@ -12,49 +13,23 @@ point (2), phi, d), cut to what the type has. A failed grasp lets the body stay 
 loosely.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
 
-from maths import se3
+from maths import error_state, se3
 from maths.arrays import Array
 from maths.gaussian import joseph_update, log_likelihood, nees, symmetric
+from maths.vectors import cross, tangent_basis
 from systems.port_values import GraspType
-from systems.proprioception.bent_hand import BentHand, cross, free_rotation, free_sliding, screw
-from systems.proprioception.grasp_failure import GraspFailureConfig
+from systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
+from systems.proprioception.grasp_model_config import GraspModelConfig, morphology
 
 HELD_TYPES = (GraspType.PERFECT, GraspType.REVOLUTE, GraspType.CYLINDRICAL)
-_PLAUSIBLE = 3.0  # Deviations from the morphology, in standard deviations, that cost nothing,
-_BEYOND = 100.0  # and what each one more costs, [nat].
+_PLAUSIBLE = 3.0  # Deviation from the morphology that costs nothing, in standard deviations.
+_BEYOND = 100.0  # Cost of each standard deviation beyond, [nat].
 _COORDINATES = {GraspType.PERFECT: 0, GraspType.REVOLUTE: 1, GraspType.CYLINDRICAL: 2}
-
-
-@dataclass(kw_only=True)
-class GraspModelConfig:
-    period: float = 1.0 / 15.0  # Tick, [s].
-    prior_perfect: float = 0.72  # Probability when the hand closes, if it holds the body, [-].
-    prior_revolute: float = 0.21
-    prior_cylindrical: float = 0.07
-    axis_H: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))  # Fingers' curl.
-    p_HA: np.ndarray = field(
-        default_factory=lambda: np.array([0.0, 0.0, -0.02])
-    )  # On the bar, [m].
-    axis_deviation: float = 0.2  # How far the bar may point elsewhere, [rad].
-    point_deviation: float = 0.015  # How far it may lie elsewhere, [m].
-    rotation_rate: float = 0.05  # Of the body about the bar, random walk, [rad/s^0.5].
-    sliding_rate: float = 0.02  # Of the body along the bar, [m/s^0.5].
-    axis_rate: float = 0.01  # Of the axis in the soft palm, random walk, [rad/s^0.5].
-    point_rate: float = 3.0e-3  # Of the point on it, [m/s^0.5].
-    hand_error_time: float = 30.0  # How long the bent hand's error stays the same, [s].
-    slip_rotation: float = 0.03  # Slip per way of the hand, [rad/m^0.5].
-    slip_translation: float = 2.0e-3  # [m/m^0.5]
-    memory: float = 0.7  # Of the evidence, [s].
-    lodging: float = 0.1  # Probability that a loose grasp has become firm, [-].
-    loss_limit: float = 10.0  # Most that one tick speaks against a type, [nat].
-    gate: float = 30.0  # Squared innovation above which a filter is not corrected, [-].
-    patience: float = 1.0  # A filter that explains nothing so long starts afresh, [s].
-    failure: GraspFailureConfig = field(default_factory=GraspFailureConfig)
 
 
 @dataclass(kw_only=True)
@@ -63,19 +38,19 @@ class GraspFilter:
 
     Attributes:
         type: Perfect, revolute or cylindrical.
-        z_0: X_HB (4, 4) at its reference, with loading_0 (6, m) of the hand's error there.
+        z_0: X_HB (4, 4) at its reference, with the hand's bias Jacobian (6, m) there.
         axis: Unit vector (3,) in H as measured, through point (3,), [m].
         coordinates: (phi [rad], d [m]).
-        line_covariance: (6, 6) of (axis, point), what a single tick could tell at best.
+        line_covariance: (6, 6) of (axis, point), as the best single tick tells them.
         x: Mean (m + 6,) of (c, n).
         P: Covariance of (c, n, axis, point, coordinates).
         way: Of the hand since the reference, [m].
-        rejected: Ticks in a row at which it explained nothing.
+        rejection_count: Ticks in a row at which the gate rejected the measurement.
     """
 
     type: GraspType
     z_0: Array
-    loading_0: Array
+    bias_jacobian_0: Array
     axis: Array
     point: Array
     coordinates: Array
@@ -83,16 +58,16 @@ class GraspFilter:
     x: Array
     P: Array
     way: float = 0.0
-    rejected: int = 0
+    rejection_count: int = 0
 
 
 def start_filter(
-    grasp_type: GraspType, z_0: Array, loading_0: Array, config: GraspModelConfig
+    grasp_type: GraspType, z_0: Array, bias_jacobian_0: Array, config: GraspModelConfig
 ) -> GraspFilter:
     """A filter at its reference, with the hand's morphology as prior."""
     axis, point = morphology(config)
-    errors = loading_0.shape[1] + 6
-    line = prior_line_variances(loading_0, config)
+    errors = bias_jacobian_0.shape[1] + 6
+    line = prior_line_variances(bias_jacobian_0, config)
     variances = [1.0] * errors
     if grasp_type != GraspType.PERFECT:
         variances += [*line, *([1e-12] * _COORDINATES[grasp_type])]
@@ -100,7 +75,7 @@ def start_filter(
     return GraspFilter(
         type=grasp_type,
         z_0=z_0,
-        loading_0=loading_0,
+        bias_jacobian_0=bias_jacobian_0,
         axis=axis,
         point=point,
         coordinates=np.zeros(2),
@@ -110,23 +85,11 @@ def start_filter(
     )
 
 
-def prior_line_variances(loading_0: Array, config: GraspModelConfig) -> Array:
+def prior_line_variances(bias_jacobian_0: Array, config: GraspModelConfig) -> Array:
     """Of axis (2) and point (2): the bar lies elsewhere, and the hand is not where it seems."""
-    offset = (loading_0**2).sum(axis=1).reshape(2, 3).mean(axis=1)
+    offset = (bias_jacobian_0**2).sum(axis=1).reshape(2, 3).mean(axis=1)
     own = np.array([config.axis_deviation**2, config.point_deviation**2])
     return np.repeat(own + offset, 2)
-
-
-@numba.njit(cache=True)
-def tangent_basis(axis: Array) -> Array:
-    """Two unit vectors (3, 2) perpendicular to `axis` and to each other."""
-    helper = np.zeros(3)
-    helper[np.argmin(np.abs(axis))] = 1.0
-    U = np.empty((3, 2))
-    U[:, 0] = cross(axis, helper)
-    U[:, 0] /= np.sqrt(np.sum(U[:, 0] ** 2))
-    U[:, 1] = cross(axis, U[:, 0])
-    return U
 
 
 @numba.njit(cache=True)
@@ -147,20 +110,18 @@ def grasp_displacement(axis: Array, point: Array, coordinates: Array) -> tuple[A
 
 
 def predict_filter(grasp: GraspFilter, config: GraspModelConfig, way: float) -> GraspFilter:
-    """The bent hand's error fades, the coordinates walk, axis and point hardly."""
+    """One tick: the bent hand's error is a Gauss-Markov process, all else a random walk."""
     m = len(grasp.x) - 6
-    rho = np.exp(-config.period / config.hand_error_time)
-    x, P = grasp.x.copy(), grasp.P.copy()
-    x[m:] *= rho
-    P[m : m + 6] *= rho
-    P[:, m : m + 6] *= rho
+    rho = np.exp(-config.period / config.hand_correlation_time)
+    x, P = error_state.fade(grasp.x, grasp.P, slice(m, m + 6), rho)
     Q = np.zeros(len(P))
-    Q[m : m + 6] = 1.0 - rho**2
-    rates = np.array([config.rotation_rate, config.sliding_rate])
+    rates = np.array([config.rotation_process_noise, config.sliding_process_noise])
     count = _COORDINATES[grasp.type]
     if count:
         Q[-count:] = rates[:count] ** 2 * config.period
-    line = np.repeat([config.axis_rate**2, config.point_rate**2], 3) * config.period
+    line = (
+        np.repeat([config.axis_process_noise**2, config.point_process_noise**2], 3) * config.period
+    )
     if count:
         Q[m + 6 : m + 10] = line[[0, 1, 3, 4]]
     return replace(
@@ -172,34 +133,41 @@ def predict_filter(grasp: GraspFilter, config: GraspModelConfig, way: float) -> 
     )
 
 
-def expected(grasp: GraspFilter, loading: Array, factor: Array) -> tuple[Array, Array]:
+def expected(
+    grasp: GraspFilter, bias_jacobian: Array, noise_square_root: Array
+) -> tuple[Array, Array]:
     """The z that a filter expects (4, 4), and the left derivative by its error state (6, n)."""
-    m = loading.shape[1]
+    m = bias_jacobian.shape[1]
     E, D = grasp_displacement(grasp.axis, grasp.point, grasp.coordinates)
-    change = loading - grasp.loading_0
-    e = change @ grasp.x[:m] + factor @ grasp.x[m:]
-    H = np.hstack([change, factor, D[:, : len(grasp.P) - m - 6]])
+    change = bias_jacobian - grasp.bias_jacobian_0
+    e = change @ grasp.x[:m] + noise_square_root @ grasp.x[m:]
+    H = np.hstack([change, noise_square_root, D[:, : len(grasp.P) - m - 6]])
     return se3.exp(e) @ E @ grasp.z_0, H
 
 
 def correct_filter(
-    grasp: GraspFilter, z: Array, R: Array, hand: BentHand, factor: Array, config: GraspModelConfig
+    grasp: GraspFilter,
+    z: Array,
+    R: Array,
+    hand: BentHand,
+    noise_square_root: Array,
+    config: GraspModelConfig,
 ) -> tuple[GraspFilter, float]:
     """The filter after the measurement z, and its log likelihood before.
 
     Args:
         z: X_HB (4, 4), with white noise R (6, 6) expressed in H.
-        hand: With the loading of its constant errors.
-        factor: Of the hand's other errors (6, 6), those of vision's anchors among them.
+        hand: With the Jacobian of its constant errors.
+        noise_square_root: Of the hand's other errors (6, 6), those of the landmarks among them.
     """
-    factor = with_slip(factor, grasp.way, config)
-    predicted, H = expected(grasp, hand.loading, factor)
+    noise_square_root = with_slip(noise_square_root, grasp.way, config)
+    predicted, H = expected(grasp, hand.bias_jacobian, noise_square_root)
     innovation = se3.log(z @ se3.inverse(predicted))
     R = R + second_order_noise(grasp)
     S = symmetric(H @ grasp.P @ H.T + R)
     likelihood = log_likelihood(innovation, S)
     if nees(innovation, S) > config.gate:
-        return replace(grasp, rejected=grasp.rejected + 1), likelihood
+        return replace(grasp, rejection_count=grasp.rejection_count + 1), likelihood
     correction, P = joseph_update(grasp.P, np.ascontiguousarray(H), R, innovation)
     errors = len(grasp.x)
     theta = np.zeros(6)
@@ -213,10 +181,10 @@ def correct_filter(
         coordinates=grasp.coordinates + theta[4:],
         x=grasp.x + correction[:errors],
         P=P,
-        rejected=0,
+        rejection_count=0,
     )
     if grasp.type != GraspType.PERFECT:
-        single = single_tick_line_covariance(corrected, hand, factor, R, config)
+        single = single_tick_line_covariance(corrected, hand, noise_square_root, R, config)
         corrected = with_line_covariance(corrected, single)
     return corrected, likelihood
 
@@ -242,7 +210,7 @@ def second_order_noise(grasp: GraspFilter) -> Array:
 
 
 def single_tick_line_covariance(
-    grasp: GraspFilter, hand: BentHand, factor: Array, R: Array, config: GraspModelConfig
+    grasp: GraspFilter, hand: BentHand, noise_square_root: Array, R: Array, config: GraspModelConfig
 ) -> Array:
     """Covariance (4, 4) of axis and point across the axis, from this tick's displacement alone.
 
@@ -250,12 +218,12 @@ def single_tick_line_covariance(
     them. The filter's own covariance claims more: its angle, and with it how the line and those
     errors show in the measurement, is noisy, and so it takes for different what is the same.
     """
-    change = hand.loading - grasp.loading_0
-    C = change @ change.T + factor @ factor.T + R
+    change = hand.bias_jacobian - grasp.bias_jacobian_0
+    C = change @ change.T + noise_square_root @ noise_square_root.T + R
     _, D = grasp_displacement(grasp.axis, grasp.point, grasp.coordinates)
     D = D[:, : 4 + _COORDINATES[grasp.type]]
     information = D.T @ np.linalg.solve(C, D)
-    information[:4, :4] += np.diag(1.0 / prior_line_variances(grasp.loading_0, config))
+    information[:4, :4] += np.diag(1.0 / prior_line_variances(grasp.bias_jacobian_0, config))
     return np.asarray(np.linalg.inv(information)[:4, :4])
 
 
@@ -268,13 +236,13 @@ def with_line_covariance(grasp: GraspFilter, single: Array) -> GraspFilter:
     return replace(grasp, line_covariance=U @ single @ U.T)
 
 
-def with_slip(factor: Array, way: float, config: GraspModelConfig) -> Array:
-    """The factor (6, 6) of the hand's error together with what slips over a way [m]."""
+def with_slip(noise_square_root: Array, way: float, config: GraspModelConfig) -> Array:
+    """The square root (6, 6) of the hand's noise and of the slip over a way [m]."""
     slip = np.repeat([config.slip_rotation**2, config.slip_translation**2], 3) * way
-    return np.asarray(np.linalg.cholesky(factor @ factor.T + np.diag(slip)))
+    return np.asarray(np.linalg.cholesky(noise_square_root @ noise_square_root.T + np.diag(slip)))
 
 
-def follow(grasp: GraspFilter, z: Array, hand: BentHand, factor: Array) -> GraspFilter:
+def follow(grasp: GraspFilter, z: Array, hand: BentHand, noise_square_root: Array) -> GraspFilter:
     """Moves the coordinates to where `z` is, without learning anything from it.
 
     For z that was computed through the grasp itself: it may not confirm the grasp.
@@ -282,7 +250,7 @@ def follow(grasp: GraspFilter, z: Array, hand: BentHand, factor: Array) -> Grasp
     count = _COORDINATES[grasp.type]
     if count == 0:
         return grasp
-    predicted, _ = expected(grasp, hand.loading, factor)
+    predicted, _ = expected(grasp, hand.bias_jacobian, noise_square_root)
     nu = se3.log(z @ se3.inverse(predicted))
     moved = np.array([grasp.axis @ nu[:3], grasp.axis @ (nu[3:] + cross(nu[:3], grasp.point))])
     moved[count:] = 0.0
@@ -303,12 +271,6 @@ def plausibility(grasp: GraspFilter, config: GraspModelConfig) -> float:
     shift = float(np.linalg.norm(grasp.point - point)) / config.point_deviation
     beyond = max(0.0, tilt - _PLAUSIBLE) + max(0.0, shift - _PLAUSIBLE)
     return -0.5 * excess - _BEYOND * beyond
-
-
-def morphology(config: GraspModelConfig) -> tuple[Array, Array]:
-    """The hand's grasping axis (3,), a unit vector in H, and a point on it (3,)."""
-    axis = np.asarray(config.axis_H, dtype=float)
-    return axis / np.linalg.norm(axis), np.asarray(config.p_HA, dtype=float)
 
 
 def free_projection(grasp_type: GraspType, axis: Array, point: Array) -> Array:

@@ -1,4 +1,4 @@
-"""How the bent hand holds the interacted body: four types side by side, the likeliest wins."""
+"""How the bent hand holds the held body: four types side by side, the likeliest wins."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,14 +9,13 @@ from pydrake.systems.framework import Context
 from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
-from systems.checks import require
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     UNKNOWN_END_EFFECTOR,
     BodyMotions,
     GraspBelief,
     GraspType,
-    InteractedBody,
+    HeldBody,
     PoseBelief,
 )
 from systems.proprioception.bent_hand import BentHand, bent_hand
@@ -24,25 +23,22 @@ from systems.proprioception.grasp_failure import GraspFailure, compare
 from systems.proprioception.grasp_filters import (
     HELD_TYPES,
     GraspFilter,
-    GraspModelConfig,
     correct_filter,
     follow,
     free_projection,
-    morphology,
     plausibility,
     predict_filter,
     start_filter,
 )
-from systems.recursive_filter import RecursiveFilter, require_positive
+from systems.proprioception.grasp_model_config import (
+    GraspModelConfig,
+    check_grasp_model,
+    morphology,
+    prior_probabilities,
+)
+from systems.recursive_filter import RecursiveFilter
 
 TYPES = (*HELD_TYPES, GraspType.FAILED)
-
-
-def prior_probabilities(config: GraspModelConfig) -> Array:
-    """Of the types (4,), in the order of `TYPES`."""
-    failed = config.failure.prior
-    held = [config.prior_perfect, config.prior_revolute, config.prior_cylindrical]
-    return np.append((1.0 - failed) * np.array(held), failed)
 
 
 def weigh(evidence: Array, failure: GraspFailure, config: GraspModelConfig) -> Array:
@@ -105,7 +101,10 @@ def make_belief(
 def measured_covariance(hand: BentHand, z: Array, P_B: Array) -> Array:
     """Covariance (6, 6) in H of z = X_WH^-1 X_WB, the body's (6, 6) being in B."""
     Ad = se3.adjoint(z)
-    own = hand.loading @ hand.loading.T + hand.factor @ hand.factor.T
+    own = (
+        hand.bias_jacobian @ hand.bias_jacobian.T
+        + hand.noise_square_root @ hand.noise_square_root.T
+    )
     return np.asarray(own + Ad @ P_B @ Ad.T)
 
 
@@ -125,10 +124,10 @@ def initial_state(config: GraspModelConfig) -> GraspState:
     )
 
 
-def start_state(hand: BentHand, body: InteractedBody, config: GraspModelConfig) -> GraspState:
+def start_state(hand: BentHand, body: HeldBody, config: GraspModelConfig) -> GraspState:
     """The filters at the reference, where X_HB is known."""
     z_0 = se3.inverse(hand.X_WH) @ body.motion.X
-    filters = [start_filter(kind, z_0, hand.loading, config) for kind in HELD_TYPES]
+    filters = [start_filter(kind, z_0, hand.bias_jacobian, config) for kind in HELD_TYPES]
     at_reference = PoseBelief(X=body.motion.X, covariance=body.motion.covariance[:6, :6])
     covariance = measured_covariance(hand, z_0, body.motion.covariance[:6, :6])
     return GraspState(
@@ -141,11 +140,11 @@ def start_state(hand: BentHand, body: InteractedBody, config: GraspModelConfig) 
 
 
 def reaffirm(
-    state: GraspState, hand: BentHand, body: InteractedBody, config: GraspModelConfig
+    state: GraspState, hand: BentHand, body: HeldBody, config: GraspModelConfig
 ) -> GraspState:
     """A tick without vision: X_HB follows from the grasp, so that it cannot confirm it."""
     z = se3.inverse(hand.X_WH) @ body.motion.X
-    filters = [follow(f, z, hand, hand.factor) for f in state.filters]
+    filters = [follow(f, z, hand, hand.noise_square_root) for f in state.filters]
     covariance = measured_covariance(hand, z, body.motion.covariance[:6, :6])
     probabilities = np.array([state.belief.probabilities[kind] for kind in TYPES])
     return GraspState(
@@ -161,9 +160,9 @@ def refresh(
     candidate: GraspFilter, z: Array, hand: BentHand, config: GraspModelConfig
 ) -> GraspFilter:
     """A filter that has explained nothing for long starts from where the body is now."""
-    if candidate.rejected * config.period < config.patience:
+    if candidate.rejection_count * config.period < config.patience:
         return candidate
-    return start_filter(candidate.type, z, hand.loading, config)
+    return start_filter(candidate.type, z, hand.bias_jacobian, config)
 
 
 def learn(
@@ -177,8 +176,10 @@ def learn(
     z = se3.inverse(hand.X_WH) @ seen.X
     Ad = se3.adjoint(z)
     R = Ad @ seen.covariance @ Ad.T
-    factor: Any = np.linalg.cholesky(hand.factor @ hand.factor.T + Ad @ offset_covariance @ Ad.T)
-    results = [correct_filter(f, z, R, hand, factor, config) for f in state.filters]
+    noise_square_root: Any = np.linalg.cholesky(
+        hand.noise_square_root @ hand.noise_square_root.T + Ad @ offset_covariance @ Ad.T
+    )
+    results = [correct_filter(f, z, R, hand, noise_square_root, config) for f in state.filters]
     likelihoods = np.array([likelihood for _, likelihood in results])
     likelihoods = np.maximum(likelihoods - likelihoods.max(), -config.loss_limit)
     evidence = np.exp(-config.period / config.memory) * state.evidence + likelihoods
@@ -206,7 +207,7 @@ class GraspModel(RecursiveFilter):
     real innovation covariance, with a memory of `memory` seconds. A loose grasp is never beyond
     doubt, for it may have become a firm one (`lodging`).
 
-    Only what vision alone says about the body (`InteractedBody.seen`) is independent of the grasp.
+    Only what vision alone says about the body (`HeldBody.seen`) is independent of the grasp.
     In the proprioception-only wiring, and in the dark, the body's pose is computed through the
     grasp: then the relative pose is followed and the prior reaffirmed, without new confidence.
 
@@ -224,8 +225,8 @@ class GraspModel(RecursiveFilter):
 
     - `end_effector_estimated`: `EndEffectorBelief` X_WE.
     - `hand_bending_estimated`: `PoseBelief` X_EH.
-    - `body_motions_estimated`: `BodyMotions` with the one `InteractedBody`, of
-      `InteractedBodyMotion`; unconnected, the grasp stays the prior.
+    - `body_motions_estimated`: `BodyMotions` with the one `HeldBody`, of
+      `HeldBodyMotion`; unconnected, the grasp stays the prior.
     - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
     - `grasp_estimated`: `GraspBelief`, posterior of this tick.
     - `grasp_latest`: `GraspBelief`, posterior of the last tick, from the state alone.
@@ -237,7 +238,7 @@ class GraspModel(RecursiveFilter):
 
     def __init__(self, config: GraspModelConfig) -> None:
         super().__init__()
-        self._check(config)
+        check_grasp_model(config)
         self._config = config
         nowhere = PoseBelief(X=np.eye(4), covariance=np.eye(6))
         self._end_effector = self._declare_value_input(
@@ -251,46 +252,10 @@ class GraspModel(RecursiveFilter):
         self._declare_estimated("grasp_estimated", lambda state: state.belief)
         self._declare_latest("grasp_latest", lambda state: state.belief)
 
-    @staticmethod
-    def _check(config: GraspModelConfig) -> None:
-        units = {
-            "period": "s",
-            "prior_perfect": "",
-            "prior_revolute": "",
-            "prior_cylindrical": "",
-            "axis_deviation": "rad",
-            "point_deviation": "m",
-            "rotation_rate": "rad/s^0.5",
-            "axis_rate": "rad/s^0.5",
-            "point_rate": "m/s^0.5",
-            "sliding_rate": "m/s^0.5",
-            "hand_error_time": "s",
-            "memory": "s",
-            "loss_limit": "nat",
-            "gate": "",
-            "patience": "s",
-        }
-        require_positive("GraspModel", config, units)
-        for name, unit in {"slip_rotation": "rad/m^0.5", "slip_translation": "m^0.5"}.items():
-            require(getattr(config, name) >= 0, "GraspModel", config, name, f">= 0 {unit}")
-        for name in ("axis_H", "p_HA"):
-            value = np.asarray(getattr(config, name), dtype=float)
-            finite = value.shape == (3,) and bool(np.isfinite(value).all())
-            require(finite, "GraspModel", config, name, "three finite numbers")
-        length = float(np.linalg.norm(config.axis_H))
-        require(length > 1e-6, "GraspModel", config, "axis_H", "a direction")
-        require(0 <= config.lodging < 1, "GraspModel", config, "lodging", "in [0, 1)")
-        units = {"prior": "", "way": "m", "rest": "m", "limit": "nat"}
-        require_positive("GraspModel", config.failure, units)
-        require(config.failure.prior < 1, "GraspModel", config.failure, "prior", "< 1")
-        require(config.failure.shift >= 0, "GraspModel", config.failure, "shift", ">= 0")
-        total = float(prior_probabilities(config).sum())
-        require(abs(total - 1.0) < 1e-6, "GraspModel", config, "prior_perfect", "a sum of one")
-
     def _calc_grasp(self, context: Context, state: Any) -> GraspState:
         motions = self._read(self._bodies, context) if self._bodies.HasValue(context) else None
-        body = None if motions is None else motions.find(INTERACTED_BODY)
-        if self._read(self._active, context)[0] <= 0.5 or not isinstance(body, InteractedBody):
+        body = None if motions is None else motions.find(HELD_BODY)
+        if self._read(self._active, context)[0] <= 0.5 or not isinstance(body, HeldBody):
             return self._nothing_held
         end_effector = self._read(self._end_effector, context)
         hand = bent_hand(end_effector, self._read(self._bending, context))

@@ -9,8 +9,8 @@ from pydrake.systems.framework import Context
 
 from maths import se3
 from maths.arrays import Array
+from maths.validation import require, require_positive, require_vector
 from models import WEIGHTS_DIR
-from systems.checks import require
 from systems.port_values import UNKNOWN_END_EFFECTOR, PoseBelief, SampleWindow
 from systems.proprioception.bending_network import (
     BendingNetwork,
@@ -20,7 +20,7 @@ from systems.proprioception.bending_network import (
     predict_deviation,
 )
 from systems.proprioception.bent_hand import screw
-from systems.recursive_filter import RecursiveFilter, require_positive
+from systems.recursive_filter import RecursiveFilter
 
 GRAVITY = 9.81  # [m/s^2]
 CERTAIN = 1e-12  # Variance of what is so by definition, [rad^2, m^2].
@@ -28,22 +28,23 @@ CERTAIN = 1e-12  # Variance of what is so by definition, [rad^2, m^2].
 
 @dataclass(kw_only=True)
 class HandBendingConfig:
-    period: float = 1.0 / 15.0  # Tick, [s].
-    weights: str = "hand_bending.npz"  # In models/weights, or an absolute path.
-    hand_mass: float = 0.628  # What hangs on the wrist sensor, [kg].
-    p_S_com: np.ndarray = field(default_factory=lambda: np.array([0.004, 0.0, 0.066]))  # [m]
+    period: float = 1.0 / 15.0  # Update period, [s].
+    weights: str = "hand_bending.npz"  # File in models/weights, or an absolute path.
+    hand_mass: float = 0.628  # Mass of what hangs on the wrist sensor, [kg].
+    # Centre of that mass, in the sensor's frame, [m].
+    p_S_com: np.ndarray = field(default_factory=lambda: np.array([0.004, 0.0, 0.066]))
     rpy_ES: np.ndarray = field(default_factory=lambda: np.zeros(3))  # Sensor in E, [rad].
     torque_noise: float = 0.005  # Of a tick's mean, [N m].
-    force_noise: float = 0.1  # The same, [N].
-    pressure_noise: float = 50.0  # The same, [Pa].
-    rotation_rate: float = 0.05  # How fast bending changes, white noise, [rad/s^0.5].
-    translation_rate: float = 0.01  # The same for translation, [m/s^0.5].
-    deviation_time: float = 30.0  # How long the networks' error stays the same, [s].
-    creep: float = 0.015  # The hand turns on the bar without a sign, less and less, [rad/s^0.5],
-    axis_H: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))  # about this
-    p_HA: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, -0.02]))  # line, [m].
+    force_noise: float = 0.1  # Of a tick's mean, [N].
+    pressure_noise: float = 50.0  # Of a tick's mean, [Pa].
+    rotation_process_noise: float = 0.05  # Random walk of the bending, [rad/s^0.5].
+    translation_process_noise: float = 0.01  # The same for the translation, [m/s^0.5].
+    deviation_correlation_time: float = 30.0  # Of the networks' error, Gauss-Markov, [s].
+    creep: float = 0.015  # Turning of the hand on the bar that no sensor shows, [rad/s^0.5].
+    axis_H: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))  # Axis of creep.
+    p_HA: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, -0.02]))  # On it, [m].
     rotation_floor: float = 2.0e-3  # Least standard deviation of the networks, [rad].
-    translation_floor: float = 3.0e-4  # [m]
+    translation_floor: float = 3.0e-4  # The same for the translation, [m].
 
 
 def hand_weight(R_WS: Array, mass: float, p_S_com: Array) -> Array:
@@ -97,9 +98,9 @@ def predict_bending_state(
     mean: Array, covariance: Array, config: HandBendingConfig
 ) -> tuple[Array, Array]:
     """Constant bending with process noise; the networks' error fades slowly into another."""
-    fading = np.exp(-config.period / config.deviation_time)
+    fading = np.exp(-config.period / config.deviation_correlation_time)
     F = np.repeat([1.0, fading, 1.0], [6, 6, 1])
-    rates = np.repeat([config.rotation_rate, config.translation_rate], 3)
+    rates = np.repeat([config.rotation_process_noise, config.translation_process_noise], 3)
     Q = np.concatenate([rates**2 * config.period, np.full(6, 1.0 - fading**2), [0.0]])
     return F * mean, F[:, None] * covariance * F + np.diag(Q)
 
@@ -112,7 +113,7 @@ def correct_bending_state(
     Args:
         measured: z (6,), the networks' reading, [rad, m].
         deviation: Their standard deviation (6,).
-        creep: What of the bending the sensors do not show (6,), one standard deviation.
+        creep: Part of the bending that the sensors do not show (6,), one standard deviation.
         R: Covariance (6, 6) of the white noise, the sensors' through the network.
     """
     H = np.hstack([np.eye(6), np.diag(deviation), creep[:, None]])
@@ -210,9 +211,9 @@ class HandBending(RecursiveFilter):
             "torque_noise": "N m",
             "force_noise": "N",
             "pressure_noise": "Pa",
-            "rotation_rate": "rad/s^0.5",
-            "translation_rate": "m/s^0.5",
-            "deviation_time": "s",
+            "rotation_process_noise": "rad/s^0.5",
+            "translation_process_noise": "m/s^0.5",
+            "deviation_correlation_time": "s",
             "rotation_floor": "rad",
             "translation_floor": "m",
         }
@@ -220,9 +221,7 @@ class HandBending(RecursiveFilter):
         require(config.hand_mass >= 0, "HandBending", config, "hand_mass", ">= 0 kg")
         require(config.creep >= 0, "HandBending", config, "creep", ">= 0 rad/s^0.5")
         for name, unit in {"p_S_com": "m", "rpy_ES": "rad", "axis_H": "-", "p_HA": "m"}.items():
-            value = np.asarray(getattr(config, name), dtype=float)
-            finite = value.shape == (3,) and bool(np.isfinite(value).all())
-            require(finite, "HandBending", config, name, f"three finite numbers, {unit}")
+            require_vector("HandBending", config, name, unit)
 
     def _average(self, context: Context) -> Array | None:
         """This tick's reading (10,); None without samples."""

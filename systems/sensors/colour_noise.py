@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtri
 
-from systems.checks import require
+from maths.validation import require
 
 Bytes = npt.NDArray[np.uint8]
 

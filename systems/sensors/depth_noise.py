@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from maths.arrays import Array, Mask
-from systems.checks import require
+from maths.validation import require
 from systems.sensors.randomness import random_bytes
 
 Depth = npt.NDArray[np.float32]

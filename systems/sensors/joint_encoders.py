@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maths.arrays import Array
-from systems.checks import require
+from maths.validation import require
 from systems.sensors.randomness import WhiteNoise, make_generator
 from systems.sensors.sampled_sensor import SampledSensor
 

@@ -7,7 +7,7 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, LeafSystem, State
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
-from systems.checks import require
+from maths.validation import require
 from systems.sensors.colour_noise import (
     ColourNoiseConfig,
     check_colour_noise,

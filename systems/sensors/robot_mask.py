@@ -26,7 +26,7 @@ from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, RgbdSensor
 
 from maths.arrays import Array, Ids
-from systems.checks import require
+from maths.validation import require
 
 Grey = npt.NDArray[np.uint8]
 

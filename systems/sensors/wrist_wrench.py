@@ -10,7 +10,7 @@ from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from maths.arrays import Array
-from systems.checks import require
+from maths.validation import require
 from systems.sensors.randomness import WhiteNoise, make_generator
 from systems.sensors.sampled_sensor import SampledSensor
 

@@ -15,7 +15,7 @@ from diagrams.run.scenario import CameraConfig, Interval
 from maths import se3
 from maths.arrays import Array
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     STATIC_BODY,
     BodyMotion,
     BodyMotions,
@@ -40,7 +40,7 @@ def joint_belief(
     q: float,
     q_std: float,
     axis_std: float,
-    child_id: int = INTERACTED_BODY,
+    child_id: int = HELD_BODY,
     probability: float = 0.97,
     point: Array | None = None,
 ) -> JointBelief:
@@ -168,7 +168,7 @@ def _estimator(
     record = EstimatorRecord(tick_times=list(rng.uniform(0.005, 0.02, len(truth.times))))
     side = np.cross(truth.axis_W, [0.0, 0.0, 1.0] if abs(truth.axis_W[2]) < 0.9 else [1.0, 0, 0])
     side /= np.linalg.norm(side)
-    body_id = 2 if name == "vision" else INTERACTED_BODY
+    body_id = 2 if name == "vision" else HELD_BODY
     opening = truth.opening()
     drift = 0.0
     sign = -1.0 if name == "proprioception" else 1.0

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.stats import multivariate_normal
+from scipy.stats import chi2, multivariate_normal
 
-from maths.gaussian import joseph_update, log_likelihood, nees, schmidt_update
+from maths.gaussian import chi_square_gate, joseph_update, log_likelihood, nees, schmidt_update
 
 
 def _spd(rng: np.random.Generator, n: int) -> np.ndarray:
@@ -51,3 +51,8 @@ def test_log_likelihood_is_the_normal_density() -> None:
     S, e = _spd(rng, 6), rng.normal(size=6)
     assert_allclose(log_likelihood(e, S), multivariate_normal(cov=S).logpdf(e))
     assert_allclose(nees(e, S), e @ np.linalg.inv(S) @ e)
+
+
+@pytest.mark.parametrize(("exceeded", "dof"), [(0.001, 3), (0.001, 6), (0.05, 3)])
+def test_a_gate_is_a_quantile_of_the_chi_square_distribution(exceeded: float, dof: int) -> None:
+    assert_allclose(chi_square_gate(exceeded, dof), chi2.isf(exceeded, dof), atol=5e-3)

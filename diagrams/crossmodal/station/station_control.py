@@ -25,7 +25,7 @@ from systems.sensors.joint_encoders import JointEncoders
 
 # What commands the arm, each in place of those before it.
 MOTION_SOURCES = ("sequence", "exploration", "return")
-# What control is told of the perceived joint; see `InteractedJoint`.
+# What control is told of the perceived joint; see `HeldJoint`.
 PERCEIVED_INPUTS = ("joint_latest", "end_effector_screw_latest", "grasp_failure_latest")
 
 

@@ -32,24 +32,24 @@ ABLATIONS = {
     "grasp-in-the-dark": Ablation(
         flow="the grasp learnt with the eye carries the hand when the light is off",
         scenario="cupboard-door",
-        wire="interacted_body_to_grasp",
+        wire="held_body_to_grasp",
         overrides=_DARK,
     ),
     "taught-by-the-eye": Ablation(
         flow="what the eye has corrected carries the hand's reading when the light is off",
         scenario="cupboard-door",
-        wire="features_to_interacted_body",
+        wire="features_to_held_body",
         overrides=_DARK,
     ),
     "body-in-the-hand": Ablation(
         flow="the body felt by the hand tells the eye which features are its own",
         scenario="drawer-lights-off",
-        wire="interacted_body_to_vision",
+        wire="held_body_to_vision",
     ),
     "behind-the-arm": Ablation(
         flow="the body felt by the hand tells the eye which features are its own, once they show",
         scenario="door-occluded",
-        wire="interacted_body_to_vision",
+        wire="held_body_to_vision",
     ),
     "seen-reference": Ablation(
         flow="a body that only the eye follows is the reference of a joint felt by the hand",

@@ -53,6 +53,8 @@ ZERO_CONFIGURATION = ConfigurationPrior(
 
 def prior_configuration(prior: ConfigurationPrior, kind: int, m: Models) -> tuple[float, Array]:
     """The configuration at the reference for the models' axis, and its slope (n - 6,) there."""
+    if prior is ZERO_CONFIGURATION:
+        return 0.0, np.zeros(dimension(kind) - 6)
     B_prior, B = normal_basis(prior.a[kind]), normal_basis(m.a[kind])
     along = np.concatenate([m.a[kind] - prior.a[kind], m.c[kind] - prior.c[kind]]).reshape(2, 3)
     slope = prior.slope[kind].reshape(2, 2)

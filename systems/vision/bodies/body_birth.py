@@ -4,43 +4,40 @@ from dataclasses import replace
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array, Ids
+from maths.arrays import Array, Ids, Mask
 from systems.port_values import (
-    INTERACTED_BODY,
     STATIC_BODY,
     PoseBelief,
 )
-from systems.vision.bodies import body_filter, body_tracking
-from systems.vision.bodies.body_level import (
-    BodyLevel,
+from systems.vision.bodies import body_filter, body_tracking, held_body
+from systems.vision.bodies.body_tracker_state import (
+    BodyTrackerState,
     RestPositions,
-    RigidBodyMotionConfig,
     TrackedBody,
 )
-from systems.vision.bodies.feature_history import (
+from systems.vision.bodies.feature_displacements import (
     Displacements,
-    FeatureHistory,
-    Mask,
     displacements,
     squared_distances,
 )
+from systems.vision.bodies.feature_history import FeatureHistory
 from systems.vision.bodies.motion_consensus import Consensus, find_consensus, stillness
+from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 
 def free_motion(
     config: RigidBodyMotionConfig, history: FeatureHistory
 ) -> tuple[Displacements, Array, Mask]:
-    """The features' displacements in W, how unlike standing still they are, and which are free.
+    """The features' displacements in W, their squared distances from rest, and which are free.
 
     Zero where a feature is not free, not seen or too young to tell.
     """
-    d = displacements(history, newest=config.newest)
+    d = displacements(history, newest=config.history.newest)
     free = (history.body == STATIC_BODY) & history.seen
     free &= (d.count_new >= 2) & (d.count_old >= 5)
     distance = np.zeros(len(free))
     if free.any():
-        S = (d.C_old + d.C_new)[free] + config.feature_floor**2 * np.eye(3)
+        S = (d.C_old + d.C_new)[free] + config.history.floor**2 * np.eye(3)
         distance[free], _ = squared_distances((d.p_new - d.p_old)[free], S)
     return d, distance, free
 
@@ -62,33 +59,33 @@ def find_moving_features(
     """Free features that share a significant motion.
 
     Returns:
-        The history with updated suspicion, the motion, and the rows of its supporters.
+        The history with new rejection counts, the motion, and the rows of its supporters.
     """
     d, distance, free = free_motion(config, history)
-    moving = free & (distance > config.moving)
-    suspicion = np.where(moving, history.suspicion + 1, history.suspicion)
-    suspicion = np.where(free & ~moving, 0, suspicion)
-    history = replace(history, suspicion=suspicion)
+    moving = free & (distance > config.birth.motion_gate)
+    rejection_count = np.where(moving, history.rejection_count + 1, history.rejection_count)
+    rejection_count = np.where(free & ~moving, 0, rejection_count)
+    history = replace(history, rejection_count=rejection_count)
     none = np.zeros(0, np.int64)
-    if np.sum(moving) < config.min_support:
+    if np.sum(moving) < config.birth.min_support:
         return history, None, none
     rows = np.nonzero(free)[0]
     consensus = find_consensus(
-        _subset(d, rows, config.feature_floor),
+        _subset(d, rows, config.history.floor),
         distance[rows],
         np.nonzero(moving[rows])[0],
-        np.random.default_rng([config.seed, tick]),
+        np.random.default_rng([config.birth.seed, tick]),
         gate=config.gate,
-        better=config.better,
-        rotation_sigma=config.rotation_sigma,
+        support_gate=config.birth.support_gate,
+        rotation_sigma=config.birth.rotation_sigma,
     )
     if consensus is None:
         return history, None, none
     supporters = rows[consensus.support]
-    if len(supporters) < config.min_support or consensus.gain < config.min_gain:
+    if len(supporters) < config.birth.min_support or consensus.gain < config.birth.min_gain:
         return history, None, none
     p = d.p_old[supporters]
-    if np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))) < config.min_spread:
+    if np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))) < config.birth.min_spread:
         return history, None, none
     if not outnumbers(config, history, d, consensus.X, supporters):
         return history, None, none
@@ -111,12 +108,12 @@ def outnumbers(
     told[supporters] = False
     others = np.nonzero(told)[0]
     error = d.p_new[others] - d.p_old[others] @ X[:3, :3].T - X[:3, 3]
-    S = d.C_old[others] + d.C_new[others] + config.feature_floor**2 * np.eye(3)
+    S = d.C_old[others] + d.C_new[others] + config.history.floor**2 * np.eye(3)
     against = others[squared_distances(error, S)[0] > config.gate]
 
     def neighbours(rows: Ids) -> int:
         difference = d.p_new[supporters][:, None] - d.p_new[rows]
-        return int(np.sum(np.sum(difference**2, axis=2) < config.neighbourhood**2))
+        return int(np.sum(np.sum(difference**2, axis=2) < config.birth.neighbourhood**2))
 
     return neighbours(supporters) > neighbours(against)
 
@@ -129,10 +126,10 @@ def onset(
     Without any still tick it is the first one at which most of them were seen.
     """
     window = history.p_W.shape[1]
-    d = displacements(history.select(rows), newest=config.newest)
+    d = displacements(history.select(rows), newest=config.history.newest)
     motion = d.p_old @ X[:3, :3].T + X[:3, 3] - d.p_old
     share, sigma = stillness(history.p_W[rows], history.information[rows], d.p_old, motion)
-    # The earlier mean may hold moving samples; zero is where the shares start.
+    # The earlier mean may hold samples of the motion: the shares then start from an offset.
     start = np.nanmedian(share[np.isfinite(share)][:5])
     excess = np.abs(share - start) / sigma
     smooth = np.convolve(np.where(np.isfinite(excess), excess, 0.0), np.ones(2) / 2.0)[:window]
@@ -153,29 +150,33 @@ def first_positions(
     return RestPositions(
         ids=history.ids[seen],
         p_WF=history.p_W[seen, reference],
-        covariance=covariance + config.anchor_floor**2 * np.eye(3),
+        covariance=covariance + config.landmarks.floor**2 * np.eye(3),
     )
 
 
 def new_body(
-    config: RigidBodyMotionConfig, level: BodyLevel, history: FeatureHistory, rows: Ids, X: Array
+    config: RigidBodyMotionConfig,
+    state: BodyTrackerState,
+    history: FeatureHistory,
+    rows: Ids,
+    X: Array,
 ) -> TrackedBody:
     """A body from the features' samples: standing at its reference, then replayed until now."""
     window = history.p_W.shape[1]
     reference, stood = onset(config, history, rows, X)
-    reference_tick = level.tick + 1 - (window - 1 - reference)
+    reference_tick = state.tick + 1 - (window - 1 - reference)
     if stood:
-        rest = body_tracking.rest_positions(config, history, reference_tick, level.tick + 1)
+        rest = body_tracking.rest_positions(config, history, reference_tick, state.tick + 1)
     else:
         rest = first_positions(config, history.select(rows), reference)
-    _, anchored, of_rest = np.intersect1d(history.ids[rows], rest.ids, return_indices=True)
-    anchored, of_rest = anchored[: config.max_anchors], of_rest[: config.max_anchors]
-    mine = history.select(rows[anchored])
+    _, placed, of_rest = np.intersect1d(history.ids[rows], rest.ids, return_indices=True)
+    placed, of_rest = placed[: config.landmarks.max_count], of_rest[: config.landmarks.max_count]
+    mine = history.select(rows[placed])
     X_WB_reference = np.eye(4)
     X_WB_reference[:3, 3] = rest.p_WF[of_rest].mean(axis=0)
-    sigma = np.repeat([config.initial_angular_velocity, config.initial_linear_velocity], 3)
+    sigma = config.dynamics.initial_velocity
     body = body_filter.at_reference(X_WB_reference, sigma if stood else 5.0 * sigma)
-    body = body_filter.add_rest_anchors(
+    body = body_filter.add_reference_landmarks(
         body, mine.ids, X_WB_reference, rest.p_WF[of_rest], rest.covariance[of_rest]
     )
     path = np.tile(X_WB_reference, (window, 1, 1))
@@ -190,48 +191,34 @@ def new_body(
             body = body_filter.correct(body, seen[fits], p_WF[fits], covariance[fits])
         path[k] = body.X
     return TrackedBody(
-        body_id=level.next_id,
+        body_id=state.next_id,
         filter=body,
         X_WB_reference=X_WB_reference,
         reference_tick=reference_tick,
         rest=rest,
         path=path,
-        support=len(anchored),
+        support=len(placed),
         source="birth",
     )
 
 
-def is_interacted(
-    config: RigidBodyMotionConfig, body: TrackedBody, X: Array, prior: PoseBelief
-) -> bool:
-    """Whether a motion X (4, 4) since the reference may be that of the body in the hand."""
-    error = se3.log(se3.inverse(X @ body.X_WB_reference) @ prior.X)
-    slack = np.repeat([config.prior_rotation_walk, config.prior_translation_walk], 3)
-    S = prior.covariance + np.diag(slack**2)
-    return bool(error @ np.linalg.solve(S, error) < 22.46)  # 0.1 % of 6 dof exceed it.
-
-
 def give_birth(
     config: RigidBodyMotionConfig,
-    level: BodyLevel,
+    state: BodyTrackerState,
     bodies: list[TrackedBody],
     history: FeatureHistory,
     prior: PoseBelief | None,
 ) -> tuple[list[TrackedBody], FeatureHistory, int]:
-    """At most one new body; or new features of the interacted body if it has none."""
-    history, consensus, rows = find_moving_features(config, history, level.tick + 1)
+    """At most one new body; or new features of the held body if it has none."""
+    history, consensus, rows = find_moving_features(config, history, state.tick + 1)
     if consensus is None:
-        return bodies, history, level.next_id
-    assigned = history.body.copy()
-    suspicion = history.suspicion.copy()
-    suspicion[rows] = 0
-    for body in bodies:
-        if body.body_id != INTERACTED_BODY or body.support or prior is None:
-            continue
-        if is_interacted(config, body, consensus.X, prior):
-            assigned[rows] = INTERACTED_BODY
-            return bodies, replace(history, body=assigned, suspicion=suspicion), level.next_id
-    born = new_body(config, level, history, rows, consensus.X)
-    assigned[rows] = born.body_id
-    history = replace(history, body=assigned, suspicion=suspicion)
-    return [*bodies, born], history, level.next_id + 1
+        return bodies, history, state.next_id
+    held = held_body.find_held(bodies)
+    if held is not None and held_body.claims(config, held, consensus.X, prior):
+        owner, next_id = held.body_id, state.next_id
+    else:
+        born = new_body(config, state, history, rows, consensus.X)
+        bodies, owner, next_id = [*bodies, born], born.body_id, state.next_id + 1
+    assigned, rejection_count = history.body.copy(), history.rejection_count.copy()
+    assigned[rows], rejection_count[rows] = owner, 0
+    return bodies, replace(history, body=assigned, rejection_count=rejection_count), next_id

@@ -1,11 +1,11 @@
-"""Extended Kalman filter of one rigid body's motion together with the anchors of its features.
+"""Extended Kalman filter of one rigid body's motion together with the landmarks of its features.
 
-A feature's anchor is its constant position p_BF in the body. Anchors are part of the state, so that
-the errors they share with the pose, and with one another, are known: an anchor measured while the
-body stood at its reference is independent of all later ones, an anchor born while it moves inherits
-the pose's error of that instant, and none is counted twice.
+A landmark is a feature's constant position p_BF in the body. Landmarks are part of the state, so
+that the errors they share with the pose, and with one another, are known: a landmark measured while
+the body stood at its reference is independent of all later ones, a landmark born while it moves
+inherits the pose's error of that instant, and none is counted twice.
 
-Error state: (rotation, translation of X_WB in B; velocity V_WB_B; anchors in B), with
+Error state: (rotation, translation of X_WB in B; velocity V_WB_B; landmarks in B), with
 X_WB = X_mean exp(xi). Measurement in B: X_WB^-1 p_WF - p_BF, whose Jacobian is constant in B.
 """
 
@@ -14,16 +14,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from maths import se3
+from maths import error_state, se3
 from maths.arrays import Array, Ids, Mask
 from maths.gaussian import diagonal_blocks
 from maths.immutable import Immutable
-
-Mask = Mask
+from maths.rigid_points import pose_jacobian
 
 _POSE = slice(0, 6)
 _MOTION = 12
-_EXACT = 1e-12  # Of a position that is known exactly, [m^2].
+_EXACT = 1e-12  # Variance of a position that is known exactly, [m^2].
 
 
 @dataclass(kw_only=True)
@@ -33,10 +32,11 @@ class BodyFilter(Immutable):
     Attributes:
         X: X_WB (4, 4).
         V: V_WB_B (6,), [rad/s, m/s].
-        ids: Features with an anchor (K,).
-        p_BF: Anchors (K, 3), [m].
-        p_BF_first: What they were when they were added (K, 3), [m].
-        C_first: Their covariance then (3K, 3K), [m^2]; those added together share the pose's error.
+        ids: Features with a landmark (K,).
+        p_BF: Landmarks (K, 3), [m].
+        p_BF_initial: Landmarks when they were added (K, 3), [m].
+        initial_covariance: Joint covariance (3K, 3K) of the landmarks when they were added, [m^2];
+            those that were added together share the pose's error.
         P: Covariance (12 + 3K, 12 + 3K).
     """
 
@@ -44,18 +44,18 @@ class BodyFilter(Immutable):
     V: Array
     ids: Ids
     p_BF: Array
-    p_BF_first: Array
-    C_first: Array
+    p_BF_initial: Array
+    initial_covariance: Array
     P: Array
 
     @property
-    def p_BF_covariance(self) -> Array:
-        """Marginal covariances of the anchors (K, 3, 3), [m^2]."""
-        return diagonal_blocks(self.anchor_covariance)
+    def landmark_blocks(self) -> Array:
+        """Marginal covariances of the landmarks (K, 3, 3), [m^2]."""
+        return diagonal_blocks(self.landmark_covariance)
 
     @property
-    def anchor_covariance(self) -> Array:
-        """Joint covariance of the anchors (3K, 3K), [m^2]."""
+    def landmark_covariance(self) -> Array:
+        """Joint covariance of the landmarks (3K, 3K), [m^2]."""
         return self.P[_MOTION:, _MOTION:].copy()
 
 
@@ -68,14 +68,14 @@ def at_reference(X_WB: Array, sigma_V: Array) -> BodyFilter:
         V=np.zeros(6),
         ids=np.zeros(0, np.int64),
         p_BF=np.zeros((0, 3)),
-        p_BF_first=np.zeros((0, 3)),
-        C_first=np.zeros((0, 0)),
+        p_BF_initial=np.zeros((0, 3)),
+        initial_covariance=np.zeros((0, 0)),
         P=P,
     )
 
 
 def predict(
-    body: BodyFilter, dt: float, acceleration: Array, anchor_walk: float, turn_walk: float
+    body: BodyFilter, dt: float, acceleration: Array, landmark_walk: float, turn_walk: float
 ) -> BodyFilter:
     """Constant velocity for `dt` [s], driven by white acceleration.
 
@@ -83,41 +83,23 @@ def predict(
         body: At the last tick.
         dt: [s].
         acceleration: Spectral densities (6,), [rad^2/s^3, m^2/s^3].
-        anchor_walk: Drift of the anchors, [m/sqrt(s)].
+        landmark_walk: Drift of the landmarks, [m/sqrt(s)].
         turn_walk: The same per turn of the body, which changes how patches look, [m/sqrt(rad)].
     """
     step = se3.exp(body.V * dt)
     F = np.eye(_MOTION)
     F[:6, :6] = se3.adjoint(se3.inverse(step))
     F[:6, 6:] = se3.right_jacobian(body.V * dt) * dt
-    P = body.P.copy()
-    P[:_MOTION] = F @ P[:_MOTION]
-    P[:, :_MOTION] = P[:, :_MOTION] @ F.T
+    P = error_state.propagate(body.P, slice(0, _MOTION), F)
     Q = np.diag(acceleration)
     P[:6, :6] += Q * dt**3 / 3.0
     P[:6, 6:_MOTION] += Q * dt**2 / 2.0
     P[6:_MOTION, :6] += Q * dt**2 / 2.0
     P[6:_MOTION, 6:_MOTION] += Q * dt
-    anchors = np.arange(_MOTION, len(P))
+    landmarks = np.arange(_MOTION, len(P))
     turn = float(np.linalg.norm(body.V[:3])) * dt
-    P[anchors, anchors] += anchor_walk**2 * dt + turn_walk**2 * turn
+    P[landmarks, landmarks] += landmark_walk**2 * dt + turn_walk**2 * turn
     return replace(body, X=body.X @ step, P=P)
-
-
-def _cross(p: Array) -> Array:
-    """Matrices (K, 3, 3) with `_cross(p)[k] @ w == cross(p[k], w)`."""
-    K = np.zeros((len(p), 3, 3))
-    K[:, 0, 1], K[:, 0, 2], K[:, 1, 2] = -p[:, 2], p[:, 1], -p[:, 0]
-    K[:, 1, 0], K[:, 2, 0], K[:, 2, 1] = p[:, 2], -p[:, 1], p[:, 0]
-    return K
-
-
-def pose_jacobian(p_BF: Array) -> Array:
-    """d(exp(xi) p)/dxi (K, 3, 6) at zero, for points (K, 3)."""
-    J = np.zeros((len(p_BF), 3, 6))
-    J[:, :, :3] = -_cross(p_BF)
-    J[:, [0, 1, 2], [3, 4, 5]] = 1.0
-    return J
 
 
 def in_body(X_WB: Array, p_WF: Array, covariance: Array) -> tuple[Array, Array]:
@@ -127,7 +109,7 @@ def in_body(X_WB: Array, p_WF: Array, covariance: Array) -> tuple[Array, Array]:
 
 
 def innovation_blocks(body: BodyFilter, index: Ids, R_B: Array) -> Array:
-    """Each feature's innovation covariance (K, 3, 3), for anchors `index` and noise `R_B`."""
+    """Each feature's innovation covariance (K, 3, 3), for landmarks `index` and noise `R_B`."""
     J = pose_jacobian(body.p_BF[index])
     rows = _MOTION + 3 * index[:, None] + np.arange(3)
     cross = J @ body.P[_POSE][:, rows].transpose(1, 0, 2)
@@ -145,7 +127,7 @@ def agreeing(body: BodyFilter, index: Ids, p_WF: Array, covariance: Array, gate:
 
     Args:
         body: Predicted.
-        index: Anchors of the features (K,).
+        index: Landmarks of the features (K,).
         p_WF: Where they were seen (K, 3).
         covariance: (K, 3, 3).
         gate: Squared Mahalanobis distance of 3 dof.
@@ -155,7 +137,7 @@ def agreeing(body: BodyFilter, index: Ids, p_WF: Array, covariance: Array, gate:
     z, R_B = in_body(body.X, p_WF, covariance)
     innovation = z - body.p_BF[index]
     J = pose_jacobian(z)
-    S = R_B + body.p_BF_covariance[index]
+    S = R_B + body.landmark_blocks[index]
     S_inverse = np.linalg.inv(S)
     JS = J.transpose(0, 2, 1) @ S_inverse
     normals = JS @ J
@@ -176,10 +158,7 @@ def agreeing(body: BodyFilter, index: Ids, p_WF: Array, covariance: Array, gate:
 
 
 def correct(body: BodyFilter, index: Ids, p_WF: Array, covariance: Array) -> BodyFilter:
-    """The filter after the features at anchors `index` (K,) were seen at `p_WF` (K, 3).
-
-    The covariance shrinks by W^T W with W = L^-1 H P and L L^T = S: symmetric by construction.
-    """
+    """The filter after the features at landmarks `index` (K,) were seen at `p_WF` (K, 3)."""
     count = len(index)
     if count == 0:
         return body
@@ -191,26 +170,26 @@ def correct(body: BodyFilter, index: Ids, p_WF: Array, covariance: Array) -> Bod
     S = 0.5 * (S + S.T)
     blocks = np.arange(3 * count).reshape(count, 3)
     S[blocks[:, :, None], blocks[:, None, :]] += R_B
-    L = scipy.linalg.cholesky(S, lower=True, check_finite=False)
-    W = scipy.linalg.solve_triangular(L, HP, lower=True, check_finite=False)
-    innovation = (z - body.p_BF[index]).ravel()
-    whitened = scipy.linalg.solve_triangular(L, innovation, lower=True, check_finite=False)
-    dx = W.T @ whitened
-    P = body.P - W.T @ W
+    dx, P = error_state.update(body.P, HP, S, (z - body.p_BF[index]).ravel())
     return replace(
         body,
         X=body.X @ se3.exp(dx[:6]),
         V=body.V + dx[6:_MOTION],
         p_BF=body.p_BF + dx[_MOTION:].reshape(-1, 3),
-        P=0.5 * (P + P.T),
+        P=P,
     )
 
 
-def _still_common(C: Array, P: Array, cross: Array) -> Array:
-    """What states known to P (n, n) now have in common with others, `cross` (n, m), at C (n, n).
+def _shrunk_cross_covariance(C: Array, P: Array, cross: Array) -> Array:
+    """The cross covariance (n, m) of some states with others that goes with a covariance C.
 
-    In the directions in which C is smaller it shrinks by as much as their standard deviations, so
-    that C, it and the others' covariance still make a covariance.
+    Where C is smaller than P, the cross covariance shrinks in proportion to the standard deviation,
+    so that C, it and the others' covariance together are a covariance.
+
+    Args:
+        C: Covariance (n, n) of the states at another time.
+        P: Their present covariance (n, n).
+        cross: Their present cross covariance (n, m) with the others.
     """
     P = P + _EXACT * np.eye(len(P))
     ratio, W = scipy.linalg.eigh(C, P)
@@ -218,40 +197,36 @@ def _still_common(C: Array, P: Array, cross: Array) -> Array:
 
 
 def _extended(body: BodyFilter, ids: Ids, p_BF: Array, rows: Array, blocks: Array) -> BodyFilter:
-    """Appends anchors with covariances `rows` with the present state and `blocks` of their own."""
-    old, new = len(body.P), 3 * len(ids)
-    P = np.zeros((old + new, old + new))
-    P[:old, :old] = body.P
-    P[old:, :old] = rows
-    P[:old, old:] = rows.T
-    P[old:, old:] = blocks
+    """Appends landmarks; `rows` (3K, n) is their covariance with the state, `blocks` their own."""
     grown = replace(
         body,
         ids=np.concatenate([body.ids, ids]),
         p_BF=np.concatenate([body.p_BF, p_BF]),
-        p_BF_first=np.concatenate([body.p_BF_first, p_BF]),
-        P=P,
+        p_BF_initial=np.concatenate([body.p_BF_initial, p_BF]),
+        P=error_state.augment(body.P, rows, blocks),
     )
-    C_first = grown.anchor_covariance
-    known = old - _MOTION
-    if known and new:
-        cross = _still_common(body.C_first, body.anchor_covariance, C_first[:known, known:])
-        C_first[:known, known:], C_first[known:, :known] = cross, cross.T
-    C_first[:known, :known] = body.C_first
-    return replace(grown, C_first=C_first)
+    initial_covariance = grown.landmark_covariance
+    known = 3 * len(body.ids)
+    if known and len(ids):
+        cross = _shrunk_cross_covariance(
+            body.initial_covariance, body.landmark_covariance, initial_covariance[:known, known:]
+        )
+        initial_covariance[:known, known:], initial_covariance[known:, :known] = cross, cross.T
+    initial_covariance[:known, :known] = body.initial_covariance
+    return replace(grown, initial_covariance=initial_covariance)
 
 
-def add_rest_anchors(
+def add_reference_landmarks(
     body: BodyFilter, ids: Ids, X_WB_reference: Array, p_WF: Array, covariance: Array
 ) -> BodyFilter:
-    """Anchors from positions (K, 3) averaged while the body stood at its reference."""
+    """Landmarks from positions (K, 3) averaged while the body stood at its reference."""
     p_BF, R_B = in_body(X_WB_reference, p_WF, covariance)
     blocks = scipy.linalg.block_diag(*R_B) if len(ids) else np.zeros((0, 0))
     return _extended(body, ids, p_BF, np.zeros((3 * len(ids), len(body.P))), blocks)
 
 
-def add_present_anchors(body: BodyFilter, ids: Ids, p_WF: Array, covariance: Array) -> BodyFilter:
-    """Anchors from positions (K, 3) at the present pose, whose error they inherit.
+def add_current_landmarks(body: BodyFilter, ids: Ids, p_WF: Array, covariance: Array) -> BodyFilter:
+    """Landmarks from positions (K, 3) at the present pose, whose error they inherit.
 
     p_BF = X_WB^-1 p_WF moves by -J xi with the pose's error.
     """
@@ -265,14 +240,11 @@ def add_present_anchors(body: BodyFilter, ids: Ids, p_WF: Array, covariance: Arr
 
 def with_known_pose(body: BodyFilter) -> BodyFilter:
     """The filter whose pose is right by definition."""
-    P = body.P.copy()
-    P[_POSE] = 0.0
-    P[:, _POSE] = 0.0
-    return replace(body, P=P)
+    return replace(body, P=error_state.reset(body.P, _POSE, 0.0))
 
 
-def remove_anchors(body: BodyFilter, ids: Ids) -> BodyFilter:
-    """The filter without the anchors of these features."""
+def remove_landmarks(body: BodyFilter, ids: Ids) -> BodyFilter:
+    """The filter without the landmarks of these features."""
     keep = ~np.isin(body.ids, ids)
     if keep.all():
         return body
@@ -281,49 +253,53 @@ def remove_anchors(body: BodyFilter, ids: Ids) -> BodyFilter:
         body,
         ids=body.ids[keep],
         p_BF=body.p_BF[keep],
-        p_BF_first=body.p_BF_first[keep],
-        C_first=body.C_first[np.ix_(rows[_MOTION:], rows[_MOTION:])],
-        P=body.P[np.ix_(rows, rows)],
+        p_BF_initial=body.p_BF_initial[keep],
+        initial_covariance=error_state.remove(body.initial_covariance, rows[_MOTION:]),
+        P=error_state.remove(body.P, rows),
     )
 
 
 def drifted(body: BodyFilter, gate: float) -> Mask:
-    """Which anchors (K,) have moved farther since they were added than their covariance then.
+    """Which landmarks (K,) have moved farther since they were added than their covariance allowed.
 
-    A patch that lies on two surfaces slides slowly, and its anchor follows.
+    A patch that lies on two surfaces slides slowly, and its landmark follows.
     """
-    e = body.p_BF - body.p_BF_first
+    e = body.p_BF - body.p_BF_initial
     return np.asarray(
-        np.einsum("ki,kij,kj->k", e, np.linalg.inv(diagonal_blocks(body.C_first)), e) > gate
+        np.einsum("ki,kij,kj->k", e, np.linalg.inv(diagonal_blocks(body.initial_covariance)), e)
+        > gate
     )
 
 
-def rebuilt(body: BodyFilter, sigma: Array) -> BodyFilter:
-    """The filter as if its anchors had just been added and its pose were known up to `sigma` (6,).
+def reset_to_initial(body: BodyFilter, sigma: Array) -> BodyFilter:
+    """The filter with its landmarks as they were added and a pose that is known up to `sigma` (6,).
 
-    For when one of its features turned out wrong, and has already moved pose and anchors.
+    This undoes what a feature that turned out wrong has done to pose and landmarks.
     """
     P = np.zeros_like(body.P)
     P[_POSE, _POSE] = np.diag(sigma**2)
     P[6:_MOTION, 6:_MOTION] = body.P[6:_MOTION, 6:_MOTION]
     if len(body.ids):
-        P[_MOTION:, _MOTION:] = body.C_first
-    return replace(body, p_BF=body.p_BF_first, P=P)
+        P[_MOTION:, _MOTION:] = body.initial_covariance
+    return replace(body, p_BF=body.p_BF_initial, P=P)
 
 
 def inflated(body: BodyFilter, sigma: Array) -> BodyFilter:
     """The filter whose pose may have jumped by `sigma` (6,), [rad, m]."""
-    P = body.P.copy()
-    P[_POSE, _POSE] += np.diag(sigma**2)
-    return replace(body, P=P)
+    return replace(body, P=error_state.inflate(body.P, _POSE, np.diag(sigma**2)))
 
 
-def carried(body: BodyFilter, X_WB: Array, dt: float, walk: Array) -> BodyFilter:
-    """The filter moved to `X_WB` by another's account, trusted up to `walk` (6,) per sqrt(s)."""
+def moved_to(body: BodyFilter, X_WB: Array, dt: float, walk: Array) -> BodyFilter:
+    """The filter at a pose X_WB (4, 4) from elsewhere, whose error walks by `walk` (6,).
+
+    Args:
+        body: At the last tick.
+        X_WB: Pose now.
+        dt: Time since the last tick, [s].
+        walk: Random walk of the pose's error, [rad/sqrt(s), m/sqrt(s)].
+    """
     step = se3.inverse(body.X) @ X_WB
     Ad = se3.adjoint(se3.inverse(step))
-    P = body.P.copy()
-    P[_POSE] = Ad @ P[_POSE]
-    P[:, _POSE] = P[:, _POSE] @ Ad.T
-    P[_POSE, _POSE] += np.diag(walk**2 * dt)
+    P = error_state.propagate(body.P, _POSE, Ad)
+    P = error_state.inflate(P, _POSE, np.diag(walk**2 * dt))
     return replace(body, X=X_WB, V=se3.log(step) / dt, P=0.5 * (P + P.T))

@@ -1,51 +1,41 @@
-"""The motion of known rigid bodies over one tick: predictions, correction, anchors."""
+"""The motion of known rigid bodies over one tick: predictions, correction, landmarks."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from maths import se3
-from maths.arrays import Array, Ids
+from maths.arrays import Array, Ids, Mask
 from systems.port_values import (
-    INTERACTED_BODY,
-    STATIC_BODY,
-    BodyPredictions,
     FeatureBelief,
-    PoseBelief,
 )
 from systems.vision.bodies import body_filter
 from systems.vision.bodies.body_filter import BodyFilter
-from systems.vision.bodies.body_level import (
-    BodyLevel,
+from systems.vision.bodies.body_tracker_state import (
+    BodyTrackerState,
     RestPositions,
-    RigidBodyMotionConfig,
     TrackedBody,
 )
-from systems.vision.bodies.feature_history import (
-    FeatureHistory,
-    Mask,
-    displacements,
-    forget,
-    remember,
-    squared_distances,
-)
+from systems.vision.bodies.feature_displacements import displacements, squared_distances
+from systems.vision.bodies.feature_history import FeatureHistory, remember
+from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
-_STILL = 5  # Ticks up to a reference that tell whether a feature was nudged before.
+STILL = 5  # Time up to a reference within which a nudge of a feature shows, [ticks].
 
 
 def predict(config: RigidBodyMotionConfig, body: BodyFilter) -> BodyFilter:
     """The filter one tick later, by its velocity."""
-    acceleration = np.repeat([config.angular_acceleration, config.linear_acceleration], 3)
+    acceleration = config.dynamics.process_noise
     return body_filter.predict(
-        body, config.period, acceleration, config.anchor_walk, config.turn_walk
+        body, config.period, acceleration, config.landmarks.walk, config.landmarks.turn_walk
     )
 
 
-def _seen_anchors(body: BodyFilter, history: FeatureHistory) -> tuple[Ids, Ids]:
-    """Indices of the anchors whose features are seen now, and of these in the history."""
-    _, anchors, rows = np.intersect1d(body.ids, history.ids, return_indices=True)
+def _seen_landmarks(body: BodyFilter, history: FeatureHistory) -> tuple[Ids, Ids]:
+    """Indices of the landmarks whose features are seen now, and of these in the history."""
+    _, landmarks, rows = np.intersect1d(body.ids, history.ids, return_indices=True)
     seen = history.seen[rows]
-    return anchors[seen], rows[seen]
+    return landmarks[seen], rows[seen]
 
 
 def newest_samples(history: FeatureHistory, rows: Ids) -> tuple[Array, Array]:
@@ -54,12 +44,12 @@ def newest_samples(history: FeatureHistory, rows: Ids) -> tuple[Array, Array]:
 
 
 def robust_likelihood(
-    config: RigidBodyMotionConfig, body: BodyFilter, anchors: Ids, p_WF: Array, covariance: Array
+    config: RigidBodyMotionConfig, body: BodyFilter, landmarks: Ids, p_WF: Array, covariance: Array
 ) -> float:
     """Log likelihood, up to a constant, of features at a pose; outliers count as on the gate."""
     z, R_B = body_filter.in_body(body.X, p_WF, covariance)
-    S = body_filter.innovation_blocks(body, anchors, R_B)
-    distance, log_determinant = squared_distances(z - body.p_BF[anchors], S)
+    S = body_filter.innovation_blocks(body, landmarks, R_B)
+    distance, log_determinant = squared_distances(z - body.p_BF[landmarks], S)
     return -0.5 * float(np.sum(np.minimum(distance, config.gate) + log_determinant))
 
 
@@ -80,45 +70,45 @@ def advance(
     Returns:
         The body, and the rows of the history that agreed and disagreed.
     """
-    old = body_filter.remove_anchors(body.filter, np.setdiff1d(body.filter.ids, history.ids))
+    old = body_filter.remove_landmarks(body.filter, np.setdiff1d(body.filter.ids, history.ids))
     predicted = predict(config, old)
     candidates = [("velocity", predicted), ("still", replace(predicted, X=old.X, V=np.zeros(6)))]
     for source, X_WB in predictions:
         V = se3.log(se3.inverse(old.X) @ X_WB) / config.period
         candidates.append((source, replace(predicted, X=X_WB, V=V)))
-    anchors, rows = _seen_anchors(predicted, history)
+    landmarks, rows = _seen_landmarks(predicted, history)
     if len(rows) == 0:
         return _coasted(config, body, old, candidates), rows, rows
     p_WF, covariance = newest_samples(history, rows)
-    scores = [robust_likelihood(config, c, anchors, p_WF, covariance) for _, c in candidates]
+    scores = [robust_likelihood(config, c, landmarks, p_WF, covariance) for _, c in candidates]
     source, chosen = candidates[int(np.argmax(scores))]
-    chosen, fits = _agreeing(config, chosen, anchors, p_WF, covariance)
+    chosen, fits = _agreeing(config, chosen, landmarks, p_WF, covariance)
     if body.unsupported > 0 and np.sum(fits) < config.keep_support:
         # While the pose is uncertain, any one feature would fit.
         return _coasted(config, body, old, candidates), rows[:0], rows
-    filtered = body_filter.correct(chosen, anchors[fits], p_WF[fits], covariance[fits])
-    moved = _recorded(config, body, filtered, source, int(np.sum(fits)))
+    filtered = body_filter.correct(chosen, landmarks[fits], p_WF[fits], covariance[fits])
+    moved = recorded(config, body, filtered, source, int(np.sum(fits)))
     return moved, rows[fits], rows[~fits]
 
 
 def _agreeing(
     config: RigidBodyMotionConfig,
     body: BodyFilter,
-    anchors: Ids,
+    landmarks: Ids,
     p_WF: Array,
     covariance: Array,
 ) -> tuple[BodyFilter, Mask]:
     """The features that agree; where most do not, after a jump of the pose, if they do then."""
-    fits = body_filter.agreeing(body, anchors, p_WF, covariance, config.gate)
-    if len(fits) < config.min_support or np.mean(fits) > 0.5:
+    fits = body_filter.agreeing(body, landmarks, p_WF, covariance, config.gate)
+    if len(fits) < config.birth.min_support or np.mean(fits) > 0.5:
         return body, fits
-    sigma = np.repeat([config.jump_rotation, config.jump_translation], 3)
+    sigma = config.dynamics.jump
     jumped = body_filter.inflated(body, sigma)
-    again = body_filter.agreeing(jumped, anchors, p_WF, covariance, config.gate)
+    again = body_filter.agreeing(jumped, landmarks, p_WF, covariance, config.gate)
     return (jumped, again) if np.mean(again) > 0.6 else (body, fits)
 
 
-def _recorded(
+def recorded(
     config: RigidBodyMotionConfig,
     body: TrackedBody,
     filtered: BodyFilter,
@@ -143,13 +133,13 @@ def _coasted(
     old: BodyFilter,
     candidates: list[tuple[str, BodyFilter]],
 ) -> TrackedBody:
-    """Without features: follow the interacted body's prior, else the velocity."""
+    """The body without features: it follows the prior where there is one, else its velocity."""
     for source, candidate in candidates:
         if source == "prior":
-            walk = np.repeat([config.prior_rotation_walk, config.prior_translation_walk], 3)
-            moved = body_filter.carried(old, candidate.X, config.period, walk)
-            return _recorded(config, body, moved, source, 0)
-    return _recorded(config, body, candidates[0][1], "velocity", 0)
+            walk = config.held_body.prior_walk
+            moved = body_filter.moved_to(old, candidate.X, config.period, walk)
+            return recorded(config, body, moved, source, 0)
+    return recorded(config, body, candidates[0][1], "velocity", 0)
 
 
 def rest_positions(
@@ -168,7 +158,7 @@ def rest_positions(
         history,
         newest=0,
         use_rest=np.zeros(len(before), bool),
-        first_old=last + 1 - _STILL,
+        first_old=last + 1 - STILL,
         last_old=last,
     )
     valid = (long.count_old >= 3) & (short.count_old >= 2)
@@ -178,51 +168,28 @@ def rest_positions(
         )
         nudged = np.nonzero(valid)[0][distance > config.gate]
         p[nudged], C[nudged] = short.p_old[nudged], short.C_old[nudged]
-    C = C + config.anchor_floor**2 * np.eye(3)
+    C = C + config.landmarks.floor**2 * np.eye(3)
     return RestPositions(ids=history.ids[valid], p_WF=p[valid], covariance=C[valid])
 
 
-def without_nudges(
-    config: RigidBodyMotionConfig, history: FeatureHistory, ticks: int
-) -> FeatureHistory:
-    """Forgets where free features were before they moved within the window's last ticks.
-
-    Closing the hand moves more than what it will hold. None of that is motion with the hand, which
-    counts from then on only.
-    """
-    window = history.p_W.shape[1]
-    free = history.body == STATIC_BODY
-    before = displacements(history, newest=0, last_old=window - 1)
-    now = displacements(
-        history, newest=0, use_rest=np.zeros(len(free), bool), first_old=window - ticks
-    )
-    told = np.nonzero(free & (before.count_old >= ticks) & (now.count_old >= 2))[0]
-    if len(told) == 0:
-        return history
-    S = now.C_old[told] + before.C_old[told]
-    distance, _ = squared_distances(now.p_old[told] - before.p_old[told], S)
-    rows = told[distance > config.nudged]
-    return forget(history, rows, ticks)
-
-
-def with_anchors(
+def with_new_landmarks(
     config: RigidBodyMotionConfig, body: TrackedBody, history: FeatureHistory
 ) -> TrackedBody:
-    """Gives anchors to assigned features that have none, as far as there is room.
+    """Gives landmarks to assigned features that have none, as far as there is room.
 
     If these are all that the body has, and none was there when it stood at its reference, its pose
-    is from now on where it is believed to be, up to a constant (`BodyMotion.anchored`).
+    is from now on where it is believed to be, up to a constant (`BodyMotion.reset_count`).
     """
     waiting = (history.body == body.body_id) & history.seen
     waiting &= ~np.isin(history.ids, body.filter.ids)
-    room = config.max_anchors - len(body.filter.ids)
+    room = config.landmarks.max_count - len(body.filter.ids)
     if room <= 0 or not waiting.any():
         return body
     rows = np.nonzero(waiting)[0]
     _, first, rested = np.intersect1d(history.ids[rows], body.rest.ids, return_indices=True)
     late = np.setdiff1d(np.arange(len(rows)), first)
     first, rested = rows[first[:room]], rested[:room]
-    filtered = body_filter.add_rest_anchors(
+    filtered = body_filter.add_reference_landmarks(
         body.filter,
         history.ids[first],
         body.X_WB_reference,
@@ -231,18 +198,18 @@ def with_anchors(
     )
     if len(first):
         p_WF, covariance = newest_samples(history, first)
-        anchors = len(body.filter.ids) + np.arange(len(first))
-        fits = body_filter.agreeing(filtered, anchors, p_WF, covariance, config.gate)
-        filtered = body_filter.correct(filtered, anchors[fits], p_WF[fits], covariance[fits])
+        landmarks = len(body.filter.ids) + np.arange(len(first))
+        fits = body_filter.agreeing(filtered, landmarks, p_WF, covariance, config.gate)
+        filtered = body_filter.correct(filtered, landmarks[fits], p_WF[fits], covariance[fits])
     late = rows[late[: room - len(first)]]
     p_WF, covariance = newest_samples(history, late)
     if len(filtered.ids) == 0:
-        if len(late) < config.anchor_support:
+        if len(late) < config.landmarks.reset_support:
             return body
         filtered = body_filter.with_known_pose(filtered)
-        covariance = covariance + config.late_floor**2 * np.eye(3)
-        body = replace(body, anchored=body.anchored + 1)
-    filtered = body_filter.add_present_anchors(filtered, history.ids[late], p_WF, covariance)
+        covariance = covariance + config.landmarks.reset_floor**2 * np.eye(3)
+        body = replace(body, reset_count=body.reset_count + 1)
+    filtered = body_filter.add_current_landmarks(filtered, history.ids[late], p_WF, covariance)
     path = np.concatenate([body.path[:-1], filtered.X[None]])
     return replace(body, filter=filtered, path=path)
 
@@ -251,94 +218,26 @@ def corrected(
     config: RigidBodyMotionConfig, body: BodyFilter, history: FeatureHistory
 ) -> BodyFilter:
     """The filter after the features seen now that agree with one pose."""
-    anchors, rows = _seen_anchors(body, history)
+    landmarks, rows = _seen_landmarks(body, history)
     p_WF, covariance = newest_samples(history, rows)
-    fits = body_filter.agreeing(body, anchors, p_WF, covariance, config.gate)
-    return body_filter.correct(body, anchors[fits], p_WF[fits], covariance[fits])
+    fits = body_filter.agreeing(body, landmarks, p_WF, covariance, config.gate)
+    return body_filter.correct(body, landmarks[fits], p_WF[fits], covariance[fits])
 
 
-def interacted_body(
-    config: RigidBodyMotionConfig, prior: PoseBelief, history: FeatureHistory, tick: int
-) -> TrackedBody:
-    """The interacted body at its first tick, which is its reference."""
-    sigma = np.repeat([config.initial_angular_velocity, config.initial_linear_velocity], 3)
-    return TrackedBody(
-        body_id=INTERACTED_BODY,
-        filter=body_filter.at_reference(prior.X, sigma),
-        X_WB_reference=prior.X,
-        reference_tick=tick,
-        rest=rest_positions(config, history, tick, tick),
-        path=np.tile(prior.X, (config.window, 1, 1)),
-        source="prior",
-        held_since=tick,
-    )
-
-
-def follow_prior(
-    config: RigidBodyMotionConfig, body: TrackedBody, prior: PoseBelief
-) -> TrackedBody:
-    """The interacted body before it has any feature: it is where the prior says."""
-    sigma = np.repeat([config.initial_angular_velocity, config.initial_linear_velocity], 3)
-    filtered = body_filter.at_reference(prior.X, sigma)
-    filtered.P[:6, :6] = prior.covariance
-    V = se3.log(se3.inverse(body.filter.X) @ prior.X) / config.period
-    return _recorded(config, body, replace(filtered, V=V), "prior", 0)
-
-
-def is_active(prior: PoseBelief | None) -> bool:
-    """Whether the interacted body exists; without one the prior's numbers are not finite."""
-    if prior is None:
-        return False
-    return bool(np.isfinite(prior.X).all() and np.isfinite(prior.covariance).all())
-
-
-def is_alive(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
+def is_supported(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
     """Whether a body goes on: one that was seen only briefly is given up sooner."""
     patience = min(config.patience, 5 + body.supported)
-    return body.body_id == INTERACTED_BODY or body.unsupported <= patience
-
-
-def advance_all(
-    config: RigidBodyMotionConfig,
-    level: BodyLevel,
-    history: FeatureHistory,
-    joints: BodyPredictions,
-    prior: PoseBelief | None,
-) -> tuple[list[TrackedBody], FeatureHistory]:
-    """All bodies at this tick, the interacted one too, and their features' suspicion."""
-    suspicion = history.suspicion.copy()
-    bodies = []
-    for body in level.bodies:
-        predictions = [
-            (p.source, p.pose.X) for p in joints.predictions if p.body_id == body.body_id
-        ]
-        if body.body_id == INTERACTED_BODY:
-            if prior is None or not is_active(prior):
-                continue
-            if len(np.intersect1d(body.filter.ids, history.ids)) == 0:
-                bodies.append(follow_prior(config, body, prior))
-                continue
-            predictions.append(("prior", prior.X))
-        moved, agreed, disagreed = advance(config, body, history, predictions)
-        suspicion[agreed] = 0
-        suspicion[disagreed] += 1
-        bodies.append(moved)
-    history = replace(history, suspicion=suspicion)
-    known = any(body.body_id == INTERACTED_BODY for body in bodies)
-    if prior is not None and is_active(prior) and not known:
-        history = without_nudges(config, history, _STILL)
-        bodies.insert(0, interacted_body(config, prior, history, level.tick + 1))
-    return bodies, history
+    return body.unsupported <= patience
 
 
 def remember_features(
-    config: RigidBodyMotionConfig, level: BodyLevel, features: FeatureBelief
+    config: RigidBodyMotionConfig, state: BodyTrackerState, features: FeatureBelief
 ) -> FeatureHistory:
     return remember(
-        level.history,
+        state.history,
         features,
-        level.tick + 1,
-        floor=config.feature_floor,
-        memory=config.memory,
-        rest_samples=config.rest_samples,
+        state.tick + 1,
+        floor=config.history.floor,
+        memory=config.history.memory,
+        rest_samples=config.history.rest_samples,
     )

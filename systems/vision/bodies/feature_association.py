@@ -4,18 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from maths.arrays import Array, Ids
-from systems.port_values import INTERACTED_BODY, STATIC_BODY, PoseBelief
-from systems.vision.bodies import body_filter
-from systems.vision.bodies.body_level import RigidBodyMotionConfig, TrackedBody
-from systems.vision.bodies.body_tracking import corrected, follow_prior, is_active
-from systems.vision.bodies.feature_history import (
-    OUTCAST,
-    FeatureHistory,
-    displacements,
-    forget,
-    squared_distances,
-)
+from maths.arrays import Array
+from maths.rigid_points import pose_jacobian
+from systems.port_values import STATIC_BODY
+from systems.vision.bodies import body_filter, held_body
+from systems.vision.bodies.body_tracker_state import TrackedBody
+from systems.vision.bodies.body_tracking import corrected
+from systems.vision.bodies.feature_displacements import displacements, squared_distances
+from systems.vision.bodies.feature_history import OUTLIER, FeatureHistory, forget
+from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 
 def body_against_static(
@@ -30,18 +27,18 @@ def body_against_static(
     use_rest = history.rest_until <= body.reference_tick
     moving = displacements(
         history,
-        newest=config.newest,
+        newest=config.history.newest,
         X_WB=body.path,
         use_rest=use_rest,
         X_WB_rest=body.X_WB_reference,
     )
-    standing = displacements(history, newest=config.newest, use_rest=use_rest)
+    standing = displacements(history, newest=config.history.newest, use_rest=use_rest)
     enough = history.seen & (moving.count_new >= 2) & (moving.count_old >= 4)
     ratio, fit = np.zeros(len(enough)), np.full(len(enough), np.inf)
     if not enough.any():
         return ratio, fit
-    floor = config.feature_floor**2 * np.eye(3)
-    J = body_filter.pose_jacobian(moving.p_new[enough])
+    floor = config.history.floor**2 * np.eye(3)
+    J = pose_jacobian(moving.p_new[enough])
     pose = J @ body.filter.P[:6, :6] @ J.transpose(0, 2, 1)
     S = (moving.C_old + moving.C_new)[enough] + pose + floor
     chi, log_determinant = squared_distances((moving.p_new - moving.p_old)[enough], S)
@@ -61,74 +58,6 @@ def _distances(history: FeatureHistory, body_id: int) -> Array:
     return np.asarray(np.sqrt(np.min(np.sum(difference**2, axis=2), axis=1)))
 
 
-def take_the_handle_along(
-    config: RigidBodyMotionConfig, body: TrackedBody, history: FeatureHistory, rows: Ids
-) -> bool:
-    """Whether features that would join the interacted body move its handle as the hand does.
-
-    A body that the hand alone has carried for a while is known roughly, so that a neighbour's
-    features (the box under the lid that is being closed) may fit it one by one. Together they show
-    their own rigid motion; what that makes of the handle must agree with the hand, which knows the
-    handle's way to some millimetres whatever the body's rotation is.
-    """
-    moved = displacements(
-        history.select(rows),
-        newest=config.newest,
-        X_WB=body.path,
-        use_rest=np.zeros(len(rows), bool),
-        X_WB_rest=body.X_WB_reference,
-    )
-    told = (moved.count_new >= 2) & (moved.count_old >= 4)
-    if np.sum(told) < config.keep_support:
-        return True
-    J = body_filter.pose_jacobian(moved.p_new[told]).reshape(-1, 6)  # B sits at the handle.
-    rest = (moved.p_new - moved.p_old)[told].reshape(-1)
-    information = J.T @ J
-    twist = np.linalg.lstsq(information, J.T @ rest, rcond=1e-9)[0]
-    residual = rest - J @ twist
-    variance = max(float(np.mean(residual**2)), config.handle_noise**2)
-    covariance = variance * np.linalg.pinv(information)[3:, 3:]
-    covariance += config.handle_way**2 * np.eye(3)
-    return bool(twist[3:] @ np.linalg.solve(covariance, twist[3:]) < config.gate)
-
-
-def without_followers_of_another(
-    config: RigidBodyMotionConfig,
-    bodies: list[TrackedBody],
-    history: FeatureHistory,
-    ratios: Array,
-) -> Array:
-    """The log likelihood ratios (M, N) of the bodies, -inf where the handle forbids a feature.
-
-    Only features that would outnumber those which support the interacted body have to show it.
-    """
-    best = np.argmax(ratios, axis=0)
-    wants = ratios[best, np.arange(len(history.ids))] > config.association
-    wants &= history.body != INTERACTED_BODY
-    for i, body in enumerate(bodies):
-        rows = np.nonzero(wants & (best == i))[0]
-        if body.body_id != INTERACTED_BODY or len(rows) <= body.support:
-            continue
-        if not take_the_handle_along(config, body, history, rows):
-            ratios = ratios.copy()
-            ratios[i, rows] = -np.inf
-    return ratios
-
-
-def is_blind(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
-    """Whether the hand alone has carried a body for so long that any one feature would fit it.
-
-    Only features that share a rigid motion can tell then.
-    """
-    if body.body_id != INTERACTED_BODY or body.support >= config.keep_support:
-        return False
-    variance = np.diagonal(body.filter.P)[:6]
-    return bool(
-        np.sum(variance[:3]) > config.blind_rotation**2
-        or np.sum(variance[3:]) > config.blind_translation**2
-    )
-
-
 def associate(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> FeatureHistory:
@@ -142,13 +71,15 @@ def associate(
     ids = np.array([body.body_id for body in bodies])
     ratios = np.array([np.where(fit < config.gate, ratio, -np.inf) for ratio, fit in tests])
     distances = np.array([_distances(history, body.body_id) for body in bodies])
-    ratios -= np.minimum(0.5 * (distances / config.extent) ** 2, config.max_penalty)
-    ratios = without_followers_of_another(config, bodies, history, ratios)
+    ratios -= np.minimum(
+        0.5 * (distances / config.association.extent) ** 2, config.association.max_penalty
+    )
+    ratios = held_body.without_refused(config, bodies, history, ratios)
     best = np.argmax(ratios, axis=0)
     highest = ratios[best, np.arange(len(history.ids))]
     assigned = history.body.copy()
-    blind = np.array([is_blind(config, body) for body in bodies])
-    joins = (history.body == STATIC_BODY) & (highest > config.association) & ~blind[best]
+    blind = np.array([held_body.is_blind(config, body) for body in bodies])
+    joins = (history.body == STATIC_BODY) & (highest > config.association.log_ratio) & ~blind[best]
     for i, body_id in enumerate(ids):
         first = joins & (best == i)
         # A body that has no feature yet gets several at once, or an outlier would steer it.
@@ -157,126 +88,96 @@ def associate(
     assigned[joins] = ids[best[joins]]
     for i, (ratio, _) in enumerate(tests):
         mine = history.body == ids[i]
-        assigned[mine & (ratio < -config.association)] = STATIC_BODY
+        assigned[mine & (ratio < -config.association.log_ratio)] = STATIC_BODY
         # Another moving body explains it better than its own.
-        moves = mine & (highest > np.maximum(ratio, 0.0) + config.association)
+        moves = mine & (highest > np.maximum(ratio, 0.0) + config.association.log_ratio)
         moves &= ~blind[best]
         assigned[moves] = ids[best[moves]]
     changed = assigned != history.body
-    return replace(history, body=assigned, suspicion=np.where(changed, 0, history.suspicion))
+    return replace(
+        history, body=assigned, rejection_count=np.where(changed, 0, history.rejection_count)
+    )
 
 
 def merged(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> tuple[list[TrackedBody], FeatureHistory]:
     """Gives a body's features to an older one that explains the motion of nearly all of them."""
-    assigned, suspicion = history.body.copy(), history.suspicion.copy()
+    assigned, rejection_count = history.body.copy(), history.rejection_count.copy()
     kept: list[TrackedBody] = []
     for body in bodies:
         mine = assigned == body.body_id
-        adopted = False
+        absorbed = False
         for older in kept:
-            if body.reference_tick < older.held_since:
-                continue  # Adoption keeps what was seen before the hand closed.
-            if older.body_id == INTERACTED_BODY and body.supported > config.window:
-                continue  # What the hand carries blindly may be anywhere; the body is not.
+            if not held_body.may_absorb(config, older, body):
+                continue
             ratio, fit = body_against_static(config, older, history)
-            told = mine & (np.abs(ratio) > config.association)
-            if np.sum(told) < config.keep_support or body.body_id == INTERACTED_BODY:
+            told = mine & (np.abs(ratio) > config.association.log_ratio)
+            if np.sum(told) < config.keep_support:
                 continue
-            shared = told & (ratio > config.association) & (fit < config.gate)
+            shared = told & (ratio > config.association.log_ratio) & (fit < config.gate)
             rows = np.nonzero(shared)[0]
-            outnumbered = older.body_id == INTERACTED_BODY and len(rows) > older.support
-            if outnumbered and not take_the_handle_along(config, older, history, rows):
+            if not held_body.accepts(config, older, history, rows):
                 continue
-            if np.sum(shared) >= config.merging_share * np.sum(told):
-                assigned[mine], suspicion[mine] = older.body_id, 0
-                adopted = True
+            if np.sum(shared) >= config.association.merging_share * np.sum(told):
+                assigned[mine], rejection_count[mine] = older.body_id, 0
+                absorbed = True
                 break
-        if not adopted:
+        if not absorbed:
             kept.append(body)
-    return kept, replace(history, body=assigned, suspicion=suspicion)
+    return kept, replace(history, body=assigned, rejection_count=rejection_count)
 
 
-def without_strays(
+def without_outliers(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> list[TrackedBody]:
-    """Removes the anchors of features that do not belong to the body, and what they did to it."""
+    """Removes the landmarks of features that do not belong to the body, and what they did to it."""
     kept = []
     for body in bodies:
-        strays = body.filter.ids[
-            np.isin(body.filter.ids, history.ids[history.body != body.body_id])
-        ]
-        if len(strays):
-            sigma = np.repeat([config.jump_rotation, config.jump_translation], 3)
-            filtered = body_filter.rebuilt(body_filter.remove_anchors(body.filter, strays), sigma)
+        others = history.ids[history.body != body.body_id]
+        outliers = body.filter.ids[np.isin(body.filter.ids, others)]
+        if len(outliers):
+            sigma = config.dynamics.jump
+            filtered = body_filter.reset_to_initial(
+                body_filter.remove_landmarks(body.filter, outliers), sigma
+            )
             body = replace(body, filter=corrected(config, filtered, history))
         kept.append(body)
     return kept
 
 
-def is_at_hand(config: RigidBodyMotionConfig, body: TrackedBody, prior: PoseBelief) -> bool:
-    """Whether the interacted body's features leave its handle where the hand holds it."""
-    R_BW = prior.X[:3, :3].T
-    error = R_BW @ (body.filter.X[:3, 3] - prior.X[:3, 3])
-    turned = R_BW @ body.filter.X[:3, :3]
-    S = prior.covariance[3:, 3:] + turned @ body.filter.P[3:6, 3:6] @ turned.T
-    S = S + config.prior_translation_walk**2 * np.eye(3)
-    return bool(error @ np.linalg.solve(S, error) < config.gate)
-
-
-def without_features_of_others(
-    config: RigidBodyMotionConfig,
-    bodies: list[TrackedBody],
-    history: FeatureHistory,
-    prior: PoseBelief | None,
-) -> tuple[list[TrackedBody], FeatureHistory]:
-    """Frees the interacted body's features if they take its handle out of the hand.
-
-    They are another body's then, and the body is where the hand has it.
-    """
-    if prior is None or not is_active(prior):
-        return bodies, history
-    kept = []
-    for body in bodies:
-        if body.body_id == INTERACTED_BODY and not is_at_hand(config, body, prior):
-            rows = np.nonzero(history.body == INTERACTED_BODY)[0]
-            history = forget(history, rows, 1)
-            before = replace(body.filter, X=np.ascontiguousarray(body.path[-2]))
-            alone = follow_prior(config, replace(body, filter=before), prior)
-            body = replace(alone, path=np.concatenate([body.path[:-1], prior.X[None]]))
-        kept.append(body)
-    return kept, history
-
-
-def cast_out(
+def reject_outliers(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> FeatureHistory:
-    """Takes features from bodies that they disagreed with or slid on; they are ignored a while."""
+    """Takes features from bodies that they disagreed with or slid on; they are ignored then."""
     slid = np.zeros(len(history.ids), bool)
     for body in bodies:
         drifted = body.filter.ids[body_filter.drifted(body.filter, config.gate)]
         slid |= (history.body == body.body_id) & np.isin(history.ids, drifted)
-    outcast = history.body == OUTCAST
-    worn = ~outcast & (history.body != STATIC_BODY) & (history.suspicion >= config.max_suspicion)
-    suspicion = np.where(outcast, history.suspicion + 1, history.suspicion)
+    outlier = history.body == OUTLIER
+    rejected = (
+        ~outlier
+        & (history.body != STATIC_BODY)
+        & (history.rejection_count >= config.association.max_rejections)
+    )
+    rejection_count = np.where(outlier, history.rejection_count + 1, history.rejection_count)
     return replace(
         history,
-        body=np.where(worn | slid, OUTCAST, history.body),
-        suspicion=np.where(worn | slid, 0, suspicion),
+        body=np.where(rejected | slid, OUTLIER, history.body),
+        rejection_count=np.where(rejected | slid, 0, rejection_count),
     )
 
 
-def afresh(
+def reset_tracks(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> FeatureHistory:
-    """Frees features whose body ended, or that have been suspicious for long.
+    """Frees features whose body ended, or that were rejected for long.
 
     All their samples but the newest are forgotten.
     """
-    numbers = [STATIC_BODY, OUTCAST, *(body.body_id for body in bodies)]
-    unbound = (history.body == STATIC_BODY) | (history.body == OUTCAST)
-    rows = unbound & (history.suspicion >= config.max_free_suspicion)
+    numbers = [STATIC_BODY, OUTLIER, *(body.body_id for body in bodies)]
+    unbound = (history.body == STATIC_BODY) | (history.body == OUTLIER)
+    rows = unbound & (history.rejection_count >= config.association.max_free_rejections)
     rows |= ~np.isin(history.body, numbers)
     if not rows.any():
         return history

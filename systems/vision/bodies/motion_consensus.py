@@ -6,10 +6,8 @@ import numpy as np
 
 from maths import se3
 from maths.arrays import Array, Ids, Mask
-from systems.vision.bodies.body_filter import pose_jacobian
-from systems.vision.bodies.feature_history import Displacements, squared_distances
-
-Mask = Mask
+from maths.rigid_points import pose_jacobian
+from systems.vision.bodies.feature_displacements import Displacements, squared_distances
 
 
 @dataclass(kw_only=True)
@@ -88,7 +86,7 @@ def find_consensus(
     rng: np.random.Generator,
     *,
     gate: float,
-    better: float,
+    support_gate: float,
     rotation_sigma: float,
 ) -> Consensus | None:
     """The motion that explains best what standing still does not.
@@ -99,7 +97,7 @@ def find_consensus(
         movers: Features from which hypotheses are drawn.
         rng: Seeded.
         gate: Largest squared distance at which a feature fits a motion.
-        better: By how much that has to be below standing still's.
+        support_gate: Least difference of that to standing still's.
         rotation_sigma: Of the prior of no rotation, [rad].
     """
     if len(movers) == 0:
@@ -115,13 +113,13 @@ def find_consensus(
     for _ in range(2):
         e = d.p_new - d.p_old @ best[:3, :3].T - best[:3, 3]
         distance, _ = squared_distances(e, S)
-        support = (distance < gate) & (still - distance > better)
+        support = (distance < gate) & (still - distance > support_gate)
         if not support.any():
             return None
         best = refine_motion(best, d, support, rotation_sigma)
     e = d.p_new - d.p_old @ best[:3, :3].T - best[:3, 3]
     distance, _ = squared_distances(e, S)
-    support = (distance < gate) & (still - distance > better)
+    support = (distance < gate) & (still - distance > support_gate)
     return Consensus(X=best, support=support, gain=float(np.sum((still - distance)[support])))
 
 

@@ -1,14 +1,15 @@
 """The system that turns moving point features into moving rigid bodies."""
 
+from dataclasses import replace
+
 import numpy as np
-from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context, LeafSystem, State, ValueProducer
+from pydrake.systems.framework import Context, InputPort
 from pydrake.systems.sensors import CameraInfo
 
 from maths import se3
 from maths.arrays import Array
-from systems.checks import require_fields
 from systems.port_values import (
+    NO_POSE,
     STATIC_BODY,
     BodyMotion,
     BodyMotions,
@@ -16,68 +17,108 @@ from systems.port_values import (
     FeatureBelief,
     MotionBelief,
     PoseBelief,
+    no_features,
 )
+from systems.recursive_filter import RecursiveFilter
 from systems.vision import camera_geometry
-from systems.vision.bodies import body_tracking, feature_association
-from systems.vision.bodies.body_adoption import adopt
+from systems.vision.bodies import body_tracking, feature_association, held_body
 from systems.vision.bodies.body_birth import give_birth
-from systems.vision.bodies.body_level import (
-    BodyLevel,
-    RigidBodyMotionConfig,
+from systems.vision.bodies.body_tracker_state import (
+    BodyTrackerState,
     TrackedBody,
     no_bodies,
 )
-from systems.vision.bodies.feature_history import displacements
-from systems.vision.features.feature_tracks import no_features
+from systems.vision.bodies.feature_displacements import displacements
+from systems.vision.bodies.feature_history import FeatureHistory
+from systems.vision.bodies.held_body_identification import identify_held_body
+from systems.vision.bodies.rigid_body_motion_config import (
+    RigidBodyMotionConfig,
+    check_rigid_body_motion,
+)
+
+
+def advance_all(
+    config: RigidBodyMotionConfig,
+    state: BodyTrackerState,
+    history: FeatureHistory,
+    joints: BodyPredictions,
+    prior: PoseBelief | None,
+) -> tuple[list[TrackedBody], FeatureHistory]:
+    """All bodies at this tick, the held one too, and the features with their rejections."""
+    rejection_count = history.rejection_count.copy()
+    bodies = []
+    for body in state.bodies:
+        predictions = [
+            (p.source, p.pose.X) for p in joints.predictions if p.body_id == body.body_id
+        ]
+        if not held_body.is_held(body):
+            moved, agreed, disagreed = body_tracking.advance(config, body, history, predictions)
+        elif prior is not None and held_body.is_active(prior):
+            moved, agreed, disagreed = held_body.advance(config, body, history, predictions, prior)
+        else:
+            continue
+        rejection_count[agreed] = 0
+        rejection_count[disagreed] += 1
+        bodies.append(moved)
+    history = replace(history, rejection_count=rejection_count)
+    if prior is not None and held_body.is_active(prior) and held_body.find_held(bodies) is None:
+        history = held_body.without_nudges(config, history, body_tracking.STILL)
+        bodies.insert(0, held_body.start(config, prior, history, state.tick + 1))
+    return bodies, history
+
+
+def is_alive(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
+    """Whether a body goes on; the held one does as long as the hand holds it."""
+    return held_body.is_held(body) or body_tracking.is_supported(config, body)
 
 
 def step(
     config: RigidBodyMotionConfig,
-    level: BodyLevel,
+    state: BodyTrackerState,
     features: FeatureBelief,
     joints: BodyPredictions,
     prior: PoseBelief | None,
-) -> BodyLevel:
+) -> BodyTrackerState:
     """One tick of all bodies."""
-    tick = level.tick + 1
-    history = body_tracking.remember_features(config, level, features)
-    bodies, history = body_tracking.advance_all(config, level, history, joints, prior)
-    bodies, history = adopt(config, bodies, history, prior, tick)
+    tick = state.tick + 1
+    history = body_tracking.remember_features(config, state, features)
+    bodies, history = advance_all(config, state, history, joints, prior)
+    bodies, history = identify_held_body(config, bodies, history, prior, tick)
     history = feature_association.associate(config, bodies, history)
     bodies, history = feature_association.merged(config, bodies, history)
-    bodies, history, next_id = give_birth(config, level, bodies, history, prior)
-    living = [body for body in bodies if body_tracking.is_alive(config, body)]
-    history = feature_association.cast_out(config, living, history)
-    history = feature_association.afresh(config, living, history)
-    living = feature_association.without_strays(config, living, history)
-    living = [body_tracking.with_anchors(config, body, history) for body in living]
-    living, history = feature_association.without_features_of_others(config, living, history, prior)
-    return BodyLevel(tick=tick, next_id=next_id, history=history, bodies=living)
+    bodies, history, next_id = give_birth(config, state, bodies, history, prior)
+    living = [body for body in bodies if is_alive(config, body)]
+    history = feature_association.reject_outliers(config, living, history)
+    history = feature_association.reset_tracks(config, living, history)
+    living = feature_association.without_outliers(config, living, history)
+    living = [body_tracking.with_new_landmarks(config, body, history) for body in living]
+    living, history = held_body.without_features_of_others(config, living, history, prior)
+    return BodyTrackerState(tick=tick, next_id=next_id, history=history, bodies=living)
 
 
 def predicted_features(
-    config: RigidBodyMotionConfig, level: BodyLevel, intrinsics: Array, X_CW: Array
+    config: RigidBodyMotionConfig, state: BodyTrackerState, intrinsics: Array, X_CW: Array
 ) -> FeatureBelief:
     """Where the remembered features are expected at the next tick.
 
     Free ones where they were on average; assigned ones where their body's velocity takes them.
     """
-    history = level.history
+    history = state.history
     window = history.p_W.shape[1]
     mean = displacements(history, newest=0, last_old=window - 1)
     p_WF = history.p_W[:, -1].copy()
     covariance = np.tile(1e-6 * np.eye(3), (len(history.ids), 1, 1))
-    resting = (history.body == STATIC_BODY) & (history.suspicion == 0) & (mean.count_old > 0)
+    resting = (history.body == STATIC_BODY) & (history.rejection_count == 0) & (mean.count_old > 0)
     p_WF[resting] = mean.p_old[resting]
     covariance[resting] = mean.C_old[resting]
-    for body in level.bodies:
+    for body in state.bodies:
         X_WB = body.filter.X
         X_WB_next = X_WB @ se3.exp(body.filter.V * config.period)
         mine = history.body == body.body_id
         p_BF = camera_geometry.transform(se3.inverse(X_WB), p_WF[mine])
         p_WF[mine] = camera_geometry.transform(X_WB_next, p_BF)
-        _, anchors, rows = np.intersect1d(body.filter.ids, history.ids, return_indices=True)
-        p_WF[rows] = camera_geometry.transform(X_WB_next, body.filter.p_BF[anchors])
+        _, landmarks, rows = np.intersect1d(body.filter.ids, history.ids, return_indices=True)
+        p_WF[rows] = camera_geometry.transform(X_WB_next, body.filter.p_BF[landmarks])
     return FeatureBelief(
         ids=history.ids,
         uv=camera_geometry.project(camera_geometry.transform(X_CW, p_WF), intrinsics),
@@ -97,21 +138,21 @@ def body_motion(body: TrackedBody, age: float) -> BodyMotion:
         X_WB_reference=body.X_WB_reference,
         feature_ids=body.filter.ids,
         p_BF=body.filter.p_BF,
-        p_BF_covariance=body.filter.anchor_covariance,
+        p_BF_covariance=body.filter.landmark_covariance,
         reference_age=age,
-        anchored=body.anchored,
+        reset_count=body.reset_count,
     )
 
 
-def body_motions(level: BodyLevel, period: float) -> BodyMotions:
+def body_motions(state: BodyTrackerState, period: float) -> BodyMotions:
     return BodyMotions(
         bodies=[
-            body_motion(body, period * (level.tick - body.reference_tick)) for body in level.bodies
+            body_motion(body, period * (state.tick - body.reference_tick)) for body in state.bodies
         ]
     )
 
 
-class RigidBodyMotion(LeafSystem):
+class RigidBodyMotion(RecursiveFilter):
     """Finds rigid bodies B among the features F of a static world W and follows their motion.
 
     Each body has a Kalman filter over its pose, velocity and its features' constant positions,
@@ -126,7 +167,7 @@ class RigidBodyMotion(LeafSystem):
     free features share a rigid motion that their covariances do not explain (RANSAC on the
     significant ones), and end when they have had no support for a while.
 
-    With the interacted body, its prior's motion is one more hypothesis from the first tick on, so
+    With the held body, its prior's motion is one more hypothesis from the first tick on, so
     that features join it without RANSAC; its reference is the prior's pose at that tick.
 
     .. pydrake_system::
@@ -135,7 +176,7 @@ class RigidBodyMotion(LeafSystem):
         input_ports:
         - features_estimated
         - joint_predictions
-        - interacted_body_prior
+        - held_body_prior
         output_ports:
         - body_motions_estimated
         - body_motions_latest
@@ -143,8 +184,8 @@ class RigidBodyMotion(LeafSystem):
 
     - `features_estimated`: `FeatureBelief`, the features seen at this tick, positions in W.
     - `joint_predictions`: `BodyPredictions` of X_WB at this tick; none if not connected.
-    - `interacted_body_prior`: `PoseBelief` X_WB of `INTERACTED_BODY`, not finite while there is
-      none; only declared with `with_interacted_body`.
+    - `held_body_prior`: `PoseBelief` X_WB of `HELD_BODY`, not finite while there is
+      none; only declared with `with_held_body`.
     - `body_motions_estimated`: `BodyMotions`, posterior of this tick; vision's own bodies are
       numbered from 2; B has W's axes at the features' centroid at the reference. The covariance is
       that of the displacement since then, the errors of p_BF included.
@@ -161,99 +202,32 @@ class RigidBodyMotion(LeafSystem):
         config: RigidBodyMotionConfig,
         camera: CameraInfo,
         X_WC: Array,
-        with_interacted_body: bool = False,
+        with_held_body: bool = False,
     ) -> None:
         super().__init__()
-        _check(config)
+        check_rigid_body_motion(config)
         self._config = config
         self._intrinsics = camera_geometry.intrinsics_vector(camera)
         self._X_CW = se3.inverse(np.array(X_WC, dtype=float))
 
-        self._features = self.DeclareAbstractInputPort(
-            "features_estimated", AbstractValue.Make(no_features())
-        )
-        self._joints = self.DeclareAbstractInputPort(
-            "joint_predictions", AbstractValue.Make(BodyPredictions())
-        )
-        self._prior = None
-        if with_interacted_body:
-            absent = PoseBelief(X=np.full((4, 4), np.nan), covariance=np.full((6, 6), np.nan))
-            self._prior = self.DeclareAbstractInputPort(
-                "interacted_body_prior", AbstractValue.Make(absent)
-            )
-        self._state = self.DeclareAbstractState(AbstractValue.Make(no_bodies(config)))
-        state_only = {self.abstract_state_ticket(self._state)}
-        self._posterior = self.DeclareCacheEntry(
-            description="bodies of this tick",
-            value_producer=ValueProducer(
-                allocate=lambda: AbstractValue.Make(no_bodies(config)), calc=self._calc_level
-            ),
-            prerequisites_of_calc={*state_only, self.all_input_ports_ticket()},
-        )
-        self.DeclareAbstractOutputPort(
-            "body_motions_estimated",
-            lambda: AbstractValue.Make(BodyMotions()),
-            self._calc_estimated,
-            prerequisites_of_calc={self._posterior.ticket()},
-        )
-        self.DeclareAbstractOutputPort(
-            "body_motions_latest",
-            lambda: AbstractValue.Make(BodyMotions()),
-            self._calc_latest,
-            prerequisites_of_calc=state_only,
-        )
-        self.DeclareAbstractOutputPort(
-            "features_predicted",
-            lambda: AbstractValue.Make(no_features()),
-            self._calc_predicted,
-            prerequisites_of_calc=state_only,
-        )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
+        self._features = self._declare_value_input("features_estimated", no_features())
+        self._joints = self._declare_value_input("joint_predictions", BodyPredictions())
+        self._prior: InputPort | None = None
+        if with_held_body:
+            self._prior = self._declare_value_input("held_body_prior", NO_POSE)
+        self._declare_recursion(no_bodies(config), self._calc_bodies, config.period)
+        self._declare_estimated("body_motions_estimated", self._motions)
+        self._declare_latest("body_motions_latest", self._motions)
+        self._declare_latest("features_predicted", self._predicted)
 
-    def _stored(self, context: Context) -> BodyLevel:
-        level: BodyLevel = context.get_abstract_state(int(self._state)).get_value()
-        return level
+    def _calc_bodies(self, context: Context, state: BodyTrackerState) -> BodyTrackerState:
+        features = self._read(self._features, context)
+        joints = self._read_optional(self._joints, context) or BodyPredictions()
+        prior = self._read_optional(self._prior, context)
+        return step(self._config, state, features, joints, prior)
 
-    def _calc_level(self, context: Context, output: AbstractValue) -> None:
-        joints = self._joints.Eval(context) if self._joints.HasValue(context) else None
-        prior = None
-        if self._prior is not None and self._prior.HasValue(context):
-            prior = self._prior.Eval(context)
-        features = self._features.Eval(context)
-        joints = joints or BodyPredictions()
-        output.set_value(step(self._config, self._stored(context), features, joints, prior))
+    def _motions(self, state: BodyTrackerState) -> BodyMotions:
+        return body_motions(state, self._config.period)
 
-    def _calc_estimated(self, context: Context, output: AbstractValue) -> None:
-        level = self._posterior.EvalAbstract(context).get_value()
-        output.set_value(body_motions(level, self._config.period))
-
-    def _calc_latest(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(body_motions(self._stored(context), self._config.period))
-
-    def _calc_predicted(self, context: Context, output: AbstractValue) -> None:
-        predicted = predicted_features(
-            self._config, self._stored(context), self._intrinsics, self._X_CW
-        )
-        output.set_value(predicted)
-
-    def _update(self, context: Context, state: State) -> None:
-        level = self._posterior.EvalAbstract(context).get_value()
-        state.get_mutable_abstract_state(int(self._state)).set_value(level)
-
-
-def _check(config: RigidBodyMotionConfig) -> None:
-    positive = "period rest_samples angular_acceleration linear_acceleration rotation_sigma"
-    positive += " initial_angular_velocity initial_linear_velocity gate moving better association"
-    positive += " prior_rotation_walk prior_translation_walk jump_rotation jump_translation"
-    positive += " extent neighbourhood nudged blind_rotation blind_translation"
-    floors = "feature_floor anchor_floor late_floor anchor_walk turn_walk max_penalty min_gain"
-    floors += " min_spread patience memory max_suspicion max_free_suspicion seed"
-    counts = "newest min_support keep_support anchor_support"
-    name = "RigidBodyMotion"
-    require_fields(name, config, positive.split(), "> 0", lambda x: x > 0)
-    require_fields(name, config, floors.split(), ">= 0", lambda x: x >= 0)
-    require_fields(name, config, counts.split(), ">= 1", lambda x: x >= 1)
-    require_fields(name, config, ["merging_share"], "in (0, 1]", lambda x: 0 < x <= 1)
-    require_fields(name, config, ["max_anchors"], ">= 3", lambda x: x >= 3)
-    least = config.newest + 8
-    require_fields(name, config, ["window"], f">= newest + 8 = {least}", lambda x: x >= least)
+    def _predicted(self, state: BodyTrackerState) -> FeatureBelief:
+        return predicted_features(self._config, state, self._intrinsics, self._X_CW)

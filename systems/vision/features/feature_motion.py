@@ -2,32 +2,34 @@
 
 import cv2
 import numpy as np
-from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context, LeafSystem, State, ValueProducer
+from pydrake.systems.framework import Context
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from maths.arrays import Array
-from systems.checks import require_fields
+from systems.port_values import no_features
+from systems.recursive_filter import RecursiveFilter
 from systems.vision import camera_geometry
 from systems.vision.features import feature_detection
-from systems.vision.features.feature_tracks import (
+from systems.vision.features.feature_motion_config import (
     FeatureMotionConfig,
+    check_feature_motion,
+)
+from systems.vision.features.feature_tracking import track
+from systems.vision.features.feature_tracks import (
     FeatureTracks,
     Frame,
     belief,
-    no_features,
     no_tracks,
-    track,
 )
 
 
-class FeatureMotion(LeafSystem):
+class FeatureMotion(RecursiveFilter):
     """Follows up to N point features F through the colour and depth images of a fixed camera.
 
     A feature is a patch of texture on a smooth surface. Each tick it is registered to the template
     cut at its birth (so that nothing drifts), warped by the scale and foreshortening that its
     measured surface and its position imply, starting from its last place or the one that the body
-    level predicts, whichever looks more like it. Where that fails, pyramidal Lucas-Kanade with a
+    tracker predicts, whichever looks more like it. Where that fails, pyramidal Lucas-Kanade with a
     forward-backward check from the last good image offers another start. Correlation is normalised,
     so gain and offset of the exposure do not matter. The position follows from a plane fitted to
     the depth around the pixel,
@@ -56,7 +58,7 @@ class FeatureMotion(LeafSystem):
     - `color_measured`: `ImageRgba8U`, read at the tick.
     - `depth_measured`: `ImageDepth32F`, registered to it, [m]; 0, NaN or inf is no return.
     - `robot_mask`: `ImageGrey8U`, nonzero on the robot; none if not connected.
-    - `features_predicted`: `FeatureBelief`, where the body level expects features, by id; may be
+    - `features_predicted`: `FeatureBelief`, where the body tracker expects features, by id; may be
       empty; none if not connected.
     - `features_estimated`: `FeatureBelief` of the features seen at this tick.
     - `features_latest`: the one of the last tick, from the state.
@@ -69,64 +71,33 @@ class FeatureMotion(LeafSystem):
 
     def __init__(self, config: FeatureMotionConfig, camera: CameraInfo, X_WC: Array) -> None:
         super().__init__()
-        _check(config)
+        check_feature_motion(config)
         self._config = config
         self._intrinsics = camera_geometry.intrinsics_vector(camera)
         self._X_WC = np.array(X_WC, dtype=float)
         size = camera.width(), camera.height()
-        side = 2 * config.robot_border + 1
+        side = 2 * config.tracks.robot_border + 1
         self._border = np.ones((side, side), np.uint8)
 
-        self._color = self.DeclareAbstractInputPort(
-            "color_measured", AbstractValue.Make(ImageRgba8U(*size))
-        )
-        self._depth = self.DeclareAbstractInputPort(
-            "depth_measured", AbstractValue.Make(ImageDepth32F(*size))
-        )
-        self._mask = self.DeclareAbstractInputPort(
-            "robot_mask", AbstractValue.Make(ImageGrey8U(*size))
-        )
-        self._predicted = self.DeclareAbstractInputPort(
-            "features_predicted", AbstractValue.Make(no_features())
-        )
-        self._state = self.DeclareAbstractState(AbstractValue.Make(no_tracks(config)))
-        posterior = self.DeclareCacheEntry(
-            description="tracks of this tick",
-            value_producer=ValueProducer(
-                allocate=lambda: AbstractValue.Make(no_tracks(config)), calc=self._calc_tracks
-            ),
-            prerequisites_of_calc={
-                self.abstract_state_ticket(self._state),
-                self.all_input_ports_ticket(),
-            },
-        )
-        self._posterior = posterior
-        self.DeclareAbstractOutputPort(
-            "features_estimated",
-            lambda: AbstractValue.Make(no_features()),
-            self._calc_estimated,
-            prerequisites_of_calc={posterior.ticket()},
-        )
-        self.DeclareAbstractOutputPort(
-            "features_latest",
-            lambda: AbstractValue.Make(no_features()),
-            self._calc_latest,
-            prerequisites_of_calc={self.abstract_state_ticket(self._state)},
-        )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
+        self._color = self._declare_value_input("color_measured", ImageRgba8U(*size))
+        self._depth = self._declare_value_input("depth_measured", ImageDepth32F(*size))
+        self._mask = self._declare_value_input("robot_mask", ImageGrey8U(*size))
+        self._predicted = self._declare_value_input("features_predicted", no_features())
+        self._declare_recursion(no_tracks(config), self._calc_tracks, config.period)
+        self._declare_estimated("features_estimated", belief)
+        self._declare_latest("features_latest", belief)
 
-    def _calc_tracks(self, context: Context, output: AbstractValue) -> None:
-        tracks: FeatureTracks = context.get_abstract_state(int(self._state)).get_value()
-        predicted = self._predicted.Eval(context) if self._predicted.HasValue(context) else None
-        frame = self._read_frame(context)
-        output.set_value(track(self._config, tracks, frame, predicted or no_features()))
+    def _calc_tracks(self, context: Context, tracks: FeatureTracks) -> FeatureTracks:
+        predicted = self._read_optional(self._predicted, context) or no_features()
+        return track(self._config, tracks, self._read_frame(context), predicted)
 
     def _read_frame(self, context: Context) -> Frame:
-        image, noise = feature_detection.smooth_grey(self._color.Eval(context).data)
-        depth = self._depth.Eval(context).data[:, :, 0]
+        image, noise = feature_detection.smooth_grey(self._read(self._color, context).data)
+        depth = self._read(self._depth, context).data[:, :, 0]
+        mask = self._read_optional(self._mask, context)
         robot = np.zeros(image.shape, np.uint8)
-        if self._mask.HasValue(context):
-            robot = cv2.dilate(self._mask.Eval(context).data[:, :, 0], self._border)
+        if mask is not None:
+            robot = cv2.dilate(mask.data[:, :, 0], self._border)
         return Frame(
             image=image,
             noise=noise,
@@ -135,41 +106,3 @@ class FeatureMotion(LeafSystem):
             intrinsics=self._intrinsics,
             X_WC=self._X_WC,
         )
-
-    def _calc_estimated(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(belief(self._posterior.EvalAbstract(context).get_value()))
-
-    def _calc_latest(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(belief(context.get_abstract_state(int(self._state)).get_value()))
-
-    def _update(self, context: Context, state: State) -> None:
-        tracks = self._posterior.EvalAbstract(context).get_value()
-        state.get_mutable_abstract_state(int(self._state)).set_value(tracks)
-
-
-def _check(config: FeatureMotionConfig) -> None:
-    positive = "period min_contrast reach flow_error min_distance depth_step patch_radius"
-    positive += " max_missed max_blackout"
-    positive += " corner_noise_factor depth_correlated_pixels pixel_correlated depth_radius"
-    floors = "depth_noise depth_noise_growth depth_noise_range depth_floor pixel_floor"
-    floors += " probation probation_pause shape_change renewal_shape robot_border"
-    floors += " max_flow_features max_blackout_flow flow_levels"
-    shares = (
-        "young_correlation min_correlation renewal_correlation blackout_share depth_share min_shape"
-    )
-    require_fields("FeatureMotion", config, positive.split(), "> 0", lambda x: x > 0)
-    require_fields("FeatureMotion", config, floors.split(), ">= 0", lambda x: x >= 0)
-    require_fields("FeatureMotion", config, shares.split(), "in (0, 1)", lambda x: 0 < x < 1)
-    require_fields("FeatureMotion", config, ["max_incidence"], "in (0, pi/2) rad", _is_acute)
-    require_fields(
-        "FeatureMotion",
-        config,
-        ["max_features", "shape_ticks", "birth_ticks"],
-        ">= 1",
-        lambda x: x >= 1,
-    )
-    require_fields("FeatureMotion", config, ["flow_window"], ">= 3 px", lambda x: x >= 3)
-
-
-def _is_acute(angle: float) -> bool:
-    return 0.0 < angle < np.pi / 2

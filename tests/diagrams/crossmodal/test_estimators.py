@@ -17,9 +17,9 @@ from diagrams.run.calibration import Calibration
 from diagrams.run.episode import Episode, build_estimators, build_station
 from diagrams.run.yaml_schema import ScenarioError
 from diagrams.stations.truth_paths import truth_paths
-from systems.port_values import INTERACTED_BODY, SampleWindow
-from systems.proprioception.grasp_filters import GraspModelConfig
+from systems.port_values import HELD_BODY, SampleWindow
 from systems.proprioception.grasp_model import initial_grasp
+from systems.proprioception.grasp_model_config import GraspModelConfig
 
 Q = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0])
 
@@ -97,7 +97,7 @@ def test_with_every_wire_cut_the_network_still_ticks() -> None:
     network = built(f"perception.cut=[{names}]", "modalities=[crossmodal]")["crossmodal"]
     context = network.CreateDefaultContext()
     fix_inputs(network, context, Q, 0.0)
-    body = network.GetSubsystemByName("interacted_body_motion")
+    body = network.GetSubsystemByName("held_body_motion")
     grasp = network.GetSubsystemByName("grasp_model")
     motions = body.GetOutputPort("body_motions_estimated").Eval(body.GetMyContextFromRoot(context))
     belief = grasp.GetOutputPort("grasp_estimated").Eval(grasp.GetMyContextFromRoot(context))
@@ -126,8 +126,8 @@ def test_control_acts_by_what_one_network_perceives_and_by_nothing_true(modality
     diagram = Episode(*load_scenario("drawer-return", [f"modalities=[{modality}]"])).diagram
     assert truth_paths(diagram) == []
     wired = connections(diagram)
-    assert ("kinematic_model", "joints_latest", "interacted_joint", "joints_latest") in wired
-    assert ("interacted_joint", "joint_latest", "joint_memory", "joint_latest") in wired
+    assert ("kinematic_model", "joints_latest", "held_joint", "joints_latest") in wired
+    assert ("held_joint", "joint_latest", "joint_memory", "joint_latest") in wired
 
 
 def test_a_wire_from_the_truth_into_a_filter_is_found() -> None:
@@ -160,8 +160,8 @@ def test_predictions_close_the_loop_from_joints_to_features() -> None:
     }
     assert ("kinematic_model", "rigid_body_motion") in found
     assert ("rigid_body_motion", "feature_motion") in found
-    assert ("interacted_body_motion", "rigid_body_motion") in found
-    assert ("grasp_model", "interacted_body_motion") in found
+    assert ("held_body_motion", "rigid_body_motion") in found
+    assert ("grasp_model", "held_body_motion") in found
 
 
 def fix_inputs(network: Diagram, context: Context, q: np.ndarray, time: float) -> None:
@@ -182,7 +182,7 @@ def fix_inputs(network: Diagram, context: Context, q: np.ndarray, time: float) -
 
 def test_an_estimate_reacts_to_a_measurement_in_the_same_tick() -> None:
     network = networks()["proprioception"]
-    body = network.GetSubsystemByName("interacted_body_motion")
+    body = network.GetSubsystemByName("held_body_motion")
     context = network.CreateDefaultContext()
 
     def position(q: np.ndarray) -> np.ndarray:
@@ -191,7 +191,7 @@ def test_an_estimate_reacts_to_a_measurement_in_the_same_tick() -> None:
             body.GetMyContextFromRoot(context)
         )
         (motion,) = motions.bodies
-        assert motion.body_id == INTERACTED_BODY
+        assert motion.body_id == HELD_BODY
         return np.array(motion.motion.X[:3, 3])
 
     first = position(Q)

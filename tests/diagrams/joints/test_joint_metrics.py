@@ -28,7 +28,7 @@ from diagrams.joints.joint_truth import Truth
 from diagrams.run.record import Tick
 from maths.consistency import share_inside
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     BodyMotions,
     JointBelief,
     JointBeliefs,
@@ -211,12 +211,12 @@ def test_a_joint_between_moving_bodies_is_compared_where_its_parent_was_at_the_r
     p_PA = R_WP.T @ (truth.point_W + 0.2 * AXIS - X_WP_0[:3, 3])
     lid = replace(
         joint_belief(JointType.REVOLUTE, R_WP.T @ AXIS, 0.6, 0.01, 0.01, point=p_PA),
-        parent_id=INTERACTED_BODY,
+        parent_id=HELD_BODY,
         child_id=2,
     )
     to_the_room = joint_belief(JointType.REVOLUTE, AXIS, 0.9, 0.01, 0.01)
     beliefs = JointBeliefs(joints=[to_the_room, lid])
-    bodies = BodyMotions(bodies=[body_motion(INTERACTED_BODY, X_WP, X_WP_0, np.zeros(0))])
+    bodies = BodyMotions(bodies=[body_motion(HELD_BODY, X_WP, X_WP_0, np.zeros(0))])
     series = joint_series([tick_of(3.0, beliefs, bodies)], truth)
     assert_allclose(series.axis_error, 0.0, atol=1e-9)
     assert_allclose(series.distance_error, 0.0, atol=1e-9)
@@ -240,7 +240,7 @@ def test_of_two_bodies_that_are_only_seen_either_may_be_the_parent(q: float) -> 
         return float(joint_series([tick], truth).error[0])
 
     assert_allclose(error(child_id=2), 0.0, atol=1e-9)
-    assert_allclose(error(child_id=INTERACTED_BODY), q - 0.6, atol=1e-9)
+    assert_allclose(error(child_id=HELD_BODY), q - 0.6, atol=1e-9)
 
 
 def test_a_tick_without_beliefs_is_one_without_a_joint() -> None:

@@ -21,12 +21,12 @@ from diagrams.run.replay import check_recorded, replay
 from diagrams.run.run_folder import ESTIMATES_FILE, SENSORS_FILE, SUMMARY_FILE, summarise, write_run
 from diagrams.run.sensor_log import SensorLog, SensorLogWriter, SensorReplay, Stream, make_streams
 from diagrams.run.yaml_schema import ScenarioError
-from systems.port_values import INTERACTED_BODY, BodyMotion
+from systems.port_values import HELD_BODY, BodyMotion
 
 WIRINGS: dict[str, tuple[str, list[str]]] = {
     "crossmodal": ("crossmodal", []),
     "proprioception": ("proprioception", []),
-    "unguided": ("crossmodal", ["interacted_body_to_vision"]),
+    "unguided": ("crossmodal", ["held_body_to_vision"]),
     "separate": ("crossmodal", list(CROSSMODAL_WIRES)),
 }
 
@@ -90,7 +90,7 @@ def last_ticks(replayed: JointEpisode) -> dict[str, Tick]:
 
 def held_body(tick: Tick) -> BodyMotion | None:
     bodies = tick.values["body_motions_latest"].bodies
-    return next((body for body in bodies if body.body_id == INTERACTED_BODY), None)
+    return next((body for body in bodies if body.body_id == HELD_BODY), None)
 
 
 def held_features(replayed: JointEpisode, name: str) -> int:

@@ -11,11 +11,12 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from controllers.arm.impedance import ImpedanceConfig
 from controllers.arm.kinematics import ArmModel
+from diagrams.run.calibration import Camera
+from diagrams.run.scenario import CameraConfig, looking_at
 from diagrams.stations.add_arm import add_encoders, add_impedance_control, add_wrist_wrench
 from diagrams.stations.add_rgbd_camera import add_renderers, add_rgbd_camera, add_robot_mask
 from diagrams.stations.lighting import Light
 from models import SDF_DIR
-from plants.camera_view import MountedCamera, camera_intrinsics, looking_at
 from plants.hands.soft_hand import CLOSED_POSTURE
 from plants.robots.arm_with_hand import add_robot, make_arm_with_load
 from plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
@@ -36,14 +37,16 @@ DIRECTIVES = "directives:\n" + "".join(
 """
     for side, y in SIDES.items()
 )
-INTRINSICS = camera_intrinsics(64, 48, 1.0)
+INTRINSICS = (
+    CameraConfig(width=64, height=48, horizontal_angle=float(np.rad2deg(1.0))).camera().intrinsics
+)
 # Nearly perfect, so that the mask can be compared with what is there.
 ENCODERS = JointEncodersConfig(offset_rotation=1e-6, offset_translation=1e-6, stretch=0.0)
 CAMERAS = {
-    "fixed": MountedCamera(
+    "fixed": Camera(
         intrinsics=INTRINSICS, X_PC=looking_at(np.array([-0.6, 1.2, 1.6]), np.array([0.6, 0, 1]))
     ),
-    "wrist": MountedCamera(
+    "wrist": Camera(
         intrinsics=INTRINSICS,
         X_PC=RigidTransform(RotationMatrix.MakeXRotation(-0.5), [0.0, -0.15, -0.05]),
         base_frame="right_arm::tool_plate",
@@ -97,7 +100,9 @@ class Built:
         add_renderers(scene_graph)
         for name, camera in CAMERAS.items():
             noise = CameraNoiseConfig(exposure_period=1e3)
-            add_rgbd_camera(builder, plant, scene_graph, camera, noise, Light(), 3, name)
+            add_rgbd_camera(
+                builder, plant, scene_graph, camera, noise, Light(), 3, 1.0 / 15.0, name
+            )
             config = RobotMaskConfig(margin=0.01, reduction=1, range_min=0.1)
             mask = add_robot_mask(builder, build_robots, camera, robots, config, name)
             for side in SIDES:

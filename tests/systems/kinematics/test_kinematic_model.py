@@ -265,7 +265,7 @@ def test_a_joint_starts_where_its_parent_is_when_the_child_is_grasped() -> None:
         box.motion.X[2, 3] += 0.02 * min(k, 20) / 20.0  # Lifted while the hand closes.
         lid, _ = _lid(max(k - 25, 0), seed=k)
         if k < 40:
-            lid.lasting_covariance = REFERENCE_ERROR * np.exp((25 - k) / 15.0)
+            lid.correlated_covariance = REFERENCE_ERROR * np.exp((25 - k) / 15.0)
         box.reference_age = k / 15.0
         driver.set(*([lid, box] if k >= 25 else [box]))
         driver.tick()

@@ -9,23 +9,21 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from maths import se3
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     BodyMotion,
     BodyMotions,
     EndEffectorBelief,
     FeatureBelief,
     GraspBelief,
-    InteractedBody,
+    HeldBody,
     MotionBelief,
     PoseBelief,
 )
 from systems.proprioception.bent_hand import screw
-from systems.proprioception.grasp_filters import GraspModelConfig
 from systems.proprioception.grasp_model import GraspModel
-from systems.proprioception.interacted_body_motion import (
-    InteractedBodyMotion,
-    InteractedBodyMotionConfig,
-)
+from systems.proprioception.grasp_model_config import GraspModelConfig
+from systems.proprioception.held_body_motion import HeldBodyMotion
+from systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
 
 PERIOD = 1.0 / 15.0
 X_WH_START = np.array(
@@ -34,7 +32,7 @@ X_WH_START = np.array(
 OFFSET_SIGMA = np.repeat([np.deg2rad(3.0), 0.01], 3)
 ENCODER_SIGMA = np.repeat([5e-5, 5e-5], 3)
 BENDING_SIGMA = np.repeat([8e-3, 1e-3], 3)
-FEATURE_SIGMA, ANCHOR_SIGMA = 2e-3, 1e-3
+FEATURE_SIGMA, LANDMARK_SIGMA = 2e-3, 1e-3
 
 
 @dataclass(kw_only=True)
@@ -69,7 +67,7 @@ class Tick:
 
     X_WB: np.ndarray
     X_HB: np.ndarray
-    body: InteractedBody
+    body: HeldBody
     prior: PoseBelief
     grasp: GraspBelief
 
@@ -100,7 +98,7 @@ class AutoRegression:
 
 def make_diagram(
     vision: bool,
-    body_config: InteractedBodyMotionConfig,
+    body_config: HeldBodyMotionConfig,
     grasp_config: GraspModelConfig,
     grasp_wire: bool = True,
 ) -> Diagram:
@@ -109,7 +107,7 @@ def make_diagram(
     Without `grasp_wire` the grasp model does not see the body and stays the prior.
     """
     builder = DiagramBuilder()
-    body = builder.AddNamedSystem("body", InteractedBodyMotion(body_config, vision))
+    body = builder.AddNamedSystem("body", HeldBodyMotion(body_config, vision))
     grasp = builder.AddNamedSystem("grasp", GraspModel(grasp_config))
     builder.Connect(grasp.GetOutputPort("grasp_latest"), body.GetInputPort("grasp_latest"))
     if grasp_wire:
@@ -142,8 +140,8 @@ class Episode:
         self.X_reference = np.eye(4)
         self.X_reference[:3, 3] = X_WE[:3, 3]
         self.p_BF = self.p_WF - self.X_reference[:3, 3]
-        self.p_BF_seen = self.p_BF + ANCHOR_SIGMA * rng.normal(size=self.p_BF.shape)
-        self.anchored = 0
+        self.p_BF_seen = self.p_BF + LANDMARK_SIGMA * rng.normal(size=self.p_BF.shape)
+        self.reset_count = 0
 
     def X_WH(self, t: float) -> np.ndarray:
         coordinates = self.scene.coordinates(t)
@@ -160,7 +158,7 @@ class Episode:
         return se3.exp(self.bending_end * min(t / 2.0, 1.0))
 
     def _end_effector(self, t: float) -> tuple[np.ndarray, np.ndarray]:
-        """Measured X_WE and its offset loading."""
+        """Measured X_WE and its offset bias_jacobian."""
         X_WE = self.X_WH(t) @ se3.inverse(self._bending(t))
         start = np.eye(4)
         start[:3, 3] = X_WH_START[:3, 3]
@@ -177,7 +175,7 @@ class Episode:
         covariance[6:, 6:] = np.diag(np.repeat([3e-3, 1e-3], 3) ** 2)
         twist = se3.log(se3.inverse(self.X_WH(t)) @ self.X_WH(t + 1e-3)) / 1e-3
         V = se3.adjoint(self._bending(t)) @ twist
-        end_effector = EndEffectorBelief(X=X_WE, V=V, covariance=covariance, offset_loading=L)
+        end_effector = EndEffectorBelief(X=X_WE, V=V, covariance=covariance, bias_jacobian=L)
         bending = PoseBelief(
             X=self._bending(t) @ se3.exp(-error),
             covariance=ramp**2 * np.diag(BENDING_SIGMA**2) + 1e-12 * np.eye(6),
@@ -188,7 +186,7 @@ class Episode:
         """Places the features in the body, which is believed to be at `X_WB`."""
         error = se3.inverse(X_WB) @ self.X_WB(t)
         self.p_BF_seen = self.p_BF_seen @ error[:3, :3].T + error[:3, 3]
-        self.anchored = 1
+        self.reset_count = 1
 
     def vision(self, t: float) -> tuple[FeatureBelief, BodyMotions]:
         lit = self.scene.lit_from <= t < self.scene.dark_from
@@ -207,13 +205,13 @@ class Episode:
         )
         motion = MotionBelief(X=np.eye(4), V=np.zeros(6), covariance=np.eye(12))
         body = BodyMotion(
-            body_id=INTERACTED_BODY,
+            body_id=HELD_BODY,
             motion=motion,
             X_WB_reference=self.X_reference,
             feature_ids=ids,
             p_BF=self.p_BF_seen,
-            p_BF_covariance=ANCHOR_SIGMA**2 * np.eye(3 * len(ids)),
-            anchored=self.anchored,
+            p_BF_covariance=LANDMARK_SIGMA**2 * np.eye(3 * len(ids)),
+            reset_count=self.reset_count,
         )
         return features, BodyMotions(bodies=[body])
 
@@ -222,7 +220,7 @@ def run(
     scene: Scene,
     seed: int,
     vision: bool,
-    body_config: InteractedBodyMotionConfig | None = None,
+    body_config: HeldBodyMotionConfig | None = None,
     grasp_config: GraspModelConfig | None = None,
     grasp_wire: bool = True,
 ) -> list[Tick]:
@@ -230,7 +228,7 @@ def run(
     episode = Episode(scene, seed)
     diagram = make_diagram(
         vision,
-        body_config or InteractedBodyMotionConfig(),
+        body_config or HeldBodyMotionConfig(),
         grasp_config or GraspModelConfig(),
         grasp_wire,
     )
@@ -245,7 +243,7 @@ def run(
         for name, value in values.items():
             diagram.GetInputPort(name).FixValue(context, AbstractValue.Make(value))
         if vision:
-            if 0.0 < scene.lit_from <= t and not episode.anchored:
+            if 0.0 < scene.lit_from <= t and not episode.reset_count:
                 episode.place(t, diagram.GetOutputPort("body_prior").Eval(context).X)
             features, motions = episode.vision(t)
             for name, value in (("features_estimated", features), ("body_motions_seen", motions)):

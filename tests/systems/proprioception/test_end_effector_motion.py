@@ -13,8 +13,8 @@ from systems.port_values import EndEffectorBelief, SampleWindow
 from systems.proprioception.end_effector_motion import (
     EndEffectorMotion,
     EndEffectorMotionConfig,
+    calibration_bias_jacobian,
     fit_joint_samples,
-    joint_offset_loading,
     predict_motion,
 )
 
@@ -118,7 +118,7 @@ def test_absolute_error_agrees_with_covariance_over_episodes(arm: MultibodyPlant
         J_E = EndEffectorMotion(CONFIG, arm, "tool_plate")._kinematics(
             np.concatenate([start, np.zeros(7)])
         )[1]
-        offset = joint_offset_loading(J_E, CONFIG) @ rng.normal(size=6)
+        offset = calibration_bias_jacobian(J_E, CONFIG) @ rng.normal(size=6)
         beliefs, truth = run(arm, seed, offset, 12)
         error = se3.log(se3.inverse(beliefs[-1].X) @ truth[-1])
         values.append(nees(error, beliefs[-1].covariance[:6, :6]))
@@ -149,11 +149,11 @@ def test_offset_nearly_cancels_in_displacements(arm: MultibodyPlant) -> None:
     J_E = EndEffectorMotion(CONFIG, arm, "tool_plate")._kinematics(np.append(Q_0, np.zeros(7)))[1]
     values = []
     for seed in range(30):
-        offset = joint_offset_loading(J_E, CONFIG) @ rng.normal(size=6)
+        offset = calibration_bias_jacobian(J_E, CONFIG) @ rng.normal(size=6)
         beliefs, truth = run(arm, seed, offset, 16)
         first, last = beliefs[0], beliefs[-1]
         error = se3.log(se3.inverse(last.X) @ truth[-1]) - se3.log(se3.inverse(first.X) @ truth[0])
-        common = last.offset_loading - first.offset_loading
+        common = last.bias_jacobian - first.bias_jacobian
         white = last.white_covariance[:6, :6] + first.white_covariance[:6, :6]
         values.append(nees(error, common @ common.T + white))
     assert np.mean(values) < 12.0

@@ -7,11 +7,11 @@ from systems.proprioception.feature_registration import register
 
 
 def features(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points of a plate (count, 3) with covariances of their anchors and of one frame."""
+    """Points of a plate (count, 3) with covariances of their landmarks and of one frame."""
     p = rng.uniform(-0.2, 0.2, (count, 3)) * [0.1, 1.0, 1.0]
-    anchors = np.diag(np.tile([1e-6, 1e-6, 4e-6], count))
+    landmarks = np.diag(np.tile([1e-6, 1e-6, 4e-6], count))
     noise = np.tile(np.diag([1e-6, 4e-6, 1e-6]), (count, 1, 1))
-    return p, anchors, noise
+    return p, landmarks, noise
 
 
 def test_exact_features_give_the_exact_pose() -> None:
@@ -43,9 +43,9 @@ def test_covariances_agree_with_simulated_errors() -> None:
     X = se3.exp(0.5 * rng.normal(size=6))
     values = []
     for _ in range(200):
-        anchors = p + np.sqrt(np.diag(P)).reshape(p.shape) * rng.normal(size=p.shape)
+        landmarks = p + np.sqrt(np.diag(P)).reshape(p.shape) * rng.normal(size=p.shape)
         seen = p @ X[:3, :3].T + X[:3, 3] + np.sqrt(np.diag(R[0])) * rng.normal(size=p.shape)
-        found, white, common, _ = register(X, anchors, P, seen, R)
+        found, white, common, _ = register(X, landmarks, P, seen, R)
         e = se3.log(se3.inverse(found) @ X)
         values.append(e @ np.linalg.solve(white + common, e))
     assert 5.3 < np.mean(values) < 6.9

@@ -6,13 +6,11 @@ from pydrake.common.value import AbstractValue
 from simulated_grasp import Episode, Scene, Tick, pull, run, swing
 
 from maths import se3
+from maths.vectors import tangent_basis
 from systems.port_values import BodyMotions, GraspBelief, GraspType
-from systems.proprioception.grasp_filters import (
-    GraspModelConfig,
-    grasp_displacement,
-    tangent_basis,
-)
+from systems.proprioception.grasp_filters import grasp_displacement
 from systems.proprioception.grasp_model import GraspModel, initial_grasp
+from systems.proprioception.grasp_model_config import GraspModelConfig
 
 CONFIG = GraspModelConfig()
 SCENES = {
@@ -85,8 +83,8 @@ def test_darkness_adds_no_confidence() -> None:
 def line_error(scene: Scene, seed: int, grasp: GraspBelief) -> np.ndarray:
     """Error (6,) of axis and point, in the hand where proprioception puts it."""
     episode = Episode(scene, seed)
-    _, loading = episode._end_effector(0.0)
-    offset = se3.exp(loading @ episode.c)
+    _, bias_jacobian = episode._end_effector(0.0)
+    offset = se3.exp(bias_jacobian @ episode.c)
     axis = offset[:3, :3] @ scene.axis
     point = offset[:3, :3] @ scene.point + offset[:3, 3] - grasp.p_HA
     return np.concatenate([axis - grasp.axis_H, point - grasp.axis_H * (grasp.axis_H @ point)])

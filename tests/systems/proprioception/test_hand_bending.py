@@ -44,7 +44,7 @@ def trained(
 
 def end_effector(X: np.ndarray) -> EndEffectorBelief:
     return EndEffectorBelief(
-        X=X, V=np.zeros(6), covariance=1e-8 * np.eye(12), offset_loading=np.zeros((6, 0))
+        X=X, V=np.zeros(6), covariance=1e-8 * np.eye(12), bias_jacobian=np.zeros((6, 0))
     )
 
 
@@ -248,7 +248,12 @@ def test_latest_does_not_depend_on_inputs(trained: tuple) -> None:
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("hand_mass", -1.0), ("deviation_time", 0.0), ("p_S_com", np.zeros(2)), ("creep", -1.0)],
+    [
+        ("hand_mass", -1.0),
+        ("deviation_correlation_time", 0.0),
+        ("p_S_com", np.zeros(2)),
+        ("creep", -1.0),
+    ],
 )
 def test_impossible_values_are_refused(trained: tuple, field: str, value: object) -> None:
     config = HandBendingConfig()

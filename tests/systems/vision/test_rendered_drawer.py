@@ -10,10 +10,10 @@ from pydrake.systems.sensors import CameraInfo
 
 from maths import se3
 from systems.port_values import BodyMotion
-from systems.vision.bodies.body_level import RigidBodyMotionConfig
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
+from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 from systems.vision.features.feature_motion import FeatureMotion
-from systems.vision.features.feature_tracks import FeatureMotionConfig
+from systems.vision.features.feature_motion_config import FeatureMotionConfig
 
 NEES_BOUND = 22.46  # Chi-square of 6 dof that 0.1 % exceed.
 

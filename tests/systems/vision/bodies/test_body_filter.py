@@ -1,4 +1,4 @@
-"""The filter of one body and its anchors, against finite differences and batch least squares."""
+"""The filter of one body and its landmarks, against finite differences and batch least squares."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 from maths import se3
 from maths.arrays import Array
+from maths.rigid_points import pose_jacobian
 from systems.vision.bodies import body_filter
 from systems.vision.bodies.body_filter import BodyFilter
 
@@ -26,22 +27,13 @@ C_REST, C_SEEN = spd(12, 3e-4), spd(12, 1e-3)
 def resting() -> BodyFilter:
     body = body_filter.at_reference(X_REFERENCE, np.full(6, 0.05))
     noise = np.einsum("nij,nj->ni", np.linalg.cholesky(C_REST), RNG.normal(size=(12, 3)))
-    return body_filter.add_rest_anchors(body, np.arange(12), X_REFERENCE, P_WF + noise, C_REST)
+    return body_filter.add_reference_landmarks(
+        body, np.arange(12), X_REFERENCE, P_WF + noise, C_REST
+    )
 
 
 def predicted(body: BodyFilter) -> BodyFilter:
     return body_filter.predict(body, 1 / 15, np.full(6, 1e-2), 1e-5, 1e-4)
-
-
-def test_pose_jacobian_is_the_derivative_of_a_moved_point() -> None:
-    points = RNG.normal(size=(5, 3))
-    J = body_filter.pose_jacobian(points)
-    for i in range(6):
-        d = np.zeros(6)
-        d[i] = 1e-6
-        forward, backward = se3.exp(d), se3.exp(-d)
-        difference = points @ (forward - backward)[:3, :3].T + (forward - backward)[:3, 3]
-        assert_allclose(difference / 2e-6, J[:, :, i], atol=1e-9)
 
 
 def test_prediction_transports_the_error_as_the_exact_motion_does() -> None:
@@ -68,7 +60,7 @@ def test_correction_equals_the_information_form() -> None:
     after = body_filter.correct(body, index, seen, C_SEEN)
     z, R_B = body_filter.in_body(body.X, seen, C_SEEN)
     H = np.zeros((36, len(body.P)))
-    H[:, :6] = body_filter.pose_jacobian(body.p_BF).reshape(36, 6)
+    H[:, :6] = pose_jacobian(body.p_BF).reshape(36, 6)
     H[:, 12:] = np.eye(36)
     R_inverse = np.zeros((36, 36))
     for i in range(12):
@@ -88,7 +80,7 @@ def test_innovation_blocks_are_those_of_the_whole_innovation() -> None:
     S = body_filter.innovation_blocks(body, index, R_B)
     for row, i in enumerate(index):
         H = np.zeros((3, len(body.P)))
-        H[:, :6] = body_filter.pose_jacobian(body.p_BF[i : i + 1])[0]
+        H[:, :6] = pose_jacobian(body.p_BF[i : i + 1])[0]
         H[:, 12 + 3 * i : 15 + 3 * i] = np.eye(3)
         assert_allclose(S[row], H @ body.P @ H.T + R_B[row], atol=1e-15)
 
@@ -100,30 +92,30 @@ def test_covariance_stays_symmetric_and_positive_over_many_ticks() -> None:
         body = body_filter.correct(body, np.arange(12), P_WF, C_SEEN)
     assert_allclose(body.P, body.P.T, atol=1e-18)
     assert np.linalg.eigvalsh(body.P).min() > 0.0
-    # Nothing that is seen later makes the reference better known than its anchors were.
+    # Nothing that is seen later makes the reference better known than its landmarks were.
     together = np.linalg.inv(np.linalg.inv(C_REST).sum(axis=0))
     assert np.trace(body.P[3:6, 3:6]) > 0.5 * np.trace(together)
 
 
-def test_an_anchor_added_now_inherits_the_error_of_the_pose() -> None:
+def test_a_landmark_added_now_inherits_the_error_of_the_pose() -> None:
     body = body_filter.correct(predicted(resting()), np.arange(12), P_WF, C_SEEN)
     p_new, C_new = P_WF[:1] + 0.01, 1e-8 * np.eye(3)[None]
-    grown = body_filter.add_present_anchors(body, np.array([99]), p_new, C_new)
-    J = body_filter.pose_jacobian(grown.p_BF[-1:])[0]
+    grown = body_filter.add_current_landmarks(body, np.array([99]), p_new, C_new)
+    J = pose_jacobian(grown.p_BF[-1:])[0]
     # Seen again at once, by a nearly noiseless camera, it says nothing about the pose.
     again = body_filter.correct(grown, np.array([12]), p_new, C_new)
     assert_allclose(again.P[:6, :6], body.P[:6, :6], rtol=1e-3, atol=1e-12)
     assert_allclose(
-        grown.p_BF_covariance[-1], J @ body.P[:6, :6] @ J.T + 1e-8 * np.eye(3), atol=1e-12
+        grown.landmark_blocks[-1], J @ body.P[:6, :6] @ J.T + 1e-8 * np.eye(3), atol=1e-12
     )
 
 
-def test_removing_an_anchor_leaves_the_rest_alone() -> None:
+def test_removing_a_landmark_leaves_the_rest_alone() -> None:
     body = body_filter.correct(predicted(resting()), np.arange(12), P_WF, C_SEEN)
-    smaller = body_filter.remove_anchors(body, np.array([3, 5]))
+    smaller = body_filter.remove_landmarks(body, np.array([3, 5]))
     keep = [i for i in range(12) if i not in (3, 5)]
     assert_allclose(smaller.p_BF, body.p_BF[keep])
-    assert_allclose(smaller.p_BF_covariance, body.p_BF_covariance[keep])
+    assert_allclose(smaller.landmark_blocks, body.landmark_blocks[keep])
     assert_allclose(smaller.P[:12, :12], body.P[:12, :12])
 
 
@@ -142,19 +134,19 @@ def test_outliers_do_not_agree_even_with_a_long_lever(far: float) -> None:
     assert not fits[wrong].any()
 
 
-def test_a_rebuilt_filter_has_forgotten_what_a_wrong_feature_did() -> None:
+def test_a_reset_filter_has_forgotten_what_a_wrong_feature_did() -> None:
     body = predicted(resting())
     lie = P_WF.copy()
     lie[0] += [0.0, 0.02, 0.0]
     wrong = body_filter.correct(body, np.arange(12), lie, C_SEEN)
-    clean = body_filter.remove_anchors(wrong, np.array([0]))
-    clean = body_filter.rebuilt(clean, np.full(6, 0.1))
+    clean = body_filter.remove_landmarks(wrong, np.array([0]))
+    clean = body_filter.reset_to_initial(clean, np.full(6, 0.1))
     clean = body_filter.correct(clean, np.arange(11), P_WF[1:], C_SEEN[1:])
     error = se3.log(se3.inverse(clean.X) @ X_REFERENCE)
     assert error @ np.linalg.solve(clean.P[:6, :6], error) < 22.5
 
 
-def test_a_sliding_anchor_is_noticed() -> None:
+def test_a_sliding_landmark_is_noticed() -> None:
     body = resting()
     slide = np.zeros((12, 3))
     for _ in range(60):
@@ -168,37 +160,39 @@ def test_a_sliding_anchor_is_noticed() -> None:
     assert drifted.sum() <= 2
 
 
-def test_what_anchors_have_in_common_outlives_a_rebuilding() -> None:
+def test_what_landmarks_have_in_common_outlives_a_reset() -> None:
     body = body_filter.inflated(
         body_filter.at_reference(np.eye(4), np.full(6, 0.05)), np.repeat([0.02, 0.005], 3)
     )
     p_WF = np.random.default_rng(7).normal(scale=0.1, size=(6, 3))
-    body = body_filter.add_present_anchors(
+    body = body_filter.add_current_landmarks(
         body, np.arange(6), p_WF, np.tile(1e-8 * np.eye(3), (6, 1, 1))
     )
-    fewer = body_filter.remove_anchors(body, np.array([2]))
-    again = body_filter.rebuilt(fewer, np.full(6, 0.1))
-    assert_allclose(again.anchor_covariance, fewer.anchor_covariance)
-    assert np.abs(again.anchor_covariance[:3, 3:6]).max() > 1e-5
+    fewer = body_filter.remove_landmarks(body, np.array([2]))
+    again = body_filter.reset_to_initial(fewer, np.full(6, 0.1))
+    assert_allclose(again.landmark_covariance, fewer.landmark_covariance)
+    assert np.abs(again.landmark_covariance[:3, 3:6]).max() > 1e-5
 
 
-def test_what_a_rebuilt_filter_starts_from_is_a_covariance_after_anchors_have_drifted() -> None:
+def test_a_reset_filter_starts_from_a_covariance_after_landmarks_have_drifted() -> None:
     body = resting()
     for _ in range(50):  # What all of them have in common is known less well in the end.
         body = body_filter.predict(body, 1 / 15, np.full(6, 1e-2), 1e-3, 0.0)
         body = body_filter.correct(body, np.arange(12), P_WF, C_SEEN)
     ids = np.arange(20, 25)
-    body = body_filter.add_present_anchors(body, ids, P_WF[:5] + 0.02, C_SEEN[:5])
-    rebuilt = body_filter.rebuilt(body, np.full(6, 1e-2))
-    assert np.linalg.eigvalsh(rebuilt.P)[0] > 0.0
+    body = body_filter.add_current_landmarks(body, ids, P_WF[:5] + 0.02, C_SEEN[:5])
+    reset_to_initial = body_filter.reset_to_initial(body, np.full(6, 1e-2))
+    assert np.linalg.eigvalsh(reset_to_initial.P)[0] > 0.0
     before = np.repeat(body.ids < 20, 3)
-    assert_allclose(rebuilt.P[12:, 12:][np.ix_(before, before)], resting().C_first)
+    assert_allclose(
+        reset_to_initial.P[12:, 12:][np.ix_(before, before)], resting().initial_covariance
+    )
 
 
-def test_what_new_anchors_share_with_old_ones_is_kept_where_these_are_known_better_now() -> None:
+def test_what_new_landmarks_share_with_old_ones_is_kept_where_these_are_known_better_now() -> None:
     body = predicted(resting())
     body = body_filter.correct(body, np.arange(12), P_WF, C_SEEN)
-    body = body_filter.add_present_anchors(body, np.arange(20, 25), P_WF[:5] + 0.02, C_SEEN[:5])
+    body = body_filter.add_current_landmarks(body, np.arange(20, 25), P_WF[:5] + 0.02, C_SEEN[:5])
     before = np.repeat(body.ids < 20, 3)
-    shared = body.anchor_covariance[np.ix_(before, ~before)]
-    assert_allclose(body.C_first[np.ix_(before, ~before)], shared, rtol=1e-3, atol=1e-11)
+    shared = body.landmark_covariance[np.ix_(before, ~before)]
+    assert_allclose(body.initial_covariance[np.ix_(before, ~before)], shared, rtol=1e-3, atol=1e-11)

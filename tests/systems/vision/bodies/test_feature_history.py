@@ -6,14 +6,8 @@ from numpy.testing import assert_allclose
 from maths import se3
 from maths.arrays import Array
 from systems.port_values import FeatureBelief
-from systems.vision.bodies.feature_history import (
-    OUTCAST,
-    FeatureHistory,
-    displacements,
-    no_history,
-    remember,
-    squared_distances,
-)
+from systems.vision.bodies.feature_displacements import displacements, squared_distances
+from systems.vision.bodies.feature_history import OUTLIER, FeatureHistory, no_history, remember
 
 RNG = np.random.default_rng(0)
 WINDOW = 12
@@ -85,7 +79,7 @@ def test_a_still_path_and_no_path_give_the_same() -> None:
 def test_only_free_features_rest() -> None:
     samples = [belief([1], RNG.normal(size=(1, 3))) for _ in range(WINDOW)]
     history = grow(samples)
-    history.body[:] = OUTCAST
+    history.body[:] = OUTLIER
     later = remember(
         history, belief([1], np.zeros((1, 3))), WINDOW, floor=0.0, memory=5, rest_samples=60
     )

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maths import se3
-from systems.vision.bodies.feature_history import Displacements, squared_distances
+from systems.vision.bodies.feature_displacements import Displacements, squared_distances
 from systems.vision.bodies.motion_consensus import find_consensus, rigid_motions, stillness
 
 RNG = np.random.default_rng(0)
@@ -30,7 +30,7 @@ def search(d: Displacements, seed: int = 0):
     still, _ = squared_distances(d.p_new - d.p_old, d.C_old + d.C_new)
     movers = np.nonzero(still > 20.0)[0]
     rng = np.random.default_rng(seed)
-    return find_consensus(d, still, movers, rng, gate=16.27, better=9.0, rotation_sigma=0.1)
+    return find_consensus(d, still, movers, rng, gate=16.27, support_gate=9.0, rotation_sigma=0.1)
 
 
 def test_rigid_motions_are_recovered_exactly() -> None:

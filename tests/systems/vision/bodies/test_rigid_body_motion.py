@@ -10,21 +10,29 @@ from scipy.stats import chi2
 
 from maths import se3
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
+    NO_POSE,
     BodyMotion,
     BodyPrediction,
     BodyPredictions,
     FeatureBelief,
     PoseBelief,
 )
-from systems.vision.bodies.body_level import RigidBodyMotionConfig
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
+from systems.vision.bodies.rigid_body_motion_config import (
+    BodyBirthConfig,
+    FeatureHistoryConfig,
+    LandmarkConfig,
+    RigidBodyMotionConfig,
+)
 
 X_WC = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0.7], [0, 0, 0, 1]])
 ONSET = 40  # Tick at which the body starts to move.
 # White noise, as simulated here, leaves nothing for the floors to cover.
-WHITE = RigidBodyMotionConfig(feature_floor=0.0, anchor_floor=0.0, anchor_walk=0.0, turn_walk=0.0)
-ABSENT = PoseBelief(X=np.full((4, 4), np.nan), covariance=np.full((6, 6), np.nan))
+WHITE = RigidBodyMotionConfig(
+    history=FeatureHistoryConfig(floor=0.0),
+    landmarks=LandmarkConfig(floor=0.0, walk=0.0, turn_walk=0.0),
+)
 
 
 def path(kind: str, k: int) -> np.ndarray:
@@ -120,7 +128,7 @@ def play(camera: CameraInfo, tick: Callable) -> Callable:
         def inputs(k: int) -> dict:
             values = {"features_estimated": stream.beliefs[k]}
             if priors is not None:
-                values["interacted_body_prior"] = priors[k]
+                values["held_body_prior"] = priors[k]
             if joints is not None:
                 values["joint_predictions"] = joints(k)
             return values
@@ -273,7 +281,7 @@ def prior_path(stream: Stream, held_at: int, slip: float, lead: int) -> list[Pos
     priors = []
     for k in range(stream.ticks):
         if k < held_at:
-            priors.append(ABSENT)
+            priors.append(NO_POSE)
             continue
         way = path(stream.kind, k + lead)[:3, 3] * (1.0 + slip)
         X = X_WH.copy()
@@ -284,19 +292,17 @@ def prior_path(stream: Stream, held_at: int, slip: float, lead: int) -> list[Pos
 
 
 @pytest.mark.parametrize("slip", [0.0, 0.1])
-def test_what_moves_with_the_hand_joins_the_interacted_body_at_once(
-    play: Callable, slip: float
-) -> None:
+def test_what_moves_with_the_hand_joins_the_held_body_at_once(play: Callable, slip: float) -> None:
     held_at = 30
     stream = Stream(kind="drawer", seed=6)
     priors = prior_path(stream, held_at, slip, lead=0)
     motions = play(stream, WHITE, priors)
     assert not motions[held_at - 1]
-    assert [b.body_id for b in motions[held_at]] == [INTERACTED_BODY]
+    assert [b.body_id for b in motions[held_at]] == [HELD_BODY]
     np.testing.assert_allclose(motions[held_at][0].X_WB_reference, priors[held_at].X)
     joined = next(k for k, m in enumerate(motions) if m and len(m[0].feature_ids) >= 6)
     assert ONSET < joined < ONSET + 12
-    assert all([b.body_id for b in m] == [INTERACTED_BODY] for m in motions[held_at:])
+    assert all([b.body_id for b in m] == [HELD_BODY] for m in motions[held_at:])
     last = motions[-1][0]
     assert set(last.feature_ids.tolist()) <= stream.moving_ids
     assert np.linalg.norm(stream.error(last, stream.ticks - 1, held_at)[3:]) < 1.5e-3
@@ -311,7 +317,7 @@ def test_a_hand_that_moves_alone_takes_no_feature_along(play: Callable) -> None:
     assert np.linalg.norm(motions[-1][0].motion.X[:3, 3] - [0.93, 0.0, 0.55]) > 0.05
 
 
-def test_in_the_dark_the_interacted_body_follows_the_hand(play: Callable) -> None:
+def test_in_the_dark_the_held_body_follows_the_hand(play: Callable) -> None:
     dark = 90
     stream = Stream(kind="drawer", seed=8, dark_from=dark, ticks=dark + 45)
     priors = prior_path(stream, 30, 0.05, lead=0)
@@ -324,25 +330,25 @@ def test_features_that_come_late_show_the_motion_since_they_came(play: Callable)
     lit = 100
     stream = Stream(kind="drawer", seed=10, lit_from=lit, ticks=lit + 120)
     motions = play(stream, None, prior_path(stream, 30, 0.2, lead=0))
-    anchored = next(k for k, m in enumerate(motions) if m and m[0].anchored)
-    first, last = motions[anchored][0], motions[-1][0]
-    assert lit < anchored < lit + 45
-    assert last.anchored == 1
-    assert len(first.feature_ids) >= RigidBodyMotionConfig().anchor_support
+    found = next(k for k, m in enumerate(motions) if m and m[0].reset_count)
+    first, last = motions[found][0], motions[-1][0]
+    assert lit < found < lit + 45
+    assert last.reset_count == 1
+    assert len(first.feature_ids) >= RigidBodyMotionConfig().landmarks.reset_support
     assert set(last.feature_ids.tolist()) <= stream.moving_ids
-    assert np.linalg.norm(stream.error(first, anchored, 30)[3:]) > 0.01
-    moved = path("drawer", stream.ticks - 1) @ se3.inverse(path("drawer", anchored))
+    assert np.linalg.norm(stream.error(first, found, 30)[3:]) > 0.01
+    moved = path("drawer", stream.ticks - 1) @ se3.inverse(path("drawer", found))
     error = se3.log(se3.inverse(last.motion.X) @ moved @ first.motion.X)
     assert np.linalg.norm(error[3:]) < 3e-3
 
 
-def test_the_interacted_body_ends_with_the_grasp(play: Callable) -> None:
+def test_the_held_body_ends_with_the_grasp(play: Callable) -> None:
     stream = Stream(kind="drawer", seed=9, ticks=90)
     priors = prior_path(stream, 30, 0.0, lead=0)
-    priors[80:] = [ABSENT] * 10
+    priors[80:] = [NO_POSE] * 10
     motions = play(stream, None, priors)
-    assert motions[79][0].body_id == INTERACTED_BODY
-    assert all(b.body_id != INTERACTED_BODY for b in motions[80])
+    assert motions[79][0].body_id == HELD_BODY
+    assert all(b.body_id != HELD_BODY for b in motions[80])
 
 
 def test_the_same_stream_gives_the_same_bodies(play: Callable) -> None:
@@ -378,9 +384,22 @@ def test_features_are_predicted_where_their_body_takes_them(
         assert np.abs(np.mean(error[group], axis=0)).max() < 6e-4
 
 
-@pytest.mark.parametrize(("field", "value"), [("period", 0.0), ("window", 5), ("min_gain", -1.0)])
+@pytest.mark.parametrize(
+    ("config", "named"),
+    [
+        (RigidBodyMotionConfig(period=0.0), "RigidBodyMotion: period = 0.0"),
+        (
+            RigidBodyMotionConfig(history=FeatureHistoryConfig(window=5)),
+            "RigidBodyMotion.history: window = 5",
+        ),
+        (
+            RigidBodyMotionConfig(birth=BodyBirthConfig(min_gain=-1.0)),
+            "RigidBodyMotion.birth: min_gain = -1.0",
+        ),
+    ],
+)
 def test_impossible_values_are_refused_by_name(
-    camera: CameraInfo, field: str, value: float
+    camera: CameraInfo, config: RigidBodyMotionConfig, named: str
 ) -> None:
-    with pytest.raises(ValueError, match=rf"RigidBodyMotion: {field} = {value!r}"):
-        RigidBodyMotion(replace(RigidBodyMotionConfig(), **{field: value}), camera, X_WC)
+    with pytest.raises(ValueError, match=named):
+        RigidBodyMotion(config, camera, X_WC)

@@ -14,7 +14,13 @@ from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, Imag
 from systems.port_values import FeatureBelief
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from systems.vision.features.feature_motion import FeatureMotion
-from systems.vision.features.feature_tracks import FeatureMotionConfig, no_tracks
+from systems.vision.features.feature_motion_config import (
+    FeatureMotionConfig,
+    FlowConfig,
+    RegistrationConfig,
+    TrackManagementConfig,
+)
+from systems.vision.features.feature_tracks import no_tracks
 
 X_WC = np.eye(4)
 Z = 1.0
@@ -101,7 +107,7 @@ def test_a_jump_of_25_pixels_is_bridged_by_the_pyramid(follow: Callable) -> None
 
 
 def test_a_prediction_bridges_what_nothing_else_can(camera: CameraInfo, tick: Callable) -> None:
-    system = FeatureMotion(replace(FeatureMotionConfig(), max_flow_features=0), camera, X_WC)
+    system = FeatureMotion(FeatureMotionConfig(flow=FlowConfig(max_features=0)), camera, X_WC)
     port = system.GetOutputPort("features_latest")
     jump = np.array([60.0, -35.0])
     known: dict[str, FeatureBelief] = {}
@@ -133,7 +139,7 @@ def test_the_robot_kills_what_it_covers_and_ids_are_never_used_again(follow: Cal
     under = (beliefs[4].uv[:, 0] > 200) & (beliefs[4].uv[:, 0] < 299)
     covered = set(beliefs[4].ids[under].tolist())
     assert len(covered) > 15
-    border = FeatureMotionConfig().robot_border
+    border = FeatureMotionConfig().tracks.robot_border
     for belief in beliefs[5:10]:
         assert not np.any((belief.uv[:, 0] > 200 - border) & (belief.uv[:, 0] < 299 + border))
     for belief in beliefs[5:]:
@@ -217,7 +223,7 @@ def test_the_documented_ports_are_the_declared_ones(system_class: type, camera: 
     if system_class is FeatureMotion:
         system = FeatureMotion(FeatureMotionConfig(), camera, X_WC)
     else:
-        from systems.vision.bodies.body_level import RigidBodyMotionConfig
+        from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
         system = RigidBodyMotion(RigidBodyMotionConfig(), camera, X_WC, True)
     block = re.search(
@@ -230,10 +236,21 @@ def test_the_documented_ports_are_the_declared_ones(system_class: type, camera: 
 
 
 @pytest.mark.parametrize(
-    ("field", "value"), [("period", 0.0), ("max_features", 0), ("min_correlation", 1.5)]
+    ("config", "named"),
+    [
+        (FeatureMotionConfig(period=0.0), "FeatureMotion: period = 0.0"),
+        (
+            FeatureMotionConfig(tracks=TrackManagementConfig(max_features=0)),
+            "FeatureMotion.tracks: max_features = 0",
+        ),
+        (
+            FeatureMotionConfig(registration=RegistrationConfig(min_correlation=1.5)),
+            "FeatureMotion.registration: min_correlation = 1.5",
+        ),
+    ],
 )
 def test_impossible_values_are_refused_by_name(
-    camera: CameraInfo, field: str, value: float
+    camera: CameraInfo, config: FeatureMotionConfig, named: str
 ) -> None:
-    with pytest.raises(ValueError, match=rf"FeatureMotion: {field} = {value!r}"):
-        FeatureMotion(replace(FeatureMotionConfig(), **{field: value}), camera, X_WC)
+    with pytest.raises(ValueError, match=named):
+        FeatureMotion(config, camera, X_WC)

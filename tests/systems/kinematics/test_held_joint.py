@@ -8,14 +8,14 @@ from numpy.testing import assert_allclose
 from pydrake.common.value import AbstractValue
 
 from maths import se3
-from systems.kinematics.interacted_joint import (
-    InteractedJoint,
-    InteractedJointConfig,
+from systems.kinematics.held_joint import (
+    HeldJoint,
+    HeldJointConfig,
     choose_joint,
     end_effector_screw,
 )
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     STATIC_BODY,
     BodyMotion,
     BodyMotions,
@@ -27,14 +27,14 @@ from systems.port_values import (
 )
 from systems.proprioception.bent_hand import free_rotation
 
-CONFIG = InteractedJointConfig()
+CONFIG = HeldJointConfig()
 
 
 def joint(
     kind: JointType,
     q: float,
     parent: int = STATIC_BODY,
-    child: int = INTERACTED_BODY,
+    child: int = HELD_BODY,
     probability: float = 0.99,
     axis_std: float = 0.01,
     updates: int = 10,
@@ -61,7 +61,7 @@ def joint(
 
 
 def read(joints: list[JointBelief], bodies: list[BodyMotion] | None = None) -> np.ndarray:
-    system = InteractedJoint(CONFIG)
+    system = HeldJoint(CONFIG)
     context = system.CreateDefaultContext()
     system.GetInputPort("joints_latest").FixValue(
         context, AbstractValue.Make(JointBeliefs(joints=joints))

@@ -1,4 +1,4 @@
-"""A body that vision found first turns out to be the one in the hand."""
+"""A body that vision found first turns out to be the held one."""
 
 from dataclasses import replace
 
@@ -7,13 +7,15 @@ import scipy.linalg
 
 from maths import se3
 from maths.arrays import Array
-from maths.gaussian import nees
-from systems.port_values import INTERACTED_BODY, PoseBelief
+from maths.gaussian import chi_square_gate, nees
+from systems.port_values import PoseBelief
 from systems.vision.bodies.body_filter import BodyFilter
-from systems.vision.bodies.body_level import RigidBodyMotionConfig, TrackedBody
+from systems.vision.bodies.body_tracker_state import TrackedBody
 from systems.vision.bodies.feature_history import FeatureHistory
+from systems.vision.bodies.held_body import find_held
+from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
-_CHANCE = 22.46  # Squared distance of 6 dof that 0.1 % exceed.
+_UNLIKELY = chi_square_gate(0.001, 6)
 
 
 def moved_frame(body: BodyFilter, T: Array) -> BodyFilter:
@@ -26,8 +28,8 @@ def moved_frame(body: BodyFilter, T: Array) -> BodyFilter:
         X=body.X @ T,
         V=Ad @ body.V,
         p_BF=body.p_BF @ R.T + T_inverse[:3, 3],
-        p_BF_first=body.p_BF_first @ R.T + T_inverse[:3, 3],
-        C_first=J[12:, 12:] @ body.C_first @ J[12:, 12:].T,
+        p_BF_initial=body.p_BF_initial @ R.T + T_inverse[:3, 3],
+        initial_covariance=J[12:, 12:] @ body.initial_covariance @ J[12:, 12:].T,
         P=J @ body.P @ J.T,
     )
 
@@ -54,7 +56,7 @@ def moves_with_hand(
 ) -> bool:
     """Whether a body has moved since the hand closed, and as the hand's prior says.
 
-    Both displacements are compared at the interacted body's frame; the body's own uncertainty is
+    Both displacements are compared at the held body's frame; the body's own uncertainty is
     that since its reference, which is no less than that since the hand closed. A body that has gone
     only a part of the handle's way is dragged along, like a box by its lid.
     """
@@ -64,35 +66,35 @@ def moves_with_hand(
     X_seen = displacement(body, age) @ X_start
     moved = se3.log(se3.inverse(X_start) @ X_seen)
     error = se3.log(se3.inverse(X_seen) @ prior.X)
-    slack = np.repeat([config.prior_rotation_walk, config.prior_translation_walk], 3)
+    slack = config.held_body.prior_walk
     way = np.linalg.norm(prior.X[:3, 3] - X_start[:3, 3])
     missed = np.linalg.norm(prior.X[:3, 3] - X_seen[:3, 3])
     return bool(
-        nees(moved, covariance) > _CHANCE
-        and nees(error, covariance + prior.covariance + np.diag(slack**2)) < _CHANCE
-        and way > config.adoption_way
-        and missed < config.adoption_share * way
+        nees(moved, covariance) > _UNLIKELY
+        and nees(error, covariance + prior.covariance + np.diag(slack**2)) < _UNLIKELY
+        and way > config.held_body.identification_way
+        and missed < config.held_body.identification_share * way
     )
 
 
-def adopt(
+def identify_held_body(
     config: RigidBodyMotionConfig,
     bodies: list[TrackedBody],
     history: FeatureHistory,
     prior: PoseBelief | None,
     tick: int,
 ) -> tuple[list[TrackedBody], FeatureHistory]:
-    """Makes a body that moves with the hand the interacted one.
+    """Makes a body that moves with the hand the held one.
 
     Closing the hand nudges the object, so that vision has often found a body before the hand
-    holds it. Its filter goes on in the interacted body's frame, which is where the prior's was when
-    the hand had closed.
+    holds it. Its filter goes on in the held body's frame, which is where the prior's was when the
+    hand had closed.
     """
-    held = next((body for body in bodies if body.body_id == INTERACTED_BODY), None)
+    held = find_held(bodies)
     if held is None or prior is None or not np.isfinite(prior.X).all():
         return bodies, history
     age = tick - held.held_since
-    if not 0 < age < config.window:
+    if not 0 < age < config.history.window:
         return bodies, history
     for body in bodies:
         seen_longer = len(body.filter.ids) > len(held.filter.ids)
@@ -101,9 +103,9 @@ def adopt(
         if moves_with_hand(config, body, held, prior, age):
             index = len(body.path) - 1 - age
             T = se3.inverse(smoothed_pose(body.path, index)) @ held.path[index]
-            adopted = replace(
+            identified = replace(
                 body,
-                body_id=INTERACTED_BODY,
+                body_id=held.body_id,
                 filter=moved_frame(body.filter, T),
                 X_WB_reference=body.X_WB_reference @ T,
                 path=body.path @ T,
@@ -111,6 +113,6 @@ def adopt(
             )
             mine = history.body == body.body_id
             others = [other for other in bodies if other is not body and other is not held]
-            assigned = np.where(mine, INTERACTED_BODY, history.body)
-            return [adopted, *others], replace(history, body=assigned)
+            assigned = np.where(mine, held.body_id, history.body)
+            return [identified, *others], replace(history, body=assigned)
     return bodies, history

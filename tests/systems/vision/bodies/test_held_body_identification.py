@@ -1,15 +1,16 @@
-"""A body that vision found goes on as the interacted one, described in another frame."""
+"""A body that vision found goes on as the held one, described in another frame."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from maths import se3
-from systems.port_values import INTERACTED_BODY, PoseBelief
+from systems.port_values import HELD_BODY, PoseBelief
 from systems.vision.bodies import body_filter
-from systems.vision.bodies.body_adoption import moved_frame, moves_with_hand
 from systems.vision.bodies.body_filter import BodyFilter
-from systems.vision.bodies.body_level import RestPositions, RigidBodyMotionConfig, TrackedBody
+from systems.vision.bodies.body_tracker_state import RestPositions, TrackedBody
+from systems.vision.bodies.held_body_identification import moved_frame, moves_with_hand
+from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 T = se3.exp(np.array([0.3, -0.2, 0.1, 0.2, 0.1, -0.3]))
 NOISE = np.tile(np.diag([1e-6, 2e-6, 4e-6]), (8, 1, 1))
@@ -20,7 +21,7 @@ def make_body() -> tuple[BodyFilter, np.ndarray]:
     X_WB = se3.exp(rng.normal(scale=0.3, size=6))
     body = body_filter.at_reference(X_WB, np.full(6, 0.05))
     p_WF = X_WB[:3, 3] + rng.normal(scale=0.1, size=(8, 3))
-    body = body_filter.add_rest_anchors(body, np.arange(8), X_WB, p_WF, NOISE)
+    body = body_filter.add_reference_landmarks(body, np.arange(8), X_WB, p_WF, NOISE)
     body = body_filter.predict(body, 0.1, np.full(6, 1e-3), 1e-5, turn_walk=1e-3)
     return body, p_WF + 1e-3 * rng.normal(size=(8, 3))
 
@@ -28,7 +29,7 @@ def make_body() -> tuple[BodyFilter, np.ndarray]:
 def test_features_stay_where_they_are_in_the_world() -> None:
     body, _ = make_body()
     moved = moved_frame(body, T)
-    for old, new in ((body.p_BF, moved.p_BF), (body.p_BF_first, moved.p_BF_first)):
+    for old, new in ((body.p_BF, moved.p_BF), (body.p_BF_initial, moved.p_BF_initial)):
         assert_allclose(
             old @ body.X[:3, :3].T + body.X[:3, 3],
             new @ moved.X[:3, :3].T + moved.X[:3, 3],
@@ -38,15 +39,15 @@ def test_features_stay_where_they_are_in_the_world() -> None:
 
 def test_it_does_not_matter_whether_the_frame_moves_before_or_after_a_correction() -> None:
     body, p_WF = make_body()
-    anchors = np.arange(8)
-    first = moved_frame(body_filter.correct(body, anchors, p_WF, NOISE), T)
-    second = body_filter.correct(moved_frame(body, T), anchors, p_WF, NOISE)
+    landmarks = np.arange(8)
+    first = moved_frame(body_filter.correct(body, landmarks, p_WF, NOISE), T)
+    second = body_filter.correct(moved_frame(body, T), landmarks, p_WF, NOISE)
     assert_allclose(first.X, second.X, atol=1e-5)
     assert_allclose(first.P, second.P, atol=1e-8)
     assert_allclose(first.p_BF, second.p_BF, atol=1e-5)
 
 
-def test_no_anchor_seems_to_have_drifted_because_the_frame_moved() -> None:
+def test_no_landmark_seems_to_have_drifted_because_the_frame_moved() -> None:
     body, _ = make_body()
     assert not body_filter.drifted(moved_frame(body, T), 16.27).any()
 
@@ -71,13 +72,11 @@ def tracked(body_id: int, way: float) -> TrackedBody:
 
 
 @pytest.mark.parametrize(("share", "held"), [(1.0, True), (0.8, True), (0.3, False), (0.0, False)])
-def test_a_body_that_the_handle_drags_along_is_not_the_one_in_the_hand(
-    share: float, held: bool
-) -> None:
+def test_a_body_that_the_handle_drags_along_is_not_the_held_one(share: float, held: bool) -> None:
     way = 0.01
     X = np.eye(4)
     X[0, 3] = way
     sigma = np.repeat([0.05, 6e-3], 3)  # As the grip may still settle.
     prior = PoseBelief(X=X, covariance=np.diag(sigma**2))
-    box, lid = tracked(2, share * way), tracked(INTERACTED_BODY, 0.0)
+    box, lid = tracked(2, share * way), tracked(HELD_BODY, 0.0)
     assert moves_with_hand(RigidBodyMotionConfig(), box, lid, prior, age=10) == held

@@ -1,4 +1,4 @@
-"""The interacted body: derivatives, then beliefs against simulated hands."""
+"""The held body: derivatives, then beliefs against simulated hands."""
 
 from dataclasses import replace
 
@@ -9,29 +9,26 @@ from scipy.stats import chi2
 from simulated_grasp import Episode, Scene, Tick, body_error, body_nees, pull, run, swing
 
 from maths import se3
-from systems.port_values import INTERACTED_BODY, GraspBelief, GraspType, PoseBelief
+from systems.port_values import HELD_BODY, GraspBelief, GraspType, PoseBelief
 from systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
-from systems.proprioception.grasp_filters import GraspModelConfig, free_projection
+from systems.proprioception.free_motion import free_motion, line_sensitivity
+from systems.proprioception.grasp_filters import free_projection
 from systems.proprioception.grasp_model import initial_grasp
-from systems.proprioception.interacted_body_filter import (
-    BodyState,
-    InteractedBodyMotionConfig,
-    Layout,
-    correct_body,
-    free_motion,
-    line_sensitivity,
-    predict_body,
-    start_body,
-)
-from systems.proprioception.interacted_body_motion import InteractedBodyMotion
+from systems.proprioception.grasp_model_config import GraspModelConfig
+from systems.proprioception.held_body_filter import correct_body, predict_body, start_body
+from systems.proprioception.held_body_motion import HeldBodyMotion
+from systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
+from systems.proprioception.held_body_state import BodyState, Layout
 
-CONFIG = InteractedBodyMotionConfig()
+CONFIG = HeldBodyMotionConfig()
 LAYOUT = Layout(6)
 
 
 def hand(rng: np.random.Generator, X_WH: np.ndarray) -> BentHand:
-    factor = np.linalg.cholesky(np.diag(rng.uniform(0.5, 1.0, 6)))
-    return BentHand(X_WH=X_WH, loading=rng.normal(size=(6, 6)), factor=factor)
+    noise_square_root = np.linalg.cholesky(np.diag(rng.uniform(0.5, 1.0, 6)))
+    return BentHand(
+        X_WH=X_WH, bias_jacobian=rng.normal(size=(6, 6)), noise_square_root=noise_square_root
+    )
 
 
 def grasp(kind: GraspType, axis: np.ndarray, point: np.ndarray) -> GraspBelief:
@@ -49,7 +46,7 @@ def grasp(kind: GraspType, axis: np.ndarray, point: np.ndarray) -> GraspBelief:
 def pair(seed: int) -> tuple[BodyState, BentHand, GraspBelief]:
     rng = np.random.default_rng(seed)
     belief = grasp(GraspType.PERFECT, np.array([0.0, 1.0, 0.0]), np.array([0.02, 0.0, 0.05]))
-    body = start_body(hand(rng, se3.exp(rng.normal(size=6))), belief, InteractedBodyMotionConfig())
+    body = start_body(hand(rng, se3.exp(rng.normal(size=6))), belief, HeldBodyMotionConfig())
     after = hand(rng, body.hand.X_WH @ se3.exp(0.3 * rng.normal(size=6)))
     return body, after, belief
 
@@ -76,9 +73,9 @@ def test_a_known_hand_error_moves_the_body_as_the_corrected_hand_would(part: str
     x = body.x.copy()
     x[rows] = error
     moved = predict_body(replace(body, x=x), after, belief, CONFIG)
-    rho = np.exp(-CONFIG.period / CONFIG.hand_error_time) if part == "n" else 1.0
-    before_by = body.hand.loading if part == "c" else body.hand.factor
-    after_by = after.loading if part == "c" else rho * body.hand.factor
+    rho = np.exp(-CONFIG.period / CONFIG.hand_correlation_time) if part == "n" else 1.0
+    before_by = body.hand.bias_jacobian if part == "c" else body.hand.noise_square_root
+    after_by = after.bias_jacobian if part == "c" else rho * body.hand.noise_square_root
     corrected_before = replace(
         body, hand=replace(body.hand, X_WH=body.hand.X_WH @ se3.exp(before_by @ error))
     )
@@ -90,7 +87,7 @@ def test_a_known_hand_error_moves_the_body_as_the_corrected_hand_would(part: str
 
 def test_an_offset_that_stays_the_same_cancels() -> None:
     body, after, belief = pair(4)
-    after = replace(after, loading=body.hand.loading)
+    after = replace(after, bias_jacobian=body.hand.bias_jacobian)
     P = predict_body(body, after, belief, CONFIG).P
     np.testing.assert_allclose(P[:6, LAYOUT.c], 0.0, atol=1e-9)
 
@@ -299,15 +296,15 @@ def test_covariances_stay_symmetric_and_positive() -> None:
 
 def test_what_grows_unseen_lasts_until_it_is_seen_again() -> None:
     ticks = run(Scene(displacement=pull(), dark_from=3.0, duration=6.0), 5, vision=True)
-    lasting = [tick.body.lasting_covariance for tick in ticks]
+    correlated = [tick.body.correlated_covariance for tick in ticks]
     seen = [tick.body.seen is not None for tick in ticks]
     assert sum(seen) > 30
-    assert not any(matrix.any() for matrix, sees in zip(lasting, seen, strict=True) if sees)
+    assert not any(matrix.any() for matrix, sees in zip(correlated, seen, strict=True) if sees)
     last = ticks[-1].body
-    growth = np.diag(last.lasting_covariance)[3:]
+    growth = np.diag(last.correlated_covariance)[3:]
     assert np.all(growth > 0.0)
     assert np.all(growth < np.diag(last.motion.covariance)[3:6])
-    assert np.trace(lasting[-1][3:, 3:]) > 2.0 * np.trace(lasting[-30][3:, 3:])
+    assert np.trace(correlated[-1][3:, 3:]) > 2.0 * np.trace(correlated[-30][3:, 3:])
 
 
 def test_features_that_come_late_tell_the_motion_since_but_not_the_pose() -> None:
@@ -317,8 +314,8 @@ def test_features_that_come_late_tell_the_motion_since_but_not_the_pose() -> Non
     for seed in range(12):
         ticks = run(scene, seed, vision=True)
         first, last = ticks[lit], ticks[-1]
-        assert first.body.anchored == last.body.anchored == 1
-        assert ticks[lit - 10].body.anchored == 0
+        assert first.body.reset_count == last.body.reset_count == 1
+        assert ticks[lit - 10].body.reset_count == 0
         np.testing.assert_array_equal(first.body.offset_covariance, last.body.offset_covariance)
         poses.append(body_nees(last))
         error = se3.log(se3.inverse(ticks[lit].body.motion.X) @ ticks[lit].X_WB)
@@ -330,7 +327,7 @@ def test_features_that_come_late_tell_the_motion_since_but_not_the_pose() -> Non
 
 
 def test_the_prior_does_not_depend_on_vision() -> None:
-    system = InteractedBodyMotion(CONFIG, corrected_by_vision=True)
+    system = HeldBodyMotion(CONFIG, corrected_by_vision=True)
     prior = system.GetOutputPort("body_prior").get_index()
     estimated = system.GetOutputPort("body_motions_estimated").get_index()
     latest = system.GetOutputPort("body_motions_latest").get_index()
@@ -344,7 +341,7 @@ def test_the_prior_does_not_depend_on_vision() -> None:
 
 
 def test_there_is_no_body_while_nothing_is_held() -> None:
-    system = InteractedBodyMotion(CONFIG)
+    system = HeldBodyMotion(CONFIG)
     context = system.CreateDefaultContext()
     episode = Episode(Scene(displacement=pull()), 0)
     end_effector, bending = episode.streams(0.0)
@@ -358,7 +355,7 @@ def test_there_is_no_body_while_nothing_is_held() -> None:
     for value, count in ((0.0, 0), (1.0, 1), (0.0, 0)):
         active.FixValue(context, value)
         bodies = system.GetOutputPort("body_motions_estimated").Eval(context).bodies
-        assert [b.body_id for b in bodies] == [INTERACTED_BODY] * count
+        assert [b.body_id for b in bodies] == [HELD_BODY] * count
         prior = system.GetOutputPort("body_prior").Eval(context)
         assert np.isfinite(prior.X).all() == (count == 1)
         system.ExecuteForcedEvents(context)
@@ -366,21 +363,21 @@ def test_there_is_no_body_while_nothing_is_held() -> None:
 
 @pytest.mark.parametrize(("field", "value"), [("inlier_share", 0.0), ("slip_rotation", -1.0)])
 def test_impossible_values_are_refused(field: str, value: float) -> None:
-    config = InteractedBodyMotionConfig()
+    config = HeldBodyMotionConfig()
     setattr(config, field, value)
-    with pytest.raises(ValueError, match=f"InteractedBodyMotion: {field}"):
-        InteractedBodyMotion(config)
+    with pytest.raises(ValueError, match=f"HeldBodyMotion: {field}"):
+        HeldBodyMotion(config)
 
 
-def test_nothing_lasts_but_the_pose_error_and_a_grip_that_settles() -> None:
+def test_only_the_pose_error_and_the_reference_error_are_correlated() -> None:
     ticks = run(Scene(displacement=pull(), duration=8.0), 6, vision=False)
-    first = ticks[0].body.lasting_covariance
+    first = ticks[0].body.correlated_covariance
     assert np.diag(first).min() > 0.0
     for tick in ticks:
-        rest = tick.body.motion.covariance[:6, :6] + first - tick.body.lasting_covariance
+        rest = tick.body.motion.covariance[:6, :6] + first - tick.body.correlated_covariance
         assert np.linalg.eigvalsh(rest).min() > -1e-9
     last = ticks[-1].body
     assert np.all(
-        np.diag(last.lasting_covariance)
+        np.diag(last.correlated_covariance)
         < 1e-3 * np.diag(first) + np.diag(last.motion.covariance)[:6]
     )

@@ -10,33 +10,35 @@ from pydrake.systems.framework import Context, InputPort
 from maths import se3
 from maths.arrays import Array, Ids
 from maths.immutable import Immutable
-from systems.checks import require
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
+    NO_POSE,
     UNKNOWN_END_EFFECTOR,
     BodyMotion,
     BodyMotions,
     FeatureBelief,
-    InteractedBody,
+    HeldBody,
     MotionBelief,
     PoseBelief,
+    no_features,
 )
 from systems.proprioception.bent_hand import bent_hand
 from systems.proprioception.feature_registration import GATE, register
-from systems.proprioception.grasp_filters import GraspModelConfig
 from systems.proprioception.grasp_model import initial_grasp
-from systems.proprioception.interacted_body_filter import (
-    BodyState,
-    InteractedBodyMotionConfig,
-    anchor_body,
+from systems.proprioception.grasp_model_config import GraspModelConfig
+from systems.proprioception.held_body_filter import (
     correct_body,
     predict_body,
+    reset_body,
     start_body,
     with_velocity,
 )
-from systems.recursive_filter import RecursiveFilter, require_positive
-
-ABSENT = PoseBelief(X=np.full((4, 4), np.nan), covariance=np.full((6, 6), np.nan))
+from systems.proprioception.held_body_motion_config import (
+    HeldBodyMotionConfig,
+    check_held_body_motion,
+)
+from systems.proprioception.held_body_state import BodyState
+from systems.recursive_filter import RecursiveFilter
 
 
 @dataclass(kw_only=True)
@@ -65,10 +67,10 @@ def sight(
     X_start: Array,
     features: FeatureBelief,
     motions: BodyMotions,
-    config: InteractedBodyMotionConfig,
+    config: HeldBodyMotionConfig,
 ) -> Sighting | None:
-    """Registers the features that belong to the interacted body; None if they are too few."""
-    body = motions.find(INTERACTED_BODY)
+    """Registers the features that belong to the held body; None if they are too few."""
+    body = motions.find(HELD_BODY)
     if body is None:
         return None
     _, rows, seen = np.intersect1d(body.feature_ids, features.ids, return_indices=True)
@@ -84,7 +86,7 @@ def sight(
     agree = distance <= GATE
     if agree.sum() < max(config.minimum_features, config.inlier_share * len(rows)):
         return None
-    floor = np.repeat([config.anchor_rotation_floor**2, config.anchor_translation_floor**2], 3)
+    floor = np.repeat([config.landmark_rotation_floor**2, config.landmark_translation_floor**2], 3)
     return Sighting(
         pose=PoseBelief(X=X, covariance=0.5 * (white + white.T)),
         offset_covariance=0.5 * (offset + offset.T) + np.diag(floor),
@@ -94,14 +96,14 @@ def sight(
 
 
 @dataclass(kw_only=True)
-class InteractedState(Immutable):
+class HeldBodyState(Immutable):
     """The body, None while nothing is held, and the sighting that corrected it, if any."""
 
     body: BodyState | None
     sighting: Sighting | None
 
 
-def body_motions(state: InteractedState) -> BodyMotions:
+def body_motions(state: HeldBodyState) -> BodyMotions:
     """The port value of a state."""
     body, sighting = state.body, state.sighting
     if body is None:
@@ -112,8 +114,8 @@ def body_motions(state: InteractedState) -> BodyMotions:
     rows = np.zeros(0, dtype=np.int64) if sighting is None else sighting.rows
     return BodyMotions(
         bodies=[
-            InteractedBody(
-                body_id=INTERACTED_BODY,
+            HeldBody(
+                body_id=HELD_BODY,
                 motion=MotionBelief(X=body.X_WB, V=body.V, covariance=covariance),
                 X_WB_reference=body.X_WB_reference,
                 feature_ids=rows if sighting is None else sighting.body.feature_ids[rows],
@@ -121,8 +123,8 @@ def body_motions(state: InteractedState) -> BodyMotions:
                 p_BF_covariance=(
                     np.zeros((0, 0)) if sighting is None else covariance_of(sighting.body, rows)
                 ),
-                lasting_covariance=body.unseen + body.settling,
-                anchored=body.anchored,
+                correlated_covariance=body.unseen_growth + body.reference_error,
+                reset_count=body.reset_count,
                 offset_covariance=body.offset,
                 seen=None if sighting is None else sighting.pose,
                 seen_offset_covariance=(
@@ -133,7 +135,7 @@ def body_motions(state: InteractedState) -> BodyMotions:
     )
 
 
-class InteractedBodyMotion(RecursiveFilter):
+class HeldBodyMotion(RecursiveFilter):
     """Recursive estimate of the pose and velocity of the body that the hand holds.
 
     Prediction: the bent hand's displacement moves the body as far as the grasp transmits it,
@@ -145,12 +147,12 @@ class InteractedBodyMotion(RecursiveFilter):
     too few of them (darkness), the prediction goes on from the last posterior.
 
     B has the world's axes and sits at Ho at the first tick of the interaction, the reference. The
-    covariance, in B, is that of the displacement since then (`interacted_body_filter`). It is
+    covariance, in B, is that of the displacement since then (`held_body_filter`). It is
     correlated over time: the calibration offset and the bending's error are the same at each tick.
 
     .. pydrake_system::
 
-        name: InteractedBodyMotion
+        name: HeldBodyMotion
         input_ports:
         - end_effector_estimated
         - hand_bending_estimated
@@ -168,11 +170,11 @@ class InteractedBodyMotion(RecursiveFilter):
     - `grasp_latest`: `GraspBelief` of the last tick.
     - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
     - `features_estimated`: `FeatureBelief`; body_motions_estimated: `BodyMotions`, of which the
-      features of `INTERACTED_BODY` are used. Both exist only with `corrected_by_vision`
+      features of `HELD_BODY` are used. Both exist only with `corrected_by_vision`
       and may stay unconnected, as in the dark.
     - `body_prior`: `PoseBelief` X_WB before vision, not a number while nothing is held. It depends
       on the state and on the first four inputs only.
-    - `body_motions_estimated`: `BodyMotions`, one `InteractedBody` or none, posterior of this tick.
+    - `body_motions_estimated`: `BodyMotions`, one `HeldBody` or none, posterior of this tick.
       Its features are those that corrected it.
     - `body_motions_latest`: The same of the last tick, from the state alone.
 
@@ -182,11 +184,9 @@ class InteractedBodyMotion(RecursiveFilter):
     Schmidt, "Application of state-space methods to navigation problems", 1966.
     """
 
-    def __init__(
-        self, config: InteractedBodyMotionConfig, corrected_by_vision: bool = False
-    ) -> None:
+    def __init__(self, config: HeldBodyMotionConfig, corrected_by_vision: bool = False) -> None:
         super().__init__()
-        self._check(config)
+        check_held_body_motion(config)
         self._config = config
         nowhere = PoseBelief(X=np.eye(4), covariance=np.eye(6))
         grasp = initial_grasp(GraspModelConfig())
@@ -199,51 +199,16 @@ class InteractedBodyMotion(RecursiveFilter):
         prior_inputs = [self._end_effector, self._bending, self._grasp, self._active]
         self._features: InputPort | None = None
         if corrected_by_vision:
-            none_seen = FeatureBelief(
-                ids=np.zeros(0, dtype=np.int64),
-                uv=np.zeros((0, 2)),
-                p_WF=np.zeros((0, 3)),
-                covariance=np.zeros((0, 3, 3)),
-                age=np.zeros(0, dtype=np.int64),
-            )
-            self._features = self._declare_value_input("features_estimated", none_seen)
+            self._features = self._declare_value_input("features_estimated", no_features())
             self._motions = self._declare_value_input("body_motions_estimated", BodyMotions())
-        initial = InteractedState(body=None, sighting=None)
+        initial = HeldBodyState(body=None, sighting=None)
         self._declare_recursion(initial, self._calc_posterior_state, config.period)
         self._prior = self._declare_cache("prior", self._calc_prior, prior_inputs)
         self.DeclareAbstractOutputPort(
-            "body_prior", lambda: Value[object](ABSENT), self._write_prior, {self._prior.ticket()}
+            "body_prior", lambda: Value[object](NO_POSE), self._write_prior, {self._prior.ticket()}
         )
         self._declare_estimated("body_motions_estimated", body_motions)
         self._declare_latest("body_motions_latest", body_motions)
-
-    @staticmethod
-    def _check(config: InteractedBodyMotionConfig) -> None:
-        units = {
-            "period": "s",
-            "hand_error_time": "s",
-            "settling_rotation": "rad",
-            "settling_translation": "m",
-            "settling_time": "s",
-            "view_settling_rotation": "rad",
-            "view_settling_translation": "m",
-            "lever": "m/rad",
-            "hinge_curvature": "rad/m",
-            "rotation_velocity_noise": "rad/s",
-            "translation_velocity_noise": "m/s",
-            "anchor_rotation_floor": "rad",
-            "anchor_translation_floor": "m",
-            "surprise": "",
-            "surprise_rotation": "rad",
-            "surprise_translation": "m",
-        }
-        name = "InteractedBodyMotion"
-        require_positive(name, config, units)
-        require(config.slip_rotation >= 0, name, config, "slip_rotation", ">= 0 rad/m^0.5")
-        require(config.slip_translation >= 0, name, config, "slip_translation", ">= 0 m^0.5")
-        require(config.minimum_features >= 3, name, config, "minimum_features", ">= 3")
-        for share in ("inlier_share", "familiar_share"):
-            require(0 < getattr(config, share) <= 1, name, config, share, "in (0, 1]")
 
     def _calc_prior(self, context: Context, value: AbstractValue) -> None:
         body: BodyState | None = None
@@ -264,25 +229,25 @@ class InteractedBodyMotion(RecursiveFilter):
 
     def _write_prior(self, context: Context, value: AbstractValue) -> None:
         body = self._prior.Eval(context)
-        value.set_value(ABSENT if body is None else body.pose)
+        value.set_value(NO_POSE if body is None else body.pose)
 
-    def _calc_posterior_state(self, context: Context, state: Any) -> InteractedState:
+    def _calc_posterior_state(self, context: Context, state: Any) -> HeldBodyState:
         body = self._prior.Eval(context)
         if body is None or self._features is None or not self._features.HasValue(context):
-            return InteractedState(body=body, sighting=None)
+            return HeldBodyState(body=body, sighting=None)
         features = self._read(self._features, context)
         motions = self._read(self._motions, context)
         sighting = sight(body.X_WB, features, motions, self._config)
         if sighting is not None:
             ids = sighting.body.feature_ids[sighting.rows]
             offset = sighting.offset_covariance
-            if sighting.body.anchored != body.anchored:
-                anchored = sighting.body.anchored
-                body = anchor_body(body, sighting.pose, ids, anchored, self._config)
+            resets = sighting.body.reset_count
+            if resets != body.reset_count:
+                body = reset_body(body, sighting.pose, ids, resets, self._config)
             else:
                 corrected = correct_body(body, sighting.pose, offset, ids, self._config)
                 if corrected is None:
                     sighting = None
                 else:
                     body = corrected
-        return InteractedState(body=body, sighting=sighting)
+        return HeldBodyState(body=body, sighting=sighting)

@@ -8,9 +8,9 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from maths import se3
 from maths.arrays import Array
-from systems.checks import require
+from maths.validation import require
 from systems.port_values import (
-    INTERACTED_BODY,
+    HELD_BODY,
     STATIC_BODY,
     BodyMotions,
     EndEffectorBelief,
@@ -27,7 +27,7 @@ MOVING_TYPES = (JointType.PRISMATIC, JointType.REVOLUTE)
 
 
 @dataclass(kw_only=True)
-class InteractedJointConfig:
+class HeldJointConfig:
     """How likely a joint has to be before anyone acts on it."""
 
     least_probability: float = 0.5  # Least probability of its type.
@@ -42,7 +42,7 @@ def screw(joint_type: JointType, model: JointModelBelief) -> Array:
     return np.concatenate([model.axis_P, np.cross(model.p_PA, model.axis_P)])
 
 
-def is_likely(joint: JointBelief, config: InteractedJointConfig) -> bool:
+def is_likely(joint: JointBelief, config: HeldJointConfig) -> bool:
     """Whether it is likely that a joint moves, and about or along which axis."""
     if joint.type not in MOVING_TYPES:
         return False
@@ -59,7 +59,7 @@ def explained(joint: JointBelief) -> float:
 
 
 def choose_joint(
-    joints: JointBeliefs, config: InteractedJointConfig, body_is_known: bool
+    joints: JointBeliefs, config: HeldJointConfig, body_is_known: bool
 ) -> JointBelief | None:
     """The joint to act on: of the body in the hand, to the environment or to what it hangs on.
 
@@ -75,7 +75,7 @@ def choose_joint(
     candidates = [
         joint
         for joint in joints.joints
-        if is_likely(joint, config) and not (body_is_known and joint.child_id != INTERACTED_BODY)
+        if is_likely(joint, config) and not (body_is_known and joint.child_id != HELD_BODY)
     ]
 
     def preference(joint: JointBelief) -> tuple[float, int]:
@@ -104,12 +104,12 @@ def end_effector_screw(S_W: Array, X_WE: Array, X_EH: Array, free_motion_H: Arra
     return np.asarray(se3.adjoint(X_WH) @ (S_H - free_motion_H @ S_H))
 
 
-class InteractedJoint(LeafSystem):
+class HeldJoint(LeafSystem):
     """Reads the latest beliefs of a network out for the controllers.
 
     .. pydrake_system::
 
-        name: InteractedJoint
+        name: HeldJoint
         input_ports:
         - joints_latest
         - body_motions_latest
@@ -134,13 +134,13 @@ class InteractedJoint(LeafSystem):
     Frames: W world, E nominal end-effector, H bent end-effector, P the joint's parent.
     """
 
-    def __init__(self, config: InteractedJointConfig) -> None:
+    def __init__(self, config: HeldJointConfig) -> None:
         super().__init__()
         probable = 0.0 <= config.least_probability <= 1.0
-        require(probable, "InteractedJoint", config, "least_probability", "from 0 to 1")
+        require(probable, "HeldJoint", config, "least_probability", "from 0 to 1")
         positive = config.largest_axis_angle > 0.0
-        require(positive, "InteractedJoint", config, "largest_axis_angle", "> 0 rad")
-        require(config.margin >= 0.0, "InteractedJoint", config, "margin", ">= 0 nat")
+        require(positive, "HeldJoint", config, "largest_axis_angle", "> 0 rad")
+        require(config.margin >= 0.0, "HeldJoint", config, "margin", ">= 0 nat")
         self._config = config
         self._ports = {
             name: self.DeclareAbstractInputPort(f"{name}_latest", Value[object]())

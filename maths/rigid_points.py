@@ -1,0 +1,14 @@
+"""Points of a rigid body: how they move with its pose."""
+
+import numpy as np
+
+from maths.arrays import Array
+
+
+def pose_jacobian(p: Array) -> Array:
+    """d(exp(xi) p)/dxi (K, 3, 6) at zero, for points (K, 3)."""
+    J = np.zeros((len(p), 3, 6))
+    J[:, 0, 1], J[:, 0, 2], J[:, 1, 2] = p[:, 2], -p[:, 1], p[:, 0]
+    J[:, 1, 0], J[:, 2, 0], J[:, 2, 1] = -p[:, 2], p[:, 1], -p[:, 0]
+    J[:, [0, 1, 2], [3, 4, 5]] = 1.0
+    return J

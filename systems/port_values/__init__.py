@@ -1,0 +1,57 @@
+"""The values that flow between perception systems, one small class per kind of thing.
+
+Frames: W world (the robot's base is calibrated in it), C camera (x right, y down, z forward),
+E nominal end-effector, H bent end-effector, S wrist sensor, B a moving body, P a joint's parent.
+
+Poses are (4, 4) matrices. An uncertain pose is X = X_mean exp(xi), xi ~ N(0, covariance): the error
+is expressed in the moving frame, rotation [rad] before translation [m]. A body's frame B has the
+world's axes and sits near the body at the reference, the instant before it first moved; its
+covariance is that of the displacement since then.
+
+Port values are read-only: what `Eval` returns is shared by all readers.
+"""
+
+from systems.port_values.bodies import (
+    HELD_BODY,
+    STATIC_BODY,
+    BodyMotion,
+    BodyMotions,
+    BodyPrediction,
+    BodyPredictions,
+    HeldBody,
+)
+from systems.port_values.features import FeatureBelief, no_features
+from systems.port_values.grasp import GraspBelief, GraspType
+from systems.port_values.joints import JointBelief, JointBeliefs, JointModelBelief, JointType
+from systems.port_values.motions import (
+    NO_POSE,
+    UNKNOWN_END_EFFECTOR,
+    EndEffectorBelief,
+    MotionBelief,
+    PoseBelief,
+)
+from systems.port_values.samples import SampleWindow
+
+__all__ = [
+    "HELD_BODY",
+    "NO_POSE",
+    "STATIC_BODY",
+    "UNKNOWN_END_EFFECTOR",
+    "BodyMotion",
+    "BodyMotions",
+    "BodyPrediction",
+    "BodyPredictions",
+    "EndEffectorBelief",
+    "FeatureBelief",
+    "GraspBelief",
+    "GraspType",
+    "HeldBody",
+    "JointBelief",
+    "JointBeliefs",
+    "JointModelBelief",
+    "JointType",
+    "MotionBelief",
+    "PoseBelief",
+    "SampleWindow",
+    "no_features",
+]

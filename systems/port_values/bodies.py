@@ -1,0 +1,85 @@
+"""Rigid bodies: how they move and where they are expected."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from maths.arrays import Array, Ids
+from systems.port_values.motions import MotionBelief, PoseBelief
+
+STATIC_BODY = 0  # The environment, which never moves.
+HELD_BODY = 1  # The body that the hand holds; vision numbers its own from 2 on.
+
+
+@dataclass(kw_only=True)
+class BodyMotion:
+    """A rigid body's motion and the features that move with it.
+
+    Attributes:
+        body_id: `STATIC_BODY`, `HELD_BODY` or a number from 2 on.
+        motion: Pose X_WB and velocity.
+        X_WB_reference: X_WB (4, 4) at the reference, before the body moved.
+        feature_ids: (K,) features assigned to the body.
+        p_BF: Landmarks, the constant positions of these features in the body (K, 3), [m].
+        p_BF_covariance: (3K, 3K), [m^2]: landmarks that were placed together are wrong together.
+        correlated_covariance: (6, 6), in B, of that part of the pose's error that is correlated
+            over seconds: more measurements of the kind do not average it away.
+        reference_age: Time since the body was last known to stand at its reference, [s]; NaN
+            where that is not known.
+        reset_count: How many times the body was lost from sight and got new landmarks where it was
+            believed to be; from then on, the pose's error has a part that is constant in B.
+        offset_covariance: (6, 6), in B, of that part; included in the motion's covariance.
+    """
+
+    body_id: int
+    motion: MotionBelief
+    X_WB_reference: Array
+    feature_ids: Ids
+    p_BF: Array
+    p_BF_covariance: Array
+    correlated_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    reference_age: float = float("nan")
+    reset_count: int = 0
+    offset_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+
+
+@dataclass(kw_only=True)
+class HeldBody(BodyMotion):
+    """The body that the hand holds, and what vision alone says about it at this tick.
+
+    Attributes:
+        seen: X_WB from the features alone, independent of proprioception, with the covariance of
+            one frame's noise; None in the dark.
+        seen_offset_covariance: (6, 6), in B, of the error that stays as long as the same features
+            are used: their landmarks are as wrong at the next tick.
+    """
+
+    seen: PoseBelief | None
+    seen_offset_covariance: Array
+
+
+@dataclass(kw_only=True)
+class BodyMotions:
+    """All moving bodies that one system knows; the static environment is left out."""
+
+    bodies: list[BodyMotion] = field(default_factory=list)
+
+    def find(self, body_id: int) -> BodyMotion | None:
+        """The body of this number, None where it is not known."""
+        return next((body for body in self.bodies if body.body_id == body_id), None)
+
+
+@dataclass(kw_only=True)
+class BodyPrediction:
+    """Where a body is expected at the next tick, by one model that predicts it."""
+
+    body_id: int
+    source: str
+    pose: PoseBelief
+
+
+@dataclass(kw_only=True)
+class BodyPredictions:
+    """Where bodies are expected at the next tick."""
+
+    predictions: list[BodyPrediction] = field(default_factory=list)

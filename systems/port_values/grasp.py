@@ -1,0 +1,44 @@
+"""How the hand holds a body."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from maths.arrays import Array
+
+
+class GraspType(StrEnum):
+    PERFECT = "perfect"
+    REVOLUTE = "revolute"
+    CYLINDRICAL = "cylindrical"
+    FAILED = "failed"
+
+
+@dataclass(kw_only=True)
+class GraspBelief:
+    """How the bent hand H holds the held body B.
+
+    Attributes:
+        probabilities: Of each type, summing to one.
+        X_HB: Mean relative pose (4, 4) now.
+        covariance: Its (6, 6), in B; most of it is the hand's constant offset.
+        axis_H: Grasping axis (3,), a unit vector in H where proprioception puts it (a constant
+            offset of the hand is part of it).
+        p_HA: A point (3,) on the axis, [m].
+        line_covariance: (6, 6) of (axis_H, p_HA), [rad, m]; rank 4, across the axis.
+        free_motion: (6, 6) projection, in H at Ho, onto the hand's twists that the body does not
+            follow (orthogonal at p_HA, where turning about the axis moves nothing); zero for a
+            perfect grasp, identity for a failed one.
+    """
+
+    probabilities: dict[GraspType, float]
+    X_HB: Array
+    covariance: Array
+    axis_H: Array
+    p_HA: Array
+    line_covariance: Array
+    free_motion: Array
+
+    @property
+    def type(self) -> GraspType:
+        """The most probable type."""
+        return max(self.probabilities, key=lambda grasp_type: self.probabilities[grasp_type])

@@ -1,0 +1,240 @@
+"""The pose of the held body: predicted by the hand through the grasp, corrected by features.
+
+The error state is described in `held_body_state`.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from maths import error_state, se3
+from maths.arrays import Array, Ids
+from maths.gaussian import nees, schmidt_update, symmetric
+from maths.vectors import cross
+from systems.port_values import GraspBelief, GraspType, PoseBelief
+from systems.proprioception.bent_hand import BentHand, screw
+from systems.proprioception.free_motion import free_motion, line_sensitivity
+from systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
+from systems.proprioception.held_body_state import BodyState, Layout
+
+_LOOSE_TYPES = (GraspType.REVOLUTE, GraspType.CYLINDRICAL)
+_POSE = slice(0, 6)
+_REFERENCE_VARIANCE = 1e-12  # The reference pose is so by definition, [rad^2, m^2].
+
+
+def positive_part(matrix: Array) -> Array:
+    """The nearest positive semidefinite matrix to a symmetric one (n, n)."""
+    values, vectors = np.linalg.eigh(symmetric(matrix))
+    return np.asarray(vectors * np.maximum(values, 0.0) @ vectors.T)
+
+
+def start_body(hand: BentHand, grasp: GraspBelief, config: HeldBodyMotionConfig) -> BodyState:
+    """The body at its reference: B has the world's axes and sits at the hand's origin.
+
+    A hand that settles on the handle after that misleads about the body, at the reference most,
+    until features say where it is.
+    """
+    reference_error = np.repeat(
+        [config.reference_rotation_error, config.reference_translation_error], 3
+    )
+    X_WB = np.eye(4)
+    X_WB[:3, 3] = hand.X_WH[:3, 3]
+    layout = Layout(hand.bias_jacobian.shape[1])
+    P = np.eye(layout.size)
+    P[:6, :6] *= _REFERENCE_VARIANCE
+    return BodyState(
+        hand=hand,
+        X_WB=X_WB,
+        X_WB_reference=X_WB,
+        x=np.zeros(layout.size),
+        P=P,
+        V=np.zeros(6),
+        V_covariance=1e-4 * np.eye(6),
+        feature_ids=np.zeros(0, dtype=np.int64),
+        grasp_type=grasp.type,
+        unseen_growth=np.zeros((6, 6)),
+        reference_error=np.diag(reference_error**2),
+        reset_count=0,
+        offset=np.zeros((6, 6)),
+    )
+
+
+def predict_body(
+    body: BodyState, hand: BentHand, grasp: GraspBelief, config: HeldBodyMotionConfig
+) -> BodyState:
+    """Moves the body as the hand moved, X_WH T X_WH^-1 X_WB, as far as the grasp transmits it.
+
+    With the hand's twist tau = log(X_WH^-1(t-1) X_WH(t)) and the free projection N, the body is
+    moved by T = exp((I - N) tau). The hand's errors e = J c + L n, of its bias Jacobian J and noise
+    square root L, enter by what they have changed since the last tick; what stays the same moves
+    the grasping axis with the hand and cancels. When another type of grasp has become the most
+    likely, f and k mean something else and start from their prior.
+    """
+    layout = Layout(hand.bias_jacobian.shape[1])
+    if grasp.type != body.grasp_type:
+        x, P = error_state.fade(body.x, body.P, slice(layout.f.start, layout.k.stop), 0.0)
+        body = replace(body, x=x, P=P, grasp_type=grasp.type)
+    free = free_motion(grasp)
+    before = body.hand
+    tau = se3.log(se3.inverse(before.X_WH) @ hand.X_WH)
+    followed = tau - free.projection @ tau
+    step = se3.exp(followed)
+    G = se3.adjoint(se3.inverse(body.X_WB) @ before.X_WH)
+    now = np.eye(6) - free.projection
+    turn = screw(free.axis, free.point)
+    slide = np.concatenate([np.zeros(3), free.axis])
+    way_H = followed[3:] + cross(followed[:3], free.point)
+    turned = float(free.axis @ tau[:3])
+    slid = free.axis @ (tau[3:] + cross(tau[:3], free.point))
+
+    rho = np.exp(-config.period / config.hand_correlation_time)
+    F = np.eye(layout.size)
+    F[:6, layout.c] = G @ now @ (hand.bias_jacobian - before.bias_jacobian)
+    F[:6, layout.n] = G @ now @ (rho * hand.noise_square_root - before.noise_square_root)
+    F[layout.n, layout.n] *= rho
+    F[:6, layout.f] = G @ np.column_stack([turn * turned, slide * slid]) * free.doubt
+    curvature = free.looseness * config.hinge_curvature
+    way_B = curvature * (G[:3, :3] @ way_H)
+    F[:6, layout.k] = np.outer(G @ turn, way_B)
+    against = float(np.dot(way_B, body.x[layout.k])) - turned
+    slides = grasp.type == GraspType.CYLINDRICAL
+    F[:6, layout.s] = G @ line_sensitivity(free, tau, against, slides) @ free.line
+    noise = np.zeros((layout.size, 6))
+    noise[:6] = G @ now @ hand.noise_square_root
+    noise[layout.n] = np.eye(6)
+    P = F @ body.P @ F.T + (1.0 - rho**2) * noise @ noise.T
+    P[:6, :6] += G @ np.diag(_slip(tau, config)) @ G.T
+
+    # A smaller noise square root does not bend the hand back: the mean error in metres stays.
+    F[:6, layout.n] = (rho - 1.0) * G @ now @ before.noise_square_root
+    F[layout.n, layout.n] = rho * np.linalg.solve(hand.noise_square_root, before.noise_square_root)
+    x = F @ body.x
+    X_WB = before.X_WH @ step @ se3.inverse(before.X_WH) @ body.X_WB @ se3.exp(x[:6])
+    x[:6] = 0.0
+    unseen_growth = positive_part(body.unseen_growth + P[:6, :6] - body.P[:6, :6])
+    reference_error = (
+        np.exp(-2.0 * config.period / config.reference_error_time) * body.reference_error
+    )
+    return replace(
+        body,
+        hand=hand,
+        X_WB=X_WB,
+        x=x,
+        P=symmetric(P),
+        unseen_growth=unseen_growth,
+        reference_error=reference_error,
+    )
+
+
+def _slip(tau: Array, config: HeldBodyMotionConfig) -> Array:
+    """Variances (6,) by which the body slips in the hand while the hand moves by `tau`."""
+    way = np.linalg.norm(tau[3:]) + config.lever * np.linalg.norm(tau[:3])
+    return way * np.repeat([config.slip_rotation**2, config.slip_translation**2], 3)
+
+
+def with_velocity(
+    body: BodyState,
+    V_WH_H: Array,
+    V_covariance: Array,
+    grasp: GraspBelief,
+    config: HeldBodyMotionConfig,
+) -> BodyState:
+    """Adds the velocity that the grasp transmits from the hand's, (6,) with covariance (6, 6)."""
+    layout = Layout(body.hand.bias_jacobian.shape[1])
+    free = free_motion(grasp)
+    G = se3.adjoint(se3.inverse(body.X_WB) @ body.hand.X_WH)
+    transmitted = np.eye(6) - free.projection
+    V_H = transmitted @ V_WH_H
+    way_B = G[:3, :3] @ (V_H[3:] + cross(V_H[:3], free.point))
+    turn = G @ screw(free.axis, free.point)
+    slide = G @ np.concatenate([np.zeros(3), free.axis])
+    curvature = free.looseness * config.hinge_curvature
+    rate = curvature * way_B @ body.x[layout.k]
+    rate_variance = curvature**2 * way_B @ body.P[layout.k, layout.k] @ way_B
+    rate_variance += (free.doubt[0] * (free.axis @ V_WH_H[:3])) ** 2
+    slide_variance = (free.doubt[1] * (free.axis @ V_WH_H[3:])) ** 2
+    noise = [config.rotation_velocity_noise**2, config.translation_velocity_noise**2]
+    covariance = (
+        G @ transmitted @ V_covariance @ transmitted.T @ G.T
+        + rate_variance * np.outer(turn, turn)
+        + slide_variance * np.outer(slide, slide)
+        + G @ np.diag(np.repeat(noise, 3)) @ G.T
+    )
+    return replace(body, V=G @ V_H + turn * rate, V_covariance=symmetric(covariance))
+
+
+def reset_body(
+    body: BodyState,
+    seen: PoseBelief,
+    feature_ids: Ids,
+    reset_count: int,
+    config: HeldBodyMotionConfig,
+) -> BodyState:
+    """The body when features are back that were placed in it where the hand had carried it.
+
+    They know nothing of the pose's error until then, but say how the body moves from now on: that
+    error becomes a constant `offset`, and the pose is where they see it, up to their noise.
+    """
+    layout = Layout(body.hand.bias_jacobian.shape[1])
+    x, P = error_state.fade(body.x, body.P, layout.b, 0.0)
+    offset = body.offset + P[:6, :6]
+    P = error_state.reset(P, _POSE, seen.covariance)
+    reference_error = np.repeat([config.reset_rotation_error, config.reset_translation_error], 3)
+    return replace(
+        body,
+        X_WB=seen.X,
+        x=x,
+        P=P,
+        feature_ids=feature_ids,
+        unseen_growth=np.zeros((6, 6)),
+        reference_error=np.diag(reference_error**2),
+        reset_count=reset_count,
+        offset=offset,
+    )
+
+
+def correct_body(
+    body: BodyState,
+    seen: PoseBelief,
+    offset_covariance: Array,
+    feature_ids: Ids,
+    config: HeldBodyMotionConfig,
+) -> BodyState | None:
+    """Corrects by the pose that the features show, seen = X_WB exp(xi + offset b + noise).
+
+    The offset stays as far as the features are the same as at the last tick that saw any; the grasp
+    learns from vision too, so its line's error is another one from now on. An innovation that
+    nothing explains means that the body slipped: the pose's covariance grows first. Only features
+    seen before can show that; others are on something else then: None.
+    """
+    layout = Layout(body.hand.bias_jacobian.shape[1])
+    kept = np.isin(feature_ids, body.feature_ids).mean() if len(feature_ids) else 0.0
+    x, P = error_state.fade(body.x, body.P, layout.b, float(kept))
+    x, P = error_state.fade(x, P, layout.s, 0.0)
+    H = np.zeros((6, layout.size))
+    H[:, :6] = np.eye(6)
+    H[:, layout.b] = np.linalg.cholesky(offset_covariance)
+    innovation = se3.log(se3.inverse(body.X_WB) @ seen.X) - H @ x
+    if nees(innovation, H @ P @ H.T + seen.covariance) > config.jump_gate:
+        if kept < config.retained_share:
+            return None
+        jump = np.repeat([config.jump_rotation**2, config.jump_translation**2], 3)
+        P = error_state.inflate(P, _POSE, np.diag(jump))
+    considered = np.zeros(layout.size, dtype=np.bool_)
+    considered[layout.f] = True
+    considered[layout.k] = body.grasp_type not in _LOOSE_TYPES
+    correction, P = schmidt_update(P, H, seen.covariance, innovation, considered)
+    x = x + correction
+    X_WB = body.X_WB @ se3.exp(x[:6])
+    x[:6] = 0.0
+    none = np.zeros((6, 6))
+    reference_error = body.reference_error if body.reset_count else none
+    return replace(
+        body,
+        X_WB=X_WB,
+        x=x,
+        P=P,
+        feature_ids=feature_ids,
+        unseen_growth=none,
+        reference_error=reference_error,
+    )

@@ -1,0 +1,102 @@
+"""The belief about the held body's pose, and the layout of its error state.
+
+Error state, all but the first in units of their own standard deviation:
+
+    xi  (6,)  pose error, X_WB,true = X_WB exp(xi)
+    c   (m,)  constants of the episode: the calibration offset of the encoders
+    n   (6,)  rest of the bent hand's pose error, a Gauss-Markov process
+    b   (6,)  error of the landmarks, as a pose error in B
+    f   (2,)  share of the hand's turning about the grasping axis, and of its sliding along it, that
+              the body follows against what the likeliest grasp says; a constant, only considered
+    k   (3,)  turn of the body about the axis per way of its handle, if the grasp lets it; a
+              constant, as the body of a hinge turns by one radian per radius; only considered
+              unless the likeliest grasp lets it
+    s   (6,)  error of the grasping axis and of the point on it; constant as long as nobody sees
+
+The constants make the displacement's error honest over time: they are the same at every tick, so
+they grow with the way that the hand has moved and do not average away. Vision, while it lasts,
+measures them too, and so improves what proprioception says in the dark. What the grasp transmits
+is learnt by the grasp model alone: states that are only considered make the pose less certain and
+are not corrected.
+"""
+
+from dataclasses import dataclass
+
+from maths.arrays import Array, Ids
+from maths.immutable import Immutable
+from systems.port_values import GraspType, PoseBelief
+from systems.proprioception.bent_hand import BentHand
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the parts of the error state lie, for m constants."""
+
+    m: int
+
+    @property
+    def size(self) -> int:
+        return 29 + self.m
+
+    @property
+    def c(self) -> slice:
+        return slice(6, 6 + self.m)
+
+    @property
+    def n(self) -> slice:
+        return slice(6 + self.m, 12 + self.m)
+
+    @property
+    def b(self) -> slice:
+        return slice(12 + self.m, 18 + self.m)
+
+    @property
+    def f(self) -> slice:
+        return slice(18 + self.m, 20 + self.m)
+
+    @property
+    def k(self) -> slice:
+        return slice(20 + self.m, 23 + self.m)
+
+    @property
+    def s(self) -> slice:
+        return slice(23 + self.m, 29 + self.m)
+
+
+@dataclass(kw_only=True)
+class BodyState(Immutable):
+    """Mean and covariance of the body; never written after it is made.
+
+    Attributes:
+        hand: The bent hand at the same tick.
+        X_WB: (4, 4), with the reference pose X_WB_reference (4, 4).
+        x: Mean (n,) of the error state; its first six are zero.
+        P: Covariance (n, n).
+        V: V_WB_B (6,), with covariance V_covariance (6, 6).
+        feature_ids: The features seen last.
+        grasp_type: The type under which f and k have their present meaning.
+        unseen_growth: (6, 6), in B, by what the pose's covariance has grown since features
+            corrected it; it comes from the hand's errors, which are correlated over time.
+        reference_error: (6, 6), in B, of the grip's settling since the reference; zero once
+            features have been seen, unless the landmarks were placed anew: then of theirs.
+        reset_count: How many times vision has placed its landmarks anew.
+        offset: (6, 6), in B, of the pose's constant error since then; not part of P.
+    """
+
+    hand: BentHand
+    X_WB: Array
+    X_WB_reference: Array
+    x: Array
+    P: Array
+    V: Array
+    V_covariance: Array
+    feature_ids: Ids
+    grasp_type: GraspType
+    unseen_growth: Array
+    reference_error: Array
+    reset_count: int
+    offset: Array
+
+    @property
+    def pose(self) -> PoseBelief:
+        return PoseBelief(X=self.X_WB, covariance=self.P[:6, :6] + self.offset)

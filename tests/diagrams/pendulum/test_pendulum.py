@@ -1,92 +1,140 @@
-"""An application of a user's own, from one file: all commands know it, and none of its nouns."""
+"""An application in one short file goes through the same commands as those that come along."""
 
+import json
+import shutil
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
-from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
-from diagrams.applications import OWN, load_scenario, read_run
+from diagrams.applications import OWN
 from diagrams.command_line import app
-from diagrams.evaluation.metric_table import tidy_metrics
-from diagrams.run.episode import run_episode
-from diagrams.run.run_folder import summarise
 
-RUNNER = CliRunner()
 FILE = Path(__file__).with_name("pendulum.py")
+NOISE = 0.02  # Of the encoder, [rad].
+RESULTS = ("results.csv", "table.md", "report.html")
 
 
-@pytest.fixture(autouse=True)
-def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv(OWN, str(FILE))
+def crossmodal(*arguments: object) -> Any:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
-def test_it_is_listed_with_its_scenario_and_its_experiment() -> None:
-    result = RUNNER.invoke(app, ["list"])
+def read_summary(folder: Path) -> dict:
+    return json.loads((folder / "summary.json").read_text())
+
+
+def read_estimates(folder: Path) -> pd.DataFrame:
+    return pd.read_parquet(folder / "estimates.parquet")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def pendulum() -> Iterator[None]:
+    """The program knows the pendulum while this file is tested."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(OWN, str(FILE))
+        yield
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a recorded run."""
+    folder = tmp_path_factory.mktemp("pendulum") / "run"
+    result = crossmodal("run", "swing", "--record-sensors", "--out", folder)
+    assert result.exit_code == 0, result.output
+    return folder
+
+
+@pytest.fixture(scope="module")
+def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of an evaluation over three seeds."""
+    folder = tmp_path_factory.mktemp("pendulum") / "swing"
+    result = crossmodal("evaluate", "swing", "--seeds", 3, "--jobs", 2, "--out", folder)
+    assert result.exit_code == 0, result.output
+    return folder
+
+
+def test_an_application_takes_at_most_eighty_lines() -> None:
+    assert sum(bool(line.strip()) for line in FILE.read_text().splitlines()) <= 80
+
+
+def test_it_is_listed_with_its_scenario_and_experiment() -> None:
+    result = crossmodal("list")
     assert result.exit_code == 0, result.output
     assert "pendulum: a pendulum swings" in result.output
-    assert result.output.count("swing  ") == 2
+    assert "swing              a pendulum swings freely" in result.output
+    assert "swing              it swings for 10 s" in result.output
 
 
-def test_it_is_run_and_what_was_recorded_is_perceived_again() -> None:
-    command = ["run", "swing", "--out", "a", "--record-sensors", "--no-recording", "--seed", "3"]
-    result = RUNNER.invoke(app, [*command, "--duration", "2"])
+def test_a_run_leaves_its_files(recorded: Path) -> None:
+    for name in ("summary.json", "estimates.parquet", "sensors.mcap", "figures/angle.png"):
+        assert (recorded / name).stat().st_size > 0
+    summary = read_summary(recorded)
+    assert summary["success"]
+    assert summary["duration"] == pytest.approx(10.0)
+    table = read_estimates(recorded)
+    assert set(table["modality"]) == {"stubborn", "open"}
+    assert table.groupby("modality", observed=True).size().tolist() == [150, 150]
+
+
+@pytest.mark.parametrize("estimator", ["stubborn", "open"])
+def test_a_filter_knows_more_than_its_encoder_and_how_much(recorded: Path, estimator: str) -> None:
+    angle = read_summary(recorded)["modalities"][estimator]["quantities"]["angle"]
+    assert 0.0 < angle["rms_error"] < 0.6 * NOISE
+    assert 0.85 <= angle["inside_two_sigma"] <= 1.0
+
+
+def test_a_filter_that_trusts_the_true_model_more_errs_less(recorded: Path) -> None:
+    parts = read_summary(recorded)["modalities"]
+    stubborn, open_ = (parts[name]["quantities"]["angle"] for name in ("stubborn", "open"))
+    assert stubborn["rms_error"] < open_["rms_error"]
+
+
+def test_a_replay_gives_the_very_same_estimates(recorded: Path, tmp_path: Path) -> None:
+    result = crossmodal("replay", recorded, "--out", tmp_path / "again")
     assert result.exit_code == 0, result.output
-    for name in ("scenario.yaml", "estimates.parquet", "summary.json", "sensors.mcap"):
-        assert Path("a", name).is_file()
-    assert Path("a/figures/angle.png").read_bytes().startswith(b"\x89PNG")
-    assert "stubborn: angle" in result.output
-    again = RUNNER.invoke(app, ["replay", "a"])
-    assert again.exit_code == 0, again.output
-    then, now = (pd.read_parquet(Path(folder, "estimates.parquet")) for folder in ("a", "a/replay"))
-    assert_allclose(now.estimate, then.estimate, atol=1e-12)
-    assert_allclose(now.truth, then.truth, atol=1e-12)
-    assert read_run(Path("a")).scenario.noise == 0.02
+    pd.testing.assert_frame_equal(
+        read_estimates(tmp_path / "again"), read_estimates(recorded), check_exact=True
+    )
 
 
-def test_its_own_keys_can_be_set_and_bad_ones_are_refused() -> None:
-    _, scenario = load_scenario("swing", ["noise=0.1"])
-    assert scenario.noise == 0.1
-    result = RUNNER.invoke(app, ["run", "swing", "--set", "nois=0.1"])
+def test_an_evaluations_files_hold_its_metric(evaluated: Path) -> None:
+    assert "angle, rms error" in (evaluated / "table.md").read_text()
+    assert "angle, rms error" in (evaluated / "report.html").read_text()
+    figures = pd.read_csv(evaluated / "results.csv")
+    errors = figures[(figures["metric"] == "angle_rms_error") & (figures["modality"] == "stubborn")]
+    assert errors["seed"].tolist() == [100, 101, 102]
+    assert errors["value"].nunique() == 3
+    assert errors["value"].between(0.0, 0.6 * NOISE).all()
+
+
+def test_an_evaluation_goes_on_where_it_was(evaluated: Path) -> None:
+    summaries = sorted(evaluated.glob("seed-*/summary.json"))
+    before = [path.stat().st_mtime_ns for path in summaries]
+    for name in RESULTS:
+        (evaluated / name).unlink()
+    result = crossmodal("evaluate", "swing", "--seeds", 3, "--jobs", 2, "--out", evaluated)
+    assert result.exit_code == 0, result.output
+    assert len(before) == 3
+    assert [path.stat().st_mtime_ns for path in summaries] == before
+    assert all((evaluated / name).is_file() for name in RESULTS)
+
+
+@pytest.mark.skipif(shutil.which("dot") is None, reason="Graphviz is not installed")
+def test_its_filter_can_be_drawn(tmp_path: Path) -> None:
+    path = tmp_path / "filter.svg"
+    result = crossmodal("diagram", "swing", "--modality", "open", "--out", path)
+    assert result.exit_code == 0, result.output
+    assert "kalman filter" in path.read_text()
+
+
+@pytest.mark.parametrize("command", ["run", "diagram"])
+def test_an_unknown_key_is_refused_in_one_line(tmp_path: Path, command: str) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("system: pendulum\nnose: 0.1\n")
+    result = crossmodal(command, path)
     assert result.exit_code == 2
-    assert "unknown key 'nois'; did you mean 'noise'?" in result.stderr
-
-
-def test_an_object_of_a_users_own_has_no_place_in_it() -> None:
-    Path("thing.urdf").write_text("<robot name='thing'/>")
-    result = RUNNER.invoke(app, ["run", "swing", "--object", "thing.urdf"])
-    assert result.exit_code == 2
-    assert "'swing' has no object to be replaced" in result.stderr
+    assert result.stderr.startswith(f"crossmodal: {path}: unknown key 'nose'; did you mean 'noise'")
     assert result.stderr.count("\n") == 1
-
-
-def test_its_experiment_is_repeated_over_seeds_with_its_own_metrics() -> None:
-    command = ["evaluate", "swing", "--seeds", "3:5", "--out", "e", "--set", "duration=2"]
-    result = RUNNER.invoke(app, command)
-    assert result.exit_code == 0, result.output
-    assert "| angle, rms error |" in result.output
-    assert "# swing: 2 episodes, seeds 3, 4" in result.output
-    table = pd.read_csv("e/results.csv")
-    assert set(table.modality.dropna()) == {"stubborn", "open"}
-    page = Path("e/report.html").read_text()
-    assert "data:image/png;base64" in page
-
-
-def test_its_metrics_are_computed_for_each_of_its_estimators() -> None:
-    application, scenario = load_scenario("swing", ["duration=5", "seed=1"])
-    record = run_episode(application, scenario)
-    summary = summarise(application, record, application.evaluate(record))
-    figures = tidy_metrics(application, "swing", [summary])
-    error = figures[figures.metric == "angle_rms_error"].set_index("modality").value
-    assert set(error.index) == {"stubborn", "open"}
-    # The encoder alone has 0.02 rad.
-    assert 0.0 < error["open"] < 0.02
-    assert error["stubborn"] != error["open"]
-
-
-def test_a_meshcat_is_no_use_without_a_scene() -> None:
-    result = RUNNER.invoke(app, ["run", "swing", "--out", "a", "--duration", "1"])
-    assert result.exit_code == 0, result.output
-    assert not Path("a/meshcat.html").exists()

@@ -16,9 +16,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 from tqdm import tqdm
 
-from controllers.interaction.phases import Phase
-from diagrams.crossmodal.scenario import load_scenario
+from diagrams.applications import load_scenario
 from diagrams.run.episode import Episode
+from diagrams.run.recorder import STATUS_PORT
 
 IMAGES = ("color_measured", "depth_measured", "robot_mask")
 # In the order of the data flow: system and the output that holds its posterior.
@@ -47,7 +47,7 @@ def tick_times(episode: Episode, root: Context) -> dict[str, float]:
     times: dict[str, float] = defaultdict(float)
     for port in IMAGES:
         times["rendering and camera noise"] += timed_eval(episode.station.diagram, port, root)
-    for modality in episode.modalities:
+    for modality in episode.estimators:
         network = episode.diagram.GetSubsystemByName(modality)
         for name, port in FILTERS:
             if network.HasSubsystemNamed(name) and network.GetSubsystemByName(name).HasOutputPort(
@@ -59,11 +59,11 @@ def tick_times(episode: Episode, root: Context) -> dict[str, float]:
 
 
 def run(scenario_name: str, seed: int) -> None:
-    scenario = load_scenario(scenario_name)
-    episode = Episode(scenario, seed)
+    application, scenario = load_scenario(scenario_name, [f"seed={seed}"])
+    episode = Episode(application, scenario)
     simulator = Simulator(episode.diagram)
     root = simulator.get_mutable_context()
-    episode.station.SetInitialState(root)
+    episode.station.initialise(root)
     simulator.Initialize()
     station = episode.station.diagram
     parts: dict[str, list[float]] = defaultdict(list)
@@ -74,17 +74,17 @@ def run(scenario_name: str, seed: int) -> None:
         start = perf_counter()
         simulator.AdvanceTo(tick * period)
         advance = perf_counter() - start
-        phase = station.GetOutputPort("phase").Eval(station.GetMyContextFromRoot(root))[0]
+        status = station.GetOutputPort(STATUS_PORT).Eval(station.GetMyContextFromRoot(root))
         times = tick_times(episode, root)
-        if phase >= Phase.STOP:
+        if status.done:
             break
-        if phase == Phase.EXPLORE:
+        if status.phase == "exploring":
             exploring += period
             parts["physics, control, sensors"].append(advance)
             for name, value in times.items():
                 parts[name].append(value)
     wall = perf_counter() - began
-    report(parts, exploring, root.get_time() / wall, episode.modalities)
+    report(parts, exploring, root.get_time() / wall, list(episode.estimators))
 
 
 def report(

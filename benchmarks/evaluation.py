@@ -7,29 +7,37 @@ Run it where nothing else runs. One episode goes ahead, so that everything is co
 
 import argparse
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
 from tqdm import tqdm
 
-from diagrams.crossmodal.scenario import Scenario, load_scenario
+from diagrams.applications import load_scenario
 from diagrams.evaluation.campaign import Workers, run_episodes
+from diagrams.run.application import Application
+from diagrams.run.scenario import Scenario
+
+Episodes = tuple[Application, list[Scenario]]
 
 
-def scenarios(name: str, duration: float, seeds: range) -> list[Scenario]:
-    return [load_scenario(name, [f"duration={duration}", f"seed={seed}"]) for seed in seeds]
+def episodes(name: str, duration: float, seeds: range) -> Episodes:
+    """The application of a scenario, and the scenario with each seed."""
+    application, scenario = load_scenario(name, [f"duration={duration}"])
+    return application, [replace(scenario, seed=seed) for seed in seeds]
 
 
-def run(chosen: list[Scenario], jobs: int) -> float:
+def run(chosen: Episodes, jobs: int) -> float:
     """Episodes per hour."""
+    application, scenarios = chosen
     with tempfile.TemporaryDirectory() as folder:
         began = perf_counter()
-        episodes = run_episodes(chosen, Path(folder), Workers(jobs=jobs))
-        bar = tqdm(episodes, total=len(chosen), desc=f"{jobs} workers", disable=None)
+        summaries = run_episodes(application, scenarios, Path(folder), Workers(jobs=jobs))
+        bar = tqdm(summaries, total=len(scenarios), desc=f"{jobs} workers", disable=None)
         broken = [summary["failure"] for summary in bar if not summary["modalities"]]
         if broken:
             raise SystemExit(f"an episode broke off: {broken[0]}")
-        return 3600.0 * len(chosen) / (perf_counter() - began)
+        return 3600.0 * len(scenarios) / (perf_counter() - began)
 
 
 def main() -> None:
@@ -39,12 +47,12 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=4, help="per worker")
     parser.add_argument("--duration", type=float, default=6.0, help="simulated, [s]")
     arguments = parser.parse_args()
-    run(scenarios(arguments.scenario, 0.5, range(1)), 1)
+    run(episodes(arguments.scenario, 0.5, range(1)), 1)
     workers = [int(number) for number in arguments.jobs.split(",")]
     rates: dict[int, float] = {}
     for jobs in workers:
         seeds = range(arguments.episodes * jobs)
-        rates[jobs] = run(scenarios(arguments.scenario, arguments.duration, seeds), jobs)
+        rates[jobs] = run(episodes(arguments.scenario, arguments.duration, seeds), jobs)
     print(f"\nEpisodes of {arguments.duration:g} s ({arguments.scenario}):\n")
     print(f"| workers | episodes per hour | against {workers[0]} |")
     print("|---|---|---|")

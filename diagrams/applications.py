@@ -6,17 +6,23 @@ others, with commas between them: each a Python file or a module that holds an `
 
 import importlib
 import importlib.util
+import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from diagrams.run.application import Application
+from diagrams.run.run_folder import ESTIMATES_FILE, SCENARIO_FILE, SUMMARY_FILE
 from diagrams.run.scenario import Scenario, parse_scenario, read_document
 from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 OWN = "CROSSMODAL_APPLICATIONS"
 _COME_ALONG = ("diagrams.crossmodal.application",)
@@ -118,3 +124,48 @@ def experiments() -> Mapping[str, Application]:
         for application in applications().values()
         for name in application.experiments
     }
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedRun:
+    """What a run has left in its folder, for notebooks and scripts.
+
+    Attributes:
+        folder: Where it is; `run.replay` reads its sensor streams there.
+        application: What ran it.
+        scenario: As it was run, of the application's dataclass.
+        estimates: The table over time, see `Results.estimates`.
+        summary: What `summary.json` holds.
+    """
+
+    folder: Path
+    application: Application
+    scenario: Any
+    estimates: "pd.DataFrame"
+    summary: dict[str, Any]
+
+    def dark(self) -> list[tuple[float, float]]:
+        """Starts and ends of the times in which the cameras saw nothing, [s]."""
+        spans = self.scenario.disturbances.spans()
+        return [(interval.start, interval.end) for _, interval in spans]
+
+
+def read_run(folder: Path) -> RecordedRun:
+    """Reads the folder that `crossmodal run` has written.
+
+    Raises:
+        ScenarioError: where it is not the folder of a complete run.
+    """
+    import pandas as pd
+
+    for name in (SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE):
+        if not (folder / name).is_file():
+            raise ScenarioError(f"{folder}: holds no {name}; name the folder of a complete run")
+    application, scenario = load_scenario(str(folder / SCENARIO_FILE))
+    return RecordedRun(
+        folder=folder,
+        application=application,
+        scenario=scenario,
+        estimates=pd.read_parquet(folder / ESTIMATES_FILE),
+        summary=json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8")),
+    )

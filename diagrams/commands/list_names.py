@@ -13,21 +13,23 @@ def list_command() -> None:
         from diagrams.applications import applications, load_scenario
 
         known = applications()
+        names = [*(path.stem for a in known.values() for path in a.scenarios.glob("*.yaml"))]
+        width = max(map(len, names), default=0) + 1
         for application in known.values():
             if len(known) > 1:
                 typer.echo(f"{application.name}: {application.description}")
             typer.echo("Scenarios (crossmodal run NAME):")
             for path in sorted(application.scenarios.glob("*.yaml"), key=lambda path: path.stem):
-                _line(path.stem, load_scenario(str(path))[1].description)
+                _line(path.stem, load_scenario(str(path))[1].description, width)
             if application.experiments:
                 typer.echo("Experiments (crossmodal evaluate NAME):")
             for name, experiment in application.experiments.items():
-                _line(name, experiment.description)
+                _line(name, experiment.description, width)
             for heading, lines in application.extras.items():
                 typer.echo(f"{heading}:")
                 for name, text in lines.items():
-                    _line(name, text)
+                    _line(name, text, width)
 
 
-def _line(name: str, text: str) -> None:
-    typer.echo(f"  {name:18} {text}")
+def _line(name: str, text: str, width: int) -> None:
+    typer.echo(f"  {name:{width}} {text}")

@@ -1,16 +1,16 @@
 """A line of text as an object for Meshcat, which has no text of its own."""
 
-import base64
-import io
-import json
-import struct
 from functools import lru_cache
 from pathlib import Path
 
 import matplotlib
+import trimesh
 from PIL import Image, ImageDraw, ImageFont
 from pydrake.common import MemoryFile
 from pydrake.geometry import InMemoryMesh, Mesh
+from trimesh.exchange.gltf import export_gltf
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 _PIXELS = 96  # Height of the texture.
 
@@ -48,66 +48,19 @@ def _texture(text: str, color: tuple[int, int, int]) -> Image.Image:
 def _gltf(texture: Image.Image, width: float, height: float) -> str:
     """A textured quad with everything embedded; glTF's y is up, Drake turns it to z."""
     x, y = 0.5 * width, 0.5 * height
-    positions = [(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)]
-    uv = [(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)]
-    data = b"".join(struct.pack("<3f", *p) for p in positions)
-    data += b"".join(struct.pack("<2f", *p) for p in uv)
-    data += struct.pack("<6H", 0, 1, 2, 0, 2, 3)
-    png = io.BytesIO()
-    texture.save(png, format="png")
-    material = {
-        "pbrMetallicRoughness": {
-            "baseColorTexture": {"index": 0},
-            "metallicFactor": 0.0,
-            "roughnessFactor": 1.0,
-        },
-        "emissiveTexture": {"index": 0},
-        "emissiveFactor": [0.6, 0.6, 0.6],
-        "doubleSided": True,
-    }
-    return json.dumps(
-        {
-            "asset": {"version": "2.0"},
-            "scene": 0,
-            "scenes": [{"nodes": [0]}],
-            "nodes": [{"mesh": 0}],
-            "meshes": [
-                {
-                    "primitives": [
-                        {
-                            "attributes": {"POSITION": 0, "TEXCOORD_0": 1},
-                            "indices": 2,
-                            "material": 0,
-                        }
-                    ]
-                }
-            ],
-            "materials": [material],
-            "textures": [{"source": 0}],
-            "images": [{"uri": _data_uri("image/png", png.getvalue())}],
-            "buffers": [
-                {"byteLength": len(data), "uri": _data_uri("application/octet-stream", data)}
-            ],
-            "bufferViews": [
-                {"buffer": 0, "byteOffset": 0, "byteLength": 48},
-                {"buffer": 0, "byteOffset": 48, "byteLength": 32},
-                {"buffer": 0, "byteOffset": 80, "byteLength": 12},
-            ],
-            "accessors": [
-                {
-                    "bufferView": 0,
-                    "componentType": 5126,
-                    "count": 4,
-                    "type": "VEC3",
-                    "min": [-x, -y, 0.0],
-                    "max": [x, y, 0.0],
-                },
-                {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"},
-                {"bufferView": 2, "componentType": 5123, "count": 6, "type": "SCALAR"},
-            ],
-        }
+    material = PBRMaterial(
+        baseColorTexture=texture,
+        metallicFactor=0.0,
+        roughnessFactor=1.0,
+        emissiveTexture=texture,
+        emissiveFactor=[0.6, 0.6, 0.6],
+        doubleSided=True,
     )
-
-
-def _data_uri(kind: str, data: bytes) -> str:
-    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+    board = trimesh.Trimesh(
+        vertices=[(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)],
+        faces=[(0, 1, 2), (0, 2, 3)],
+        visual=TextureVisuals(uv=[(0, 0), (1, 0), (1, 1), (0, 1)], material=material),
+        process=False,
+    )
+    files = export_gltf(trimesh.Scene(board), embed_buffers=True)
+    return str(files["model.gltf"].decode())

@@ -71,7 +71,8 @@ def evaluate_rows(
     """What an episode comes to by the table of its estimates alone.
 
     For each estimator the summary holds, by quantity and component: `final_error`, `rms_error`, and
-    `inside_two_sigma`, the share of the ticks whose error lies within two claimed deviations.
+    `inside_two_sigma`, the share of the ticks whose error lies within two claimed deviations; NaN
+    where the truth, or what is claimed, is unknown.
 
     Args:
         rows: From an estimator's tick and the station's at the same instant to rows of the table.
@@ -87,7 +88,9 @@ def evaluate_rows(
         }
     )
     error = table["estimate"] - table["truth"]
-    table_of_errors = table.assign(error=error, inside=error.abs() <= 2.0 * table["std"])
+    bound = 2.0 * table["std"]
+    inside = (error.abs() <= bound).astype(float).where(error.notna() & bound.notna())
+    table_of_errors = table.assign(error=error, inside=inside)
     modalities: dict[str, Any] = {name: {"quantities": {}} for name in record.estimators}
     keys = ["modality", "quantity", "component"]
     for (name, quantity, component), found in table_of_errors.groupby(keys, observed=True):

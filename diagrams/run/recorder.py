@@ -37,10 +37,10 @@ class EpisodeRecorder(LeafSystem):
 
         name: EpisodeRecorder
         input_ports:
-        - <station port>
+        - <station_port>
         - <estimator>_<port>
 
-    - `<station port>`: each quantity and each picture of the station, by its port's name;
+    - `<station_port>`: each quantity and each picture of the station, by its port's name;
       `task_status`, where the station has it, is a `TaskStatus`; a picture is an `ImageRgba8U`.
     - `<estimator>_<port>`: each quantity of each estimator.
 

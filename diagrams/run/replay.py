@@ -41,7 +41,7 @@ def check_recorded(folder: Path, overrides: Sequence[str] = ()) -> Path:
         if assignment.split("=")[0].split(".")[0].strip() not in PERCEIVING:
             raise ScenarioError(
                 f"--set {assignment}: a replay keeps what was measured;"
-                " only perception and modalities can be replaced"
+                " only perception, modalities and calibration can be replaced"
             )
     return folder / SCENARIO_FILE
 

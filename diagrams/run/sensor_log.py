@@ -6,6 +6,7 @@ A stream is what one port of the station gives. The file's chunks are compressed
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -130,6 +131,9 @@ class SensorLog:
         """Every port's value at the tick `time`, from the messages of (time - period, time].
 
         A stream without a message in a tick keeps its last value; a window is then empty.
+
+        Raises:
+            ScenarioError: if a stream that is no window has not begun by then.
         """
         now = nanoseconds(time)
         start = max(0, nanoseconds(time - period) + 1)
@@ -142,7 +146,11 @@ class SensorLog:
             messages = found[stream.topic]
             if not messages and not stream.codec.is_window:
                 earlier = self._messages(topics=[stream.topic], ending_at=now, reverse=True)
-                messages = [message for _, message in [next(earlier)]]
+                messages = [message for _, message in islice(earlier, 1)]
+            if not messages and not stream.codec.is_window:
+                raise ScenarioError(
+                    f"{self._path}: the stream '{stream.port}' begins only after {time:.2f} s"
+                )
             values[stream.port] = stream.codec.decode(messages)
         return values
 

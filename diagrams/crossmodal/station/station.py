@@ -25,6 +25,7 @@ from plants.joint_friction import JointFriction
 from plants.robots.arm_with_hand import make_arm_with_load
 from plants.robots.wam import WAM_WITH_SOFT_HAND
 from plants.scene import ManipulationScene, ObjectPlacement, add_manipulation_scene, facing
+from systems.sensors.randomness import make_generator
 
 
 @dataclass(kw_only=True)
@@ -56,10 +57,17 @@ class ManipulationStation:
 
 
 def draw_placements(scenario: Scenario) -> dict[str, ObjectPlacement]:
-    """Where the objects of this seed stand, how stiff they move and how they look."""
+    """Where the objects of this seed stand, how stiff they move and how they look.
+
+    What is drawn of one object does not depend on which others there are.
+    """
     placements = {}
-    for number, (name, thing) in enumerate(scenario.objects.items()):
-        rng = np.random.default_rng((scenario.seed, 0, *([number] if number else [])))
+    for name, thing in scenario.objects.items():
+        rng = (
+            np.random.default_rng((scenario.seed, 0))
+            if thing is scenario.object
+            else make_generator(scenario.seed, f"placement {name}")
+        )
         placements[name] = draw_placement(thing, rng)
     return placements
 

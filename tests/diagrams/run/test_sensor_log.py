@@ -112,6 +112,19 @@ def test_streams_that_a_file_does_not_hold_are_left_out(log: SensorLog, tmp_path
     assert [stream.port for stream in SensorLog(path, known).streams] == ["pressure_window"]
 
 
+def test_a_stream_that_begins_late_is_named(tmp_path: Path) -> None:
+    known = make_streams({"early": np.zeros(1), "late": np.zeros(1)}, {})
+    writer = SensorLogWriter(tmp_path / "sensors.mcap")
+    writer.write(known[0], np.ones(1), 0.0)
+    for stream in known:
+        writer.write(stream, np.ones(1), 0.5)
+    writer.close()
+    log = SensorLog(tmp_path / "sensors.mcap", known)
+    with pytest.raises(ScenarioError, match=r"the stream 'late' begins only after 0\.25 s"):
+        log.read(0.25, 0.25)
+    assert set(log.read(0.5, 0.25)) == {"early", "late"}
+
+
 def test_a_port_without_a_topic_of_its_own_has_one_with_its_name() -> None:
     topics = {stream.port: stream.topic for stream in streams()}
     assert topics["task_status"] == "/task_status"

@@ -1,0 +1,129 @@
+"""A table of estimates over time, and what an episode comes to by it alone."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from diagrams.evaluation.estimates import (
+    COLUMNS,
+    Row,
+    error_metrics,
+    estimates_table,
+    evaluate_rows,
+    scalar,
+    vector,
+)
+from diagrams.run.application import Results
+from diagrams.run.calibration import Calibration
+from diagrams.run.record import EpisodeRecord, EstimatorRecord, Tick
+from diagrams.run.run_folder import without_nan
+from diagrams.run.scenario import Scenario
+
+UNITS = {"angle": "rad", "place": "m"}
+ERRORS = {"left": [0.1, -0.3, 0.1], "right": [0.0, 0.0, 0.2]}
+
+
+def rows(tick: Tick, station: Tick) -> list[Row]:
+    true = station.values.get("cheat_angle", np.nan)
+    place = np.array([1.0, 2.0, 3.0])
+    true_place = np.full(3, np.nan) if np.isnan(true) else place
+    return [
+        scalar("angle", tick.values["angle_latest"], std=0.1, true=true),
+        *vector("place", place, np.diag([0.01, 0.04, 0.09]), true_place),
+        scalar("count", 3.0),
+    ]
+
+
+def record(*, with_truth: bool = True) -> EpisodeRecord:
+    """Two estimators of an angle that is 1, 2 and 3 rad."""
+    truth = [{"cheat_angle": k + 1.0} if with_truth else {} for k in range(3)]
+    return EpisodeRecord(
+        scenario=Scenario(name="a"),
+        calibration=Calibration(),
+        station=[Tick(time=float(k), values=values) for k, values in enumerate(truth)],
+        estimators={
+            name: EstimatorRecord(
+                ticks=[
+                    Tick(time=float(k), values={"angle_latest": k + 1.0 + error})
+                    for k, error in enumerate(errors)
+                ]
+            )
+            for name, errors in ERRORS.items()
+        },
+        duration=2.0,
+        wall_time=1.0,
+    )
+
+
+def errors_of(results: Results, name: str, quantity: str) -> dict[str, Any]:
+    return dict(results.summary["modalities"][name]["quantities"][quantity])
+
+
+def test_a_vector_is_three_rows_with_their_rows_of_the_covariance() -> None:
+    covariance = np.array([[4.0, 1.0, 0.0], [1.0, 9.0, 2.0], [0.0, 2.0, 16.0]])
+    found = vector("p", np.array([1.0, 2.0, 3.0]), covariance, np.zeros(3))
+    assert [row[1] for row in found] == ["x", "y", "z"]
+    assert [row[3] for row in found] == [2.0, 3.0, 4.0]
+    assert_allclose([row[4] for row in found], covariance)
+
+
+def test_the_table_is_tidy_and_every_estimator_has_its_own_rows() -> None:
+    table = evaluate_rows(record(), rows, UNITS).estimates
+    assert tuple(table.columns) == COLUMNS
+    assert not table.duplicated(["time", "modality", "quantity", "component"]).any()
+    for name, errors in ERRORS.items():
+        angle = table[(table.modality == name) & (table.quantity == "angle")]
+        assert_allclose(angle.estimate - angle.truth, errors, atol=1e-12)
+
+
+def test_an_empty_table_has_its_columns() -> None:
+    table = estimates_table({"left": []})
+    assert len(table) == 0
+    assert tuple(table.columns) == COLUMNS
+
+
+def test_errors_are_those_at_the_end_over_time_and_against_the_claim() -> None:
+    results = evaluate_rows(record(), rows, UNITS)
+    left = errors_of(results, "left", "angle")
+    assert_allclose(left["final_error"], 0.1)
+    assert_allclose(left["rms_error"], np.sqrt((0.01 + 0.09 + 0.01) / 3))
+    assert_allclose(left["inside_two_sigma"], 2 / 3)
+    assert left["unit"] == "rad"
+    assert_allclose(errors_of(results, "left", "place_y")["inside_two_sigma"], 1.0)
+    assert errors_of(results, "left", "place_z")["unit"] == "m"
+    report = "\n".join(results.report(without_nan(results.summary)))
+    assert "left: angle 5.73 deg off at the end" in report
+    assert "66.7 % of the ticks" in report
+
+
+@pytest.mark.parametrize("with_truth", [True, False])
+def test_every_quantity_is_drawn(with_truth: bool) -> None:
+    results = evaluate_rows(record(with_truth=with_truth), rows, UNITS)
+    assert set(results.plots) == {"angle.png", "place.png", "count.png"}
+    for draw in results.plots.values():
+        assert draw() is not None
+
+
+def test_of_what_nobody_knows_no_error_is_claimed() -> None:
+    results = evaluate_rows(record(with_truth=False), rows, UNITS)
+    summary = without_nan(results.summary)
+    json.dumps(summary, allow_nan=False)
+    angle = summary["modalities"]["left"]["quantities"]["angle"]
+    assert [angle[key] for key in ("final_error", "rms_error", "inside_two_sigma")] == [None] * 3
+    count = errors_of(evaluate_rows(record(), rows, UNITS), "left", "count")
+    assert np.isnan(count["inside_two_sigma"])
+    assert "left: angle - deg off at the end" in "\n".join(results.report(summary))
+
+
+def test_metrics_of_the_errors_are_read_from_the_summary() -> None:
+    summary = evaluate_rows(record(), rows, UNITS).summary
+    metrics = {metric.name: metric for metric in error_metrics({"angle": "rad", "place_x": "m"})}
+    assert len(metrics) == 6
+    left = summary["modalities"]["left"]
+    assert_allclose(metrics["angle_final_error"].value(left), 0.1)
+    assert metrics["angle_final_error"].unit == "rad"
+    assert metrics["angle_inside_two_sigma"].unit == ""
+    assert metrics["place_x_rms_error"].value(left) == 0.0

@@ -7,6 +7,7 @@ import numpy as np
 
 from maths import se3
 from maths.arrays import Array, Ids, Mask
+from maths.pinhole import project
 from systems.port_values import FeatureBelief
 from systems.vision import camera_geometry
 from systems.vision.features import patch_registration, patch_templates
@@ -30,7 +31,7 @@ def _starts(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> tu
     mine, p_CF = mine[in_front], p_CF[in_front]
     if len(mine) == 0:
         return uv, warps
-    uv_predicted = camera_geometry.project(p_CF, frame.intrinsics)
+    uv_predicted = project(p_CF, frame.intrinsics)
     # Where both agree there is nothing to choose.
     apart = np.max(np.abs(uv_predicted - uv[mine]), axis=1) > 0.5
     mine, p_CF, uv_predicted = mine[apart], p_CF[apart], uv_predicted[apart]

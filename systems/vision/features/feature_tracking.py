@@ -6,6 +6,7 @@ import numpy as np
 
 from maths import se3
 from maths.arrays import Array, Mask
+from maths.pinhole import project
 from systems.port_values import FeatureBelief
 from systems.vision import camera_geometry
 from systems.vision.features import feature_detection, patch_registration, patch_templates
@@ -90,7 +91,7 @@ def _coast(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> Fea
     p_WF, uv = tracks.p_WF.copy(), tracks.uv.copy()
     p_WF[mine] = predicted.p_WF[theirs]
     p_CF = camera_geometry.transform(se3.inverse(frame.X_WC), p_WF[mine])
-    uv[mine] = camera_geometry.project(p_CF, frame.intrinsics)
+    uv[mine] = project(p_CF, frame.intrinsics)
     return replace(tracks, p_WF=p_WF, uv=uv)
 
 

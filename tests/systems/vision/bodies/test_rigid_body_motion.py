@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from pydrake.systems.sensors import CameraInfo
 from scipy.stats import chi2
 
 from maths import se3
+from maths.pinhole import Intrinsics
 from systems.port_values import (
     HELD_BODY,
     NO_POSE,
@@ -112,7 +112,7 @@ def nees(body: BodyMotion, error: np.ndarray) -> float:
 
 
 @pytest.fixture
-def play(camera: CameraInfo, tick: Callable) -> Callable:
+def play(camera: Intrinsics, tick: Callable) -> Callable:
     """Runs a stream and gives the body motions of each tick."""
 
     def run(
@@ -251,7 +251,7 @@ def test_every_covariance_is_symmetric_and_positive_definite(play: Callable) -> 
                 assert np.linalg.eigvalsh(matrix).min() > 0.0
 
 
-def test_a_joint_prediction_that_fits_better_is_taken(play: Callable, camera: CameraInfo) -> None:
+def test_a_joint_prediction_that_fits_better_is_taken(play: Callable, camera: Intrinsics) -> None:
     """A body that jumps by 4 cm between two ticks, which only its joint foresaw."""
     stream = Stream(kind="drawer", seed=5, ticks=75)
     jump = np.array([0.0, 0.0, 0.0, -0.04, 0.0, 0.0])
@@ -358,7 +358,7 @@ def test_the_same_stream_gives_the_same_bodies(play: Callable) -> None:
     np.testing.assert_array_equal(first.motion.covariance, second.motion.covariance)
 
 
-def test_predictions_and_latest_need_no_input(camera: CameraInfo) -> None:
+def test_predictions_and_latest_need_no_input(camera: Intrinsics) -> None:
     system = RigidBodyMotion(RigidBodyMotionConfig(), camera, X_WC, True)
     for port in ("body_motions_latest", "features_predicted"):
         index = system.GetOutputPort(port).get_index()
@@ -369,7 +369,7 @@ def test_predictions_and_latest_need_no_input(camera: CameraInfo) -> None:
 
 
 def test_features_are_predicted_where_their_body_takes_them(
-    camera: CameraInfo, tick: Callable
+    camera: Intrinsics, tick: Callable
 ) -> None:
     stream = Stream(kind="drawer", seed=1, ticks=100)
     system = RigidBodyMotion(RigidBodyMotionConfig(), camera, X_WC)
@@ -399,7 +399,7 @@ def test_features_are_predicted_where_their_body_takes_them(
     ],
 )
 def test_impossible_values_are_refused_by_name(
-    camera: CameraInfo, config: RigidBodyMotionConfig, named: str
+    camera: Intrinsics, config: RigidBodyMotionConfig, named: str
 ) -> None:
     with pytest.raises(ValueError, match=named):
         RigidBodyMotion(config, camera, X_WC)

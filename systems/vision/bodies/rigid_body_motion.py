@@ -62,7 +62,7 @@ def advance_all(
         bodies.append(moved)
     history = replace(history, rejection_count=rejection_count)
     if prior is not None and held_body.is_active(prior) and held_body.find_held(bodies) is None:
-        history = held_body.without_nudges(config, history, body_tracking.STILL)
+        history = held_body.without_nudges(config, history)
         bodies.insert(0, held_body.start(config, prior, history, state.tick + 1))
     return bodies, history
 

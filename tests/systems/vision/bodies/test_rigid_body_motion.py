@@ -18,8 +18,10 @@ from systems.port_values import (
     FeatureBelief,
     PoseBelief,
 )
+from systems.ticks import whole_ticks
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from systems.vision.bodies.rigid_body_motion_config import (
+    AssociationConfig,
     BodyBirthConfig,
     FeatureHistoryConfig,
     LandmarkConfig,
@@ -235,7 +237,8 @@ def test_without_features_a_body_coasts_with_growing_doubt_and_is_then_given_up(
     stream = Stream(kind="drawer", seed=0, ticks=dark + 40, dark_from=dark)
     motions = play(stream)
     alive = [k for k, m in enumerate(motions) if m]
-    assert alive[-1] == dark + RigidBodyMotionConfig().patience - 1
+    config = RigidBodyMotionConfig()
+    assert alive[-1] == dark + whole_ticks(config.patience, config.period) - 1
     deviations = [np.sqrt(np.trace(motions[k][0].motion.covariance[:6, :6])) for k in alive]
     assert np.all(np.diff(deviations[alive.index(dark) - 1 :]) > 0)
     last = motions[alive[-1]][0]
@@ -389,8 +392,16 @@ def test_features_are_predicted_where_their_body_takes_them(
     [
         (RigidBodyMotionConfig(period=0.0), "RigidBodyMotion: period = 0.0"),
         (
-            RigidBodyMotionConfig(history=FeatureHistoryConfig(window=5)),
-            "RigidBodyMotion.history: window = 5",
+            RigidBodyMotionConfig(history=FeatureHistoryConfig(window=0.7)),
+            "RigidBodyMotion.history: window = 0.7, need >= 11 ticks, 0.733 s",
+        ),
+        (
+            RigidBodyMotionConfig(period=0.2),
+            "RigidBodyMotion.history: newest = 0.2, need >= 2 ticks, 0.4 s",
+        ),
+        (
+            RigidBodyMotionConfig(association=AssociationConfig(rejection_time=0.01)),
+            "RigidBodyMotion.association: rejection_time = 0.01, need >= a tick, 0.0667 s",
         ),
         (
             RigidBodyMotionConfig(birth=BodyBirthConfig(min_gain=-1.0)),

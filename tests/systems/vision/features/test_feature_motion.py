@@ -16,6 +16,7 @@ from systems.port_values import FeatureBelief
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from systems.vision.features.feature_motion import FeatureMotion
 from systems.vision.features.feature_motion_config import (
+    DetectionConfig,
     FeatureMotionConfig,
     FlowConfig,
     RegistrationConfig,
@@ -240,6 +241,10 @@ def test_the_documented_ports_are_the_declared_ones(system_class: type, camera: 
     ("config", "named"),
     [
         (FeatureMotionConfig(period=0.0), "FeatureMotion: period = 0.0"),
+        (
+            FeatureMotionConfig(detection=DetectionConfig(interval=0.03)),
+            "FeatureMotion.detection: interval = 0.03, need >= a tick, 0.0667 s",
+        ),
         (
             FeatureMotionConfig(tracks=TrackManagementConfig(max_features=0)),
             "FeatureMotion.tracks: max_features = 0",

@@ -20,12 +20,14 @@ def run_folder(folder: Path, force: bool) -> Iterator[Path]:
     """The opened folder of a run; one that nothing was written into is removed again."""
     from diagrams.run.run_folder import open_run_folder
 
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
     open_run_folder(folder, force)
     try:
         yield folder
     finally:
         with contextlib.suppress(OSError):
-            folder.rmdir()
+            for path in made:
+                path.rmdir()
 
 
 def write_and_report(folder: Path, application: "Application", record: "EpisodeRecord") -> int:

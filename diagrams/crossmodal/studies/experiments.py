@@ -71,6 +71,18 @@ _ALL = (
         references=_COMMON,
     ),
     Experiment(
+        scenario="drawer-miscalibrated",
+        description="the drawer, with camera and arm calibrated as in a laboratory",
+        without=TRIAL_METRICS,
+        references=_COMMON,
+    ),
+    Experiment(
+        scenario="cupboard-door-miscalibrated",
+        description="the cupboard's door, with camera and arm calibrated as in a laboratory",
+        without=TRIAL_METRICS,
+        references=_COMMON,
+    ),
+    Experiment(
         scenario="door-occluded",
         description="the robot hides the door while it opens it",
         without=TRIAL_METRICS,

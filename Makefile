@@ -1,5 +1,6 @@
 # Everything runs in .venv, which the first target that needs it makes.
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
+# Seen seeds; a table to be published takes new ones, see docs/results/seeds.md.
 SEEDS ?= 100:120
 JOBS ?= 2
 # More arguments for the target's command, for example: make demo ARGS=--meshcat

@@ -1,11 +1,13 @@
-"""How a command ends: its exit status, and one line where the user's input is at fault."""
+"""How a command ends: its exit status, one line where the user's input is at fault, and Ctrl-C."""
 
 import contextlib
 import errno
 import logging
+import signal
 import warnings
 from collections.abc import Iterator
-from typing import TextIO
+from types import FrameType
+from typing import Any, TextIO
 
 import typer
 
@@ -51,3 +53,28 @@ def _show_warning(
     else:
         text = warnings.formatwarning(message, category, filename, lineno, line)
         typer.echo(text, file=file, err=True, nl=False)
+
+
+class GentleInterrupt:
+    """Lets a Ctrl-C wait until the simulation is between two steps; a second one acts at once."""
+
+    def __init__(self) -> None:
+        self._requested = False
+        self._previous: Any = None
+
+    def __enter__(self) -> "GentleInterrupt":
+        self._previous = signal.signal(signal.SIGINT, self._note)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        signal.signal(signal.SIGINT, self._previous)
+
+    def _note(self, _signal: int, _frame: FrameType | None) -> None:
+        if self._requested:
+            raise KeyboardInterrupt
+        self._requested = True
+
+    def check(self) -> None:
+        """Raises KeyboardInterrupt if one was asked for."""
+        if self._requested:
+            raise KeyboardInterrupt

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from diagrams.commands.endings import one_line_errors
-from diagrams.commands.gentle_interrupt import GentleInterrupt
+from diagrams.commands.endings import GentleInterrupt, one_line_errors
 from diagrams.commands.options import ForceOption, SetOption
 from diagrams.commands.run_output import run_folder, write_and_report
 

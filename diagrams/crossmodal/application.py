@@ -28,7 +28,7 @@ from diagrams.joints.joint_truth import TRUTH_QUANTITIES
 from diagrams.run.application import Application, Station
 from diagrams.run.calibration import Calibration
 from diagrams.run.record import Quantity
-from diagrams.run.sensor_codecs import JOINT_STATES, WRENCHES, Topic
+from diagrams.run.sensor_streams.codecs import JOINT_STATES, WRENCHES, Topic
 from systems.kinematics.held_joint import HeldJoint, HeldJointConfig
 from systems.port_values import (
     UNKNOWN_END_EFFECTOR,

@@ -7,7 +7,6 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from diagrams.crossmodal.modalities import MODALITIES
 from diagrams.run.calibration import Calibration
-from plants.camera_view import renderer_intrinsics
 from systems.kinematics.joint_filters import JointFiltersConfig
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from systems.kinematics.measurement_errors import MeasurementErrorsConfig
@@ -199,7 +198,7 @@ def _add_vision(
 ) -> System:
     """Feature motion and, on top of it, rigid-body motion; returns the latter."""
     camera = calibration.camera
-    intrinsics, X_WC = renderer_intrinsics(camera.intrinsics), camera.X_PC.GetAsMatrix4()
+    intrinsics, X_WC = camera.intrinsics, camera.X_PC.GetAsMatrix4()
     features = _add(builder, "feature_motion", FeatureMotion(config.features, intrinsics, X_WC))
     bodies = _add(
         builder,

@@ -16,7 +16,7 @@ from diagrams.run.calibration import Calibration
 from diagrams.run.experiment import CampaignPlot, Column, Experiment, Metric
 from diagrams.run.record import EpisodeRecord, Quantity
 from diagrams.run.scenario import Scenario
-from diagrams.run.sensor_codecs import Topic
+from diagrams.run.sensor_streams.codecs import Topic
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -18,7 +18,7 @@ from diagrams.run.process import peak_memory
 from diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
 from diagrams.run.recorder import STATUS_PORT, EpisodeRecorder, RecorderConfig, TickStopwatch
 from diagrams.run.scenario import Scenario
-from diagrams.run.sensor_log import SensorLogWriter, SensorRecorder, make_streams
+from diagrams.run.sensor_streams.log import SensorLogWriter, SensorRecorder, make_streams
 from diagrams.run.yaml_schema import ScenarioError, one_line
 from maths.compiled import compilation_timed
 

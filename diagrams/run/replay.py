@@ -18,7 +18,7 @@ from diagrams.run.record import EpisodeRecord
 from diagrams.run.recorder import STATUS_PORT, EpisodeRecorder, RecorderConfig
 from diagrams.run.run_folder import SCENARIO_FILE, SENSORS_FILE
 from diagrams.run.scenario import Scenario
-from diagrams.run.sensor_log import SensorLog, SensorReplay, make_streams
+from diagrams.run.sensor_streams.log import SensorLog, SensorReplay, make_streams
 from diagrams.run.yaml_schema import ScenarioError
 
 # What of a scenario may be replaced when it is replayed: what perceives, not what was measured.

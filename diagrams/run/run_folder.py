@@ -38,12 +38,21 @@ _PRESENTATION = {
     "command_line.py",
     "commands",
     "drawing",
-    "evaluation",
+    "campaign.py",
+    "campaign_plots.py",
+    "campaign_report.py",
+    "metric_table.py",
+    "seeds.py",
     "experiments.py",
+    "frame_plots.py",
     "joint_drawing.py",
+    "joint_errors.py",
+    "joint_palette.py",
     "meshcat_view.py",
+    "metrics.py",
+    "plots.py",
     "process.py",
-    "results",
+    "report.py",
 }
 
 

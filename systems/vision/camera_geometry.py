@@ -10,26 +10,8 @@ w = w0 + wu (u - u0) + wv (v - v0) over a window describes a planar surface exac
 import numba
 import numpy as np
 import numpy.typing as npt
-from pydrake.systems.sensors import CameraInfo
 
 from maths.arrays import Array, Mask
-
-
-def intrinsics_vector(camera: CameraInfo) -> Array:
-    """(fx, fy, cx, cy), [px], for integer pixel centres, of Drake's camera description.
-
-    What Drake renders for a `CameraInfo` puts the centre of pixel (0, 0) at (0.5, 0.5) of its
-    coordinates, which a test measures; unheeded, that is 0.2 mm per 22 cm towards the camera.
-    """
-    return np.array(
-        [camera.focal_x(), camera.focal_y(), camera.center_x() - 0.5, camera.center_y() - 0.5]
-    )
-
-
-def project(p_CF: Array, intrinsics: Array) -> Array:
-    """Pixels (N, 2) of points (N, 3); NaN where a point is not in front of the camera."""
-    z = np.where(p_CF[:, 2] > 1e-3, p_CF[:, 2], np.nan)
-    return p_CF[:, :2] / z[:, None] * intrinsics[:2] + intrinsics[2:]
 
 
 def transform(X_AB: Array, p_B: Array) -> Array:

@@ -13,7 +13,7 @@ from diagrams.drawing.meshcat import start_meshcat
 from diagrams.run.episode import Episode
 from diagrams.run.record import TaskStatus
 from diagrams.run.recorder import STATUS_PORT
-from diagrams.run.sensor_log import SensorLog, SensorRecorder, SensorReplay, make_streams
+from diagrams.run.sensor_streams.log import SensorLog, SensorRecorder, SensorReplay, make_streams
 
 _ROOMS = ("systems.", "controllers.", "plants.", "diagrams.")
 

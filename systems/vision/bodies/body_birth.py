@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from maths.arrays import Array, Ids, Mask
-from systems.port_values import (
-    STATIC_BODY,
-    PoseBelief,
-)
+from systems.port_values import STATIC_BODY, PoseBelief
+from systems.ticks import whole_ticks
 from systems.vision.bodies import body_filter, body_tracking, held_body
 from systems.vision.bodies.body_tracker_state import (
     BodyTrackerState,
@@ -32,7 +30,7 @@ def free_motion(
 
     Zero where a feature is not free, not seen or too young to tell.
     """
-    d = displacements(history, newest=config.history.newest)
+    d = displacements(history, newest=whole_ticks(config.history.newest, config.period))
     free = (history.body == STATIC_BODY) & history.seen
     free &= (d.count_new >= 2) & (d.count_old >= 5)
     distance = np.zeros(len(free))
@@ -126,7 +124,8 @@ def onset(
     Without any still tick it is the first one at which most of them were seen.
     """
     window = history.p_W.shape[1]
-    d = displacements(history.select(rows), newest=config.history.newest)
+    newest = whole_ticks(config.history.newest, config.period)
+    d = displacements(history.select(rows), newest=newest)
     motion = d.p_old @ X[:3, :3].T + X[:3, 3] - d.p_old
     share, sigma = stillness(history.p_W[rows], history.information[rows], d.p_old, motion)
     # The earlier mean may hold samples of the motion: the shares then start from an offset.

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from maths.arrays import Array, Ids
 from maths.immutable import Immutable
+from systems.ticks import whole_ticks
 from systems.vision.bodies.body_filter import BodyFilter
 from systems.vision.bodies.feature_history import FeatureHistory, no_history
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
@@ -62,4 +63,5 @@ class BodyTrackerState(Immutable):
 
 
 def no_bodies(config: RigidBodyMotionConfig) -> BodyTrackerState:
-    return BodyTrackerState(tick=-1, next_id=2, history=no_history(config.history.window))
+    window = whole_ticks(config.history.window, config.period)
+    return BodyTrackerState(tick=-1, next_id=2, history=no_history(window))

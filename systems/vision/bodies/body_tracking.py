@@ -6,9 +6,8 @@ import numpy as np
 
 from maths import se3
 from maths.arrays import Array, Ids, Mask
-from systems.port_values import (
-    FeatureBelief,
-)
+from systems.port_values import FeatureBelief
+from systems.ticks import whole_ticks
 from systems.vision.bodies import body_filter
 from systems.vision.bodies.body_filter import BodyFilter
 from systems.vision.bodies.body_tracker_state import (
@@ -19,8 +18,6 @@ from systems.vision.bodies.body_tracker_state import (
 from systems.vision.bodies.feature_displacements import displacements, squared_distances
 from systems.vision.bodies.feature_history import FeatureHistory, remember
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
-
-STILL = 5  # Time up to a reference within which a nudge of a feature shows, [ticks].
 
 
 def predict(config: RigidBodyMotionConfig, body: BodyFilter) -> BodyFilter:
@@ -158,7 +155,7 @@ def rest_positions(
         history,
         newest=0,
         use_rest=np.zeros(len(before), bool),
-        first_old=last + 1 - STILL,
+        first_old=last + 1 - whole_ticks(config.history.nudge_time, config.period),
         last_old=last,
     )
     valid = (long.count_old >= 3) & (short.count_old >= 2)
@@ -226,8 +223,8 @@ def corrected(
 
 def is_supported(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
     """Whether a body goes on: one that was seen only briefly is given up sooner."""
-    patience = min(config.patience, 5 + body.supported)
-    return body.unsupported <= patience
+    initial = whole_ticks(config.initial_patience, config.period) + body.supported
+    return body.unsupported <= min(whole_ticks(config.patience, config.period), initial)
 
 
 def remember_features(
@@ -238,6 +235,6 @@ def remember_features(
         features,
         state.tick + 1,
         floor=config.history.floor,
-        memory=config.history.memory,
-        rest_samples=config.history.rest_samples,
+        memory=whole_ticks(config.history.memory, config.period),
+        rest_samples=whole_ticks(config.history.rest_time, config.period),
     )

@@ -7,6 +7,7 @@ import numpy as np
 from maths.arrays import Array
 from maths.rigid_points import pose_jacobian
 from systems.port_values import STATIC_BODY
+from systems.ticks import whole_ticks
 from systems.vision.bodies import body_filter, held_body
 from systems.vision.bodies.body_tracker_state import TrackedBody
 from systems.vision.bodies.body_tracking import corrected
@@ -25,14 +26,15 @@ def body_against_static(
     The fit is the squared Mahalanobis distance under the body.
     """
     use_rest = history.rest_until <= body.reference_tick
+    newest = whole_ticks(config.history.newest, config.period)
     moving = displacements(
         history,
-        newest=config.history.newest,
+        newest=newest,
         X_WB=body.path,
         use_rest=use_rest,
         X_WB_rest=body.X_WB_reference,
     )
-    standing = displacements(history, newest=config.history.newest, use_rest=use_rest)
+    standing = displacements(history, newest=newest, use_rest=use_rest)
     enough = history.seen & (moving.count_new >= 2) & (moving.count_old >= 4)
     ratio, fit = np.zeros(len(enough)), np.full(len(enough), np.inf)
     if not enough.any():
@@ -155,11 +157,8 @@ def reject_outliers(
         drifted = body.filter.ids[body_filter.drifted(body.filter, config.gate)]
         slid |= (history.body == body.body_id) & np.isin(history.ids, drifted)
     outlier = history.body == OUTLIER
-    rejected = (
-        ~outlier
-        & (history.body != STATIC_BODY)
-        & (history.rejection_count >= config.association.max_rejections)
-    )
+    most = whole_ticks(config.association.rejection_time, config.period)
+    rejected = ~outlier & (history.body != STATIC_BODY) & (history.rejection_count >= most)
     rejection_count = np.where(outlier, history.rejection_count + 1, history.rejection_count)
     return replace(
         history,
@@ -177,7 +176,8 @@ def reset_tracks(
     """
     numbers = [STATIC_BODY, OUTLIER, *(body.body_id for body in bodies)]
     unbound = (history.body == STATIC_BODY) | (history.body == OUTLIER)
-    rows = unbound & (history.rejection_count >= config.association.max_free_rejections)
+    most = whole_ticks(config.association.free_rejection_time, config.period)
+    rows = unbound & (history.rejection_count >= most)
     rows |= ~np.isin(history.body, numbers)
     if not rows.any():
         return history

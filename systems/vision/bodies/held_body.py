@@ -13,6 +13,7 @@ from maths.arrays import Array, Ids
 from maths.gaussian import chi_square_gate
 from maths.rigid_points import pose_jacobian
 from systems.port_values import HELD_BODY, STATIC_BODY, PoseBelief
+from systems.ticks import whole_ticks
 from systems.vision.bodies import body_filter, body_tracking
 from systems.vision.bodies.body_tracker_state import TrackedBody
 from systems.vision.bodies.feature_displacements import displacements, squared_distances
@@ -49,7 +50,7 @@ def start(
         X_WB_reference=prior.X,
         reference_tick=tick,
         rest=body_tracking.rest_positions(config, history, tick, tick),
-        path=np.tile(prior.X, (config.history.window, 1, 1)),
+        path=np.tile(prior.X, (history.p_W.shape[1], 1, 1)),
         source="prior",
         held_since=tick,
     )
@@ -79,15 +80,14 @@ def advance(
     return body_tracking.advance(config, body, history, [*predictions, ("prior", prior.X)])
 
 
-def without_nudges(
-    config: RigidBodyMotionConfig, history: FeatureHistory, ticks: int
-) -> FeatureHistory:
+def without_nudges(config: RigidBodyMotionConfig, history: FeatureHistory) -> FeatureHistory:
     """Forgets where free features were before they moved within the window's last ticks.
 
     Closing the hand moves more than what it will hold. None of that is motion with the hand, which
     counts from then on only.
     """
     window = history.p_W.shape[1]
+    ticks = whole_ticks(config.history.nudge_time, config.period)
     free = history.body == STATIC_BODY
     before = displacements(history, newest=0, last_old=window - 1)
     now = displacements(
@@ -125,7 +125,7 @@ def takes_handle_along(
     """
     moved = displacements(
         history.select(rows),
-        newest=config.history.newest,
+        newest=whole_ticks(config.history.newest, config.period),
         X_WB=body.path,
         use_rest=np.zeros(len(rows), bool),
         X_WB_rest=body.X_WB_reference,
@@ -193,7 +193,7 @@ def may_absorb(config: RigidBodyMotionConfig, older: TrackedBody, body: TrackedB
     if is_held(body) or body.reference_tick < older.held_since:
         return False  # Identification keeps what was seen before the hand closed.
     # What the hand carries unseen may be anywhere; a body that was seen for long is not.
-    return not (is_held(older) and body.supported > config.history.window)
+    return not (is_held(older) and body.supported > len(body.path))
 
 
 def is_at_hand(config: RigidBodyMotionConfig, body: TrackedBody, prior: PoseBelief) -> bool:

@@ -94,7 +94,7 @@ def identify_held_body(
     if held is None or prior is None or not np.isfinite(prior.X).all():
         return bodies, history
     age = tick - held.held_since
-    if not 0 < age < config.history.window:
+    if not 0 < age < len(held.path):
         return bodies, history
     for body in bodies:
         seen_longer = len(body.filter.ids) > len(held.filter.ids)

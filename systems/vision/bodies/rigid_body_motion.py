@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 from pydrake.systems.framework import Context, InputPort
-from pydrake.systems.sensors import CameraInfo
 
 from maths import se3
 from maths.arrays import Array
+from maths.pinhole import Intrinsics, project
 from systems.port_values import (
     NO_POSE,
     STATIC_BODY,
@@ -62,7 +62,7 @@ def advance_all(
         bodies.append(moved)
     history = replace(history, rejection_count=rejection_count)
     if prior is not None and held_body.is_active(prior) and held_body.find_held(bodies) is None:
-        history = held_body.without_nudges(config, history, body_tracking.STILL)
+        history = held_body.without_nudges(config, history)
         bodies.insert(0, held_body.start(config, prior, history, state.tick + 1))
     return bodies, history
 
@@ -121,7 +121,7 @@ def predicted_features(
         p_WF[rows] = camera_geometry.transform(X_WB_next, body.filter.p_BF[landmarks])
     return FeatureBelief(
         ids=history.ids,
-        uv=camera_geometry.project(camera_geometry.transform(X_CW, p_WF), intrinsics),
+        uv=project(camera_geometry.transform(X_CW, p_WF), intrinsics),
         p_WF=p_WF,
         covariance=covariance,
         age=np.zeros(len(history.ids), np.int64),
@@ -200,14 +200,14 @@ class RigidBodyMotion(RecursiveFilter):
     def __init__(
         self,
         config: RigidBodyMotionConfig,
-        camera: CameraInfo,
+        camera: Intrinsics,
         X_WC: Array,
         with_held_body: bool = False,
     ) -> None:
         super().__init__()
         check_rigid_body_motion(config)
         self._config = config
-        self._intrinsics = camera_geometry.intrinsics_vector(camera)
+        self._intrinsics = camera.vector()
         self._X_CW = se3.inverse(np.array(X_WC, dtype=float))
 
         self._features = self._declare_value_input("features_estimated", no_features())

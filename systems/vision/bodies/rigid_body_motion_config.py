@@ -7,16 +7,18 @@ import numpy as np
 from maths.arrays import Array
 from maths.gaussian import chi_square_gate
 from maths.validation import require_fields, require_ranges
+from systems.ticks import require_ticks, whole_ticks
 
 
 @dataclass(kw_only=True)
 class FeatureHistoryConfig:
     """What is remembered of each feature."""
 
-    window: int = 30  # Length of a feature's history, [ticks].
-    newest: int = 3  # Length of its end that makes the newest position, [ticks].
-    memory: int = 45  # Time after which an unseen feature is forgotten, [ticks].
-    rest_samples: float = 60.0  # Most samples that average into a feature's rest, [-].
+    window: float = 2.0  # Length of a feature's history, [s].
+    newest: float = 0.2  # Length of its end that makes the newest position, [s].
+    memory: float = 3.0  # Time after which an unseen feature is forgotten, [s].
+    rest_time: float = 4.0  # Longest time that is averaged into a feature's rest, [s].
+    nudge_time: float = 1.0 / 3.0  # Time before a reference whose mean position shows a nudge, [s].
     floor: float = 2e-4  # Error added to a feature's standard deviation, [m].
 
 
@@ -81,8 +83,8 @@ class AssociationConfig:
     extent: float = 0.05  # Distance to a body's features that counts as one deviation, [m].
     max_penalty: float = 30.0  # Log likelihood ratio that distance costs at most, [nat].
     merging_share: float = 0.8  # Share of a body's features that makes it part of an older one.
-    max_rejections: int = 8  # Rejections after which a feature leaves its body, [ticks].
-    max_free_rejections: int = 45  # Rejections after which a free feature is reset, [ticks].
+    rejection_time: float = 8.0 / 15.0  # Time after which a rejected feature leaves its body, [s].
+    free_rejection_time: float = 3.0  # Time after which a rejected free feature is reset, [s].
 
 
 @dataclass(kw_only=True)
@@ -113,7 +115,8 @@ class RigidBodyMotionConfig:
     period: float = 1.0 / 15.0  # Update period, [s].
     gate: float = chi_square_gate(0.001, 3)  # Squared distance of an outlier, at least, [-].
     keep_support: int = 3  # Least number of features that keeps a body alive.
-    patience: int = 30  # Longest time that a body lives without them, [ticks].
+    patience: float = 2.0  # Longest time that a body lives without them, [s].
+    initial_patience: float = 1.0 / 3.0  # The same at birth; grows with the time it had them, [s].
     history: FeatureHistoryConfig = field(default_factory=FeatureHistoryConfig)
     landmarks: LandmarkConfig = field(default_factory=LandmarkConfig)
     dynamics: BodyDynamicsConfig = field(default_factory=BodyDynamicsConfig)
@@ -126,19 +129,18 @@ def check_rigid_body_motion(config: RigidBodyMotionConfig) -> None:
     """Raises ValueError, naming the first impossible value."""
     name = "RigidBodyMotion"
     require_ranges(
-        name, config, positive="period gate", not_negative="patience", counts="keep_support"
+        name,
+        config,
+        positive="period gate",
+        not_negative="patience initial_patience",
+        counts="keep_support",
     )
     history = config.history
-    require_ranges(
-        f"{name}.history",
-        history,
-        positive="rest_samples",
-        not_negative="floor memory",
-        counts="newest",
-    )
-    least = history.newest + 8
-    allowed = f">= newest + 8 = {least}"
-    require_fields(f"{name}.history", history, ["window"], allowed, lambda x: x >= least)
+    require_ranges(f"{name}.history", history, not_negative="floor memory")
+    require_ticks(f"{name}.history", history, config.period, lasting="rest_time")
+    require_ticks(f"{name}.history", history, config.period, lasting="newest nudge_time", least=2)
+    least = whole_ticks(history.newest, config.period) + 8
+    require_ticks(f"{name}.history", history, config.period, lasting="window", least=least)
     landmarks = config.landmarks
     require_ranges(
         f"{name}.landmarks",
@@ -164,8 +166,14 @@ def check_rigid_body_motion(config: RigidBodyMotionConfig) -> None:
         f"{name}.association",
         config.association,
         positive="log_ratio extent",
-        not_negative="max_penalty max_rejections max_free_rejections",
+        not_negative="max_penalty",
         shares="merging_share",
+    )
+    require_ticks(
+        f"{name}.association",
+        config.association,
+        config.period,
+        lasting="rejection_time free_rejection_time",
     )
     require_ranges(
         f"{name}.held_body",

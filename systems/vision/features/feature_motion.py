@@ -3,12 +3,12 @@
 import cv2
 import numpy as np
 from pydrake.systems.framework import Context
-from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, ImageRgba8U
+from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from maths.arrays import Array
+from maths.pinhole import Intrinsics
 from systems.port_values import no_features
 from systems.recursive_filter import RecursiveFilter
-from systems.vision import camera_geometry
 from systems.vision.features import feature_detection
 from systems.vision.features.feature_motion_config import (
     FeatureMotionConfig,
@@ -69,13 +69,13 @@ class FeatureMotion(RecursiveFilter):
     sensor streams, section III; of the registration, see `patch_registration`.
     """
 
-    def __init__(self, config: FeatureMotionConfig, camera: CameraInfo, X_WC: Array) -> None:
+    def __init__(self, config: FeatureMotionConfig, camera: Intrinsics, X_WC: Array) -> None:
         super().__init__()
         check_feature_motion(config)
         self._config = config
-        self._intrinsics = camera_geometry.intrinsics_vector(camera)
+        self._intrinsics = camera.vector()
         self._X_WC = np.array(X_WC, dtype=float)
-        size = camera.width(), camera.height()
+        size = camera.width, camera.height
         side = 2 * config.tracks.robot_border + 1
         self._border = np.ones((side, side), np.uint8)
 

@@ -5,13 +5,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from maths.validation import require_fields, require_ranges
+from systems.ticks import require_ticks
 
 
 @dataclass(kw_only=True)
 class DetectionConfig:
     """Where new features are found."""
 
-    interval: int = 2  # Time from one search for new features to the next, [ticks].
+    interval: float = 2.0 / 15.0  # Time from one search for new features to the next, [s].
     min_distance: int = 10  # Least distance between two features, [px].
     corner_noise_factor: float = 15.0  # Least corner strength over that of the image's noise, [-].
     min_contrast: float = 2.5  # Least standard deviation of a patch, [grey levels].
@@ -27,7 +28,7 @@ class RegistrationConfig:
     min_correlation: float = 0.8  # ZNCC below which a feature is not seen, [-].
     min_shape: float = 0.4  # Least relative size of a seen patch in any direction, [-].
     shape_change: float = 0.04  # Relative change of a patch's shape per update, 1 sigma, [-].
-    shape_interval: int = 3  # Time from one update of a patch's shape to the next, [ticks].
+    shape_interval: float = 0.2  # Time from one update of a patch's shape to the next, [s].
     renewal_correlation: float = 0.88  # ZNCC below which a reshaped patch's template is cut anew.
     renewal_shape: float = 0.3  # Least logarithm of the change of size of a reshaped patch, [-].
     pixel_floor: float = 0.05  # Registration error that does not show in the residual, [px].
@@ -64,12 +65,12 @@ class TrackManagementConfig:
     """How many features there are and when one is given up."""
 
     max_features: int = 200  # Most features that exist at a time.
-    tentative_ticks: int = 3  # Age up to which a feature is tentative, [ticks].
+    tentative_age: float = 0.2  # Age up to which a feature is tentative, [s].
     tentative_correlation: float = 0.92  # ZNCC below which a tentative feature is given up, [-].
-    failure_pause: int = 60  # Time without new features where a tentative one failed, [ticks].
+    failure_pause: float = 4.0  # Time without new features where a tentative one failed, [s].
     robot_border: int = 8  # Distance to the robot's mask at which a feature is given up, [px].
-    max_missed: float = 15.0  # Longest time for which a feature stays unseen, [ticks].
-    max_blackout: float = 45.0  # The same in a blackout, [ticks].
+    max_missed: float = 1.0  # Longest time for which a feature stays unseen, [s].
+    max_blackout: float = 3.0  # The same in a blackout, [s].
     blackout_share: float = 0.2  # Share of features seen below which there is a blackout, [-].
 
 
@@ -91,14 +92,16 @@ def check_feature_motion(config: FeatureMotionConfig) -> None:
         f"{name}.detection",
         config.detection,
         positive="min_distance corner_noise_factor min_contrast depth_step",
-        counts="interval",
     )
+    require_ticks(f"{name}.detection", config.detection, config.period, lasting="interval")
     require_ranges(
         f"{name}.registration",
         config.registration,
         positive="patch_radius reach correlated_pixels",
         not_negative="shape_change renewal_shape pixel_floor",
-        counts="shape_interval",
+    )
+    require_ticks(
+        f"{name}.registration", config.registration, config.period, lasting="shape_interval"
     )
     _shares(f"{name}.registration", config.registration, "min_correlation renewal_correlation")
     _shares(f"{name}.registration", config.registration, "min_shape")
@@ -122,7 +125,7 @@ def check_feature_motion(config: FeatureMotionConfig) -> None:
         f"{name}.tracks",
         config.tracks,
         positive="max_missed max_blackout",
-        not_negative="tentative_ticks failure_pause robot_border",
+        not_negative="tentative_age failure_pause robot_border",
         counts="max_features",
     )
     _shares(f"{name}.tracks", config.tracks, "tentative_correlation blackout_share")

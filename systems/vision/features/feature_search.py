@@ -7,7 +7,9 @@ import numpy as np
 
 from maths import se3
 from maths.arrays import Array, Ids, Mask
+from maths.pinhole import project
 from systems.port_values import FeatureBelief
+from systems.ticks import whole_ticks
 from systems.vision import camera_geometry
 from systems.vision.features import patch_registration, patch_templates
 from systems.vision.features.feature_motion_config import FeatureMotionConfig
@@ -30,7 +32,7 @@ def _starts(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> tu
     mine, p_CF = mine[in_front], p_CF[in_front]
     if len(mine) == 0:
         return uv, warps
-    uv_predicted = camera_geometry.project(p_CF, frame.intrinsics)
+    uv_predicted = project(p_CF, frame.intrinsics)
     # Where both agree there is nothing to choose.
     apart = np.max(np.abs(uv_predicted - uv[mine]), axis=1) > 0.5
     mine, p_CF, uv_predicted = mine[apart], p_CF[apart], uv_predicted[apart]
@@ -88,7 +90,8 @@ def search(
 ) -> Registration:
     """Registers all features; those that fail start once more from pyramidal Lucas-Kanade."""
     uv_start, expected = _starts(tracks, frame, predicted)
-    due = (tracks.age + tracks.ids) % config.registration.shape_interval == 0
+    interval = whole_ticks(config.registration.shape_interval, config.period)
+    due = (tracks.age + tracks.ids) % interval == 0
     shape_sigma = np.where(due, config.registration.shape_change, 0.0)
 
     def register(index: Ids, start: Array) -> tuple[Array, Array, Array]:

@@ -6,7 +6,9 @@ import numpy as np
 
 from maths import se3
 from maths.arrays import Array, Mask
+from maths.pinhole import project
 from systems.port_values import FeatureBelief
+from systems.ticks import whole_ticks
 from systems.vision import camera_geometry
 from systems.vision.features import feature_detection, patch_registration, patch_templates
 from systems.vision.features.feature_motion_config import FeatureMotionConfig
@@ -70,11 +72,10 @@ def _confirm(
 
     A young patch differs from its template by noise alone; where this is large, it would wander.
     """
-    passed = (tracks.age > config.tracks.tentative_ticks) | (
-        scores >= config.tracks.tentative_correlation
-    )
+    tentative = tracks.age <= whole_ticks(config.tracks.tentative_age, config.period)
+    passed = ~tentative | (scores >= config.tracks.tentative_correlation)
     where = tracks.uv[~passed]
-    pause = np.full((len(where), 1), float(config.tracks.failure_pause))
+    pause = np.full((len(where), 1), whole_ticks(config.tracks.failure_pause, config.period))
     left = tracks.failed - [0.0, 0.0, 1.0]
     failed = np.concatenate([left[left[:, 2] > 0], np.concatenate([where, pause], axis=1)])
     return replace(tracks, failed=failed), passed
@@ -90,7 +91,7 @@ def _coast(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> Fea
     p_WF, uv = tracks.p_WF.copy(), tracks.uv.copy()
     p_WF[mine] = predicted.p_WF[theirs]
     p_CF = camera_geometry.transform(se3.inverse(frame.X_WC), p_WF[mine])
-    uv[mine] = camera_geometry.project(p_CF, frame.intrinsics)
+    uv[mine] = project(p_CF, frame.intrinsics)
     return replace(tracks, p_WF=p_WF, uv=uv)
 
 
@@ -130,7 +131,8 @@ def _alive(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame) -> 
     inside: Mask = np.asarray(np.all(within, axis=1))  # False for NaN.
     pixel = np.where(inside[:, None], uv, 0.0).round().astype(int)
     free = frame.robot[pixel[:, 1], pixel[:, 0]] == 0
-    return np.asarray(inside & free & (tracks.missed <= config.tracks.max_missed))
+    remembered = tracks.missed <= whole_ticks(config.tracks.max_missed, config.period)
+    return np.asarray(inside & free & remembered)
 
 
 def give_birth(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame) -> FeatureTracks:
@@ -186,9 +188,7 @@ def track(
     tracks = follow(config, tracks, frame, predicted)
     waited = tracks.since_birth + 1
     missing = config.tracks.max_features - len(tracks.ids)
-    due = waited >= config.detection.interval and missing >= max(
-        1, config.tracks.max_features // 20
-    )
-    if tracks.blackout or not due:
+    due = waited >= whole_ticks(config.detection.interval, config.period)
+    if tracks.blackout or not due or missing < max(1, config.tracks.max_features // 20):
         return replace(tracks, since_birth=waited)
     return replace(give_birth(config, tracks, frame), since_birth=0)

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from maths.arrays import Array, Ids, Mask
 from maths.immutable import Immutable
 from systems.port_values import FeatureBelief
+from systems.ticks import whole_ticks
 from systems.vision import camera_geometry
 from systems.vision.features.feature_motion_config import FeatureMotionConfig
 from systems.vision.features.patch_templates import Image, Templates
@@ -97,7 +98,7 @@ def no_tracks(config: FeatureMotionConfig) -> FeatureTracks:
         uv_image=np.zeros((0, 2)),
         blackout=False,
         failed=np.zeros((0, 3)),
-        since_birth=config.detection.interval,
+        since_birth=whole_ticks(config.detection.interval, config.period),
     )
 
 

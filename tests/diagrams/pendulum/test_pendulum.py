@@ -1,7 +1,6 @@
 """An application in one short file goes through the same commands as those that come along."""
 
 import json
-import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -65,8 +64,17 @@ def test_it_is_listed_with_its_scenario_and_experiment() -> None:
     result = crossmodal("list")
     assert result.exit_code == 0, result.output
     assert "pendulum: a pendulum swings" in result.output
-    assert re.search(r"^  swing +a pendulum swings freely$", result.output, re.MULTILINE)
-    assert re.search(r"^  swing +it swings for 10 s$", result.output, re.MULTILINE)
+    lines = [" ".join(line.split()) for line in result.output.splitlines()]
+    assert "swing a pendulum swings freely" in lines
+    assert "swing it swings for 10 s" in lines
+
+
+def test_an_object_of_a_users_own_has_no_place_in_it(tmp_path: Path) -> None:
+    model = tmp_path / "thing.urdf"
+    model.write_text("<robot name='thing'/>")
+    result = crossmodal("run", "swing", "--object", model, "--out", tmp_path / "run")
+    assert result.exit_code == 2
+    assert "'swing' has no object to be replaced" in result.stderr
 
 
 def test_a_run_leaves_its_files(recorded: Path) -> None:

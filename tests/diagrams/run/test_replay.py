@@ -19,7 +19,13 @@ from diagrams.run.episode import build_estimators, stream_models
 from diagrams.run.record import Tick
 from diagrams.run.replay import check_recorded, replay
 from diagrams.run.run_folder import ESTIMATES_FILE, SENSORS_FILE, SUMMARY_FILE, summarise, write_run
-from diagrams.run.sensor_log import SensorLog, SensorLogWriter, SensorReplay, Stream, make_streams
+from diagrams.run.sensor_streams.log import (
+    SensorLog,
+    SensorLogWriter,
+    SensorReplay,
+    Stream,
+    make_streams,
+)
 from diagrams.run.yaml_schema import ScenarioError
 from systems.port_values import HELD_BODY, BodyMotion
 

@@ -27,16 +27,21 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, System
-from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, ImageRgba8U
+from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
+
+from maths.pinhole import Intrinsics
+from plants.camera_view import renderer_intrinsics
 
 PERIOD = 1.0 / 15.0
 FOCAL = 320.0 / np.tan(np.deg2rad(29.0))
-CAMERA = CameraInfo(640, 480, FOCAL, FOCAL, 319.5, 239.5)
+CAMERA = Intrinsics(
+    width=640, height=480, focal_x=FOCAL, focal_y=FOCAL, center_x=319.0, center_y=239.0
+)
 ROBOT = RenderLabel(3)
 
 
 @pytest.fixture(scope="session")
-def camera() -> CameraInfo:
+def camera() -> Intrinsics:
     return CAMERA
 
 
@@ -170,7 +175,9 @@ def drawer_sequence(tmp_path_factory: pytest.TempPathFactory) -> Sequence:
 
     level = RotationMatrix(np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]))
     X_WC = RigidTransform(RollPitchYaw(0, 0.32, 0).ToRotationMatrix() @ level, [-0.2, 0.15, 0.95])
-    core = RenderCameraCore("vtk", CAMERA, ClippingRange(0.05, 10.0), RigidTransform())
+    core = RenderCameraCore(
+        "vtk", renderer_intrinsics(CAMERA), ClippingRange(0.05, 10.0), RigidTransform()
+    )
     color_camera = ColorRenderCamera(core)
     depth_camera = DepthRenderCamera(core, DepthRange(0.1, 8.0))
     q = np.clip(0.04 * (np.arange(115) - 20) * PERIOD, 0.0, 0.22)

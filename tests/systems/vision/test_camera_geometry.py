@@ -1,24 +1,9 @@
 """Projection, planes in depth images and their uncertainty."""
 
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose
-from pydrake.geometry import (
-    Box,
-    ClippingRange,
-    ColorRenderCamera,
-    GeometryInstance,
-    MakeRenderEngineVtk,
-    PerceptionProperties,
-    RenderCameraCore,
-    RenderEngineVtkParams,
-    RenderLabel,
-    SceneGraph,
-)
-from pydrake.math import RigidTransform
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.sensors import CameraInfo
 
+from maths.pinhole import project
 from systems.vision import camera_geometry
 
 K = np.array([577.3, 577.3, 319.0, 239.0])
@@ -45,7 +30,7 @@ def test_a_slanted_plane_is_fitted_exactly() -> None:
     )
     assert_allclose(p_CF @ NORMAL, 1.0, atol=1e-6)
     assert_allclose(np.einsum("nij,i->nj", tangents, NORMAL), 0.0, atol=1e-6)
-    assert_allclose(camera_geometry.project(p_CF, K), PIXELS, atol=1e-9)
+    assert_allclose(project(p_CF, K), PIXELS, atol=1e-9)
 
 
 def test_tangents_are_the_derivatives_of_the_surface_point() -> None:
@@ -135,37 +120,3 @@ def test_incidence_is_the_angle_to_the_normal() -> None:
     )
     expected = np.abs(p_CF @ NORMAL) / np.linalg.norm(p_CF, axis=1) / np.linalg.norm(NORMAL)
     assert_allclose(camera_geometry.incidence_cosines(p_CF, tangents), expected, atol=1e-4)
-
-
-@pytest.mark.parametrize("center", [(319.5, 239.5), (300.0, 250.0)])
-def test_intrinsics_say_where_drake_renders_a_point(center: tuple[float, float]) -> None:
-    """The mean pixel of small plates is where their centres are projected."""
-    info = CameraInfo(640, 480, 577.3, 577.3, *center)
-    rng = np.random.default_rng(2)
-    scene_graph = SceneGraph()
-    scene_graph.AddRenderer("vtk", MakeRenderEngineVtk(RenderEngineVtkParams()))
-    source = scene_graph.RegisterSource("scene")
-    points = []
-    for i, (x, y) in enumerate(np.mgrid[-0.3:0.31:0.12, -0.2:0.21:0.1].reshape(2, -1).T):
-        p_CP = np.array([x, y, 1.0]) + rng.uniform(-0.01, 0.01, 3)
-        size = 0.05, 0.05, 1e-4
-        plate = GeometryInstance(RigidTransform(p_CP), Box(*size), f"plate{i}")
-        properties = PerceptionProperties()
-        properties.AddProperty("label", "id", RenderLabel(i + 1))
-        plate.set_perception_properties(properties)
-        scene_graph.RegisterAnchoredGeometry(source, plate)
-        points.append(p_CP)
-    builder = DiagramBuilder()
-    builder.AddSystem(scene_graph)
-    builder.ExportOutput(scene_graph.get_query_output_port(), "query")
-    diagram = builder.Build()
-    core = RenderCameraCore("vtk", info, ClippingRange(0.05, 10.0), RigidTransform())
-    query = diagram.GetOutputPort("query").Eval(diagram.CreateDefaultContext())
-    world = scene_graph.world_frame_id()
-    label = query.RenderLabelImage(ColorRenderCamera(core), world, RigidTransform()).data[:, :, 0]
-    expected = camera_geometry.project(np.array(points), camera_geometry.intrinsics_vector(info))
-    found = []
-    for i in range(len(points)):
-        v, u = np.nonzero(label == i + 1)
-        found.append([u.mean(), v.mean()])
-    assert np.abs(np.mean(np.array(found) - expected, axis=0)).max() < 0.1

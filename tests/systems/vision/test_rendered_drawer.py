@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.sensors import CameraInfo
 
 from maths import se3
+from maths.pinhole import Intrinsics
 from systems.port_values import BodyMotion
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
@@ -19,7 +19,7 @@ NEES_BOUND = 22.46  # Chi-square of 6 dof that 0.1 % exceed.
 
 
 @pytest.fixture
-def network(camera: CameraInfo, drawer_sequence: Any) -> Diagram:
+def network(camera: Intrinsics, drawer_sequence: Any) -> Diagram:
     builder = DiagramBuilder()
     X_WC = drawer_sequence.X_WC
     features = builder.AddSystem(FeatureMotion(FeatureMotionConfig(), camera, X_WC))

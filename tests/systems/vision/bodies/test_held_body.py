@@ -8,6 +8,7 @@ import pytest
 from maths import se3
 from maths.arrays import Array
 from systems.port_values import HELD_BODY, STATIC_BODY, FeatureBelief, PoseBelief
+from systems.ticks import whole_ticks
 from systems.vision.bodies.body_tracker_state import TrackedBody
 from systems.vision.bodies.feature_association import associate, merged
 from systems.vision.bodies.feature_history import FeatureHistory, no_history, remember
@@ -20,6 +21,7 @@ from systems.vision.bodies.held_body import (
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 CONFIG = RigidBodyMotionConfig()
+WINDOW = whole_ticks(CONFIG.history.window, CONFIG.period)
 SIGMA = 5e-4  # [m]
 HANDLE = np.array([0.6, 0.1, 0.95])
 CENTRE = np.array([0.65, 0.2, 0.75])  # Of the features, a box below the handle, [m].
@@ -29,7 +31,7 @@ RATE = np.array([0.0, 0.1, 0.0, 0.015, 0.0, -0.012])  # Of the lid about the han
 def seen(path: Array, rng: np.random.Generator) -> FeatureHistory:
     """The history of 20 features on a body that moves along `path` (H, 4, 4)."""
     p_BF = CENTRE - HANDLE + rng.uniform(-0.1, 0.1, (20, 3))
-    history = no_history(CONFIG.history.window)
+    history = no_history(WINDOW)
     for tick, X_WB in enumerate(path):
         p_WF = p_BF @ X_WB[:3, :3].T + X_WB[:3, 3] + SIGMA * rng.normal(size=p_BF.shape)
         features = FeatureBelief(
@@ -47,8 +49,8 @@ def seen(path: Array, rng: np.random.Generator) -> FeatureHistory:
 
 def moving(rate: Array) -> Array:
     """Poses (H, 4, 4) of a frame at the handle: turning at rate[:3], going at rate[3:], in W."""
-    path = np.tile(np.eye(4), (CONFIG.history.window, 1, 1))
-    for X_WB, time in zip(path, CONFIG.period * np.arange(CONFIG.history.window), strict=True):
+    path = np.tile(np.eye(4), (WINDOW, 1, 1))
+    for X_WB, time in zip(path, CONFIG.period * np.arange(WINDOW), strict=True):
         X_WB[:3, :3] = se3.so3_exp(rate[:3] * time)
         X_WB[:3, 3] = HANDLE + rate[3:] * time
     return path
@@ -56,7 +58,7 @@ def moving(rate: Array) -> Array:
 
 def held(path: Array, history: FeatureHistory) -> TrackedBody:
     prior = PoseBelief(X=np.ascontiguousarray(path[-1]), covariance=1e-4 * np.eye(6))
-    body = start(CONFIG, prior, history, CONFIG.history.window)
+    body = start(CONFIG, prior, history, WINDOW)
     return replace(body, path=path)
 
 
@@ -79,30 +81,30 @@ def test_features_of_a_box_that_slides_slower_than_its_lid_do_not(seed: int) -> 
 
 def test_what_the_closing_hand_has_nudged_does_not_move_with_it() -> None:
     rng = np.random.default_rng(0)
-    nudged = np.tile(np.eye(4), (CONFIG.history.window, 1, 1))
+    nudged = np.tile(np.eye(4), (WINDOW, 1, 1))
     nudged[:, :3, 3] = HANDLE
     nudged[-15:, :3, 3] += np.linspace(0.0, 3e-3, 15)[:, None] * [1.0, 0.0, 0.0]
     nudged[-6:] = nudged[-1]
     history = seen(nudged, rng)
     before = associate(CONFIG, [carried(history)], history)
     assert np.sum(before.body == HELD_BODY) >= 10
-    settled = without_nudges(CONFIG, history, 5)
+    settled = without_nudges(CONFIG, history)
     assert np.mean(settled.samples[:, :-5].any(axis=1)) < 0.2
     after = associate(CONFIG, [carried(settled)], settled)
     assert np.all(after.body == STATIC_BODY)
 
 
 def test_what_the_closing_hand_has_not_moved_keeps_its_past() -> None:
-    resting = np.tile(np.eye(4), (CONFIG.history.window, 1, 1))
+    resting = np.tile(np.eye(4), (WINDOW, 1, 1))
     resting[:, :3, 3] = HANDLE
     history = seen(resting, np.random.default_rng(0))
-    kept = without_nudges(CONFIG, history, 5)
+    kept = without_nudges(CONFIG, history)
     assert np.mean(kept.samples[:, 0]) > 0.8
 
 
 def carried(history: FeatureHistory, sigma: float = 0.03) -> TrackedBody:
     """The body in a hand that has not moved; its rotation may be off by `sigma` [rad]."""
-    still = np.tile(np.eye(4), (CONFIG.history.window, 1, 1))
+    still = np.tile(np.eye(4), (WINDOW, 1, 1))
     still[:, :3, 3] = HANDLE
     body = held(still, history)
     body.filter.P[:6, :6] = np.diag(np.repeat([sigma**2, 1e-5], 3))
@@ -135,9 +137,7 @@ def test_a_body_seen_for_long_is_not_taken_for_the_held_one() -> None:
     history = seen(moving(RATE), np.random.default_rng(0))
     history = replace(history, body=np.full(20, 2))
     hand = held(moving(RATE), history)
-    for supported, bodies in ((CONFIG.history.window // 2, 1), (2 * CONFIG.history.window, 2)):
-        other = replace(
-            hand, body_id=2, supported=supported, reference_tick=CONFIG.history.window + 1
-        )
+    for supported, bodies in ((WINDOW // 2, 1), (2 * WINDOW, 2)):
+        other = replace(hand, body_id=2, supported=supported, reference_tick=WINDOW + 1)
         kept, _ = merged(CONFIG, [hand, other], history)
         assert len(kept) == bodies

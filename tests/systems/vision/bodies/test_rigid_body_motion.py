@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from pydrake.systems.sensors import CameraInfo
 from scipy.stats import chi2
 
 from maths import se3
+from maths.pinhole import Intrinsics
 from systems.port_values import (
     HELD_BODY,
     NO_POSE,
@@ -18,8 +18,10 @@ from systems.port_values import (
     FeatureBelief,
     PoseBelief,
 )
+from systems.ticks import whole_ticks
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from systems.vision.bodies.rigid_body_motion_config import (
+    AssociationConfig,
     BodyBirthConfig,
     FeatureHistoryConfig,
     LandmarkConfig,
@@ -112,7 +114,7 @@ def nees(body: BodyMotion, error: np.ndarray) -> float:
 
 
 @pytest.fixture
-def play(camera: CameraInfo, tick: Callable) -> Callable:
+def play(camera: Intrinsics, tick: Callable) -> Callable:
     """Runs a stream and gives the body motions of each tick."""
 
     def run(
@@ -235,7 +237,8 @@ def test_without_features_a_body_coasts_with_growing_doubt_and_is_then_given_up(
     stream = Stream(kind="drawer", seed=0, ticks=dark + 40, dark_from=dark)
     motions = play(stream)
     alive = [k for k, m in enumerate(motions) if m]
-    assert alive[-1] == dark + RigidBodyMotionConfig().patience - 1
+    config = RigidBodyMotionConfig()
+    assert alive[-1] == dark + whole_ticks(config.patience, config.period) - 1
     deviations = [np.sqrt(np.trace(motions[k][0].motion.covariance[:6, :6])) for k in alive]
     assert np.all(np.diff(deviations[alive.index(dark) - 1 :]) > 0)
     last = motions[alive[-1]][0]
@@ -251,7 +254,7 @@ def test_every_covariance_is_symmetric_and_positive_definite(play: Callable) -> 
                 assert np.linalg.eigvalsh(matrix).min() > 0.0
 
 
-def test_a_joint_prediction_that_fits_better_is_taken(play: Callable, camera: CameraInfo) -> None:
+def test_a_joint_prediction_that_fits_better_is_taken(play: Callable, camera: Intrinsics) -> None:
     """A body that jumps by 4 cm between two ticks, which only its joint foresaw."""
     stream = Stream(kind="drawer", seed=5, ticks=75)
     jump = np.array([0.0, 0.0, 0.0, -0.04, 0.0, 0.0])
@@ -358,7 +361,7 @@ def test_the_same_stream_gives_the_same_bodies(play: Callable) -> None:
     np.testing.assert_array_equal(first.motion.covariance, second.motion.covariance)
 
 
-def test_predictions_and_latest_need_no_input(camera: CameraInfo) -> None:
+def test_predictions_and_latest_need_no_input(camera: Intrinsics) -> None:
     system = RigidBodyMotion(RigidBodyMotionConfig(), camera, X_WC, True)
     for port in ("body_motions_latest", "features_predicted"):
         index = system.GetOutputPort(port).get_index()
@@ -369,7 +372,7 @@ def test_predictions_and_latest_need_no_input(camera: CameraInfo) -> None:
 
 
 def test_features_are_predicted_where_their_body_takes_them(
-    camera: CameraInfo, tick: Callable
+    camera: Intrinsics, tick: Callable
 ) -> None:
     stream = Stream(kind="drawer", seed=1, ticks=100)
     system = RigidBodyMotion(RigidBodyMotionConfig(), camera, X_WC)
@@ -389,8 +392,16 @@ def test_features_are_predicted_where_their_body_takes_them(
     [
         (RigidBodyMotionConfig(period=0.0), "RigidBodyMotion: period = 0.0"),
         (
-            RigidBodyMotionConfig(history=FeatureHistoryConfig(window=5)),
-            "RigidBodyMotion.history: window = 5",
+            RigidBodyMotionConfig(history=FeatureHistoryConfig(window=0.7)),
+            "RigidBodyMotion.history: window = 0.7, need >= 11 ticks, 0.733 s",
+        ),
+        (
+            RigidBodyMotionConfig(period=0.2),
+            "RigidBodyMotion.history: newest = 0.2, need >= 2 ticks, 0.4 s",
+        ),
+        (
+            RigidBodyMotionConfig(association=AssociationConfig(rejection_time=0.01)),
+            "RigidBodyMotion.association: rejection_time = 0.01, need >= a tick, 0.0667 s",
         ),
         (
             RigidBodyMotionConfig(birth=BodyBirthConfig(min_gain=-1.0)),
@@ -399,7 +410,7 @@ def test_features_are_predicted_where_their_body_takes_them(
     ],
 )
 def test_impossible_values_are_refused_by_name(
-    camera: CameraInfo, config: RigidBodyMotionConfig, named: str
+    camera: Intrinsics, config: RigidBodyMotionConfig, named: str
 ) -> None:
     with pytest.raises(ValueError, match=named):
         RigidBodyMotion(config, camera, X_WC)

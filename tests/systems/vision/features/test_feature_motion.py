@@ -9,12 +9,14 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, ImageRgba8U
+from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
+from maths.pinhole import Intrinsics
 from systems.port_values import FeatureBelief
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from systems.vision.features.feature_motion import FeatureMotion
 from systems.vision.features.feature_motion_config import (
+    DetectionConfig,
     FeatureMotionConfig,
     FlowConfig,
     RegistrationConfig,
@@ -62,7 +64,7 @@ def frame(
 
 
 @pytest.fixture
-def follow(camera: CameraInfo, tick: Callable) -> Callable[..., list[FeatureBelief]]:
+def follow(camera: Intrinsics, tick: Callable) -> Callable[..., list[FeatureBelief]]:
     def run(
         inputs: Callable[[int], dict], count: int, config: FeatureMotionConfig | None = None
     ) -> list[FeatureBelief]:
@@ -106,7 +108,7 @@ def test_a_jump_of_25_pixels_is_bridged_by_the_pyramid(follow: Callable) -> None
     assert np.abs(np.median(moved - [24.0, 9.0], axis=0)).max() < 0.1
 
 
-def test_a_prediction_bridges_what_nothing_else_can(camera: CameraInfo, tick: Callable) -> None:
+def test_a_prediction_bridges_what_nothing_else_can(camera: Intrinsics, tick: Callable) -> None:
     system = FeatureMotion(FeatureMotionConfig(flow=FlowConfig(max_features=0)), camera, X_WC)
     port = system.GetOutputPort("features_latest")
     jump = np.array([60.0, -35.0])
@@ -200,7 +202,7 @@ def test_a_feature_without_depth_is_not_seen(follow: Callable) -> None:
     assert np.all(beliefs[-1].uv[:, 0] > 400)
 
 
-def test_latest_needs_no_input_and_estimated_reacts_at_once(camera: CameraInfo) -> None:
+def test_latest_needs_no_input_and_estimated_reacts_at_once(camera: Intrinsics) -> None:
     system = FeatureMotion(FeatureMotionConfig(), camera, X_WC)
     latest = system.GetOutputPort("features_latest")
     estimated = system.GetOutputPort("features_estimated")
@@ -219,7 +221,7 @@ def test_a_deep_copy_of_the_state_shares_its_images() -> None:
 
 
 @pytest.mark.parametrize("system_class", [FeatureMotion, RigidBodyMotion])
-def test_the_documented_ports_are_the_declared_ones(system_class: type, camera: CameraInfo) -> None:
+def test_the_documented_ports_are_the_declared_ones(system_class: type, camera: Intrinsics) -> None:
     if system_class is FeatureMotion:
         system = FeatureMotion(FeatureMotionConfig(), camera, X_WC)
     else:
@@ -240,6 +242,10 @@ def test_the_documented_ports_are_the_declared_ones(system_class: type, camera: 
     [
         (FeatureMotionConfig(period=0.0), "FeatureMotion: period = 0.0"),
         (
+            FeatureMotionConfig(detection=DetectionConfig(interval=0.03)),
+            "FeatureMotion.detection: interval = 0.03, need >= a tick, 0.0667 s",
+        ),
+        (
             FeatureMotionConfig(tracks=TrackManagementConfig(max_features=0)),
             "FeatureMotion.tracks: max_features = 0",
         ),
@@ -250,7 +256,7 @@ def test_the_documented_ports_are_the_declared_ones(system_class: type, camera: 
     ],
 )
 def test_impossible_values_are_refused_by_name(
-    camera: CameraInfo, config: FeatureMotionConfig, named: str
+    camera: Intrinsics, config: FeatureMotionConfig, named: str
 ) -> None:
     with pytest.raises(ValueError, match=named):
         FeatureMotion(config, camera, X_WC)

@@ -13,7 +13,7 @@ from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from diagrams.joints.joint_truth import UNKNOWN_JOINT, JointTruth
 from diagrams.run.record import TaskStatus
-from diagrams.run.sensor_codecs import (
+from diagrams.run.sensor_streams.codecs import (
     DEFINITIONS,
     JOINT_STATES,
     WRENCHES,

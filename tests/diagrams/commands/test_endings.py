@@ -3,7 +3,7 @@ import signal
 
 import pytest
 
-from diagrams.commands.gentle_interrupt import GentleInterrupt
+from diagrams.commands.endings import GentleInterrupt
 
 
 def test_an_interrupt_waits_for_the_step_to_end_and_a_second_one_does_not() -> None:

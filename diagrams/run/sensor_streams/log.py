@@ -18,7 +18,7 @@ from mcap_ros2.writer import Writer
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from diagrams.run.sensor_codecs import (
+from diagrams.run.sensor_streams.codecs import (
     DEFINITIONS,
     Codec,
     Stamped,

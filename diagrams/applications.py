@@ -79,13 +79,17 @@ def find_application(name: str, source: str) -> Application:
     return known[name]
 
 
+def scenarios_of(application: Application) -> dict[str, Path]:
+    """The scenarios that come with an application, by name; model directives are none."""
+    files = sorted(application.scenarios.glob("*.yaml"), key=lambda path: path.stem)
+    return {path.stem: path for path in files if not path.name.endswith(".dmd.yaml")}
+
+
 def scenario_files() -> dict[str, Path]:
     """The scenarios that come with the applications, by name."""
-    found = {
-        path.stem: path
-        for application in applications().values()
-        for path in sorted(application.scenarios.glob("*.yaml"))
-    }
+    found: dict[str, Path] = {}
+    for application in applications().values():
+        found |= scenarios_of(application)
     return dict(sorted(found.items()))
 
 

@@ -79,8 +79,15 @@ def test_a_list_shows_each_application_with_its_scenarios(toy: Path) -> None:
     result = RUNNER.invoke(app, ["list"])
     assert result.exit_code == 0, result.output
     assert "toy: a toy" in result.output
-    assert "rolling            a ball rolls" in result.output
+    assert "rolling a ball rolls" in " ".join(result.output.split())
     assert result.output.index("drawer") < result.output.index("rolling")
+
+
+def test_model_directives_beside_the_scenarios_are_no_scenario(toy: Path) -> None:
+    (toy.parent / "scenarios" / "room.dmd.yaml").write_text("directives: []\n")
+    assert not [name for name in scenario_files() if name.startswith("room")]
+    result = RUNNER.invoke(app, ["list"])
+    assert result.exit_code == 0, result.output
 
 
 def test_an_application_may_be_a_module(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -177,7 +177,9 @@ def _cluster_lines(
 def _label(system: System) -> str:
     """What a system is and, where it differs, what it is called here."""
     kind, name = words(type(system).__name__), words(system.get_name())
-    return kind if name in ("", kind) or kind in name else f"{kind}\\n{name}"
+    if not name or "@" in name:  # Drake's own name for what was given none.
+        return kind
+    return name if kind in name else f"{kind}\\n{name}"
 
 
 def _edge_line(wire: Wire, source: str, target: str) -> str:

@@ -65,7 +65,7 @@ def estimates_table(rows: Mapping[str, Iterable[tuple[float, Iterable[Row]]]]) -
 
 def evaluate_rows(
     record: EpisodeRecord,
-    rows: Callable[[Tick, Tick], Iterable[Row]],
+    rows: Callable[[str, Tick, Tick], Iterable[Row]],
     units: Mapping[str, str],
 ) -> Results:
     """What an episode comes to by the table of its estimates alone.
@@ -75,13 +75,14 @@ def evaluate_rows(
     where the truth, or what is claimed, is unknown.
 
     Args:
-        rows: From an estimator's tick and the station's at the same instant to rows of the table.
+        rows: From an estimator's name, its tick and the station's at the same instant to rows of
+            the table.
         units: Of the quantities, in SI.
     """
     table = estimates_table(
         {
             name: [
-                (tick.time, rows(tick, station))
+                (tick.time, rows(name, tick, station))
                 for tick, station in zip(estimator.ticks, record.station, strict=False)
             ]
             for name, estimator in record.estimators.items()

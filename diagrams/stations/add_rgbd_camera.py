@@ -22,7 +22,8 @@ from pydrake.systems.framework import DiagramBuilder, System
 from pydrake.systems.sensors import RgbdSensor
 
 from diagrams.run.calibration import Camera
-from diagrams.stations.lighting import Light, Lighting
+from diagrams.run.scenario import Disturbances
+from diagrams.stations.lighting import Lighting
 from diagrams.stations.naming import own_seed, prefixed
 from plants.camera_view import renderer_intrinsics
 from systems.sensors.image_delay import ImageDelay
@@ -50,7 +51,7 @@ def add_rgbd_camera(
     scene_graph: SceneGraph,
     camera: Camera,
     config: CameraNoiseConfig,
-    light: Light,
+    disturbances: Disturbances,
     seed: int,
     period: float,
     owner: str = "",
@@ -65,7 +66,7 @@ def add_rgbd_camera(
         scene_graph: Its geometry, with the renderers of `add_renderers`.
         camera: As it is, which need not be what the robot believes.
         config: Of its noise.
-        light: When it is dark and when something covers the camera.
+        disturbances: When it is dark and when something covers the camera.
         seed: Of the noise.
         period: Between two images that are read, the ticks of the estimators, [s].
         owner: Name of the camera where there are several; it then begins the names.
@@ -111,7 +112,7 @@ def add_rgbd_camera(
             first_frame=-camera.latency % period,
         ),
     )
-    lighting = builder.AddNamedSystem(prefixed(owner, "lighting"), Lighting(light))
+    lighting = builder.AddNamedSystem(prefixed(owner, "lighting"), Lighting(disturbances))
     builder.Connect(sensor.color_image_output_port(), noise.GetInputPort("color_image"))
     builder.Connect(sensor.depth_image_32F_output_port(), noise.GetInputPort("depth_image"))
     if _has_transparent_visuals(scene_graph):

@@ -1,21 +1,10 @@
 """What disturbs a camera: darkness, and things in front of it."""
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
 
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-
-@dataclass(kw_only=True)
-class Light:
-    """When the lights are off and when something covers the camera, as (start, end), [s].
-
-    Attributes:
-        lamp: Intensity of a lamp at the camera.
-    """
-
-    lights_off: list[tuple[float, float]] = field(default_factory=list)
-    covered: list[tuple[float, float]] = field(default_factory=list)
-    lamp: float = 0.0
+from diagrams.run.scenario import Disturbances, Interval
 
 
 class Lighting(LeafSystem):
@@ -32,17 +21,17 @@ class Lighting(LeafSystem):
     - cover: (1,) 1 while something covers the camera.
     """
 
-    def __init__(self, light: Light) -> None:
+    def __init__(self, disturbances: Disturbances) -> None:
         super().__init__()
 
-        def within(intervals: list[tuple[float, float]], time: float) -> float:
-            return float(any(start <= time < end for start, end in intervals))
+        def within(intervals: Iterable[Interval], time: float) -> float:
+            return float(any(time in interval for interval in intervals))
 
         def illumination(context: Context, output: BasicVector) -> None:
-            output.SetAtIndex(0, 1.0 - within(light.lights_off, context.get_time()))
+            output.SetAtIndex(0, 1.0 - within(disturbances.lights_off, context.get_time()))
 
         def cover(context: Context, output: BasicVector) -> None:
-            output.SetAtIndex(0, within(light.covered, context.get_time()))
+            output.SetAtIndex(0, within(disturbances.camera_covered, context.get_time()))
 
         self.DeclareVectorOutputPort("illumination", 1, illumination, {self.time_ticket()})
         self.DeclareVectorOutputPort("cover", 1, cover, {self.time_ticket()})

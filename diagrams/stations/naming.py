@@ -1,5 +1,9 @@
 """Names and seeds of the parts of a station of which there are several."""
 
+from collections.abc import Collection, Sequence
+
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
+
 from systems.sensors.randomness import make_generator
 
 
@@ -13,6 +17,32 @@ def prefixed(owner: str, name: str) -> str:
     return f"{owner}_{name}" if owner else name
 
 
+def owner_among(name: str, names: Collection[str]) -> str:
+    """The owner of what belongs to `name`: empty where `names` has no other."""
+    return name if len(names) > 1 else ""
+
+
 def own_seed(seed: int, owner: str) -> int:
     """The seed of one owner's noise, so that two sensors of a kind do not err alike."""
     return int(make_generator(seed, owner).integers(2**31)) if owner else seed
+
+
+def estimator_of(owner: str, system: System, inputs: Sequence[str]) -> Diagram:
+    """An estimator of one of several arms or cameras: it hears that one's ports of a station.
+
+    Args:
+        owner: Which one.
+        system: The estimator, with inputs that are named as of the only one.
+        inputs: Those that the station has; the others stay unconnected.
+
+    Returns:
+        A Diagram with the inputs `<owner>_<input>` and all outputs by their own names.
+    """
+    builder = DiagramBuilder()
+    builder.AddSystem(system)
+    for name in inputs:
+        builder.ExportInput(system.GetInputPort(name), prefixed(owner, name))
+    for index in range(system.num_output_ports()):
+        port = system.get_output_port(index)
+        builder.ExportOutput(port, port.get_name())
+    return builder.Build()

@@ -18,9 +18,8 @@ from diagrams.crossmodal.station.station_sensors import add_proprioception, add_
 from diagrams.crossmodal.station.wiring import StationWiring
 from diagrams.crossmodal.task import ManipulationStatus
 from diagrams.joints.joint_truth import ObjectTruth
-from diagrams.run.calibration import Calibration, draw_base, draw_camera
+from diagrams.run.calibration import Calibration, draw_base
 from diagrams.run.recorder import STATUS_PORT
-from diagrams.stations.lighting import Light
 from maths.arrays import Array
 from plants.joint_friction import JointFriction
 from plants.robots.arm_with_hand import make_arm_with_load
@@ -114,14 +113,6 @@ def make_manipulation_station(
     """
     thing, seed, errors = scenario.object, scenario.seed, scenario.calibration.errors
     name = scenario.task.object or next(iter(scenario.objects))
-    disturbances = scenario.disturbances
-    light = Light(
-        lights_off=[(off.start, off.end) for off in disturbances.lights_off],
-        covered=[(cover.start, cover.end) for cover in disturbances.camera_covered],
-        lamp=scenario.camera.lamp,
-    )
-    (camera_name,) = scenario.cameras
-    camera = draw_camera(camera_name, calibration.camera, errors, seed)
     believed_arm = calibration.arms[ARM]
     X_WBase = draw_base(ARM, believed_arm.X_WBase, errors, seed)
     moved = X_WBase is not believed_arm.X_WBase
@@ -156,7 +147,7 @@ def make_manipulation_station(
     taught = [encoders.measure(np.append(q, still), 0)[: len(q)] for q in (q_grasp, q_start)]
     direction_E = facing(RigidTransform()).rotation().inverse() @ thing.pull_direction
     sequence = add_control(wiring, encoders, taught[0], taught[1], direction_E)
-    add_vision(wiring, encoders, sequence, camera, calibration.camera, light)
+    add_vision(wiring, encoders, sequence, calibration)
     status = builder.AddNamedSystem("task_status", ManipulationStatus())
     for port in ("phase", "grasp_lost"):
         builder.Connect(sequence.GetOutputPort(port), status.GetInputPort(port))

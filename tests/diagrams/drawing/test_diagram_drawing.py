@@ -82,6 +82,16 @@ def test_measurements_are_solid_and_predictions_dashed() -> None:
     assert "constraint=false" in down
 
 
+def test_one_of_several_of_a_kind_is_called_by_its_own_name() -> None:
+    builder = DiagramBuilder()
+    for name in ("left_camera_noise", "right_eye", None):
+        system = fake_filter("CameraNoise", "systems.sensors.rgbd_camera", [], ["x"])
+        builder.AddNamedSystem(name, system) if name else builder.AddSystem(system)
+    dot = diagram_dot(builder.Build(), "two cameras")
+    for label in ("left camera noise", "camera noise\\nright eye", "camera noise"):
+        assert f'[label="{label}"' in dot
+
+
 def test_systems_are_grouped_by_what_they_perceive_with() -> None:
     dot = diagram_dot(network(), "drawer")
     assert 'label="rigid body motion' in dot

@@ -26,7 +26,7 @@ UNITS = {"angle": "rad", "place": "m"}
 ERRORS = {"left": [0.1, -0.3, 0.1], "right": [0.0, 0.0, 0.2]}
 
 
-def rows(tick: Tick, station: Tick) -> list[Row]:
+def rows(estimator: str, tick: Tick, station: Tick) -> list[Row]:
     true = station.values.get("cheat_angle", np.nan)
     place = np.array([1.0, 2.0, 3.0])
     true_place = np.full(3, np.nan) if np.isnan(true) else place

@@ -58,7 +58,7 @@ def make_station(swing, calibration):
     return Station(diagram=builder.Build(), initialise=lambda c: c.SetContinuousState([0.3, 0.0]))
 
 
-def rows(tick, station):
+def rows(estimator, tick, station):
     mean, P = tick.values["state_latest"]
     yield scalar("angle", mean[0], std=P[0, 0] ** 0.5, true=station.values["cheat_state"][0])
 

@@ -1,6 +1,7 @@
 import pytest
 
-from diagrams.stations.lighting import Light, Lighting
+from diagrams.run.scenario import Disturbances, Interval
+from diagrams.stations.lighting import Lighting
 
 
 @pytest.mark.parametrize(
@@ -10,8 +11,12 @@ from diagrams.stations.lighting import Light, Lighting
 def test_light_and_cover_follow_their_intervals(
     time: float, illumination: float, cover: float
 ) -> None:
-    light = Light(lights_off=[(3.0, 4.0), (50.0, float("inf"))], covered=[(1.0, 2.0)])
-    system = Lighting(light)
+    system = Lighting(
+        Disturbances(
+            lights_off=[Interval(start=3.0, end=4.0), Interval(start=50.0)],
+            camera_covered=[Interval(start=1.0, end=2.0)],
+        )
+    )
     context = system.CreateDefaultContext()
     context.SetTime(time)
     assert system.GetOutputPort("illumination").Eval(context) == [illumination]

@@ -1,0 +1,81 @@
+"""All cameras of a station, each as it is, and what the robot believes to see of itself."""
+
+from collections.abc import Callable, Mapping
+
+from pydrake.geometry import SceneGraph
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+
+from diagrams.run.calibration import Calibration, Camera, draw_camera
+from diagrams.run.scenario import Scenario
+from diagrams.stations.add_rgbd_camera import add_renderers, add_rgbd_camera, add_robot_mask
+from diagrams.stations.naming import owner_among
+from systems.sensors.rgbd_camera import CameraNoiseConfig
+from systems.sensors.robot_mask import MaskedRobot, RobotMaskConfig
+
+
+def add_cameras(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    scenario: Scenario,
+    calibration: Calibration,
+    config: CameraNoiseConfig,
+) -> None:
+    """Adds the cameras of a scenario, drawn by its seed around what is believed of them.
+
+    Exports `color_measured` and `depth_measured`, of several cameras each with the camera's name
+    before it.
+
+    Args:
+        builder: Of the station.
+        plant: The simulated one.
+        scene_graph: Its geometry.
+        scenario: With seed, calibration errors, lamps and disturbances.
+        calibration: What the robot believes of the cameras.
+        config: Of their noise.
+
+    Raises:
+        ValueError: if not all cameras have the same lamp.
+    """
+    lamps = {camera.lamp for camera in scenario.cameras.values()}
+    if len(lamps) > 1:
+        raise ValueError(f"cameras have lamps of {sorted(lamps)}, but all share one renderer")
+    add_renderers(scene_graph, *lamps)
+    for name, believed in calibration.cameras.items():
+        add_rgbd_camera(
+            builder,
+            plant,
+            scene_graph,
+            draw_camera(name, believed, scenario.calibration.errors, scenario.seed),
+            config,
+            scenario.disturbances,
+            scenario.seed,
+            scenario.network_period,
+            owner_among(name, calibration.cameras),
+        )
+
+
+def add_robot_masks(
+    builder: DiagramBuilder,
+    build_robot: Callable[[MultibodyPlant], object],
+    cameras: Mapping[str, Camera],
+    robots: Mapping[str, MaskedRobot],
+    config: RobotMaskConfig,
+    postures: Mapping[str, OutputPort],
+) -> None:
+    """Adds the mask of the robots in each camera's images; exports `robot_mask` as the images are.
+
+    Args:
+        builder: Of the station.
+        build_robot: Adds the robots to a plant, fixed in the world where they believe to stand.
+        cameras: As the robot knows them.
+        robots: By name.
+        config: Of the masks.
+        postures: What says how the robots stand, by the input ports of `RobotMask`.
+    """
+    for name, camera in cameras.items():
+        owner = owner_among(name, cameras)
+        mask = add_robot_mask(builder, build_robot, camera, robots, config, owner)
+        for port, source in postures.items():
+            builder.Connect(source, mask.GetInputPort(port))

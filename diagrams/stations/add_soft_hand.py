@@ -1,0 +1,49 @@
+"""A soft hand of a station: its pneumatics and the sensors in its chambers."""
+
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import MatrixGain
+
+from diagrams.stations.naming import own_seed, prefixed
+from plants.hands.pneumatic_hand import PneumaticHand, PneumaticHandConfig
+from plants.hands.soft_hand import finger_selection
+from systems.sensors.air_pressure import PressureSensor, PressureSensorConfig
+
+
+def add_soft_hand(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    hand: ModelInstanceIndex,
+    config: PneumaticHandConfig,
+    sensor: PressureSensorConfig,
+    seed: int,
+    owner: str = "",
+) -> tuple[PneumaticHand, PressureSensor]:
+    """Adds pneumatics and pressure sensors; exports `pressure_window`.
+
+    What the pneumatics are commanded is left to be connected.
+
+    Args:
+        builder: Of the station.
+        plant: The simulated one.
+        hand: The hand in it.
+        config: Of the pneumatics.
+        sensor: Of the pressure sensors.
+        seed: Of bias and noise.
+        owner: Name of the hand where there are several; it then begins the names.
+    """
+    pneumatics = builder.AddNamedSystem(prefixed(owner, "pneumatics"), PneumaticHand(config))
+    fingers = builder.AddNamedSystem(
+        prefixed(owner, "finger_state"), MatrixGain(finger_selection(plant, hand))
+    )
+    pressure = builder.AddNamedSystem(
+        prefixed(owner, "pressure"), PressureSensor(sensor, own_seed(seed, owner))
+    )
+    builder.Connect(plant.get_state_output_port(hand), fingers.get_input_port())
+    builder.Connect(fingers.get_output_port(), pneumatics.GetInputPort("hand_state"))
+    builder.Connect(pneumatics.GetOutputPort("joint_torques"), plant.get_actuation_input_port(hand))
+    builder.Connect(pneumatics.GetOutputPort("cheat_pressure"), pressure.get_input_port())
+    window = pressure.GetOutputPort("pressure_window")
+    builder.ExportOutput(window, prefixed(owner, "pressure_window"))
+    return pneumatics, pressure

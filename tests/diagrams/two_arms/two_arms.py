@@ -1,0 +1,297 @@
+"""Two arms with soft hands, a fixed camera and one on a wrist, and two objects on a table."""
+
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
+
+from controllers.arm.impedance import DesiredMotion, ImpedanceConfig, ImpedanceGains
+from controllers.arm.kinematics import ArmModel
+from diagrams.evaluation.estimates import Row, error_metrics, evaluate_rows, vector
+from diagrams.run.application import Application, Quantity, Station
+from diagrams.run.calibration import (
+    ArmCalibration,
+    Calibration,
+    calibrated,
+    draw_base,
+    pose_covariance,
+)
+from diagrams.run.episode import SCENE_PORT
+from diagrams.run.record import Tick
+from diagrams.run.scenario import Scenario
+from diagrams.run.yaml_schema import ScenarioError
+from diagrams.stations.add_arm import add_encoders, add_impedance_control, add_wrist_wrench
+from diagrams.stations.add_cameras import add_cameras, add_robot_masks
+from diagrams.stations.add_soft_hand import add_soft_hand
+from diagrams.stations.naming import estimator_of
+from diagrams.stations.true_pose import add_true_pose
+from models import SDF_DIR
+from plants.camera_view import renderer_intrinsics
+from plants.hands.pneumatic_hand import PneumaticHandConfig
+from plants.joint_friction import JointFriction
+from plants.robots.arm_with_hand import add_robot, make_arm_with_load
+from plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
+from plants.scene import (
+    ManipulationScene,
+    ObjectPlacement,
+    PlantConfig,
+    add_manipulation_scene,
+    nominal_pose,
+)
+from systems.port_values import UNKNOWN_END_EFFECTOR, no_features
+from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
+from systems.sensors.air_pressure import PressureSensorConfig
+from systems.sensors.joint_encoders import JointEncoders, JointEncodersConfig
+from systems.sensors.rgbd_camera import CameraNoiseConfig
+from systems.sensors.robot_mask import MaskedRobot, RobotMaskConfig
+from systems.sensors.wrist_wrench import WristWrenchConfig
+from systems.vision.features.feature_motion import FeatureMotion
+from systems.vision.features.feature_motion_config import FeatureMotionConfig
+
+SIDES = ("left", "right")
+GAINS = ImpedanceGains(
+    stiffness=np.diag([30.0] * 3 + [2000.0] * 3),
+    damping=np.diag([1.0] * 3 + [80.0] * 3),
+    mass=np.eye(6),
+)
+
+
+@dataclass(kw_only=True)
+class ObjectConfig:
+    model: str = "chest_drawer.sdf"  # In models/sdf.
+    position: np.ndarray = field(default_factory=lambda: np.zeros(3))  # [m]
+    yaw: float = 0.0  # [deg]
+    free: bool = False  # Whether it only rests where it is.
+    friction: float = 1.0  # Of its joints, [N or N m].
+
+
+@dataclass(kw_only=True)
+class ModelDriver:
+    pneumatics: PneumaticHandConfig = field(default_factory=PneumaticHandConfig)
+
+
+@dataclass(kw_only=True)
+class SensorsConfig:
+    camera: CameraNoiseConfig = field(default_factory=CameraNoiseConfig)
+    encoders: JointEncodersConfig = field(default_factory=JointEncodersConfig)
+    wrench: WristWrenchConfig = field(default_factory=WristWrenchConfig)
+    pressure: PressureSensorConfig = field(default_factory=PressureSensorConfig)
+    robot_mask: RobotMaskConfig = field(default_factory=RobotMaskConfig)
+
+
+@dataclass(kw_only=True)
+class ArmControl:
+    impedance: ImpedanceConfig = field(default_factory=ImpedanceConfig)
+    posture: np.ndarray = field(  # At the start (7,), [rad].
+        default_factory=lambda: np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.1])
+    )
+    # How far the desired position lies from that at the start (3,), in W, [m].
+    step: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+
+@dataclass(kw_only=True)
+class TwoArms(Scenario):
+    directives: str = ""  # File of Drake's model directives, beside the scenario's or absolute.
+    objects: dict[str, ObjectConfig] = field(default_factory=dict)
+    model_drivers: dict[str, ModelDriver] = field(
+        default_factory=lambda: {f"{side}_hand": ModelDriver() for side in SIDES}
+    )
+    sensors: SensorsConfig = field(default_factory=SensorsConfig)
+    control: dict[str, ArmControl] = field(default_factory=dict)
+    features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
+
+
+def resolve(scenario: TwoArms, path: Path) -> TwoArms:
+    directives = path.parent / scenario.directives
+    if not directives.is_file():
+        raise ScenarioError(f"{path}: directives = '{scenario.directives}': there is no such file")
+    control = {side: scenario.control.get(side, ArmControl()) for side in SIDES}
+    return replace(scenario, directives=str(directives.resolve()), control=control)
+
+
+def make_calibration(scenario: TwoArms) -> Calibration:
+    believed, arms = scenario.calibration.believed, {}
+    for side in SIDES:
+        X_WBase = nominal_pose(scenario.directives, "base", f"{side}_arm")
+        arms[side] = ArmCalibration(
+            model=make_arm_with_load(WAM_WITH_SOFT_HAND, X_WBase),
+            X_WBase=X_WBase,
+            covariance=pose_covariance(believed.arm_rotation, believed.arm_translation),
+            joint_offset_std=np.full(len(ARM_JOINTS), np.deg2rad(3.0)),
+        )
+    cameras = {
+        name: calibrated(config.camera(), believed) for name, config in scenario.cameras.items()
+    }
+    return Calibration(cameras=cameras, arms=arms)
+
+
+def make_station(scenario: TwoArms, calibration: Calibration) -> Station:
+    errors, seed, sensors = scenario.calibration.errors, scenario.seed, scenario.sensors
+    bases = {
+        side: draw_base(side, arm.X_WBase, errors, seed) for side, arm in calibration.arms.items()
+    }
+    builder = DiagramBuilder()
+    scene = add_manipulation_scene(
+        builder,
+        PlantConfig(scene=scenario.directives),
+        {name: placement(thing) for name, thing in scenario.objects.items()},
+        [(f"{side}_arm", f"{side}_hand") for side in SIDES],
+        {f"{side}_arm": X_WBase for side, X_WBase in bases.items()},
+    )
+    plant = scene.plant
+    friction = builder.AddNamedSystem("joint_friction", JointFriction(plant, scene.friction))
+    builder.Connect(plant.get_state_output_port(), friction.get_input_port())
+    builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())
+    encoders = {
+        side: add_side(builder, scene, scenario, calibration.arms[side], X_WBase, side)
+        for side, X_WBase in bases.items()
+    }
+    add_cameras(builder, plant, scene.scene_graph, scenario, calibration, sensors.camera)
+    robots = {
+        side: MaskedRobot(arm=f"{side}_arm", arm_joints=ARM_JOINTS, hand=f"{side}_hand")
+        for side in SIDES
+    }
+    postures = {
+        f"{side}_joint_state_measured": encoders[side].GetOutputPort("joint_state_measured")
+        for side in SIDES
+    }
+    add_robot_masks(
+        builder,
+        partial(add_robots, calibration),
+        calibration.cameras,
+        robots,
+        sensors.robot_mask,
+        postures,
+    )
+    builder.ExportOutput(scene.scene_graph.get_query_output_port(), SCENE_PORT)
+
+    def initialise(root: Context) -> None:
+        context = plant.GetMyMutableContextFromRoot(root)
+        for side, control in scenario.control.items():
+            plant.SetPositions(context, scene.model(f"{side}_arm"), control.posture)
+
+    return Station(diagram=builder.Build(), initialise=initialise)
+
+
+def placement(thing: ObjectConfig) -> ObjectPlacement:
+    X_WO = RigidTransform(RollPitchYaw(0.0, 0.0, np.deg2rad(thing.yaw)), thing.position)
+    return ObjectPlacement(
+        model=SDF_DIR / thing.model, X_WO=X_WO, free=thing.free, friction=thing.friction
+    )
+
+
+def add_robots(calibration: Calibration, plant: MultibodyPlant) -> None:
+    """Both robots where they believe to stand."""
+    for side, arm in calibration.arms.items():
+        add_robot(plant, WAM_WITH_SOFT_HAND, arm.X_WBase, f"{side}_arm", f"{side}_hand")
+
+
+def add_side(
+    builder: DiagramBuilder,
+    scene: ManipulationScene,
+    scenario: TwoArms,
+    believed: ArmCalibration,
+    X_WBase: RigidTransform,
+    side: str,
+) -> JointEncoders:
+    """An arm that holds its place, or moves a step, with its open hand."""
+    plant, sensors, seed = scene.plant, scenario.sensors, scenario.seed
+    arm, hand = scene.model(f"{side}_arm"), scene.model(f"{side}_hand")
+    control = scenario.control[side]
+    encoders = add_encoders(
+        builder,
+        plant,
+        arm,
+        make_arm_with_load(WAM_WITH_SOFT_HAND, X_WBase),
+        control.posture,
+        sensors.encoders,
+        seed,
+        side,
+    )
+    wrist = plant.GetFrameByName("sensor", hand)
+    add_wrist_wrench(builder, plant, wrist, sensors.wrench, seed, side)
+    pneumatics, _ = add_soft_hand(
+        builder,
+        plant,
+        hand,
+        scenario.model_drivers[f"{side}_hand"].pneumatics,
+        sensors.pressure,
+        seed,
+        side,
+    )
+    add_true_pose(builder, plant, plant.GetFrameByName("end_effector", hand), side)
+    model = ArmModel(believed.model)
+    start = encoders.measure(np.append(control.posture, np.zeros(len(ARM_JOINTS))), 0)
+    impedance = add_impedance_control(
+        builder, plant, arm, encoders, model, control.impedance, start[: len(ARM_JOINTS)], side
+    )
+    X_WE = RigidTransform(control.step).GetAsMatrix4() @ model.Evaluate(start).X_WE
+    motion = DesiredMotion(X_WE=X_WE, V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
+    for name, value, target in (
+        ("motion_desired", motion, impedance),
+        ("gains_desired", GAINS, impedance),
+        ("tare", np.array([not np.any(control.step)], dtype=float), impedance),
+        ("pressure_commanded", np.zeros(4), pneumatics),
+        ("sealed", np.zeros(1), pneumatics),
+    ):
+        constant = (
+            ConstantVectorSource(value)
+            if isinstance(value, np.ndarray)
+            else ConstantValueSource(AbstractValue.Make(value))
+        )
+        source = builder.AddNamedSystem(f"{side}_{name}", constant)
+        builder.Connect(source.get_output_port(), target.GetInputPort(name))
+    return encoders
+
+
+def make_estimators(scenario: TwoArms, calibration: Calibration) -> dict[str, Diagram]:
+    """Where each hand is, and what the fixed camera sees."""
+    estimators = {
+        side: estimator_of(
+            side, EndEffectorMotion(EndEffectorMotionConfig(), arm.model), ["joint_state_window"]
+        )
+        for side, arm in calibration.arms.items()
+    }
+    camera = calibration.cameras["fixed"]
+    features = FeatureMotion(
+        scenario.features, renderer_intrinsics(camera.intrinsics), camera.X_PC.GetAsMatrix4()
+    )
+    images = ["color_measured", "depth_measured", "robot_mask"]
+    return estimators | {"eye": estimator_of("fixed", features, images)}
+
+
+def rows(estimator: str, tick: Tick, station: Tick) -> list[Row]:
+    """Where a hand is; of the camera's features nothing true is known."""
+    hand = tick.values.get("end_effector_latest")
+    if hand is None:
+        return []
+    R_WE, true = hand.X[:3, :3], station.values[f"cheat_{estimator}_pose"].translation()
+    return vector("position", hand.X[:3, 3], R_WE @ hand.covariance[3:6, 3:6] @ R_WE.T, true)
+
+
+APPLICATION = Application(
+    name="two-arms",
+    description="two arms with soft hands before a table, and two cameras",
+    scenario=TwoArms,
+    scenarios=Path(__file__).parent,
+    resolve=resolve,
+    make_calibration=make_calibration,
+    make_station=make_station,
+    make_estimators=make_estimators,
+    quantities=[
+        Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR),
+        Quantity(port="features_latest", model=no_features()),
+    ],
+    station_quantities=[
+        Quantity(port=f"cheat_{side}_pose", model=RigidTransform()) for side in SIDES
+    ],
+    pictures=("fixed_color_measured", "wrist_color_measured"),
+    evaluate=partial(evaluate_rows, rows=rows, units={"position": "m"}),
+    metrics=error_metrics({f"position_{axis}": "m" for axis in "xyz"}),
+)

@@ -12,10 +12,9 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from controllers.arm.impedance import ImpedanceConfig
 from controllers.arm.kinematics import ArmModel
 from diagrams.run.calibration import Camera
-from diagrams.run.scenario import CameraConfig, looking_at
+from diagrams.run.scenario import CameraConfig, Disturbances, looking_at
 from diagrams.stations.add_arm import add_encoders, add_impedance_control, add_wrist_wrench
 from diagrams.stations.add_rgbd_camera import add_renderers, add_rgbd_camera, add_robot_mask
-from diagrams.stations.lighting import Light
 from models import SDF_DIR
 from plants.hands.soft_hand import CLOSED_POSTURE
 from plants.robots.arm_with_hand import add_robot, make_arm_with_load
@@ -101,7 +100,7 @@ class Built:
         for name, camera in CAMERAS.items():
             noise = CameraNoiseConfig(exposure_period=1e3)
             add_rgbd_camera(
-                builder, plant, scene_graph, camera, noise, Light(), 3, 1.0 / 15.0, name
+                builder, plant, scene_graph, camera, noise, Disturbances(), 3, 1.0 / 15.0, name
             )
             config = RobotMaskConfig(margin=0.01, reduction=1, range_min=0.1)
             mask = add_robot_mask(builder, build_robots, camera, robots, config, name)

@@ -56,15 +56,16 @@ def _module(source: str) -> ModuleType:
         if not source.endswith(".py"):
             return importlib.import_module(source)
         path = Path(source).resolve()
-        name = str(path)  # Another file, or a module of Python's, may have the same stem.
+        name = f"crossmodal_application_{len(sys.modules)}_{path.stem}"  # Shadows no other module.
         spec = importlib.util.spec_from_file_location(name, path)
         if spec is None or spec.loader is None:
             raise ImportError(f"{path} is no Python file")
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module  # Dataclasses look their module up by name.
         spec.loader.exec_module(module)
-    except (ImportError, OSError, SyntaxError) as error:
-        raise ScenarioError(f"{OWN}: '{source}' cannot be had: {one_line(error)}") from None
+    except Exception as error:  # Whatever a user's own file raises.
+        what = f"{type(error).__name__}: {one_line(error)}"
+        raise ScenarioError(f"{OWN}: '{source}' cannot be had: {what}") from error
     return module
 
 

@@ -58,7 +58,9 @@ def own_object_assignments(scenario: Scenario, source: str, own: OwnObject) -> l
         free=thing.free,
         source="--object",
     )
-    facts = read_object_model(made.model, joint=made.joint, frame=made.grasp_frame, source="")
+    facts = read_object_model(
+        made.model, joint=made.joint, frame=made.grasp_frame, source="--object"
+    )
     pull = _numbers("--pull-direction", own.pull_direction or "1,0,0", 3)
     pulling = thing.friction / (at_base.lever if at_base.lever else 1.0)
     values: dict[str, object] = {

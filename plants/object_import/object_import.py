@@ -140,7 +140,8 @@ def _find_frame(plant: MultibodyPlant, names: FlatNames, wanted: str, source: Pa
     listed = f"frames: {_listed(frames)}; links: {_listed(links)}"
     if not wanted:
         raise ValueError(
-            f"{source}: which frame is grasped? Name it by --grasp-frame or object.handle_frame"
+            f"{source}: which frame is grasped? Name it by --grasp-frame, or in a scenario by"
+            " objects.NAME.handle_frame"
             f" (x out of the object, y along the bar; NAME@x,y,z,roll,pitch,yaw is a pose in one);"
             f" {listed}"
         )

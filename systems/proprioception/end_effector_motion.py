@@ -18,8 +18,8 @@ from systems.recursive_filter import RecursiveFilter
 @dataclass(kw_only=True)
 class EndEffectorMotionConfig:
     period: float = 1.0 / 15.0  # Update period, [s].
-    position_noise: float = 1.0e-4  # Of one encoder sample, [rad].
-    velocity_noise: float = 5.0e-3  # Of one velocity sample, [rad/s].
+    position_noise: float = 1.0e-4  # Standard deviation of one encoder sample, [rad].
+    velocity_noise: float = 5.0e-3  # The same of a velocity sample, [rad/s].
     joint_acceleration: float = 1.0  # Expected within a window, 1 sigma, [rad/s^2].
     angular_process_noise: float = 0.5  # White acceleration that drives the velocity, [rad/s^1.5].
     linear_process_noise: float = 0.2  # The same for the translation, [m/s^1.5].

@@ -86,7 +86,10 @@ def start_filter(
 
 
 def prior_line_variances(bias_jacobian_0: Array, config: GraspModelConfig) -> Array:
-    """Of axis (2) and point (2): the bar lies elsewhere, and the hand is not where it seems."""
+    """Prior variances (4,) of the axis (2) and the point (2) across it.
+
+    The bar lies elsewhere in the hand, and the hand is not where it seems to be.
+    """
     offset = (bias_jacobian_0**2).sum(axis=1).reshape(2, 3).mean(axis=1)
     own = np.array([config.axis_deviation**2, config.point_deviation**2])
     return np.repeat(own + offset, 2)

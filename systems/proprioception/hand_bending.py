@@ -23,7 +23,7 @@ from systems.proprioception.bent_hand import screw
 from systems.recursive_filter import RecursiveFilter
 
 GRAVITY = 9.81  # [m/s^2]
-CERTAIN = 1e-12  # Variance of what is so by definition, [rad^2, m^2].
+CERTAIN = 1e-12  # Variance of a pose that is known by definition, [rad^2, m^2].
 
 
 @dataclass(kw_only=True)
@@ -34,15 +34,16 @@ class HandBendingConfig:
     # Centre of that mass, in the sensor's frame, [m].
     p_S_com: np.ndarray = field(default_factory=lambda: np.array([0.004, 0.0, 0.066]))
     rpy_ES: np.ndarray = field(default_factory=lambda: np.zeros(3))  # Sensor in E, [rad].
-    torque_noise: float = 0.005  # Of a tick's mean, [N m].
-    force_noise: float = 0.1  # Of a tick's mean, [N].
-    pressure_noise: float = 50.0  # Of a tick's mean, [Pa].
+    torque_noise: float = 0.005  # Standard deviation of a tick's mean, [N m].
+    force_noise: float = 0.1  # The same of the force, [N].
+    pressure_noise: float = 50.0  # The same of the pressures, [Pa].
     rotation_process_noise: float = 0.05  # Random walk of the bending, [rad/s^0.5].
     translation_process_noise: float = 0.01  # The same for the translation, [m/s^0.5].
     deviation_correlation_time: float = 30.0  # Of the networks' error, Gauss-Markov, [s].
     creep: float = 0.015  # Turning of the hand on the bar that no sensor shows, [rad/s^0.5].
     axis_H: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))  # Axis of creep.
-    p_HA: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, -0.02]))  # On it, [m].
+    # Point on that axis, [m].
+    p_HA: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, -0.02]))
     rotation_floor: float = 2.0e-3  # Least standard deviation of the networks, [rad].
     translation_floor: float = 3.0e-4  # The same for the translation, [m].
 
@@ -111,8 +112,10 @@ def correct_bending_state(
     """Corrects by z = log X_EH + deviation * error + creep * constant + white noise.
 
     Args:
-        measured: z (6,), the networks' reading, [rad, m].
-        deviation: Their standard deviation (6,).
+        mean: Predicted state (13,), see `BendingState`.
+        covariance: Its covariance (13, 13).
+        measured: z (6,), what the networks read, [rad, m].
+        deviation: Its standard deviation (6,).
         creep: Part of the bending that the sensors do not show (6,), one standard deviation.
         R: Covariance (6, 6) of the white noise, the sensors' through the network.
     """

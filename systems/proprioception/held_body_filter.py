@@ -19,7 +19,7 @@ from systems.proprioception.held_body_state import BodyState, Layout
 
 _LOOSE_TYPES = (GraspType.REVOLUTE, GraspType.CYLINDRICAL)
 _POSE = slice(0, 6)
-_REFERENCE_VARIANCE = 1e-12  # The reference pose is so by definition, [rad^2, m^2].
+_REFERENCE_VARIANCE = 1e-12  # Of the reference pose, known by definition, [rad^2, m^2].
 
 
 def positive_part(matrix: Array) -> Array:
@@ -31,8 +31,8 @@ def positive_part(matrix: Array) -> Array:
 def start_body(hand: BentHand, grasp: GraspBelief, config: HeldBodyMotionConfig) -> BodyState:
     """The body at its reference: B has the world's axes and sits at the hand's origin.
 
-    A hand that settles on the handle after that misleads about the body, at the reference most,
-    until features say where it is.
+    After that the hand settles on the handle, which the body does not follow. The error of this is
+    largest at the reference and decays; it ends when features say where the body is.
     """
     reference_error = np.repeat(
         [config.reference_rotation_error, config.reference_translation_error], 3
@@ -205,7 +205,7 @@ def correct_body(
     The offset stays as far as the features are the same as at the last tick that saw any; the grasp
     learns from vision too, so its line's error is another one from now on. An innovation that
     nothing explains means that the body slipped: the pose's covariance grows first. Only features
-    seen before can show that; others are on something else then: None.
+    seen before can show that; with too few of them, the features lie on something else: None.
     """
     layout = Layout(body.hand.bias_jacobian.shape[1])
     kept = np.isin(feature_ids, body.feature_ids).mean() if len(feature_ids) else 0.0

@@ -48,7 +48,8 @@ class Sighting:
     Attributes:
         pose: X_WB from the features alone, with one frame's noise.
         offset_covariance: (6, 6), in B, of what stays as long as the features do.
-        body: The features that agree, with their positions in the body.
+        body: The body as rigid-body motion describes it, with its features' positions in it.
+        rows: Those of its features (K,) that are seen and agree.
     """
 
     pose: PoseBelief
@@ -58,7 +59,7 @@ class Sighting:
 
 
 def covariance_of(body: BodyMotion, features: Ids) -> Array:
-    """Of the positions in the body (3K, 3K) of K of its features, by their rows."""
+    """Covariance (3K, 3K) of the positions in the body of K of its features, given by row."""
     rows = (3 * features[:, None] + np.arange(3)).ravel()
     return np.asarray(body.p_BF_covariance[np.ix_(rows, rows)])
 
@@ -169,14 +170,14 @@ class HeldBodyMotion(RecursiveFilter):
     - `hand_bending_estimated`: `PoseBelief` X_EH.
     - `grasp_latest`: `GraspBelief` of the last tick.
     - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
-    - `features_estimated`: `FeatureBelief`; body_motions_estimated: `BodyMotions`, of which the
-      features of `HELD_BODY` are used. Both exist only with `corrected_by_vision`
-      and may stay unconnected, as in the dark.
-    - `body_prior`: `PoseBelief` X_WB before vision, not a number while nothing is held. It depends
-      on the state and on the first four inputs only.
+    - `features_estimated`: `FeatureBelief`, positions in W.
+    - `body_motions_estimated`: `BodyMotions`, of which the features of `HELD_BODY` are used. It and
+      `features_estimated` exist only with `corrected_by_vision` and may stay unconnected.
+    - `body_prior`: `PoseBelief` X_WB before vision, NaN while nothing is held. It depends on the
+      state and on the first four inputs only.
     - `body_motions_estimated`: `BodyMotions`, one `HeldBody` or none, posterior of this tick.
       Its features are those that corrected it.
-    - `body_motions_latest`: The same of the last tick, from the state alone.
+    - `body_motions_latest`: the same of the last tick, from the state alone.
 
     Frames: W world, E nominal end-effector, H bent end-effector, B the body.
 

@@ -16,7 +16,7 @@ class HeldBodyMotionConfig:
     reset_rotation_error: float = 0.015  # The same after new landmarks were placed, [rad].
     reset_translation_error: float = 3.0e-3  # The same for the translation, [m].
     reference_error_time: float = 2.0  # Time constant with which these errors decay, [s].
-    lever: float = 0.1  # Way of the hand that counts for a turn of it, [m/rad].
+    lever: float = 0.1  # Way that a turn of the hand counts as, [m/rad].
     hinge_curvature: float = 3.0  # One over the radius of a hinge, 1 sigma, [rad/m].
     rotation_velocity_noise: float = 0.02  # From slip and the rate of bending, [rad/s].
     translation_velocity_noise: float = 4.0e-3  # The same for the translation, [m/s].

@@ -11,7 +11,7 @@ Error state, all but the first in units of their own standard deviation:
     k   (3,)  turn of the body about the axis per way of its handle, if the grasp lets it; a
               constant, as the body of a hinge turns by one radian per radius; only considered
               unless the likeliest grasp lets it
-    s   (6,)  error of the grasping axis and of the point on it; constant as long as nobody sees
+    s   (6,)  error of the grasping axis and of the point on it; constant while no features are seen
 
 The constants make the displacement's error honest over time: they are the same at every tick, so
 they grow with the way that the hand has moved and do not average away. Vision, while it lasts,

@@ -80,7 +80,7 @@ def test_a_list_shows_each_application_with_its_scenarios(toy: Path) -> None:
     result = RUNNER.invoke(app, ["list"])
     assert result.exit_code == 0, result.output
     assert "toy: a toy" in result.output
-    assert "rolling a ball rolls" in " ".join(result.output.split())
+    assert "rolling a ball rolls" in [" ".join(line.split()) for line in result.output.splitlines()]
     assert result.output.index("drawer") < result.output.index("rolling")
 
 
@@ -128,7 +128,7 @@ def test_an_unknown_system_lists_the_known_ones(tmp_path: Path, system: str) -> 
         ("x = 3\n", "holds no Application called APPLICATION"),
         ("APPLICATION = 3\n", "holds no Application called APPLICATION"),
         ("def f(:\n", "cannot be had: .*invalid syntax"),
-        ("import no_such_module\n", "cannot be had: No module named 'no_such_module'"),
+        ("import no_such_module\n", "cannot be had: .*No module named 'no_such_module'"),
         (TOY.format(name="crossmodal"), "there are two applications 'crossmodal'"),
     ],
 )

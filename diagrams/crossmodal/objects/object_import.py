@@ -48,7 +48,7 @@ def imported(model: Path, *, joint: str, frame: str, free: bool, source: str) ->
             if result.is_floating and not free:
                 result.warnings.append(
                     "nothing fixes the model to the world, so its root is fixed there;"
-                    " with object.free = true it rests on the table"
+                    " with objects.NAME.free = true it rests on the table"
                 )
     for line in result.warnings:
         warnings.warn(f"{model.name}: {line}", ObjectWarning, stacklevel=2)
@@ -84,7 +84,7 @@ def check_pull(facts: ObjectModel, pull_direction: np.ndarray, joint: str, frame
         warnings.warn(
             f"the pull along {given} of '{frame}' is {angle:.0f} deg off the way that '{joint}'"
             f" lets it go, and may lose the handle; along it is {better} (--pull-direction or"
-            " object.pull_direction)",
+            " objects.NAME.pull_direction)",
             ObjectWarning,
             stacklevel=2,
         )

@@ -50,28 +50,25 @@ def read_object_model(model: Path, *, joint: str, frame: str, source: str) -> Ob
     try:
         instances = parser.AddModels(str(model))
     except (RuntimeError, ValueError) as error:
-        raise ScenarioError(f"{source}: object.model: cannot be read: {one_line(error)}") from None
+        raise ScenarioError(f"{source}.model: cannot be read: {one_line(error)}") from None
     if len(instances) != 1:
-        raise ScenarioError(
-            f"{source}: object.model = '{model}' holds {len(instances)} models, need one"
-        )
+        raise ScenarioError(f"{source}.model = '{model}' holds {len(instances)} models, need one")
     instance = instances[0]
     joints = _names(plant.GetJointIndices, plant.get_joint, instance)
     if joint not in joints:
         raise ScenarioError(
-            f"{source}: object.joint: {model.name} has no joint '{joint}';"
-            f" {suggestion(joint, joints)}"
+            f"{source}.joint: {model.name} has no joint '{joint}'; {suggestion(joint, joints)}"
         )
     frames = _names(plant.GetFrameIndices, plant.get_frame, instance)
     if frame not in frames:
         raise ScenarioError(
-            f"{source}: object.handle_frame: {model.name} has no frame '{frame}';"
+            f"{source}.handle_frame: {model.name} has no frame '{frame}';"
             f" {suggestion(frame, frames)}"
         )
     kind = plant.GetJointByName(joint, instance).type_name()
     if kind not in (JointType.PRISMATIC, JointType.REVOLUTE):
         raise ScenarioError(
-            f"{source}: object.joint: '{joint}' is a {kind} joint; allowed: prismatic, revolute"
+            f"{source}.joint: '{joint}' is a {kind} joint; allowed: prismatic, revolute"
         )
     return _facts(plant, scene_graph, instance, joint, frame)
 

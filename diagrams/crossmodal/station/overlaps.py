@@ -25,6 +25,6 @@ def overlaps(station: ManipulationStation) -> list[str]:
             deepest[names] = max(deepest.get(names, 0.0), pair.depth)
     return [
         f"link '{link}' starts {100 * depth:.0f} cm inside '{other}'; place the object elsewhere"
-        " (object.position)"
+        " (objects.NAME.position)"
         for (link, other), depth in deepest.items()
     ]

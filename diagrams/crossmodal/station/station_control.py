@@ -43,7 +43,7 @@ def taught_postures(wiring: StationWiring, X_WHandle: RigidTransform) -> tuple[A
         q_grasp = inverse_kinematics(wiring.true_arm, X_WE, control.posture)
         return q_grasp, inverse_kinematics(wiring.true_arm, X_WE @ back, q_grasp)
     except ValueError as error:
-        raise ValueError(f"{error}; place the object elsewhere (object.position)") from None
+        raise ValueError(f"{error}; place the object elsewhere (objects.NAME.position)") from None
 
 
 def add_control(

@@ -81,7 +81,7 @@ def predict(
 
     Args:
         body: At the last tick.
-        dt: [s].
+        dt: Time since the last tick, [s].
         acceleration: Spectral densities (6,), [rad^2/s^3, m^2/s^3].
         landmark_walk: Drift of the landmarks, [m/sqrt(s)].
         turn_walk: The same per turn of the body, which changes how patches look, [m/sqrt(rad)].

@@ -1,4 +1,4 @@
-"""Tracked rigid bodies: configuration and memory."""
+"""What the body tracker remembers of the bodies that it follows."""
 
 from dataclasses import dataclass, field
 

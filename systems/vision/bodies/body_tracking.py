@@ -43,7 +43,7 @@ def newest_samples(history: FeatureHistory, rows: Ids) -> tuple[Array, Array]:
 def robust_likelihood(
     config: RigidBodyMotionConfig, body: BodyFilter, landmarks: Ids, p_WF: Array, covariance: Array
 ) -> float:
-    """Log likelihood, up to a constant, of features at a pose; outliers count as on the gate."""
+    """Log likelihood, up to a constant, of features at a pose; outliers count as if on the gate."""
     z, R_B = body_filter.in_body(body.X, p_WF, covariance)
     S = body_filter.innovation_blocks(body, landmarks, R_B)
     distance, log_determinant = squared_distances(z - body.p_BF[landmarks], S)
@@ -62,7 +62,7 @@ def advance(
         config: Its parameters.
         body: At the last tick.
         history: Features up to this tick.
-        predictions: Other accounts of its pose now, (source, X_WB (4, 4)).
+        predictions: What others predict for its pose now, (source, X_WB (4, 4)).
 
     Returns:
         The body, and the rows of the history that agreed and disagreed.
@@ -95,7 +95,10 @@ def _agreeing(
     p_WF: Array,
     covariance: Array,
 ) -> tuple[BodyFilter, Mask]:
-    """The features that agree; where most do not, after a jump of the pose, if they do then."""
+    """The filter, and which features (K,) agree with it.
+
+    Where most do not, the body may have jumped: its pose is made uncertain if most agree then.
+    """
     fits = body_filter.agreeing(body, landmarks, p_WF, covariance, config.gate)
     if len(fits) < config.birth.min_support or np.mean(fits) > 0.5:
         return body, fits
@@ -112,6 +115,7 @@ def recorded(
     source: str,
     support: int,
 ) -> TrackedBody:
+    """The body with a new posterior and what supported it."""
     supported = support >= config.keep_support
     return replace(
         body,

@@ -63,9 +63,9 @@ def _distances(history: FeatureHistory, body_id: int) -> Array:
 def associate(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> FeatureHistory:
-    """Assigns features to the body whose motion explains theirs, releases those it does not.
+    """Assigns features to bodies whose motion explains theirs and releases the others.
 
-    A body is compact: the farther a feature is from its known ones, the more it takes.
+    A body is compact: a feature far from those that it has needs more evidence to join.
     """
     if not bodies or len(history.ids) == 0:
         return history
@@ -151,7 +151,7 @@ def without_outliers(
 def reject_outliers(
     config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
 ) -> FeatureHistory:
-    """Takes features from bodies that they disagreed with or slid on; they are ignored then."""
+    """Takes features from bodies that they disagreed with or slid on; those are ignored."""
     slid = np.zeros(len(history.ids), bool)
     for body in bodies:
         drifted = body.filter.ids[body_filter.drifted(body.filter, config.gate)]

@@ -20,7 +20,7 @@ from systems.vision.bodies.feature_displacements import displacements, squared_d
 from systems.vision.bodies.feature_history import FeatureHistory, forget
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
-_UNLIKELY = chi_square_gate(0.001, 6)
+_UNLIKELY = chi_square_gate(0.001, 6)  # Squared distance of a pose that is not the same one.
 
 
 def is_held(body: TrackedBody) -> bool:
@@ -147,7 +147,7 @@ def takes_handle_along(
 def accepts(
     config: RigidBodyMotionConfig, body: TrackedBody, history: FeatureHistory, rows: Ids
 ) -> bool:
-    """Whether features may join a body; the held one asks for its handle's way.
+    """Whether features may join a body; the held one asks that they take its handle along.
 
     Only features that would outnumber those which support the held body have to show it.
     """
@@ -191,7 +191,7 @@ def is_blind(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
 def may_absorb(config: RigidBodyMotionConfig, older: TrackedBody, body: TrackedBody) -> bool:
     """Whether a body may turn out to be a part of an older one."""
     if is_held(body) or body.reference_tick < older.held_since:
-        return False  # Identification keeps what was seen before the hand closed.
+        return False  # Identification decides; it keeps what was seen before the hand closed.
     # What the hand carries unseen may be anywhere; a body that was seen for long is not.
     return not (is_held(older) and body.supported > len(body.path))
 

@@ -15,7 +15,7 @@ from systems.vision.bodies.feature_history import FeatureHistory
 from systems.vision.bodies.held_body import find_held
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
-_UNLIKELY = chi_square_gate(0.001, 6)
+_UNLIKELY = chi_square_gate(0.001, 6)  # Squared distance of a pose that is not the same one.
 
 
 def moved_frame(body: BodyFilter, T: Array) -> BodyFilter:

@@ -95,10 +95,10 @@ def find_consensus(
         d: Earlier and newest positions of N features.
         still: Squared Mahalanobis distances (N,) of standing still.
         movers: Features from which hypotheses are drawn.
-        rng: Seeded.
+        rng: For the draws, seeded.
         gate: Largest squared distance at which a feature fits a motion.
-        support_gate: Least difference of that to standing still's.
-        rotation_sigma: Of the prior of no rotation, [rad].
+        support_gate: Least squared distance by which standing still fits a supporter worse.
+        rotation_sigma: Prior standard deviation of the rotation, [rad].
     """
     if len(movers) == 0:
         return None
@@ -128,7 +128,7 @@ def stillness(
 ) -> tuple[Array, Array]:
     """How much of a displacement features had made at each tick, and its standard deviation.
 
-    s_k minimises sum_n |p_nk - p_rest_n - s_k displacement_n| weighted with their information.
+    s_k minimises sum_n |p_nk - p_rest_n - s_k displacement_n|^2, weighted with the information.
 
     Args:
         p_W: Positions (N, H, 3).

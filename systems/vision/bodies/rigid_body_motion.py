@@ -163,7 +163,7 @@ class RigidBodyMotion(RecursiveFilter):
     definition and its features' positions are averages over the time before. Predictions of its
     pose (velocity, standing still, the kinematic model, the hand) are alternatives; the likeliest
     is corrected. A feature belongs to the body, or to the static world, that explains its
-    displacement over the last two seconds and its rest significantly better. Bodies are born when
+    displacement from earlier positions to the newest significantly better. Bodies are born when
     free features share a rigid motion that their covariances do not explain (RANSAC on the
     significant ones), and end when they have had no support for a while.
 

@@ -66,9 +66,9 @@ class BodyBirthConfig:
     """What free features have to show to make a new body."""
 
     motion_gate: float = 20.0  # Squared distance, 3 dof, beyond which a feature is moving, [-].
-    support_gate: float = 9.0  # Least difference of squared distances by which one supports, [-].
+    support_gate: float = 9.0  # Least reduction of a feature's squared distance by a motion, [-].
     min_support: int = 6  # Least number of features.
-    min_gain: float = 120.0  # Least sum of these differences, [-].
+    min_gain: float = 120.0  # Least sum of these reductions, [-].
     min_spread: float = 0.015  # Least root mean square distance from their centroid, [m].
     neighbourhood: float = 0.08  # Radius within which they have to outnumber all others, [m].
     rotation_sigma: float = 0.1  # Prior rotation of the first motion, 1 sigma, [rad].
@@ -110,10 +110,10 @@ class HeldBodyConfig:
 
 @dataclass(kw_only=True)
 class RigidBodyMotionConfig:
-    """Squared distances are Mahalanobis distances."""
+    """How bodies are tracked; squared distances are squares of Mahalanobis distances."""
 
     period: float = 1.0 / 15.0  # Update period, [s].
-    gate: float = chi_square_gate(0.001, 3)  # Squared distance of an outlier, at least, [-].
+    gate: float = chi_square_gate(0.001, 3)  # Least squared distance of an outlier, 3 dof, [-].
     keep_support: int = 3  # Least number of features that keeps a body alive.
     patience: float = 2.0  # Longest time that a body lives without them, [s].
     initial_patience: float = 1.0 / 3.0  # The same at birth; grows with the time it had them, [s].

@@ -65,8 +65,8 @@ class FeatureMotion(RecursiveFilter):
 
     Frames: W world, C camera (x right, y down, z forward), F a feature.
 
-    Source: of the role, R. Martin-Martin and O. Brock, Cross-modal interpretation of multi-modal
-    sensor streams, section III; of the registration, see `patch_registration`.
+    Source: the role is that of Martín-Martín and Brock, IROS 2017, section III; the registration's
+    source is in `patch_registration`.
     """
 
     def __init__(self, config: FeatureMotionConfig, camera: Intrinsics, X_WC: Array) -> None:

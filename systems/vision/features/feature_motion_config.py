@@ -48,7 +48,7 @@ class FlowConfig:
 
 @dataclass(kw_only=True)
 class DepthConfig:
-    """The surface around a feature; a pixel's noise is noise + growth (z - range)^2."""
+    """The surface around a feature; a pixel's noise is noise + noise_growth (z - noise_range)^2."""
 
     noise: float = 1.2e-3  # Standard deviation at `noise_range`, [m].
     noise_growth: float = 1.9e-3  # Growth with the square of the distance from there, [1/m].

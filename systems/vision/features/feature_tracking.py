@@ -68,7 +68,7 @@ def follow(
 def _confirm(
     config: FeatureMotionConfig, tracks: FeatureTracks, scores: Array
 ) -> tuple[FeatureTracks, Mask]:
-    """Which features (N,) stay, and where tentative ones failed.
+    """The tracks with the places where tentative features failed, and which (N,) stay.
 
     A young patch differs from its template by noise alone; where this is large, it would wander.
     """
@@ -124,6 +124,7 @@ def _renew(
 
 
 def _alive(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame) -> Mask:
+    """Which features (N,) lie in the image, off the robot, and were seen not long ago."""
     height, width = frame.image.shape
     margin = config.registration.patch_radius + 2
     uv = tracks.uv

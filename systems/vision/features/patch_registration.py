@@ -148,10 +148,10 @@ def register_patches(
         templates: N templates.
         warps: Affine maps (N, 2, 2) from template to image, to start from.
         uv: (N, 2).
-        iterations: At most, of the shift.
+        iterations: Most steps of the shift.
         reach: Largest distance from the start, [px].
-        shape_sigma: By how much the entries of each map may change (N,); zero keeps it, as does
-            None.
+        shape_sigma: Standard deviation (N,) of how much each map's entries change; zero keeps the
+            map, as does None.
 
     Returns:
         Pixels (N, 2), ZNCC (N,), -1 where the patch leaves the image, and maps (N, 2, 2).
@@ -178,7 +178,7 @@ def registration_covariance(
     """Covariance (N, 2, 2) of registered pixels, [px^2].
 
     The residual of two unit vectors has the squared norm 2 - 2 ZNCC; its mean over the pixels,
-    times the number of pixels whose noise is one, scales the inverse Hessian.
+    times the number of pixels with the same noise, scales the inverse Hessian.
     """
     n = templates.values.shape[1]
     variance = correlated_pixels * (2.0 - 2.0 * np.clip(scores, 0.0, 1.0)) / (n - 4)

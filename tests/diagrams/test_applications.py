@@ -51,7 +51,7 @@ APPLICATION = Application(
 @pytest.fixture
 def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The file of an application of the user's own, with one scenario beside it."""
-    path = tmp_path / "toy_application.py"
+    path = tmp_path / "rolling_application.py"
     path.write_text(TOY.format(name="toy"))
     (tmp_path / "scenarios").mkdir()
     (tmp_path / "scenarios" / "rolling.yaml").write_text(
@@ -106,7 +106,7 @@ def test_model_directives_beside_the_scenarios_are_no_scenario(toy: Path) -> Non
 
 def test_an_application_may_be_a_module(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(toy.parent)
-    monkeypatch.setenv(OWN, "toy_application")
+    monkeypatch.setenv(OWN, "rolling_application")
     assert "toy" in applications()
 
 

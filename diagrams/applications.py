@@ -56,7 +56,7 @@ def _module(source: str) -> ModuleType:
         if not source.endswith(".py"):
             return importlib.import_module(source)
         path = Path(source).resolve()
-        name = f"crossmodal_application_{len(sys.modules)}_{path.stem}"  # Shadows no other module.
+        name = str(path)  # Another file, or a module of Python's, may have the same stem.
         spec = importlib.util.spec_from_file_location(name, path)
         if spec is None or spec.loader is None:
             raise ImportError(f"{path} is no Python file")
@@ -81,13 +81,17 @@ def find_application(name: str, source: str) -> Application:
     return known[name]
 
 
+def scenarios_of(application: Application) -> dict[str, Path]:
+    """The scenarios that come with an application, by name; model directives are none."""
+    files = sorted(application.scenarios.glob("*.yaml"), key=lambda path: path.stem)
+    return {path.stem: path for path in files if not path.name.endswith(".dmd.yaml")}
+
+
 def scenario_files() -> dict[str, Path]:
     """The scenarios that come with the applications, by name."""
-    found = {
-        path.stem: path
-        for application in applications().values()
-        for path in sorted(application.scenarios.glob("*.yaml"))
-    }
+    found: dict[str, Path] = {}
+    for application in applications().values():
+        found |= scenarios_of(application)
     return dict(sorted(found.items()))
 
 

@@ -10,17 +10,17 @@ EXAMPLES = "Example:  crossmodal list, then  crossmodal run cupboard-door"
 def list_command() -> None:
     """Show the scenarios, experiments, flows and networks that there are."""
     with one_line_errors():
-        from diagrams.applications import applications, load_scenario
+        from diagrams.applications import applications, load_scenario, scenarios_of
 
         known = applications()
-        names = [*(path.stem for a in known.values() for path in a.scenarios.glob("*.yaml"))]
+        names = [name for application in known.values() for name in scenarios_of(application)]
         width = max(map(len, names), default=0) + 1
         for application in known.values():
             if len(known) > 1:
                 typer.echo(f"{application.name}: {application.description}")
             typer.echo("Scenarios (crossmodal run NAME):")
-            for path in sorted(application.scenarios.glob("*.yaml"), key=lambda path: path.stem):
-                _line(path.stem, load_scenario(str(path))[1].description, width)
+            for name, path in scenarios_of(application).items():
+                _line(name, load_scenario(str(path))[1].description, width)
             if application.experiments:
                 typer.echo("Experiments (crossmodal evaluate NAME):")
             for name, experiment in application.experiments.items():

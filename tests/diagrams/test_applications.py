@@ -1,5 +1,6 @@
 """A scenario finds its application; applications of a user's own are found by a variable."""
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -79,8 +80,28 @@ def test_a_list_shows_each_application_with_its_scenarios(toy: Path) -> None:
     result = RUNNER.invoke(app, ["list"])
     assert result.exit_code == 0, result.output
     assert "toy: a toy" in result.output
-    assert "rolling a ball rolls" in [" ".join(line.split()) for line in result.output.splitlines()]
+    assert "rolling a ball rolls" in " ".join(result.output.split())
     assert result.output.index("drawer") < result.output.index("rolling")
+
+
+def test_a_users_files_may_be_called_alike_or_as_a_module_of_pythons(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = sys.modules["json"]
+    places = [tmp_path / name / "json.py" for name in ("first", "second")]
+    for place in places:
+        place.parent.mkdir()
+        place.write_text(TOY.format(name=place.parent.name))
+    monkeypatch.setenv(OWN, ",".join(map(str, places)))
+    assert {"first", "second"} <= set(applications())
+    assert sys.modules["json"] is before
+
+
+def test_model_directives_beside_the_scenarios_are_no_scenario(toy: Path) -> None:
+    (toy.parent / "scenarios" / "room.dmd.yaml").write_text("directives: []\n")
+    assert not [name for name in scenario_files() if name.startswith("room")]
+    result = RUNNER.invoke(app, ["list"])
+    assert result.exit_code == 0, result.output
 
 
 def test_an_application_may_be_a_module(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:

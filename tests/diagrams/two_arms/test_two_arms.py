@@ -14,7 +14,7 @@ from diagrams.applications import OWN, load_scenario
 from diagrams.drawing.diagram_drawing import diagram_dot, render_svg
 from diagrams.run.application import Application
 from diagrams.run.calibration import draw_base, draw_camera
-from diagrams.run.episode import Episode, run_episode
+from diagrams.run.episode import Episode, build_station, run_episode
 from diagrams.run.record import EpisodeRecord
 from diagrams.run.replay import check_recorded, replay
 from diagrams.run.run_folder import SENSORS_FILE, write_run
@@ -162,6 +162,11 @@ def test_the_simulated_arms_stand_where_they_were_drawn(
         assert_allclose(
             base.CalcPoseInWorld(context).GetAsMatrix4(), drawn.GetAsMatrix4(), atol=1e-9
         )
+
+
+def test_cameras_cannot_have_different_lamps(two_arms: None) -> None:
+    with pytest.raises(ScenarioError, match=r"lamps of \[0\.0, 0\.5\], but all share one renderer"):
+        build_station(*load_scenario(str(FILE), ["cameras.wrist.lamp=0.5"]))
 
 
 def test_two_sensors_of_a_kind_do_not_err_alike(posed: Posed, episode: Episode) -> None:

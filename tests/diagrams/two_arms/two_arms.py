@@ -32,7 +32,6 @@ from diagrams.stations.add_soft_hand import add_soft_hand
 from diagrams.stations.naming import estimator_of
 from diagrams.stations.true_pose import add_true_pose
 from models import SDF_DIR
-from plants.camera_view import renderer_intrinsics
 from plants.hands.pneumatic_hand import PneumaticHandConfig
 from plants.joint_friction import JointFriction
 from plants.robots.arm_with_hand import add_robot, make_arm_with_load
@@ -259,9 +258,8 @@ def make_estimators(scenario: TwoArms, calibration: Calibration) -> dict[str, Di
         for side, arm in calibration.arms.items()
     }
     camera = calibration.cameras["fixed"]
-    features = FeatureMotion(
-        scenario.features, renderer_intrinsics(camera.intrinsics), camera.X_PC.GetAsMatrix4()
-    )
+    X_WC = camera.X_PC.GetAsMatrix4()
+    features = FeatureMotion(scenario.features, camera.intrinsics, X_WC)
     images = ["color_measured", "depth_measured", "robot_mask"]
     return estimators | {"eye": estimator_of("fixed", features, images)}
 

@@ -56,7 +56,7 @@ def _module(source: str) -> ModuleType:
         if not source.endswith(".py"):
             return importlib.import_module(source)
         path = Path(source).resolve()
-        name = f"crossmodal_application_{len(sys.modules)}_{path.stem}"  # Shadows no other module.
+        name = str(path)  # Another file, or a module of Python's, may have the same stem.
         spec = importlib.util.spec_from_file_location(name, path)
         if spec is None or spec.loader is None:
             raise ImportError(f"{path} is no Python file")

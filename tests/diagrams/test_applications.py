@@ -80,7 +80,7 @@ def test_a_list_shows_each_application_with_its_scenarios(toy: Path) -> None:
     result = RUNNER.invoke(app, ["list"])
     assert result.exit_code == 0, result.output
     assert "toy: a toy" in result.output
-    assert "rolling a ball rolls" in [" ".join(line.split()) for line in result.output.splitlines()]
+    assert "rolling a ball rolls" in " ".join(result.output.split())
     assert result.output.index("drawer") < result.output.index("rolling")
 
 

@@ -83,6 +83,13 @@ METRICS = (
         cell=median_and_range,
     ),
     Metric(
+        name="configuration_std",
+        value=_of_joint("configuration_std"),
+        unit=_unit,
+        title="configuration's claimed deviation at the end",
+        cell=lambda v, unit: median_and_range(v, unit, 2),
+    ),
+    Metric(
         name="configuration_error_at_turn",
         value=_of_joint("configuration_error_at_turn"),
         unit=_unit,
@@ -115,6 +122,13 @@ METRICS = (
         value=_of_joint("axis_angle_error_at_turn"),
         unit="rad",
         title="axis direction error at the turning point",
+        cell=lambda v, unit: median_and_range(v, unit, 2),
+    ),
+    Metric(
+        name="axis_angle_std",
+        value=_of_joint("axis_angle_std"),
+        unit="rad",
+        title="axis' claimed deviation at the end",
         cell=lambda v, unit: median_and_range(v, unit, 2),
     ),
     Metric(

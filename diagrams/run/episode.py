@@ -19,7 +19,7 @@ from diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
 from diagrams.run.recorder import STATUS_PORT, EpisodeRecorder, RecorderConfig, TickStopwatch
 from diagrams.run.scenario import Scenario
 from diagrams.run.sensor_streams.log import SensorLogWriter, SensorRecorder, make_streams
-from diagrams.run.yaml_schema import ScenarioError, one_line
+from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
 from maths.compiled import compilation_timed
 
 SCENE_PORT = "cheat_query_object"  # Of a station whose scene Meshcat can draw.
@@ -52,7 +52,14 @@ def build_estimators(
     """
     with building(scenario.name):
         calibration = calibration or application.make_calibration(scenario)
-        return application.make_estimators(scenario, calibration)
+        estimators = application.make_estimators(scenario, calibration)
+    for name in scenario.modalities:
+        if name not in estimators:
+            raise ScenarioError(
+                f"{scenario.name}: modalities: unknown modality '{name}';"
+                f" {suggestion(name, estimators)}"
+            )
+    return {name: estimators[name] for name in scenario.modalities or estimators}
 
 
 def build_station(

@@ -5,6 +5,7 @@ so a folder that has one holds a complete run.
 """
 
 import hashlib
+import inspect
 import json
 import math
 import os
@@ -227,11 +228,19 @@ def scenario_hash(application: Application, scenario: Scenario) -> str:
     return hashlib.sha256(yaml_dump_typed(said).encode()).hexdigest()[:16]
 
 
+def _own_hash(application: Application) -> str:
+    """Hash of the file of an application that does not come with the program; else nothing."""
+    file = inspect.getsourcefile(application.scenario)
+    if file is None or Path(file).is_relative_to(Path(__file__).parents[1]):
+        return ""
+    return "-" + hashlib.sha256(Path(file).read_bytes()).hexdigest()[:8]
+
+
 def fingerprint(application: Application, scenario: Scenario) -> dict[str, str]:
     """What decides whether a finished run is still the one that a scenario would give."""
     return {
         "scenario_hash": scenario_hash(application, scenario),
-        "source_hash": source_hash(),
+        "source_hash": source_hash() + _own_hash(application),
     }
 
 

@@ -97,7 +97,7 @@ class Scenario:
     duration: float = 40.0  # Simulated time after which an episode ends at the latest, [s].
     stop_time: float = 1.0  # How long it goes on when the robot is done, [s].
     network_period: float = 1.0 / 15.0  # Tick of the filters and the sensors' windows, [s].
-    modalities: list[str] = field(default_factory=list)  # The estimators that run side by side.
+    modalities: list[str] = field(default_factory=list)  # The estimators that run; none: all.
     cameras: dict[str, CameraConfig] = field(default_factory=dict)
     calibration: CalibrationConfig = field(default_factory=CalibrationConfig)
     disturbances: Disturbances = field(default_factory=Disturbances)

@@ -15,14 +15,13 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, System
 
 from diagrams.drawing.diagram_drawing import leaf_systems, wires
-from systems.sensors.air_pressure import PressureSensor
-from systems.sensors.joint_encoders import JointEncoders
 from systems.sensors.rgbd_camera import CameraNoise
-from systems.sensors.wrist_wrench import WristWrenchSensor
+from systems.sensors.sampled_sensor import SampledSensor
 
 # What turns truth into measurements: a path ends here.
-SENSORS = (CameraNoise, JointEncoders, PressureSensor, WristWrenchSensor)
-ROBOT_ROOMS = ("systems", "controllers")  # What may know measurements only.
+SENSORS = (CameraNoise, SampledSensor)
+# What may know the truth besides sensors: what simulates, wires, records and draws.
+WORLD_ROOMS = ("plants", "diagrams", "pydrake")
 
 
 def truth_paths(diagram: Diagram) -> list[str]:
@@ -51,7 +50,8 @@ def truth_paths(diagram: Diagram) -> list[str]:
 def _belongs_to_robot(system: System) -> bool:
     module = type(system).__module__
     room = module.partition(".")[0]
-    return room in ROBOT_ROOMS and not module.startswith("systems.sensors")
+    is_sensor = isinstance(system, SENSORS) or module.startswith("systems.sensors")
+    return room not in WORLD_ROOMS and not is_sensor
 
 
 def truth_references(diagram: Diagram) -> list[str]:

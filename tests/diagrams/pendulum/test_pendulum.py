@@ -10,8 +10,9 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from diagrams.applications import OWN
+from diagrams.applications import OWN, load_scenario
 from diagrams.command_line import app
+from diagrams.run.run_folder import fingerprint
 
 FILE = Path(__file__).with_name("pendulum.py")
 NOISE = 0.02  # Of the encoder, [rad].
@@ -147,3 +148,29 @@ def test_an_unknown_key_is_refused_in_one_line(tmp_path: Path, command: str) -> 
     assert result.exit_code == 2
     assert result.stderr.startswith(f"crossmodal: {path}: unknown key 'nose'; did you mean 'noise'")
     assert result.stderr.count("\n") == 1
+
+
+def test_only_the_estimators_that_are_asked_for_run(tmp_path: Path) -> None:
+    options = ("run", "swing", "--duration", 1, "--modalities")
+    result = crossmodal(*options, "open", "--out", tmp_path / "run")
+    assert result.exit_code == 0, result.output
+    assert list(read_summary(tmp_path / "run")["modalities"]) == ["open"]
+    refused = crossmodal(*options, "opne", "--out", tmp_path / "none")
+    assert refused.exit_code == 2
+    assert "unknown modality 'opne'; did you mean 'open'?" in refused.stderr
+
+
+def test_an_episode_is_not_valid_any_more_once_its_application_was_edited(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hashes = []
+    for number, noise in enumerate(("0.02", "0.03")):
+        copy = tmp_path / str(number) / "pendulum.py"
+        copy.parent.mkdir()
+        copy.write_text(FILE.read_text().replace("0.02", noise))
+        shutil.copy(FILE.with_name("swing.yaml"), copy.parent)
+        monkeypatch.setenv(OWN, str(copy))
+        application, scenario = load_scenario("swing", ["noise=0.01"])
+        hashes.append(fingerprint(application, scenario))
+    assert hashes[0]["scenario_hash"] == hashes[1]["scenario_hash"]
+    assert hashes[0]["source_hash"] != hashes[1]["source_hash"]

@@ -77,7 +77,9 @@ def find_application(name: str, source: str) -> Application:
     """
     known = applications()
     if name not in known:
-        raise ScenarioError(f"{source}: system = '{name}': {suggestion(name, known)}")
+        raise ScenarioError(
+            f"{source}: system = '{name}': {suggestion(name, known)}; others are named in {OWN}"
+        )
     return known[name]
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 TRUTH = "#222222"
 QUIET = "#8C8C8C"  # Grid text, events, what does not move.
 PLAN = "#2255EE"  # The way before the hand.
-OTHERS = ("#222255", "#66CCEE", "#CCBB44", "#228833", "#999999", "#663333")
+OTHERS = ("#4477AA", "#EE7733", "#228833", "#AA3377", "#66CCEE", "#CCBB44")
 
 
 def estimator_color(colors: Mapping[str, str], name: str, index: int) -> str:

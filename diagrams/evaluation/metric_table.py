@@ -20,6 +20,8 @@ COLUMNS = ("experiment", "seed", "modality", "metric", "value", "unit", "reason"
 READABLE = {
     "m": (1000.0, "mm"),
     "rad": (180.0 / math.pi, "deg"),
+    "m/s": (1000.0, "mm/s"),
+    "rad/s": (180.0 / math.pi, "deg/s"),
     "s": (1.0, "s"),
     "B": (1e-9, "GB"),
     "N": (1.0, "N"),

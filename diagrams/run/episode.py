@@ -104,10 +104,11 @@ class Episode:
         period = scenario.network_period
         builder = DiagramBuilder()
         station = builder.AddNamedSystem("station", self.station.diagram)
-        self._stopwatches = {
-            name: _add_estimator(builder, station, name, estimator, period)
-            for name, estimator in self.estimators.items()
-        }
+        with building(scenario.name):
+            self._stopwatches = {
+                name: _add_estimator(builder, station, name, estimator, period)
+                for name, estimator in self.estimators.items()
+            }
         application.close_loop(builder, scenario, station, self.estimators)
         self.recorder = builder.AddNamedSystem(
             "recorder",
@@ -119,7 +120,8 @@ class Episode:
                 application.pictures,
             ),
         )
-        connect_recorder(builder, station, self.estimators, self.recorder)
+        with building(scenario.name):
+            connect_recorder(builder, station, self.estimators, self.recorder)
         self._sensor_log: SensorLogWriter | None = None
         if sensors_file is not None:
             self._sensor_log = _add_sensor_recorder(
@@ -196,6 +198,10 @@ def _add_estimator(
 ) -> tuple[TickStopwatch, TickStopwatch]:
     """Adds an estimator between two stopwatches, for Drake updates in the order of adding."""
     inputs = [estimator.get_input_port(index) for index in range(estimator.num_input_ports())]
+    for port in inputs:
+        if port.get_name().startswith("cheat_"):
+            port_name = port.get_name()
+            raise ValueError(f"estimator '{name}' reads '{port_name}': the truth is not for it")
     images = [port for port in inputs if port.get_data_type() == PortDataType.kAbstractValued]
     start, stop = TickStopwatch(period, [port.Allocate() for port in images]), TickStopwatch(period)
     builder.AddNamedSystem(f"{name}_start", start)

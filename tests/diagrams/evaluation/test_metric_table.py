@@ -1,3 +1,4 @@
+import math
 from typing import Any
 
 import numpy as np
@@ -254,7 +255,12 @@ def test_a_metric_that_an_episode_does_not_have_is_left_out() -> None:
 
 def test_a_metric_in_a_unit_of_its_own_is_written_in_it() -> None:
     assert median_and_range([2.0], "px") == "2.0 (2.0 to 2.0) px"
-    assert mean_and_deviation([1.0, 3.0], "m/s") == "2.0 ± 1.4 m/s"
+    assert mean_and_deviation([1.0, 3.0], "kg") == "2.0 ± 1.4 kg"
+
+
+def test_velocities_are_written_in_millimetres_and_degrees() -> None:
+    assert median_and_range([0.002], "m/s") == "2.0 (2.0 to 2.0) mm/s"
+    assert median_and_range([math.pi / 180.0], "rad/s") == "1.0 (1.0 to 1.0) deg/s"
 
 
 def test_notes_of_the_experiment_and_what_counts_as_done_stand_below_the_tables() -> None:

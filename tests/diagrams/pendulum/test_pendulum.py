@@ -174,3 +174,20 @@ def test_an_episode_is_not_valid_any_more_once_its_application_was_edited(
         hashes.append(fingerprint(application, scenario))
     assert hashes[0]["scenario_hash"] == hashes[1]["scenario_hash"]
     assert hashes[0]["source_hash"] != hashes[1]["source_hash"]
+
+
+def test_an_estimator_that_reads_the_truth_is_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copy = tmp_path / "pendulum.py"
+    honest = 'self._declare_value_input("state_window", window)'
+    assert honest in FILE.read_text()
+    copy.write_text(
+        FILE.read_text().replace(honest, 'self.DeclareVectorInputPort("cheat_state", 2)')
+    )
+    shutil.copy(FILE.with_name("swing.yaml"), tmp_path)
+    monkeypatch.setenv(OWN, str(copy))
+    result = crossmodal("run", "swing", "--out", tmp_path / "run")
+    assert result.exit_code == 2
+    assert "reads 'cheat_state': the truth is not for it" in result.stderr
+    assert result.stderr.count("\n") == 1

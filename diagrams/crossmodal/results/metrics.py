@@ -1,6 +1,6 @@
 """The metrics of the cross-modal application and their pictures over many episodes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -24,10 +24,6 @@ def _joint(record: Mapping[str, Any]) -> Mapping[str, Any]:
     return joint
 
 
-def _of_joint(key: str) -> Callable[[Mapping[str, Any]], Any]:
-    return lambda record: _joint(record)[key]
-
-
 def _unit(record: Mapping[str, Any]) -> str:
     return "rad" if _joint(record)["type_true"] == "revolute" else "m"
 
@@ -41,6 +37,10 @@ def _is_revolute(record: Mapping[str, Any]) -> Any:
     if joint["type_true"] != "revolute":
         raise KeyError("only a revolute joint's axis has a place")
     return joint["axis_distance_error"]
+
+
+def _of_joint(key: str, **shown: Any) -> Metric:
+    return Metric(name=key, value=lambda record: _joint(record)[key], **shown)
 
 
 def _of_phase(phase: str, key: str, **shown: Any) -> Metric:
@@ -74,72 +74,62 @@ METRICS = (
         cell=lambda v, _: count(v),
         totals=True,
     ),
-    Metric(name="configuration_true", value=_of_joint("configuration_true"), unit=_unit),
-    Metric(
-        name="configuration_error",
-        value=_of_joint("configuration_error"),
+    _of_joint("configuration_true", unit=_unit),
+    _of_joint(
+        "configuration_error",
         unit=_unit,
         title="configuration error at the end",
         cell=median_and_range,
     ),
-    Metric(
-        name="configuration_std",
-        value=_of_joint("configuration_std"),
+    _of_joint(
+        "configuration_std",
         unit=_unit,
         title="configuration's claimed deviation at the end",
         cell=lambda v, unit: median_and_range(v, unit, 2),
     ),
-    Metric(
-        name="configuration_error_at_turn",
-        value=_of_joint("configuration_error_at_turn"),
+    _of_joint(
+        "configuration_error_at_turn",
         unit=_unit,
         title="configuration error at the turning point",
         cell=median_and_range,
     ),
-    Metric(
-        name="configuration_rms_moving",
-        value=_of_joint("configuration_rms_moving"),
+    _of_joint(
+        "configuration_rms_moving",
         unit=_unit,
         title="configuration error while moving, RMS",
         cell=median_and_range,
     ),
-    Metric(
-        name="configuration_error_last_seen",
-        value=_of_joint("configuration_error_last_seen"),
+    _of_joint(
+        "configuration_error_last_seen",
         unit=_unit,
         title="configuration error when last seen",
         cell=median_and_range,
     ),
-    Metric(
-        name="axis_angle_error",
-        value=_of_joint("axis_angle_error"),
+    _of_joint(
+        "axis_angle_error",
         unit="rad",
         title="axis direction error",
         cell=lambda v, unit: median_and_range(v, unit, 2),
     ),
-    Metric(
-        name="axis_angle_error_at_turn",
-        value=_of_joint("axis_angle_error_at_turn"),
+    _of_joint(
+        "axis_angle_error_at_turn",
         unit="rad",
         title="axis direction error at the turning point",
         cell=lambda v, unit: median_and_range(v, unit, 2),
     ),
-    Metric(
-        name="axis_angle_std",
-        value=_of_joint("axis_angle_std"),
+    _of_joint(
+        "axis_angle_std",
         unit="rad",
         title="axis' claimed deviation at the end",
         cell=lambda v, unit: median_and_range(v, unit, 2),
     ),
-    Metric(
-        name="configuration_inside_two_sigma",
-        value=_of_joint("configuration_inside_two_sigma"),
+    _of_joint(
+        "configuration_inside_two_sigma",
         title="final configuration inside its 2σ claim",
         cell=lambda v, _: count_of_known(v),
     ),
-    Metric(
-        name="axis_inside_two_sigma",
-        value=_of_joint("axis_inside_two_sigma"),
+    _of_joint(
+        "axis_inside_two_sigma",
         title="final axis inside its 2σ claim",
         cell=lambda v, _: count_of_known(v),
     ),
@@ -150,9 +140,8 @@ METRICS = (
         title="axis distance error",
         cell=median_and_range,
     ),
-    Metric(
-        name="type_settled_at",
-        value=_of_joint("type_settled_at"),
+    _of_joint(
+        "type_settled_at",
         unit="s",
         title="type settled after motion of",
         cell=median_and_range,

@@ -16,7 +16,7 @@ def ablate_command(
         typer.Argument(help="Flows to cut, see crossmodal list. [default: all of them]"),
     ] = None,
     seeds: Annotated[
-        str, typer.Option(help="Like 0:3 (without 3), 5,7 or 20 (from 100 on).")
+        str, typer.Option(help="Like 0:3 (without 3), 5,7 or 20 (from 0 on).")
     ] = "0:3",
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/ablations"),
 ) -> None:

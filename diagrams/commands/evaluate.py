@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 ALL = "all"
 EXAMPLES = (
-    "Examples:  crossmodal evaluate drawer --seeds 100:120 --jobs 2   |"
+    "Examples:  crossmodal evaluate drawer --seeds 40:60 --jobs 2   |"
     "   crossmodal evaluate all --seeds 20.  Run it again to go on where it was stopped."
 )
 
@@ -22,7 +22,7 @@ EXAMPLES = (
 def evaluate_command(
     experiment: Annotated[str, typer.Argument(help="See 'crossmodal list'; 'all' for all.")],
     seeds: Annotated[
-        str, typer.Option(help="Like 20 (from 100 on), 100:120 (without 120) or 1,4,9.")
+        str, typer.Option(help="Like 20 (from 0 on), 40:60 (without 60) or 1,4,9.")
     ] = "20",
     jobs: Annotated[int, typer.Option(min=1, help="Episodes at a time, one process each.")] = 1,
     out: Annotated[

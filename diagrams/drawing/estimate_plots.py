@@ -74,6 +74,7 @@ def draw_estimates(
         all_axes = np.atleast_1d(figure.subplots(len(components), 1, sharex=True))
         for axes, component in zip(all_axes, components, strict=True):
             _shade(axes, shaded, float(estimates["time"].max()))
+            truth: pd.Series | None = None
             for index, name in enumerate(_names(estimates)):
                 rows = _rows(estimates, name, quantity, component)
                 if rows.empty:
@@ -87,13 +88,10 @@ def draw_estimates(
                 axes.plot(
                     rows["time"], value, color=color, lw=1.6, label=(labels or {}).get(name, name)
                 )
-                if not errors and rows["truth"].notna().any():
-                    truth = {
-                        "color": palette.TRUTH,
-                        "ls": "--",
-                        "label": "truth" if index == 0 else "_",
-                    }
-                    axes.plot(rows["time"], scale * rows["truth"], **truth)
+                true = rows.set_index("time")["truth"]
+                truth = true if truth is None else truth.fillna(true)
+            if not errors and truth is not None and truth.notna().any():
+                axes.plot(truth.index, scale * truth, color=palette.TRUTH, ls="--", label="truth")
             axes.set_ylabel(f"{component} [{unit}]".strip() if unit else component)
         title = quantity.replace("_", " ")
         all_axes[0].set_title(f"{title}: estimate minus truth" if errors else title)

@@ -67,6 +67,8 @@ def evaluate_rows(
     record: EpisodeRecord,
     rows: Callable[[str, Tick, Tick], Iterable[Row]],
     units: Mapping[str, str],
+    labels: Mapping[str, str] | None = None,
+    colors: Mapping[str, str] | None = None,
 ) -> Results:
     """What an episode comes to by the table of its estimates alone.
 
@@ -78,6 +80,8 @@ def evaluate_rows(
         rows: From an estimator's name, its tick and the station's at the same instant to rows of
             the table.
         units: Of the quantities, in SI.
+        labels: What plots and report call the estimators; without one, by its name.
+        colors: '#RRGGBB' of the estimators in the plots.
     """
     table = estimates_table(
         {
@@ -103,7 +107,9 @@ def evaluate_rows(
             "unit": units.get(str(quantity), ""),
         }
     plots = {
-        f"{quantity}.png": partial(_draw, table, str(quantity), units.get(str(quantity), ""))
+        f"{quantity}.png": partial(
+            _draw, table, str(quantity), units.get(str(quantity), ""), labels or {}, colors or {}
+        )
         for quantity in table["quantity"].cat.categories
     }
     return Results(
@@ -111,17 +117,25 @@ def evaluate_rows(
         estimates=table,
         summary={"modalities": modalities},
         plots=plots,
-        report=_report,
+        report=partial(_report, labels or {}),
     )
 
 
-def _draw(table: pd.DataFrame, quantity: str, unit: str) -> Any:
+def _draw(
+    table: pd.DataFrame,
+    quantity: str,
+    unit: str,
+    labels: Mapping[str, str],
+    colors: Mapping[str, str],
+) -> Any:
     components = dict.fromkeys(table.loc[table["quantity"] == quantity, "component"].astype(str))
     scale, shown = readable(unit)
-    return draw_estimates(table, quantity, list(components), scale=scale, unit=shown)
+    return draw_estimates(
+        table, quantity, list(components), scale=scale, unit=shown, labels=labels, colors=colors
+    )
 
 
-def _report(summary: Mapping[str, Any]) -> list[str]:
+def _report(labels: Mapping[str, str], summary: Mapping[str, Any]) -> list[str]:
     lines = []
     for name, record in summary["modalities"].items():
         for quantity, errors in record["quantities"].items():
@@ -135,8 +149,8 @@ def _report(summary: Mapping[str, Any]) -> list[str]:
                 )
             )
             lines.append(
-                f"{name}: {quantity} {final} {unit} off at the end, {rms} {unit} RMS,"
-                f" {inside} % of the ticks inside two claimed deviations"
+                f"{labels.get(name, name)}: {quantity} {final} {unit} off at the end,"
+                f" {rms} {unit} RMS, {inside} % of the ticks inside two claimed deviations"
             )
     return lines
 

@@ -145,7 +145,7 @@ def _of_episode(name: str, unit: str = "", **shown: Any) -> Metric:
 
 # Of every application.
 EPISODE_METRICS = (
-    _of_episode("success", title="task done", cell=lambda v, _: count(v), totals=True),
+    _of_episode("success", title="done", cell=lambda v, _: count(v), totals=True),
     _of_episode("duration", "s"),
     _of_episode("wall_time", "s"),
     _of_episode("real_time_factor"),
@@ -210,22 +210,29 @@ def _cells(figures: pd.DataFrame, metric: Metric, estimators: Sequence[str]) -> 
 def experiment_tables(
     application: Application, experiment: Experiment, figures: pd.DataFrame
 ) -> list[Table]:
-    """The tables of the whole episodes and of the estimators, each beside paper and goal."""
+    """The tables of the whole episodes and of the estimators.
+
+    Each stands beside paper and goal, where the experiment names any.
+    """
     estimators = estimators_of(application, figures)
     metrics = (*EPISODE_METRICS, *application.metrics, *TICK_METRICS)
+    references = experiment.references.values()
+    beside = [kind for kind in ("paper", "goal") if any(getattr(r, kind) for r in references)]
     tables = []
     for by_estimator, columns, header in (
         (False, [""], ["all episodes"]),
         (True, estimators, [label(application, name) for name in estimators]),
     ):
-        table = Table(header=["", *header, "paper", "goal"])
+        table = Table(header=["", *header, *beside])
         for metric in metrics:
             if metric.by_estimator != by_estimator or metric.name in experiment.without:
                 continue
             cells = _cells(figures, metric, columns)
             if cells is not None:
-                beside = experiment.references.get(metric.name, Reference())
-                table.rows.append([metric.title, *cells, beside.paper, beside.goal])
+                reference = experiment.references.get(metric.name, Reference())
+                table.rows.append(
+                    [metric.title, *cells, *(getattr(reference, kind) for kind in beside)]
+                )
         if table.rows:
             tables.append(table)
     return tables
@@ -265,9 +272,8 @@ def running_notes(figures: pd.DataFrame) -> list[str]:
 
 
 HOW_TO_READ = (
-    "Errors of estimators: median (5 % to 95 % of the episodes) of the magnitude, where an estimate"
-    " that is missing counts as infinitely large ('none'). What was truly reached: mean ± standard"
-    " deviation."
+    "How to read a cell: median (5 % to 95 % of the episodes) of the magnitude, where what is"
+    " missing counts as infinitely large ('none'); or mean ± standard deviation."
 )
 
 

@@ -163,7 +163,7 @@ METRICS = (
 TRIAL_METRICS = ("exploration_error", "exploitation_error")
 
 OVERVIEW = (
-    Column(header="task done", metric="success"),
+    Column(header="done", metric="success"),
     Column(header="type right, vision", metric="type_right", estimator="vision"),
     Column(header="type right, proprioception", metric="type_right", estimator="proprioception"),
     Column(header="type right, cross-modal", metric="type_right", estimator="crossmodal"),

@@ -129,7 +129,7 @@ def test_cells_are_written_in_units_for_people() -> None:
 def test_an_episode_that_broke_off_counts_against_every_modality() -> None:
     degree = np.pi / 180
     rows = cells([summary(0, degree), summary(1, 3 * degree), summary(2, 5 * degree), broken(3)])
-    assert rows["task done"] == ["3/4", "", ""]
+    assert rows["done"] == ["3/4", "", ""]
     assert rows["exploration error"] == ["0.6 ± 0.0 deg (1 without)", "1.3 deg", ""]
     assert rows["joint type right at the end"][:2] == ["0/4", "3/4"]
     assert rows["configuration error at the end"] == [
@@ -172,7 +172,7 @@ def test_the_markdown_holds_tables_reasons_and_origin() -> None:
 def test_there_is_a_table_even_if_all_episodes_broke() -> None:
     figures = tidy_metrics(APPLICATION, "door", [broken(1)])
     assert [table.rows for table in experiment_tables(APPLICATION, EXPERIMENT, figures)] == [
-        [["task done", "0/1", "", ""]]
+        [["done", "0/1", "", ""]]
     ]
     assert failures_table(figures).rows == [["1", "RuntimeError: no | way"]]
 
@@ -189,8 +189,8 @@ def test_the_overall_table_adds_up_the_experiments() -> None:
         },
     )
     rows = {row[0]: dict(zip(table.header[1:], row[1:], strict=True)) for row in table.rows}
-    assert rows["glass-door"]["task done"] == "1/2"
-    assert rows["all"]["task done"] == "2/4 (50 %)"
+    assert rows["glass-door"]["done"] == "1/2"
+    assert rows["all"]["done"] == "2/4 (50 %)"
     assert rows["all"]["type right, cross-modal"] == "2/4 (50 %)"
     assert rows["glass-door"]["exploration error"] == "0.6 deg (1 without)"
     assert rows["drawer"]["exploration error"] == "-"
@@ -227,8 +227,19 @@ def test_an_application_of_two_metrics_has_its_own_tables() -> None:
     assert rows["error of the distance"] == [
         "3.0 (1.2 to none) mm", "none (none to none) mm", "3 mm", "1 mm"
     ]  # fmt: skip
-    assert rows["task done"][0] == "2/3"
+    assert rows["done"][0] == "2/3"
     assert rows["tick"][0] == "20.0 (20.0 to 20.0) ms"
+
+
+def test_paper_and_goal_have_columns_where_the_experiment_names_any() -> None:
+    figures = tidy_metrics(TOY, "far", [toy_summary(0, 0.001, 0.004)])
+    for table in experiment_tables(TOY, Experiment(scenario="far", description=""), figures):
+        assert not {"paper", "goal"} & set(table.header)
+    goal = {"distance_error": Reference(goal="1 mm")}
+    named = Experiment(scenario="far", description="", references=goal)
+    for table in experiment_tables(TOY, named, figures):
+        assert table.header[-1] == "goal"
+        assert "paper" not in table.header
 
 
 def test_a_metric_that_means_nothing_in_an_experiment_has_no_row() -> None:

@@ -154,7 +154,7 @@ class RecordedRun:
 
     def dark(self) -> list[tuple[float, float]]:
         """Starts and ends of the times in which the cameras saw nothing, [s]."""
-        spans = self.scenario.disturbances.spans()
+        spans = self.scenario.disturbances.dark()
         return [(interval.start, interval.end) for _, interval in spans]
 
 

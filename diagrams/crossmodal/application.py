@@ -11,7 +11,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from diagrams.crossmodal.calibration import make_calibration
-from diagrams.crossmodal.estimators import make_network
+from diagrams.crossmodal.estimators import STREAMS, make_network
 from diagrams.crossmodal.meshcat_view import add_view
 from diagrams.crossmodal.modalities import COLORS, LABELS
 from diagrams.crossmodal.own_object import identity, keep_files
@@ -35,6 +35,7 @@ from systems.port_values import (
     BodyMotions,
     JointBeliefs,
     PoseBelief,
+    StreamHealth,
     no_features,
 )
 from systems.proprioception.grasp_model import initial_grasp
@@ -47,6 +48,7 @@ QUANTITIES = (
     Quantity(port="grasp_latest", model=initial_grasp(GraspModelConfig())),
     Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR),
     Quantity(port="hand_bending_latest", model=PoseBelief(X=np.eye(4), covariance=np.eye(6))),
+    *(Quantity(port=f"{stream}_health_latest", model=StreamHealth()) for stream in STREAMS),
 )
 TOPICS = {
     "joint_state_window": Topic(name="/joint_states", window=JOINT_STATES),

@@ -10,6 +10,8 @@ from diagrams.run.calibration import Calibration
 from systems.kinematics.joint_filters import JointFiltersConfig
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from systems.kinematics.measurement_errors import MeasurementErrorsConfig
+from systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig
+from systems.monitoring.window_monitor import WindowMonitor, WindowMonitorConfig
 from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
 from systems.proprioception.grasp_model import GraspModel
 from systems.proprioception.grasp_model_config import GraspModelConfig
@@ -24,6 +26,7 @@ from systems.vision.features.feature_motion import FeatureMotion
 from systems.vision.features.feature_motion_config import FeatureMotionConfig
 
 VISION_INPUTS = ("color_measured", "depth_measured", "robot_mask")
+STREAMS = ("color", "depth", "joint_state", "wrench", "pressure")  # Those that are monitored.
 PROPRIOCEPTION_INPUTS = (
     "joint_state_window",
     "wrench_window",
@@ -136,6 +139,8 @@ class PerceptionConfig:
     """
 
     cut: list[str] = field(default_factory=list)
+    windows: WindowMonitorConfig = field(default_factory=WindowMonitorConfig)
+    images: ImageMonitorConfig = field(default_factory=ImageMonitorConfig)
     end_effector: EndEffectorMotionConfig = field(default_factory=EndEffectorMotionConfig)
     hand_bending: HandBendingConfig = field(default_factory=HandBendingConfig)
     grasp: GraspModelConfig = field(default_factory=GraspModelConfig)
@@ -205,8 +210,13 @@ def _add_vision(
         "rigid_body_motion",
         RigidBodyMotion(config.bodies, intrinsics, X_WC, with_held_body),
     )
-    for port in VISION_INPUTS:
-        builder.ExportInput(features.GetInputPort(port), port)
+    monitor = ImageMonitor(config.images, intrinsics.width, intrinsics.height)
+    _add(builder, "image_monitor", monitor)
+    for name in ("color", "depth"):
+        builder.ExportInput(monitor.GetInputPort(f"{name}_measured"), f"{name}_measured")
+        _wire(builder, monitor, f"{name}_checked", features, f"{name}_measured")
+        _export_outputs(builder, monitor, f"{name}_health_latest")
+    builder.ExportInput(features.GetInputPort("robot_mask"), "robot_mask")
     _wire(builder, features, "features_estimated", bodies, "features_estimated")
     _wire(builder, bodies, "features_predicted", features, "features_predicted")
     _export_outputs(builder, features, "features_latest")
@@ -232,9 +242,16 @@ def _add_proprioception(
         "held_body_motion",
         HeldBodyMotion(config.held_body, corrected_by_vision=corrected_by_vision),
     )
-    builder.ExportInput(end_effector.GetInputPort("joint_state_window"), "joint_state_window")
-    for port in ("wrench_window", "pressure_window"):
-        builder.ExportInput(bending.GetInputPort(port), port)
+    joints = 2 * calibration.arm.model.num_positions()
+    for stream, reader, size in (
+        ("joint_state", end_effector, joints),
+        ("wrench", bending, 6),
+        ("pressure", bending, 4),
+    ):
+        monitor = _add(builder, f"{stream}_monitor", WindowMonitor(config.windows, size))
+        builder.ExportInput(monitor.GetInputPort("window"), f"{stream}_window")
+        _wire(builder, monitor, "window_checked", reader, f"{stream}_window")
+        builder.ExportOutput(monitor.GetOutputPort("health_latest"), f"{stream}_health_latest")
     active = builder.ExportInput(bending.GetInputPort("interaction_active"), "interaction_active")
     for system in (grasp, body):
         builder.ConnectInput(active, system.GetInputPort("interaction_active"))

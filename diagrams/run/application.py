@@ -14,7 +14,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
 from diagrams.run.calibration import Calibration
 from diagrams.run.experiment import CampaignPlot, Column, Experiment, Metric
-from diagrams.run.record import EpisodeRecord, Quantity
+from diagrams.run.record import EpisodeRecord, Event, Quantity
 from diagrams.run.scenario import Scenario
 from diagrams.run.sensor_streams.codecs import Topic
 
@@ -56,6 +56,7 @@ class Results:
             `component`, `estimate`, `std`, `covariance` and `truth`.
         summary: The application's part of `summary.json`, SI and rad. `modalities` holds one
             mapping for each estimator; the time of its ticks is added to it.
+        events: What the record shows to have happened, besides what the robot said it did.
         plots: Pictures by file name, drawn when they are asked for; None for one that there is
             nothing to draw in.
         report: What a person reads after a run, from the whole summary.
@@ -64,6 +65,7 @@ class Results:
     failure: str | None
     estimates: "pd.DataFrame"
     summary: dict[str, Any]
+    events: Sequence[Event] = ()
     plots: Mapping[str, Callable[[], "Figure | None"]] = field(default_factory=dict)
     report: Callable[[Mapping[str, Any]], Sequence[str]] = lambda summary: []
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram, DiagramBuilder, PortDataType, System
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, PortDataType, System
 
 from diagrams.run.application import Application, Station
 from diagrams.run.calibration import Calibration
@@ -19,6 +19,7 @@ from diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
 from diagrams.run.recorder import STATUS_PORT, EpisodeRecorder, RecorderConfig, TickStopwatch
 from diagrams.run.scenario import Scenario
 from diagrams.run.sensor_streams.log import SensorLogWriter, SensorRecorder, make_streams
+from diagrams.run.stream_faults import add_stream_faults
 from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
 from maths.compiled import compilation_timed
 
@@ -105,8 +106,10 @@ class Episode:
         builder = DiagramBuilder()
         station = builder.AddNamedSystem("station", self.station.diagram)
         with building(scenario.name):
+            faults = scenario.disturbances.faults
+            heard = add_stream_faults(builder, station, faults, period, scenario.seed)
             self._stopwatches = {
-                name: _add_estimator(builder, station, name, estimator, period)
+                name: _add_estimator(builder, heard, name, estimator, period)
                 for name, estimator in self.estimators.items()
             }
         application.close_loop(builder, scenario, station, self.estimators)
@@ -194,7 +197,11 @@ class Episode:
 
 
 def _add_estimator(
-    builder: DiagramBuilder, station: Diagram, name: str, estimator: System, period: float
+    builder: DiagramBuilder,
+    heard: Callable[[str], OutputPort],
+    name: str,
+    estimator: System,
+    period: float,
 ) -> tuple[TickStopwatch, TickStopwatch]:
     """Adds an estimator between two stopwatches, for Drake updates in the order of adding."""
     inputs = [estimator.get_input_port(index) for index in range(estimator.num_input_ports())]
@@ -208,9 +215,9 @@ def _add_estimator(
     builder.AddNamedSystem(name, estimator)
     builder.AddNamedSystem(f"{name}_stop", stop)
     for index, port in enumerate(images):
-        builder.Connect(station.GetOutputPort(port.get_name()), start.get_input_port(index))
+        builder.Connect(heard(port.get_name()), start.get_input_port(index))
     for port in inputs:
-        builder.Connect(station.GetOutputPort(port.get_name()), port)
+        builder.Connect(heard(port.get_name()), port)
     return start, stop
 
 

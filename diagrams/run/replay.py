@@ -19,10 +19,12 @@ from diagrams.run.recorder import STATUS_PORT, EpisodeRecorder, RecorderConfig
 from diagrams.run.run_folder import SCENARIO_FILE, SENSORS_FILE
 from diagrams.run.scenario import Scenario
 from diagrams.run.sensor_streams.log import SensorLog, SensorReplay, make_streams
+from diagrams.run.stream_faults import add_stream_faults
 from diagrams.run.yaml_schema import ScenarioError
 
-# What of a scenario may be replaced when it is replayed: what perceives, not what was measured.
-PERCEIVING = ("perception", "modalities", "calibration")
+# What of a scenario may be replaced when it is replayed: what perceives, and what happens to the
+# streams on the way there, not what was measured.
+REPLACEABLE = ("perception", "modalities", "calibration", "disturbances.faults")
 
 
 def check_recorded(folder: Path, overrides: Sequence[str] = ()) -> Path:
@@ -38,10 +40,11 @@ def check_recorded(folder: Path, overrides: Sequence[str] = ()) -> Path:
         if not (folder / needed).is_file():
             raise ScenarioError(f"{folder}: holds no {needed}; {remedy}")
     for assignment in overrides:
-        if assignment.split("=")[0].split(".")[0].strip() not in PERCEIVING:
+        key = assignment.split("=")[0].strip() + "."
+        if not key.startswith(tuple(f"{name}." for name in REPLACEABLE)):
             raise ScenarioError(
                 f"--set {assignment}: a replay keeps what was measured;"
-                " only perception, modalities and calibration can be replaced"
+                f" only {', '.join(REPLACEABLE)} can be replaced"
             )
     return folder / SCENARIO_FILE
 
@@ -79,6 +82,9 @@ def replay(
     )
     builder = DiagramBuilder()
     source = builder.AddNamedSystem("sensor_replay", SensorReplay(log, period))
+    with building(scenario.name):
+        faults = scenario.disturbances.faults
+        heard = add_stream_faults(builder, source, faults, period, scenario.seed)
     for name, estimator in estimators.items():
         estimator.set_name(name)
         builder.AddSystem(estimator)
@@ -89,7 +95,7 @@ def replay(
                     f"{folder / SENSORS_FILE}: holds no stream '{port.get_name()}',"
                     f" which '{name}' needs"
                 )
-            builder.Connect(source.GetOutputPort(port.get_name()), port)
+            builder.Connect(heard(port.get_name()), port)
     builder.AddNamedSystem("recorder", recorder)
     connect_recorder(builder, source, estimators, recorder)
     simulator = Simulator(builder.Build())

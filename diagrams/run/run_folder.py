@@ -157,6 +157,7 @@ def summarise(application: Application, record: EpisodeRecord, results: Results)
         for name, estimator in record.estimators.items()
     }
     parts.pop("modalities", None)
+    events = sorted([*record.events, *results.events], key=lambda event: event.time)
     summary = {
         "scenario": record.scenario.name,
         "seed": record.scenario.seed,
@@ -169,7 +170,7 @@ def summarise(application: Application, record: EpisodeRecord, results: Results)
         "failure": "interrupted" if record.interrupted else results.failure,
         "modalities": modalities,
         **parts,
-        "events": [{"time": event.time, "name": event.name} for event in record.events],
+        "events": [{"time": event.time, "name": event.name} for event in events],
         **fingerprint(application, record.scenario),
     }
     return without_nan(summary)

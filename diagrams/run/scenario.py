@@ -15,6 +15,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from diagrams.run.calibration import CalibrationConfig, Camera, check_errors
 from diagrams.run.yaml_schema import ScenarioError, apply_override, load_typed, read_yaml
 from maths.pinhole import Intrinsics
+from systems.sensors.stream_fault import StreamFault
 
 S = TypeVar("S", bound="Scenario")
 
@@ -30,17 +31,26 @@ class Interval:
 
 @dataclass(kw_only=True)
 class Disturbances:
-    """What goes wrong for the cameras, and when."""
+    """What goes wrong, and when."""
 
     lights_off: list[Interval] = field(default_factory=list)
     camera_covered: list[Interval] = field(default_factory=list)
+    faults: list[StreamFault] = field(default_factory=list)  # Of what the estimators hear.
 
-    def spans(self) -> list[tuple[str, Interval]]:
-        """What goes wrong, in words, and when."""
+    def dark(self) -> list[tuple[str, Interval]]:
+        """Why the cameras see nothing, in words, and when."""
         return [
             *(("lights off", span) for span in self.lights_off),
             *(("camera covered", span) for span in self.camera_covered),
         ]
+
+    def spans(self) -> list[tuple[str, Interval]]:
+        """What goes wrong, in words, and when."""
+        faults = [
+            (f"{fault.stream} {fault.kind}", Interval(start=fault.start, end=fault.end))
+            for fault in self.faults
+        ]
+        return [*self.dark(), *faults]
 
 
 @dataclass(kw_only=True)

@@ -31,8 +31,10 @@ from systems.port_values.motions import (
     PoseBelief,
 )
 from systems.port_values.samples import SampleWindow
+from systems.port_values.streams import HEALTHY, StreamHealth
 
 __all__ = [
+    "HEALTHY",
     "HELD_BODY",
     "NO_POSE",
     "STATIC_BODY",
@@ -53,5 +55,6 @@ __all__ = [
     "MotionBelief",
     "PoseBelief",
     "SampleWindow",
+    "StreamHealth",
     "no_features",
 ]

@@ -8,6 +8,7 @@ import pandas as pd
 
 from diagrams.crossmodal.modalities import LABELS
 from diagrams.crossmodal.task import GRASP_LOST
+from diagrams.evaluation.stream_faults import fault_lines
 from diagrams.joints.joint_episode import JointEpisode
 from diagrams.joints.joint_metrics import axis_sign, last_seen
 from maths.arrays import Array
@@ -147,6 +148,8 @@ def report(episode: JointEpisode, summary: Mapping[str, Any]) -> list[str]:
         lines += ["", "Against the truth:"] + [f"  {line}" for line in comparison(summary)]
     if done := manipulation(episode, summary):
         lines += ["", "Manipulation:"] + [f"  {line}" for line in done]
+    if faults := fault_lines(summary["stream_faults"]):
+        lines += ["", "Streams that were not trusted:"] + [f"  {line}" for line in faults]
     return lines
 
 

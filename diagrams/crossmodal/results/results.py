@@ -1,5 +1,6 @@
 """What an episode of the cross-modal application comes to."""
 
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
@@ -10,6 +11,11 @@ from diagrams.crossmodal.results.plots import draw_configurations, draw_errors
 from diagrams.crossmodal.results.report import report
 from diagrams.crossmodal.task import task_failure, task_phases, turning_time
 from diagrams.evaluation.estimates import Row, estimates_table, scalar, vector
+from diagrams.evaluation.stream_faults import (
+    fault_events,
+    fault_spans,
+    health_rows,
+)
 from diagrams.joints.joint_episode import JointEpisode, joint_episode
 from diagrams.joints.joint_record import joint_rows, summarise_joint
 from diagrams.run.application import Results
@@ -22,6 +28,7 @@ def evaluate(record: EpisodeRecord) -> Results:
     task, truth = record.scenario.task, episode.truth
     phases = task_phases(task, truth, record.events)
     exploration_end = turning_time(record.events)
+    faults = fault_spans(record)
     return Results(
         failure=task_failure(task, truth, record.events),
         estimates=estimates_table(
@@ -32,7 +39,9 @@ def evaluate(record: EpisodeRecord) -> Results:
                 for name, estimator in record.estimators.items()
             }
         ),
+        events=fault_events(faults),
         summary={
+            "stream_faults": [asdict(fault) for fault in faults],
             "modalities": {
                 name: {"joints": [summarise_joint(series, truth, exploration_end)]}
                 for name, series in episode.series.items()
@@ -60,10 +69,11 @@ def rows_of(episode: JointEpisode, name: str, k: int) -> list[Row]:
 
     Quantities: those of `joint_rows`; `grasp_probability` (one component per grasp type) and
     `feature_count`; `end_effector_position` (x, y, z), [m], and `hand_bending`, the bent hand's
-    position (x, y, z) in the end-effector's frame, [m].
+    position (x, y, z) in the end-effector's frame, [m]; those of `health_rows`.
     """
     tick = episode.record.estimators[name].ticks[k]
-    return joint_rows(tick, episode.series[name], k, episode.truth) + _other_rows(tick)
+    joints = joint_rows(tick, episode.series[name], k, episode.truth)
+    return joints + _other_rows(tick) + health_rows(tick)
 
 
 def _other_rows(tick: Tick) -> list[Row]:

@@ -1,0 +1,49 @@
+"""Puts the faults of a scenario between what gives the sensor streams and who hears them."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from pydrake.systems.framework import DiagramBuilder, OutputPort, PortDataType, System
+
+from diagrams.run.yaml_schema import suggestion
+from systems.sensors.stream_fault import FailingStream, StreamFault
+
+
+def add_stream_faults(
+    builder: DiagramBuilder,
+    source: System,
+    faults: Sequence[StreamFault],
+    period: float,
+    seed: int,
+) -> Callable[[str], OutputPort]:
+    """Adds a `FailingStream` for each stream that has faults.
+
+    Args:
+        builder: Of the episode.
+        source: Whose output ports are the streams: a station, or a recording.
+        faults: Of the scenario.
+        period: Of the ticks, [s].
+        seed: Of the episode.
+
+    Returns:
+        From a port's name to the port that an estimator hears.
+
+    Raises:
+        ValueError: for a stream that there is not, or a fault that it cannot have.
+    """
+    ports = [source.get_output_port(index) for index in range(source.num_output_ports())]
+    streams = {port.get_name(): port for port in ports if not port.get_name().startswith("cheat_")}
+    heard = dict(streams)
+    for name in dict.fromkeys(fault.stream for fault in faults):
+        if name not in streams:
+            raise ValueError(
+                f"disturbances.faults: no stream '{name}'; {suggestion(name, streams)}"
+            )
+        port = streams[name]
+        is_vector = port.get_data_type() == PortDataType.kVectorValued
+        model = np.zeros(port.size()) if is_vector else port.Allocate().get_value()
+        own = [fault for fault in faults if fault.stream == name]
+        failing = builder.AddNamedSystem(f"{name}_faults", FailingStream(model, own, period, seed))
+        builder.Connect(port, failing.get_input_port())
+        heard[name] = failing.get_output_port()
+    return lambda name: heard[name] if name in heard else source.GetOutputPort(name)

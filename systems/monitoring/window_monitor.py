@@ -1,0 +1,139 @@
+"""Passes on the samples of a stream that can be true, and says how the stream does."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import Context
+
+from maths.arrays import Array
+from maths.immutable import Immutable
+from maths.validation import require_positive
+from systems.port_values import HEALTHY, SampleWindow, StreamHealth
+from systems.recursive_filter import RecursiveFilter
+
+NO_SAMPLES = "no samples"
+NOT_FINITE = "readings that are no numbers"
+OUT_OF_TIME = "stamps that are not of now"
+STUCK = "always the same reading"
+
+
+@dataclass(kw_only=True)
+class WindowMonitorConfig:
+    period: float = 1.0 / 15.0  # Update period, [s].
+    oldest: float = 0.15  # A sample is passed on until it is so old, [s].
+    newest: float = 0.005  # By so much a stamp may lie ahead of the tick, [s].
+    stuck_after: float = 0.05  # A noisy sensor does not read the same for so long, [s].
+    stale_after: float = 0.15  # Age of the last good sample that is a fault, [s].
+
+
+@dataclass(frozen=True, kw_only=True)
+class Monitored(Immutable):
+    """What a monitor remembers: last good stamp, last reading and since when it is the same."""
+
+    last_time: float = -np.inf
+    last_reading: Array | None = None
+    same_since: float = -np.inf
+    health: StreamHealth = HEALTHY
+    passed: SampleWindow | None = None
+
+
+def repetition_starts(
+    times: Array, values: Array, last_reading: Array | None, same_since: float
+) -> Array:
+    """Since when each of the samples (K, n) has been what it is (K,), [s]."""
+    since = np.empty(len(times))
+    previous, start = last_reading, same_since
+    for k, (time, value) in enumerate(zip(times, values, strict=True)):
+        if previous is None or not np.array_equal(value, previous):
+            start = time
+        since[k], previous = start, value
+    return since
+
+
+def check_window(
+    window: SampleWindow, before: Monitored, now: float, config: WindowMonitorConfig
+) -> Monitored:
+    """The samples of a window that can be true.
+
+    A sample is passed on if it is finite, stamped later than the last good one and neither too old
+    nor ahead of `now`, and if the reading has not been the same for too long. Of several faults the
+    first in this order is told.
+
+    Args:
+        window: As it arrived.
+        before: What was remembered.
+        now: The tick, [s].
+        config: Limits.
+    """
+    times, values = window.times, window.values
+    finite = np.isfinite(times) & np.isfinite(values).all(axis=1)
+    timely = (times > now - config.oldest) & (times <= now + config.newest)
+    timely &= times > np.maximum.accumulate(np.concatenate([[before.last_time], times]))[:-1]
+    usable = finite & timely
+    since = repetition_starts(times[usable], values[usable], before.last_reading, before.same_since)
+    moving = times[usable] - since <= config.stuck_after
+    good = np.flatnonzero(usable)[moving]
+    last = float(times[good[-1]]) if len(good) else before.last_time
+    start = before.last_time if np.isfinite(before.last_time) else 0.0
+    age = max(now - (last if np.isfinite(last) else start), 0.0)
+    fault = ""
+    if not finite.all():
+        fault = NOT_FINITE
+    elif not timely.all():
+        fault = OUT_OF_TIME
+    elif not moving.all():
+        fault = STUCK
+    elif age > config.stale_after:
+        fault = before.health.fault or NO_SAMPLES
+    heard = np.flatnonzero(usable)
+    return Monitored(
+        last_time=last,
+        last_reading=values[heard[-1]].copy() if len(heard) else before.last_reading,
+        same_since=float(since[-1]) if len(heard) else before.same_since,
+        health=StreamHealth(age=age, fault=fault),
+        passed=replace(window, times=times[good], values=values[good]),
+    )
+
+
+class WindowMonitor(RecursiveFilter):
+    """Keeps back the samples of one stream that cannot be true, and reports why.
+
+    Whoever reads the checked window needs to know of no fault: nothing true arrived, and what is
+    not measured makes a filter less certain.
+
+    .. pydrake_system::
+
+        name: WindowMonitor
+        input_ports:
+        - window
+        output_ports:
+        - window_checked
+        - health_latest
+
+    - `window`: `SampleWindow`, as it arrives.
+    - `window_checked`: `SampleWindow` of the samples that can be true, at this tick.
+    - `health_latest`: `StreamHealth` as of the last tick.
+
+    Args:
+        config: Limits.
+        size: Length n of a sample.
+
+    Raises:
+        ValueError: for an impossible config value.
+    """
+
+    def __init__(self, config: WindowMonitorConfig, size: int) -> None:
+        super().__init__()
+        units = dict.fromkeys(("period", "oldest", "stuck_after", "stale_after"), "s")
+        require_positive("WindowMonitor", config, units)
+        self._config = config
+        empty = SampleWindow(times=np.zeros(0), values=np.zeros((0, size)))
+        self._window = self._declare_value_input("window", empty)
+        self._declare_recursion(Monitored(passed=empty), self._check, config.period)
+        self._declare_estimated("window_checked", lambda state: state.passed)
+        self._declare_latest("health_latest", lambda state: state.health)
+
+    def _check(self, context: Context, before: Any) -> Monitored:
+        window = self._read(self._window, context)
+        return check_window(window, before, context.get_time(), self._config)

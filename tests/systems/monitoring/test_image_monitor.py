@@ -1,0 +1,101 @@
+"""A camera that says the same again has seen nothing."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+from pydrake.common.value import AbstractValue
+from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
+
+from maths.arrays import Array
+from systems.monitoring.image_monitor import (
+    NOT_FINITE,
+    SAME_IMAGE,
+    ImageMonitor,
+    ImageMonitorConfig,
+)
+
+TICK = 0.1
+CONFIG = ImageMonitorConfig(period=TICK, stale_after=0.15)
+SIZE = 4, 3
+
+
+def color(number: int) -> ImageRgba8U:
+    image = ImageRgba8U(*SIZE)
+    image.mutable_data[:, :, :3] = np.random.default_rng(number).integers(0, 255, (3, 4, 3))
+    image.mutable_data[:, :, 3] = 255
+    return image
+
+
+def depth(number: int) -> ImageDepth32F:
+    image = ImageDepth32F(*SIZE)
+    image.mutable_data[:] = np.random.default_rng(number).uniform(0.5, 1.0, (3, 4, 1))
+    return image
+
+
+def watched(
+    colors: list[ImageRgba8U], depths: list[ImageDepth32F]
+) -> list[tuple[Array, Array, str, str]]:
+    """Per tick: checked colour and depth, and what is said to be wrong with them."""
+    system = ImageMonitor(CONFIG, *SIZE)
+    context = system.CreateDefaultContext()
+    found = []
+    for tick, images in enumerate(zip(colors, depths, strict=True)):
+        context.SetTime(tick * TICK)
+        for name, image in zip(("color", "depth"), images, strict=True):
+            port = system.GetInputPort(f"{name}_measured")
+            port.FixValue(context, AbstractValue.Make(image))
+        checked = [
+            np.array(system.GetOutputPort(f"{name}_checked").Eval(context).data)
+            for name in ("color", "depth")
+        ]
+        system.ExecuteForcedEvents(context)
+        faults = [
+            system.GetOutputPort(f"{name}_health_latest").Eval(context).fault
+            for name in ("color", "depth")
+        ]
+        found.append((checked[0], checked[1], faults[0], faults[1]))
+    return found
+
+
+def test_new_images_pass_as_they_are() -> None:
+    colors, depths = [color(k) for k in range(3)], [depth(k) for k in range(3)]
+    for tick, (seen, measured, *faults) in enumerate(watched(colors, depths)):
+        assert_array_equal(seen, colors[tick].data)
+        assert_array_equal(measured, depths[tick].data)
+        assert faults == ["", ""]
+
+
+def test_depth_that_stopped_while_colour_lives_is_no_depth() -> None:
+    found = watched([color(k) for k in range(5)], [depth(0), *[depth(1)] * 3, depth(4)])
+    assert [fault for *_, fault in found] == ["", "", "", SAME_IMAGE, ""]
+    assert [bool(measured.any()) for _, measured, *_ in found] == [True, True, False, False, True]
+    assert all(fault == "" for _, _, fault, _ in found)
+    assert all(seen.any() for seen, *_ in found)
+
+
+def test_a_frozen_camera_sees_nothing() -> None:
+    found = watched([color(0)] * 4, [depth(0)] * 4)
+    assert [tick[2:] for tick in found] == [("", "")] * 2 + [(SAME_IMAGE, SAME_IMAGE)] * 2
+    assert not found[1][0].any()
+    assert not found[1][1].any()
+
+
+def test_a_covered_camera_is_no_fault() -> None:
+    black, nothing = ImageRgba8U(*SIZE), ImageDepth32F(*SIZE)
+    black.mutable_data[:] = [0, 0, 0, 255]
+    nothing.mutable_data[:] = 0.0
+    assert [found[2:] for found in watched([black] * 4, [nothing] * 4)] == [("", "")] * 4
+
+
+def test_depths_that_are_no_numbers_are_told() -> None:
+    broken = ImageDepth32F(*SIZE)
+    broken.mutable_data[:] = np.nan
+    found = watched([color(k) for k in range(3)], [depth(0), broken, depth(2)])
+    assert [fault for *_, fault in found] == ["", NOT_FINITE, ""]
+    assert not found[1][1].any()
+
+
+@pytest.mark.parametrize("value", [np.nan, 0.0, -1.0])
+def test_impossible_limits_are_refused(value: float) -> None:
+    with pytest.raises(ValueError, match="stale_after"):
+        ImageMonitor(ImageMonitorConfig(stale_after=value), *SIZE)

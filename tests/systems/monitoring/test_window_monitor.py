@@ -1,0 +1,132 @@
+"""Which samples a monitor passes on, and what it says of the stream."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from pydrake.common.value import AbstractValue
+
+from maths.arrays import Array
+from systems.monitoring.window_monitor import (
+    NO_SAMPLES,
+    NOT_FINITE,
+    OUT_OF_TIME,
+    STUCK,
+    Monitored,
+    WindowMonitor,
+    WindowMonitorConfig,
+    check_window,
+)
+from systems.port_values import SampleWindow
+
+TICK, STEP = 0.1, 0.01
+CONFIG = WindowMonitorConfig(period=TICK)
+
+
+def window(tick: int, *, offset: float = 0.0) -> SampleWindow:
+    """Ten noisy samples in (tick - 1, tick]."""
+    times = TICK * tick - STEP * np.arange(9, -1, -1) + offset
+    rng = np.random.default_rng(tick)
+    return SampleWindow(times=times, values=rng.normal(size=(10, 2)))
+
+
+def monitored(windows: list[SampleWindow], config: WindowMonitorConfig = CONFIG) -> list[Monitored]:
+    """The windows of the ticks 1, 2, ... through the system's ports."""
+    system = WindowMonitor(config, 2)
+    context = system.CreateDefaultContext()
+    states = []
+    for tick, value in enumerate(windows, start=1):
+        context.SetTime(tick * TICK)
+        system.GetInputPort("window").FixValue(context, AbstractValue.Make(value))
+        passed = system.GetOutputPort("window_checked").Eval(context)
+        system.ExecuteForcedEvents(context)
+        health = system.GetOutputPort("health_latest").Eval(context)
+        states.append(Monitored(passed=passed, health=health))
+    return states
+
+
+def faults(states: list[Monitored]) -> list[str]:
+    return [state.health.fault for state in states]
+
+
+def passed(state: Monitored) -> Array:
+    assert state.passed is not None
+    return state.passed.times
+
+
+def test_a_healthy_stream_passes_as_it_is() -> None:
+    windows = [window(k) for k in range(1, 6)]
+    for state, measured in zip(monitored(windows), windows, strict=True):
+        assert state.passed is not None
+        assert_array_equal(state.passed.times, measured.times)
+        assert_array_equal(state.passed.values, measured.values)
+        assert state.health.fault == ""
+        assert_allclose(state.health.age, 0.0, atol=1e-12)
+
+
+def test_a_silent_stream_grows_old_and_is_told_to_be_silent() -> None:
+    empty = SampleWindow(times=np.zeros(0), values=np.zeros((0, 2)))
+    states = monitored([window(1), empty, empty, window(4)])
+    assert_allclose([state.health.age for state in states], [0.0, 0.1, 0.2, 0.0], atol=1e-12)
+    assert faults(states) == ["", "", NO_SAMPLES, ""]
+
+
+def test_a_stream_that_never_began_is_told() -> None:
+    empty = SampleWindow(times=np.zeros(0), values=np.zeros((0, 2)))
+    assert faults(monitored([empty] * 3)) == ["", NO_SAMPLES, NO_SAMPLES]
+
+
+def test_what_is_no_number_is_left_out_and_the_rest_passes() -> None:
+    holed = window(2)
+    holed.values[4, 1] = np.nan
+    states = monitored([window(1), holed])
+    assert faults(states) == ["", NOT_FINITE]
+    assert_array_equal(passed(states[1]), np.delete(holed.times, 4))
+
+
+@pytest.mark.parametrize("offset", [3.0, -3.0])
+def test_stamps_of_another_time_are_left_out_until_the_clock_is_right_again(offset: float) -> None:
+    states = monitored([window(1), window(2, offset=offset), window(3)])
+    assert faults(states) == ["", OUT_OF_TIME, ""]
+    assert len(passed(states[1])) == 0
+    assert len(passed(states[2])) == 10
+
+
+def test_samples_that_come_a_little_late_pass() -> None:
+    states = monitored([window(k, offset=-0.04) for k in range(1, 4)])
+    assert faults(states) == ["", "", ""]
+    assert [len(passed(state)) for state in states] == [10, 10, 10]
+
+
+def test_a_stamp_does_not_pass_twice() -> None:
+    states = monitored([window(1), window(1)])
+    assert faults(states) == ["", OUT_OF_TIME]
+    assert len(passed(states[1])) == 0
+
+
+def test_a_sensor_that_is_stuck_is_found_within_a_tick() -> None:
+    stuck = [SampleWindow(times=window(k).times, values=np.ones((10, 2))) for k in (2, 3)]
+    states = monitored([window(1), *stuck, window(4)])
+    assert faults(states) == ["", STUCK, STUCK, ""]
+    # As many as a sensor that works may repeat.
+    assert len(passed(states[1])) == round(CONFIG.stuck_after / STEP) + 1
+    assert len(passed(states[2])) == 0
+
+
+def test_a_reading_that_repeats_now_and_then_is_no_fault() -> None:
+    repeated = window(2)
+    repeated.values[3] = repeated.values[2]
+    assert faults(monitored([window(1), repeated, window(3)])) == ["", "", ""]
+
+
+def test_what_was_remembered_is_not_changed() -> None:
+    before = check_window(window(1), Monitored(), TICK, CONFIG)
+    reading = np.array(before.last_reading)
+    check_window(window(2), before, 2 * TICK, CONFIG)
+    assert_array_equal(before.last_reading, reading)
+
+
+@pytest.mark.parametrize("field", ["oldest", "stuck_after", "stale_after"])
+@pytest.mark.parametrize("value", [np.nan, 0.0, -1.0])
+def test_impossible_limits_are_refused(field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=field):
+        WindowMonitor(WindowMonitorConfig(**{field: value}), 2)

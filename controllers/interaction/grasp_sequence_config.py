@@ -30,11 +30,11 @@ class GraspSequenceConfig:
     stiff_rotation_damping: float = number(1.0, at_least=0.0, at_most=1e4, unit="N m s/rad")
     stiff_translation_damping: float = number(80.0, at_least=0.0, at_most=1e5, unit="N s/m")
     # Gains of exploration: compliant but in the pulling direction (paper, section VII-A).
-    compliant_stiffness: float = number(0.1, at_least=0.0, at_most=1e4, unit="N m/rad, N/m")
-    compliant_damping: float = number(1.0, at_least=0.0, at_most=1e4, unit="N m s/rad, N s/m")
+    compliant_stiffness: float = number(0.1, at_least=0.0, at_most=1e4, unit="N m/rad or N/m")
+    compliant_damping: float = number(1.0, at_least=0.0, at_most=1e4, unit="N m s/rad or N s/m")
     pull_stiffness: float = number(400.0, at_least=0.0, at_most=1e6, unit="N/m")
     pull_damping: float = number(200.0, at_least=0.0, at_most=1e5, unit="N s/m")
-    mass: float = number(1.0, at_least=0.0, at_most=1000.0, unit="kg m^2, kg")
+    mass: float = number(1.0, at_least=0.0, at_most=1000.0, unit="kg m^2 or kg")
     # Delay from the joint's motion to the hand's stop, by which the goal is anticipated.
     anticipation: float = number(0.1, at_least=0.0, at_most=60.0, unit="s")
     # Way of the hand from the joint's start, as perceived, at which the return ends.

@@ -37,7 +37,7 @@ class TrajectoryGeneratorConfig:
     damping_along: float = number(150.0, at_least=0.0, at_most=1e5, unit="N s/m")
     damping_across: float = number(60.0, at_least=0.0, at_most=1e5, unit="N s/m")
     damping_rotation: float = number(1.0, at_least=0.0, at_most=1e4, unit="N m s/rad")
-    mass: float = number(1.0, at_least=0.0, at_most=1000.0, unit="kg m^2, kg")
+    mass: float = number(1.0, at_least=0.0, at_most=1000.0, unit="kg m^2 or kg")
 
 
 @dataclass(kw_only=True)

@@ -11,7 +11,7 @@ whoever needs them, as calls of `require`.
 import copy
 import operator
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass
 from functools import reduce
 from math import inf, isfinite
@@ -207,61 +207,3 @@ def require(valid: bool, system: str, config: object, field: str, allowed: str) 
 def _refusal(name: str, path: str, value: Any, unit: str, need: str) -> str:
     plain = value.tolist() if isinstance(value, np.generic | np.ndarray) else value
     return f"{name}: {path} = {plain!r} {unit}".rstrip() + f", need {need}"
-
-
-def require_fields(
-    system: str,
-    config: object,
-    fields: Sequence[str],
-    allowed: str,
-    accept: Callable[[float], bool],
-) -> None:
-    """Refuses the first of the fields whose value is not finite or not accepted."""
-    for name in fields:
-        value = getattr(config, name)
-        valid = bool(np.isfinite(value)) and accept(value)
-        require(valid, system, config, name, f"{allowed}, finite")
-
-
-def require_positive(system: str, config: object, units: Mapping[str, str]) -> None:
-    """Refuses the first of the fields that is not finite and above zero; unit by field."""
-    for name, unit in units.items():
-        require_fields(system, config, [name], f"> 0 {unit}".rstrip(), lambda value: value > 0)
-
-
-def require_not_negative(system: str, config: object, units: Mapping[str, str]) -> None:
-    """Refuses the first of the fields that is not finite and zero or above; unit by field."""
-    for name, unit in units.items():
-        require_fields(system, config, [name], f">= 0 {unit}".rstrip(), lambda value: value >= 0)
-
-
-def require_vector(system: str, config: object, field: str, unit: str) -> None:
-    """Refuses a config whose field is not a vector of three finite numbers."""
-    value = np.asarray(getattr(config, field), dtype=float)
-    finite = value.shape == (3,) and bool(np.isfinite(value).all())
-    require(finite, system, config, field, f"three finite numbers, {unit}")
-
-
-def require_ranges(
-    system: str,
-    config: object,
-    *,
-    positive: str = "",
-    not_negative: str = "",
-    counts: str = "",
-    shares: str = "",
-) -> None:
-    """Refuses the first field that is out of its range; each argument lists fields by name.
-
-    Args:
-        system: Name of the system, and of the part of its config.
-        config: Holds the fields.
-        positive: Fields above zero.
-        not_negative: Fields not below zero.
-        counts: Fields not below one.
-        shares: Fields above zero and not above one.
-    """
-    require_fields(system, config, positive.split(), "> 0", lambda x: x > 0)
-    require_fields(system, config, not_negative.split(), ">= 0", lambda x: x >= 0)
-    require_fields(system, config, counts.split(), ">= 1", lambda x: x >= 1)
-    require_fields(system, config, shares.split(), "in (0, 1]", lambda x: 0 < x <= 1)

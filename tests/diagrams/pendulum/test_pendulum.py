@@ -156,10 +156,8 @@ def test_a_number_outside_its_declared_range_is_refused_in_one_line(
 ) -> None:
     result = crossmodal("run", "swing", "--set", f"noise={noise}", "--out", tmp_path / "run")
     assert result.exit_code == 2
-    number = repr(float(noise.lstrip(".")))
-    assert (
-        f"swing.yaml: noise = {number} rad or rad/s, need >= 0, <= 10 rad or rad/s" in result.stderr
-    )
+    said = f"noise = {float(noise.lstrip('.'))!r} rad or rad/s, need >= 0, <= 10 rad or rad/s"
+    assert f"swing.yaml: {said}" in result.stderr
     assert result.stderr.count("\n") == 1
 
 

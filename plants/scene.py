@@ -25,7 +25,7 @@ from pydrake.multibody.tree import Joint, ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
 from maths.arrays import Array
-from maths.validation import require_not_negative, require_positive
+from maths.validation import check, number
 from models import SDF_DIR
 from plants.parsing import add_model, find_model, make_parser
 
@@ -34,7 +34,7 @@ from plants.parsing import add_model, find_model, make_parser
 class PlantConfig:
     # Drake model directives of all but the objects, in models/sdf or by an absolute path.
     scene: str = "table_scene.dmd.yaml"
-    time_step: float = 0.006  # [s]
+    time_step: float = number(0.006, at_least=1e-4, at_most=0.1, unit="s")
     contact_approximation: str = "sap"  # Drake's discrete contact approximation.
 
 
@@ -46,14 +46,14 @@ class ObjectPlacement:
         model: SDF or URDF file.
         X_WO: Pose of its model frame.
         free: Whether its root floats, to rest on the table or floor, or is welded to the world.
-        friction: Coulomb friction of each of its joints, [N] or [N m].
+        friction: Coulomb friction of each of its joints.
         texture: PNG in models/sdf/textures for visuals whose names begin with `textured`.
     """
 
     model: Path
     X_WO: RigidTransform
     free: bool = False
-    friction: float = 0.0
+    friction: float = number(0.0, at_least=0.0, at_most=1e4, unit="N or N m")
     texture: str = ""
 
 
@@ -105,7 +105,7 @@ def add_manipulation_scene(
         ValueError: if `time_step` or a friction is impossible, a name is not known or not unique,
             or an object has not one root body.
     """
-    require_positive("PlantConfig", config, {"time_step": "s"})
+    check(config, "PlantConfig")
     plant, scene_graph = AddMultibodyPlant(
         MultibodyPlantConfig(
             time_step=config.time_step,
@@ -163,7 +163,7 @@ def _move_base(directives: ModelDirectives, model: str, X_WBase: RigidTransform)
 def _place(
     plant: MultibodyPlant, parser: Parser, name: str, placement: ObjectPlacement
 ) -> ModelInstanceIndex:
-    require_not_negative(f"ObjectPlacement of '{name}'", placement, {"friction": "N or N m"})
+    check(placement, f"ObjectPlacement of '{name}'")
     instance = add_model(parser, placement.model, name)
     joints = map(plant.get_joint, plant.GetJointIndices())
     children = [joint.child_body().index() for joint in joints]

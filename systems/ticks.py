@@ -1,6 +1,13 @@
 """Durations as numbers of ticks: configurations are in seconds, filters count ticks."""
 
-from maths.validation import require_fields
+from operator import attrgetter
+
+from maths.validation import number, require
+
+
+def tick_period() -> float:
+    """A configuration's field for the period of the network's ticks, 1/15 s by default."""
+    return number(1.0 / 15.0, at_least=1e-3, at_most=1.0, unit="s")
 
 
 def whole_ticks(duration: float, period: float) -> int:
@@ -14,17 +21,13 @@ def require_ticks(
     """Refuses the first duration that is not so many ticks long.
 
     Args:
-        system: Name of the system, and of the part of its config.
-        config: Holds the durations.
+        system: Name of the system.
+        config: Of the system; its durations are finite.
         period: Of the ticks, [s]; above zero.
-        lasting: Fields by name, in [s].
+        lasting: Fields by name, in [s]; a path `part.field` for those of a part.
         least: Number of ticks that each of them needs.
     """
     count = "a tick" if least == 1 else f"{least} ticks"
-    require_fields(
-        system,
-        config,
-        lasting.split(),
-        f">= {count}, {least * period:.3g} s",
-        lambda duration: whole_ticks(duration, period) >= least,
-    )
+    for field in lasting.split():
+        enough = whole_ticks(attrgetter(field)(config), period) >= least
+        require(enough, system, config, field, f">= {count}, {least * period:.3g} s")

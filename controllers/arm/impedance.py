@@ -10,7 +10,7 @@ from controllers.arm.kinematics import ArmModel, ArmState
 from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
-from maths.validation import require_not_negative, require_positive
+from maths.validation import check, number
 
 
 @dataclass(kw_only=True)
@@ -39,11 +39,14 @@ class DesiredMotion(Immutable):
 
 @dataclass(kw_only=True)
 class ImpedanceConfig:
-    period: float = 0.005  # Update period, [s].
-    posture_stiffness: float = 4.0  # Of the null space, [N m/rad].
-    posture_damping: float = 0.4  # Of the null space, [N m s/rad].
-    torque_limit: float = 60.0  # Of every joint, [N m].
-    tare_time: float = 0.3  # Time constant with which the offset takes over the springs' load, [s].
+    period: float = number(0.005, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
+    # Of the null space.
+    posture_stiffness: float = number(4.0, at_least=0.0, at_most=1e4, unit="N m/rad")
+    # Of the null space.
+    posture_damping: float = number(0.4, at_least=0.0, at_most=1e4, unit="N m s/rad")
+    torque_limit: float = number(60.0, above=0.0, at_most=1e4, unit="N m")  # Of every joint.
+    # Time constant with which the offset takes over the springs' load.
+    tare_time: float = number(0.3, at_least=1e-3, at_most=3600.0, unit="s")
 
 
 def impedance_wrench(state: ArmState, desired: DesiredMotion, gains: ImpedanceGains) -> Array:
@@ -111,9 +114,7 @@ class ImpedanceController(LeafSystem):
     def __init__(self, config: ImpedanceConfig, arm: ArmModel, q_posture: Array) -> None:
         super().__init__()
         name, n = "ImpedanceController", arm.num_joints
-        require_positive(name, config, {"period": "s", "tare_time": "s", "torque_limit": "N m"})
-        units = {"posture_stiffness": "N m/rad", "posture_damping": "N m s/rad"}
-        require_not_negative(name, config, units)
+        check(config, name)
         if q_posture.shape != (n,):
             raise ValueError(f"{name}: q_posture = {q_posture.tolist()}, need {n} joints, [rad]")
         self._config = config

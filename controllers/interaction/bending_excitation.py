@@ -10,18 +10,22 @@ from controllers.arm.impedance import DesiredMotion
 from controllers.interaction.phases import is_held
 from maths import se3
 from maths.arrays import Array
-from maths.validation import require, require_not_negative, require_positive
+from maths.validation import check, number, require
 
 
 @dataclass(kw_only=True)
 class BendingExcitationConfig:
-    rise_time: float = 1.0  # Time in which the motion grows to its full size, [s].
-    slowest: float = 0.05  # Lowest frequency, [Hz].
-    fastest: float = 0.3  # Highest frequency, [Hz].
-    waves: int = 4  # Number of sines per direction.
-    rotation: float = 0.06  # Standard deviation about each axis of E, [rad].
-    lateral: float = 0.003  # Standard deviation along x and y of E, [m].
-    pull: float = 0.006  # Mean and standard deviation of the pull along -z of E, [m].
+    # Time in which the motion grows to its full size.
+    rise_time: float = number(1.0, at_least=1e-3, at_most=3600.0, unit="s")
+    slowest: float = number(0.05, at_least=1e-6, at_most=100.0, unit="Hz")  # Lowest frequency.
+    fastest: float = number(0.3, at_least=1e-6, at_most=100.0, unit="Hz")  # Highest frequency.
+    waves: int = number(4, at_least=1, at_most=1000)  # Number of sines per direction.
+    # Standard deviation about each axis of E.
+    rotation: float = number(0.06, at_least=0.0, at_most=3.2, unit="rad")
+    # Standard deviation along x and y of E.
+    lateral: float = number(0.003, at_least=0.0, at_most=10.0, unit="m")
+    # Mean and standard deviation of the pull along -z of E.
+    pull: float = number(0.006, at_least=0.0, at_most=10.0, unit="m")
 
 
 class SmoothPath:
@@ -73,9 +77,8 @@ class BendingExcitation(LeafSystem):
     def __init__(self, config: BendingExcitationConfig, start: float, seed: int) -> None:
         super().__init__()
         name = "BendingExcitation"
-        require_positive(name, config, {"rise_time": "s", "slowest": "Hz", "waves": ""})
-        require(config.slowest <= config.fastest < np.inf, name, config, "fastest", ">= slowest")
-        require_not_negative(name, config, {"rotation": "rad", "lateral": "m", "pull": "m"})
+        check(config, name)
+        require(config.slowest <= config.fastest, name, config, "fastest", ">= slowest")
         self._path = SmoothPath(config, seed)
         self._start = start
         self._grasp = self.DeclareAbstractInputPort("grasp_motion_desired", Value[object]())

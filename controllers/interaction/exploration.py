@@ -11,14 +11,16 @@ from controllers.arm.kinematics import ArmModel
 from controllers.interaction.phases import Phase, is_held
 from maths import se3
 from maths.arrays import Array
-from maths.validation import require_positive
+from maths.validation import check, number
 
 
 @dataclass(kw_only=True)
 class ExplorationConfig:
-    period: float = 0.01  # Update period, [s].
-    gain: float = 0.1  # k_p of the paper: way of the goal per update and velocity error, [s].
-    speed: float = 0.02  # Desired speed in the pulling direction, [m/s].
+    period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
+    # k_p of the paper: way of the goal per update and velocity error.
+    gain: float = number(0.1, above=0.0, at_most=10.0, unit="s")
+    # Desired speed in the pulling direction.
+    speed: float = number(0.02, above=0.0, at_most=10.0, unit="m/s")
 
 
 def explore_step(X_WE_desired: Array, V_WE_E: Array, V_WE_E_wanted: Array, gain: float) -> Array:
@@ -67,8 +69,7 @@ class ExplorationController(LeafSystem):
 
     def __init__(self, config: ExplorationConfig, arm: ArmModel) -> None:
         super().__init__()
-        units = {"period": "s", "gain": "s", "speed": "m/s"}
-        require_positive("ExplorationController", config, units)
+        check(config, "ExplorationController")
         self._config = config
         self._arm = arm
         n = arm.num_joints

@@ -14,13 +14,11 @@ from controllers.interaction.grasp_motion import (
     release_motion,
     stiff_gains,
 )
-from controllers.interaction.grasp_sequence_config import (
-    GraspSequenceConfig,
-    check_grasp_sequence,
-)
+from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
 from controllers.interaction.phases import Phase, is_held
 from maths import se3
 from maths.arrays import Array
+from maths.validation import check
 
 
 class GraspSequence(LeafSystem):
@@ -87,7 +85,7 @@ class GraspSequence(LeafSystem):
         goal: Goal | None = None,
     ) -> None:
         super().__init__()
-        check_grasp_sequence(config)
+        check(config, "GraspSequence")
         chambers = len(config.closing_pressure)
         self._config = config
         self._arm = arm

@@ -10,16 +10,19 @@ from controllers.interaction.grasp_motion import unit
 from controllers.interaction.phases import Phase
 from maths import se3
 from maths.arrays import Array
-from maths.validation import require, require_positive
+from maths.validation import check, number
 
 
 @dataclass(kw_only=True)
 class PullDirectionConfig:
-    period: float = 0.01  # Update period, [s].
+    period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
     follow_joint: bool = False  # Whether to pull along the perceived joint, not as taught.
-    start: float = 0.03  # Way of the hand by the joint before the joint is followed, [m].
-    time: float = 0.2  # Time constant with which the pull turns to the joint's direction, [s].
-    limit: float = 45.0  # Largest angle between pull and joint for the joint to be believed, [deg].
+    # Way of the hand by the joint before the joint is followed.
+    start: float = number(0.03, above=0.0, at_most=10.0, unit="m")
+    # Time constant with which the pull turns to the joint's direction.
+    time: float = number(0.2, at_least=1e-3, at_most=3600.0, unit="s")
+    # Largest angle between pull and joint for the joint to be believed.
+    limit: float = number(45.0, above=0.0, at_most=90.0, unit="deg")
 
 
 class PullDirection(LeafSystem):
@@ -57,9 +60,7 @@ class PullDirection(LeafSystem):
 
     def __init__(self, config: PullDirectionConfig, arm: ArmModel, direction_E: Array) -> None:
         super().__init__()
-        name = "PullDirection"
-        require_positive(name, config, {"period": "s", "start": "m", "time": "s"})
-        require(0 < config.limit <= 90, name, config, "limit", "> 0 deg, <= 90 deg")
+        check(config, "PullDirection")
         self._config = config
         self._arm = arm
         self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 2 * arm.num_joints)

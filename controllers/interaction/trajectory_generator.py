@@ -14,26 +14,30 @@ from controllers.interaction.phases import Phase, is_held
 from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
-from maths.validation import require, require_not_negative, require_positive
+from maths.validation import check, number
 
 _PEAK = 1.875  # Largest rate of the minimum-jerk blend.
 
 
 @dataclass(kw_only=True)
 class TrajectoryGeneratorConfig:
-    period: float = 0.01  # Update period, [s].
-    speed: float = 0.04  # Highest planned speed of the hand, [m/s].
-    feedback: float = 1.0  # Gain that draws the perceived joint onto the plan, [1/s].
-    failure_probability: float = 0.5  # Of the grasp, above which the feedback is off.
-    lead: float = 0.03  # Largest distance of the plan ahead of the hand, [m].
+    period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
+    # Highest planned speed of the hand.
+    speed: float = number(0.04, at_least=1e-6, at_most=10.0, unit="m/s")
+    # Gain that draws the perceived joint onto the plan.
+    feedback: float = number(1.0, above=0.0, at_most=1000.0, unit="1/s")
+    # Of the grasp, above which the feedback is off.
+    failure_probability: float = number(0.5, at_least=0.0, at_most=1.0)
+    # Largest distance of the plan ahead of the hand.
+    lead: float = number(0.03, above=0.0, at_most=10.0, unit="m")
     # Gains along and across the hand's motion.
-    stiffness_along: float = 1000.0  # [N/m]
-    stiffness_across: float = 200.0  # [N/m]
-    stiffness_rotation: float = 10.0  # [N m/rad]
-    damping_along: float = 150.0  # [N s/m]
-    damping_across: float = 60.0  # [N s/m]
-    damping_rotation: float = 1.0  # [N m s/rad]
-    mass: float = 1.0  # [kg m^2], [kg]
+    stiffness_along: float = number(1000.0, at_least=0.0, at_most=1e6, unit="N/m")
+    stiffness_across: float = number(200.0, at_least=0.0, at_most=1e6, unit="N/m")
+    stiffness_rotation: float = number(10.0, at_least=0.0, at_most=1e4, unit="N m/rad")
+    damping_along: float = number(150.0, at_least=0.0, at_most=1e5, unit="N s/m")
+    damping_across: float = number(60.0, at_least=0.0, at_most=1e5, unit="N s/m")
+    damping_rotation: float = number(1.0, at_least=0.0, at_most=1e4, unit="N m s/rad")
+    mass: float = number(1.0, at_least=0.0, at_most=1000.0, unit="kg m^2 or kg")
 
 
 @dataclass(kw_only=True)
@@ -203,21 +207,7 @@ class TrajectoryGenerator(LeafSystem):
 
     def __init__(self, config: TrajectoryGeneratorConfig, arm: ArmModel) -> None:
         super().__init__()
-        name = "TrajectoryGenerator"
-        units = {"period": "s", "speed": "m/s", "feedback": "1/s", "lead": "m"}
-        require_positive(name, config, units)
-        probability = 0 <= config.failure_probability <= 1
-        require(probability, name, config, "failure_probability", "from 0 to 1")
-        gains = {
-            "stiffness_along": "N/m",
-            "stiffness_across": "N/m",
-            "stiffness_rotation": "N m/rad",
-            "damping_along": "N s/m",
-            "damping_across": "N s/m",
-            "damping_rotation": "N m s/rad",
-            "mass": "kg",
-        }
-        require_not_negative(name, config, gains)
+        check(config, "TrajectoryGenerator")
         self._config = config
         self._arm = arm
         n = arm.num_joints

@@ -1,7 +1,7 @@
 """Draws what the network believes into Meshcat, live and in the recording."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from pydrake.common.value import AbstractValue, Value
@@ -20,6 +20,7 @@ from diagrams.joints.joint_palette import JOINT, RESTING_IN_SCENE, body_color
 from diagrams.joints.joint_truth import UNKNOWN_JOINT
 from diagrams.run.episode import connect_latest
 from maths.arrays import Array
+from maths.validation import check, number, numbers
 from systems.port_values import (
     BodyMotion,
     BodyMotions,
@@ -37,13 +38,19 @@ _BOARD_HEIGHT = 0.05  # [m]
 
 @dataclass(kw_only=True)
 class MeshcatViewConfig:
-    period: float = 0.1  # Between drawings, [s].
-    refresh_interval: float = 1.0  # Between new sets of features, [s]; between them they move.
-    text_interval: float = 0.5  # Least time between new texts, [s].
-    point_size: float = 0.012  # Of a feature, [m].
-    # Where the page is first seen from, and what the texts face, p_WV, [m]; and its target.
-    viewpoint: np.ndarray = field(default_factory=lambda: np.array([-0.25, 0.75, 1.45]))
-    looking_at: np.ndarray = field(default_factory=lambda: np.array([0.6, -0.2, 0.85]))
+    period: float = number(0.1, at_least=1e-3, at_most=3600.0, unit="s")  # Between drawings.
+    # Between new sets of features; between them they move.
+    refresh_interval: float = number(1.0, at_least=1e-3, at_most=3600.0, unit="s")
+    # Least time between new texts.
+    text_interval: float = number(0.5, at_least=1e-3, at_most=3600.0, unit="s")
+    point_size: float = number(0.012, at_least=1e-6, at_most=1.0, unit="m")  # Of a feature.
+    # Where the page is first seen from, and what the texts face, p_WV; and its target.
+    viewpoint: np.ndarray = numbers(
+        np.array([-0.25, 0.75, 1.45]), at_least=-100.0, at_most=100.0, unit="m"
+    )
+    looking_at: np.ndarray = numbers(
+        np.array([0.6, -0.2, 0.85]), at_least=-100.0, at_most=100.0, unit="m"
+    )
 
 
 def add_view(
@@ -95,10 +102,7 @@ class MeshcatView(LeafSystem):
         self, config: MeshcatViewConfig, meshcat: Meshcat, modalities: Sequence[str]
     ) -> None:
         super().__init__()
-        for name in ("period", "refresh_interval", "text_interval", "point_size"):
-            value = getattr(config, name)
-            if not value > 0:
-                raise ValueError(f"MeshcatView: need {name} > 0, got {value!r}")
+        check(config, "MeshcatView")
         meshcat.Delete(ROOT)  # What an earlier view may have left.
         meshcat.SetCameraPose(config.viewpoint, config.looking_at)
         self._ports: dict[str, dict[str, InputPort]] = {}

@@ -10,6 +10,7 @@ from controllers.interaction.exploration import ExplorationConfig
 from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
 from controllers.interaction.pull_direction import PullDirectionConfig
 from controllers.interaction.trajectory_generator import TrajectoryGeneratorConfig
+from maths.validation import number, numbers
 from systems.sensors.air_pressure import PressureSensorConfig
 from systems.sensors.joint_encoders import JointEncodersConfig
 from systems.sensors.rgbd_camera import CameraNoiseConfig
@@ -38,10 +39,10 @@ class ControlConfig:
     trajectory: TrajectoryGeneratorConfig = field(default_factory=TrajectoryGeneratorConfig)
     # With this the object is locked and the hand moves about it, to learn how it bends.
     excitation: BendingExcitationConfig | None = None
-    # Posture (7,) near the taught grasp's, far from the joints' limits on all of the way, [rad].
-    posture: np.ndarray = field(
-        default_factory=lambda: np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0])
+    # Posture (7,) near the taught grasp's, far from the joints' limits on all of the way.
+    posture: np.ndarray = numbers(
+        np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0]), at_least=-10.0, at_most=10.0, unit="rad"
     )
     # How well a person guides the hand to the handle, standard deviations.
-    guidance_translation: float = 0.004  # [m]
-    guidance_rotation: float = 0.03  # [rad]
+    guidance_translation: float = number(0.004, at_least=0.0, at_most=1.0, unit="m")
+    guidance_rotation: float = number(0.03, at_least=0.0, at_most=3.2, unit="rad")

@@ -12,8 +12,9 @@ from diagrams.crossmodal.objects.object_import import check_pull, imported
 from diagrams.crossmodal.objects.object_model import read_object_model
 from diagrams.crossmodal.robot_config import HAND, ControlConfig, SensorsConfig
 from diagrams.run import scenario as base
-from diagrams.run.scenario import CameraConfig, require_positive, require_vector
+from diagrams.run.scenario import CameraConfig
 from diagrams.run.yaml_schema import ScenarioError, suggestion
+from maths.validation import number, numbers
 from models import SDF_DIR
 from plants.hands.pneumatic_hand import PneumaticHandConfig
 from plants.scene import PlantConfig
@@ -25,9 +26,11 @@ SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 class ObjectVariation:
     """What the seed draws uniformly around the nominal object."""
 
-    position: np.ndarray = field(default_factory=lambda: np.zeros(3))  # Half ranges, [m].
-    yaw: float = 0.0  # Half range, [deg].
-    friction: float = 0.0  # Half range of the joint's friction, as a share of it.
+    # Half ranges.
+    position: np.ndarray = numbers(np.zeros(3), at_least=0.0, at_most=10.0, unit="m")
+    yaw: float = number(0.0, at_least=0.0, at_most=180.0, unit="deg")  # Half range.
+    # Half range of the joint's friction, as a share of it.
+    friction: float = number(0.0, at_least=0.0, at_most=1.0)
     textures: list[str] = field(default_factory=list)  # Names to choose from; empty: the model's.
 
 
@@ -40,17 +43,20 @@ class ObjectConfig:
     joint: str = "slide"  # The explored one; empty: the nearest that moves the handle's frame.
     # x out of the object, y along the bar; for an import also a link, or LINK@x,y,z,roll,pitch,yaw.
     handle_frame: str = "handle"
-    position: np.ndarray = field(default_factory=lambda: np.array([0.865, -0.25, 0.86]))  # [m]
-    roll: float = 0.0  # [deg]
-    pitch: float = 0.0  # [deg]
-    yaw: float = 180.0  # [deg]
+    position: np.ndarray = numbers(
+        np.array([0.865, -0.25, 0.86]), at_least=-100.0, at_most=100.0, unit="m"
+    )
+    roll: float = number(0.0, at_least=-720.0, at_most=720.0, unit="deg")
+    pitch: float = number(0.0, at_least=-720.0, at_most=720.0, unit="deg")
+    yaw: float = number(180.0, at_least=-720.0, at_most=720.0, unit="deg")
     # Whether position and yaw are the handle's, with the object upright, or the model frame's.
     place_handle: bool = False
     free: bool = False  # Whether it only rests on the table; otherwise it is fixed there.
-    ajar: float = 0.0  # Where the joint is at the start, [m or rad].
+    # Where the joint is at the start.
+    ajar: float = number(0.0, at_least=-100.0, at_most=100.0, unit="m or rad")
     # Where the hand pulls to explore, in the handle's frame; out of the object is x.
-    pull_direction: np.ndarray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
-    friction: float = 6.0  # Of the joint, [N or N m].
+    pull_direction: np.ndarray = numbers(np.array([1.0, 0.0, 0.0]), at_least=-100.0, at_most=100.0)
+    friction: float = number(6.0, at_least=0.0, at_most=1000.0, unit="N or N m")  # Of the joint.
     variation: ObjectVariation = field(default_factory=ObjectVariation)
 
     def pose(self) -> RigidTransform:
@@ -63,12 +69,14 @@ class ObjectConfig:
 class Task:
     """What the robot is to do with the object's joint."""
 
-    opening: float = 0.2  # The joint's least travel for a success, [m or rad].
+    # The joint's least travel for a success.
+    opening: float = number(0.2, above=0.0, at_most=100.0, unit="m or rad")
     # Exploration ends once the joint is perceived to have travelled so far, [m or rad]; without it,
     # after the hand's way of control.sequence.travel.
-    goal: float | None = None
+    goal: float | None = number(None, above=0.0, at_most=100.0, unit="m or rad")
     return_to_start: bool = False  # Whether the robot then brings the joint back.
-    tolerance: float = 0.05  # How near to its start is near enough for a success, [m or rad].
+    # How near to its start is near enough for a success.
+    tolerance: float = number(0.05, above=0.0, at_most=100.0, unit="m or rad")
     modality: str = ""  # By which the robot acts; empty is the cross-modal, or the only one.
     object: str = ""  # Which of the objects is manipulated; empty is the only one.
 
@@ -216,15 +224,7 @@ def _model_file(model: str, key: str, scenario_path: Path) -> Path:
 
 def _check(scenario: Scenario, source: str) -> None:
     task = scenario.task
-    require_positive(
-        source,
-        plant__time_step=(scenario.plant.time_step, "s"),
-        task__opening=(task.opening, "m or rad"),
-        task__tolerance=(task.tolerance, "m or rad"),
-    )
-    if task.goal is not None:
-        require_positive(source, task__goal=(task.goal, "m or rad"))
-    elif task.return_to_start:
+    if task.return_to_start and task.goal is None:
         raise ScenarioError(f"{source}: task.return_to_start needs task.goal, [m or rad]")
     if not scenario.objects or (task.object and task.object not in scenario.objects):
         raise ScenarioError(
@@ -236,7 +236,10 @@ def _check(scenario: Scenario, source: str) -> None:
             f" {', '.join(scenario.objects)}"
         )
     for name, thing in scenario.objects.items():
-        _check_object(f"objects.{name}", thing, source)
+        key = f"{source}: objects.{name}"
+        if not np.linalg.norm(thing.pull_direction) > 1e-6:
+            raise ScenarioError(f"{key}.pull_direction must not be all zero")
+        _check_textures(f"{key}.variation.textures", thing.variation.textures)
     _check_modalities(scenario.modalities, source)
     if task.modality and task.modality not in scenario.modalities:
         raise ScenarioError(
@@ -247,11 +250,6 @@ def _check(scenario: Scenario, source: str) -> None:
         check_cut(scenario.perception.cut)
     except ValueError as error:
         raise ScenarioError(f"{source}: {error}") from None
-    posture = scenario.control.posture
-    if posture.shape != (7,) or not np.all(np.isfinite(posture)):
-        raise ScenarioError(
-            f"{source}: control.posture = {posture.tolist()}, but it must be 7 numbers, [rad]"
-        )
     if len(scenario.cameras) != 1 or scenario.camera.base_frame != "world":
         raise ScenarioError(
             f"{source}: cameras: the estimators see through one camera that is fixed to the world"
@@ -262,16 +260,6 @@ def _check(scenario: Scenario, source: str) -> None:
         raise ScenarioError(
             f"{source}: plant.scene = '{scenario.plant.scene}': there is no such file in {SDF_DIR}"
         )
-
-
-def _check_object(key: str, thing: ObjectConfig, source: str) -> None:
-    if not 0 <= thing.friction < float("inf"):
-        raise ScenarioError(f"{source}: {key}.friction = {thing.friction!r}, but it must be >= 0 N")
-    require_vector(f"{key}.position", thing.position, source)
-    require_vector(f"{key}.pull_direction", thing.pull_direction, source, unit="")
-    if not np.any(thing.pull_direction):
-        raise ScenarioError(f"{source}: {key}.pull_direction must not be all zero")
-    _check_variation(f"{key}.variation", thing.variation, source)
 
 
 def _check_modalities(modalities: Iterable[str], source: str) -> None:
@@ -287,19 +275,8 @@ def _check_modalities(modalities: Iterable[str], source: str) -> None:
         )
 
 
-def _check_variation(key: str, variation: ObjectVariation, source: str) -> None:
-    require_vector(f"{key}.position", variation.position, source)
+def _check_textures(key: str, textures: Iterable[str]) -> None:
     known = [path.stem for path in (SDF_DIR / "textures").glob("*.png")]
-    for texture in variation.textures:
+    for texture in textures:
         if texture not in known:
-            raise ScenarioError(
-                f"{source}: {key}.textures: unknown texture '{texture}';"
-                f" {suggestion(texture, known)}"
-            )
-    ranges = {"yaw": variation.yaw, "friction": variation.friction}
-    ranges["position"] = float(np.min(variation.position))
-    for name, value in ranges.items():
-        if not 0 <= value < float("inf"):
-            raise ScenarioError(
-                f"{source}: {key}.{name} = {value!r}, but a half range must be >= 0"
-            )
+            raise ScenarioError(f"{key}: unknown texture '{texture}'; {suggestion(texture, known)}")

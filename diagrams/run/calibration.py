@@ -7,7 +7,7 @@ camera and each arm is drawn around what is believed of it, with the standard de
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -16,6 +16,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from maths import se3
 from maths.arrays import Array
 from maths.pinhole import Intrinsics
+from maths.validation import number
 from systems.sensors.randomness import make_generator
 
 
@@ -24,25 +25,25 @@ class CalibrationErrors:
     """Standard deviations of what a calibration may be off by; zero is perfect.
 
     Attributes:
-        camera_rotation: Of a camera, about each of its axes, [rad].
-        camera_translation: Of a camera, along each of its axes, [m].
+        camera_rotation: Of a camera, about each of its axes.
+        camera_translation: Of a camera, along each of its axes.
         focal_length: As a share of it.
         depth_scale: Of all depths, as a share of them.
-        registration: Between depth and colour image, along u and v each, [px].
-        latency: By how much later than at its stamp an image shows the world, [s]. It is drawn from
+        registration: Between depth and colour image, along u and v each.
+        latency: By how much later than at its stamp an image shows the world. It is drawn from
             the half of a normal distribution: no image is of the future.
-        arm_rotation: Of an arm's base, about each of its axes, [rad].
-        arm_translation: Of an arm's base, along each of its axes, [m].
+        arm_rotation: Of an arm's base, about each of its axes.
+        arm_translation: Of an arm's base, along each of its axes.
     """
 
-    camera_rotation: float = 0.0
-    camera_translation: float = 0.0
-    focal_length: float = 0.0
-    depth_scale: float = 0.0
-    registration: float = 0.0
-    latency: float = 0.0
-    arm_rotation: float = 0.0
-    arm_translation: float = 0.0
+    camera_rotation: float = number(0.0, at_least=0.0, at_most=0.5, unit="rad")
+    camera_translation: float = number(0.0, at_least=0.0, at_most=1.0, unit="m")
+    focal_length: float = number(0.0, at_least=0.0, below=0.2)
+    depth_scale: float = number(0.0, at_least=0.0, below=0.2)
+    registration: float = number(0.0, at_least=0.0, at_most=100.0, unit="px")
+    latency: float = number(0.0, at_least=0.0, at_most=1.0, unit="s")
+    arm_rotation: float = number(0.0, at_least=0.0, at_most=0.5, unit="rad")
+    arm_translation: float = number(0.0, at_least=0.0, at_most=1.0, unit="m")
 
 
 def realistic_errors() -> CalibrationErrors:
@@ -70,23 +71,6 @@ class CalibrationConfig:
 
     errors: CalibrationErrors = field(default_factory=CalibrationErrors)
     believed: CalibrationErrors = field(default_factory=realistic_errors)
-
-
-def check_errors(errors: CalibrationErrors, key: str) -> None:
-    """Raises a ValueError for an impossible standard deviation.
-
-    Args:
-        key: Where the errors stand, for the message.
-    """
-    units = {"rotation": "rad", "translation": "m", "registration": "px", "latency": "s"}
-    for item in fields(errors):
-        value = getattr(errors, item.name)
-        unit = units.get(item.name.rpartition("_")[2], "")
-        if not 0 <= value < np.inf:
-            raise ValueError(f"{key}.{item.name} = {value!r}, need >= 0 {unit}".rstrip())
-    for name in ("focal_length", "depth_scale"):
-        if not getattr(errors, name) < 0.2:
-            raise ValueError(f"{key}.{name} = {getattr(errors, name)!r}, need < 0.2 of the value")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,15 +12,19 @@ from pydrake.systems.framework import Context, InputPort, LeafSystem, State
 from pydrake.systems.sensors import ImageRgba8U
 
 from diagrams.run.record import EstimatorRecord, Event, Picture, Quantity, TaskStatus, Tick
+from maths.validation import check, number
+from systems.ticks import tick_period
 
 STATUS_PORT = "task_status"  # Of a station that says what the robot does.
 
 
 @dataclass(kw_only=True)
 class RecorderConfig:
-    period: float = 1.0 / 15.0  # Tick of the estimators, [s].
-    picture_interval: float = 0.5  # Least time between kept images of a camera, [s].
-    max_pictures: int = 32  # Kept images of a camera; beyond it every other one is given up.
+    period: float = tick_period()  # Tick of the estimators.
+    # Least time between kept images of a camera.
+    picture_interval: float = number(0.5, at_least=1e-3, at_most=86400.0, unit="s")
+    # Kept images of a camera; beyond it every other one is given up.
+    max_pictures: int = number(32, at_least=3, at_most=10000)
 
 
 class EpisodeRecorder(LeafSystem):
@@ -63,12 +67,7 @@ class EpisodeRecorder(LeafSystem):
         pictures: Sequence[str] = (),
     ) -> None:
         super().__init__()
-        for name in ("period", "picture_interval"):
-            value = getattr(config, name)
-            if not value > 0:
-                raise ValueError(f"EpisodeRecorder: need {name} > 0 s, got {value!r}")
-        if config.max_pictures < 3:
-            raise ValueError(f"EpisodeRecorder: need max_pictures >= 3, got {config.max_pictures}")
+        check(config, "EpisodeRecorder")
         self._config = config
         self._picture_interval = dict.fromkeys(pictures, config.picture_interval)
         self._pictures: dict[str, list[Picture]] = {port: [] for port in pictures}

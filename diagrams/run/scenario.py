@@ -1,7 +1,8 @@
 """What every scenario has: all that is chosen about an episode before it starts, read from YAML.
 
 An application adds its own keys in a dataclass below `Scenario`. The parts that configure one
-system are that system's own config; they are checked by that system.
+system are that system's own config. Each number declares its range, and all are checked here; what
+is impossible only beside other values is refused by the system that it is for.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,18 +13,20 @@ from typing import Any, TypeVar
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
-from diagrams.run.calibration import CalibrationConfig, Camera, check_errors
+from diagrams.run.calibration import CalibrationConfig, Camera
 from diagrams.run.yaml_schema import ScenarioError, apply_override, load_typed, read_yaml
 from maths.pinhole import Intrinsics
+from maths.validation import check, number, numbers
 from systems.sensors.stream_fault import StreamFault
+from systems.ticks import tick_period
 
 S = TypeVar("S", bound="Scenario")
 
 
 @dataclass(kw_only=True)
 class Interval:
-    start: float = 0.0  # [s], since the episode began.
-    end: float = float("inf")  # [s]
+    start: float = number(0.0, at_least=0.0, at_most=86400.0, unit="s")  # Since the episode began.
+    end: float = number(float("inf"), above=0.0, at_most=86400.0, unit="s", infinite=True)
 
     def __contains__(self, time: float) -> bool:
         return self.start <= time < self.end
@@ -57,14 +60,19 @@ class Disturbances:
 class CameraConfig:
     """Where a camera is and what it sees, as the robot believes; see `calibration.errors`."""
 
-    width: int = 640  # [px]
-    height: int = 480  # [px]
-    horizontal_angle: float = 58.0  # Horizontal field of view, [deg].
+    width: int = number(640, at_least=16, at_most=4096, unit="px")
+    height: int = number(480, at_least=16, at_most=4096, unit="px")
+    # Horizontal field of view.
+    horizontal_angle: float = number(58.0, at_least=0.1, at_most=179.0, unit="deg")
     base_frame: str = "world"  # The frame P that carries it; of a model as `model::frame`.
-    position: np.ndarray = field(default_factory=lambda: np.zeros(3))  # p_PC, [m].
-    looking_at: np.ndarray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))  # In P, [m].
-    up: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))  # In P.
-    lamp: float = 0.0  # Intensity of a lamp at the camera; the ceiling light's is 0.9.
+    position: np.ndarray = numbers(np.zeros(3), at_least=-100.0, at_most=100.0, unit="m")  # p_PC.
+    # In P.
+    looking_at: np.ndarray = numbers(
+        np.array([1.0, 0.0, 0.0]), at_least=-100.0, at_most=100.0, unit="m"
+    )
+    up: np.ndarray = numbers(np.array([0.0, 0.0, 1.0]), at_least=-100.0, at_most=100.0)  # In P.
+    # Intensity of a lamp at the camera; the ceiling light's is 0.9.
+    lamp: float = number(0.0, at_least=0.0, at_most=100.0)
 
     def camera(self) -> Camera:
         """The camera that this describes, with square pixels.
@@ -103,10 +111,12 @@ class Scenario:
     system: str = ""  # The application that runs it; see `crossmodal list`.
     name: str = ""  # By default the file's.
     description: str = ""
-    seed: int = 0
-    duration: float = 40.0  # Simulated time after which an episode ends at the latest, [s].
-    stop_time: float = 1.0  # How long it goes on when the robot is done, [s].
-    network_period: float = 1.0 / 15.0  # Tick of the filters and the sensors' windows, [s].
+    seed: int = number(0, at_least=0, at_most=2**63 - 1)
+    # Simulated time after which an episode ends at the latest.
+    duration: float = number(40.0, above=0.0, at_most=86400.0, unit="s")
+    # How long it goes on when the robot is done.
+    stop_time: float = number(1.0, at_least=0.0, at_most=3600.0, unit="s")
+    network_period: float = tick_period()  # Tick of the filters and the sensors' windows.
     modalities: list[str] = field(default_factory=list)  # The estimators that run; none: all.
     cameras: dict[str, CameraConfig] = field(default_factory=dict)
     calibration: CalibrationConfig = field(default_factory=CalibrationConfig)
@@ -134,70 +144,29 @@ def parse_scenario(schema: type[S], document: Mapping[str, Any], path: Path) -> 
     return scenario
 
 
-def require_positive(source: str, **values: tuple[float, str]) -> None:
-    """Refuses values that are not finite and above zero; each comes with its unit.
-
-    Args:
-        source: Where the values stand, the beginning of the message.
-        values: By key, with `__` for the dot.
-    """
-    for key, (value, unit) in values.items():
-        if not 0 < value < float("inf"):
-            name = key.replace("__", ".")
-            raise ScenarioError(f"{source}: {name} = {value!r} {unit}, but it must be > 0 {unit}")
-
-
-def require_vector(key: str, value: np.ndarray, source: str, unit: str = ", [m]") -> None:
-    """Refuses what is not three finite numbers."""
-    if value.shape != (3,) or not np.all(np.isfinite(value)):
-        raise ScenarioError(f"{source}: {key} = {value.tolist()}, but it must be 3 numbers{unit}")
-
-
 def check_scenario(scenario: Scenario, source: str) -> None:
-    """Refuses values that no episode can have."""
-    require_positive(
-        source,
-        duration=(scenario.duration, "s"),
-        network_period=(scenario.network_period, "s"),
-    )
-    if not 0 <= scenario.stop_time < float("inf"):
-        raise ScenarioError(
-            f"{source}: stop_time = {scenario.stop_time!r} s, but it must be >= 0 s"
-        )
-    if scenario.seed < 0:
-        raise ScenarioError(f"{source}: seed = {scenario.seed}, but it must be >= 0")
+    """Refuses values that no episode can have.
+
+    Raises:
+        ScenarioError: for the first number, anywhere in the scenario, that is outside the range
+            that its field declares, and for what is impossible only beside other values.
+    """
+    try:
+        check(scenario, source)
+    except ValueError as error:
+        raise ScenarioError(str(error)) from None
     for name, camera in scenario.cameras.items():
         _check_camera(f"cameras.{name}", camera, source)
-    for key in ("errors", "believed"):
-        try:
-            check_errors(getattr(scenario.calibration, key), f"calibration.{key}")
-        except ValueError as error:
-            raise ScenarioError(f"{source}: {error}") from None
     for key in ("lights_off", "camera_covered"):
         for index, interval in enumerate(getattr(scenario.disturbances, key)):
-            if not 0 <= interval.start < interval.end:
+            if not interval.start < interval.end:
                 raise ScenarioError(
                     f"{source}: disturbances.{key}.{index} = {interval.start:g} to"
-                    f" {interval.end:g} s, but it must be 0 <= start < end"
+                    f" {interval.end:g} s, but it must be start < end"
                 )
 
 
 def _check_camera(key: str, camera: CameraConfig, source: str) -> None:
-    for name in ("width", "height"):
-        if not 16 <= getattr(camera, name) <= 4096:
-            raise ScenarioError(
-                f"{source}: {key}.{name} = {getattr(camera, name)} pixels,"
-                " but it must be from 16 to 4096 pixels"
-            )
-    if not 0 < camera.horizontal_angle < 180:
-        raise ScenarioError(
-            f"{source}: {key}.horizontal_angle = {camera.horizontal_angle!r} deg,"
-            " but it must be between 0 and 180 deg"
-        )
-    for name in ("position", "looking_at", "up"):
-        require_vector(f"{key}.{name}", getattr(camera, name), source)
-    if not 0 <= camera.lamp < np.inf:
-        raise ScenarioError(f"{source}: {key}.lamp = {camera.lamp!r}, must be from 0 on")
     ray = camera.looking_at - camera.position
     if np.allclose(ray, 0.0):
         raise ScenarioError(f"{source}: {key}.looking_at must differ from {key}.position")

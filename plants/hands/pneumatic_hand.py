@@ -6,26 +6,33 @@ chamber towards the commanded pressure; once sealed, its air obeys P V = const (
 bending a finger from outside changes the pressure that the sensor reads.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from maths.arrays import Array
-from maths.validation import require_positive
+from maths.validation import check, number, numbers
 
 ATMOSPHERE = 101_325.0  # [Pa]
 
 
 @dataclass(kw_only=True)
 class PneumaticHandConfig:
-    period: float = 0.005  # Update period, [s].
-    fill_time: float = 0.15  # Time constant of the pressure regulator, [s].
-    finger_volume: float = 2.5e-5  # Of one straight finger, [m^3].
-    thumb_volume: float = 4.0e-5  # Of the straight thumb, [m^3].
-    # Volume per angle of a finger's three joints, proximal first, [m^3/rad].
-    finger_rates: list[float] = field(default_factory=lambda: [3.0e-6, 4.0e-6, 3.0e-6])
-    thumb_rates: list[float] = field(default_factory=lambda: [1.2e-5, 9.0e-6, 6.0e-6])
+    period: float = number(0.005, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
+    # Time constant of the pressure regulator.
+    fill_time: float = number(0.15, at_least=1e-3, at_most=60.0, unit="s")
+    # Of one straight finger.
+    finger_volume: float = number(2.5e-5, at_least=1e-9, at_most=0.1, unit="m^3")
+    # Of the straight thumb.
+    thumb_volume: float = number(4.0e-5, at_least=1e-9, at_most=0.1, unit="m^3")
+    # Volume per angle of a finger's three joints, proximal first.
+    finger_rates: list[float] = numbers(
+        [3.0e-6, 4.0e-6, 3.0e-6], at_least=0.0, at_most=0.01, unit="m^3/rad"
+    )
+    thumb_rates: list[float] = numbers(
+        [1.2e-5, 9.0e-6, 6.0e-6], at_least=0.0, at_most=0.01, unit="m^3/rad"
+    )
 
 
 def chamber_rates(config: PneumaticHandConfig) -> Array:
@@ -65,8 +72,7 @@ class PneumaticHand(LeafSystem):
 
     def __init__(self, config: PneumaticHandConfig) -> None:
         super().__init__()
-        units = {"period": "s", "fill_time": "s", "finger_volume": "m^3", "thumb_volume": "m^3"}
-        require_positive("PneumaticHand", config, units)
+        check(config, "PneumaticHand")
         self._rates = chamber_rates(config)
         chambers, self._joints = self._rates.shape
         single, thumb = config.finger_volume, config.thumb_volume

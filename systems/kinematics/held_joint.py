@@ -8,7 +8,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from maths import se3
 from maths.arrays import Array
-from maths.validation import require
+from maths.validation import check, number
 from systems.port_values import (
     HELD_BODY,
     STATIC_BODY,
@@ -30,9 +30,12 @@ MOVING_TYPES = (JointType.PRISMATIC, JointType.REVOLUTE)
 class HeldJointConfig:
     """How likely a joint has to be before anyone acts on it."""
 
-    least_probability: float = 0.5  # Least probability of its type.
-    largest_axis_angle: float = 0.5  # Largest standard deviation of its axis, [rad].
-    margin: float = 10.0  # Log evidence by which a joint to a moving body has to be better, [nat].
+    # Least probability of its type.
+    least_probability: float = number(0.5, at_least=0.0, at_most=1.0)
+    # Largest standard deviation of its axis.
+    largest_axis_angle: float = number(0.5, above=0.0, at_most=10.0, unit="rad")
+    # Log evidence by which a joint to a moving body has to be better.
+    margin: float = number(10.0, at_least=0.0, at_most=1e4, unit="nat")
 
 
 def screw(joint_type: JointType, model: JointModelBelief) -> Array:
@@ -136,11 +139,7 @@ class HeldJoint(LeafSystem):
 
     def __init__(self, config: HeldJointConfig) -> None:
         super().__init__()
-        probable = 0.0 <= config.least_probability <= 1.0
-        require(probable, "HeldJoint", config, "least_probability", "from 0 to 1")
-        positive = config.largest_axis_angle > 0.0
-        require(positive, "HeldJoint", config, "largest_axis_angle", "> 0 rad")
-        require(config.margin >= 0.0, "HeldJoint", config, "margin", ">= 0 nat")
+        check(config, "HeldJoint")
         self._config = config
         self._ports = {
             name: self.DeclareAbstractInputPort(f"{name}_latest", Value[object]())

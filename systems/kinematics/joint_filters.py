@@ -32,10 +32,8 @@ from maths import se3
 from maths.arrays import Array
 from maths.gaussian import symmetric
 from maths.immutable import Immutable
-from systems.kinematics.joint_filters_config import (
-    JointFiltersConfig,
-    check_joint_filters_config,
-)
+from maths.validation import check
+from systems.kinematics.joint_filters_config import JointFiltersConfig
 from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE, dimension
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
 from systems.kinematics.joint_solver.joint_readout import (
@@ -106,7 +104,7 @@ class JointFilters:
     """
 
     def __init__(self, config: JointFiltersConfig, owner: str = "JointFilters") -> None:
-        check_joint_filters_config(config, owner)
+        check(config, owner)
         self.config = config
         self._priors = Priors(
             process_noise=np.array(config.process_noise),

@@ -4,6 +4,7 @@ from functools import partial
 
 from pydrake.systems.framework import Context
 
+from maths.validation import check
 from systems.kinematics.joint_filters import JointFilters
 from systems.kinematics.joint_graph import (
     EMPTY_GRAPH,
@@ -13,10 +14,7 @@ from systems.kinematics.joint_graph import (
     predict_bodies,
     update_graph,
 )
-from systems.kinematics.kinematic_model_config import (
-    KinematicModelConfig,
-    check_kinematic_model_config,
-)
+from systems.kinematics.kinematic_model_config import KinematicModelConfig
 from systems.port_values import BodyMotions, JointBeliefs
 from systems.recursive_filter import RecursiveFilter
 
@@ -71,7 +69,7 @@ class KinematicModel(RecursiveFilter):
 
     def __init__(self, config: KinematicModelConfig, inputs: int = 1) -> None:
         super().__init__()
-        check_kinematic_model_config(config, "KinematicModel")
+        check(config, "KinematicModel")
         if inputs < 1:
             raise ValueError(f"KinematicModel: inputs = {inputs!r}, need >= 1")
         self._config = config

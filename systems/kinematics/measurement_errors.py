@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maths.arrays import Array
-from maths.validation import require_fields
+from maths.validation import number
 
 _LEAST_WHITE = 1e-2  # Least share of a measurement's own variance that is white.
 _FLOOR = 1e-12 * np.eye(6)  # Added to every covariance, for exact ones, [rad^2, m^2].
@@ -24,31 +24,20 @@ class MeasurementErrorsConfig:
     large, never too small.
 
     Attributes:
-        correlation_time: tau of each measurement's error as a whole, [s]; zero for white noise.
+        correlation_time: tau of each measurement's error as a whole; zero for white noise.
         correlated_rotation: sigma of an error that is added to the measurement's own, as from a
-            biased calibration, [rad].
-        correlated_translation: The same in translation, [m].
-        correlated_time: tau of the added error, [s].
+            biased calibration.
+        correlated_translation: The same in translation.
+        correlated_time: tau of the added error.
         declared_time: tau of the part of its covariance that a measurement itself declares to be
-            correlated, [s]; zero to take that part for white.
+            correlated; zero to take that part for white.
     """
 
-    correlation_time: float = 0.0
-    correlated_rotation: float = 0.0
-    correlated_translation: float = 0.0
-    correlated_time: float = 1.0
-    declared_time: float = 0.0
-
-
-def check_measurement_errors_config(config: MeasurementErrorsConfig, owner: str) -> None:
-    """Raises ValueError, naming `owner` and the field, where a value is impossible."""
-    require_fields(owner, config, ["correlated_time"], "> 0 s", lambda value: value > 0.0)
-    for unit, names in {
-        "s": ("correlation_time", "declared_time"),
-        "rad": ("correlated_rotation",),
-        "m": ("correlated_translation",),
-    }.items():
-        require_fields(owner, config, names, f">= 0 {unit}", lambda value: value >= 0.0)
+    correlation_time: float = number(0.0, at_least=0.0, at_most=1e5, unit="s")
+    correlated_rotation: float = number(0.0, at_least=0.0, at_most=10.0, unit="rad")
+    correlated_translation: float = number(0.0, at_least=0.0, at_most=10.0, unit="m")
+    correlated_time: float = number(1.0, at_least=1e-3, at_most=1e5, unit="s")
+    declared_time: float = number(0.0, at_least=0.0, at_most=1e5, unit="s")
 
 
 def _adds_error(config: MeasurementErrorsConfig) -> bool:

@@ -10,9 +10,10 @@ from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from maths.immutable import Immutable
-from maths.validation import require_positive
+from maths.validation import check, number
 from systems.port_values import HEALTHY, StreamHealth
 from systems.recursive_filter import RecursiveFilter
+from systems.ticks import tick_period
 
 SAME_IMAGE = "the same image again"
 NOT_FINITE = "depths that are no numbers"
@@ -20,8 +21,9 @@ NOT_FINITE = "depths that are no numbers"
 
 @dataclass(kw_only=True)
 class ImageMonitorConfig:
-    period: float = 1.0 / 15.0  # Update period, [s].
-    stale_after: float = 0.15  # Age of the last new image that is a fault, [s].
+    period: float = tick_period()
+    # Age of the last new image that is a fault.
+    stale_after: float = number(0.15, at_least=1e-3, at_most=3600.0, unit="s")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +95,7 @@ class ImageMonitor(RecursiveFilter):
 
     def __init__(self, config: ImageMonitorConfig, width: int, height: int) -> None:
         super().__init__()
-        require_positive("ImageMonitor", config, {"period": "s", "stale_after": "s"})
+        check(config, "ImageMonitor")
         self._config = config
         self._ports = [
             self._declare_value_input("color_measured", ImageRgba8U(width, height)),

@@ -8,9 +8,10 @@ from pydrake.systems.framework import Context
 
 from maths.arrays import Array
 from maths.immutable import Immutable
-from maths.validation import require_positive
+from maths.validation import check, number
 from systems.port_values import HEALTHY, SampleWindow, StreamHealth
 from systems.recursive_filter import RecursiveFilter
+from systems.ticks import tick_period
 
 NO_SAMPLES = "no samples"
 NOT_FINITE = "readings that are no numbers"
@@ -20,11 +21,15 @@ STUCK = "always the same reading"
 
 @dataclass(kw_only=True)
 class WindowMonitorConfig:
-    period: float = 1.0 / 15.0  # Update period, [s].
-    oldest: float = 0.15  # A sample is passed on until it is so old, [s].
-    newest: float = 0.005  # By so much a stamp may lie ahead of the tick, [s].
-    stuck_after: float = 0.05  # A noisy sensor does not read the same for so long, [s].
-    stale_after: float = 0.15  # Age of the last good sample that is a fault, [s].
+    period: float = tick_period()
+    # A sample is passed on until it is so old.
+    oldest: float = number(0.15, at_least=1e-3, at_most=3600.0, unit="s")
+    # By so much a stamp may lie ahead of the tick.
+    newest: float = number(0.005, at_least=0.0, at_most=3600.0, unit="s")
+    # A noisy sensor does not read the same for so long; one that rounds its noise away does.
+    stuck_after: float = number(0.05, at_least=1e-3, at_most=3600.0, unit="s", infinite=True)
+    # Age of the last good sample that is a fault.
+    stale_after: float = number(0.15, at_least=1e-3, at_most=3600.0, unit="s")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,8 +130,7 @@ class WindowMonitor(RecursiveFilter):
 
     def __init__(self, config: WindowMonitorConfig, size: int) -> None:
         super().__init__()
-        units = dict.fromkeys(("period", "oldest", "stuck_after", "stale_after"), "s")
-        require_positive("WindowMonitor", config, units)
+        check(config, "WindowMonitor")
         self._config = config
         empty = SampleWindow(times=np.zeros(0), values=np.zeros((0, size)))
         self._window = self._declare_value_input("window", empty)

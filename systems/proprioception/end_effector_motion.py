@@ -1,6 +1,6 @@
 """Where the end-effector is and how it moves, from joint encoders through forward kinematics."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,24 +10,35 @@ from pydrake.systems.framework import Context
 
 from maths import se3
 from maths.arrays import Array
-from maths.validation import require, require_positive
+from maths.validation import check, number, numbers, require
 from systems.port_values import EndEffectorBelief, SampleWindow
 from systems.recursive_filter import RecursiveFilter
+from systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)
 class EndEffectorMotionConfig:
-    period: float = 1.0 / 15.0  # Update period, [s].
-    position_noise: float = 1.0e-4  # Standard deviation of one encoder sample, [rad].
-    velocity_noise: float = 5.0e-3  # The same of a velocity sample, [rad/s].
-    joint_acceleration: float = 1.0  # Expected within a window, 1 sigma, [rad/s^2].
-    angular_process_noise: float = 0.5  # White acceleration that drives the velocity, [rad/s^1.5].
-    linear_process_noise: float = 0.2  # The same for the translation, [m/s^1.5].
-    offset_rotation: float = float(np.deg2rad(3.0))  # Calibration offset of the pose, [rad].
-    offset_translation: float = 0.01  # The same for the translation, [m].
-    offset_damping: float = 0.05  # Bounds the joint offsets near singular postures, [-].
-    # Posture at which the offset has this size, [rad]; empty: the first that is measured.
-    calibration_posture: list[float] = field(default_factory=list)
+    period: float = tick_period()  # Update period.
+    # Standard deviation of one encoder sample.
+    position_noise: float = number(1.0e-4, at_least=1e-9, at_most=1.0, unit="rad")
+    # The same of a velocity sample.
+    velocity_noise: float = number(5.0e-3, at_least=1e-9, at_most=100.0, unit="rad/s")
+    # Expected within a window, 1 sigma.
+    joint_acceleration: float = number(1.0, at_least=1e-6, at_most=1e4, unit="rad/s^2")
+    # White acceleration that drives the velocity.
+    angular_process_noise: float = number(0.5, at_least=1e-9, at_most=1000.0, unit="rad/s^1.5")
+    # The same for the translation.
+    linear_process_noise: float = number(0.2, at_least=1e-9, at_most=1000.0, unit="m/s^1.5")
+    # Calibration offset of the pose.
+    offset_rotation: float = number(float(np.deg2rad(3.0)), at_least=0.0, at_most=3.2, unit="rad")
+    # The same for the translation.
+    offset_translation: float = number(0.01, at_least=0.0, at_most=10.0, unit="m")
+    # Bounds the joint offsets near singular postures.
+    offset_damping: float = number(0.05, at_least=1e-6, at_most=10.0)
+    # Posture at which the offset has this size; empty: the first that is measured.
+    calibration_posture: list[float] = numbers(
+        [], at_least=-10.0, at_most=10.0, unit="rad", shape=(range(101),)
+    )
 
 
 def fit_joint_samples(
@@ -199,18 +210,7 @@ class EndEffectorMotion(RecursiveFilter):
 
     @staticmethod
     def _check(config: EndEffectorMotionConfig, plant: MultibodyPlant, frame: str) -> None:
-        units = {
-            "period": "s",
-            "position_noise": "rad",
-            "velocity_noise": "rad/s",
-            "joint_acceleration": "rad/s^2",
-            "angular_process_noise": "rad/s^1.5",
-            "linear_process_noise": "m/s^1.5",
-            "offset_damping": "",
-        }
-        require_positive("EndEffectorMotion", config, units)
-        for name, unit in {"offset_rotation": "rad", "offset_translation": "m"}.items():
-            require(getattr(config, name) >= 0, "EndEffectorMotion", config, name, f">= 0 {unit}")
+        check(config, "EndEffectorMotion")
         if not plant.is_finalized():
             raise ValueError("EndEffectorMotion: the robot's model must be finalized")
         require(
@@ -218,7 +218,7 @@ class EndEffectorMotion(RecursiveFilter):
             "EndEffectorMotion",
             config,
             "calibration_posture",
-            f"none or {plant.num_positions()} angles, rad",
+            f"none or {plant.num_positions()} angles",
         )
         if not plant.HasFrameNamed(frame):
             raise ValueError(f"EndEffectorMotion: the robot's model has no frame named '{frame}'")

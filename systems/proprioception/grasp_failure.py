@@ -12,16 +12,22 @@ import numpy as np
 from maths import se3
 from maths.arrays import Array
 from maths.gaussian import log_likelihood
+from maths.validation import number
 from systems.port_values import PoseBelief
 
 
 @dataclass(kw_only=True)
 class GraspFailureConfig:
-    prior: float = 0.03  # Probability of a failed grasp when the hand closes, [-].
-    way: float = 0.05  # Way of the hand after which the comparison begins anew, [m].
-    rest: float = 7.0e-3  # Way by which the hand pushes a body it does not hold, 1 sigma, [m].
-    shift: float = 0.3  # Shift of a held body per way of the hand, 1 sigma, [-].
-    limit: float = 5.0  # Most that is remembered from one comparison to the next, [nat].
+    # Probability of a failed grasp when the hand closes.
+    prior: float = number(0.03, above=0.0, below=1.0)
+    # Way of the hand after which the comparison begins anew.
+    way: float = number(0.05, above=0.0, at_most=10.0, unit="m")
+    # Way by which the hand pushes a body it does not hold, 1 sigma.
+    rest: float = number(7.0e-3, at_least=1e-9, at_most=10.0, unit="m")
+    # Shift of a held body per way of the hand, 1 sigma.
+    shift: float = number(0.3, at_least=0.0, at_most=10.0)
+    # Most that is remembered from one comparison to the next.
+    limit: float = number(5.0, above=0.0, at_most=1000.0, unit="nat")
 
 
 @dataclass(kw_only=True)

@@ -5,34 +5,51 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from maths.arrays import Array
-from maths.validation import require, require_positive, require_vector
+from maths.validation import check, number, numbers, require
 from systems.proprioception.grasp_failure import GraspFailureConfig
+from systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)
 class GraspModelConfig:
-    period: float = 1.0 / 15.0  # Update period, [s].
-    prior_perfect: float = 0.72  # Probability when the hand closes, if it holds the body, [-].
-    prior_revolute: float = 0.21  # The same of a revolute grasp, [-].
-    prior_cylindrical: float = 0.07  # The same of a cylindrical grasp, [-].
+    period: float = tick_period()  # Update period.
+    # Probability when the hand closes, if it holds the body.
+    prior_perfect: float = number(0.72, above=0.0, at_most=1.0)
+    prior_revolute: float = number(0.21, above=0.0, at_most=1.0)  # The same of a revolute grasp.
+    # The same of a cylindrical grasp.
+    prior_cylindrical: float = number(0.07, above=0.0, at_most=1.0)
     # Direction of the bar, about which the fingers curl.
-    axis_H: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
-    # Point on the bar, [m].
-    p_HA: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, -0.02]))
-    axis_deviation: float = 0.2  # Standard deviation of the bar's direction, [rad].
-    point_deviation: float = 0.015  # Standard deviation of the bar's place, [m].
-    rotation_process_noise: float = 0.05  # Random walk of the body about the bar, [rad/s^0.5].
-    sliding_process_noise: float = 0.02  # Random walk of the body along the bar, [m/s^0.5].
-    axis_process_noise: float = 0.01  # Random walk of the axis in the soft palm, [rad/s^0.5].
-    point_process_noise: float = 3.0e-3  # Random walk of the point on it, [m/s^0.5].
-    hand_correlation_time: float = 30.0  # Of the bent hand's error, a Gauss-Markov process, [s].
-    slip_rotation: float = 0.03  # Slip, a random walk over the hand's way, [rad/m^0.5].
-    slip_translation: float = 2.0e-3  # The same for the translation, [m/m^0.5].
-    memory: float = 0.7  # Time constant with which the evidence fades, [s].
-    lodging: float = 0.1  # Probability that a loose grasp has become firm, [-].
-    loss_limit: float = 10.0  # Most that one tick speaks against a type, [nat].
-    gate: float = 30.0  # Squared innovation above which a filter is not corrected, [-].
-    patience: float = 1.0  # Time of rejections after which a filter is started again, [s].
+    axis_H: np.ndarray = numbers(np.array([0.0, 1.0, 0.0]), at_least=-10.0, at_most=10.0)
+    # Point on the bar.
+    p_HA: np.ndarray = numbers(np.array([0.0, 0.0, -0.02]), at_least=-10.0, at_most=10.0, unit="m")
+    # Standard deviation of the bar's direction.
+    axis_deviation: float = number(0.2, at_least=1e-9, at_most=10.0, unit="rad")
+    # Standard deviation of the bar's place.
+    point_deviation: float = number(0.015, at_least=1e-9, at_most=10.0, unit="m")
+    # Random walk of the body about the bar.
+    rotation_process_noise: float = number(0.05, at_least=1e-9, at_most=10.0, unit="rad/s^0.5")
+    # Random walk of the body along the bar.
+    sliding_process_noise: float = number(0.02, at_least=1e-9, at_most=10.0, unit="m/s^0.5")
+    # Random walk of the axis in the soft palm.
+    axis_process_noise: float = number(0.01, at_least=1e-9, at_most=10.0, unit="rad/s^0.5")
+    # Random walk of the point on it.
+    point_process_noise: float = number(3.0e-3, at_least=1e-9, at_most=10.0, unit="m/s^0.5")
+    # Of the bent hand's error, a Gauss-Markov process.
+    hand_correlation_time: float = number(30.0, at_least=1e-3, at_most=1e5, unit="s")
+    # Slip, a random walk over the hand's way.
+    slip_rotation: float = number(0.03, at_least=0.0, at_most=100.0, unit="rad/m^0.5")
+    # The same for the translation.
+    slip_translation: float = number(2.0e-3, at_least=0.0, at_most=10.0, unit="m/m^0.5")
+    # Time constant with which the evidence fades.
+    memory: float = number(0.7, at_least=1e-3, at_most=1e5, unit="s")
+    # Probability that a loose grasp has become firm.
+    lodging: float = number(0.1, at_least=0.0, below=1.0)
+    # Most that one tick speaks against a type.
+    loss_limit: float = number(10.0, above=0.0, at_most=1000.0, unit="nat")
+    # Squared innovation above which a filter is not corrected.
+    gate: float = number(30.0, above=0.0, at_most=1e6)
+    # Time of rejections after which a filter is started again.
+    patience: float = number(1.0, above=0.0, at_most=3600.0, unit="s")
     failure: GraspFailureConfig = field(default_factory=GraspFailureConfig)
 
 
@@ -51,34 +68,8 @@ def prior_probabilities(config: GraspModelConfig) -> Array:
 
 def check_grasp_model(config: GraspModelConfig) -> None:
     """Raises ValueError, naming the first impossible value."""
-    units = {
-        "period": "s",
-        "prior_perfect": "",
-        "prior_revolute": "",
-        "prior_cylindrical": "",
-        "axis_deviation": "rad",
-        "point_deviation": "m",
-        "rotation_process_noise": "rad/s^0.5",
-        "axis_process_noise": "rad/s^0.5",
-        "point_process_noise": "m/s^0.5",
-        "sliding_process_noise": "m/s^0.5",
-        "hand_correlation_time": "s",
-        "memory": "s",
-        "loss_limit": "nat",
-        "gate": "",
-        "patience": "s",
-    }
-    require_positive("GraspModel", config, units)
-    for name, unit in {"slip_rotation": "rad/m^0.5", "slip_translation": "m^0.5"}.items():
-        require(getattr(config, name) >= 0, "GraspModel", config, name, f">= 0 {unit}")
-    for name, unit in {"axis_H": "-", "p_HA": "m"}.items():
-        require_vector("GraspModel", config, name, unit)
+    check(config, "GraspModel")
     length = float(np.linalg.norm(config.axis_H))
     require(length > 1e-6, "GraspModel", config, "axis_H", "a direction")
-    require(0 <= config.lodging < 1, "GraspModel", config, "lodging", "in [0, 1)")
-    units = {"prior": "", "way": "m", "rest": "m", "limit": "nat"}
-    require_positive("GraspModel", config.failure, units)
-    require(config.failure.prior < 1, "GraspModel", config.failure, "prior", "< 1")
-    require(config.failure.shift >= 0, "GraspModel", config.failure, "shift", ">= 0")
     total = float(prior_probabilities(config).sum())
     require(abs(total - 1.0) < 1e-6, "GraspModel", config, "prior_perfect", "a sum of one")

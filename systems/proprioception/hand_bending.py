@@ -1,6 +1,6 @@
 """How far the soft hand has bent since it closed, from the wrist's wrench and chamber pressures."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,7 @@ from pydrake.systems.framework import Context
 
 from maths import se3
 from maths.arrays import Array
-from maths.validation import require, require_positive, require_vector
+from maths.validation import check, number, numbers, require
 from models import WEIGHTS_DIR
 from systems.port_values import UNKNOWN_END_EFFECTOR, PoseBelief, SampleWindow
 from systems.proprioception.bending_network import (
@@ -21,6 +21,7 @@ from systems.proprioception.bending_network import (
 )
 from systems.proprioception.bent_hand import screw
 from systems.recursive_filter import RecursiveFilter
+from systems.ticks import tick_period
 
 GRAVITY = 9.81  # [m/s^2]
 CERTAIN = 1e-12  # Variance of a pose that is known by definition, [rad^2, m^2].
@@ -28,24 +29,37 @@ CERTAIN = 1e-12  # Variance of a pose that is known by definition, [rad^2, m^2].
 
 @dataclass(kw_only=True)
 class HandBendingConfig:
-    period: float = 1.0 / 15.0  # Update period, [s].
+    period: float = tick_period()  # Update period.
     weights: str = "hand_bending.npz"  # File in models/weights, or an absolute path.
-    hand_mass: float = 0.628  # Mass of what hangs on the wrist sensor, [kg].
-    # Centre of that mass, in the sensor's frame, [m].
-    p_S_com: np.ndarray = field(default_factory=lambda: np.array([0.004, 0.0, 0.066]))
-    rpy_ES: np.ndarray = field(default_factory=lambda: np.zeros(3))  # Sensor in E, [rad].
-    torque_noise: float = 0.005  # Standard deviation of a tick's mean, [N m].
-    force_noise: float = 0.1  # The same of the force, [N].
-    pressure_noise: float = 50.0  # The same of the pressures, [Pa].
-    rotation_process_noise: float = 0.05  # Random walk of the bending, [rad/s^0.5].
-    translation_process_noise: float = 0.01  # The same for the translation, [m/s^0.5].
-    deviation_correlation_time: float = 30.0  # Of the networks' error, Gauss-Markov, [s].
-    creep: float = 0.015  # Turning of the hand on the bar that no sensor shows, [rad/s^0.5].
-    axis_H: np.ndarray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))  # Axis of creep.
-    # Point on that axis, [m].
-    p_HA: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, -0.02]))
-    rotation_floor: float = 2.0e-3  # Least standard deviation of the networks, [rad].
-    translation_floor: float = 3.0e-4  # The same for the translation, [m].
+    # Mass of what hangs on the wrist sensor.
+    hand_mass: float = number(0.628, at_least=0.0, at_most=100.0, unit="kg")
+    # Centre of that mass, in the sensor's frame.
+    p_S_com: np.ndarray = numbers(
+        np.array([0.004, 0.0, 0.066]), at_least=-10.0, at_most=10.0, unit="m"
+    )
+    # Sensor in E.
+    rpy_ES: np.ndarray = numbers(np.zeros(3), at_least=-10.0, at_most=10.0, unit="rad")
+    # Standard deviation of a tick's mean.
+    torque_noise: float = number(0.005, at_least=1e-9, at_most=1000.0, unit="N m")
+    force_noise: float = number(0.1, at_least=1e-9, at_most=1e4, unit="N")  # The same of the force.
+    # The same of the pressures.
+    pressure_noise: float = number(50.0, at_least=1e-6, at_most=1e6, unit="Pa")
+    # Random walk of the bending.
+    rotation_process_noise: float = number(0.05, at_least=1e-9, at_most=10.0, unit="rad/s^0.5")
+    # The same for the translation.
+    translation_process_noise: float = number(0.01, at_least=1e-9, at_most=10.0, unit="m/s^0.5")
+    # Of the networks' error, Gauss-Markov.
+    deviation_correlation_time: float = number(30.0, at_least=1e-3, at_most=1e5, unit="s")
+    # Turning of the hand on the bar that no sensor shows.
+    creep: float = number(0.015, at_least=0.0, at_most=10.0, unit="rad/s^0.5")
+    # Axis of creep.
+    axis_H: np.ndarray = numbers(np.array([0.0, 1.0, 0.0]), at_least=-10.0, at_most=10.0)
+    # Point on that axis.
+    p_HA: np.ndarray = numbers(np.array([0.0, 0.0, -0.02]), at_least=-10.0, at_most=10.0, unit="m")
+    # Least standard deviation of the networks.
+    rotation_floor: float = number(2.0e-3, at_least=1e-9, at_most=1.0, unit="rad")
+    # The same for the translation.
+    translation_floor: float = number(3.0e-4, at_least=1e-9, at_most=1.0, unit="m")
 
 
 def hand_weight(R_WS: Array, mass: float, p_S_com: Array) -> Array:
@@ -209,22 +223,9 @@ class HandBending(RecursiveFilter):
 
     @staticmethod
     def _check(config: HandBendingConfig) -> None:
-        units = {
-            "period": "s",
-            "torque_noise": "N m",
-            "force_noise": "N",
-            "pressure_noise": "Pa",
-            "rotation_process_noise": "rad/s^0.5",
-            "translation_process_noise": "m/s^0.5",
-            "deviation_correlation_time": "s",
-            "rotation_floor": "rad",
-            "translation_floor": "m",
-        }
-        require_positive("HandBending", config, units)
-        require(config.hand_mass >= 0, "HandBending", config, "hand_mass", ">= 0 kg")
-        require(config.creep >= 0, "HandBending", config, "creep", ">= 0 rad/s^0.5")
-        for name, unit in {"p_S_com": "m", "rpy_ES": "rad", "axis_H": "-", "p_HA": "m"}.items():
-            require_vector("HandBending", config, name, unit)
+        check(config, "HandBending")
+        length = float(np.linalg.norm(config.axis_H))
+        require(length > 1e-6, "HandBending", config, "axis_H", "a direction")
 
     def _average(self, context: Context) -> Array | None:
         """This tick's reading (10,); None without samples."""

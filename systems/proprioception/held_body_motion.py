@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context, InputPort
 from maths import se3
 from maths.arrays import Array, Ids
 from maths.immutable import Immutable
+from maths.validation import check
 from systems.port_values import (
     HELD_BODY,
     NO_POSE,
@@ -33,10 +34,7 @@ from systems.proprioception.held_body_filter import (
     start_body,
     with_velocity,
 )
-from systems.proprioception.held_body_motion_config import (
-    HeldBodyMotionConfig,
-    check_held_body_motion,
-)
+from systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
 from systems.proprioception.held_body_state import BodyState
 from systems.recursive_filter import RecursiveFilter
 
@@ -187,7 +185,7 @@ class HeldBodyMotion(RecursiveFilter):
 
     def __init__(self, config: HeldBodyMotionConfig, corrected_by_vision: bool = False) -> None:
         super().__init__()
-        check_held_body_motion(config)
+        check(config, "HeldBodyMotion")
         self._config = config
         nowhere = PoseBelief(X=np.eye(4), covariance=np.eye(6))
         grasp = initial_grasp(GraspModelConfig())

@@ -2,58 +2,50 @@
 
 from dataclasses import dataclass
 
-from maths.validation import require, require_positive
+from maths.validation import number
+from systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)
 class HeldBodyMotionConfig:
-    period: float = 1.0 / 15.0  # Update period, [s].
-    hand_correlation_time: float = 30.0  # Of the bent hand's error, a Gauss-Markov process, [s].
-    slip_rotation: float = 0.03  # Slip in the hand, a random walk over its way, [rad/m^0.5].
-    slip_translation: float = 2.0e-3  # The same for the translation, [m/m^0.5].
-    reference_rotation_error: float = 0.05  # Settling of the grip after the reference, [rad].
-    reference_translation_error: float = 6.0e-3  # The same for the translation, [m].
-    reset_rotation_error: float = 0.015  # The same after new landmarks were placed, [rad].
-    reset_translation_error: float = 3.0e-3  # The same for the translation, [m].
-    reference_error_time: float = 2.0  # Time constant with which these errors decay, [s].
-    lever: float = 0.1  # Way that a turn of the hand counts as, [m/rad].
-    hinge_curvature: float = 3.0  # One over the radius of a hinge, 1 sigma, [rad/m].
-    rotation_velocity_noise: float = 0.02  # From slip and the rate of bending, [rad/s].
-    translation_velocity_noise: float = 4.0e-3  # The same for the translation, [m/s].
-    minimum_features: int = 8  # Least number of features that tell a pose, [-].
-    inlier_share: float = 0.5  # Least share of them that agrees on one pose, [-].
-    landmark_rotation_floor: float = 2.0e-3  # Common error of the landmarks, [rad].
-    landmark_translation_floor: float = 3.0e-4  # The same for the translation, [m].
-    jump_gate: float = 22.5  # Squared innovation above which the grasp slipped (99.9 %), [-].
-    jump_rotation: float = 0.05  # Standard deviation of such a slip, [rad].
-    jump_translation: float = 0.01  # The same for the translation, [m].
-    retained_share: float = 0.5  # Least share of features seen before that shows a slip, [-].
-
-
-def check_held_body_motion(config: HeldBodyMotionConfig) -> None:
-    """Raises ValueError, naming the first impossible value."""
-    units = {
-        "period": "s",
-        "hand_correlation_time": "s",
-        "reference_rotation_error": "rad",
-        "reference_translation_error": "m",
-        "reference_error_time": "s",
-        "reset_rotation_error": "rad",
-        "reset_translation_error": "m",
-        "lever": "m/rad",
-        "hinge_curvature": "rad/m",
-        "rotation_velocity_noise": "rad/s",
-        "translation_velocity_noise": "m/s",
-        "landmark_rotation_floor": "rad",
-        "landmark_translation_floor": "m",
-        "jump_gate": "",
-        "jump_rotation": "rad",
-        "jump_translation": "m",
-    }
-    name = "HeldBodyMotion"
-    require_positive(name, config, units)
-    require(config.slip_rotation >= 0, name, config, "slip_rotation", ">= 0 rad/m^0.5")
-    require(config.slip_translation >= 0, name, config, "slip_translation", ">= 0 m^0.5")
-    require(config.minimum_features >= 3, name, config, "minimum_features", ">= 3")
-    for share in ("inlier_share", "retained_share"):
-        require(0 < getattr(config, share) <= 1, name, config, share, "in (0, 1]")
+    period: float = tick_period()  # Update period.
+    # Of the bent hand's error, a Gauss-Markov process.
+    hand_correlation_time: float = number(30.0, at_least=1e-3, at_most=1e5, unit="s")
+    # Slip in the hand, a random walk over its way.
+    slip_rotation: float = number(0.03, at_least=0.0, at_most=100.0, unit="rad/m^0.5")
+    # The same for the translation.
+    slip_translation: float = number(2.0e-3, at_least=0.0, at_most=10.0, unit="m/m^0.5")
+    # Settling of the grip after the reference.
+    reference_rotation_error: float = number(0.05, at_least=1e-9, at_most=10.0, unit="rad")
+    # The same for the translation.
+    reference_translation_error: float = number(6.0e-3, at_least=1e-9, at_most=10.0, unit="m")
+    # The same after new landmarks were placed.
+    reset_rotation_error: float = number(0.015, at_least=1e-9, at_most=10.0, unit="rad")
+    # The same for the translation.
+    reset_translation_error: float = number(3.0e-3, at_least=1e-9, at_most=10.0, unit="m")
+    # Time constant with which these errors decay.
+    reference_error_time: float = number(2.0, at_least=1e-3, at_most=1e5, unit="s")
+    # Way that a turn of the hand counts as.
+    lever: float = number(0.1, at_least=1e-6, at_most=100.0, unit="m/rad")
+    # One over the radius of a hinge, 1 sigma.
+    hinge_curvature: float = number(3.0, at_least=1e-6, at_most=1000.0, unit="rad/m")
+    # From slip and the rate of bending.
+    rotation_velocity_noise: float = number(0.02, at_least=1e-9, at_most=100.0, unit="rad/s")
+    # The same for the translation.
+    translation_velocity_noise: float = number(4.0e-3, at_least=1e-9, at_most=100.0, unit="m/s")
+    # Least number of features that tell a pose.
+    minimum_features: int = number(8, at_least=3, at_most=10000)
+    # Least share of them that agrees on one pose.
+    inlier_share: float = number(0.5, above=0.0, at_most=1.0)
+    # Common error of the landmarks.
+    landmark_rotation_floor: float = number(2.0e-3, at_least=1e-9, at_most=1.0, unit="rad")
+    # The same for the translation.
+    landmark_translation_floor: float = number(3.0e-4, at_least=1e-9, at_most=1.0, unit="m")
+    # Squared innovation above which the grasp slipped (99.9 %).
+    jump_gate: float = number(22.5, above=0.0, at_most=1e6)
+    # Standard deviation of such a slip.
+    jump_rotation: float = number(0.05, at_least=1e-9, at_most=10.0, unit="rad")
+    # The same for the translation.
+    jump_translation: float = number(0.01, at_least=1e-9, at_most=10.0, unit="m")
+    # Least share of features seen before that shows a slip.
+    retained_share: float = number(0.5, above=0.0, at_most=1.0)

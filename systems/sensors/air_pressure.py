@@ -5,20 +5,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from maths.arrays import Array
-from maths.validation import require
+from maths.validation import check, number, require
 from systems.sensors.randomness import WhiteNoise, make_generator
 from systems.sensors.sampled_sensor import SampledSensor
+from systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)
 class PressureSensorConfig:
-    period: float = 0.01  # Between samples, [s].
-    tick: float = 1.0 / 15.0  # Between the network's ticks, [s].
-    chambers: int = 4  # Number of sensors.
-    noise: float = 100.0  # Standard deviation, [Pa].
-    bias: float = 300.0  # Standard deviation over episodes, [Pa].
-    step: float = 61.0  # Quantisation, 12 bits of the range, [Pa].
-    range: float = 150e3  # Largest gauge pressure, [Pa].
+    period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Between samples.
+    tick: float = tick_period()  # Between the network's ticks.
+    chambers: int = number(4, at_least=1, at_most=100)  # Number of sensors.
+    noise: float = number(100.0, at_least=0.0, at_most=1e6, unit="Pa")  # Standard deviation.
+    # Standard deviation over episodes.
+    bias: float = number(300.0, at_least=0.0, at_most=1e6, unit="Pa")
+    # Quantisation, 12 bits of the range.
+    step: float = number(61.0, at_least=1e-6, at_most=1e6, unit="Pa")
+    range: float = number(150e3, above=0.0, at_most=1e8, unit="Pa")  # Largest gauge pressure.
 
 
 class PressureSensor(SampledSensor):
@@ -47,13 +50,8 @@ class PressureSensor(SampledSensor):
 
     def __init__(self, config: PressureSensorConfig, seed: int) -> None:
         c, name = config, "PressureSensor"
-        require(0 < c.period < np.inf, name, c, "period", "> 0 s")
-        require(c.period <= c.tick < np.inf, name, c, "tick", ">= period, in s")
-        require(c.chambers > 0, name, c, "chambers", "> 0")
-        require(0 <= c.noise < np.inf, name, c, "noise", ">= 0 Pa")
-        require(0 <= c.bias < np.inf, name, c, "bias", ">= 0 Pa")
-        require(0 < c.step < np.inf, name, c, "step", "> 0 Pa")
-        require(0 < c.range < np.inf, name, c, "range", "> 0 Pa")
+        check(c, name)
+        require(c.period <= c.tick, name, c, "tick", ">= period")
         super().__init__("pressure", "pressure", c.chambers, c.period, c.tick)
         rng = make_generator(seed, "PressureSensor bias")
         self._config = config

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtri
 
-from maths.validation import require
+from maths.validation import number
 
 Bytes = npt.NDArray[np.uint8]
 
@@ -17,26 +17,19 @@ _LEVELS = 256
 
 @dataclass(kw_only=True)
 class ColourNoiseConfig:
-    full_well: float = 4000.0  # Electrons at white, normal light and gain 1.
-    read_noise: float = 8.0  # Standard deviation, [electrons].
-    gamma: float = 2.2  # Grey is (linear intensity)^(1 / gamma).
-    exposure_time_constant: float = 0.2  # Lag of the auto-exposure, [s].
-    gain_min: float = 0.1  # Shortest exposure, relative to the one for normal light.
-    gain_max: float = 8.0  # Largest amplification.
-    grey_target: float = 0.0  # Mean grey that the auto-exposure seeks, 0: its first frame's.
-
-
-def check_colour_noise(config: ColourNoiseConfig) -> None:
-    """Refuses impossible values."""
-    c, name = config, "ColourNoiseConfig"
-    require(0 < c.full_well < np.inf, name, c, "full_well", "> 0 electrons")
-    require(0 <= c.read_noise < np.inf, name, c, "read_noise", ">= 0 electrons")
-    require(0 < c.gamma < np.inf, name, c, "gamma", "> 0")
-    time_constant = c.exposure_time_constant
-    require(0 < time_constant < np.inf, name, c, "exposure_time_constant", "> 0 s")
-    require(0 < c.gain_min <= 1, name, c, "gain_min", "in (0, 1]")
-    require(1 <= c.gain_max < np.inf, name, c, "gain_max", ">= 1")
-    require(0 <= c.grey_target <= 255, name, c, "grey_target", "in [0, 255], 0 for automatic")
+    # Electrons at white, normal light and gain 1.
+    full_well: float = number(4000.0, at_least=1.0, at_most=1e9, unit="electrons")
+    # Standard deviation.
+    read_noise: float = number(8.0, at_least=0.0, at_most=1e6, unit="electrons")
+    # Grey is (linear intensity)^(1 / gamma).
+    gamma: float = number(2.2, at_least=0.1, at_most=10.0)
+    # Lag of the auto-exposure.
+    exposure_time_constant: float = number(0.2, at_least=1e-3, at_most=60.0, unit="s")
+    # Shortest exposure, relative to the one for normal light.
+    gain_min: float = number(0.1, at_least=1e-3, at_most=1.0)
+    gain_max: float = number(8.0, at_least=1.0, at_most=1000.0)  # Largest amplification.
+    # Mean grey that the auto-exposure seeks, 0: its first frame's.
+    grey_target: float = number(0.0, at_least=0.0, at_most=255.0)
 
 
 @cache

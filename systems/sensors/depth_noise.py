@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from maths.arrays import Array, Mask
-from maths.validation import require
+from maths.validation import check, number, require
 from systems.sensors.randomness import random_bytes
 
 Depth = npt.NDArray[np.float32]
@@ -18,28 +18,28 @@ _SIGMA_DEPTH = 0.4  # Where the deviation of the depth is smallest, [m].
 
 @dataclass(kw_only=True)
 class DepthNoiseConfig:
-    range_min: float = 0.4  # Nearest return, [m].
-    range_max: float = 3.5  # Farthest return, [m].
-    sigma_base: float = 1.2e-3  # Standard deviation at 0.4 m, [m].
-    sigma_square: float = 1.9e-3  # Its growth with (z - 0.4 m)^2, [1/m].
-    baseline: float = 0.075  # Projector to infrared camera, along the image's +x, [m].
-    depth_step: float = 1.0 / (8 * 580.0 * 0.075)  # Between neighbouring depths, per z^2, [1/m].
-    correlation_window: int = 9  # Side of the matched patch, odd, [px].
-    grazing_angle: float = 1.4  # Ray to normal, beyond which nothing returns, [rad].
+    range_min: float = number(0.4, at_least=1e-3, at_most=100.0, unit="m")  # Nearest return.
+    range_max: float = number(3.5, at_least=1e-3, at_most=1000.0, unit="m")  # Farthest return.
+    # Standard deviation at 0.4 m.
+    sigma_base: float = number(1.2e-3, at_least=0.0, at_most=1.0, unit="m")
+    # Its growth with (z - 0.4 m)^2.
+    sigma_square: float = number(1.9e-3, at_least=0.0, at_most=1.0, unit="1/m")
+    # Projector to infrared camera, along the image's +x.
+    baseline: float = number(0.075, at_least=1e-4, at_most=10.0, unit="m")
+    # Between neighbouring depths, per z^2.
+    depth_step: float = number(1.0 / (8 * 580.0 * 0.075), at_least=1e-9, at_most=1.0, unit="1/m")
+    # Side of the matched patch, odd.
+    correlation_window: int = number(9, at_least=1, at_most=99, unit="px")
+    # Ray to normal, beyond which nothing returns.
+    grazing_angle: float = number(1.4, above=0.0, below=np.pi / 2, unit="rad")
 
 
 def check_depth_noise(config: DepthNoiseConfig) -> None:
     """Refuses impossible values."""
     c, name = config, "DepthNoiseConfig"
-    require(c.range_min > 0, name, c, "range_min", "> 0 m")
-    require(c.range_min < c.range_max < np.inf, name, c, "range_max", "finite, > range_min, in m")
-    require(0 <= c.sigma_base < np.inf, name, c, "sigma_base", ">= 0 m")
-    require(0 <= c.sigma_square < np.inf, name, c, "sigma_square", ">= 0 1/m")
-    require(0 < c.baseline < np.inf, name, c, "baseline", "> 0 m")
-    require(0 < c.depth_step < np.inf, name, c, "depth_step", "> 0 1/m")
-    odd = c.correlation_window > 0 and c.correlation_window % 2 == 1
-    require(odd, name, c, "correlation_window", "an odd number of pixels")
-    require(0 < c.grazing_angle < np.pi / 2, name, c, "grazing_angle", "in (0, pi/2) rad")
+    check(c, name)
+    require(c.range_min < c.range_max, name, c, "range_max", "> range_min")
+    require(c.correlation_window % 2 == 1, name, c, "correlation_window", "an odd number")
 
 
 def depth_sigma(z: Array, sigma_base: float, sigma_square: float) -> Array:

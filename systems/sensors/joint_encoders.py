@@ -5,22 +5,30 @@ from dataclasses import dataclass
 import numpy as np
 
 from maths.arrays import Array
-from maths.validation import require
+from maths.validation import check, number, require
 from systems.sensors.randomness import WhiteNoise, make_generator
 from systems.sensors.sampled_sensor import SampledSensor
+from systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)
 class JointEncodersConfig:
-    period: float = 0.005  # Between samples, [s].
-    tick: float = 1.0 / 15.0  # Between the network's ticks, [s].
-    offset_rotation: float = float(np.deg2rad(3.0))  # Of the end-effector, per axis, [rad].
-    offset_translation: float = 0.01  # Of the end-effector, per axis, [m].
-    offset_damping: float = 0.05  # Keeps joint offsets small near singular postures, [-].
-    offset_limit: float = float(np.deg2rad(15.0))  # Of a single joint, [rad].
-    stretch: float = 0.001  # Amplitude of the error that varies with the joint's angle, [rad].
-    noise_position: float = 1e-4  # Standard deviation, [rad].
-    noise_velocity: float = 0.005  # Standard deviation, [rad/s].
+    period: float = number(0.005, at_least=1e-4, at_most=1.0, unit="s")  # Between samples.
+    tick: float = tick_period()  # Between the network's ticks.
+    # Of the end-effector, per axis.
+    offset_rotation: float = number(float(np.deg2rad(3.0)), at_least=0.0, at_most=3.2, unit="rad")
+    # Of the end-effector, per axis.
+    offset_translation: float = number(0.01, at_least=0.0, at_most=10.0, unit="m")
+    # Keeps joint offsets small near singular postures.
+    offset_damping: float = number(0.05, at_least=1e-6, at_most=10.0)
+    # Of a single joint.
+    offset_limit: float = number(float(np.deg2rad(15.0)), above=0.0, at_most=3.2, unit="rad")
+    # Amplitude of the error that varies with the joint's angle.
+    stretch: float = number(0.001, at_least=0.0, at_most=1.0, unit="rad")
+    # Standard deviation.
+    noise_position: float = number(1e-4, at_least=0.0, at_most=1.0, unit="rad")
+    # Standard deviation.
+    noise_velocity: float = number(0.005, at_least=0.0, at_most=100.0, unit="rad/s")
 
 
 def draw_joint_offset(
@@ -87,15 +95,8 @@ class JointEncoders(SampledSensor):
             seed: Of the offset and the noise.
         """
         c, name = config, "JointEncoders"
-        require(0 < c.period < np.inf, name, c, "period", "> 0 s")
-        require(c.period <= c.tick < np.inf, name, c, "tick", ">= period, in s")
-        require(0 <= c.offset_rotation < np.inf, name, c, "offset_rotation", ">= 0 rad")
-        require(0 <= c.offset_translation < np.inf, name, c, "offset_translation", ">= 0 m")
-        require(0 < c.offset_damping < np.inf, name, c, "offset_damping", "> 0")
-        require(0 < c.offset_limit < np.inf, name, c, "offset_limit", "> 0 rad")
-        require(0 <= c.stretch < np.inf, name, c, "stretch", ">= 0 rad")
-        require(0 <= c.noise_position < np.inf, name, c, "noise_position", ">= 0 rad")
-        require(0 <= c.noise_velocity < np.inf, name, c, "noise_velocity", ">= 0 rad/s")
+        check(c, name)
+        require(c.period <= c.tick, name, c, "tick", ">= period")
         joints = J_E_nominal.shape[1]
         super().__init__("joint_state", "joint_state", 2 * joints, c.period, c.tick)
         rng = make_generator(seed, "JointEncoders offset")

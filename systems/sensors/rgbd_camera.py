@@ -7,10 +7,9 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, LeafSystem, State
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
-from maths.validation import require
+from maths.validation import check, number
 from systems.sensors.colour_noise import (
     ColourNoiseConfig,
-    check_colour_noise,
     mean_grey,
     measure_colour,
     next_gain,
@@ -25,14 +24,15 @@ from systems.sensors.depth_noise import (
     returns,
 )
 from systems.sensors.randomness import make_generator, random_bytes
+from systems.ticks import tick_period
 
 _PANE = 1e-3  # By how much a surface lies before another at least, [m].
 
 
 @dataclass(kw_only=True)
 class CameraNoiseConfig:
-    rate: float = 30.0  # Frames per second, [Hz].
-    exposure_period: float = 1.0 / 15.0  # Between two metered frames, those that are read, [s].
+    rate: float = number(30.0, at_least=0.1, at_most=1000.0, unit="Hz")  # Frames per second.
+    exposure_period: float = tick_period()  # Between two metered frames, those that are read.
     depth: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
     colour: ColourNoiseConfig = field(default_factory=ColourNoiseConfig)
 
@@ -105,11 +105,8 @@ class CameraNoise(LeafSystem):
         if not 0 < depth_scale < np.inf:
             raise ValueError(f"CameraNoise: need depth_scale > 0, got {depth_scale!r}")
         self._depth_scale = depth_scale
-        require(0 < config.rate < np.inf, "CameraNoise", config, "rate", "> 0 Hz")
-        valid = 0 < config.exposure_period < np.inf
-        require(valid, "CameraNoise", config, "exposure_period", "> 0 s")
+        check(config, "CameraNoise")
         check_depth_noise(config.depth)
-        check_colour_noise(config.colour)
         self._config = config
         self._seed = seed
         self._shape = (intrinsics.height(), intrinsics.width())

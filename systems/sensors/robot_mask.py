@@ -26,7 +26,7 @@ from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, RgbdSensor
 
 from maths.arrays import Array, Ids
-from maths.validation import require
+from maths.validation import check, number, require
 
 Grey = npt.NDArray[np.uint8]
 
@@ -35,10 +35,13 @@ _RENDERER = "silhouette"
 
 @dataclass(kw_only=True)
 class RobotMaskConfig:
-    reduction: int = 4  # The silhouette is rendered in an image smaller by this factor.
-    margin: float = 0.03  # Added around the robot, for its pose is not known exactly, [m].
-    range_min: float = 0.2  # Nearest robot surface, [m].
-    range_max: float = 4.0  # Farthest robot surface, [m].
+    # The silhouette is rendered in an image smaller by this factor.
+    reduction: int = number(4, at_least=1, at_most=64)
+    # Added around the robot, for its pose is not known exactly.
+    margin: float = number(0.03, at_least=0.0, at_most=1.0, unit="m")
+    range_min: float = number(0.2, at_least=1e-3, at_most=100.0, unit="m")  # Nearest robot surface.
+    # Farthest robot surface.
+    range_max: float = number(4.0, at_least=1e-3, at_most=1000.0, unit="m")
 
 
 def reduced_intrinsics(full: CameraInfo, reduction: int) -> CameraInfo:
@@ -230,13 +233,10 @@ class RobotMask(Diagram):
         """
         super().__init__()
         c, name = config, "RobotMask"
-        divides = c.reduction > 0 and not (
-            intrinsics.width() % c.reduction or intrinsics.height() % c.reduction
-        )
+        check(c, name)
+        divides = not (intrinsics.width() % c.reduction or intrinsics.height() % c.reduction)
         require(divides, name, c, "reduction", "a divisor of the image's width and height")
-        require(0 <= c.margin < np.inf, name, c, "margin", ">= 0 m")
-        require(0 < c.range_min < np.inf, name, c, "range_min", "> 0 m")
-        require(c.range_min < c.range_max < np.inf, name, c, "range_max", "> range_min, in m")
+        require(c.range_min < c.range_max, name, c, "range_max", "> range_min")
 
         builder = DiagramBuilder()
         scene_graph = SceneGraph()

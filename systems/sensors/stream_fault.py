@@ -1,6 +1,6 @@
 """Streams that fail from one instant to another, as cables, drivers and clocks make them fail."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from maths.arrays import Array
 from maths.immutable import Immutable
+from maths.validation import check, number, numbers
 from systems.port_values import SampleWindow
 from systems.sensors.randomness import make_generator
 
@@ -41,9 +42,9 @@ class StreamFault:
 
     stream: str = ""  # The port that fails, such as wrench_window.
     kind: str = "off"  # One of `FAULTS`.
-    start: float = 0.0  # [s]
-    end: float = float("inf")  # [s]
-    size: list[float] = field(default_factory=list)
+    start: float = number(0.0, at_least=0.0, at_most=86400.0, unit="s")
+    end: float = number(float("inf"), above=0.0, at_most=86400.0, unit="s", infinite=True)
+    size: list[float] = numbers([], at_least=-1e9, at_most=1e9, shape=(range(0, 65),))
 
 
 def check_fault(fault: StreamFault, model: Any) -> None:
@@ -59,14 +60,15 @@ def check_fault(fault: StreamFault, model: Any) -> None:
     what = f"fault '{fault.kind}' of {fault.stream}"
     if fault.kind not in FAULTS:
         raise ValueError(f"{what}: there are {', '.join(FAULTS)}")
-    if not 0 <= fault.start < fault.end:
-        raise ValueError(f"{what}: from {fault.start:g} to {fault.end:g} s, need 0 <= start < end")
+    check(fault, what)
+    if not fault.start < fault.end:
+        raise ValueError(f"{what}: from {fault.start:g} to {fault.end:g} s, need start < end")
     sizes = np.asarray(fault.size, dtype=float)
     wanted = 0 if fault.kind in _WITHOUT_SIZE else 1
     if fault.kind in ("biased", "drifting") and len(sizes) > 1:
         wanted = _components(model)
-    if len(sizes) != wanted or not np.isfinite(sizes).all():
-        raise ValueError(f"{what}: size = {fault.size}, need {wanted or 'no'} finite number(s)")
+    if len(sizes) != wanted:
+        raise ValueError(f"{what}: size = {fault.size}, need {wanted or 'no'} number(s)")
     if fault.kind == "delayed" and not 0 < sizes[0] <= 60:
         raise ValueError(f"{what}: size = {sizes[0]:g} s, need > 0 s and <= 60 s")
     if fault.kind == "dropped" and not 0 < sizes[0] <= 1:
@@ -218,10 +220,10 @@ class FailingStream(LeafSystem):
         time, value = context.get_time(), self._measured(context)
         past: _Past = context.get_abstract_state(0).get_value()
         tick = round(time / self._period)
-        for number, fault in enumerate(self._faults):
+        for index, fault in enumerate(self._faults):
             if not fault.start - 1e-9 <= time < fault.end - 1e-9:
                 continue
-            rng = make_generator(self._seed, f"fault {number} of {fault.stream}", tick)
+            rng = make_generator(self._seed, f"fault {index} of {fault.stream}", tick)
             if fault.kind == "delayed":
                 delayed = self._measured_at(time - fault.size[0], past, value)
             else:

@@ -10,24 +10,31 @@ from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from maths.arrays import Array
-from maths.validation import require
+from maths.validation import check, number, require
 from systems.sensors.randomness import WhiteNoise, make_generator
 from systems.sensors.sampled_sensor import SampledSensor
+from systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)
 class WristWrenchConfig:
-    period: float = 0.01  # Between samples, [s].
-    tick: float = 1.0 / 15.0  # Between the network's ticks, [s].
-    noise_torque: float = 0.005  # Standard deviation, [N·m].
-    noise_force: float = 0.1  # Standard deviation, [N].
-    bias_torque: float = 0.02  # Left after taring, standard deviation over episodes, [N·m].
-    bias_force: float = 0.3  # Left after taring, standard deviation over episodes, [N].
-    step_torque: float = 1.0 / 800.0  # Quantisation, [N·m].
-    step_force: float = 1.0 / 40.0  # Quantisation, [N].
-    range_torque: float = 10.0  # Saturation per axis, [N·m].
-    range_force: float = 130.0  # Saturation per axis across the sensor, [N].
-    range_force_axial: float = 400.0  # Saturation along the sensor's z, [N].
+    period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Between samples.
+    tick: float = tick_period()  # Between the network's ticks.
+    # Standard deviation.
+    noise_torque: float = number(0.005, at_least=0.0, at_most=1000.0, unit="N·m")
+    noise_force: float = number(0.1, at_least=0.0, at_most=1e4, unit="N")  # Standard deviation.
+    # Left after taring, standard deviation over episodes.
+    bias_torque: float = number(0.02, at_least=0.0, at_most=1000.0, unit="N·m")
+    # Left after taring, standard deviation over episodes.
+    bias_force: float = number(0.3, at_least=0.0, at_most=1e4, unit="N")
+    # Quantisation.
+    step_torque: float = number(1.0 / 800.0, at_least=1e-9, at_most=1000.0, unit="N·m")
+    step_force: float = number(1.0 / 40.0, at_least=1e-9, at_most=1e4, unit="N")  # Quantisation.
+    range_torque: float = number(10.0, above=0.0, at_most=1e4, unit="N·m")  # Saturation per axis.
+    # Saturation per axis across the sensor.
+    range_force: float = number(130.0, above=0.0, at_most=1e5, unit="N")
+    # Saturation along the sensor's z.
+    range_force_axial: float = number(400.0, above=0.0, at_most=1e5, unit="N")
 
 
 def force_in_sensor(F_Jc: SpatialForce, X_JcS: RigidTransform, sign: float) -> Array:
@@ -101,16 +108,8 @@ class WristWrenchSensor(SampledSensor):
 
     def __init__(self, config: WristWrenchConfig, seed: int) -> None:
         c, name = config, "WristWrenchSensor"
-        require(0 < c.period < np.inf, name, c, "period", "> 0 s")
-        require(c.period <= c.tick < np.inf, name, c, "tick", ">= period, in s")
-        for quantity, unit in (("torque", "N·m"), ("force", "N")):
-            for kind in ("noise", "bias"):
-                field = f"{kind}_{quantity}"
-                require(0 <= getattr(c, field) < np.inf, name, c, field, f">= 0 {unit}")
-            for kind in ("step", "range"):
-                field = f"{kind}_{quantity}"
-                require(0 < getattr(c, field) < np.inf, name, c, field, f"> 0 {unit}")
-        require(0 < c.range_force_axial < np.inf, name, c, "range_force_axial", "> 0 N")
+        check(c, name)
+        require(c.period <= c.tick, name, c, "tick", ">= period")
         super().__init__("F_S", "wrench", 6, c.period, c.tick)
         rng = make_generator(seed, "WristWrenchSensor bias")
         self._bias = np.repeat([c.bias_torque, c.bias_force], 3) * rng.standard_normal(6)

@@ -1,9 +1,10 @@
 """Durations in seconds become numbers of ticks, at any period."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import pytest
 
+from maths.validation import number
 from systems.ticks import require_ticks, whole_ticks
 from systems.vision.bodies.body_tracker_state import no_bodies
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
@@ -57,15 +58,20 @@ def test_the_durations_of_the_feature_tracker_last_as_long_at_another_period() -
 
 @dataclass
 class Durations:
-    pause: float = 1.0
-    interval: float = 0.1
+    pause: float = number(1.0, above=0.0, at_most=10.0, unit="s")
+    interval: float = number(0.1, above=0.0, at_most=10.0, unit="s")
+
+
+@dataclass
+class Config:
+    search: Durations = field(default_factory=Durations)
 
 
 def test_a_duration_of_too_few_ticks_is_refused_with_what_is_needed() -> None:
     require_ticks("System", Durations(), 0.1, lasting="pause interval")
-    with pytest.raises(ValueError, match=r"System: interval = 0.1, need >= a tick, 0.5 s"):
+    with pytest.raises(ValueError, match=r"System: interval = 0.1 s, need >= a tick, 0.5 s"):
         require_ticks("System", Durations(), 0.5, lasting="pause interval")
-    with pytest.raises(ValueError, match=r"System: pause = 1.0, need >= 11 ticks, 1.1 s"):
+    with pytest.raises(ValueError, match=r"System: pause = 1.0 s, need >= 11 ticks, 1.1 s"):
         require_ticks("System", Durations(), 0.1, lasting="pause", least=11)
-    with pytest.raises(ValueError, match=r"System: pause = nan"):
-        require_ticks("System", Durations(pause=float("nan")), 0.1, lasting="pause")
+    with pytest.raises(ValueError, match=r"System: search\.interval = 0.1 s, need >= a tick"):
+        require_ticks("System", Config(), 0.5, lasting="search.pause search.interval")

@@ -6,44 +6,62 @@ import numpy as np
 
 from maths.arrays import Array
 from maths.gaussian import chi_square_gate
-from maths.validation import require_fields, require_ranges
-from systems.ticks import require_ticks, whole_ticks
+from maths.validation import check, number
+from systems.ticks import require_ticks, tick_period, whole_ticks
 
 
 @dataclass(kw_only=True)
 class FeatureHistoryConfig:
     """What is remembered of each feature."""
 
-    window: float = 2.0  # Length of a feature's history, [s].
-    newest: float = 0.2  # Length of its end that makes the newest position, [s].
-    memory: float = 3.0  # Time after which an unseen feature is forgotten, [s].
-    rest_time: float = 4.0  # Longest time that is averaged into a feature's rest, [s].
-    nudge_time: float = 1.0 / 3.0  # Time before a reference whose mean position shows a nudge, [s].
-    floor: float = 2e-4  # Error added to a feature's standard deviation, [m].
+    # Length of a feature's history.
+    window: float = number(2.0, at_least=1e-3, at_most=60.0, unit="s")
+    # Length of its end that makes the newest position.
+    newest: float = number(0.2, at_least=1e-3, at_most=60.0, unit="s")
+    # Time after which an unseen feature is forgotten.
+    memory: float = number(3.0, at_least=0.0, at_most=3600.0, unit="s")
+    # Longest time that is averaged into a feature's rest.
+    rest_time: float = number(4.0, at_least=1e-3, at_most=3600.0, unit="s")
+    # Time before a reference whose mean position shows a nudge.
+    nudge_time: float = number(1.0 / 3.0, at_least=1e-3, at_most=60.0, unit="s")
+    # Error added to a feature's standard deviation.
+    floor: float = number(2e-4, at_least=0.0, at_most=1.0, unit="m")
 
 
 @dataclass(kw_only=True)
 class LandmarkConfig:
     """The constant positions of features in a body."""
 
-    max_count: int = 50  # Most landmarks that a body's filter holds.
-    floor: float = 3e-4  # Error of a landmark that averaging does not remove, [m].
-    reset_floor: float = 1e-3  # The same where a body that was lost gets new landmarks, [m].
-    reset_support: int = 8  # Least number of features that a lost body gets as landmarks.
-    walk: float = 5e-5  # Drift of a landmark, a random walk, [m/sqrt(s)].
-    turn_walk: float = 3e-4  # The same per turn of its body, [m/sqrt(rad)].
+    # Most landmarks that a body's filter holds.
+    max_count: int = number(50, at_least=3, at_most=1000)
+    # Error of a landmark that averaging does not remove.
+    floor: float = number(3e-4, at_least=0.0, at_most=1.0, unit="m")
+    # The same where a body that was lost gets new landmarks.
+    reset_floor: float = number(1e-3, at_least=0.0, at_most=1.0, unit="m")
+    # Least number of features that a lost body gets as landmarks.
+    reset_support: int = number(8, at_least=1, at_most=10000)
+    # Drift of a landmark, a random walk.
+    walk: float = number(5e-5, at_least=0.0, at_most=1.0, unit="m/s^0.5")
+    # The same per turn of its body.
+    turn_walk: float = number(3e-4, at_least=0.0, at_most=1.0, unit="m/rad^0.5")
 
 
 @dataclass(kw_only=True)
 class BodyDynamicsConfig:
     """How a body moves."""
 
-    angular_process_noise: float = 1e-2  # Spectral density of the acceleration, [rad^2/s^3].
-    linear_process_noise: float = 2.5e-3  # The same for the translation, [m^2/s^3].
-    initial_angular_velocity: float = 0.1  # Standard deviation at the reference, [rad/s].
-    initial_linear_velocity: float = 0.02  # The same for the translation, [m/s].
-    jump_rotation: float = 0.1  # Unpredicted turn that is believed if features agree, [rad].
-    jump_translation: float = 0.03  # The same for a shift, [m].
+    # Spectral density of the acceleration.
+    angular_process_noise: float = number(1e-2, at_least=1e-12, at_most=1000.0, unit="rad^2/s^3")
+    # The same for the translation.
+    linear_process_noise: float = number(2.5e-3, at_least=1e-12, at_most=1000.0, unit="m^2/s^3")
+    # Standard deviation at the reference.
+    initial_angular_velocity: float = number(0.1, at_least=1e-9, at_most=100.0, unit="rad/s")
+    # The same for the translation.
+    initial_linear_velocity: float = number(0.02, at_least=1e-9, at_most=100.0, unit="m/s")
+    # Unpredicted turn that is believed if features agree.
+    jump_rotation: float = number(0.1, at_least=1e-9, at_most=10.0, unit="rad")
+    # The same for a shift.
+    jump_translation: float = number(0.03, at_least=1e-9, at_most=10.0, unit="m")
 
     @property
     def process_noise(self) -> Array:
@@ -65,42 +83,61 @@ class BodyDynamicsConfig:
 class BodyBirthConfig:
     """What free features have to show to make a new body."""
 
-    motion_gate: float = 20.0  # Squared distance, 3 dof, beyond which a feature is moving, [-].
-    support_gate: float = 9.0  # Least reduction of a feature's squared distance by a motion, [-].
-    min_support: int = 6  # Least number of features.
-    min_gain: float = 120.0  # Least sum of these reductions, [-].
-    min_spread: float = 0.015  # Least root mean square distance from their centroid, [m].
-    neighbourhood: float = 0.08  # Radius within which they have to outnumber all others, [m].
-    rotation_sigma: float = 0.1  # Prior rotation of the first motion, 1 sigma, [rad].
-    seed: int = 0  # Seed of RANSAC.
+    # Squared distance, 3 dof, beyond which a feature is moving.
+    motion_gate: float = number(20.0, above=0.0, at_most=1e6)
+    # Least reduction of a feature's squared distance by a motion.
+    support_gate: float = number(9.0, above=0.0, at_most=1e6)
+    min_support: int = number(6, at_least=1, at_most=10000)  # Least number of features.
+    min_gain: float = number(120.0, at_least=0.0, at_most=1e9)  # Least sum of these reductions.
+    # Least root mean square distance from their centroid.
+    min_spread: float = number(0.015, at_least=0.0, at_most=10.0, unit="m")
+    # Radius within which they have to outnumber all others.
+    neighbourhood: float = number(0.08, above=0.0, at_most=100.0, unit="m")
+    # Prior rotation of the first motion, 1 sigma.
+    rotation_sigma: float = number(0.1, at_least=1e-9, at_most=10.0, unit="rad")
+    seed: int = number(0, at_least=0, at_most=2**32 - 1)  # Seed of RANSAC.
 
 
 @dataclass(kw_only=True)
 class AssociationConfig:
     """Which features belong to which body."""
 
-    log_ratio: float = 8.0  # Log likelihood ratio that assigns or releases a feature, [nat].
-    extent: float = 0.05  # Distance to a body's features that counts as one deviation, [m].
-    max_penalty: float = 30.0  # Log likelihood ratio that distance costs at most, [nat].
-    merging_share: float = 0.8  # Share of a body's features that makes it part of an older one.
-    rejection_time: float = 8.0 / 15.0  # Time after which a rejected feature leaves its body, [s].
-    free_rejection_time: float = 3.0  # Time after which a rejected free feature is reset, [s].
+    # Log likelihood ratio that assigns or releases a feature.
+    log_ratio: float = number(8.0, above=0.0, at_most=1e4, unit="nat")
+    # Distance to a body's features that counts as one deviation.
+    extent: float = number(0.05, at_least=1e-6, at_most=100.0, unit="m")
+    # Log likelihood ratio that distance costs at most.
+    max_penalty: float = number(30.0, at_least=0.0, at_most=1e4, unit="nat")
+    # Share of a body's features that makes it part of an older one.
+    merging_share: float = number(0.8, above=0.0, at_most=1.0)
+    # Time after which a rejected feature leaves its body.
+    rejection_time: float = number(8.0 / 15.0, at_least=1e-3, at_most=3600.0, unit="s")
+    # Time after which a rejected free feature is reset.
+    free_rejection_time: float = number(3.0, at_least=1e-3, at_most=3600.0, unit="s")
 
 
 @dataclass(kw_only=True)
 class HeldBodyConfig:
     """What the hand says about the body that it holds."""
 
-    # Squared distance beyond which the closing hand has moved a feature, [-].
-    nudge_gate: float = chi_square_gate(0.05, 3)
-    prior_rotation_walk: float = 0.05  # Error of the prior while unseen, [rad/sqrt(s)].
-    prior_translation_walk: float = 0.01  # The same for the translation, [m/sqrt(s)].
-    blind_rotation: float = 0.1  # Error beyond which no single feature joins, [rad].
-    blind_translation: float = 0.01  # The same for the translation, [m].
-    handle_error: float = 2.5e-3  # Error of the handle's way over the window, [m].
-    handle_noise: float = 1e-3  # Least error of a feature's way over the window, [m].
-    identification_way: float = 0.003  # Least way of the hand that identifies a body, [m].
-    identification_share: float = 0.5  # Largest share of it that the body may have missed, [-].
+    # Squared distance beyond which the closing hand has moved a feature.
+    nudge_gate: float = number(chi_square_gate(0.05, 3), above=0.0, at_most=1e6)
+    # Error of the prior while unseen.
+    prior_rotation_walk: float = number(0.05, at_least=1e-9, at_most=10.0, unit="rad/s^0.5")
+    # The same for the translation.
+    prior_translation_walk: float = number(0.01, at_least=1e-9, at_most=10.0, unit="m/s^0.5")
+    # Error beyond which no single feature joins.
+    blind_rotation: float = number(0.1, above=0.0, at_most=10.0, unit="rad")
+    # The same for the translation.
+    blind_translation: float = number(0.01, above=0.0, at_most=10.0, unit="m")
+    # Error of the handle's way over the window.
+    handle_error: float = number(2.5e-3, at_least=1e-9, at_most=1.0, unit="m")
+    # Least error of a feature's way over the window.
+    handle_noise: float = number(1e-3, at_least=1e-9, at_most=1.0, unit="m")
+    # Least way of the hand that identifies a body.
+    identification_way: float = number(0.003, at_least=0.0, at_most=10.0, unit="m")
+    # Largest share of it that the body may have missed.
+    identification_share: float = number(0.5, above=0.0, at_most=1.0)
 
     @property
     def prior_walk(self) -> Array:
@@ -112,11 +149,15 @@ class HeldBodyConfig:
 class RigidBodyMotionConfig:
     """How bodies are tracked; squared distances are squares of Mahalanobis distances."""
 
-    period: float = 1.0 / 15.0  # Update period, [s].
-    gate: float = chi_square_gate(0.001, 3)  # Least squared distance of an outlier, 3 dof, [-].
-    keep_support: int = 3  # Least number of features that keeps a body alive.
-    patience: float = 2.0  # Longest time that a body lives without them, [s].
-    initial_patience: float = 1.0 / 3.0  # The same at birth; grows with the time it had them, [s].
+    period: float = tick_period()  # Update period.
+    # Least squared distance of an outlier, 3 dof.
+    gate: float = number(chi_square_gate(0.001, 3), above=0.0, at_most=1e6)
+    # Least number of features that keeps a body alive.
+    keep_support: int = number(3, at_least=1, at_most=10000)
+    # Longest time that a body lives without them.
+    patience: float = number(2.0, at_least=0.0, at_most=3600.0, unit="s")
+    # The same at birth; grows with the time it had them.
+    initial_patience: float = number(1.0 / 3.0, at_least=0.0, at_most=3600.0, unit="s")
     history: FeatureHistoryConfig = field(default_factory=FeatureHistoryConfig)
     landmarks: LandmarkConfig = field(default_factory=LandmarkConfig)
     dynamics: BodyDynamicsConfig = field(default_factory=BodyDynamicsConfig)
@@ -127,59 +168,11 @@ class RigidBodyMotionConfig:
 
 def check_rigid_body_motion(config: RigidBodyMotionConfig) -> None:
     """Raises ValueError, naming the first impossible value."""
-    name = "RigidBodyMotion"
-    require_ranges(
-        name,
-        config,
-        positive="period gate",
-        not_negative="patience initial_patience",
-        counts="keep_support",
-    )
-    history = config.history
-    require_ranges(f"{name}.history", history, not_negative="floor memory")
-    require_ticks(f"{name}.history", history, config.period, lasting="rest_time")
-    require_ticks(f"{name}.history", history, config.period, lasting="newest nudge_time", least=2)
-    least = whole_ticks(history.newest, config.period) + 8
-    require_ticks(f"{name}.history", history, config.period, lasting="window", least=least)
-    landmarks = config.landmarks
-    require_ranges(
-        f"{name}.landmarks",
-        landmarks,
-        not_negative="floor reset_floor walk turn_walk",
-        counts="reset_support",
-    )
-    require_fields(f"{name}.landmarks", landmarks, ["max_count"], ">= 3", lambda x: x >= 3)
-    require_ranges(
-        f"{name}.dynamics",
-        config.dynamics,
-        positive="angular_process_noise linear_process_noise initial_angular_velocity"
-        " initial_linear_velocity jump_rotation jump_translation",
-    )
-    require_ranges(
-        f"{name}.birth",
-        config.birth,
-        positive="motion_gate support_gate neighbourhood rotation_sigma",
-        not_negative="min_gain min_spread seed",
-        counts="min_support",
-    )
-    require_ranges(
-        f"{name}.association",
-        config.association,
-        positive="log_ratio extent",
-        not_negative="max_penalty",
-        shares="merging_share",
-    )
-    require_ticks(
-        f"{name}.association",
-        config.association,
-        config.period,
-        lasting="rejection_time free_rejection_time",
-    )
-    require_ranges(
-        f"{name}.held_body",
-        config.held_body,
-        positive="nudge_gate prior_rotation_walk prior_translation_walk blind_rotation"
-        " blind_translation handle_error handle_noise",
-        not_negative="identification_way",
-        shares="identification_share",
-    )
+    name, period = "RigidBodyMotion", config.period
+    check(config, name)
+    require_ticks(name, config, period, lasting="history.rest_time")
+    require_ticks(name, config, period, lasting="history.newest history.nudge_time", least=2)
+    least = whole_ticks(config.history.newest, period) + 8
+    require_ticks(name, config, period, lasting="history.window", least=least)
+    rejection = "association.rejection_time association.free_rejection_time"
+    require_ticks(name, config, period, lasting=rejection)

@@ -70,7 +70,7 @@ def test_the_network_period_reaches_every_filter_and_window() -> None:
         ("duraton=3", "unknown key 'duraton'; did you mean 'duration'?"),
         ("sensors.encoders.nois=3", "unknown key 'sensors.encoders.nois'; did you mean 'noise"),
         ("disturbances.lights_off=[{begin: 3}]", "unknown key 'disturbances.lights_off.0.begin'"),
-        ("cameras.camera.width=0", "cameras.camera.width = 0 pixels"),
+        ("cameras.camera.width=0", "cameras.camera.width = 0 px, need"),
         ("plant.time_step=-0.001", "plant.time_step = -0.001 s"),
         ("modalities=[vision, touch]", "unknown modality 'touch'"),
         ("modalities=[]", "at least one"),
@@ -80,16 +80,16 @@ def test_the_network_period_reaches_every_filter_and_window() -> None:
         ("objects.drawer.friction=-1", "objects.drawer.friction = -1.0"),
         (
             "objects.drawer.position=[1, 2]",
-            "objects.drawer.position = [1.0, 2.0], but it must be 3 numbers",
+            "objects.drawer.position = [1.0, 2.0] m, need 3 numbers",
         ),
         (
             "objects.drawer.pull_direction=[0, 0, 0]",
             "objects.drawer.pull_direction must not be all zero",
         ),
-        ("control.posture=[1, 2]", "control.posture = [1.0, 2.0], but it must be 7 numbers"),
+        ("control.posture=[1, 2]", "control.posture = [1.0, 2.0] rad, need 7 numbers"),
         (
             "objects.drawer.pull_direction=[1]",
-            "objects.drawer.pull_direction = [1.0], but it must be 3 numbers",
+            "objects.drawer.pull_direction = [1.0], need 3 numbers",
         ),
         (
             "objects.drawer.model=no_such.sdf",
@@ -97,6 +97,15 @@ def test_the_network_period_reaches_every_filter_and_window() -> None:
         ),
         ("objects.drawer.joint=slid", "has no joint 'slid'; did you mean 'slide'?"),
         ("objects.drawer.handle_frame=handel", "has no frame 'handel'; did you mean 'handle'?"),
+        (
+            "control.exploration.speed=.nan",
+            "drawer-lights-off.yaml: control.exploration.speed = nan m/s, need > 0, <= 10 m/s",
+        ),
+        ("plant.time_step=1e-9", "plant.time_step = 1e-09 s, need >= 0.0001, <= 0.1 s"),
+        ("network_period=1000", "network_period = 1000.0 s, need >= 0.001, <= 1 s"),
+        ("cameras.camera.position=[0, 0, 1e+30]", "cameras.camera.position = [0.0, 0.0, 1e+30] m"),
+        ("objects.drawer.friction=1.0e+300", "objects.drawer.friction = 1e+300 N or N m, need"),
+        ("control.excitation={waves: 0}", "control.excitation.waves = 0, need >= 1, <= 1000"),
         ("plant.scene=no_scene.yaml", "plant.scene = 'no_scene.yaml': there is no such file"),
     ],
 )

@@ -11,6 +11,7 @@ from scipy.linalg import expm
 
 from diagrams.evaluation.estimates import error_metrics, evaluate_rows, scalar
 from diagrams.run.application import Application, Experiment, Quantity, Scenario, Station
+from maths.validation import number
 from systems.port_values import SampleWindow
 from systems.recursive_filter import RecursiveFilter
 from systems.sensors.randomness import WhiteNoise
@@ -19,7 +20,7 @@ from systems.sensors.sampled_sensor import SampledSensor
 
 @dataclass(kw_only=True)
 class Swing(Scenario):
-    noise: float = 0.02  # Standard deviation of the encoder, [rad] and [rad/s].
+    noise: float = number(0.02, at_least=0.0, at_most=10.0, unit="rad or rad/s")  # 1 sigma.
 
 
 class Encoder(SampledSensor):
@@ -70,8 +71,7 @@ APPLICATION = Application(
     scenarios=Path(__file__).parent,
     make_station=make_station,
     make_estimators=lambda swing, calibration: {
-        "stubborn": KalmanFilter(swing, 0.001),
-        "open": KalmanFilter(swing, 0.1),
+        name: KalmanFilter(swing, a) for name, a in {"stubborn": 0.001, "open": 0.1}.items()
     },
     quantities=[Quantity(port="state_latest", model=(np.zeros(2), np.eye(2)))],
     station_quantities=[Quantity(port="cheat_state", model=np.zeros(2))],

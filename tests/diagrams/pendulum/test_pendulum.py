@@ -150,6 +150,17 @@ def test_an_unknown_key_is_refused_in_one_line(tmp_path: Path, command: str) -> 
     assert result.stderr.count("\n") == 1
 
 
+@pytest.mark.parametrize("noise", ["-1", ".nan", ".inf", "1e300"])
+def test_a_number_outside_its_declared_range_is_refused_in_one_line(
+    tmp_path: Path, noise: str
+) -> None:
+    result = crossmodal("run", "swing", "--set", f"noise={noise}", "--out", tmp_path / "run")
+    assert result.exit_code == 2
+    said = f"noise = {float(noise.lstrip('.'))!r} rad or rad/s, need >= 0, <= 10 rad or rad/s"
+    assert f"swing.yaml: {said}" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
 def test_only_the_estimators_that_are_asked_for_run(tmp_path: Path) -> None:
     options = ("run", "swing", "--duration", 1, "--modalities")
     result = crossmodal(*options, "open", "--out", tmp_path / "run")

@@ -11,7 +11,6 @@ from diagrams.run.calibration import (
     CalibrationErrors,
     Camera,
     calibrated,
-    check_errors,
     draw_base,
     draw_camera,
     pose_covariance,
@@ -20,6 +19,7 @@ from diagrams.run.calibration import (
 from maths import se3
 from maths.arrays import Array
 from maths.pinhole import Intrinsics
+from maths.validation import check
 
 SEEDS = 2000
 CAMERA = Camera(
@@ -142,20 +142,20 @@ def test_what_is_believed_carries_its_covariances() -> None:
 def test_impossible_deviations_are_refused_by_name(name: str, value: float) -> None:
     errors = CalibrationErrors()
     setattr(errors, name, value)
-    with pytest.raises(ValueError, match=rf"calibration\.errors\.{name} = .*need >= 0"):
-        check_errors(errors, "calibration.errors")
+    with pytest.raises(ValueError, match=rf"^calibration\.errors: {name} = .*need >= 0, <"):
+        check(errors, "calibration.errors")
 
 
 @pytest.mark.parametrize("name", ["focal_length", "depth_scale"])
 def test_a_share_that_could_turn_a_camera_inside_out_is_refused(name: str) -> None:
     errors = CalibrationErrors()
     setattr(errors, name, 0.2)
-    with pytest.raises(ValueError, match=rf"{name} = 0\.2, need < 0\.2 of the value"):
-        check_errors(errors, "calibration.errors")
+    with pytest.raises(ValueError, match=rf"{name} = 0\.2, need >= 0, < 0\.2$"):
+        check(errors, "calibration.errors")
 
 
 def test_realistic_errors_are_possible() -> None:
-    check_errors(realistic_errors(), "calibration.believed")
+    check(realistic_errors(), "calibration.believed")
 
 
 def test_a_camera_projects_points_of_the_frame_that_carries_it() -> None:

@@ -31,6 +31,7 @@ from diagrams.stations.add_cameras import add_cameras, add_robot_masks
 from diagrams.stations.add_soft_hand import add_soft_hand
 from diagrams.stations.naming import estimator_of
 from diagrams.stations.true_pose import add_true_pose
+from maths.validation import number, numbers
 from models import SDF_DIR
 from plants.hands.pneumatic_hand import PneumaticHandConfig
 from plants.joint_friction import JointFriction
@@ -64,10 +65,10 @@ GAINS = ImpedanceGains(
 @dataclass(kw_only=True)
 class ObjectConfig:
     model: str = "chest_drawer.sdf"  # In models/sdf.
-    position: np.ndarray = field(default_factory=lambda: np.zeros(3))  # [m]
-    yaw: float = 0.0  # [deg]
+    position: np.ndarray = numbers(np.zeros(3), at_least=-100.0, at_most=100.0, unit="m")
+    yaw: float = number(0.0, at_least=-720.0, at_most=720.0, unit="deg")
     free: bool = False  # Whether it only rests where it is.
-    friction: float = 1.0  # Of its joints, [N or N m].
+    friction: float = number(1.0, at_least=0.0, at_most=1000.0, unit="N or N m")  # Of its joints.
 
 
 @dataclass(kw_only=True)
@@ -87,11 +88,12 @@ class SensorsConfig:
 @dataclass(kw_only=True)
 class ArmControl:
     impedance: ImpedanceConfig = field(default_factory=ImpedanceConfig)
-    posture: np.ndarray = field(  # At the start (7,), [rad].
-        default_factory=lambda: np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.1])
+    # At the start (7,).
+    posture: np.ndarray = numbers(
+        np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.1]), at_least=-10.0, at_most=10.0, unit="rad"
     )
-    # How far the desired position lies from that at the start (3,), in W, [m].
-    step: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    # How far the desired position lies from that at the start (3,), in W.
+    step: np.ndarray = numbers(np.zeros(3), at_least=-10.0, at_most=10.0, unit="m")
 
 
 @dataclass(kw_only=True)

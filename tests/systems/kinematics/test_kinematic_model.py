@@ -392,7 +392,7 @@ def test_impossible_values_are_refused_by_name(field: str, value: float) -> None
 
 
 def test_filter_settings_are_checked_in_the_system_s_name() -> None:
-    with pytest.raises(ValueError, match=r"^KinematicModel: speed = -1.0, need"):
+    with pytest.raises(ValueError, match=r"^KinematicModel: filters.speed = -1.0 m/s, need"):
         KinematicModel(KinematicModelConfig(filters=JointFiltersConfig(speed=-1.0)))
     with pytest.raises(ValueError, match=r"^KinematicModel: inputs = 0, need"):
         KinematicModel(KinematicModelConfig(), inputs=0)

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from maths.validation import check
 from systems.sensors.colour_noise import (
     ColourNoiseConfig,
-    check_colour_noise,
     mean_grey,
     measure_colour,
     next_gain,
@@ -107,4 +107,4 @@ def test_gain_keeps_its_limits():
 def test_impossible_values_are_refused_by_name(field, value):
     config = ColourNoiseConfig(**{field: value})
     with pytest.raises(ValueError, match=f"ColourNoiseConfig: {field}"):
-        check_colour_noise(config)
+        check(config, "ColourNoiseConfig")

@@ -180,5 +180,5 @@ def test_configuration_loads_from_yaml_and_refuses_what_is_impossible():
     )
     assert (config.depth.range_max, config.colour.read_noise) == (2.5, 4.0)
     config.rate = 0.0
-    with pytest.raises(ValueError, match=r"CameraNoise: rate = 0\.0, need > 0 Hz"):
+    with pytest.raises(ValueError, match=r"CameraNoise: rate = 0\.0 Hz, need >= 0.1, <= 1000 Hz"):
         CameraNoise(config, INTRINSICS, 0)

@@ -393,19 +393,19 @@ def test_features_are_predicted_where_their_body_takes_them(
         (RigidBodyMotionConfig(period=0.0), "RigidBodyMotion: period = 0.0"),
         (
             RigidBodyMotionConfig(history=FeatureHistoryConfig(window=0.7)),
-            "RigidBodyMotion.history: window = 0.7, need >= 11 ticks, 0.733 s",
+            "RigidBodyMotion: history.window = 0.7 s, need >= 11 ticks, 0.733 s",
         ),
         (
             RigidBodyMotionConfig(period=0.2),
-            "RigidBodyMotion.history: newest = 0.2, need >= 2 ticks, 0.4 s",
+            "RigidBodyMotion: history.newest = 0.2 s, need >= 2 ticks, 0.4 s",
         ),
         (
             RigidBodyMotionConfig(association=AssociationConfig(rejection_time=0.01)),
-            "RigidBodyMotion.association: rejection_time = 0.01, need >= a tick, 0.0667 s",
+            "RigidBodyMotion: association.rejection_time = 0.01 s, need >= a tick, 0.0667 s",
         ),
         (
             RigidBodyMotionConfig(birth=BodyBirthConfig(min_gain=-1.0)),
-            "RigidBodyMotion.birth: min_gain = -1.0",
+            "RigidBodyMotion: birth.min_gain = -1.0",
         ),
     ],
 )

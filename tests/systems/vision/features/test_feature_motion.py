@@ -243,15 +243,15 @@ def test_the_documented_ports_are_the_declared_ones(system_class: type, camera: 
         (FeatureMotionConfig(period=0.0), "FeatureMotion: period = 0.0"),
         (
             FeatureMotionConfig(detection=DetectionConfig(interval=0.03)),
-            "FeatureMotion.detection: interval = 0.03, need >= a tick, 0.0667 s",
+            "FeatureMotion: detection.interval = 0.03 s, need >= a tick, 0.0667 s",
         ),
         (
             FeatureMotionConfig(tracks=TrackManagementConfig(max_features=0)),
-            "FeatureMotion.tracks: max_features = 0",
+            "FeatureMotion: tracks.max_features = 0",
         ),
         (
             FeatureMotionConfig(registration=RegistrationConfig(min_correlation=1.5)),
-            "FeatureMotion.registration: min_correlation = 1.5",
+            "FeatureMotion: registration.min_correlation = 1.5",
         ),
     ],
 )

@@ -26,6 +26,8 @@ Summary = dict[str, Any]
 _MARKER = "evaluation.json"
 # joblib's threads only wait: each episode has a process of its own, on a cluster on any machine.
 BACKENDS = ("processes", "ray")
+_MOST_PER_CORE = 8  # Episodes at a time: each takes half a gigabyte of memory or more.
+_MOST_ON_CLUSTER = 1000  # A thread of this process waits for each.
 
 
 @dataclass(kw_only=True)
@@ -48,12 +50,19 @@ def connect(workers: Workers) -> None:
     """Makes the backend ready.
 
     Raises:
-        ScenarioError: where it is unknown, not installed or does not answer.
+        ScenarioError: where it is unknown, not installed or does not answer, or is to run more
+            episodes at a time than it can.
     """
     if workers.backend not in BACKENDS:
         hint = suggestion(workers.backend, BACKENDS)
         raise ScenarioError(f"--backend {workers.backend}: unknown; {hint}")
-    if workers.backend != "ray":
+    on_cluster = workers.backend == "ray"
+    cores = os.cpu_count() or 1
+    most = _MOST_ON_CLUSTER if on_cluster else _MOST_PER_CORE * cores
+    if workers.jobs > most:
+        why = "on a cluster" if on_cluster else f"with this machine's {cores} cores"
+        raise ScenarioError(f"--jobs {workers.jobs}: {why} it must be at most {most}")
+    if not on_cluster:
         if workers.address:
             raise ScenarioError("--address is for --backend ray only")
         return

@@ -92,7 +92,7 @@ def test_any_assignment_is_taken_or_refused_in_one_line(
 @SEARCH
 @given(value=PLAIN)
 def test_what_is_written_is_read_again(value: Any) -> None:
-    assert load_yaml(yaml.dump(value, Dumper=_Unshared, allow_unicode=True)) == value
+    assert load_yaml(yaml.dump(value, Dumper=_Unshared)) == value
 
 
 def test_there_are_no_other_types_than_numbers_text_and_truths() -> None:

@@ -271,7 +271,7 @@ ARGUMENTS: list[tuple[list[str], str]] = [
     (["evaluate", "drawer", "--jobs", "100000000", "--backend", "ray"], "on a cluster it must be"),
     (["evaluate", "drawer", "--backend", "Ray"], "did you mean 'ray'?"),
     (["evaluate", "drawer", "--address", "here"], "--address is for --backend ray only"),
-    (["evaluate", "drawer", "--out", "file.txt"], "file.txt: "),
+    (["evaluate", "drawer", "--out", "file.txt"], "file.txt: cannot be written"),
     (["evaluate", "drawer", "--out", "folder.yaml"], "already holds files"),
     (["evaluate", "drawer", "--set", "duration=x"], "but it must be a number"),
     (["evaluate", "all", "--set", "sede=3"], "did you mean 'seed'?"),

@@ -277,6 +277,16 @@ class Campaign:
     folder: Path
     summaries: list[Summary]
 
+    @property
+    def seeds(self) -> list[int]:
+        """Those that were asked for."""
+        return [scenario.seed for scenario in self.scenarios]
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all episodes have ended."""
+        return len(self.summaries) == len(self.scenarios)
+
     def episode_folders(self) -> list[Path]:
         """Of the episodes that came to an end."""
         return [

@@ -40,13 +40,18 @@ from systems.port_values import (
 from systems.proprioception.grasp_model import initial_grasp
 from systems.proprioception.grasp_model_config import GraspModelConfig
 
+_SEEING, _FEELING = ("vision", "crossmodal"), ("proprioception", "crossmodal")
 QUANTITIES = (
     Quantity(port="joints_latest", model=JointBeliefs()),
     Quantity(port="body_motions_latest", model=BodyMotions()),
-    Quantity(port="features_latest", model=no_features()),
-    Quantity(port="grasp_latest", model=initial_grasp(GraspModelConfig())),
-    Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR),
-    Quantity(port="hand_bending_latest", model=PoseBelief(X=np.eye(4), covariance=np.eye(6))),
+    Quantity(port="features_latest", model=no_features(), estimators=_SEEING),
+    Quantity(port="grasp_latest", model=initial_grasp(GraspModelConfig()), estimators=_FEELING),
+    Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR, estimators=_FEELING),
+    Quantity(
+        port="hand_bending_latest",
+        model=PoseBelief(X=np.eye(4), covariance=np.eye(6)),
+        estimators=_FEELING,
+    ),
 )
 TOPICS = {
     "joint_state_window": Topic(name="/joint_states", window=JOINT_STATES),

@@ -76,6 +76,11 @@ def find_application(name: str, source: str) -> Application:
         source: The scenario's file, for the message.
     """
     known = applications()
+    if not name:
+        raise ScenarioError(
+            f"{source}: does not say which application it is for;"
+            f" write `system: {next(iter(known))}`"
+        )
     if name not in known:
         raise ScenarioError(
             f"{source}: system = '{name}': {suggestion(name, known)}; others are named in {OWN}"
@@ -103,7 +108,7 @@ def find_scenario(name_or_path: str) -> Path:
     if name_or_path in known:
         return known[name_or_path]
     path = Path(name_or_path)
-    if path.suffix in (".yaml", ".yml") or path.is_file():
+    if path.suffix in (".yaml", ".yml") or os.path.isfile(path):  # Of any text, however long.
         return path
     raise ScenarioError(f"unknown scenario '{name_or_path}'; {suggestion(name_or_path, known)}")
 
@@ -119,8 +124,10 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> tuple[App
     """
     path = find_scenario(name_or_path)
     document = read_document(path, overrides)
-    system = document.get("system")
-    application = find_application(str(system or ""), str(path))
+    system = document.get("system", "")
+    if not isinstance(system, str):
+        raise ScenarioError(f"{path}: system must be text, the name of an application")
+    application = find_application(system, str(path))
     scenario: Scenario = parse_scenario(application.scenario, document, path)
     return application, application.resolve(scenario, path)
 

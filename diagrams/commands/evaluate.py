@@ -65,21 +65,20 @@ def evaluate_command(
             chosen = known[name].experiments[name]
             application, scenario = load_scenario(chosen.scenario, overrides or [])
             campaigns.append(prepare(name, application, scenario, numbers, folder, force=force))
-        origin = reports.made_by(
-            " ".join(
-                ["crossmodal evaluate", experiment, f"--seeds {seeds} --jobs {jobs}"]
-                + [f"--set {assignment}" for assignment in overrides or []]
-            )
+        command = " ".join(
+            ["crossmodal evaluate", experiment, f"--seeds {seeds} --jobs {jobs}"]
+            + [f"--set {assignment}" for assignment in overrides or []]
         )
         written: list[Path] = []
         finished = True
         for campaign in campaigns:
             finished = finished and _run_campaign(campaign, workers)
+            origin = reports.made_by(command, complete=campaign.is_complete)
             written = reports.write_campaign(campaign, origin) or written
         if experiment == ALL:
+            origin = reports.made_by(command, complete=finished)
             written = reports.write_overview(campaigns, top, origin)
-    summaries = [summary for campaign in campaigns for summary in campaign.summaries]
-    _finish_evaluation(summaries, written, not finished)
+    _finish_evaluation(campaigns, written)
 
 
 def _run_campaign(campaign: "Campaign", workers: "Workers") -> bool:
@@ -104,18 +103,18 @@ def _run_campaign(campaign: "Campaign", workers: "Workers") -> bool:
         return run(campaign, workers, progress)
 
 
-def _finish_evaluation(
-    summaries: list[dict[str, Any]], written: list[Path], interrupted: bool
-) -> None:
+def _finish_evaluation(campaigns: "list[Campaign]", written: list[Path]) -> None:
+    from diagrams.evaluation.metric_table import interrupted
+
     for path in written:
         if path.suffix == ".md":
             typer.echo(path.read_text(encoding="utf-8"))
     for path in written:
         typer.echo(f"  {path}")
-    if interrupted:
-        typer.echo(
-            f"crossmodal: interrupted after {len(summaries)} episode(s); the same command goes on",
-            err=True,
-        )
+    summaries = [summary for campaign in campaigns for summary in campaign.summaries]
+    asked = sum(len(campaign.scenarios) for campaign in campaigns)
+    if len(summaries) < asked:
+        stopped = interrupted(len(summaries), asked)
+        typer.echo(f"crossmodal: {stopped}; the same command goes on", err=True)
         raise typer.Exit(INTERRUPTED)
     raise typer.Exit(0 if all(summary["success"] for summary in summaries) else FAILED)

@@ -11,7 +11,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from diagrams.crossmodal.calibration import make_calibration
-from diagrams.crossmodal.estimators import STREAMS, make_network
+from diagrams.crossmodal.estimators import FELT_STREAMS, SEEN_STREAMS, make_network
 from diagrams.crossmodal.meshcat_view import add_view
 from diagrams.crossmodal.modalities import COLORS, LABELS
 from diagrams.crossmodal.own_object import identity, keep_files
@@ -41,14 +41,23 @@ from systems.port_values import (
 from systems.proprioception.grasp_model import initial_grasp
 from systems.proprioception.grasp_model_config import GraspModelConfig
 
+_SEEING, _FEELING = ("vision", "crossmodal"), ("proprioception", "crossmodal")
 QUANTITIES = (
     Quantity(port="joints_latest", model=JointBeliefs()),
     Quantity(port="body_motions_latest", model=BodyMotions()),
-    Quantity(port="features_latest", model=no_features()),
-    Quantity(port="grasp_latest", model=initial_grasp(GraspModelConfig())),
-    Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR),
-    Quantity(port="hand_bending_latest", model=PoseBelief(X=np.eye(4), covariance=np.eye(6))),
-    *(Quantity(port=f"{stream}_health_latest", model=StreamHealth()) for stream in STREAMS),
+    Quantity(port="features_latest", model=no_features(), estimators=_SEEING),
+    Quantity(port="grasp_latest", model=initial_grasp(GraspModelConfig()), estimators=_FEELING),
+    Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR, estimators=_FEELING),
+    Quantity(
+        port="hand_bending_latest",
+        model=PoseBelief(X=np.eye(4), covariance=np.eye(6)),
+        estimators=_FEELING,
+    ),
+    *(
+        Quantity(port=f"{stream}_health_latest", model=StreamHealth(), estimators=having)
+        for having, streams in ((_SEEING, SEEN_STREAMS), (_FEELING, FELT_STREAMS))
+        for stream in streams
+    ),
 )
 TOPICS = {
     "joint_state_window": Topic(name="/joint_states", window=JOINT_STATES),

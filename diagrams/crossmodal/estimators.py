@@ -26,7 +26,8 @@ from systems.vision.features.feature_motion import FeatureMotion
 from systems.vision.features.feature_motion_config import FeatureMotionConfig
 
 VISION_INPUTS = ("color_measured", "depth_measured", "robot_mask")
-STREAMS = ("color", "depth", "joint_state", "wrench", "pressure")  # Those that are monitored.
+SEEN_STREAMS = ("color", "depth")  # Those that a monitor watches, of the eye and of the body.
+FELT_STREAMS = ("joint_state", "wrench", "pressure")
 PROPRIOCEPTION_INPUTS = (
     "joint_state_window",
     "wrench_window",
@@ -212,7 +213,7 @@ def _add_vision(
     )
     monitor = ImageMonitor(config.images, intrinsics.width, intrinsics.height)
     _add(builder, "image_monitor", monitor)
-    for name in ("color", "depth"):
+    for name in SEEN_STREAMS:
         builder.ExportInput(monitor.GetInputPort(f"{name}_measured"), f"{name}_measured")
         _wire(builder, monitor, f"{name}_checked", features, f"{name}_measured")
         _export_outputs(builder, monitor, f"{name}_health_latest")
@@ -243,11 +244,8 @@ def _add_proprioception(
         HeldBodyMotion(config.held_body, corrected_by_vision=corrected_by_vision),
     )
     joints = 2 * calibration.arm.model.num_positions()
-    for stream, reader, size in (
-        ("joint_state", end_effector, joints),
-        ("wrench", bending, 6),
-        ("pressure", bending, 4),
-    ):
+    readers = ((end_effector, joints), (bending, 6), (bending, 4))
+    for stream, (reader, size) in zip(FELT_STREAMS, readers, strict=True):
         monitor = _add(builder, f"{stream}_monitor", WindowMonitor(config.windows, size))
         builder.ExportInput(monitor.GetInputPort("window"), f"{stream}_window")
         _wire(builder, monitor, "window_checked", reader, f"{stream}_window")

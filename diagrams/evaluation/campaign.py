@@ -4,15 +4,18 @@ import json
 import logging
 import os
 import socket
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from diagrams.evaluation.checksums import CHECKSUM_FILE, damage, write_checksums
 from diagrams.run import process
 from diagrams.run.application import Application
 from diagrams.run.experiment import Experiment
 from diagrams.run.run_folder import (
+    SUMMARY_FILE,
     fingerprint,
     finished_summary,
     open_run_folder,
@@ -26,6 +29,8 @@ Summary = dict[str, Any]
 _MARKER = "evaluation.json"
 # joblib's threads only wait: each episode has a process of its own, on a cluster on any machine.
 BACKENDS = ("processes", "ray")
+_MOST_PER_CORE = 8  # Episodes at a time: each takes some gigabyte of memory.
+_MOST_ON_CLUSTER = 1000  # A thread of this process waits for each.
 
 
 @dataclass(kw_only=True)
@@ -48,12 +53,19 @@ def connect(workers: Workers) -> None:
     """Makes the backend ready.
 
     Raises:
-        ScenarioError: where it is unknown, not installed or does not answer.
+        ScenarioError: where it is unknown, not installed or does not answer, or is to run more
+            episodes at a time than it can.
     """
     if workers.backend not in BACKENDS:
         hint = suggestion(workers.backend, BACKENDS)
         raise ScenarioError(f"--backend {workers.backend}: unknown; {hint}")
-    if workers.backend != "ray":
+    on_cluster = workers.backend == "ray"
+    cores = os.cpu_count() or 1
+    most = _MOST_ON_CLUSTER if on_cluster else _MOST_PER_CORE * cores
+    if workers.jobs > most:
+        why = "on a cluster" if on_cluster else f"with this machine's {cores} cores"
+        raise ScenarioError(f"--jobs {workers.jobs}: {why} it must be at most {most}")
+    if not on_cluster:
         if workers.address:
             raise ScenarioError("--address is for --backend ray only")
         return
@@ -107,6 +119,10 @@ def run_on_cluster(
     return summary
 
 
+class DamageWarning(UserWarning):
+    """A file of an evaluation is missing or not what it was when it was written."""
+
+
 def open_campaign_folder(
     folder: Path,
     name: str,
@@ -117,6 +133,8 @@ def open_campaign_folder(
 ) -> None:
     """Makes or resumes the folder of an experiment.
 
+    Where its own file is damaged, an episode of this scenario and program shows whose folder it is.
+
     Args:
         force: Start afresh where it holds other results; its episodes are removed.
 
@@ -125,40 +143,54 @@ def open_campaign_folder(
     """
     marker = folder / _MARKER
     wanted = {"experiment": name, **fingerprint(application, replace(scenario, seed=0))}
-    found = _read(marker)
-    if found is not None and not force:
-        for key, what in (
-            ("experiment", "the experiment"),
-            ("scenario_hash", "results of the scenario with hash"),
-            ("source_hash", "results of the program with source hash"),
-        ):
-            if found.get(key) != wanted[key]:
-                raise ScenarioError(
-                    f"{folder}: holds {what} '{found.get(key)}', not '{wanted[key]}';"
-                    " choose another --out, or start afresh with --force"
-                )
-        for name, version in versions().items():
-            before = found.get("versions", {}).get(name, version)
-            if before != version:
-                raise ScenarioError(
-                    f"{folder}: holds results of {name} {before}, not {version};"
-                    " choose another --out, or start afresh with --force"
-                )
-    open_run_folder(folder, force=force or found is not None)
-    if found is not None and force:
+    is_campaign = marker.exists() or (folder / CHECKSUM_FILE).exists()
+    if is_campaign and not force:
+        damaged = damage(folder, _MARKER)
+        if not damaged:
+            _refuse_other_results(folder, wanted)
+        elif not _has_episode_of(folder, application, scenario):
+            raise ScenarioError(
+                f"{folder}: {damaged}, and no whole episode there is of this scenario and program;"
+                " choose another --out, or start afresh with --force"
+            )
+        else:
+            text = f"{folder}: {damaged}; it is written anew, and whole episodes stay"
+            warnings.warn(text, DamageWarning, stacklevel=2)
+    open_run_folder(folder, force=force or is_campaign)
+    if is_campaign and force:
         _remove_episodes(folder)
     write_text(marker, json.dumps(wanted | {"versions": versions()}, indent=2) + "\n")
+    write_checksums(folder, [marker])
 
 
-def _read(marker: Path) -> dict[str, Any] | None:
-    """None where there is no marker; an unreadable one is of no experiment."""
-    try:
-        found = json.loads(marker.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
+def _refuse_other_results(folder: Path, wanted: Mapping[str, str]) -> None:
+    found = json.loads((folder / _MARKER).read_text(encoding="utf-8"))
+    for key, what in (
+        ("experiment", "the experiment"),
+        ("scenario_hash", "results of the scenario with hash"),
+        ("source_hash", "results of the program with source hash"),
+    ):
+        if found.get(key) != wanted[key]:
+            raise ScenarioError(
+                f"{folder}: holds {what} '{found.get(key)}', not '{wanted[key]}';"
+                " choose another --out, or start afresh with --force"
+            )
+    for package, version in versions().items():
+        before = found.get("versions", {}).get(package, version)
+        if before != version:
+            raise ScenarioError(
+                f"{folder}: holds results of {package} {before}, not {version};"
+                " choose another --out, or start afresh with --force"
+            )
+
+
+def _has_episode_of(folder: Path, application: Application, scenario: Scenario) -> bool:
+    return any(
+        not damage(place, SUMMARY_FILE)
+        and finished_summary(place, application, replace(scenario, seed=int(place.name[5:])))
+        for place in sorted(folder.glob("seed-[0-9]*"))
+        if place.name[5:].isdecimal()
+    )
 
 
 def _remove_episodes(folder: Path) -> None:
@@ -172,34 +204,57 @@ def episode_folder(folder: Path, seed: int) -> Path:
     return folder / f"seed-{seed:04d}"
 
 
+def whole_summary(folder: Path, application: Application, scenario: Scenario) -> Summary | None:
+    """The summary of an episode that has ended and whose files are as they were written.
+
+    Warns of a file that is not.
+    """
+    place = episode_folder(folder, scenario.seed)
+    if not any((place / name).exists() for name in (CHECKSUM_FILE, SUMMARY_FILE)):
+        return None
+    damaged = damage(place, SUMMARY_FILE)
+    if not damaged:
+        return finished_summary(place, application, scenario)
+    warnings.warn(f"{place}: {damaged}; that seed runs again", DamageWarning, stacklevel=2)
+    return None
+
+
 def run_episodes(
     application: Application, scenarios: Sequence[Scenario], folder: Path, workers: Workers
 ) -> Iterator[Summary]:
-    """Yields the summary of each episode: first what the folder has already, then as they end."""
+    """Yields the summary of each episode as it ends."""
     from joblib import Parallel, delayed
 
     folder = folder.resolve()
-    waiting = []
-    for scenario in scenarios:
-        place = episode_folder(folder, scenario.seed)
-        done = finished_summary(place, application, scenario)
-        if done is None:
-            waiting.append((scenario, place))
-        else:
-            yield done
     on_cluster = workers.backend == "ray"
     run_one = run_on_cluster if on_cluster else process.run_apart
     cores = 1 if on_cluster else max(1, (os.cpu_count() or 1) // workers.jobs)
     limits = process.thread_limits(cores)
+
+    def run_and_list(scenario: Scenario) -> Summary:
+        place = episode_folder(folder, scenario.seed)
+        try:
+            (place / CHECKSUM_FILE).unlink(missing_ok=True)
+            summary = run_one(application, scenario, place, limits)
+            if summary["modalities"]:
+                write_checksums(place, _files_of_episode(place))
+        except (OSError, ScenarioError) as error:
+            return process.failed_summary(scenario, one_line(error))
+        return summary
+
     parallel = Parallel(
         n_jobs=workers.jobs,
         backend="threading",
         return_as="generator_unordered",
         pre_dispatch="n_jobs",
     )
-    yield from parallel(
-        delayed(run_one)(application, scenario, place, limits) for scenario, place in waiting
-    )
+    yield from parallel(delayed(run_and_list)(scenario) for scenario in scenarios)
+
+
+def _files_of_episode(place: Path) -> list[Path]:
+    """What it has written and what belongs to its result, which its log does not."""
+    beside = {process.LOG_FILE, CHECKSUM_FILE}
+    return [path for path in place.rglob("*") if path.is_file() and path.name not in beside]
 
 
 @dataclass(kw_only=True)
@@ -221,6 +276,16 @@ class Campaign:
     scenarios: list[Scenario]
     folder: Path
     summaries: list[Summary]
+
+    @property
+    def seeds(self) -> list[int]:
+        """Those that were asked for."""
+        return [scenario.seed for scenario in self.scenarios]
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all episodes have ended."""
+        return len(self.summaries) == len(self.scenarios)
 
     def episode_folders(self) -> list[Path]:
         """Of the episodes that came to an end."""
@@ -246,14 +311,14 @@ def prepare(
         name: Of the experiment, one of the application's.
         scenario: The experiment's, of any seed.
 
+    An episode with a file that is missing or damaged counts as one that is still to run.
+
     Raises:
         ScenarioError: where the folder holds something else.
     """
     scenarios = [replace(scenario, seed=seed) for seed in seeds]
     open_campaign_folder(folder, name, application, scenario, force=force)
-    done = [
-        finished_summary(episode_folder(folder, one.seed), application, one) for one in scenarios
-    ]
+    done = [whole_summary(folder, application, one) for one in scenarios]
     return Campaign(
         name=name,
         application=application,
@@ -270,11 +335,12 @@ def run(
     progress: Callable[[Summary], None] = lambda summary: None,
 ) -> bool:
     """Runs the episodes that are missing; returns False if a KeyboardInterrupt ended it early."""
-    campaign.summaries.clear()
+    seeds = {summary["seed"] for summary in campaign.summaries}
+    waiting = [scenario for scenario in campaign.scenarios if scenario.seed not in seeds]
     try:
-        for summary in run_episodes(
-            campaign.application, campaign.scenarios, campaign.folder, workers
-        ):
+        for summary in campaign.summaries:
+            progress(summary)
+        for summary in run_episodes(campaign.application, waiting, campaign.folder, workers):
             campaign.summaries.append(summary)
             progress(summary)
     except KeyboardInterrupt:

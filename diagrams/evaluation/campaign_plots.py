@@ -13,13 +13,17 @@ from matplotlib.ticker import NullFormatter
 
 from diagrams.drawing import palette
 from diagrams.drawing.plot_style import STYLE, mark_event, new_figure, note, shade
-from diagrams.evaluation.metric_table import estimators_of, label, readable
+from diagrams.evaluation.metric_table import estimators_of, label, quantile, readable
 from diagrams.run.application import Application
 from diagrams.run.scenario import Disturbances
 from maths.arrays import Array
 
 BAND = (5.0, 95.0)  # Percentiles over the seeds.
 _SMALLEST = 0.01  # Error that is still drawn, in the unit of its panel.
+_HOW_TO_READ = (
+    f"line: median; band: {BAND[0]:.0f} to {BAND[1]:.0f} % of the n episodes;"
+    " an ended one keeps its last value, a missing error counts as infinite"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,25 +42,32 @@ class Panel:
     logarithmic: bool = True
 
 
-def spread(series: Sequence[tuple[Array, Array]], step: float) -> tuple[Array, Array]:
-    """Times (T,) and the quantiles (3, T) low, median, high over the episodes.
+def spread(
+    series: Sequence[tuple[Array, Array]], step: float, missing: float = np.inf
+) -> tuple[Array, Array]:
+    """Times (T,) and the quantiles (3, T) low, median, high over all episodes, at every instant.
 
-    An instant counts where at least half of the episodes have a value.
+    An episode that has ended keeps its last value, so that no curve jumps because the set of
+    episodes has changed, and the curves end at the figures of the tables.
 
     Args:
         series: Times and values of each episode; NaN where there is none.
         step: Between the times, [s].
+        missing: What counts where there is no value; a quantile may be infinite.
     """
     last = max((round(times[-1] / step) for times, _ in series if len(times)), default=-1)
     grid = np.full((len(series), last + 1), np.nan)
     for row, (times, values) in zip(grid, series, strict=True):
-        row[np.round(times / step).astype(int)] = values
-    kept = np.flatnonzero(2 * np.sum(np.isfinite(grid), axis=0) >= max(1, len(series)))
-    if len(kept) == 0:
+        places = np.round(times / step).astype(int)
+        row[places] = values
+        if len(places):
+            row[places[-1] :] = values[-1]
+    grid[np.isnan(grid)] = missing
+    if grid.size == 0:
         return np.zeros(0), np.zeros((3, 0))
     low, high = BAND
-    quantiles: Array = np.nanpercentile(grid[:, kept], [low, 50.0, high], axis=0)
-    return np.asarray(kept * step, dtype=float), quantiles
+    shares = (low / 100.0, 0.5, high / 100.0)
+    return step * np.arange(last + 1), np.stack([quantile(grid, share) for share in shares])
 
 
 def common_events(summaries: Sequence[Mapping[str, Any]]) -> dict[str, float]:
@@ -80,7 +91,9 @@ def draw_spreads(
     disturbances: Disturbances,
     events: Mapping[str, float],
 ) -> Figure:
-    """Median and 5 to 95 % band over the seeds of each estimator, one panel below the other.
+    """Median and 5 to 95 % band over the episodes of each estimator, one panel below the other.
+
+    What is missing counts as infinitely large in a logarithmic panel, and as zero in another.
 
     Args:
         application: Whose estimators they are.
@@ -90,39 +103,46 @@ def draw_spreads(
         events: Times to be marked, [s], by name.
     """
     with mpl.rc_context(STYLE):
-        figure = new_figure(9.0, 2.0 + 2.0 * len(panels))
+        figure = new_figure(9.0, 2.2 + 2.0 * len(panels))
         heights = [3, *[2] * (len(panels) - 1)]
         grid = figure.subplots(
             len(panels), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
         )[:, 0]
         for axes, panel in zip(grid, panels, strict=True):
-            for index, (name, series) in enumerate(panel.series.items()):
-                color = palette.estimator_color(application.colors, name, index)
-                _draw_spread(axes, series, step, color, label(application, name))
             axes.set_title(panel.title)
-            if panel.logarithmic:
-                axes.set_yscale("log", nonpositive="clip")
-                axes.set_ylim(bottom=max(_SMALLEST, axes.get_ylim()[0]))
-            else:
-                axes.set_ylim(-0.03, 1.05)
+            axes.set_yscale("log" if panel.logarithmic else "linear")
+            _draw_panel(axes, application, panel, step)
             _mark(axes, disturbances, events, label=axes is grid[0])
         grid[-1].set_xlabel("time [s]")
         handles, labels = grid[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=4)
+        figure.legend(handles, labels, loc="outside upper center", ncols=4, title=_HOW_TO_READ)
     return figure
 
 
-def _draw_spread(
-    axes: Axes, series: Sequence[tuple[Array, Array]], step: float, color: str, label: str
-) -> None:
-    if not series:
-        return
-    times, (low, median, high) = spread(series, step)
-    breaks = np.flatnonzero(np.diff(times) > 1.5 * step) + 1
-    for part in np.split(np.arange(len(times)), breaks):
-        axes.plot(times[part], median[part], color=color, lw=1.8, label=label)
-        axes.fill_between(times[part], low[part], high[part], color=color, alpha=0.16, lw=0)
-        label = "_"  # Once in the legend.
+def _draw_panel(axes: Axes, application: Application, panel: Panel, step: float) -> None:
+    missing = np.inf if panel.logarithmic else 0.0
+    top = 0.0
+    for index, (name, series) in enumerate(panel.series.items()):
+        if not series:
+            continue
+        times, (low, median, high) = spread(series, step, missing)
+        color = palette.estimator_color(application.colors, name, index)
+        text = f"{label(application, name)} (n = {len(series)})"
+        shown = np.where(np.isfinite(median), median, np.nan)
+        axes.plot(times, shown, color=color, lw=1.8, label=text)
+        # An infinite end of the band is beyond every axis; an infinite begin leaves it out.
+        ends = np.minimum(high, np.finfo(np.float32).max)
+        begins = np.where(np.isfinite(low), low, np.nan)
+        axes.fill_between(times, begins, ends, color=color, alpha=0.16, lw=0)
+        known = np.concatenate([median, high])
+        top = max(top, *known[np.isfinite(known)], 0.0)
+    if not panel.logarithmic:
+        axes.set_ylim(-0.03, 1.05)
+    elif top > 0.0:
+        drawn = np.concatenate([np.asarray(line.get_ydata(), float) for line in axes.lines])
+        positive = drawn[drawn > 0.0]
+        bottom = float(positive.min()) if len(positive) else _SMALLEST
+        axes.set_ylim(max(_SMALLEST, 0.5 * bottom), 1.5 * max(top, 2.0 * _SMALLEST))
 
 
 def _mark(

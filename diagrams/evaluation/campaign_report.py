@@ -41,12 +41,15 @@ class Picture:
 
 @dataclass(kw_only=True)
 class EpisodeCard:
-    """An episode on the page; a reason says that it failed."""
+    """An episode on the page; a reason says that it failed.
+
+    Its links lead to its pictures, by their names, the first to what the thumbnail shows.
+    """
 
     seed: int
     reason: str
     thumbnail: str
-    link: str
+    links: dict[str, str]
 
 
 @dataclass(kw_only=True)
@@ -62,12 +65,13 @@ class Section:
     episodes: list[EpisodeCard] = field(default_factory=list)
 
 
-def made_by(command: str) -> str:
-    """Command, version and date in one line."""
+def made_by(command: str, *, complete: bool = True) -> str:
+    """Command, version and date in one line, and whether the command has come to its end."""
     known = versions()
     program = f"crossmodal {known['crossmodal']} (source {known['source']})"
     today = datetime.datetime.now(datetime.UTC).date().isoformat()
-    return f"`{command}`, {program}, Drake {known['drake']}, {today}."
+    ending = "" if complete else ", interrupted"
+    return f"`{command}`{ending}, {program}, Drake {known['drake']}, {today}."
 
 
 def task_in_words(campaign: Campaign) -> str:
@@ -85,9 +89,8 @@ def write_campaign(campaign: Campaign, origin: str) -> list[Path]:
         return []
     folder, name, application = campaign.folder, campaign.name, campaign.application
     figures = tidy_metrics(application, name, campaign.summaries)
-    table = markdown(
-        application, name, campaign.experiment, figures, origin, task_in_words(campaign)
-    )
+    task = task_in_words(campaign)
+    table = markdown(application, name, campaign.experiment, figures, origin, task, campaign.seeds)
     written = [
         write_atomically(folder / CSV_FILE, partial(figures.to_csv, index=False)),
         write_text(folder / TABLE_FILE, table),
@@ -104,8 +107,7 @@ def write_campaign(campaign: Campaign, origin: str) -> list[Path]:
 
 def write_overview(campaigns: Sequence[Campaign], folder: Path, origin: str) -> list[Path]:
     """Writes the files of several experiments together, from what each has written."""
-    campaigns = [campaign for campaign in campaigns if campaign.summaries]
-    if not campaigns:
+    if not any(campaign.summaries for campaign in campaigns):
         return []
     figures = {
         one.name: tidy_metrics(one.application, one.name, one.summaries) for one in campaigns
@@ -115,9 +117,11 @@ def write_overview(campaigns: Sequence[Campaign], folder: Path, origin: str) -> 
         overall_table(
             application,
             {one.name: figures[one.name] for one in campaigns if one.application is application},
+            {one.name: one.seeds for one in campaigns if one.application is application},
         )
         for application in applications.values()
     ]
+    campaigns = [campaign for campaign in campaigns if campaign.summaries]
     sections = [_section(one, figures[one.name], folder) for one in campaigns]
     heading = "All experiments"
     parts = [f"# {heading}", origin, *(table.markdown() for table in overall)]
@@ -129,6 +133,7 @@ def write_overview(campaigns: Sequence[Campaign], folder: Path, origin: str) -> 
             figures[one.name],
             "",
             task_in_words(one),
+            one.seeds,
         )
         .replace("# ", "## ", 1)
         .rstrip()
@@ -164,21 +169,26 @@ def _section(campaign: Campaign, figures: pd.DataFrame, base: Path) -> Section:
     ]
     cards = []
     for summary in campaign.summaries:
-        image = _first_plot(episode_folder(campaign.folder, summary["seed"]))
-        shown = bool(summary["modalities"]) and image is not None
+        plots = _plots(episode_folder(campaign.folder, summary["seed"]))
+        shown = plots if summary["modalities"] else []
         cards.append(
             EpisodeCard(
                 seed=summary["seed"],
                 reason="" if summary["success"] else summary.get("failure") or "unknown",
-                thumbnail=_thumbnail(image) if shown and image else "",
-                link=Path(os.path.relpath(image, base)).as_posix() if image else "",
+                thumbnail=_thumbnail(shown[0]) if shown else "",
+                links={
+                    path.stem.replace("_", " "): Path(os.path.relpath(path, base)).as_posix()
+                    for path in shown
+                },
             )
         )
     return Section(
         name=campaign.name,
-        title=title(campaign.name, figures),
+        title=title(campaign.name, figures, campaign.seeds),
         description=campaign.experiment.description,
-        tables=experiment_tables(campaign.application, campaign.experiment, figures),
+        tables=experiment_tables(
+            campaign.application, campaign.experiment, figures, campaign.seeds
+        ),
         notes=[
             *filter(None, [task_in_words(campaign)]),
             *campaign.experiment.notes,
@@ -190,9 +200,9 @@ def _section(campaign: Campaign, figures: pd.DataFrame, base: Path) -> Section:
     )
 
 
-def _first_plot(folder: Path) -> Path | None:
-    """The plot that stands for an episode on the page."""
-    return next(iter(sorted((folder / PLOT_FOLDER).glob("*.png"))), None)
+def _plots(folder: Path) -> list[Path]:
+    """An episode's pictures; the first one stands for it on the page."""
+    return sorted((folder / PLOT_FOLDER).glob("*.png"))
 
 
 def _inline(path: Path) -> str:

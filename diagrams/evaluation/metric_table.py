@@ -68,15 +68,18 @@ def tidy_metrics(application: Application, name: str, summaries: Sequence[Summar
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def quantile(values: npt.ArrayLike, share: float) -> float:
-    """Quantile of magnitudes, linear between neighbours; NaN counts as infinitely large."""
-    magnitudes = np.sort(np.where(np.isnan(np.asarray(values, float)), np.inf, np.abs(values)))
+def quantile(values: npt.ArrayLike, share: float) -> Array:
+    """Quantile of magnitudes (n, ...) over the first axis, linear between neighbours.
+
+    NaN counts as infinitely large.
+    """
+    known = np.asarray(values, dtype=float)
+    magnitudes = np.sort(np.where(np.isnan(known), np.inf, np.abs(known)), axis=0)
     place = share * (len(magnitudes) - 1)
     low, high = magnitudes[math.floor(place)], magnitudes[math.ceil(place)]
-    fraction = place - math.floor(place)
-    if fraction == 0.0 or low == high:
-        return float(low)
-    return float(low + fraction * (high - low))
+    with np.errstate(invalid="ignore"):  # Between two infinite ones, which stay as they are.
+        between = low + (place - math.floor(place)) * (high - low)
+    return np.where((low == high) | (place == math.floor(place)), low, between)
 
 
 def median_and_range(values: npt.ArrayLike, unit: str, digits: int = 1) -> str:
@@ -87,7 +90,7 @@ def median_and_range(values: npt.ArrayLike, unit: str, digits: int = 1) -> str:
     scale, shown = readable(unit)
 
     def text(share: float) -> str:
-        value = scale * quantile(values, share)
+        value = scale * float(quantile(values, share))
         return f"{value:.{digits}f}" if math.isfinite(value) else "none"
 
     return f"{text(0.5)} ({text(0.05)} to {text(0.95)}) {shown}".rstrip()
@@ -208,12 +211,21 @@ def _cells(figures: pd.DataFrame, metric: Metric, estimators: Sequence[str]) -> 
 
 
 def experiment_tables(
-    application: Application, experiment: Experiment, figures: pd.DataFrame
+    application: Application,
+    experiment: Experiment,
+    figures: pd.DataFrame,
+    asked: Sequence[int] = (),
 ) -> list[Table]:
     """The tables of the whole episodes and of the estimators.
 
-    Each stands beside paper and goal, where the experiment names any.
+    Each stands beside paper and goal, where the experiment names any, and says in its corner where
+    episodes are missing.
+
+    Args:
+        asked: The seeds that there should be; none: those that there are.
     """
+    there = figures["seed"].nunique()
+    corner = interrupted(there, len(asked)) if there < len(asked) else ""
     estimators = estimators_of(application, figures)
     metrics = (*EPISODE_METRICS, *application.metrics, *TICK_METRICS)
     references = experiment.references.values()
@@ -223,7 +235,7 @@ def experiment_tables(
         (False, [""], ["all episodes"]),
         (True, estimators, [label(application, name) for name in estimators]),
     ):
-        table = Table(header=["", *header, *beside])
+        table = Table(header=[corner, *header, *beside])
         for metric in metrics:
             if metric.by_estimator != by_estimator or metric.name in experiment.without:
                 continue
@@ -252,8 +264,17 @@ def seed_ranges(seeds: Sequence[int]) -> str:
     return ", ".join(map(str, seeds))
 
 
-def title(name: str, figures: pd.DataFrame) -> str:
+def interrupted(there: int, asked: int) -> str:
+    """'7 of 27, interrupted'."""
+    return f"{there} of {asked}, interrupted"
+
+
+def title(name: str, figures: pd.DataFrame, asked: Sequence[int] = ()) -> str:
+    """How many episodes and of which seeds, and which were asked for where some are missing."""
     seeds = [int(seed) for seed in figures["seed"].unique()]
+    if len(seeds) < len(asked):
+        missing = interrupted(len(seeds), len(asked))
+        return f"{name}: {missing}: seeds {seed_ranges(seeds)} of {seed_ranges(asked)}"
     episodes = "1 episode" if len(seeds) == 1 else f"{len(seeds)} episodes"
     return f"{name}: {episodes}, seeds {seed_ranges(seeds)}"
 
@@ -284,15 +305,18 @@ def markdown(
     figures: pd.DataFrame,
     made_by: str,
     task: str = "",
+    asked: Sequence[int] = (),
 ) -> str:
     """An experiment's tables and its failures in Markdown.
 
     Args:
+        asked: The seeds that there should be; none: those that there are.
         made_by: How the figures were made: command, version and date.
         task: What counts as done, in a sentence.
     """
-    parts = [f"# {title(name, figures)}", made_by]
-    parts += [table.markdown() for table in experiment_tables(application, experiment, figures)]
+    parts = [f"# {title(name, figures, asked)}", made_by]
+    tables = experiment_tables(application, experiment, figures, asked)
+    parts += [table.markdown() for table in tables]
     notes = [*([task] if task else []), *experiment.notes]
     parts += ["\n".join(f"- {note}" for note in notes)]
     parts += [HOW_TO_READ, *running_notes(figures)]
@@ -302,8 +326,18 @@ def markdown(
     return "\n\n".join(filter(None, parts)) + "\n"
 
 
-def overall_table(application: Application, figures: Mapping[str, pd.DataFrame]) -> Table:
-    """One row per experiment, by name, beside the paper's errors, and one of all of them."""
+def overall_table(
+    application: Application,
+    figures: Mapping[str, pd.DataFrame],
+    asked: Mapping[str, Sequence[int]] | None = None,
+) -> Table:
+    """One row per experiment, by name, beside the paper's errors, and one of all of them.
+
+    Args:
+        asked: The seeds that there should be, by experiment; none: those that there are.
+    """
+    there = {name: frame["seed"].nunique() for name, frame in figures.items()}
+    wanted = there | {name: len(seeds) for name, seeds in (asked or {}).items()}
     metrics = {
         metric.name: metric for metric in (*EPISODE_METRICS, *application.metrics, *TICK_METRICS)
     }
@@ -312,7 +346,8 @@ def overall_table(application: Application, figures: Mapping[str, pd.DataFrame])
     flags: dict[int, list[Array]] = {}
     for name, frame in figures.items():
         experiment = application.experiments[name]
-        cells = [name]
+        missing = there[name] < wanted[name]
+        cells = [f"{name}: {interrupted(there[name], wanted[name])}" if missing else name]
         for index, column in enumerate(columns):
             metric = metrics[column.metric]
             found = _values(frame, column.estimator, metric.name)
@@ -320,18 +355,19 @@ def overall_table(application: Application, figures: Mapping[str, pd.DataFrame])
                 # Episodes that broke off count here too.
                 found = found or (np.full(frame["seed"].nunique(), np.nan), "")
                 flags.setdefault(index, []).append(found[0])
-            shown = found is not None and metric.name not in experiment.without
+            shown = found is not None and len(found[0]) and metric.name not in experiment.without
             cells.append(metric.cell(*found) if shown and found and metric.cell else "-")
         beside = [_beside(application, experiment, kind) for kind in ("paper", "goal")]
         table.rows.append([*cells, *beside])
-    together = {index: np.concatenate(values) for index, values in flags.items()}
-    totals = [
-        f"{count(together[index])} ({100.0 * np.mean(together[index] == 1.0):.0f} %)"
-        if index in together
-        else ""
-        for index in range(len(columns))
-    ]
-    table.rows.append(["all", *totals, "", ""])
+    ended, all_asked = sum(there.values()), sum(wanted.values())
+    totals = [""] * len(columns)
+    for index, values in flags.items():
+        together = np.concatenate(values)
+        totals[index] = count(together)
+        if ended == all_asked:
+            totals[index] += f" ({100.0 * np.mean(together == 1.0):.0f} %)"
+    heading = "all" if ended == all_asked else f"all: {interrupted(ended, all_asked)}"
+    table.rows.append([heading, *totals, "", ""])
     return table
 
 

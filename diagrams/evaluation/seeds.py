@@ -2,6 +2,9 @@
 
 from diagrams.run.yaml_schema import ScenarioError
 
+MOST_SEEDS = 10_000  # Days of work; folders are called `seed-0000`, and stay in order.
+_LARGEST = 2**32 - 1
+
 
 def parse_seeds(text: str) -> list[int]:
     """Seeds: so many from 0 on ('20'), a range without its end ('40:60') or a list ('1,4,9').
@@ -9,21 +12,24 @@ def parse_seeds(text: str) -> list[int]:
     A count takes seeds that anybody may look at; docs/results/seeds.md says which others were run.
 
     Raises:
-        ScenarioError: where it names no seed, or a negative one.
+        ScenarioError: where it names no seed, too many, or one that is negative or too large.
     """
     try:
-        if text.strip().isdigit():
-            seeds = list(range(int(text)))
-        else:
-            seeds = [seed for part in text.split(",") for seed in _part(part)]
+        count = text.strip()
+        parts = [range(int(count))] if count.isdigit() else list(map(_part, text.split(",")))
     except ValueError:
         raise ScenarioError(
             f"--seeds {text}: expected a count such as 20, a range such as 40:60"
             " or a list such as 3,5,8"
         ) from None
-    if not seeds or min(seeds) < 0:
+    parts = [part for part in parts if part]
+    if not parts or min(part[0] for part in parts) < 0:
         raise ScenarioError(f"--seeds {text}: names no seed, or a negative one")
-    return list(dict.fromkeys(seeds))
+    if max(part[-1] for part in parts) > _LARGEST:
+        raise ScenarioError(f"--seeds {text}: a seed is at most {_LARGEST}")
+    if sum(part.stop - part.start for part in parts) > MOST_SEEDS:
+        raise ScenarioError(f"--seeds {text}: names more than {MOST_SEEDS} seeds")
+    return list(dict.fromkeys(seed for part in parts for seed in part))
 
 
 def _part(text: str) -> range:

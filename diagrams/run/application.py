@@ -17,6 +17,7 @@ from diagrams.run.experiment import CampaignPlot, Column, Experiment, Metric
 from diagrams.run.record import EpisodeRecord, Event, Quantity
 from diagrams.run.scenario import Scenario
 from diagrams.run.sensor_streams.codecs import Topic
+from diagrams.run.yaml_schema import ScenarioError, suggestion
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -113,7 +114,8 @@ class Application:
         make_estimators: The estimators that the scenario asks for, by name: a system or Diagram
             each. It gets no station: whatever they know is in scenario and calibration.
         quantities: Outputs of the estimators that are recorded. Read between two ticks, so they are
-            functions of the state alone (`..._latest`).
+            functions of the state alone (`..._latest`). One that not all of them have names those
+            that do.
         station_quantities: Outputs of the station that are recorded: what the robot did, and the
             truth.
         pictures: Outputs of the station that are colour images, of which some are kept.
@@ -163,3 +165,39 @@ class Application:
     overview: Sequence[Column] = ()
     campaign_plots: Mapping[str, CampaignPlot] = field(default_factory=dict)
     extras: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+
+def check_quantities(
+    application: Application, station: System, estimators: Mapping[str, System]
+) -> None:
+    """Refuses quantities of ports that are not there, which would silently not be recorded.
+
+    Raises:
+        ScenarioError: where the station or an estimator lacks one that it should have.
+    """
+    for quantity in application.station_quantities:
+        if quantity.port not in (ports := _outputs(station)):
+            raise ScenarioError(
+                f"{application.name}: station_quantities: the station has no output"
+                f" '{quantity.port}'; {suggestion(quantity.port, ports)}"
+            )
+    for name, estimator in estimators.items():
+        ports = _outputs(estimator)
+        for quantity in application.quantities:
+            wanted = not quantity.estimators or name in quantity.estimators
+            if wanted and quantity.port not in ports:
+                raise ScenarioError(
+                    f"{application.name}: quantities: estimator '{name}' has no output"
+                    f" '{quantity.port}'; {suggestion(quantity.port, ports)}; one that not all"
+                    " estimators have names those that do by `estimators=`"
+                )
+            if quantity.port in ports and not wanted:
+                raise ScenarioError(
+                    f"{application.name}: quantities: estimator '{name}' has the output"
+                    f" '{quantity.port}', but `estimators=` of this quantity does not name it"
+                )
+
+
+def _outputs(system: System) -> list[str]:
+    ports = range(system.num_output_ports())
+    return [str(system.get_output_port(index).get_name()) for index in ports]

@@ -12,7 +12,7 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, PortDataType, System
 
-from diagrams.run.application import Application, Station
+from diagrams.run.application import Application, Station, check_quantities
 from diagrams.run.calibration import Calibration
 from diagrams.run.process import peak_memory
 from diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
@@ -102,6 +102,7 @@ class Episode:
             self.calibration = application.make_calibration(scenario)
         self.station = build_station(application, scenario, self.calibration)
         self.estimators = build_estimators(application, scenario, self.calibration)
+        check_quantities(application, self.station.diagram, self.estimators)
         period = scenario.network_period
         builder = DiagramBuilder()
         station = builder.AddNamedSystem("station", self.station.diagram)

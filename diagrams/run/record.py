@@ -1,6 +1,6 @@
 """What an episode leaves behind: what every estimator said, what the station gave, and pictures."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,10 +21,12 @@ class Quantity:
     Attributes:
         port: Name of the port, of an estimator or of the station.
         model: A value like the port's; an array for a vector port.
+        estimators: Names of the estimators that have the port; none: all of them have it.
     """
 
     port: str
     model: Any
+    estimators: Sequence[str] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

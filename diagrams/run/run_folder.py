@@ -42,6 +42,8 @@ _PRESENTATION = {
     "campaign.py",
     "campaign_plots.py",
     "campaign_report.py",
+    "checksums.py",
+    "comparison.py",
     "metric_table.py",
     "seeds.py",
     "experiments.py",

@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+import reprlib
 import types
 import typing
 from collections.abc import Iterable
@@ -12,11 +13,19 @@ import numpy as np
 import yaml
 from pydrake.common.yaml import yaml_dump, yaml_dump_typed, yaml_load_typed
 
+from diagrams.run.yaml_loader import MOST_LEVELS, load_yaml
+
 T = TypeVar("T")
+_MOST_BYTES = 1_000_000  # Of a file: what comes with the program has some thousand.
+_SHOWN = reprlib.Repr()  # How a value stands in a message.
+_SHOWN.maxstring = _SHOWN.maxother = 100
 
 
 class ScenarioError(Exception):
     """What a user gave cannot be run; the message is one line that says what to change."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__("".join(c if c.isprintable() else " " for c in message))
 
 
 def one_line(error: BaseException | str) -> str:
@@ -34,13 +43,9 @@ def suggestion(word: str, allowed: Iterable[str]) -> str:
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
-    """The mapping in a YAML file."""
+    """The mapping in a YAML file; an empty file holds an empty one."""
     try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ScenarioError(f"{path}: there is no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{path}: cannot be read: {one_line(error)}") from None
+        document = load_yaml(_read_text(path))
     except yaml.YAMLError as error:
         raise ScenarioError(f"{path}: is not valid YAML: {_position(error)}") from None
     if document is None:
@@ -50,6 +55,21 @@ def read_yaml(path: Path) -> dict[str, Any]:
             f"{path}: must hold a mapping of keys to values, not a {type(document).__name__}"
         )
     return document
+
+
+def _read_text(path: Path) -> str:
+    try:
+        if path.exists() and not path.is_file():
+            raise ScenarioError(f"{path}: is no file")
+        if (size := path.stat().st_size) > _MOST_BYTES:
+            raise ScenarioError(
+                f"{path}: has {size} bytes; a scenario has at most {_MOST_BYTES} bytes"
+            )
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ScenarioError(f"{path}: there is no such file") from None
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"{path}: cannot be read: {one_line(error)}") from None
 
 
 def _position(error: yaml.YAMLError) -> str:
@@ -68,8 +88,10 @@ def apply_override(document: dict[str, Any], assignment: str) -> None:
     keys = path.strip().split(".")
     if not equals or not all(keys):
         raise ScenarioError(f"--set {assignment}: expected key.path=value")
+    if len(keys) > MOST_LEVELS:
+        raise ScenarioError(f"--set {_SHOWN.repr(path)}=...: more than {MOST_LEVELS} levels")
     try:
-        value = yaml.safe_load(text)
+        value = load_yaml(text)
     except yaml.YAMLError as error:
         raise ScenarioError(f"--set {assignment}: {_position(error)}") from None
     node: Any = document
@@ -92,7 +114,7 @@ def _child(node: Any, key: str, assignment: str) -> Any:
 
 
 def _list_index(node: list[Any], key: str, assignment: str) -> int:
-    if key.isdigit() and int(key) < len(node):
+    if key in map(str, range(len(node))):
         return int(key)
     raise ScenarioError(f"--set {assignment}: '{key}' is not one of the {len(node)} elements")
 
@@ -182,9 +204,8 @@ def _check_dataclass(value: Any, schema: Any, source: str, path: str) -> None:
 
 
 def _check_leaf(value: Any, schema: Any, source: str, path: str) -> None:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
     if schema is float:
-        _require(number or _is_numeric_text(value), value, "a number", source, path)
+        _require(_is_number(value), value, "a number", source, path)
     elif schema is int:
         whole = isinstance(value, int) and not isinstance(value, bool)
         _require(whole, value, "a whole number", source, path)
@@ -193,15 +214,12 @@ def _check_leaf(value: Any, schema: Any, source: str, path: str) -> None:
     elif schema is str:
         _require(isinstance(value, str), value, "text", source, path)
     elif schema is np.ndarray:
-        try:
-            np.asarray(value, dtype=float)
-        except (TypeError, ValueError):
-            _require(False, value, "numbers in a list", source, path)
+        _require(_is_array(value), value, "numbers in a list", source, path)
 
 
-def _is_numeric_text(value: Any) -> bool:
+def _is_number(value: Any) -> bool:
     """YAML 1.1 reads 1e-3 as text; Drake's loader takes it as the number that was meant."""
-    if not isinstance(value, str):
+    if not isinstance(value, int | float | str) or isinstance(value, bool):
         return False
     try:
         float(value)
@@ -210,8 +228,19 @@ def _is_numeric_text(value: Any) -> bool:
     return True
 
 
+def _is_array(value: Any) -> bool:
+    """Whether it is a list of numbers, or of equally long lists of them."""
+    if not isinstance(value, list):
+        return False
+    rows = [item for item in value if isinstance(item, list)]
+    if rows:
+        even = len(rows) == len(value) and len(set(map(len, rows))) == 1
+        return even and all(map(_is_array, rows))
+    return all(map(_is_number, value))
+
+
 def _require(condition: bool, value: Any, expected: str, source: str, path: str) -> None:
     if not condition:
         raise ScenarioError(
-            f"{source}: {path or 'the document'} = {value!r}, but it must be {expected}"
+            f"{source}: {path or 'the document'} = {_SHOWN.repr(value)}, but it must be {expected}"
         )

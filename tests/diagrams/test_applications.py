@@ -114,7 +114,7 @@ def test_an_application_may_be_a_module(toy: Path, monkeypatch: pytest.MonkeyPat
 def test_an_unknown_system_lists_the_known_ones(tmp_path: Path, system: str) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(f"{system}duration: 3\n")
-    with pytest.raises(ScenarioError, match=r"mine\.yaml: system = '\w*': .*crossmodal"):
+    with pytest.raises(ScenarioError, match=r"mine\.yaml: .*system.*crossmodal"):
         load_scenario(str(path))
     result = RUNNER.invoke(app, ["run", str(path)])
     assert result.exit_code == 2

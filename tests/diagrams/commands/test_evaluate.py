@@ -61,8 +61,9 @@ def test_an_interrupted_evaluation_stops_and_its_table_has_what_was_finished(
     fake_episode.stops_early = True
     stopped = RUNNER.invoke(app, [*command, "3:6"])
     assert stopped.exit_code == 130
-    assert "interrupted after 1 episode(s)" in stopped.stderr
-    assert "# drawer: 1 episode, seeds 3" in stopped.stdout
+    assert "1 of 3, interrupted; the same command goes on" in stopped.stderr
+    assert "# drawer: 1 of 3, interrupted: seeds 3 of 3 to 5" in stopped.stdout
+    assert "--seeds 3:6 --jobs 1`, interrupted, crossmodal" in stopped.stdout
     assert len(fake_episode.runs) == 2
 
 

@@ -1,14 +1,22 @@
 import json
+import shutil
 import sys
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
+from matplotlib.figure import Figure
 from synthetic_episode import synthetic_episode
 
 from diagrams.applications import load_scenario
 from diagrams.crossmodal.application import APPLICATION
 from diagrams.evaluation.campaign import (
     Campaign,
+    DamageWarning,
     Workers,
     connect,
     episode_folder,
@@ -16,38 +24,44 @@ from diagrams.evaluation.campaign import (
     prepare,
     run,
 )
+from diagrams.evaluation.checksums import write_checksums
 from diagrams.run import process
 from diagrams.run.run_folder import finished_summary, write_run, write_scenario, write_text
 from diagrams.run.yaml_schema import ScenarioError
 
-# Stands for an episode's process: odd seeds die, others take over a summary that was prepared.
+# Stands for an episode's process: odd seeds die, others take over a run that was prepared.
 WORKER = """
 import os, pathlib, shutil, signal, sys
 folder = pathlib.Path(sys.argv[1])
 seed = int(folder.name[-4:])
-prepared = folder.parent / f"prepared-{seed}.json"
+prepared = folder.parent / f"prepared-{seed}"
 with (folder.parent / "runs.txt").open("a") as log: log.write(f"{seed}\\n")
 if seed == 3: os.kill(os.getpid(), signal.SIGKILL)
 if seed == 5: (folder / "error.txt").write_text("RuntimeError: gave up\\n\\nTraceback"); sys.exit(1)
 if seed == 7: sys.exit(3)
 if seed == 9: (folder / "summary.json").write_text("{}"); sys.exit()
-shutil.copy(prepared, folder / "summary.json")
+shutil.copytree(prepared, folder, dirs_exist_ok=True)
 """
 
 
 def campaign(folder: Path, seeds: list[int], *, force: bool = False) -> Campaign:
-    return prepare("drawer", *load_scenario("drawer"), seeds, folder, force=force)
+    return prepare("drawer", *_drawer(), seeds, folder, force=force)
+
+
+@cache
+def _drawer() -> tuple[Any, Any]:
+    return load_scenario("drawer")
 
 
 @pytest.fixture
 def fake_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder that holds the summaries of even seeds, and what was run in `runs.txt`."""
+    """A folder that holds the runs of even seeds, and what was run in `runs.txt`."""
     monkeypatch.setattr(process, "_COMMAND", (sys.executable, "-c", WORKER))
     for scenario in campaign(tmp_path, [2, 4, 6]).scenarios:
         record = synthetic_episode(seed=scenario.seed)
         record.scenario = scenario
-        write_run(tmp_path / "made", APPLICATION, record, APPLICATION.evaluate(record))
-        (tmp_path / "made" / "summary.json").rename(tmp_path / f"prepared-{scenario.seed}.json")
+        results = replace(APPLICATION.evaluate(record), plots={})
+        write_run(tmp_path / f"prepared-{scenario.seed}", APPLICATION, record, results)
     return tmp_path
 
 
@@ -73,6 +87,93 @@ def test_finished_episodes_are_read_back_and_the_others_run_again(fake_worker: P
     assert run(again, Workers())
     assert runs(fake_worker) == [2, 3, 3, 4]
     assert len(again.summaries) == 3
+
+
+DAMAGES: dict[str, Callable[[Path], object]] = {
+    "missing": Path.unlink,
+    "truncated": lambda path: path.write_bytes(path.read_bytes()[:-20]),
+    "flipped": lambda path: path.write_bytes(
+        path.read_bytes()[:50] + bytes([path.read_bytes()[50] ^ 1]) + path.read_bytes()[51:]
+    ),
+    "other": lambda path: path.write_text('{"other": 1}'),
+    "empty": lambda path: path.write_bytes(b""),
+}
+FILES = ("summary.json", "estimates.parquet", "scenario.yaml", "figures/errors.png", "SHA256SUMS")
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of an evaluation whose two episodes have ended."""
+    folder = tmp_path_factory.mktemp("finished")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(process, "run_apart", _write_episode)
+        assert run(campaign(folder, [2, 4]), Workers())
+    return folder
+
+
+def _write_episode(application: Any, scenario: Any, place: Path, _: object) -> dict[str, Any]:
+    record = synthetic_episode(seed=scenario.seed)
+    record.scenario = scenario
+    results = replace(application.evaluate(record), plots={"errors.png": Figure})
+    write_run(place, application, record, results)
+    return finished_summary(place, application, scenario) or {}
+
+
+@pytest.fixture
+def ended(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of it, in which an episode that runs again is taken over and noted in `runs.txt`."""
+
+    def take_over(application: Any, scenario: Any, place: Path, _: object) -> dict[str, Any]:
+        shutil.copytree(finished / place.name, place, dirs_exist_ok=True)
+        with (place.parent / "runs.txt").open("a") as log:
+            log.write(f"{scenario.seed}\n")
+        return finished_summary(place, application, scenario) or {}
+
+    monkeypatch.setattr(process, "run_apart", take_over)
+    return Path(shutil.copytree(finished, tmp_path / "ended"))
+
+
+@pytest.mark.parametrize("how", DAMAGES)
+@pytest.mark.parametrize("name", FILES)
+def test_an_episode_with_a_damaged_file_is_said_in_a_line_and_runs_again(
+    ended: Path, name: str, how: str
+) -> None:
+    DAMAGES[how](episode_folder(ended, 2) / name)
+    word = "missing" if how == "missing" else "(damaged|missing)"
+    with pytest.warns(DamageWarning, match=rf"seed-0002: \S+ is {word}; that seed runs") as found:
+        again = campaign(ended, [2, 4])
+    assert len(found) == 1
+    assert [summary["seed"] for summary in again.summaries] == [4]
+    assert run(again, Workers())
+    assert runs(ended) == [2]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(campaign(ended, [2, 4]).summaries) == 2
+
+
+@pytest.mark.parametrize("how", DAMAGES)
+@pytest.mark.parametrize("name", ["evaluation.json", "SHA256SUMS"])
+def test_an_evaluation_goes_on_past_its_own_damaged_file(ended: Path, name: str, how: str) -> None:
+    DAMAGES[how](ended / name)
+    with pytest.warns(DamageWarning, match="it is written anew, and whole episodes stay") as found:
+        again = campaign(ended, [2, 4])
+    assert len(found) == 1
+    assert len(again.summaries) == 2
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        campaign(ended, [2, 4])
+
+
+def test_another_scenario_does_not_go_on_in_a_damaged_folder(ended: Path) -> None:
+    (ended / "evaluation.json").unlink()
+    with pytest.raises(ScenarioError, match="no whole episode there is of this scenario"):
+        prepare("drawer", *load_scenario("drawer", ["duration=6"]), [2], ended)
+    assert episode_folder(ended, 2).is_dir()
+
+
+def test_the_log_of_an_episode_may_change(ended: Path) -> None:
+    (episode_folder(ended, 2) / "log.txt").write_text("gone")
+    assert len(campaign(ended, [2, 4]).summaries) == 2
 
 
 def test_force_starts_afresh(fake_worker: Path) -> None:
@@ -108,6 +209,7 @@ def test_results_of_another_drake_are_not_mixed_in(tmp_path: Path) -> None:
     found = json.loads(marker.read_text())
     found["versions"]["drake"] = "1.0.0"
     marker.write_text(json.dumps(found))
+    write_checksums(tmp_path, [marker])
     with pytest.raises(ScenarioError, match=r"results of drake 1\.0\.0, not .*--force"):
         open_campaign_folder(tmp_path, "drawer", APPLICATION, scenario)
 
@@ -140,11 +242,12 @@ def test_results_of_another_program_are_refused(tmp_path: Path) -> None:
     marker = tmp_path / "evaluation.json"
     found = json.loads(marker.read_text())
     marker.write_text(json.dumps(found | {"source_hash": "older"}))
+    write_checksums(tmp_path, [marker])
     with pytest.raises(ScenarioError, match="program with source hash 'older'") as caught:
         open_campaign_folder(tmp_path, "drawer", APPLICATION, scenario)
     assert "\n" not in str(caught.value)
     marker.write_text("{")
-    with pytest.raises(ScenarioError, match="holds the experiment 'None'"):
+    with pytest.raises(ScenarioError, match=r"evaluation\.json is damaged, and no whole episode"):
         open_campaign_folder(tmp_path, "drawer", APPLICATION, scenario)
 
 

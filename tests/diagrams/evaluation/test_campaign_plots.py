@@ -17,18 +17,44 @@ from diagrams.run.scenario import Disturbances, Interval
 NAN = float("nan")
 
 
-def test_the_spread_is_over_the_episodes_that_reach_an_instant() -> None:
+def test_what_is_missing_in_a_spread_counts_as_infinitely_large_or_as_said() -> None:
     series = [
         (np.array([0.0, 0.1, 0.2]), np.array([1.0, 2.0, NAN])),
         (np.array([0.1, 0.2]), np.array([4.0, NAN])),
-        (np.array([0.1, 0.2, 0.3]), np.array([6.0, 8.0, 9.0])),
-        (np.array([0.0, 0.1]), np.array([3.0, 8.0])),
+        (np.array([0.1, 0.2]), np.array([6.0, 8.0])),
     ]
     times, (low, median, high) = spread(series, 0.1)
-    np.testing.assert_allclose(times, [0.0, 0.1])
-    np.testing.assert_allclose(median, [2.0, 5.0])
-    np.testing.assert_allclose(low, [1.1, 2.3])
-    np.testing.assert_allclose(high, [2.9, 7.7])
+    np.testing.assert_allclose(times, [0.0, 0.1, 0.2])
+    np.testing.assert_allclose(median, [np.inf, 4.0, np.inf])
+    np.testing.assert_allclose(low[1:], [2.2, np.inf])
+    np.testing.assert_allclose(high, [np.inf, 5.8, np.inf])
+    _, (_, median, _) = spread(series, 0.1, missing=0.0)
+    np.testing.assert_allclose(median, [0.0, 4.0, 0.0])
+
+
+def test_the_spread_of_steady_episodes_does_not_jump_where_one_of_them_ends() -> None:
+    series = [
+        (0.1 * np.arange(length), np.full(length, value))
+        for length, value in ((30, 1.0), (34, 9.0), (35, 2.0), (41, 3.0), (41, 4.0), (42, 50.0))
+    ]
+    times, quantiles = spread(series, 0.1)
+    assert len(times) == 42
+    np.testing.assert_allclose(quantiles, np.repeat(quantiles[:, :1], 42, axis=1))
+    np.testing.assert_allclose(quantiles[1, -1], 3.5)
+
+
+def test_the_legend_says_what_the_band_is_and_of_how_many_episodes() -> None:
+    times = np.arange(0.0, 3.0, 0.1)
+    left = [(times, np.full(30, value)) for value in (1.0, 2.0, NAN)]
+    panel = Panel(title="error [mm]", series={"left": left, "right": left[:2]})
+    figure = draw_spreads(TOY, [panel], 0.1, Disturbances(), {})
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "the left eye (n = 3)",
+        "right (n = 2)",
+    ]
+    assert "band: 5 to 95 %" in legend.get_title().get_text()
+    assert figure.axes[0].get_ylim()[1] < 10.0
 
 
 def test_the_spread_of_nothing_is_empty() -> None:
@@ -52,7 +78,7 @@ def test_disturbances_and_events_are_marked_above_the_estimators_spreads() -> No
     assert any(np.allclose(line.get_xdata(), 9.5) for line in first.lines)
     assert (first.get_yscale(), second.get_yscale()) == ("log", "linear")
     (label,) = {text.get_text() for text in figure.legends[0].get_texts()}
-    assert label == "the left eye"
+    assert label == "the left eye (n = 1)"
     assert to_hex(first.lines[0].get_color()) == TOY.colors["left"].lower()
 
 

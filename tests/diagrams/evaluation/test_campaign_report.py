@@ -7,7 +7,7 @@ from synthetic_episode import synthetic_episode
 
 from diagrams.applications import load_scenario
 from diagrams.evaluation.campaign import Campaign, episode_folder, prepare
-from diagrams.evaluation.campaign_report import write_campaign, write_overview
+from diagrams.evaluation.campaign_report import made_by, write_campaign, write_overview
 from diagrams.run.run_folder import finished_summary, write_run
 
 
@@ -69,6 +69,39 @@ def test_the_overview_holds_all_experiments(tmp_path: Path) -> None:
     assert page.count("<h2") == 2
     for link in re.findall(r'href="([^"]*)"', page):
         assert (tmp_path / link).is_file()
+
+
+def test_an_interrupted_evaluation_says_so_beside_every_count(tmp_path: Path) -> None:
+    campaigns = [finished_campaign(tmp_path / "drawer")]
+    campaigns.append(prepare("drawer-lights-off", *load_scenario("drawer-lights-off"), [1, 2, 3],
+                             tmp_path / "dark"))  # fmt: skip
+    del campaigns[0].summaries[2]
+    origin = made_by("crossmodal evaluate all --seeds 1:4", complete=False)
+    write_campaign(campaigns[0], origin)
+    write_overview(campaigns, tmp_path, origin)
+    for file in ("table.md", "report.html"):
+        own = (tmp_path / "drawer" / file).read_text()
+        assert "drawer: 2 of 3, interrupted: seeds 1, 2 of 1 to 3" in own
+        assert own.count("2 of 3, interrupted") == 3
+        together = (tmp_path / file).read_text()
+        assert "all: 2 of 6, interrupted" in together
+        assert "drawer-lights-off: 0 of 3, interrupted" in together
+        assert "%)" not in together.split("drawer: 2 of 3, interrupted: seeds")[0]
+        for text in (own, together):
+            assert re.search(r"--seeds 1:4`?, interrupted, crossmodal", text)
+
+
+def test_a_card_links_all_pictures_of_its_episode(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path)
+    figures = episode_folder(tmp_path, 1) / "figures"
+    (figures / "bending_angle.png").write_bytes(next(figures.glob("*.png")).read_bytes())
+    names = sorted(path.name for path in figures.glob("*.png"))
+    assert len(names) > 2
+    write_campaign(campaign, "")
+    page = (tmp_path / "report.html").read_text()
+    for name in names:
+        shown = name.removesuffix(".png").replace("_", " ")
+        assert f'<a href="seed-0001/figures/{name}">{shown}</a>' in page
 
 
 def test_the_page_says_what_counts_as_done(tmp_path: Path) -> None:

@@ -111,6 +111,12 @@ def test_loading_one_does_not_change_the_defaults_of_the_next() -> None:
         ({"eyes": {"left": {"position": "up"}}}, "eyes.left.position = 'up', but it must be num"),
         ({"gains": ["x"]}, "gains.0 = 'x', but it must be a number"),
         ({"name": 3}, "name = 3, but it must be text"),
+        ({"eyes": {"left": {"position": [1, None]}}}, "position = [1, None], but it must be num"),
+        ({"eyes": {"left": {"position": [True, 1]}}}, "position = [True, 1], but it must be num"),
+        ({"eyes": {"left": {"position": [[1], [1, 2]]}}}, "but it must be numbers in a list"),
+        ({"gains": [None]}, "gains.0 = None, but it must be a number"),
+        ({"na\nme": 3}, "mine.yaml: unknown key 'na me'"),
+        ({"name": [["deep"] * 1000] * 1000}, "name = [['deep', 'deep', "),
         ({"spare": {"tlt": 3}}, "unknown key 'spare.tlt'; did you mean 'tilt'?"),
     ],
 )

@@ -285,8 +285,8 @@ APPLICATION = Application(
     make_station=make_station,
     make_estimators=make_estimators,
     quantities=[
-        Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR),
-        Quantity(port="features_latest", model=no_features()),
+        Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR, estimators=SIDES),
+        Quantity(port="features_latest", model=no_features(), estimators=["eye"]),
     ],
     station_quantities=[
         Quantity(port=f"cheat_{side}_pose", model=RigidTransform()) for side in SIDES

@@ -1,0 +1,363 @@
+"""Inputs of all kinds through the whole command line: one line and status 2, or a sensible run."""
+
+import os
+import sys
+import types
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from diagrams import command_line
+
+CROSSMODAL = "system: crossmodal\n"
+BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"{name}: &{name} [{', '.join(['*' + before] * 9)}]\n"
+    for before, name in zip("abcdefgh", "bcdefghi", strict=True)
+)
+HUGE = "9" * 5000
+
+# What a file says, and a part of the one line that answers; nothing where it can be run.
+FILES: dict[str, tuple[str | bytes, str]] = {
+    "empty": ("", "write `system: crossmodal`"),
+    "only blanks": ("  \n\n", "write `system: crossmodal`"),
+    "only a comment": ("# mine\n", "write `system: crossmodal`"),
+    "only a marker": ("---\n", "write `system: crossmodal`"),
+    "null": ("~", "write `system: crossmodal`"),
+    "an empty mapping": ("{}", "write `system: crossmodal`"),
+    "no system": ("seed: 3", "write `system: crossmodal`"),
+    "an empty system": ("system: ''", "write `system: crossmodal`"),
+    "a null system": ("system:", "system must be text"),
+    "a system that is a list": ("system: [crossmodal]", "system must be text"),
+    "a system that is a mapping": ("system: {crossmodal: 1}", "system must be text"),
+    "a system that is a number": ("system: 1", "system must be text"),
+    "an unknown system": ("system: crosmodal", "did you mean 'crossmodal'?"),
+    "text": ("drawer", "must hold a mapping of keys to values, not a str"),
+    "a number": ("3", "must hold a mapping of keys to values, not a int"),
+    "a list": ("- a\n- b", "must hold a mapping of keys to values, not a list"),
+    "a boolean": ("true", "must hold a mapping of keys to values, not a bool"),
+    "two documents": ("seed: 1\n---\nseed: 2\n", "line 2, column 1: but found another document"),
+    "a tab": ("system:\tcrossmodal\n\tseed: 1", "line 1, column 8: found character '\\t'"),
+    "an open list": ("a: [1\n", "is not valid YAML: line 2"),
+    "an open mapping": ("a: {b: 1\n", "is not valid YAML: line 2"),
+    "an open quote": ("a: 'b\n", "is not valid YAML: line 2"),
+    "a closing bracket": ("a: ]\n", "is not valid YAML: line 1"),
+    "a wrong indent": ("a: 1\n b: 2\n", "is not valid YAML: line 2"),
+    "a colon too much": ("a: b: c\n", "is not valid YAML: line 1"),
+    "a percent sign": ("%YAML 9.9\n---\na: 1\n", "is not valid YAML: line 1"),
+    "an at sign": ("a: @b\n", "is not valid YAML: line 1"),
+    "a backquote": ("a: `b`\n", "is not valid YAML: line 1"),
+    "a bad escape": ('a: "\\q"\n', "is not valid YAML: line 1"),
+    "a control character": ("a: \x01\n", "is not valid YAML"),
+    "a nul": (b"a: \0\n", "is not valid YAML"),
+    "no UTF-8": (b"\xff\xfe\x00", "cannot be read"),
+    "Latin-1": ("name: Tür".encode("latin-1"), "cannot be read"),
+    "UTF-16": ("system: crossmodal".encode("utf-16"), "cannot be read"),
+    "a picture": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "cannot be read"),
+    "more bytes than any scenario": ("#" * 1_000_001, "has 1000001 bytes"),
+    "an alias": ("a: &x 1\nb: *x\n", "line 2, column 4: *x: aliases are not read"),
+    "an alias of itself": ("a: &x [*x]\n", "line 1, column 8: *x: aliases are not read"),
+    "an alias of nothing": ("a: *x\n", "line 1, column 4: *x: aliases are not read"),
+    "an alias bomb": (BOMB, "line 2, column 8: *a: aliases are not read"),
+    "a merged mapping": (CROSSMODAL + "<<: {seed: 3}\n", "unknown key '<<'"),
+    "many brackets": ("a: " + "[" * 100_000, "more than 40 levels"),
+    "many braces": ("a: " + "{a: " * 50_000, "more than 40 levels"),
+    "many dashes": ("- " * 50_000, "more than 40 levels"),
+    "many levels": ("\n".join(" " * i + "a:" for i in range(500)), "more than 40 levels"),
+    "a key twice": (CROSSMODAL + "seed: 3\nseed: 4\n", "line 3, column 1: the key 'seed' is there"
+                    " already, in line 2"),
+    "a key twice below": (CROSSMODAL + "task:\n  goal: 1\n  goal: 2\n", "line 4, column 3: the key"
+                          " 'goal' is there already, in line 3"),
+    "a key twice in braces": (CROSSMODAL + "task: {goal: 1, goal: 2}\n", "the key 'goal' is there"),
+    "a key twice, once quoted": (CROSSMODAL + "seed: 3\n'seed': 4\n", "the key 'seed' is there"),
+    "a system twice": (CROSSMODAL * 2, "line 2, column 1: the key 'system' is there already"),
+    "a key that is a number": ("1: 2\n", "line 1, column 1: the key '1' is no text"),
+    "a key that is true": ("on: 2\n", "the key 'on' is no text; put it into quotes"),
+    "a key that is null": ("~: 2\n", "the key '~' is no text"),
+    "an empty key": ("? \n: 2\n", "the key '' is no text"),
+    "a key that is a fraction": ("0.5: 2\n", "the key '0.5' is no text"),
+    "a key that is a list": ("? [a, b]\n: 2\n", "the key of several values is no text"),
+    "a key that is a mapping": ("{a: 1}: 2\n", "the key of several values is no text"),
+    "a number among the cameras": (CROSSMODAL + "cameras: {1: {}}", "the key '1' is no text"),
+    "an unknown key": (CROSSMODAL + "sede: 3\n", "unknown key 'sede'; did you mean 'seed'?"),
+    "a key in capitals": (CROSSMODAL + "Seed: 3\n", "unknown key 'Seed'; did you mean 'seed'?"),
+    "a key with a dot": (CROSSMODAL + "task.goal: 3\n", "unknown key 'task.goal'"),
+    "a key with a line's end": (CROSSMODAL + '"a\\nb": 3\n', "unknown key 'a b'"),
+    "a private key": (CROSSMODAL + "_seed: 3\n", "unknown key '_seed'"),
+    "a set": (CROSSMODAL + "modalities: !!set {vision}\n", "!!set: values of this type"),
+    "binary data": (CROSSMODAL + "name: !!binary aGk=\n", "!!binary: values of this type"),
+    "a Python object": ("a: !!python/object/apply:os.system [ls]\n", "!!python/object/apply"),
+    "a tag of one's own": (CROSSMODAL + "task: !Task {goal: 1}\n", "!Task: values of this type"),
+    "a timestamp": (CROSSMODAL + "duration: !!timestamp 2026-01-02\n", "!!timestamp: values of"),
+    "a number that is none": (CROSSMODAL + "seed: !!int abc\n", "cannot be read as !!int"),
+    "an empty number": (CROSSMODAL + "seed: !!int ''\n", "cannot be read as !!int"),
+    "a fraction that is none": (CROSSMODAL + "duration: !!float x\n", "cannot be read as !!float"),
+    "a boolean that is none": (CROSSMODAL + "seed: !!bool x\n", "cannot be read as !!bool"),
+    "a very long number": (CROSSMODAL + f"seed: {HUGE}\n", "cannot be read as !!int"),
+    "a very long hexadecimal": (CROSSMODAL + f"seed: 0x{HUGE}\n", "beyond 64 bits"),
+    "a long number": (CROSSMODAL + "seed: 99999999999999999999\n", "beyond 64 bits"),
+    "half a letter": (CROSSMODAL + 'name: "\\ud800"\n', "a character that no text has"),
+    "a nul in a name": (CROSSMODAL + 'name: "a\\0b"\n', "a character that no text has"),
+    "a date for a number": (CROSSMODAL + "duration: 2026-01-02\n", "duration = '2026-01-02', but"),
+    "a time for a number": (CROSSMODAL + "duration: 12:30 s\n", "but it must be a number"),
+    "a unit behind a number": (CROSSMODAL + "duration: 40 s\n", "duration = '40 s', but it must"),
+    "a comma in a number": (CROSSMODAL + "duration: 1,5\n", "duration = '1,5', but it must be"),
+    "a boolean for a number": (CROSSMODAL + "duration: yes\n", "duration = True, but it must be"),
+    "null for a number": (CROSSMODAL + "duration:\n", "duration = None, but it must be a number"),
+    "a list for a number": (CROSSMODAL + "duration: [1]\n", "duration = [1], but it must be"),
+    "a fraction for a seed": (CROSSMODAL + "seed: 1.5\n", "seed = 1.5, but it must be a whole"),
+    "text for a seed": (CROSSMODAL + "seed: 'three'\n", "seed = 'three', but it must be a whole"),
+    "a number for a name": (CROSSMODAL + "name: 3\n", "name = 3, but it must be text"),
+    "a list for a name": (CROSSMODAL + "name: [a]\n", "name = ['a'], but it must be text"),
+    "text for a list": (CROSSMODAL + "modalities: vision\n", "modalities = 'vision', but it must"),
+    "a mapping for a list": (CROSSMODAL + "modalities: {vision: 1}\n", "but it must be a list"),
+    "a list for a mapping": (CROSSMODAL + "task: [1]\n", "task = [1], but it must be a mapping"),
+    "text for a mapping": (CROSSMODAL + "objects: drawer\n", "but it must be a mapping"),
+    "null for a mapping": (CROSSMODAL + "objects:\n", "objects = None, but it must be a mapping"),
+    "null for an object": (CROSSMODAL + "objects: {drawer: }\n", "objects.drawer = None, but"),
+    "text for a switch": (CROSSMODAL + "task: {return_to_start: 'yes'}\n", "true or false"),
+    "a number for a switch": (CROSSMODAL + "task: {return_to_start: 1}\n", "true or false"),
+    "text in an array": (CROSSMODAL + "control: {posture: [a, b]}\n", "numbers in a list"),
+    "null in an array": (CROSSMODAL + "control: {posture: [1, ~]}\n", "numbers in a list"),
+    "true in an array": (CROSSMODAL + "control: {posture: [true]}\n", "numbers in a list"),
+    "a date in an array": (CROSSMODAL + "control: {posture: [2026-01-02]}\n", "numbers in a list"),
+    "a ragged array": (CROSSMODAL + "control: {posture: [[1, 2], [3]]}\n", "numbers in a list"),
+    "a number for an array": (CROSSMODAL + "control: {posture: 1}\n", "numbers in a list"),
+    "a mapping for an array": (CROSSMODAL + "control: {posture: {a: 1}}\n", "numbers in a list"),
+    "too short an array": (CROSSMODAL + "control: {posture: [1]}\n", "must be 7 numbers"),
+    "a long value": (CROSSMODAL + f"duration: '{'a' * 10_000}'\n", "but it must be a number"),
+    "only the system": (CROSSMODAL, ""),
+    "Windows' line ends": ("system: crossmodal\r\nseed: 3\r\n", ""),
+    "a byte order mark": ("\ufeffsystem: crossmodal\n", ""),
+    "a quoted key": ("'system': crossmodal\n", ""),
+    "JSON": ('{"system": "crossmodal", "control": {"posture": [0, 0, 0, 1, 0, 0, 0]}}', ""),
+    "a power of ten": (CROSSMODAL + "duration: 1e1\n", ""),
+    "a date for a name": (CROSSMODAL + "name: 2026-01-02\n", ""),
+    "a name from everywhere": (CROSSMODAL + "name: Schublade-引き出し\n", ""),
+    "an anchor that nothing uses": (CROSSMODAL + "seed: &mine 3\n", ""),
+    "an empty part": (CROSSMODAL + "task: {}\n", ""),
+}  # fmt: skip
+
+# One assignment of --set to the drawer.
+ASSIGNMENTS: dict[str, str] = {
+    "": "expected key.path=value",
+    "seed": "expected key.path=value",
+    "=": "expected key.path=value",
+    "=3": "expected key.path=value",
+    ".=3": "expected key.path=value",
+    "seed.=3": "expected key.path=value",
+    ".seed=3": "expected key.path=value",
+    "task..goal=3": "expected key.path=value",
+    "seed=": "seed = None, but it must be a whole number",
+    "seed=x": "seed = 'x', but it must be a whole number",
+    "seed=1.5": "seed = 1.5, but it must be a whole number",
+    "seed=-1": "seed = -1, but it must be >= 0",
+    "seed=[1": "--set seed=[1: line 1",
+    "seed=*a": "aliases are not read",
+    "seed=&a [*a]": "aliases are not read",
+    "seed={a: 1, a: 2}": "the key 'a' is there already",
+    "seed=99999999999999999999": "beyond 64 bits",
+    f"seed={HUGE}": "cannot be read as !!int",
+    "seed=" + "[" * 5000: "more than 40 levels",
+    "seed=!!timestamp 2026-01-02": "values of this type are not read",
+    "seed=1=2": "seed = '1=2', but it must be a whole number",
+    "seed.a=1": "seed = {'a': 1}, but it must be a whole number",
+    "description.a=1": "'a' is inside a plain value",
+    "system=": "system must be text",
+    "system=door": "system = 'door': allowed: crossmodal",
+    "sede=3": "did you mean 'seed'?",
+    "Seed=3": "did you mean 'seed'?",
+    "seed seed=3": "unknown key 'seed seed'",
+    "task/goal=3": "unknown key 'task/goal'",
+    "task[goal]=3": "unknown key 'task[goal]'",
+    "--seed=3": "unknown key '--seed'",
+    "\n=3": "expected key.path=value",
+    "a\nb=3": "unknown key 'a b'",
+    "duration=40 s": "duration = '40 s', but it must be a number",
+    "duration=": "duration = None, but it must be a number",
+    "duration=true": "duration = True, but it must be a number",
+    "duration=2026-01-02": "duration = '2026-01-02', but it must be a number",
+    "duration=0": "duration = 0.0 s, but it must be > 0 s",
+    "duration=-3": "duration = -3.0 s, but it must be > 0 s",
+    "duration=.nan": "duration = nan s, but it must be > 0 s",
+    "name=3": "name = 3, but it must be text",
+    "modalities=vision": "modalities = 'vision', but it must be a list",
+    "modalities=[]": "must name each once, at least one",
+    "modalities=[vision, vision]": "must name each once, at least one",
+    "modalities=[smell]": "unknown modality 'smell'",
+    "modalities=[1]": "modalities.0 = 1, but it must be text",
+    "disturbances.lights_off.0.start=1": "must be a list",
+    "disturbances.lights_off=[{start: 3, end: 1}]": "it must be 0 <= start < end",
+    "disturbances.lights_off=[3]": "must be a mapping",
+    "disturbances.lights_out=[]": "key 'disturbances.lights_out'; did you mean 'lights_off'?",
+    "objects=": "objects = None, but it must be a mapping",
+    "objects={}": "task.object = ''",
+    "objects.drawer=": "objects.drawer = None, but it must be a mapping",
+    "objects.drawer.friction=a": "objects.drawer.friction = 'a', but it must be a number",
+    "objects.drawer.friction=-1": "must be >= 0 N",
+    "objects.drawer.model=": "objects.drawer.model = None, but it must be text",
+    "objects.drawer.model=none.sdf": "there is no such file",
+    "objects.drawer.position=1": "objects.drawer.position = 1, but it must be numbers in a list",
+    "objects.drawer.position=[1]": "must be 3 numbers",
+    "objects.drawer.position=[1, 2, .inf]": "must be 3 numbers",
+    "objects.drawer.position=[1, 2, x]": "must be numbers in a list",
+    "objects.drawer.position.x=1": "objects.drawer.position = {'x': 1}, but it must be numbers",
+    "cameras={}": "one camera",
+    "cameras.0.width=1": "cameras.0.width = 1 pixels, but it must be from 16 to 4096 pixels",
+    "control.posture=[0, 0]": "must be 7 numbers",
+    "perception.cut=[nothing]": "nothing",
+    "plant.scene=../../../etc/passwd": "there is no such file",
+    "seed= 3": "",
+    " seed =3": "",
+    "duration=1e1": "",
+    "objects.drawer.position=[.9, 0, 1e-1]": "",
+    ".".join("a" * 10_000) + "=1": "more than 40 levels",
+    "versions.a.b=1": "versions.a = {'b': 1}, but it must be text",
+}  # fmt: skip
+
+# Arguments of the command, and a part of the answer.
+ARGUMENTS: list[tuple[list[str], str]] = [
+    (["fly"], "No such command 'fly'"),
+    (["--fly"], "No such option: --fly"),
+    (["run"], "Missing argument"),
+    (["run", ""], "unknown scenario ''"),
+    (["run", "drawr"], "did you mean 'drawer'?"),
+    (["run", "Drawer"], "did you mean 'drawer'?"),
+    (["run", "a" * 5000], "unknown scenario"),
+    (["run", "a" * 5000 + ".yaml"], "cannot be read"),
+    (["run", "drawer\n"], "unknown scenario 'drawer '"),
+    (["run", "none.yaml"], "there is no such file"),
+    (["run", "."], "unknown scenario '.'"),
+    (["run", "folder.yaml"], "folder.yaml: is no file"),
+    (["run", "pipe.yaml"], "pipe.yaml: is no file"),
+    (["run", "circle.yaml"], "circle.yaml: cannot be read"),
+    (["run", "/dev/zero"], "unknown scenario '/dev/zero'"),
+    (["run", "file.txt/x.yaml"], "file.txt/x.yaml: "),
+    (["run", "drawer", "--seed"], "Option '--seed' requires an argument"),
+    (["run", "drawer", "--seed", ""], "value for '--seed'"),
+    (["run", "drawer", "--seed", "x"], "value for '--seed'"),
+    (["run", "drawer", "--seed", "1.5"], "value for '--seed'"),
+    (["run", "drawer", "--seed", "-1"], "value for '--seed'"),
+    (["run", "drawer", "--seed", HUGE], "value for '--seed'"),
+    (["run", "drawer", "--seed", "9" * 25], "beyond 64 bits"),
+    (["run", "drawer", "--duration", "x"], "value for '--duration'"),
+    (["run", "drawer", "--duration", "nan"], "duration = nan s"),
+    (["run", "drawer", "--duration", "-1"], "duration = -1.0 s"),
+    (["run", "drawer", "--modalities", ""], "modalities"),
+    (["run", "drawer", "--modalities", ","], "modalities"),
+    (["run", "drawer", "--modalities", "vision,vision"], "must name each once"),
+    (["run", "drawer", "--modalities", "{a}"], "modalities"),
+    (["run", "drawer", "--modalities", "[["], "modalities"),
+    (["run", "drawer", "--out", "file.txt"], "file.txt: cannot be written"),
+    (["run", "drawer", "--out", "file.txt/a"], "file.txt/a: cannot be written"),
+    (["run", "drawer", "--out", "folder.yaml"], "already holds files"),
+    (["run", "drawer", "drawer"], "unexpected extra argument"),
+    (["run", "drawer", "--set"], "Option '--set' requires an argument"),
+    (["evaluate"], "Missing argument"),
+    (["evaluate", ""], "unknown experiment ''"),
+    (["evaluate", "drawr"], "did you mean 'drawer'?"),
+    (["evaluate", "drawer", "--seeds", ""], "expected a count"),
+    (["evaluate", "drawer", "--seeds", "0"], "names no seed"),
+    (["evaluate", "drawer", "--seeds", "-1"], "names no seed, or a negative one"),
+    (["evaluate", "drawer", "--seeds", "5:3"], "names no seed"),
+    (["evaluate", "drawer", "--seeds", "1.5"], "expected a count"),
+    (["evaluate", "drawer", "--seeds", "1-3"], "expected a count"),
+    (["evaluate", "drawer", "--seeds", "1000000"], "names more than 10000 seeds"),
+    (["evaluate", "drawer", "--seeds", "0:99999999999999"], "a seed is at most"),
+    (["evaluate", "drawer", "--seeds", HUGE], "expected a count"),
+    (["evaluate", "drawer", "--jobs", "0"], "value for '--jobs'"),
+    (["evaluate", "drawer", "--jobs", "x"], "value for '--jobs'"),
+    (["evaluate", "drawer", "--jobs", "100000000"], "--jobs 100000000: with this machine's"),
+    (["evaluate", "drawer", "--jobs", "100000000", "--backend", "ray"], "on a cluster it must be"),
+    (["evaluate", "drawer", "--backend", "Ray"], "did you mean 'ray'?"),
+    (["evaluate", "drawer", "--address", "here"], "--address is for --backend ray only"),
+    (["evaluate", "drawer", "--out", "file.txt"], "file.txt: cannot be written"),
+    (["evaluate", "drawer", "--out", "folder.yaml"], "already holds files"),
+    (["evaluate", "drawer", "--set", "duration=x"], "but it must be a number"),
+    (["evaluate", "all", "--set", "sede=3"], "did you mean 'seed'?"),
+    (["ablate", "nothing"], "nothing"),
+    (["ablate", "--seeds", "1000000"], "names more than 10000 seeds"),
+    (["ablate", "--out", "file.txt"], "file.txt"),
+    (["diagram", "drawr"], "did you mean 'drawer'?"),
+    (["diagram", "drawer", "--modality", "smell"], "unknown modality 'smell'"),
+    (["diagram", "drawer", "--set", "duration=x"], "but it must be a number"),
+    (["diagram", "drawer", "--out", "file.txt"], "file.txt: exists already"),
+    (["replay", "none"], "none: holds no scenario.yaml"),
+    (["replay", "file.txt"], "file.txt: holds no scenario.yaml"),
+    (["list", "drawer"], "unexpected extra argument"),
+]  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("diagrams.commands.run.write_and_report", lambda *_: 0)
+
+
+@pytest.fixture
+def things(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder with a file, a folder, a pipe and a link that leads to itself; nothing simulates."""
+    Path("file.txt").write_text("mine")
+    Path("folder.yaml").mkdir()
+    Path("folder.yaml/mine").touch()
+    os.mkfifo("pipe.yaml")
+    Path("circle.yaml").symlink_to("circle.yaml")
+
+    def never(*_: Any, **__: Any) -> Any:
+        raise AssertionError("nothing is simulated")
+
+    monkeypatch.setattr("diagrams.evaluation.campaign.run", never)
+    monkeypatch.setattr("diagrams.crossmodal.studies.ablation_study.run_episode", never)
+
+
+def answer(
+    arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> tuple[int, str]:
+    """Exit status and what the command said to standard error."""
+    monkeypatch.setattr(sys, "argv", ["crossmodal", *arguments])
+    status = command_line.main()
+    return status, capsys.readouterr().err
+
+
+def check(status: int, said: str, expected: str) -> None:
+    if not expected:
+        assert status == 0, said
+        return
+    assert status == 2, said
+    assert said.startswith("crossmodal: ")
+    assert said.count("\n") == 1
+    assert expected in said
+
+
+@pytest.mark.parametrize("about", FILES)
+def test_a_scenario_s_file_is_run_or_refused_in_one_line(
+    about: str,
+    fake_episode: types.SimpleNamespace,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    text, expected = FILES[about]
+    Path("mine.yaml").write_bytes(text if isinstance(text, bytes) else text.encode())
+    status, said = answer(["run", "mine.yaml", "--no-recording"], monkeypatch, capsys)
+    check(status, said, expected)
+    assert len(fake_episode.runs) == (0 if expected else 1)
+    assert [path.name for path in Path().iterdir()] == ["mine.yaml"]
+
+
+@pytest.mark.usefixtures("fake_episode")
+@pytest.mark.parametrize("assignment", ASSIGNMENTS)
+def test_an_assignment_is_taken_or_refused_in_one_line(
+    assignment: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["run", "drawer", "--no-recording", "--set", assignment]
+    check(*answer(arguments, monkeypatch, capsys), ASSIGNMENTS[assignment])
+
+
+@pytest.mark.usefixtures("fake_episode", "things")
+@pytest.mark.parametrize(("arguments", "expected"), ARGUMENTS)
+def test_arguments_that_cannot_be_meant_are_refused_in_one_line(
+    arguments: list[str],
+    expected: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    check(*answer(arguments, monkeypatch, capsys), expected)

@@ -27,11 +27,11 @@ from systems.sensors.depth_noise import (
 from systems.sensors.randomness import make_generator, random_bytes
 
 _PANE = 1e-3  # By how much a surface lies before another at least, [m].
+_NOISE_RATE = 30.0  # How often the noise is another one, [Hz].
 
 
 @dataclass(kw_only=True)
 class CameraNoiseConfig:
-    rate: float = 30.0  # Frames per second, [Hz].
     exposure_period: float = 1.0 / 15.0  # Between two metered frames, those that are read, [s].
     depth: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
     colour: ColourNoiseConfig = field(default_factory=ColourNoiseConfig)
@@ -50,12 +50,13 @@ class CameraNoise(LeafSystem):
     Colour: shot and read noise, gamma, saturation. The auto-exposure follows the mean grey with a
     lag, so that a jump of the lighting gives some frames that are too dark or too bright.
 
-    Images are computed only when read, and depend on the seed and the number of the frame,
-    round(rate t), alone: whoever reads whatever how often, a frame's noise is the same. Read them
-    at the frames' instants; in between, the noise is the nearest frame's. The gain is state, moved
-    on by a periodic event of its own that meters the ideal image every `exposure_period`; reading
-    does not touch it. The event is an unrestricted one because only these are computed before the
-    plant steps: it shares its instant's rendering with the filters.
+    Images are computed only when read, at whatever rate that is. Their noise depends on the seed
+    and the number of the frame, round(30 Hz t), alone: whoever reads whatever how often, a frame's
+    noise is the same. Read them at the frames' instants; in between, the noise is the nearest
+    frame's. The gain is state, moved on by a periodic event of its own that meters the ideal image
+    every `exposure_period`; reading does not touch it. The event is an unrestricted one because
+    only these are computed before the plant steps: it shares its instant's rendering with the
+    filters.
 
     .. pydrake_system::
 
@@ -105,7 +106,6 @@ class CameraNoise(LeafSystem):
         if not 0 < depth_scale < np.inf:
             raise ValueError(f"CameraNoise: need depth_scale > 0, got {depth_scale!r}")
         self._depth_scale = depth_scale
-        require(0 < config.rate < np.inf, "CameraNoise", config, "rate", "> 0 Hz")
         valid = 0 < config.exposure_period < np.inf
         require(valid, "CameraNoise", config, "exposure_period", "> 0 s")
         check_depth_noise(config.depth)
@@ -178,7 +178,7 @@ class CameraNoise(LeafSystem):
         state.get_mutable_discrete_state().get_mutable_value(0)[:] = gain, target
 
     def _rng(self, context: Context, image: str) -> np.random.Generator:
-        frame = round(context.get_time() * self._config.rate)
+        frame = round(context.get_time() * _NOISE_RATE)
         return make_generator(self._seed, f"CameraNoise {image}", frame)
 
     def _is_covered(self, context: Context) -> bool:

@@ -14,7 +14,7 @@ import pandas as pd
 from PIL import Image
 
 from diagrams.drawing.plot_style import save
-from diagrams.evaluation.campaign import Campaign, episode_folder
+from diagrams.evaluation.campaign import Campaign, Summary, episode_folder
 from diagrams.evaluation.metric_table import (
     HOW_TO_READ,
     Table,
@@ -169,7 +169,7 @@ def _section(campaign: Campaign, figures: pd.DataFrame, base: Path) -> Section:
         cards.append(
             EpisodeCard(
                 seed=summary["seed"],
-                reason="" if summary["success"] else summary.get("failure") or "unknown",
+                reason=_reason(summary),
                 thumbnail=_thumbnail(image) if shown and image else "",
                 link=Path(os.path.relpath(image, base)).as_posix() if image else "",
             )
@@ -188,6 +188,13 @@ def _section(campaign: Campaign, figures: pd.DataFrame, base: Path) -> Section:
         pictures=pictures,
         episodes=cards,
     )
+
+
+def _reason(summary: Summary) -> str:
+    """Why an episode's task was not done; nothing where it was."""
+    if summary["success"] is None:
+        return "not known whether it was done"
+    return "" if summary["success"] else summary.get("failure") or "unknown"
 
 
 def _first_plot(folder: Path) -> Path | None:

@@ -8,7 +8,7 @@ import numpy as np
 from diagrams.crossmodal.results.frame_plots import draw_frames
 from diagrams.crossmodal.results.plots import draw_configurations, draw_errors
 from diagrams.crossmodal.results.report import report
-from diagrams.crossmodal.task import task_failure, task_phases, turning_time
+from diagrams.crossmodal.task import can_be_judged, task_failure, task_phases, turning_time
 from diagrams.evaluation.estimates import Row, estimates_table, scalar, vector
 from diagrams.joints.joint_episode import JointEpisode, joint_episode
 from diagrams.joints.joint_record import joint_rows, summarise_joint
@@ -22,8 +22,10 @@ def evaluate(record: EpisodeRecord) -> Results:
     task, truth = record.scenario.task, episode.truth
     phases = task_phases(task, truth, record.events)
     exploration_end = turning_time(record.events)
+    judged = can_be_judged(task, truth, record)
     return Results(
-        failure=task_failure(task, truth, record.events),
+        failure=task_failure(task, truth, record.events) if judged else None,
+        judged=judged,
         estimates=estimates_table(
             {
                 name: [

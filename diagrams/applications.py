@@ -63,6 +63,8 @@ def _module(source: str) -> ModuleType:
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module  # Dataclasses look their module up by name.
         spec.loader.exec_module(module)
+    except PermissionError:  # No fault of the file: where compiled code is kept.
+        raise
     except Exception as error:  # Whatever a user's own file raises.
         what = f"{type(error).__name__}: {one_line(error)}"
         raise ScenarioError(f"{OWN}: '{source}' cannot be had: {what}") from error

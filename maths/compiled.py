@@ -1,14 +1,36 @@
 """How the innermost loops are compiled; where the code is kept is in `compiled_cache`."""
 
+import errno
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any, TypeVar
 
 import numba
 from numba.core.event import Event, TimingListener, install_listener
 
 # Without fast maths: a function is optimised differently within each caller, and which copy runs
 # depends on what was on the disk. What may be reordered then has other last digits.
-hot = numba.njit(cache=True, error_model="numpy")
+_compiled = numba.njit(cache=True, error_model="numpy")
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def hot(function: F) -> F:
+    """Compiles a function when it is first called, and keeps its code on the disk.
+
+    Raises:
+        PermissionError: where there is no place for it.
+    """
+    try:
+        compiled: Any = _compiled(function)
+    except RuntimeError as error:
+        if "no locator available" not in str(error):
+            raise
+        raise PermissionError(
+            errno.EACCES,
+            "neither this program's folder nor the user's cache folder can be written, where"
+            " compiled code is kept; set NUMBA_CACHE_DIR to a folder that can",
+        ) from None
+    return compiled
 
 
 class CompilationTime(TimingListener):

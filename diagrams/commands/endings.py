@@ -19,7 +19,7 @@ INTERRUPTED = 130
 @contextlib.contextmanager
 def one_line_errors() -> Iterator[None]:
     """Ends the command with one line and its exit status where the user's input is at fault."""
-    from diagrams.run.yaml_schema import ScenarioError
+    from diagrams.run.yaml_schema import ScenarioError, one_line
 
     logging.getLogger("drake").setLevel(logging.ERROR)  # Its notes are not for a user.
     try:
@@ -30,6 +30,10 @@ def one_line_errors() -> Iterator[None]:
         typer.echo(f"crossmodal: {error}", err=True)
         raise typer.Exit(BAD_INPUT) from None
     except OSError as error:
+        if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+            where = "" if error.filename is None else f"{error.filename}: "
+            typer.echo(f"crossmodal: {where}{one_line(error.strerror or error)}", err=True)
+            raise typer.Exit(BAD_INPUT) from None
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
         typer.echo("crossmodal: no space left for the results: free some or change --out", err=True)

@@ -12,8 +12,9 @@ import threading
 import traceback
 from pathlib import Path
 
+from diagrams.run.own_files import held
 from diagrams.run.process import ERROR_FILE
-from diagrams.run.run_folder import SCENARIO_FILE, write_run, write_text
+from diagrams.run.run_folder import FILES, SCENARIO_FILE, write_run, write_text
 from diagrams.run.yaml_schema import ScenarioError, one_line
 
 
@@ -24,8 +25,9 @@ def run_here(folder: Path) -> int:
 
     try:
         application, scenario = load_scenario(str(folder / SCENARIO_FILE))
-        record = run_episode(application, scenario)
-        write_run(folder, application, record, application.evaluate(record))
+        with held(folder, FILES, force=True):
+            record = run_episode(application, scenario)
+            write_run(folder, application, record, application.evaluate(record))
     except Exception as error:
         name = "" if isinstance(error, ScenarioError) else f"{type(error).__name__}: "
         text = f"{name}{one_line(error)}\n\n{traceback.format_exc()}"

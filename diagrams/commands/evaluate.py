@@ -96,7 +96,7 @@ def _run_campaign(campaign: "Campaign", workers: "Workers") -> bool:
             done += bool(summary["success"])
             bar.update()
             bar.set_postfix_str(f"{done} of {bar.n} done")
-            if not summary["success"]:
+            if summary["success"] is False:
                 reason = f"{campaign.name}, seed {summary['seed']}: {summary['failure']}"
                 bar.write(reason, file=sys.stderr)
 
@@ -117,4 +117,5 @@ def _finish_evaluation(campaigns: "list[Campaign]", written: list[Path]) -> None
         stopped = interrupted(len(summaries), asked)
         typer.echo(f"crossmodal: {stopped}; the same command goes on", err=True)
         raise typer.Exit(INTERRUPTED)
-    raise typer.Exit(0 if all(summary["success"] for summary in summaries) else FAILED)
+    failed = any(summary["success"] is False for summary in summaries)
+    raise typer.Exit(FAILED if failed else 0)

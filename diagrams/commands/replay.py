@@ -7,7 +7,7 @@ import typer
 
 from diagrams.commands.endings import one_line_errors
 from diagrams.commands.options import ForceOption, SetOption
-from diagrams.commands.run_output import run_folder, write_and_report
+from diagrams.commands.run_output import write_and_report
 
 EXAMPLES = (
     "Example:  crossmodal run drawer --record-sensors --out runs/a, then"
@@ -26,14 +26,17 @@ def replay_command(
         from tqdm import tqdm
 
         from diagrams.applications import load_scenario
+        from diagrams.run.own_files import held
         from diagrams.run.replay import check_recorded, replay
+        from diagrams.run.run_folder import FILES
         from diagrams.run.yaml_schema import ScenarioError
 
         changes = overrides or []
         application, chosen = load_scenario(str(check_recorded(run, changes)), changes)
         if out is not None and out.resolve() == run.resolve():
             raise ScenarioError(f"--out {out}: holds the recorded run itself; choose another")
-        with run_folder(out or run / "replay", force) as folder:
+        folder = out or run / "replay"
+        with held(folder, FILES, force=force):
             title = f"{chosen.name}, seed {chosen.seed}"
             with tqdm(desc=title, unit="tick", disable=None) as bar:
 
@@ -41,4 +44,5 @@ def replay_command(
                     bar.update()
 
                 record = replay(application, run, chosen, progress=progress)
-            write_and_report(folder, application, record)
+            status = write_and_report(folder, application, record)
+    raise typer.Exit(status)

@@ -7,7 +7,7 @@ import typer
 
 from diagrams.commands.endings import GentleInterrupt, one_line_errors
 from diagrams.commands.options import ForceOption, SetOption
-from diagrams.commands.run_output import run_folder, write_and_report
+from diagrams.commands.run_output import write_and_report
 
 if TYPE_CHECKING:
     from diagrams.run.application import Application
@@ -76,7 +76,8 @@ def run_command(
         from dataclasses import replace
 
         from diagrams.applications import load_scenario
-        from diagrams.run.run_folder import SENSORS_FILE, default_folder
+        from diagrams.run.own_files import held
+        from diagrams.run.run_folder import FILES, SENSORS_FILE, default_folder
 
         assignments = list(overrides or [])
         if seed is not None:
@@ -86,16 +87,17 @@ def run_command(
         if modalities is not None:
             names = [name.strip() for name in modalities.split(",")]
             assignments.append(f"modalities=[{', '.join(names)}]")
-        own = {
+        about_object = {
             "grasp_frame": grasp_frame,
             "joint": joint,
             "pull_direction": pull_direction,
             "object_pose": object_pose,
         }
-        assignments = _own_object(scenario, assignments, own_object, own) + assignments
+        assignments = _own_object(scenario, assignments, own_object, about_object) + assignments
         application, chosen = load_scenario(scenario, assignments)
-        with run_folder(out or default_folder(chosen), force) as folder:
-            sensors_file = folder / SENSORS_FILE if record_sensors else None
+        folder = out or default_folder(chosen)
+        with held(folder, FILES, force=force) as own:
+            sensors_file = own.place(SENSORS_FILE) if record_sensors else None
             record = _simulate(
                 application,
                 chosen,

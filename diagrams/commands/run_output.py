@@ -1,8 +1,5 @@
-"""What a run leaves behind: its folder, a report and an exit status."""
+"""What a run leaves behind: its files, a report and an exit status."""
 
-import contextlib
-import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,37 +8,28 @@ import typer
 from diagrams.commands.endings import FAILED, INTERRUPTED
 
 if TYPE_CHECKING:
-    from diagrams.run.application import Application
+    from diagrams.run.application import Application, Results
     from diagrams.run.record import EpisodeRecord
 
 
-@contextlib.contextmanager
-def run_folder(folder: Path, force: bool) -> Iterator[Path]:
-    """The opened folder of a run; one that nothing was written into is removed again."""
-    from diagrams.run.run_folder import open_run_folder
-
-    made = [path for path in (folder, *folder.parents) if not path.exists()]
-    open_run_folder(folder, force)
-    try:
-        yield folder
-    finally:
-        with contextlib.suppress(OSError):
-            for path in made:
-                path.rmdir()
-
-
 def write_and_report(folder: Path, application: "Application", record: "EpisodeRecord") -> int:
-    """Writes the run, prints its report and returns the exit status."""
-    from diagrams.run.run_folder import SUMMARY_FILE, write_run
+    """Writes the run, prints its report and returns the exit status.
+
+    What was perceived is said before the large files are written, which may not fit on the disk.
+    """
+    from diagrams.run.run_folder import RunWriter
 
     results = application.evaluate(record)
-    written = write_run(folder, application, record, results)
-    summary = json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))
-    lines = ["", *results.report(summary), "", speed(summary), "", "Files:"]
-    lines += [f"  {path}" for path in written]
-    if results.failure is not None and not record.interrupted:
-        lines += ["", f"The episode failed: {results.failure}"]
-    typer.echo("\n".join(lines))
+    writer = RunWriter(folder, application, record, results)
+    writer.write_results()
+    summary = writer.summary
+    typer.echo("\n".join(["", *results.report(summary), "", speed(summary)]))
+    if not record.interrupted and not results.success:
+        typer.echo(f"\n{verdict(results)}")
+    writer.write_pictures()
+    typer.echo("\n".join(["", "Files:", *(f"  {path}" for path in writer.written)]))
+    for line in writer.missing:
+        typer.echo(f"crossmodal: {line}", err=True)
     if record.interrupted:
         typer.echo(
             f"crossmodal: interrupted at {record.duration:.1f} s; the files above hold what was"
@@ -49,7 +37,17 @@ def write_and_report(folder: Path, application: "Application", record: "EpisodeR
             err=True,
         )
         return INTERRUPTED
-    return 0 if results.failure is None else FAILED
+    return FAILED if writer.missing or results.success is False else 0
+
+
+def verdict(results: "Results") -> str:
+    """What became of the task, where it is no success."""
+    if results.success is None:
+        return (
+            "Whether the task was done is not known: the recording does not hold the truth or what"
+            " the robot did."
+        )
+    return f"The episode failed: {results.failure}"
 
 
 def speed(summary: dict[str, Any]) -> str:

@@ -7,7 +7,7 @@ import typer
 
 from diagrams.commands.endings import one_line_errors
 
-EXAMPLES = "Example:  crossmodal train hand-bending --jobs 2 --search"
+EXAMPLES = "Example:  crossmodal train hand-bending --jobs 2 --search --out runs/weights"
 
 
 def train_hand_bending_command(
@@ -19,20 +19,31 @@ def train_hand_bending_command(
     out: Annotated[
         Path | None, typer.Option(help="Folder of weights and card. [default: models/weights]")
     ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace the weights and the card that are there.")
+    ] = False,
 ) -> None:
     """Train the networks that read the soft hand's bending from wrench and air pressure."""
     with one_line_errors():
         from tqdm import tqdm
 
         from diagrams.crossmodal.training.network_training import (
+            FILES,
             INTERACTIONS,
             simulate_interactions,
             train_hand_bending,
         )
         from diagrams.run.run_folder import open_run_folder
+        from diagrams.run.yaml_schema import ScenarioError
         from models import WEIGHTS_DIR
 
         folder = open_run_folder(out or WEIGHTS_DIR, force=True)
+        there = [folder / name for name in FILES if (folder / name).exists()]
+        if there and not force:
+            raise ScenarioError(
+                f"{there[0]}: exists already; replace it with --force or choose another folder"
+                " with --out"
+            )
         simulated = tqdm(
             simulate_interactions(seed, jobs=jobs),
             total=INTERACTIONS,

@@ -1,6 +1,5 @@
 """Objects that do not come with the program: on the command line, and in a run's folder."""
 
-import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -123,27 +122,22 @@ def _numbers(option: str, text: str, count: int) -> list[float]:
     return values
 
 
-def keep_object(model: Path, folder: Path) -> Path:
-    """Copies an imported model with its meshes into a folder; returns the copy's SDF."""
-    target = folder / MODEL_FILE
-    if model.resolve() != target.resolve():
-        shutil.rmtree(folder, ignore_errors=True)
-        shutil.copytree(model.parent, folder)
-    return target
+def keep_files(scenario: Scenario) -> tuple[Scenario, dict[str, Path]]:
+    """The scenario with imported models below `model` of a run's folder, and these models' files.
 
-
-def keep_files(scenario: Scenario, folder: Path) -> Scenario:
-    """Copies imported models into a run's folder, below `model`, and names them there."""
-    if not any(Path(thing.model).is_absolute() for thing in scenario.objects.values()):
-        shutil.rmtree(folder / MODEL_FOLDER, ignore_errors=True)
-    objects = {}
+    Returns:
+        The scenario, and by their places in the folder the files that it needs there.
+    """
+    objects, files = {}, {}
     for name, thing in scenario.objects.items():
-        if Path(thing.model).is_absolute():
+        model = Path(thing.model)
+        if model.is_absolute():
             place = MODEL_FOLDER if len(scenario.objects) == 1 else f"{MODEL_FOLDER}/{name}"
-            kept = keep_object(Path(thing.model), folder / place)
-            thing = replace(thing, model=str(kept.relative_to(folder)))
+            for path in sorted(path for path in model.parent.rglob("*") if path.is_file()):
+                files[f"{place}/{path.relative_to(model.parent).as_posix()}"] = path
+            thing = replace(thing, model=f"{place}/{MODEL_FILE}")
         objects[name] = thing
-    return replace(scenario, objects=objects)
+    return replace(scenario, objects=objects), files
 
 
 def identity(scenario: Scenario) -> Scenario:

@@ -11,7 +11,8 @@ from controllers.interaction.phases import Phase as ControlPhase
 from diagrams.crossmodal.objects.object_model import read_object_model
 from diagrams.crossmodal.scenario import Scenario, Task, object_model_file
 from diagrams.joints.joint_truth import Truth
-from diagrams.run.record import Event, TaskStatus
+from diagrams.run.record import EpisodeRecord, Event, TaskStatus
+from diagrams.run.recorder import STATUS_PORT
 from systems.port_values import JointType
 
 _DEGREES = 180.0 / np.pi
@@ -108,6 +109,12 @@ def task_phases(task: Task, truth: Truth, events: Sequence[Event]) -> dict[str, 
     return phases
 
 
+def can_be_judged(task: Task, truth: Truth, record: EpisodeRecord) -> bool:
+    """Whether a record holds what a verdict needs: the truth, and when the robot turned back."""
+    said = any(STATUS_PORT in tick.values for tick in record.station)
+    return truth.joint_type is not None and (task.goal is None or said)
+
+
 def task_failure(task: Task, truth: Truth, events: Sequence[Event]) -> str | None:
     """Why the task was not done, in one line; None where it was, or where nobody can know."""
     if truth.joint_type is None:
@@ -116,12 +123,20 @@ def task_failure(task: Task, truth: Truth, events: Sequence[Event]) -> str | Non
     reached = phases["exploration"].reached
     lost = [event.time for event in events if event.name == GRASP_LOST]
     after = f"; the grasp was believed lost at {lost[0]:.1f} s" if lost else ""
+    over = "" if lost or begun(events, ControlPhase.STOP) else " when the time was over"
+
+    def written(value: float, digits: str = ".1f") -> str:
+        scale, unit = _readable(truth.joint_type)
+        return f"{scale * value:{digits}} {unit}"
+
     if task.goal is None:
         if reached >= task.opening:
             return None
-        return f"opened {reached:.3f} of the {task.opening:g} asked for{after}"
+        asked = written(task.opening, ".3g")
+        return f"opened {written(reached)} of the {asked} asked for{over}{after}"
     if abs(reached - task.goal) > task.tolerance:
-        return f"exploration ended at {reached:.3f}, the goal is {task.goal:g}{after}"
+        goal = written(task.goal, ".3g")
+        return f"exploration ended at {written(reached)}{over}, the goal is {goal}{after}"
     if not task.return_to_start:
         return None
     if not begun(events, ControlPhase.RETURN):
@@ -130,8 +145,14 @@ def task_failure(task: Task, truth: Truth, events: Sequence[Event]) -> str | Non
         return "the return did not end in time"
     end = phases["exploitation"].reached
     if end > task.tolerance:
-        return f"brought back to {end:.3f} from its start, {task.tolerance:g} is near enough{after}"
+        enough = written(task.tolerance, ".3g")
+        return f"brought back to {written(end)} from its start, {enough} is near enough{after}"
     return None
+
+
+def _readable(joint_type: JointType | None) -> tuple[float, str]:
+    """Factor and unit in which a joint's travel is written."""
+    return (100.0, "cm") if joint_type == JointType.PRISMATIC else (_DEGREES, "deg")
 
 
 def task_in_words(scenario: Scenario) -> str:
@@ -140,7 +161,7 @@ def task_in_words(scenario: Scenario) -> str:
     facts = read_object_model(
         object_model_file(thing), joint=thing.joint, frame=thing.handle_frame, source=scenario.name
     )
-    scale, unit = (100.0, "cm") if facts.joint_type == JointType.PRISMATIC else (_DEGREES, "deg")
+    scale, unit = _readable(facts.joint_type)
 
     def written(value: float) -> str:
         return f"{scale * value:.3g} {unit}"

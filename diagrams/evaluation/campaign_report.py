@@ -14,7 +14,7 @@ import pandas as pd
 from PIL import Image
 
 from diagrams.drawing.plot_style import save
-from diagrams.evaluation.campaign import Campaign, episode_folder
+from diagrams.evaluation.campaign import Campaign, Summary, episode_folder
 from diagrams.evaluation.metric_table import (
     HOW_TO_READ,
     Table,
@@ -174,7 +174,7 @@ def _section(campaign: Campaign, figures: pd.DataFrame, base: Path) -> Section:
         cards.append(
             EpisodeCard(
                 seed=summary["seed"],
-                reason="" if summary["success"] else summary.get("failure") or "unknown",
+                reason=_reason(summary),
                 thumbnail=_thumbnail(shown[0]) if shown else "",
                 links={
                     path.stem.replace("_", " "): Path(os.path.relpath(path, base)).as_posix()
@@ -203,6 +203,13 @@ def _section(campaign: Campaign, figures: pd.DataFrame, base: Path) -> Section:
 def _plots(folder: Path) -> list[Path]:
     """An episode's pictures; the first one stands for it on the page."""
     return sorted((folder / PLOT_FOLDER).glob("*.png"))
+
+
+def _reason(summary: Summary) -> str:
+    """Why an episode's task was not done; nothing where it was."""
+    if summary["success"] is None:
+        return "not known whether it was done"
+    return "" if summary["success"] else summary.get("failure") or "unknown"
 
 
 def _inline(path: Path) -> str:

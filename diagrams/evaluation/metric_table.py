@@ -63,7 +63,7 @@ def tidy_metrics(application: Application, name: str, summaries: Sequence[Summar
                         "unit": metric.unit_in(record),
                     }
                 )
-                if metric.name == "success" and not value:
+                if metric.name == "success" and value is False:
                     rows[-1]["reason"] = summary.get("failure") or "unknown"
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
@@ -148,7 +148,7 @@ def _of_episode(name: str, unit: str = "", **shown: Any) -> Metric:
 
 # Of every application.
 EPISODE_METRICS = (
-    _of_episode("success", title="done", cell=lambda v, _: count(v), totals=True),
+    _of_episode("success", title="done", cell=lambda v, _: count_of_known(v), totals=True),
     _of_episode("duration", "s"),
     _of_episode("wall_time", "s"),
     _of_episode("real_time_factor"),

@@ -61,6 +61,7 @@ class Results:
         plots: Pictures by file name, drawn when they are asked for; None for one that there is
             nothing to draw in.
         report: What a person reads after a run, from the whole summary.
+        judged: Whether it is known that the task was done or not; a replay may lack the truth.
     """
 
     failure: str | None
@@ -69,6 +70,12 @@ class Results:
     events: Sequence[Event] = ()
     plots: Mapping[str, Callable[[], "Figure | None"]] = field(default_factory=dict)
     report: Callable[[Mapping[str, Any]], Sequence[str]] = lambda summary: []
+    judged: bool = True
+
+    @property
+    def success(self) -> bool | None:
+        """Whether the task was done; None where nobody can know."""
+        return self.failure is None if self.judged else None
 
 
 def _as_read(scenario: Any, path: Path) -> Any:
@@ -83,8 +90,8 @@ def _no_task(scenario: Any) -> str:
     return ""
 
 
-def _keep_nothing(scenario: Any, folder: Path) -> Any:
-    return scenario
+def _keep_nothing(scenario: Any) -> tuple[Any, Mapping[str, Path]]:
+    return scenario, {}
 
 
 def _no_calibration(scenario: Any) -> Calibration:
@@ -124,8 +131,9 @@ class Application:
         evaluate: From what was recorded to what is shown of it.
         close_loop: Lets the station act by what its estimators say: connects them.
         view: Adds systems that draw into Meshcat what is believed.
-        keep_files: Copies what a scenario needs and what does not come with the program into a
-            run's folder, and returns the scenario that names it there, relative to the folder.
+        keep_files: What a scenario needs and what does not come with the program, for a run's
+            folder: the scenario that names it there, relative to the folder, and by their places
+            in it the files to be copied.
         identity: The scenario with what is in the files that it names in place of where they lie:
             two scenarios are the same if this is.
         task_in_words: What counts as done in a scenario, with its tolerances, in a sentence.
@@ -155,7 +163,7 @@ class Application:
     view: "Callable[[DiagramBuilder, Any, Meshcat, System, Mapping[str, System]], None] | None" = (
         None
     )
-    keep_files: Callable[[Any, Path], Any] = _keep_nothing
+    keep_files: Callable[[Any], tuple[Any, Mapping[str, Path]]] = _keep_nothing
     identity: Callable[[Any], Any] = _as_it_is
     task_in_words: Callable[[Any], str] = _no_task
     labels: Mapping[str, str] = field(default_factory=dict)

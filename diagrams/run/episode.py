@@ -16,10 +16,12 @@ from diagrams.run.application import Application, Station, check_quantities
 from diagrams.run.calibration import Calibration
 from diagrams.run.process import peak_memory
 from diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
+from diagrams.run.recorded_scenario import as_recorded
 from diagrams.run.recorder import STATUS_PORT, EpisodeRecorder, RecorderConfig, TickStopwatch
 from diagrams.run.scenario import Scenario
 from diagrams.run.sensor_streams.log import SensorLogWriter, SensorRecorder, make_streams
 from diagrams.run.stream_faults import add_stream_faults
+from diagrams.run.ticks import advance_by_ticks
 from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
 from maths.compiled import compilation_timed
 
@@ -129,7 +131,7 @@ class Episode:
         self._sensor_log: SensorLogWriter | None = None
         if sensors_file is not None:
             self._sensor_log = _add_sensor_recorder(
-                builder, application, station, self.estimators, sensors_file, period
+                builder, application, scenario, station, self.estimators, sensors_file
             )
         if meshcat is not None and station.HasOutputPort(SCENE_PORT):
             self._meshcat = meshcat
@@ -152,28 +154,28 @@ class Episode:
         if self._meshcat is not None:
             self._meshcat.StartRecording(frames_per_second=16.0)
         simulator.Initialize()
-        read_status = self._status_reader()
-        end, stopped, interrupted = scenario.duration, False, False
+        interrupted = False
         began = time.perf_counter()
         with compilation_timed() as compiling:
             try:
-                while (now := root.get_time()) < end - 1e-9:
-                    simulator.AdvanceTo(min(now + scenario.network_period, end))
-                    status = read_status(root)
-                    self.recorder.note_status(root.get_time(), status)
-                    if not stopped and status.done:
-                        stopped, end = True, min(end, root.get_time() + scenario.stop_time)
-                    if progress is not None:
-                        progress(root.get_time())
+                advance_by_ticks(
+                    simulator,
+                    self.recorder,
+                    scenario.network_period,
+                    scenario.duration,
+                    scenario.stop_time,
+                    progress,
+                )
             except KeyboardInterrupt:
                 interrupted = True
             finally:
                 if self._sensor_log is not None:
-                    self._sensor_log.close()
+                    self._sensor_log.close(root.get_time())
         wall_time = time.perf_counter() - began - compiling.seconds
         for name, (start, stop) in self._stopwatches.items():
             pairs = zip(start.marks, stop.marks, strict=False)
             self.recorder.estimators[name].tick_times = [b - a for a, b in pairs]
+        log = self._sensor_log
         return EpisodeRecord(
             scenario=scenario,
             calibration=self.calibration,
@@ -185,16 +187,10 @@ class Episode:
             events=self.recorder.events,
             peak_memory=peak_memory(),
             interrupted=interrupted,
-            sensors_file=None if self._sensor_log is None else self._sensor_log.path,
+            sensors_file=None if log is None or log.failure else log.path,
+            missing=[log.failure] if log is not None and log.failure else [],
             meshcat_html=None if self._meshcat is None else recorded_page(self._meshcat),
         )
-
-    def _status_reader(self) -> Callable[[Any], TaskStatus]:
-        station = self.station.diagram
-        if not station.HasOutputPort(STATUS_PORT):
-            return lambda root: TaskStatus()
-        port = station.GetOutputPort(STATUS_PORT)
-        return lambda root: port.Eval(station.GetMyContextFromRoot(root))
 
 
 def _add_estimator(
@@ -268,10 +264,10 @@ def stream_models(
 def _add_sensor_recorder(
     builder: DiagramBuilder,
     application: Application,
+    scenario: Scenario,
     station: Diagram,
     estimators: Mapping[str, System],
     path: Path,
-    period: float,
 ) -> SensorLogWriter:
     models = stream_models(estimators, tuple(application.station_quantities))
     models |= {
@@ -279,7 +275,10 @@ def _add_sensor_recorder(
     }
     known = {port: model for port, model in models.items() if station.HasOutputPort(port)}
     streams = make_streams(known, application.topics)
-    recorder = builder.AddNamedSystem("sensors", SensorRecorder(path, streams, period))
+    said = as_recorded(application, scenario)
+    recorder = builder.AddNamedSystem(
+        "sensors", SensorRecorder(path, streams, scenario.network_period, said)
+    )
     for stream in streams:
         builder.Connect(station.GetOutputPort(stream.port), recorder.GetInputPort(stream.port))
     return recorder.log

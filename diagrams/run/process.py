@@ -13,12 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from diagrams.run.application import Application
-from diagrams.run.run_folder import (
-    SUMMARY_FILE,
-    finished_summary,
-    open_run_folder,
-    write_scenario,
-)
+from diagrams.run.own_files import held
+from diagrams.run.run_folder import FILES, SUMMARY_FILE, finished_summary, write_scenario
 from diagrams.run.scenario import Scenario
 from diagrams.run.yaml_schema import ScenarioError, one_line
 
@@ -55,11 +51,11 @@ def run_apart(
         The episode's summary, or that of a failure with its reason.
     """
     try:
-        open_run_folder(folder, force=True)
-        for name in (SUMMARY_FILE, ERROR_FILE):
-            (folder / name).unlink(missing_ok=True)
-        write_scenario(folder, application, scenario)
-        log = (folder / LOG_FILE).open("wb")
+        with held(folder, FILES, force=True) as own:
+            own.remove_all_but(())
+            (folder / ERROR_FILE).unlink(missing_ok=True)
+            write_scenario(folder, application, scenario)
+            log = (folder / LOG_FILE).open("wb")
     except (OSError, ScenarioError) as error:
         return failed_summary(scenario, one_line(error))
     root = str(Path(__file__).parents[2])

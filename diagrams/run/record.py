@@ -99,6 +99,7 @@ class EpisodeRecord:
         interrupted: A person stopped it before its end.
         meshcat_html: The recording as a page that opens without a server.
         sensors_file: Where the sensor streams were kept.
+        missing: What was to be kept and could not be written, and why, a line each.
     """
 
     scenario: Any
@@ -113,6 +114,7 @@ class EpisodeRecord:
     interrupted: bool = False
     meshcat_html: str | None = None
     sensors_file: Path | None = None
+    missing: list[str] = field(default_factory=list)
 
     def station_values(self, port: str) -> list[Any]:
         """What the station gave on a port, tick by tick."""

@@ -31,11 +31,13 @@ class EpisodeRecorder(LeafSystem):
     """Logs the outputs of each estimator, those of the station and some images into lists.
 
     At the instant of a tick, before the estimators update, it reads what the station gives there:
-    the truth, the robot's task and the image. Half a period later it reads the estimators' outputs,
+    the truth, the robot's task and the image. What the robot begins to do there is an event. Half a
+    period later it reads the estimators' outputs,
     which are still those of the tick, and stamps them with the tick's time. So what is believed and
     what is true belong to one instant.
 
-    The lists live outside the Context, so one recorder serves one simulation.
+    The lists live outside the Context, so one recorder serves one simulation. `status` is what the
+    robot does at the last tick.
 
     .. pydrake_system::
 
@@ -71,7 +73,7 @@ class EpisodeRecorder(LeafSystem):
         self._config = config
         self._picture_interval = dict.fromkeys(pictures, config.picture_interval)
         self._pictures: dict[str, list[Picture]] = {port: [] for port in pictures}
-        self._status = TaskStatus()
+        self.status = TaskStatus()
         self.estimators = {name: EstimatorRecord() for name in estimators}
         self.station: list[Tick] = []
         self.events: list[Event] = []
@@ -101,13 +103,15 @@ class EpisodeRecorder(LeafSystem):
 
     def note_status(self, time: float, status: TaskStatus) -> None:
         """Keeps what the robot begins to do at `time` [s] as an event, if it has a name."""
-        if status != self._status and status.event and status.event != self._status.event:
+        if status != self.status and status.event and status.event != self.status.event:
             self.events.append(Event(time=time, name=status.event))
-        self._status = status
+        self.status = status
 
     def _record_station(self, context: Context) -> None:
         time = context.get_time()
-        self.station.append(Tick(time=time, values=_values(self._station_ports, context)))
+        values = _values(self._station_ports, context)
+        self.station.append(Tick(time=time, values=values))
+        self.note_status(time, values.get(STATUS_PORT, self.status))
         for name, port in self._picture_ports.items():
             kept = self._pictures[name]
             due = not kept or time >= kept[-1].time + self._picture_interval[name] - 1e-6

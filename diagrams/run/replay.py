@@ -15,16 +15,14 @@ from pydrake.systems.sensors import ImageRgba8U
 from diagrams.run.application import Application
 from diagrams.run.episode import build_estimators, building, connect_recorder, stream_models
 from diagrams.run.record import EpisodeRecord
-from diagrams.run.recorder import STATUS_PORT, EpisodeRecorder, RecorderConfig
+from diagrams.run.recorded_scenario import REPLACEABLE, check_unchanged, is_replaceable
+from diagrams.run.recorder import EpisodeRecorder, RecorderConfig
 from diagrams.run.run_folder import SCENARIO_FILE, SENSORS_FILE
 from diagrams.run.scenario import Scenario
 from diagrams.run.sensor_streams.log import SensorLog, SensorReplay, make_streams
 from diagrams.run.stream_faults import add_stream_faults
+from diagrams.run.ticks import advance_by_ticks
 from diagrams.run.yaml_schema import ScenarioError
-
-# What of a scenario may be replaced when it is replayed: what perceives, and what happens to the
-# streams on the way there, not what was measured.
-REPLACEABLE = ("perception", "modalities", "calibration", "disturbances.faults")
 
 
 def check_recorded(folder: Path, overrides: Sequence[str] = ()) -> Path:
@@ -40,8 +38,7 @@ def check_recorded(folder: Path, overrides: Sequence[str] = ()) -> Path:
         if not (folder / needed).is_file():
             raise ScenarioError(f"{folder}: holds no {needed}; {remedy}")
     for assignment in overrides:
-        key = assignment.split("=")[0].strip() + "."
-        if not key.startswith(tuple(f"{name}." for name in REPLACEABLE)):
+        if not is_replaceable(assignment.split("=")[0].strip()):
             raise ScenarioError(
                 f"--set {assignment}: a replay keeps what was measured;"
                 f" only {', '.join(REPLACEABLE)} can be replaced"
@@ -64,6 +61,10 @@ def replay(
         scenario: As it was run, but for what perceives.
         estimators: By name; by default those of the scenario.
         progress: Called with the time [s] since the recording's start, about once per tick.
+
+    Raises:
+        ScenarioError: if the recording is damaged, lacks a stream that an estimator needs, or was
+            made with another scenario.
     """
     with building(scenario.name):
         calibration = application.make_calibration(scenario)
@@ -72,6 +73,7 @@ def replay(
     models = dict.fromkeys(application.pictures, ImageRgba8U())
     models |= stream_models(estimators, tuple(application.station_quantities))
     log = SensorLog(folder / SENSORS_FILE, make_streams(models, application.topics))
+    check_unchanged(application, scenario, log.scenario, str(folder / SCENARIO_FILE))
     period = scenario.network_period
     recorder = EpisodeRecorder(
         RecorderConfig(period=period),
@@ -101,13 +103,7 @@ def replay(
     simulator = Simulator(builder.Build())
     simulator.Initialize()
     began = perf_counter()
-    for tick in range(int(log.end / period + 1e-6) + 1):
-        simulator.AdvanceTo((tick + 0.6) * period)
-        status = recorder.station[-1].values.get(STATUS_PORT)
-        if status is not None:
-            recorder.note_status(tick * period, status)
-        if progress is not None:
-            progress(tick * period)
+    advance_by_ticks(simulator, recorder, period, log.end, progress=progress)
     return EpisodeRecord(
         scenario=scenario,
         calibration=calibration,

@@ -1,7 +1,8 @@
 """The folder of one run: what may be written where, and the files an episode leaves there.
 
-Every file is written beside its place and moved there when it is whole; `summary.json` comes last,
-so a folder that has one holds a complete run.
+Every file is written beside its place and moved there when it is whole. A folder with a
+`summary.json` holds a run's scenario and estimates; the run is complete if all files are there that
+the summary names.
 """
 
 import hashlib
@@ -10,6 +11,7 @@ import json
 import math
 import os
 import platform
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
@@ -21,6 +23,7 @@ import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
 
 from diagrams.run.application import Application, Results
+from diagrams.run.own_files import OwnFiles
 from diagrams.run.record import EpisodeRecord
 from diagrams.run.scenario import Scenario
 from diagrams.run.yaml_schema import ScenarioError, one_line
@@ -31,6 +34,8 @@ SUMMARY_FILE = "summary.json"
 MESHCAT_FILE = "meshcat.html"
 SENSORS_FILE = "sensors.mcap"
 PLOT_FOLDER = "figures"
+# What a run may write whatever its application is.
+FILES = (SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, MESHCAT_FILE, SENSORS_FILE)
 
 _PACKAGES = ("maths", "models", "plants", "systems", "controllers", "diagrams")
 _SOURCE_TYPES = {".py", ".sdf", ".urdf", ".yaml", ".obj", ".mtl", ".png", ".npz", ".pt"}
@@ -65,10 +70,10 @@ def default_folder(scenario: Scenario) -> Path:
 
 
 def open_run_folder(folder: Path, force: bool = False) -> Path:
-    """Makes sure that a run can be written into the folder, before anything is computed.
+    """Makes sure that results can be written into the folder, before anything is computed.
 
-    A folder that already holds something is refused, unless `force` allows to replace the files of
-    an earlier run in it; other files stay in any case.
+    A folder that already holds something is refused unless `force` allows it. A single run holds
+    its folder by `own_files.held`.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -94,7 +99,8 @@ def write_atomically(path: Path, write: Callable[[Path], Any]) -> Path:
         write(partial)
         os.replace(partial, path)
     except OSError as error:
-        raise ScenarioError(f"{path}: cannot be written: {one_line(error)}") from None
+        reason = one_line(error.strerror or error)
+        raise ScenarioError(f"{path}: cannot be written: {reason}") from None
     finally:
         partial.unlink(missing_ok=True)
     return path
@@ -106,49 +112,99 @@ def write_text(path: Path, text: str) -> Path:
 
 def write_scenario(folder: Path, application: Application, scenario: Scenario) -> Path:
     """Writes the resolved scenario with the versions that run it; it can be run again as it is."""
-    scenario = replace(scenario, versions=versions())
-    try:
-        kept = application.keep_files(scenario, folder)
-        return write_text(folder / SCENARIO_FILE, yaml_dump_typed(kept))
-    except OSError as error:
-        raise ScenarioError(f"{folder}: cannot be written: {one_line(error)}") from None
+    kept, files = application.keep_files(replace(scenario, versions=versions()))
+    own = OwnFiles(folder)
+    for name, source in files.items():
+        write_atomically(own.place(name), partial(shutil.copyfile, source))
+    return write_text(own.place(SCENARIO_FILE), yaml_dump_typed(kept))
+
+
+class RunWriter:
+    """Writes the files of an episode, the small ones first, and goes on where one cannot be.
+
+    Attributes:
+        summary: What `summary.json` holds.
+        written: The files that are there.
+        missing: What is not there, and why, a line each.
+
+    Args:
+        folder: Of the run. Files in it that are no run's are not replaced.
+        results: Of the record.
+    """
+
+    def __init__(
+        self, folder: Path, application: Application, record: EpisodeRecord, results: Results
+    ) -> None:
+        self._folder, self._own = folder, OwnFiles(folder)
+        self._application, self._record, self._results = application, record, results
+        drawn = {name: draw() for name, draw in results.plots.items()}
+        self._figures = {
+            f"{PLOT_FOLDER}/{name}": figure for name, figure in drawn.items() if figure is not None
+        }
+        names = [SCENARIO_FILE, *application.keep_files(record.scenario)[1], ESTIMATES_FILE]
+        names += self._figures
+        if record.meshcat_html is not None:
+            names.append(MESHCAT_FILE)
+        if record.sensors_file is not None:
+            names.append(SENSORS_FILE)
+            self._own.adopt(SENSORS_FILE)
+        self._names = names
+        text = json.dumps(summarise(application, record, results) | {"files": names}, indent=2)
+        self.summary: dict[str, Any] = json.loads(text)
+        self.written = [] if record.sensors_file is None else [record.sensors_file]
+        self.missing = list(record.missing)
+
+    def write_results(self) -> None:
+        """Writes scenario and estimates and, where both are there, the summary.
+
+        Before, it removes files of an earlier run that this one does not write again, and its
+        summary first: without one the folder holds no complete run.
+        """
+        self._own.remove_all_but([name for name in self._own.names if name != SUMMARY_FILE])
+        self._own.remove_all_but(self._names)
+        scenario = self._record.scenario
+        self._try(lambda: write_scenario(self._folder, self._application, scenario))
+        self._write(
+            ESTIMATES_FILE, lambda path: self._results.estimates.to_parquet(path, index=False)
+        )
+        if {SCENARIO_FILE, ESTIMATES_FILE} <= {path.name for path in self.written}:
+            text = json.dumps(self.summary, indent=2, allow_nan=False) + "\n"
+            self._write(SUMMARY_FILE, lambda path: path.write_text(text, encoding="utf-8"))
+
+    def write_pictures(self) -> None:
+        """Writes what shows the results; it is large."""
+        from diagrams.drawing.plot_style import save
+
+        for name, figure in self._figures.items():
+            self._write(name, partial(save, figure))
+        page = self._record.meshcat_html
+        if page is not None:
+            self._write(MESHCAT_FILE, lambda path: path.write_text(page, encoding="utf-8"))
+
+    def _write(self, name: str, write: Callable[[Path], Any]) -> None:
+        self._try(lambda: write_atomically(self._own.place(name), write))
+
+    def _try(self, write: Callable[[], Path]) -> None:
+        try:
+            self.written.append(write())
+        except ScenarioError as error:
+            self.missing.append(str(error))
 
 
 def write_run(
     folder: Path, application: Application, record: EpisodeRecord, results: Results
 ) -> list[Path]:
-    """Writes all files of an episode and returns them."""
-    from diagrams.drawing.plot_style import save
+    """Writes all files of an episode and returns them.
 
-    written = [write_scenario(folder, application, record.scenario)]
-    written.append(
-        write_atomically(
-            folder / ESTIMATES_FILE, lambda path: results.estimates.to_parquet(path, index=False)
-        )
-    )
-    for name, draw in results.plots.items():
-        figure = draw()
-        if figure is not None:
-            written.append(write_atomically(folder / PLOT_FOLDER / name, partial(save, figure)))
-    if record.meshcat_html is not None:
-        written.append(write_text(folder / MESHCAT_FILE, record.meshcat_html))
-    if record.sensors_file is not None:
-        written.append(record.sensors_file)
-    left = [path for path in _own_files(folder, results) if path not in written]
-    for path in left:  # By the run that this one replaces.
-        path.unlink(missing_ok=True)
-    summary = summarise(application, record, results)
-    written.append(
-        write_text(folder / SUMMARY_FILE, json.dumps(summary, indent=2, allow_nan=False) + "\n")
-    )
-    return written
-
-
-def _own_files(folder: Path, results: Results) -> list[Path]:
-    names = [ESTIMATES_FILE, MESHCAT_FILE, SENSORS_FILE]
-    return [
-        folder / name for name in (*names, *(f"{PLOT_FOLDER}/{plot}" for plot in results.plots))
-    ]
+    Raises:
+        ScenarioError: where one could not be written; the others are there then.
+    """
+    writer = RunWriter(folder, application, record, results)
+    writer.write_results()
+    writer.write_pictures()
+    if writer.missing:
+        raise ScenarioError("; ".join(writer.missing))
+    return writer.written
 
 
 def summarise(application: Application, record: EpisodeRecord, results: Results) -> dict[str, Any]:
@@ -163,7 +219,7 @@ def summarise(application: Application, record: EpisodeRecord, results: Results)
     summary = {
         "scenario": record.scenario.name,
         "seed": record.scenario.seed,
-        "success": results.failure is None and not record.interrupted,
+        "success": results.success if not record.interrupted else False,
         "duration": record.duration,
         "wall_time": record.wall_time,
         "real_time_factor": record.duration / record.wall_time if record.wall_time > 0 else None,
@@ -256,6 +312,8 @@ def finished_summary(
     except (OSError, ValueError):
         return None
     if not isinstance(summary, dict) or summary.get("interrupted"):
+        return None
+    if not all((folder / name).is_file() for name in summary.get("files", ())):
         return None
     current = fingerprint(application, scenario)
     return summary if all(summary.get(key) == value for key, value in current.items()) else None

@@ -140,6 +140,10 @@ def parse_scenario(schema: type[S], document: Mapping[str, Any], path: Path) -> 
     """
     scenario = load_typed(schema, dict(document), str(path))
     scenario = replace(scenario, name=scenario.name or path.stem)
+    if scenario.name in ("..", ".") or "/" in scenario.name or not scenario.name.isprintable():
+        raise ScenarioError(
+            f"{path}: name = {scenario.name!r}, but it must be a file's name, without folders"
+        )
     check_scenario(scenario, str(path))
     return scenario
 

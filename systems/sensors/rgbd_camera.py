@@ -7,7 +7,7 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, LeafSystem, State
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
-from maths.validation import check, number
+from maths.validation import check
 from systems.sensors.colour_noise import (
     ColourNoiseConfig,
     mean_grey,
@@ -27,11 +27,11 @@ from systems.sensors.randomness import make_generator, random_bytes
 from systems.ticks import tick_period
 
 _PANE = 1e-3  # By how much a surface lies before another at least, [m].
+_NOISE_RATE = 30.0  # How often the noise is another one, [Hz].
 
 
 @dataclass(kw_only=True)
 class CameraNoiseConfig:
-    rate: float = number(30.0, at_least=0.1, at_most=1000.0, unit="Hz")  # Frames per second.
     exposure_period: float = tick_period()  # Between two metered frames, those that are read.
     depth: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
     colour: ColourNoiseConfig = field(default_factory=ColourNoiseConfig)
@@ -50,12 +50,13 @@ class CameraNoise(LeafSystem):
     Colour: shot and read noise, gamma, saturation. The auto-exposure follows the mean grey with a
     lag, so that a jump of the lighting gives some frames that are too dark or too bright.
 
-    Images are computed only when read, and depend on the seed and the number of the frame,
-    round(rate t), alone: whoever reads whatever how often, a frame's noise is the same. Read them
-    at the frames' instants; in between, the noise is the nearest frame's. The gain is state, moved
-    on by a periodic event of its own that meters the ideal image every `exposure_period`; reading
-    does not touch it. The event is an unrestricted one because only these are computed before the
-    plant steps: it shares its instant's rendering with the filters.
+    Images are computed only when read, at whatever rate that is. Their noise depends on the seed
+    and the number of the frame, round(30 Hz t), alone: whoever reads whatever how often, a frame's
+    noise is the same. Read them at the frames' instants; in between, the noise is the nearest
+    frame's. The gain is state, moved on by a periodic event of its own that meters the ideal image
+    every `exposure_period`; reading does not touch it. The event is an unrestricted one because
+    only these are computed before the plant steps: it shares its instant's rendering with the
+    filters.
 
     .. pydrake_system::
 
@@ -175,7 +176,7 @@ class CameraNoise(LeafSystem):
         state.get_mutable_discrete_state().get_mutable_value(0)[:] = gain, target
 
     def _rng(self, context: Context, image: str) -> np.random.Generator:
-        frame = round(context.get_time() * self._config.rate)
+        frame = round(context.get_time() * _NOISE_RATE)
         return make_generator(self._seed, f"CameraNoise {image}", frame)
 
     def _is_covered(self, context: Context) -> bool:

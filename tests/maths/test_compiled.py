@@ -10,7 +10,7 @@ from numba.core.registry import CPUDispatcher
 
 import maths
 import systems
-from maths.compiled import compilation_timed
+from maths.compiled import compilation_timed, hot
 
 
 @pytest.mark.parametrize("package", [maths, systems])
@@ -45,3 +45,13 @@ def test_only_the_first_call_of_a_function_compiles_and_it_is_announced_once() -
         assert double_twice(2.0) == 8.0
     assert announced == [True]
     assert second.seconds == 0.0
+
+
+def test_where_compiled_code_cannot_be_kept_the_remedy_is_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    locator = "numba.core.caching.UserProvidedCacheLocator"  # Finds no place by itself.
+    monkeypatch.setattr(numba.config, "CACHE_LOCATOR_CLASSES", locator)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    with pytest.raises(PermissionError, match="set NUMBA_CACHE_DIR to a folder"):
+        hot(lambda x: 2.0 * x)

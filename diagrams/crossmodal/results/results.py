@@ -9,7 +9,7 @@ import numpy as np
 from diagrams.crossmodal.results.frame_plots import draw_frames
 from diagrams.crossmodal.results.plots import draw_configurations, draw_errors
 from diagrams.crossmodal.results.report import report
-from diagrams.crossmodal.task import task_failure, task_phases, turning_time
+from diagrams.crossmodal.task import can_be_judged, task_failure, task_phases, turning_time
 from diagrams.evaluation.estimates import Row, estimates_table, scalar, vector
 from diagrams.evaluation.stream_faults import (
     fault_events,
@@ -29,8 +29,10 @@ def evaluate(record: EpisodeRecord) -> Results:
     phases = task_phases(task, truth, record.events)
     exploration_end = turning_time(record.events)
     faults = fault_spans(record)
+    judged = can_be_judged(task, truth, record)
     return Results(
-        failure=task_failure(task, truth, record.events),
+        failure=task_failure(task, truth, record.events) if judged else None,
+        judged=judged,
         estimates=estimates_table(
             {
                 name: [

@@ -13,11 +13,13 @@ from diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve
 from diagrams.crossmodal.studies.ablations import Ablation, find_ablation
 from diagrams.run.application import Application
 from diagrams.run.episode import run_episode
+from diagrams.run.own_files import held
+from diagrams.run.record import EpisodeRecord
 from diagrams.run.replay import replay
 from diagrams.run.run_folder import (
+    FILES,
     SENSORS_FILE,
     fingerprint,
-    open_run_folder,
     without_nan,
     write_run,
     write_text,
@@ -48,7 +50,19 @@ def run_ablation(
             return dict(known["wirings"])
     except (OSError, ValueError):
         pass
-    open_run_folder(folder, force=True)
+    with held(folder, (*FILES, _RESULT_FILE), force=True) as own:
+        record = _perceive_whole_and_cut(application, ablation, scenario, folder)
+        perceived = application.evaluate(record).summary["modalities"]
+        wirings = {name: without_nan(perceived[name]["joints"][0]) for name in WIRINGS}
+        text = json.dumps(key | {"wirings": wirings}, indent=2) + "\n"
+        write_text(own.place(_RESULT_FILE), text)
+    return wirings
+
+
+def _perceive_whole_and_cut(
+    application: Application, ablation: Ablation, scenario: Scenario, folder: Path
+) -> EpisodeRecord:
+    """Simulates an episode, and replays it with the network whole and with the wire cut."""
     sensors_file = folder / SENSORS_FILE
     try:
         episode = run_episode(application, scenario, sensors_file=sensors_file)
@@ -61,13 +75,9 @@ def run_ablation(
             name: make_network("crossmodal", replace(scenario.perception, cut=cut), calibration)
             for name, cut in cuts.items()
         }
-        record = replay(application, folder, scenario, networks)
+        return replay(application, folder, scenario, networks)
     finally:
         sensors_file.unlink(missing_ok=True)  # Some hundred MB, and the seed makes them again.
-    perceived = application.evaluate(record).summary["modalities"]
-    wirings = {name: without_nan(perceived[name]["joints"][0]) for name in WIRINGS}
-    write_text(folder / _RESULT_FILE, json.dumps(key | {"wirings": wirings}, indent=2) + "\n")
-    return wirings
 
 
 def run_ablations(

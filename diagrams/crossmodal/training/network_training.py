@@ -12,6 +12,7 @@ from models import WEIGHTS_DIR
 from systems.proprioception.bending_network import save_network
 
 INTERACTIONS = 15
+FILES = ("hand_bending.npz", "hand_bending.md")  # Weights and card.
 _CARD_ROWS = {
     "unseen": "unseen interactions",
     "no_bending": "the same, if there were no bending",
@@ -53,8 +54,8 @@ def train_hand_bending(
     topologies = search_topology(interactions, seed=seed) if search else []
     card = hand_bending_card(facts, topologies)
     return [
-        write_atomically(folder / "hand_bending.npz", partial(_save, network)),
-        write_text(folder / "hand_bending.md", card),
+        write_atomically(folder / FILES[0], partial(_save, network)),
+        write_text(folder / FILES[1], card),
     ], card
 
 

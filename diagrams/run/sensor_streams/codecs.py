@@ -93,7 +93,8 @@ class Codec:
     Attributes:
         message_type: A key of `DEFINITIONS`.
         encode: Messages of a value at an instant [ns].
-        decode: The value of the messages since the last tick; the last counts unless all do.
+        decode: The value of the messages since the last tick; the last counts unless all do. A
+            ValueError says that a message does not hold a value like the port's.
         is_window: Whether all do: whether a tick's value is of that tick's messages alone.
     """
 
@@ -173,11 +174,11 @@ def codec_for(model: Any, topic: Topic | None = None) -> Codec:
     """
     kind = type(model)
     if kind in _IMAGES:
-        return _image(kind, *_IMAGES[kind])
+        return _image(model, *_IMAGES[kind])
     if isinstance(model, SampleWindow):
         return _window((topic and topic.window) or NUMBERS, model.values.shape[1])
     if isinstance(model, np.ndarray):
-        return _number() if len(model) == 1 else _vector()
+        return _number() if len(model) == 1 else _vector(len(model))
     if isinstance(model, RigidTransform):
         return _pose()
     if dataclasses.is_dataclass(model):
@@ -185,7 +186,15 @@ def codec_for(model: Any, topic: Topic | None = None) -> Codec:
     raise TypeError(f"values of the type {kind.__name__} cannot be recorded")
 
 
-def _image(kind: Any, encoding: str, dtype: type) -> Codec:
+def _require(condition: bool, is_: object, expected: object) -> None:
+    if not condition:
+        raise ValueError(f"{is_}, but {expected} is expected")
+
+
+def _image(model: Any, encoding: str, dtype: type) -> Codec:
+    """Of images like `model`; one without pixels stands for images of any size."""
+    kind, size = type(model), (model.width(), model.height())
+
     def encode(value: Any, now: int) -> list[Stamped]:
         data = np.asarray(value.data)
         message = {
@@ -201,9 +210,18 @@ def _image(kind: Any, encoding: str, dtype: type) -> Codec:
 
     def decode(messages: Sequence[Stamped]) -> Any:
         message = messages[-1][1]
-        image = kind(message.width, message.height)
+        found = (message.width, message.height)
+        _require(message.encoding == encoding, f"images of {message.encoding}", encoding)
+        _require(
+            0 in size or found == size,
+            f"images of {found[0]} x {found[1]} pixels",
+            f"{size[0]} x {size[1]} as the scenario's camera has them",
+        )
+        data: Array = np.frombuffer(message.data, dtype=dtype)
+        image = kind(*found)
         shape = image.mutable_data.shape
-        image.mutable_data[:] = np.frombuffer(message.data, dtype=dtype).reshape(shape)
+        _require(data.size == np.prod(shape), f"images of {data.size} numbers", np.prod(shape))
+        image.mutable_data[:] = data.reshape(shape)
         return image
 
     return Codec(message_type="sensor_msgs/msg/Image", encode=encode, decode=decode)
@@ -218,9 +236,12 @@ def _window(fields: WindowFields, size: int) -> Codec:
         ]
 
     def decode(messages: Sequence[Stamped]) -> Any:
+        rows = [fields.to_values(message) for _, message in messages]
+        for row in rows:
+            _require(len(row) == size, f"samples of {len(row)} numbers", size)
         return SampleWindow(
             times=np.array([stamp * 1e-9 for stamp, _ in messages]),
-            values=np.array([fields.to_values(m) for _, m in messages]).reshape(-1, size),
+            values=np.array(rows).reshape(-1, size),
         )
 
     return Codec(message_type=fields.message_type, encode=encode, decode=decode, is_window=True)
@@ -234,11 +255,16 @@ def _number() -> Codec:
     )
 
 
-def _vector() -> Codec:
+def _vector(size: int) -> Codec:
+    def decode(messages: Sequence[Stamped]) -> list[float]:
+        values = NUMBERS.to_values(messages[-1][1])
+        _require(len(values) == size, f"vectors of {len(values)} numbers", size)
+        return values
+
     return Codec(
         message_type=NUMBERS.message_type,
         encode=lambda value, now: [(now, NUMBERS.to_fields(np.asarray(value)))],
-        decode=lambda messages: NUMBERS.to_values(messages[-1][1]),
+        decode=decode,
     )
 
 
@@ -254,6 +280,7 @@ def _pose() -> Codec:
         pose = messages[-1][1].pose
         q, p = pose.orientation, pose.position
         wxyz = np.array([q.w, q.x, q.y, q.z])
+        _require(bool(np.linalg.norm(wxyz) > 0.0), f"a pose with quaternion {wxyz}", "a unit one")
         return RigidTransform(Quaternion(wxyz / np.linalg.norm(wxyz)), [p.x, p.y, p.z])
 
     return Codec(message_type="geometry_msgs/msg/PoseStamped", encode=encode, decode=decode)
@@ -271,6 +298,8 @@ def _fields(kind: type) -> Codec:
 
     def decode(messages: Sequence[Stamped]) -> Any:
         fields = json.loads(messages[-1][1].data)
+        names = [field.name for field in dataclasses.fields(kind)]
+        _require(list(fields) == names, f"fields {', '.join(fields)}", ", ".join(names))
         return kind(
             **{
                 key: np.array(item, dtype=float) if isinstance(item, list) else item

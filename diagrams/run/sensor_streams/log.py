@@ -1,9 +1,13 @@
 """Sensor streams in an MCAP file: what every port gave, tick by tick, written and read back.
 
-A stream is what one port of the station gives. The file's chunks are compressed without loss.
+A stream is what one port of the station gives. The file's chunks are compressed without loss. A
+record of metadata says what the streams are of: the scenario, and how long the episode was.
 """
 
+import contextlib
+import math
 import os
+import struct
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
@@ -13,11 +17,13 @@ from typing import Any
 import numpy as np
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
+from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
-from mcap_ros2.writer import Writer
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from zstandard import ZstdError
 
+from diagrams.run.sensor_streams.checksums import ChecksummedWriter, check_bytes
 from diagrams.run.sensor_streams.codecs import (
     DEFINITIONS,
     Codec,
@@ -28,6 +34,13 @@ from diagrams.run.sensor_streams.codecs import (
     nanoseconds,
 )
 from diagrams.run.yaml_schema import ScenarioError, one_line
+
+_METADATA = "episode"
+# What the library raises, of its own and of others, while it reads a file with wrong bytes.
+_DAMAGE = (
+    OSError, McapError, ValueError, LookupError, TypeError, AttributeError, OverflowError,
+    MemoryError, struct.error, ZstdError,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,33 +79,70 @@ def make_streams(models: Mapping[str, Any], topics: Mapping[str, Topic]) -> list
 
 
 class SensorLogWriter:
-    """Writes the streams' values tick by tick; the file is at its place once it is closed."""
+    """Writes the streams' values tick by tick; the file is at its place once it is closed.
 
-    def __init__(self, path: Path) -> None:
+    Where the disk is full, or cannot be written any more, the file is given up.
+
+    Attributes:
+        path: Of the file.
+        failure: Why there will be none, in one line; empty while there is no reason.
+
+    Args:
+        scenario: What the streams are of, as text.
+    """
+
+    def __init__(self, path: Path, scenario: str = "") -> None:
         self.path = path
+        self.failure = ""
+        self._scenario = scenario
         self._unfinished = path.with_name(f".{os.getpid()}-{path.name}")
         try:
             self._file = self._unfinished.open("wb")
         except OSError as error:
             raise ScenarioError(f"{path}: cannot be written: {one_line(error)}") from None
-        self._writer = Writer(self._file)
+        self._writer = ChecksummedWriter(self._file)
         self._schemas = {
             name: self._writer.register_msgdef(name, definition(name)) for name in DEFINITIONS
         }
 
     def write(self, stream: Stream, value: Any, time: float) -> None:
         """Writes the messages of a port's value at `time` [s]."""
+        if self.failure:
+            return
         schema = self._schemas[stream.codec.message_type]
-        for stamp, message in stream.codec.encode(value, nanoseconds(time)):
-            self._writer.write_message(stream.topic, schema, message, log_time=stamp)
-
-    def close(self) -> None:
         try:
+            for stamp, message in stream.codec.encode(value, nanoseconds(time)):
+                self._writer.write_message(stream.topic, schema, message, log_time=stamp)
+        except OSError as error:
+            self._give_up(error)
+
+    def close(self, duration: float | None = None) -> None:
+        """Finishes the file.
+
+        Args:
+            duration: Of the episode, [s]; None leaves that to the last message.
+        """
+        if self.failure:
+            return
+        facts = {"scenario": self._scenario} if self._scenario else {}
+        if duration is not None:
+            facts["duration"] = repr(duration)
+        try:
+            if facts:
+                self._writer.add_metadata(_METADATA, facts)
             self._writer.finish()
             self._file.close()
             os.replace(self._unfinished, self.path)
+        except OSError as error:
+            self._give_up(error)
         finally:
             self._unfinished.unlink(missing_ok=True)
+
+    def _give_up(self, error: OSError) -> None:
+        self.failure = f"{self.path}: cannot be written: {one_line(error.strerror or error)}"
+        self._unfinished.unlink(missing_ok=True)  # What is left of the disk is for the results.
+        with contextlib.suppress(OSError):
+            self._file.close()
 
 
 class SensorLog:
@@ -100,40 +150,72 @@ class SensorLog:
 
     Attributes:
         streams: Those of the known ones that it holds.
-        end: Instant of the last message, [s].
+        scenario: What they are of, as text; empty where the file does not say it.
+        end: Of the episode or, where the file does not say it, the last message's instant, [s].
 
     Args:
         path: Of the file.
         known: The streams to look for.
 
     Raises:
-        ScenarioError: if it cannot be read.
+        ScenarioError: if it cannot be read, or is not as it was written.
     """
 
     def __init__(self, path: Path, known: list[Stream]) -> None:
         self._path = path
-        try:
-            self._reader = make_reader(path.open("rb"), decoder_factories=[DecoderFactory()])
+        with self._damage_told("cannot be read"):
+            check_bytes(path)
+            self._reader = make_reader(
+                path.open("rb"), validate_crcs=True, decoder_factories=[DecoderFactory()]
+            )
             summary = self._reader.get_summary()
-        except (OSError, McapError) as error:
-            raise ScenarioError(f"{path}: cannot be read: {one_line(error)}") from None
-        if summary is None or summary.statistics is None:
-            raise ScenarioError(f"{path}: was not written to its end; record it again")
-        topics = {channel.topic for channel in summary.channels.values()}
-        self.streams = [stream for stream in known if stream.topic in topics]
-        self.end = summary.statistics.message_end_time * 1e-9
+            if summary is None or summary.statistics is None:
+                raise ValueError("it was not written to its end; record it again")
+            self.streams = self._held(summary, known)
+            facts = next((m for m in self._reader.iter_metadata() if m.name == _METADATA), None)
+            said = {} if facts is None else facts.metadata
+            self.scenario = said.get("scenario", "")
+            self.end = float(said.get("duration", summary.statistics.message_end_time * 1e-9))
+            if not 0 <= self.end < math.inf:
+                raise ValueError(f"it says that it ends at {self.end} s")
+
+    @contextlib.contextmanager
+    def _damage_told(self, what: str) -> Iterator[None]:
+        """Turns whatever the library makes of a damaged file into one line."""
+        try:
+            yield
+        except _DAMAGE as error:
+            raise ScenarioError(f"{self._path}: {what}: {one_line(error)}") from None
+
+    def _held(self, summary: Summary, known: list[Stream]) -> list[Stream]:
+        """Those of the known streams that have messages, of the type that they are to have."""
+        counts = summary.statistics.channel_message_counts if summary.statistics else {}
+        types = {
+            channel.topic: summary.schemas[channel.schema_id].name
+            for channel in summary.channels.values()
+            if counts.get(channel.id)
+        }
+        held = [stream for stream in known if stream.topic in types]
+        for stream in held:
+            found, expected = types[stream.topic], stream.codec.message_type
+            if found != expected:
+                raise ValueError(f"'{stream.topic}' holds {found}, but {expected} is expected")
+        return held
 
     def _messages(self, **selection: Any) -> Iterator[tuple[str, Stamped]]:
-        for found in self._reader.iter_decoded_messages(**selection):
-            yield found.channel.topic, (found.message.log_time, found.decoded_message)
+        with self._damage_told("is damaged"):
+            for found in self._reader.iter_decoded_messages(**selection):
+                yield found.channel.topic, (found.message.log_time, found.decoded_message)
 
     def read(self, time: float, period: float) -> dict[str, Any]:
         """Every port's value at the tick `time`, from the messages of (time - period, time].
 
-        A stream without a message in a tick keeps its last value; a window is then empty.
+        A stream without a message in a tick keeps its last value; a window is then empty. Values
+        that are no numbers are handed on: a sensor says by them that it has measured nothing.
 
         Raises:
-            ScenarioError: if a stream that is no window has not begun by then.
+            ScenarioError: if a stream that is no window has not begun by then, or a message holds
+                no value like its port's.
         """
         now = nanoseconds(time)
         start = max(0, nanoseconds(time - period) + 1)
@@ -151,7 +233,8 @@ class SensorLog:
                 raise ScenarioError(
                     f"{self._path}: the stream '{stream.port}' begins only after {time:.2f} s"
                 )
-            values[stream.port] = stream.codec.decode(messages)
+            with self._damage_told(f"'{stream.topic}' at {time:.2f} s"):
+                values[stream.port] = stream.codec.decode(messages)
         return values
 
 
@@ -172,11 +255,14 @@ class SensorRecorder(LeafSystem):
         path: The file, replaced where it exists.
         streams: One for each port.
         period: Of the ticks, [s].
+        scenario: What the streams are of, as text.
     """
 
-    def __init__(self, path: Path, streams: list[Stream], period: float) -> None:
+    def __init__(
+        self, path: Path, streams: list[Stream], period: float, scenario: str = ""
+    ) -> None:
         super().__init__()
-        self.log = SensorLogWriter(path)
+        self.log = SensorLogWriter(path, scenario)
         self._streams = streams
         for stream in streams:
             if isinstance(stream.model, np.ndarray):

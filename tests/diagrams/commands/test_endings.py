@@ -2,8 +2,9 @@ import os
 import signal
 
 import pytest
+import typer
 
-from diagrams.commands.endings import GentleInterrupt
+from diagrams.commands.endings import BAD_INPUT, GentleInterrupt, one_line_errors
 
 
 def test_an_interrupt_waits_for_the_step_to_end_and_a_second_one_does_not() -> None:
@@ -16,3 +17,10 @@ def test_an_interrupt_waits_for_the_step_to_end_and_a_second_one_does_not() -> N
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_what_may_not_be_written_is_said_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(typer.Exit) as caught, one_line_errors():
+        raise PermissionError(13, "set NUMBA_CACHE_DIR to a folder")
+    assert caught.value.exit_code == BAD_INPUT
+    assert capsys.readouterr().err == "crossmodal: set NUMBA_CACHE_DIR to a folder\n"

@@ -1,5 +1,9 @@
+import json
 from pathlib import Path
+from typing import Any
 
+import pytest
+from synthetic_episode import synthetic_episode
 from typer.testing import CliRunner
 
 from diagrams.applications import load_scenario
@@ -32,3 +36,32 @@ def test_a_recording_that_is_cut_off_is_refused_and_leaves_no_folder() -> None:
     assert result.stderr.startswith("crossmodal: run/sensors.mcap: cannot be read")
     assert result.stderr.count("\n") == 1
     assert not Path("run/replay").exists()
+
+
+@pytest.mark.parametrize(
+    ("duration", "with_truth", "status", "said"),
+    [
+        (16.0, True, 0, ""),
+        (10.0, True, 1, "The episode failed: opened 12.0 cm of the 20 cm"),
+        (10.0, False, 0, "Whether the task was done is not known"),
+    ],
+)
+def test_a_replay_gives_the_verdict_of_its_run_or_none(
+    duration: float, with_truth: bool, status: int, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def replay(application: Any, folder: Path, scenario: Any, **_: Any) -> Any:
+        record = synthetic_episode(duration=duration)
+        record.scenario = scenario
+        for tick in record.station:
+            if not with_truth:
+                tick.values = {k: v for k, v in tick.values.items() if "cheat_" not in k}
+        return record
+
+    monkeypatch.setattr("diagrams.run.replay.replay", replay)
+    write_scenario(Path("run"), *load_scenario("drawer"))
+    Path("run/sensors.mcap").touch()
+    result = RUNNER.invoke(app, ["replay", "run"])
+    assert result.exit_code == status, result.output
+    assert said in result.output
+    success = json.loads(Path("run/replay/summary.json").read_text())["success"]
+    assert success is {"": True, "T": False, "W": None}[said[:1]]

@@ -3,6 +3,7 @@ import json
 import types
 from pathlib import Path
 
+import pytest
 import yaml
 from typer.testing import CliRunner
 
@@ -45,7 +46,7 @@ def test_an_episode_that_misses_its_task_exits_with_one_and_keeps_its_files(
     fake_episode.duration = 10.0
     result = RUNNER.invoke(app, ["run", "drawer", "--out", "here", "--no-recording"])
     assert result.exit_code == 1
-    assert "The episode failed: opened 0.120 of the 0.2 asked for" in result.output
+    assert "The episode failed: opened 12.0 cm of the 20 cm asked for when" in result.output
     assert json.loads(Path("here/summary.json").read_text())["success"] is False
 
 
@@ -115,3 +116,29 @@ def test_how_long_and_which_modalities_can_be_said_in_short(
     written = yaml.safe_load(Path("here/scenario.yaml").read_text())
     assert written["duration"] == 3.0
     assert written["modalities"] == ["vision", "crossmodal"]
+
+
+def test_force_never_touches_what_no_run_has_written(fake_episode: types.SimpleNamespace) -> None:
+    Path("model").mkdir()
+    Path("model/mine.sdf").write_text("mine")
+    result = RUNNER.invoke(app, ["run", "drawer", "--out", ".", "--force", "--no-recording"])
+    assert result.exit_code == 2
+    assert "no run that --force could replace" in result.stderr
+    assert [path.as_posix() for path in Path().rglob("*")] == ["model", "model/mine.sdf"]
+
+
+def test_what_was_perceived_is_said_and_kept_where_the_pictures_do_not_fit(
+    fake_episode: types.SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("diagrams.drawing.plot_style.save", full)
+    result = RUNNER.invoke(app, ["run", "drawer", "--out", "here", "--no-recording"])
+    assert result.exit_code == 1
+    assert "Perceived joint:" in result.output
+    assert json.loads(Path("here/summary.json").read_text())["success"] is True
+    lines = result.stderr.splitlines()
+    assert (
+        "crossmodal: here/figures/errors.png: cannot be written: No space left on device" in lines
+    )

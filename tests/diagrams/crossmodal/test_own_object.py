@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from synthetic_episode import empty_episode
 
 from diagrams.applications import load_scenario
 from diagrams.crossmodal.application import APPLICATION
@@ -19,7 +20,7 @@ from diagrams.crossmodal.scenario import Scenario, object_model_file
 from diagrams.crossmodal.station.overlaps import overlaps
 from diagrams.crossmodal.station.station import ManipulationStation, make_manipulation_station
 from diagrams.run.episode import StationWarning, build_station
-from diagrams.run.run_folder import scenario_hash, write_scenario
+from diagrams.run.run_folder import scenario_hash, write_run, write_scenario
 from diagrams.run.yaml_schema import ScenarioError
 from models import MODELS_DIR
 
@@ -157,9 +158,23 @@ def test_what_is_converted_does_not_outlive_the_process(tmp_path: Path) -> None:
 def test_a_run_with_an_object_of_the_program_leaves_no_model_of_an_earlier_one(
     tmp_path: Path,
 ) -> None:
-    write_scenario(tmp_path, APPLICATION, loaded())
-    write_scenario(tmp_path, APPLICATION, drawer())
+    for scenario, has_model in ((loaded(), True), (drawer(), False)):
+        record = empty_episode()
+        record.scenario = scenario
+        write_run(tmp_path, APPLICATION, record, APPLICATION.evaluate(record))
+        assert (tmp_path / "model" / "object.sdf").is_file() is has_model
     assert not (tmp_path / "model").exists()
+
+
+def test_the_users_own_models_beside_a_runs_stay(tmp_path: Path) -> None:
+    mine = tmp_path / "model" / "mine.sdf"
+    mine.parent.mkdir()
+    mine.write_text("mine")
+    record = empty_episode()
+    for scenario in (loaded(), drawer()):
+        record.scenario = scenario
+        write_run(tmp_path, APPLICATION, record, APPLICATION.evaluate(record))
+    assert [path.name for path in mine.parent.iterdir()] == ["mine.sdf"]
 
 
 def test_of_several_objects_each_is_kept_in_a_folder_of_its_own(tmp_path: Path) -> None:

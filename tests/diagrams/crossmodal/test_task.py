@@ -1,11 +1,15 @@
 """What a task with a goal came to, from events and truth; and one such episode, short."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from synthetic_episode import synthetic_episode
 
 from controllers.interaction.phases import Phase as ControlPhase
 from diagrams.applications import load_scenario
+from diagrams.crossmodal.results.results import evaluate
 from diagrams.crossmodal.scenario import Task
 from diagrams.crossmodal.task import (
     ManipulationStatus,
@@ -16,7 +20,7 @@ from diagrams.crossmodal.task import (
 )
 from diagrams.joints.joint_truth import UNKNOWN_JOINT, Truth
 from diagrams.run.episode import run_episode
-from diagrams.run.record import Event
+from diagrams.run.record import Event, TaskStatus
 from diagrams.run.yaml_schema import ScenarioError
 from systems.port_values import JointType
 
@@ -54,14 +58,18 @@ def test_exploration_counts_at_its_turning_point_and_exploitation_at_the_end() -
 @pytest.mark.parametrize(
     ("opening", "what", "why"),
     [
-        ((0.0, 0.1, 0.12, 0.1, 0.0), DONE, "exploration ended at 0.120"),
-        ((0.0, 0.1, 0.2, 0.1, 0.08), DONE, "brought back to 0.080"),
+        ((0.0, 0.1, 0.12, 0.1, 0.0), DONE, "exploration ended at 12.0 cm, the goal is 20 cm"),
+        (
+            (0.0, 0.1, 0.2, 0.1, 0.08),
+            DONE,
+            "brought back to 8.0 cm from its start, 5 cm is near enough",
+        ),
         ((0.0, 0.1, 0.2, 0.1, 0.0), DONE[:2], "the return did not end"),
         ((0.0, 0.1, 0.2), DONE[:1], "exploration did not end"),
         (
             (0.0, 0.1, 0.1),
             events((2.0, ControlPhase.STOP), lost=True),
-            "exploration ended at 0.100, the goal is 0.2; the grasp was believed lost at 2.0 s",
+            "exploration ended at 10.0 cm, the goal is 20 cm; the grasp was believed lost at 2.0 s",
         ),
     ],
 )
@@ -72,8 +80,34 @@ def test_what_was_not_done_is_said(opening: tuple[float, ...], what: list[Event]
 def test_a_mere_exploration_says_too_that_the_grasp_was_lost() -> None:
     lost = events((2.0, ControlPhase.STOP), lost=True)
     failure = task_failure(Task(opening=0.2), truth(0.0, 0.1, 0.0), lost)
-    assert failure == "opened 0.000 of the 0.2 asked for; the grasp was believed lost at 2.0 s"
+    assert failure == "opened 0.0 cm of the 20 cm asked for; the grasp was believed lost at 2.0 s"
     assert task_failure(Task(opening=0.2), truth(0.0, 0.1, 0.2), lost) is None
+
+
+def test_a_task_that_ran_out_of_time_says_so_in_readable_units() -> None:
+    before = events((0.0, ControlPhase.CLOSE))
+    cut = " asked for when the time was over"
+    assert task_failure(Task(), truth(0.0, 0.0), before) == f"opened 0.0 cm of the 20 cm{cut}"
+    door = replace(truth(0.0, 0.1), joint_type=JointType.REVOLUTE)
+    assert task_failure(Task(), door, before) == f"opened 5.7 deg of the 11.5 deg{cut}"
+    stopped = events((2.0, ControlPhase.STOP))
+    assert task_failure(Task(), truth(0.0, 0.0), stopped) == "opened 0.0 cm of the 20 cm asked for"
+
+
+@pytest.mark.parametrize("with_truth", [True, False])
+@pytest.mark.parametrize("with_status", [True, False])
+def test_a_record_without_truth_or_turning_point_is_not_judged(
+    with_truth: bool, with_status: bool
+) -> None:
+    record = synthetic_episode(duration=10.0)
+    for tick in record.station:
+        kept = {k: v for k, v in tick.values.items() if with_truth or not k.startswith("cheat_")}
+        tick.values = kept | ({"task_status": TaskStatus()} if with_status else {})
+    opening = evaluate(record)
+    assert opening.success is (False if with_truth else None)
+    assert (opening.failure is None) is not with_truth
+    record.scenario = replace(record.scenario, task=Task(goal=0.2))
+    assert evaluate(record).success is (False if with_truth and with_status else None)
 
 
 def test_where_the_truth_is_unknown_nothing_failed_and_nothing_is_said_to_be_reached() -> None:

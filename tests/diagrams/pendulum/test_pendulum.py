@@ -110,6 +110,19 @@ def test_a_replay_gives_the_very_same_estimates(recorded: Path, tmp_path: Path) 
     )
 
 
+@pytest.mark.parametrize("duration", [2.0, 1.98, 2.02, 11 / 15])
+def test_a_replay_has_the_runs_ticks_wherever_between_two_it_ended(
+    tmp_path: Path, duration: float
+) -> None:
+    run, again = tmp_path / "run", tmp_path / "again"
+    options = ("--record-sensors", "--no-recording", "--duration", duration, "--out", run)
+    assert crossmodal("run", "swing", *options).exit_code == 0
+    assert crossmodal("replay", run, "--out", again).exit_code == 0
+    pd.testing.assert_frame_equal(read_estimates(again), read_estimates(run), check_exact=True)
+    for key in ("duration", "success", "events"):
+        assert read_summary(again)[key] == read_summary(run)[key]
+
+
 def test_an_evaluations_files_hold_its_metric(evaluated: Path) -> None:
     assert "angle, rms error" in (evaluated / "table.md").read_text()
     assert "angle, rms error" in (evaluated / "report.html").read_text()

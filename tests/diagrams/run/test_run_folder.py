@@ -1,4 +1,5 @@
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,10 +11,12 @@ from synthetic_episode import empty_episode, synthetic_episode
 
 from diagrams.applications import load_scenario
 from diagrams.crossmodal.application import APPLICATION
+from diagrams.run.own_files import MANIFEST
 from diagrams.run.record import EpisodeRecord
 from diagrams.run.run_folder import (
     PLOT_FOLDER,
     SENSORS_FILE,
+    RunWriter,
     default_folder,
     finished_summary,
     open_run_folder,
@@ -51,8 +54,9 @@ def test_a_run_writes_all_its_files_and_can_be_run_again(tmp_path: Path) -> None
     written = write(folder, record)
     assert {path.relative_to(folder).as_posix() for path in written} == FILES
     files = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
-    assert files == FILES
-    assert written[-1].name == "summary.json"  # So that a folder that has one is complete.
+    assert files == FILES | {MANIFEST}
+    summary = json.loads((folder / "summary.json").read_text())
+    assert {*summary["files"], "summary.json"} == FILES
     for path in (folder / PLOT_FOLDER).iterdir():
         assert path.read_bytes().startswith(b"\x89PNG")
     _, again = load_scenario(str(folder / "scenario.yaml"))
@@ -71,12 +75,70 @@ def test_a_folder_that_holds_something_is_refused_without_force(tmp_path: Path) 
     assert foreign.read_text() == "mine"
 
 
-def test_force_replaces_the_own_files_only(tmp_path: Path) -> None:
+def test_a_run_replaces_an_earlier_ones_files_only(tmp_path: Path) -> None:
+    record = synthetic_episode()
+    record.meshcat_html = "<html></html>"
+    write(tmp_path, record)
     foreign = write_text(tmp_path / "figures" / "mine.png", "mine")
-    stale = write_text(tmp_path / "meshcat.html", "of an earlier run")
-    write(open_run_folder(tmp_path, force=True), synthetic_episode())
+    record.meshcat_html = None
+    write(tmp_path, record)
     assert foreign.read_text() == "mine"
-    assert not stale.exists()
+    assert not (tmp_path / "meshcat.html").exists()
+
+
+def full_disk(monkeypatch: pytest.MonkeyPatch, *refused: str) -> None:
+    """Lets no file of these names be written to its end."""
+    replace_file = os.replace
+
+    def replaced(partial: Path, path: Path) -> None:
+        if path.name in refused:
+            raise OSError(28, "No space left on device")
+        replace_file(partial, path)
+
+    monkeypatch.setattr(os, "replace", replaced)
+
+
+def test_on_a_full_disk_only_the_large_files_are_missing_and_the_run_is_not_complete(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = synthetic_episode()
+    record.meshcat_html = "<html></html>"
+    full_disk(monkeypatch, "meshcat.html", "frames.png")
+    writer = RunWriter(tmp_path, APPLICATION, record, APPLICATION.evaluate(record))
+    writer.write_results()
+    writer.write_pictures()
+    there = {path.name for path in tmp_path.rglob("*") if path.is_file()}
+    assert there == {MANIFEST, "scenario.yaml", "estimates.parquet", "summary.json", "errors.png",
+                     "opening.png"}  # fmt: skip
+    assert writer.missing == [
+        f"{tmp_path / name}: cannot be written: No space left on device"
+        for name in ("figures/frames.png", "meshcat.html")
+    ]
+    assert finished_summary(tmp_path, APPLICATION, record.scenario) is None
+    monkeypatch.undo()
+    write(tmp_path, record)
+    assert finished_summary(tmp_path, APPLICATION, record.scenario) is not None
+
+
+def test_without_estimates_there_is_no_summary_not_even_an_earlier_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = synthetic_episode()
+    write(tmp_path, record)
+    full_disk(monkeypatch, "estimates.parquet")
+    with pytest.raises(ScenarioError, match=r"estimates\.parquet: cannot be written"):
+        write(tmp_path, record)
+    assert not (tmp_path / "summary.json").exists()
+    assert (tmp_path / "figures" / "errors.png").exists()
+
+
+def test_the_results_are_written_before_the_pictures(tmp_path: Path) -> None:
+    record = synthetic_episode()
+    writer = RunWriter(tmp_path, APPLICATION, record, APPLICATION.evaluate(record))
+    writer.write_results()
+    assert json.loads((tmp_path / "summary.json").read_text()) == writer.summary
+    assert not (tmp_path / "figures").exists()
+    assert finished_summary(tmp_path, APPLICATION, record.scenario) is None
 
 
 @pytest.mark.parametrize("place", ["file", "file/below", "/proc/nowhere/run"])

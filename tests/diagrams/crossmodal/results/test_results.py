@@ -30,7 +30,9 @@ def test_the_phase_counts_what_the_joint_truly_travelled() -> None:
 
 def test_an_episode_that_opened_too_little_failed() -> None:
     assert evaluate(synthetic_episode()).failure is None
-    assert evaluate(synthetic_episode(duration=10.0)).failure == "opened 0.120 of the 0.2 asked for"
+    assert evaluate(synthetic_episode(duration=10.0)).failure == (
+        "opened 12.0 cm of the 20 cm asked for when the time was over"
+    )
 
 
 def test_an_episode_that_hardly_began_has_an_empty_table() -> None:

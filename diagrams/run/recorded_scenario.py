@@ -1,0 +1,65 @@
+"""What of a scenario a recording depends on, and whether a replay still agrees with it."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import yaml
+from pydrake.common.yaml import yaml_dump_typed
+
+from diagrams.run.application import Application
+from diagrams.run.scenario import Scenario
+from diagrams.run.yaml_schema import ScenarioError
+
+# What of a scenario may be replaced when it is replayed: what perceives, and what happens to the
+# streams on their way there, not what was measured.
+REPLACEABLE = ("perception", "modalities", "calibration", "disturbances.faults")
+_SAYS_NOTHING = ("name", "description", "versions")
+
+
+def as_recorded(application: Application, scenario: Scenario) -> str:
+    """The scenario as a recording holds it; of a file that it names, what is in it."""
+    text: str = yaml_dump_typed(application.identity(scenario))
+    return text
+
+
+def is_replaceable(key: str) -> bool:
+    """Whether a replay may have another value of a scenario's key, such as `perception.cut`."""
+    return f"{key}.".startswith(tuple(f"{name}." for name in REPLACEABLE))
+
+
+def check_unchanged(
+    application: Application, scenario: Scenario, recorded: str, source: str
+) -> None:
+    """Refuses a scenario under which something else would have been measured.
+
+    Keys that only one of the two has are of another version of the program.
+
+    Args:
+        scenario: To be replayed.
+        recorded: What the recording holds; empty where nothing is known.
+        source: The scenario's file, for the message.
+
+    Raises:
+        ScenarioError: naming the first value that differs.
+    """
+    if not recorded:
+        return
+    then = yaml.safe_load(recorded)
+    now = yaml.safe_load(as_recorded(application, scenario))
+    for key in _SAYS_NOTHING:
+        then.pop(key, None)
+    for key, was, is_ in _differences(then, now):
+        if not is_replaceable(key):
+            raise ScenarioError(
+                f"{source}: {key} = {is_!r}, but it was recorded with {was!r};"
+                f" a replay keeps what was measured, only {', '.join(REPLACEABLE)} can be replaced"
+            )
+
+
+def _differences(then: Any, now: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:
+    if isinstance(then, Mapping) and isinstance(now, Mapping):
+        for key in then:
+            if key in now:
+                yield from _differences(then[key], now[key], f"{path}.{key}".lstrip("."))
+    elif then != now:
+        yield path, then, now

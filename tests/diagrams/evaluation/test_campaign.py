@@ -47,7 +47,9 @@ def fake_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         record = synthetic_episode(seed=scenario.seed)
         record.scenario = scenario
         write_run(tmp_path / "made", APPLICATION, record, APPLICATION.evaluate(record))
-        (tmp_path / "made" / "summary.json").rename(tmp_path / f"prepared-{scenario.seed}.json")
+        made = json.loads((tmp_path / "made" / "summary.json").read_text())
+        prepared = tmp_path / f"prepared-{scenario.seed}.json"
+        prepared.write_text(json.dumps(made | {"files": ["scenario.yaml"]}))
     return tmp_path
 
 

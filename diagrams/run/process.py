@@ -101,7 +101,7 @@ def _reason(folder: Path, status: int) -> str:
         return (folder / ERROR_FILE).read_text(encoding="utf-8").splitlines()[0]
     except (OSError, IndexError):
         pass
-    if (folder / SUMMARY_FILE).is_file():
+    if status == 0 and (folder / SUMMARY_FILE).is_file():
         return "the program's files have changed since the evaluation began"
     how = signal.Signals(-status).name if status < 0 else f"exit status {status}"
     return f"worker died ({how}), see {LOG_FILE}"

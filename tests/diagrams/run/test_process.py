@@ -36,3 +36,8 @@ def test_an_episode_with_one_core_draws_in_the_thread_that_asks_for_it() -> None
 
 def test_memory_is_counted_in_bytes() -> None:
     assert 1e7 < peak_memory() < 1e12
+
+
+def test_an_episode_that_is_killed_after_its_summary_has_died(tmp_path: Path) -> None:
+    (tmp_path / "summary.json").write_text("{}")
+    assert process._reason(tmp_path, -9) == "worker died (SIGKILL), see log.txt"

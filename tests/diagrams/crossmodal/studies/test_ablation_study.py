@@ -12,6 +12,7 @@ from diagrams.crossmodal.estimators import CROSSMODAL_WIRES
 from diagrams.crossmodal.studies import ablation_study
 from diagrams.crossmodal.studies.ablation_study import run_ablation, table
 from diagrams.crossmodal.studies.ablations import ABLATIONS, Ablation, find_ablation
+from diagrams.run.own_files import OwnFiles
 from diagrams.run.record import EpisodeRecord
 from diagrams.run.run_folder import fingerprint
 from diagrams.run.yaml_schema import ScenarioError
@@ -54,7 +55,7 @@ def test_a_finished_ablation_is_not_simulated_again(
     application, scenario = load_scenario("drawer", ["seed=4", "modalities=[crossmodal]"])
     wirings = {"whole": joint(1e-3), "cut": joint(2e-3)}
     known = fingerprint(application, scenario) | {"wire": ablation.wire, "wirings": wirings}
-    (tmp_path / "ablation.json").write_text(json.dumps(known))
+    OwnFiles(tmp_path).place("ablation.json").write_text(json.dumps(known))
 
     def simulate(*_: object, **__: object) -> None:
         raise AssertionError("simulated")

@@ -182,9 +182,8 @@ def _check_dataclass(value: Any, schema: Any, source: str, path: str) -> None:
 
 
 def _check_leaf(value: Any, schema: Any, source: str, path: str) -> None:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
     if schema is float:
-        _require(number or _is_numeric_text(value), value, "a number", source, path)
+        _require(_is_number(value), value, "a number", source, path)
     elif schema is int:
         whole = isinstance(value, int) and not isinstance(value, bool)
         _require(whole, value, "a whole number", source, path)
@@ -195,17 +194,17 @@ def _check_leaf(value: Any, schema: Any, source: str, path: str) -> None:
     elif schema is np.ndarray:
         try:
             np.asarray(value, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             _require(False, value, "numbers in a list", source, path)
 
 
-def _is_numeric_text(value: Any) -> bool:
+def _is_number(value: Any) -> bool:
     """YAML 1.1 reads 1e-3 as text; Drake's loader takes it as the number that was meant."""
-    if not isinstance(value, str):
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
         return False
     try:
         float(value)
-    except ValueError:
+    except (ValueError, OverflowError):
         return False
     return True
 

@@ -24,7 +24,6 @@ from systems.sensors.depth_noise import (
     returns,
 )
 from systems.sensors.randomness import make_generator, random_bytes
-from systems.ticks import tick_period
 
 _PANE = 1e-3  # By how much a surface lies before another at least, [m].
 
@@ -32,7 +31,8 @@ _PANE = 1e-3  # By how much a surface lies before another at least, [m].
 @dataclass(kw_only=True)
 class CameraNoiseConfig:
     rate: float = number(30.0, at_least=0.1, at_most=1000.0, unit="Hz")  # Frames per second.
-    exposure_period: float = tick_period()  # Between two metered frames, those that are read.
+    # Between two metered frames, those that are read.
+    exposure_period: float = number(1.0 / 15.0, at_least=1e-3, at_most=3600.0, unit="s")
     depth: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
     colour: ColourNoiseConfig = field(default_factory=ColourNoiseConfig)
 

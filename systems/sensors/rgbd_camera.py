@@ -7,7 +7,7 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, LeafSystem, State
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
-from maths.validation import check
+from maths.validation import check, number
 from systems.sensors.colour_noise import (
     ColourNoiseConfig,
     mean_grey,
@@ -24,7 +24,6 @@ from systems.sensors.depth_noise import (
     returns,
 )
 from systems.sensors.randomness import make_generator, random_bytes
-from systems.ticks import tick_period
 
 _PANE = 1e-3  # By how much a surface lies before another at least, [m].
 _NOISE_RATE = 30.0  # How often the noise is another one, [Hz].
@@ -32,7 +31,8 @@ _NOISE_RATE = 30.0  # How often the noise is another one, [Hz].
 
 @dataclass(kw_only=True)
 class CameraNoiseConfig:
-    exposure_period: float = tick_period()  # Between two metered frames, those that are read.
+    # Between two metered frames, those that are read.
+    exposure_period: float = number(1.0 / 15.0, at_least=1e-3, at_most=3600.0, unit="s")
     depth: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
     colour: ColourNoiseConfig = field(default_factory=ColourNoiseConfig)
 

@@ -37,8 +37,8 @@ def make_training_station(seed: int) -> ManipulationStation:
     control = scenario.control
     control.excitation = BendingExcitationConfig()
     control.sequence.comply = False
-    control.sequence.explore_time_limit = 1e3
-    control.sequence.travel = 1e3
+    control.sequence.explore_time_limit = np.inf
+    control.sequence.travel = np.inf
     scenario.sensors.camera.exposure_period = 1e3  # Nobody looks.
     return make_manipulation_station(
         scenario, make_calibration(scenario), {name: placement for name in scenario.objects}

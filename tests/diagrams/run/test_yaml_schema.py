@@ -110,6 +110,8 @@ def test_loading_one_does_not_change_the_defaults_of_the_next() -> None:
         ({"eyes": {"left": {"width": 1.5}}}, "eyes.left.width = 1.5, but it must be a whole"),
         ({"eyes": {"left": {"position": "up"}}}, "eyes.left.position = 'up', but it must be num"),
         ({"gains": ["x"]}, "gains.0 = 'x', but it must be a number"),
+        ({"gains": [10**400]}, "gains.0 = 1"),
+        ({"eyes": {"left": {"position": [0, 0, 10**400]}}}, "eyes.left.position = [0, 0, 1"),
         ({"name": 3}, "name = 3, but it must be text"),
         ({"eyes": {"left": {"position": [1, None]}}}, "position = [1, None], but it must be num"),
         ({"eyes": {"left": {"position": [True, 1]}}}, "position = [True, 1], but it must be num"),

@@ -284,6 +284,11 @@ ARGUMENTS: list[tuple[list[str], str]] = [
     (["diagram", "drawer", "--out", "file.txt"], "file.txt: exists already"),
     (["replay", "none"], "none: holds no scenario.yaml"),
     (["replay", "file.txt"], "file.txt: holds no scenario.yaml"),
+    (["compare"], "Missing argument"),
+    (["compare", "none"], "Name two folders or more"),
+    (["compare", "none", "file.txt"], "none: holds neither"),
+    (["compare", "folder.yaml", "folder.yaml"], "folder.yaml: holds neither"),
+    (["compare", "a", "b", "--out", "file.txt"], "file.txt: exists already"),
     (["list", "drawer"], "unexpected extra argument"),
 ]  # fmt: skip
 

@@ -1,5 +1,6 @@
 """`crossmodal compare`."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -30,7 +31,7 @@ def compare_command(
 
         if len(folders) < 2:
             raise ScenarioError(f"compare {folders[0]}: with what? Name two folders or more")
-        if out is not None and out.exists() and not force:
+        if out is not None and os.path.exists(out) and not force:
             raise ScenarioError(f"{out}: exists already; replace it with --force")
         names = [folder.resolve().name for folder in folders]
         if len(set(names)) < len(names):

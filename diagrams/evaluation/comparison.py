@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,10 +76,11 @@ def read_compared(
     Raises:
         ScenarioError: where it is neither, or where a file there is damaged.
     """
-    is_run = (folder / SUMMARY_FILE).is_file()
-    episodes = [folder] if is_run else sorted(folder.glob(f"seed-[0-9]*/{SUMMARY_FILE}"))
-    places = episodes if is_run else [path.parent for path in episodes]
-    if not places:
+    is_run = os.path.isfile(folder / SUMMARY_FILE)
+    places = [folder]
+    if not is_run and os.path.isdir(folder):
+        places = [path.parent for path in sorted(folder.glob(f"seed-[0-9]*/{SUMMARY_FILE}"))]
+    if not places or not os.path.isdir(folder):
         raise ScenarioError(
             f"{folder}: holds neither a {SUMMARY_FILE} nor episodes;"
             " name the folder of a run or of an evaluation"

@@ -71,6 +71,16 @@ def test_the_overview_holds_all_experiments(tmp_path: Path) -> None:
         assert (tmp_path / link).is_file()
 
 
+def test_damaged_files_of_an_evaluation_are_written_anew(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path)
+    written = {path: path.read_bytes() for path in write_campaign(campaign, "")}
+    for path in written:
+        path.write_bytes(b"damaged")
+    (tmp_path / "results.csv").unlink()
+    write_campaign(campaign, "")
+    assert all(path.read_bytes() == content for path, content in written.items())
+
+
 def test_an_interrupted_evaluation_says_so_beside_every_count(tmp_path: Path) -> None:
     campaigns = [finished_campaign(tmp_path / "drawer")]
     campaigns.append(prepare("drawer-lights-off", *load_scenario("drawer-lights-off"), [1, 2, 3],

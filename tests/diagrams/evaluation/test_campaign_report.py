@@ -62,8 +62,7 @@ def test_nothing_is_written_before_an_episode_has_ended(tmp_path: Path) -> None:
 
 def test_the_overview_holds_all_experiments(tmp_path: Path) -> None:
     campaigns = [
-        finished_campaign(tmp_path / name, name, plots=False)
-        for name in ("drawer", "drawer-lights-off")
+        finished_campaign(tmp_path / name, name) for name in ("drawer", "drawer-lights-off")
     ]
     for campaign in campaigns:
         write_campaign(campaign, "")

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from diagrams.commands import ablate, diagram, evaluate, list_names, replay, run, train
+from diagrams.commands import ablate, compare, diagram, evaluate, list_names, replay, run, train
 from diagrams.commands.endings import BAD_INPUT
 
 app = typer.Typer(
@@ -48,6 +48,7 @@ app.command("run", epilog=run.EXAMPLES)(run.run_command)
 app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
 app.command("evaluate", epilog=evaluate.EXAMPLES)(evaluate.evaluate_command)
 app.command("ablate", epilog=ablate.EXAMPLES)(ablate.ablate_command)
+app.command("compare", epilog=compare.EXAMPLES)(compare.compare_command)
 train_app.command("hand-bending", epilog=train.EXAMPLES)(train.train_hand_bending_command)
 app.add_typer(train_app, name="train")
 app.command("diagram", epilog=diagram.EXAMPLES)(diagram.diagram_command)

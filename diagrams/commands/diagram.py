@@ -1,5 +1,6 @@
 """`crossmodal diagram`."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -42,7 +43,7 @@ def diagram_command(
         if name not in estimators:
             raise ScenarioError(f"unknown modality '{name}'; {suggestion(name, estimators)}")
         path = out or Path(f"{chosen.name}-{name}.svg")
-        if path.exists() and not force:
+        if os.path.exists(path) and not force:
             raise ScenarioError(f"{path}: exists already; replace it with --force")
         title = f"{chosen.name}: {application.labels.get(name, name)} network"
         try:

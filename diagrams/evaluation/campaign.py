@@ -143,7 +143,7 @@ def open_campaign_folder(
     """
     marker = folder / _MARKER
     wanted = {"experiment": name, **fingerprint(application, replace(scenario, seed=0))}
-    is_campaign = marker.exists() or (folder / CHECKSUM_FILE).exists()
+    is_campaign = any(map(os.path.exists, (marker, folder / CHECKSUM_FILE)))
     if is_campaign and not force:
         damaged = damage(folder, _MARKER)
         if not damaged:

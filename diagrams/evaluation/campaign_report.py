@@ -54,7 +54,7 @@ class EpisodeCard:
 
 @dataclass(kw_only=True)
 class Section:
-    """An experiment on the page."""
+    """An experiment on the page, or what is compared there."""
 
     name: str
     title: str
@@ -63,6 +63,7 @@ class Section:
     notes: list[str]
     pictures: list[Picture] = field(default_factory=list)
     episodes: list[EpisodeCard] = field(default_factory=list)
+    side_by_side: bool = False
 
 
 def made_by(command: str, *, complete: bool = True) -> str:
@@ -163,7 +164,7 @@ def page(
 
 def _section(campaign: Campaign, figures: pd.DataFrame, base: Path) -> Section:
     pictures = [
-        Picture(data=_inline(campaign.folder / file), text=plot.caption)
+        Picture(data=inline(campaign.folder / file), text=plot.caption)
         for file, plot in campaign.application.campaign_plots.items()
         if (campaign.folder / file).is_file()
     ]
@@ -212,7 +213,8 @@ def _reason(summary: Summary) -> str:
     return "" if summary["success"] else summary.get("failure") or "unknown"
 
 
-def _inline(path: Path) -> str:
+def inline(path: Path) -> str:
+    """A picture as an address that holds it."""
     return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode()
 
 

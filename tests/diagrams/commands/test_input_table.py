@@ -272,6 +272,7 @@ ARGUMENTS: list[tuple[list[str], str]] = [
     (["evaluate", "drawer", "--backend", "Ray"], "did you mean 'ray'?"),
     (["evaluate", "drawer", "--address", "here"], "--address is for --backend ray only"),
     (["evaluate", "drawer", "--out", "file.txt"], "file.txt: cannot be written"),
+    (["evaluate", "drawer", "--out", "a" * 5000], "cannot be written"),
     (["evaluate", "drawer", "--out", "folder.yaml"], "already holds files"),
     (["evaluate", "drawer", "--set", "duration=x"], "but it must be a number"),
     (["evaluate", "all", "--set", "sede=3"], "did you mean 'seed'?"),
@@ -284,6 +285,12 @@ ARGUMENTS: list[tuple[list[str], str]] = [
     (["diagram", "drawer", "--out", "file.txt"], "file.txt: exists already"),
     (["replay", "none"], "none: holds no scenario.yaml"),
     (["replay", "file.txt"], "file.txt: holds no scenario.yaml"),
+    (["compare"], "Missing argument"),
+    (["compare", "none"], "Name two folders or more"),
+    (["compare", "a" * 5000, "file.txt"], "holds neither"),
+    (["compare", "none", "file.txt"], "none: holds neither"),
+    (["compare", "folder.yaml", "folder.yaml"], "folder.yaml: holds neither"),
+    (["compare", "a", "b", "--out", "file.txt"], "file.txt: exists already"),
     (["list", "drawer"], "unexpected extra argument"),
 ]  # fmt: skip
 

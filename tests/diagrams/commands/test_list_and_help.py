@@ -20,7 +20,7 @@ def test_help_teaches_by_example_and_needs_no_heavy_import() -> None:
     subprocess.run(
         [sys.executable, "-c", code], check=True, cwd=Path(command_line.__file__).parents[1]
     )
-    names = ("list", "run", "replay", "evaluate", "ablate", "diagram", "train")
+    names = ("list", "run", "replay", "evaluate", "ablate", "diagram", "train", "compare")
     for command in ([], *([name] for name in names), ["train", "hand-bending"]):
         result = RUNNER.invoke(app, [*command, "--help"])
         assert result.exit_code == 0

@@ -1,8 +1,10 @@
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from matplotlib.figure import Figure
 from synthetic_episode import synthetic_episode
 
 from diagrams.applications import load_scenario
@@ -11,15 +13,19 @@ from diagrams.evaluation.campaign_report import made_by, write_campaign, write_o
 from diagrams.run.run_folder import finished_summary, write_run
 
 
-def finished_campaign(folder: Path, name: str = "drawer") -> Campaign:
-    """Two episodes that have ended and one that broke off."""
+def finished_campaign(folder: Path, name: str = "drawer", *, plots: bool = True) -> Campaign:
+    """Two episodes that have ended and one that broke off; empty pictures of each."""
     application, scenario = load_scenario(name)
+    if not plots:
+        application = replace(application, campaign_plots={})
     campaign = prepare(name, application, scenario, [1, 2, 3], folder)
     for one in campaign.scenarios[:2]:
         record = synthetic_episode(seed=one.seed)
         record.scenario = one
         place = episode_folder(folder, one.seed)
-        write_run(place, application, record, application.evaluate(record))
+        pictures = dict.fromkeys(("errors.png", "frames.png"), Figure)
+        results = replace(application.evaluate(record), plots=pictures)
+        write_run(place, application, record, results)
         summary = finished_summary(place, application, one)
         assert summary is not None
         campaign.summaries.append(summary)
@@ -71,6 +77,16 @@ def test_the_overview_holds_all_experiments(tmp_path: Path) -> None:
         assert (tmp_path / link).is_file()
 
 
+def test_damaged_files_of_an_evaluation_are_written_anew(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path)
+    written = {path: path.read_bytes() for path in write_campaign(campaign, "")}
+    for path in written:
+        path.write_bytes(b"damaged")
+    (tmp_path / "results.csv").unlink()
+    write_campaign(campaign, "")
+    assert all(path.read_bytes() == content for path, content in written.items())
+
+
 def test_an_interrupted_evaluation_says_so_beside_every_count(tmp_path: Path) -> None:
     campaigns = [finished_campaign(tmp_path / "drawer")]
     campaigns.append(prepare("drawer-lights-off", *load_scenario("drawer-lights-off"), [1, 2, 3],
@@ -92,7 +108,7 @@ def test_an_interrupted_evaluation_says_so_beside_every_count(tmp_path: Path) ->
 
 
 def test_a_card_links_all_pictures_of_its_episode(tmp_path: Path) -> None:
-    campaign = finished_campaign(tmp_path)
+    campaign = finished_campaign(tmp_path, plots=False)
     figures = episode_folder(tmp_path, 1) / "figures"
     (figures / "bending_angle.png").write_bytes(next(figures.glob("*.png")).read_bytes())
     names = sorted(path.name for path in figures.glob("*.png"))
@@ -105,7 +121,7 @@ def test_a_card_links_all_pictures_of_its_episode(tmp_path: Path) -> None:
 
 
 def test_the_page_says_what_counts_as_done(tmp_path: Path) -> None:
-    campaign = finished_campaign(tmp_path)
+    campaign = finished_campaign(tmp_path, plots=False)
     write_campaign(campaign, "")
     words = campaign.application.task_in_words(campaign.scenarios[0])
     assert "20 cm" in words

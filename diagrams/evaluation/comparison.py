@@ -1,0 +1,272 @@
+"""Runs and evaluations side by side: their figures, what differs in their scenarios, pictures."""
+
+import contextlib
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from diagrams.evaluation.campaign_report import Picture, Section, inline, page
+from diagrams.evaluation.checksums import CHECKSUM_FILE, damage
+from diagrams.evaluation.metric_table import (
+    EPISODE_METRICS,
+    TICK_METRICS,
+    Summary,
+    Table,
+    count,
+    label,
+    quantile,
+    readable,
+    seed_ranges,
+    tidy_metrics,
+)
+from diagrams.run.application import Application
+from diagrams.run.experiment import Metric
+from diagrams.run.run_folder import PLOT_FOLDER, SCENARIO_FILE, SUMMARY_FILE
+from diagrams.run.yaml_schema import ScenarioError, one_line, read_yaml
+from maths.arrays import Array
+
+_LONGEST = 80  # Letters of a scenario's value in a cell.
+
+
+@dataclass(kw_only=True)
+class Compared:
+    """A run or an evaluation.
+
+    Attributes:
+        name: By which the comparison calls it.
+        application: What ran it.
+        document: Its scenario as it was written, flat: values by `key.path`; of an evaluation that
+            of its first episode, without the seed.
+        summaries: One of a run, of an evaluation one of each episode, in order of the seeds.
+        figures: Their metrics, see `tidy_metrics`.
+        pictures: By name.
+    """
+
+    name: str
+    application: Application
+    document: dict[str, Any]
+    summaries: list[Summary]
+    figures: pd.DataFrame
+    pictures: dict[str, Path]
+
+    @property
+    def heading(self) -> str:
+        """Its name, and of which episodes it is."""
+        seeds = [int(summary["seed"]) for summary in self.summaries]
+        if len(seeds) == 1:
+            return f"{self.name}: seed {seeds[0]}"
+        return f"{self.name}: {len(seeds)} episodes, seeds {seed_ranges(seeds)}"
+
+
+def read_compared(
+    folder: Path, name: str, find_application: Callable[[str, str], Application]
+) -> Compared:
+    """Reads the folder of a run or of an evaluation.
+
+    Args:
+        name: What the comparison calls it.
+        find_application: From what a scenario's `system` says, and its file, to the application.
+
+    Raises:
+        ScenarioError: where it is neither, or where a file there is damaged.
+    """
+    is_run = os.path.isfile(folder / SUMMARY_FILE)
+    places = [folder]
+    if not is_run and os.path.isdir(folder):
+        places = [path.parent for path in sorted(folder.glob(f"seed-[0-9]*/{SUMMARY_FILE}"))]
+    if not places or not os.path.isdir(folder):
+        raise ScenarioError(
+            f"{folder}: holds neither a {SUMMARY_FILE} nor episodes;"
+            " name the folder of a run or of an evaluation"
+        )
+    document = read_yaml(places[0] / SCENARIO_FILE)
+    system = str(document.get("system", ""))
+    application = find_application(system, str(places[0] / SCENARIO_FILE))
+    if not is_run:
+        document.pop("seed", None)
+    summaries = [_read_summary(place) for place in places]
+    try:
+        figures = tidy_metrics(application, name, summaries)
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+        raise ScenarioError(
+            f"{folder}: a {SUMMARY_FILE} there holds what '{application.name}' does not write"
+        ) from None
+    pictures = folder / PLOT_FOLDER if is_run else folder
+    return Compared(
+        name=name,
+        application=application,
+        document=_flat(document),
+        summaries=summaries,
+        figures=figures,
+        pictures={path.stem.replace("_", " "): path for path in sorted(pictures.glob("*.png"))},
+    )
+
+
+def _read_summary(place: Path) -> Summary:
+    path = place / SUMMARY_FILE
+    if (place / CHECKSUM_FILE).exists() and (damaged := damage(place, SUMMARY_FILE)):
+        raise ScenarioError(f"{place}: {damaged}; evaluate that seed again")
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"{path}: cannot be read: {one_line(error)}") from None
+    if not isinstance(summary, dict) or not {"seed", "success", "modalities"} <= summary.keys():
+        raise ScenarioError(f"{path}: is no summary of a run")
+    return summary
+
+
+def _flat(document: Mapping[str, Any], path: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in document.items():
+        if isinstance(value, dict):
+            found |= _flat(value, f"{path}{key}.")
+        else:
+            found[f"{path}{key}"] = value
+    return found
+
+
+def figures_table(compared: Sequence[Compared]) -> Table:
+    """A row per metric and estimator; what the others differ by from the first stands last.
+
+    One run has a magnitude, an evaluation the median of the magnitudes and their 5 to 95 %, or how
+    often something is true. What is missing counts as infinitely large, and as not true.
+    """
+    frames = [one.figures for one in compared]
+    table = Table(header=["", "", *(one.heading for one in compared)])
+    table.header += [f"{one.name} - {compared[0].name}" for one in compared[1:]]
+    estimators = dict.fromkeys(name for frame in frames for name in frame["modality"])
+    for metric in _metrics(compared):
+        for estimator in estimators:
+            found = [_values(frame, metric.name, estimator) for frame in frames]
+            known = [unit for values, unit in found if np.any(np.isfinite(values))]
+            if not known:
+                continue
+            write = _Truths() if _is_truth(metric, compared) else _Magnitudes(known[0])
+            cells = [write.cell(values) for values, _ in found]
+            rest = [_difference(found[0][0], values, write) for values, _ in found[1:]]
+            title = metric.title or metric.name.replace("_", " ")
+            name = label(compared[0].application, estimator)
+            table.rows.append([title, name, *cells, *rest])
+    return table
+
+
+def _metrics(compared: Sequence[Compared]) -> list[Metric]:
+    own = (metric for one in compared for metric in one.application.metrics)
+    by_name = {metric.name: metric for metric in (*EPISODE_METRICS, *own, *TICK_METRICS)}
+    return list(by_name.values())
+
+
+def _is_truth(metric: Metric, compared: Sequence[Compared]) -> bool:
+    """Whether an episode's value is true or false."""
+    for summary in (summary for one in compared for summary in one.summaries):
+        for record in summary["modalities"].values() if metric.by_estimator else [summary]:
+            with contextlib.suppress(KeyError):
+                if (value := metric.value(record)) is not None:
+                    return isinstance(value, bool)
+    return False
+
+
+def _values(frame: pd.DataFrame, metric: str, estimator: str) -> tuple[Array, str]:
+    """One value per episode, NaN for those that have none, and the unit."""
+    chosen = frame[(frame["metric"] == metric) & (frame["modality"] == estimator)]
+    values = chosen.set_index("seed")["value"].reindex(frame["seed"].unique()).to_numpy(float)
+    return values, str(chosen["unit"].iloc[0]) if len(chosen) else ""
+
+
+class _Truths:
+    """How often something is true; one episode's truth."""
+
+    def cell(self, values: Array) -> str:
+        if not np.any(np.isfinite(values)):
+            return "-"
+        return count(values) if len(values) > 1 else ("yes" if values[0] else "no")
+
+    def change(self, first: Array, other: Array) -> str:
+        if len(first) == len(other) == 1:
+            return "differs"
+        return f"{100.0 * (np.mean(other == 1.0) - np.mean(first == 1.0)):+.0f} %"
+
+
+class _Magnitudes:
+    """The median of magnitudes and their range; one episode's magnitude."""
+
+    def __init__(self, unit: str) -> None:
+        self._scale, self._unit = readable(unit)
+
+    def cell(self, values: Array) -> str:
+        if not np.any(np.isfinite(values)):
+            return "-"
+        low, median, high = (
+            f"{self._scale * value:.3g}" if np.isfinite(value) else "none"
+            for value in (float(quantile(values, share)) for share in (0.05, 0.5, 0.95))
+        )
+        text = median if len(values) == 1 else f"{median} ({low} to {high})"
+        return f"{text} {self._unit}".rstrip()
+
+    def change(self, first: Array, other: Array) -> str:
+        before, after = (float(quantile(values, 0.5)) for values in (first, other))
+        if not np.isfinite([before, after]).all():
+            return "-"
+        return f"{self._scale * (after - before):+.3g} {self._unit}".rstrip()
+
+
+def _difference(first: Array, other: Array, write: _Truths | _Magnitudes) -> str:
+    if not (np.any(np.isfinite(first)) and np.any(np.isfinite(other))):
+        return "-"
+    return "same" if np.array_equal(first, other) else write.change(first, other)
+
+
+def scenarios_table(compared: Sequence[Compared]) -> Table:
+    """The keys in which the scenarios differ, with their values."""
+    table = Table(header=["scenario", *(one.name for one in compared)])
+    for key in dict.fromkeys(key for one in compared for key in one.document):
+        values = [one.document.get(key, "-") for one in compared]
+        if any(value != values[0] for value in values):
+            table.rows.append([key, *map(_short, values)])
+    return table
+
+
+def _short(value: Any) -> str:
+    text = one_line(str(value))
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def comparison(compared: Sequence[Compared]) -> str:
+    """The tables in Markdown."""
+    differing = scenarios_table(compared)
+    same = "Their scenarios say the same."
+    return "\n\n".join(
+        [figures_table(compared).markdown(), differing.markdown() if differing.rows else same, ""]
+    )
+
+
+def comparison_page(compared: Sequence[Compared], origin: str) -> str:
+    """The tables and, picture by picture, what each of them has of it side by side.
+
+    Args:
+        origin: How the comparison was made.
+    """
+    sections = [
+        Section(
+            name=name,
+            title=name,
+            description="",
+            tables=[],
+            notes=[],
+            pictures=[
+                Picture(data=inline(one.pictures[name]), text=one.heading)
+                for one in compared
+                if name in one.pictures
+            ],
+            side_by_side=True,
+        )
+        for name in dict.fromkeys(name for one in compared for name in one.pictures)
+    ]
+    heading = " | ".join(one.name for one in compared)
+    return page(heading, origin, sections, [figures_table(compared), scenarios_table(compared)])

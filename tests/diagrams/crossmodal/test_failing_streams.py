@@ -1,0 +1,55 @@
+"""A network whose streams fail says so in time, and claims no more than what is left can tell."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from diagrams.applications import load_scenario
+from diagrams.crossmodal.application import APPLICATION
+from diagrams.run.application import Results
+from diagrams.run.replay import replay
+from systems.sensors.stream_fault import StreamFault
+
+FAULTS = {
+    "joint_state": StreamFault(stream="joint_state_window", kind="off", start=4.5, end=5.2),
+    "wrench": StreamFault(stream="wrench_window", kind="nan", start=5.0, end=5.6),
+    "pressure": StreamFault(stream="pressure_window", kind="stuck", start=5.4, end=6.0),
+    "depth": StreamFault(stream="depth_measured", kind="frozen", start=5.8, end=6.4),
+}
+
+
+@pytest.fixture(scope="module")
+def failing(recorded_run: Path) -> Results:
+    """The recorded drawer, perceived while one stream after another fails."""
+    _, scenario = load_scenario(str(recorded_run / "scenario.yaml"), ["modalities=[crossmodal]"])
+    disturbances = replace(scenario.disturbances, faults=list(FAULTS.values()))
+    record = replay(APPLICATION, recorded_run, replace(scenario, disturbances=disturbances))
+    return APPLICATION.evaluate(record)
+
+
+def test_every_fault_is_told_within_a_fifth_of_a_second_and_ends_in_time(failing: Results) -> None:
+    told = {fault["stream"]: fault for fault in failing.summary["stream_faults"]}
+    assert set(told) == set(FAULTS)
+    for stream, fault in FAULTS.items():
+        assert 0.0 <= told[stream]["start"] - fault.start <= 0.21, stream
+        assert 0.0 <= told[stream]["end"] - fault.end <= 0.11, stream
+
+
+def test_the_truth_stays_inside_what_is_claimed(failing: Results) -> None:
+    table: pd.DataFrame = failing.estimates
+    chosen = table[table.quantity == "configuration"]
+    deviations = ((chosen.estimate - chosen.truth).abs() / chosen["std"]).dropna()
+    assert len(deviations) > 50
+    assert np.mean(deviations < 3.0) > 0.95
+
+
+def test_faults_are_events_rows_and_lines(failing: Results) -> None:
+    assert any(event.name.startswith("wrench: ") for event in failing.events)
+    table = failing.estimates
+    ages = table[(table.quantity == "stream_age") & (table.component == "joint_state")]
+    assert ages.estimate.max() > 0.5
+    summary = {**failing.summary, "modalities": {}}
+    assert any("depth: the same image again" in line for line in failing.report(summary))

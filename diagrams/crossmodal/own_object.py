@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.crossmodal.objects.object_import import content_hash, imported
+from diagrams.crossmodal.objects.object_import import content_hash, copied_files, imported
 from diagrams.crossmodal.objects.object_model import read_object_model
 from diagrams.crossmodal.scenario import Scenario, object_model_file
 from diagrams.run.yaml_schema import ScenarioError
@@ -128,7 +128,10 @@ def keep_object(model: Path, folder: Path) -> Path:
     target = folder / MODEL_FILE
     if model.resolve() != target.resolve():
         shutil.rmtree(folder, ignore_errors=True)
-        shutil.copytree(model.parent, folder)
+        for path in copied_files(model):
+            copy = folder / path.resolve().relative_to(model.parent.resolve())
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, target if path == model else copy)
     return target
 
 
@@ -149,7 +152,7 @@ def keep_files(scenario: Scenario, folder: Path) -> Scenario:
 def identity(scenario: Scenario) -> Scenario:
     """Of an imported object it matters what it is, not where its copy lies."""
     objects = {
-        name: replace(thing, model=content_hash(Path(thing.model).parent))
+        name: replace(thing, model=content_hash(Path(thing.model)))
         if Path(thing.model).is_absolute()
         else thing
         for name, thing in scenario.objects.items()

@@ -21,6 +21,7 @@ from plants.object_import.flat_model import (
     FlatNames,
     find_chain,
     flat_names,
+    parent_joints,
 )
 from plants.object_import.meshes import Warn
 from plants.object_import.model_source import ModelSource, Repair, read_model
@@ -82,7 +83,12 @@ def import_object(
     frame = _find_frame(plant, flat_names(plant), wanted, source)
     if at:
         frame = plant.AddFrame(FixedOffsetFrame("grasp", frame, _offset(pose, grasp_frame)))
-    plant.Finalize()
+    parent_joints(plant, source)
+    try:
+        plant.Finalize()
+    except RuntimeError as error:
+        reason = " ".join(str(error).split())
+        raise ValueError(f"{source}: cannot be simulated: {reason}") from None
     names = flat_names(plant)
     chain = find_chain(plant, frame.body(), source, warn)
     explored = _find_joint(plant, names, chain, joint, grasp_frame, source, warn)
@@ -199,11 +205,6 @@ def _check_limits(joint: Joint, source: Path) -> None:
         raise ValueError(
             f"{source}: joint '{joint.name()}': its limits {lower:g} to {upper:g} leave no travel;"
             " change its <limit>"
-        )
-    if not lower <= 0 <= upper:
-        raise ValueError(
-            f"{source}: joint '{joint.name()}': its limits {lower:g} to {upper:g} leave out 0,"
-            " where it starts; shift its <limit> and origin"
         )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from diagrams.crossmodal.objects.object_model import ObjectModel
 from diagrams.run.yaml_schema import ScenarioError
-from plants.object_import import MODEL_FILE
+from plants.object_import import COPIED_FOLDERS, MODEL_FILE
 
 if TYPE_CHECKING:
     from plants.object_import.object_import import ImportedObject
@@ -41,7 +41,7 @@ def imported(model: Path, *, joint: str, frame: str, free: bool, source: str) ->
         except ValueError as error:
             raise ScenarioError(f"{source}: {error}") from None
         if result.model.parent == folder:
-            place = store / content_hash(folder)
+            place = store / content_hash(folder / MODEL_FILE)
             if not place.exists():
                 folder.rename(place)
             result.model = place / MODEL_FILE
@@ -60,11 +60,19 @@ def _store() -> tempfile.TemporaryDirectory[str]:
     return tempfile.TemporaryDirectory(prefix="crossmodal-objects-")
 
 
-def content_hash(folder: Path) -> str:
-    """Of all its files, wherever it is."""
+def copied_files(model: Path) -> list[Path]:
+    """The files of a copy that an import has written, and nothing else that lies beside it."""
+    folder = model.parent.resolve()
+    parts = [path for name in COPIED_FOLDERS for path in (folder / name).glob("*.*")]
+    own = [path for path in parts if path.suffix in (".obj", ".mtl", ".png")]
+    return [model, *sorted(path for path in own if path.resolve() == path and path.is_file())]
+
+
+def content_hash(model: Path) -> str:
+    """Of all files of a copy, wherever it is."""
     digest = hashlib.sha256()
-    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
-        digest.update(str(path.relative_to(folder)).encode())
+    for path in copied_files(model):
+        digest.update(str(path.resolve().relative_to(model.parent.resolve())).encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -14,7 +14,7 @@ from diagrams.applications import load_scenario
 from diagrams.crossmodal.application import APPLICATION
 from diagrams.crossmodal.objects.object_import import ObjectWarning, check_pull
 from diagrams.crossmodal.objects.object_model import read_object_model
-from diagrams.crossmodal.own_object import OwnObject, own_object_assignments
+from diagrams.crossmodal.own_object import OwnObject, keep_object, own_object_assignments
 from diagrams.crossmodal.scenario import Scenario, object_model_file
 from diagrams.crossmodal.station.overlaps import overlaps
 from diagrams.crossmodal.station.station import ManipulationStation, make_manipulation_station
@@ -160,6 +160,19 @@ def test_a_run_with_an_object_of_the_program_leaves_no_model_of_an_earlier_one(
     write_scenario(tmp_path, APPLICATION, loaded())
     write_scenario(tmp_path, APPLICATION, drawer())
     assert not (tmp_path / "model").exists()
+
+
+def test_of_a_model_that_calls_itself_imported_only_its_parts_are_kept(tmp_path: Path) -> None:
+    made = object_model_file(loaded().object)
+    for name in ("textures/key.txt", "secret.pdf", "meshes/a.png"):
+        (tmp_path / "downloads" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "downloads" / name).write_text("private")
+    (tmp_path / "downloads" / "textures" / "b.png").symlink_to(tmp_path / "downloads/secret.pdf")
+    model = tmp_path / "downloads" / "m.sdf"
+    model.write_text(made.read_text())
+    kept = keep_object(model, tmp_path / "run" / "model")
+    names = {str(path.relative_to(kept.parent)) for path in kept.parent.rglob("*.*")}
+    assert names == {"object.sdf", "meshes/a.png"}
 
 
 def test_of_several_objects_each_is_kept_in_a_folder_of_its_own(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from plants.object_import.meshes import (
     write_obj,
 )
 from plants.object_import.model_files import MeshFiles, ModelFiles, is_image
+from plants.object_import.scaling import scale_lengths
 
 _MODEL_TYPES = {"robot": "URDF", "sdf": "SDF"}
 _SCENERY = ("sun", "ground_plane")  # Gazebo's own, in most of its worlds.
@@ -125,9 +126,11 @@ class Repair:
         source: The file.
         folder: Where converted meshes are written.
         warn: Takes one line for each change that a user should know of.
+        scale: Of all lengths in the file.
     """
 
-    def __init__(self, source: Path, folder: Path, warn: Warn) -> None:
+    def __init__(self, source: Path, folder: Path, warn: Warn, scale: float = 1.0) -> None:
+        self._scale = scale
         self._source, self._folder, self._warn = source, folder, warn
         self._files = ModelFiles(source)
         self._links: dict[str, list[str]] = {}  # By what is said about them.
@@ -142,6 +145,8 @@ class Repair:
         """
         root = model.root
         self._expand_includes(root, (self._source,))
+        if self._scale != 1.0:
+            scale_lengths(root, self._scale)
         for element in list(root.iter()):
             for name in ("transmission", "plugin", "sensor", "gazebo", "actor", "state", "light"):
                 for child in element.findall(name):

@@ -23,7 +23,9 @@ class ObjectWarning(UserWarning):
     """What an import changed or assumed."""
 
 
-def imported(model: Path, *, joint: str, frame: str, free: bool, source: str) -> "ImportedObject":
+def imported(
+    model: Path, *, joint: str, frame: str, free: bool, source: str, scale: float = 1.0
+) -> "ImportedObject":
     """The imported copy of a model, in a folder that is there as long as this process is.
 
     A run takes it along into its own folder.
@@ -37,7 +39,7 @@ def imported(model: Path, *, joint: str, frame: str, free: bool, source: str) ->
     with tempfile.TemporaryDirectory(dir=store) as scratch:
         folder = Path(scratch) / "model"
         try:
-            result = import_object(model, folder, grasp_frame=frame, joint=joint)
+            result = import_object(model, folder, grasp_frame=frame, joint=joint, scale=scale)
         except ValueError as error:
             raise ScenarioError(f"{source}: {error}") from None
         if result.model.parent == folder:
@@ -96,3 +98,11 @@ def check_pull(facts: ObjectModel, pull_direction: np.ndarray, joint: str, frame
             ObjectWarning,
             stacklevel=2,
         )
+
+
+def check_grasp(model: Path, frame: str, source: str) -> None:
+    """Warns of a bar that the hand may not hold, and of looks that do not fit the touch."""
+    from diagrams.crossmodal.objects.grasp_checks import model_warnings  # Slow: trimesh.
+
+    for line in model_warnings(model, frame, source):
+        warnings.warn(line, ObjectWarning, stacklevel=2)

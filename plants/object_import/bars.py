@@ -12,8 +12,6 @@ from maths.arrays import Array
 _SPACING = 0.002  # Between points on the outline of a section, [m].
 _FINGERS = 0.036  # From the frame to the outermost fingers, along the bar, [m].
 _BEHIND = 0.03  # Half height of what the fingers pass through behind the bar, [m].
-_SHORTEST = 0.05  # Of a likely handle, [m].
-_SLENDER = 2.0  # Least ratio of its length to its thickness.
 
 
 @dataclass(kw_only=True)

@@ -83,7 +83,7 @@ def import_object(
     as_it_is = model.is_imported and not at and scale == 1.0
     if not as_it_is:
         Repair(source, folder.resolve() / "meshes", warn, scale).run(model)
-    plant, scene_graph = _parse(model, source, folder.resolve(), as_it_is)
+    plant, scene_graph = parse(model, source, folder.resolve(), as_it_is)
     frame = _find_frame(plant, flat_names(plant), wanted, source)
     if at:
         frame = plant.AddFrame(FixedOffsetFrame("grasp", frame, _offset(pose, grasp_frame)))
@@ -120,7 +120,7 @@ def import_object(
     return imported
 
 
-def _parse(
+def parse(
     model: ModelSource, source: Path, folder: Path, as_it_is: bool
 ) -> tuple[MultibodyPlant, SceneGraph]:
     """The model alone in a plant."""

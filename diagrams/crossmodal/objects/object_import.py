@@ -16,7 +16,7 @@ from plants.object_import import COPIED_FOLDERS, MODEL_FILE
 if TYPE_CHECKING:
     from plants.object_import.object_import import ImportedObject
 
-_WIDEST_PULL = 60.0  # From the way that the joint allows, [deg].
+WIDEST_PULL = 60.0  # From the way that the joint allows, [deg].
 
 
 class ObjectWarning(UserWarning):
@@ -79,18 +79,25 @@ def content_hash(model: Path) -> str:
     return digest.hexdigest()[:16]
 
 
-def check_pull(facts: ObjectModel, pull_direction: np.ndarray, joint: str, frame: str) -> None:
-    """Warns of a pull that hardly moves the joint: it wrenches the handle out of the hand."""
+def pull_error(facts: ObjectModel, pull_direction: np.ndarray) -> float:
+    """Angle from a pull (3,) to the way that the joint lets the handle go, [deg]; 0 for no way."""
     if not np.any(facts.way_H):
-        return
+        return 0.0
     along = float(facts.way_H @ pull_direction / np.linalg.norm(pull_direction))
     along = abs(along) if facts.two_ways else along
-    angle = np.rad2deg(np.arccos(np.clip(along, -1.0, 1.0)))
-    if angle > _WIDEST_PULL:
-        given, better = (
-            ",".join(f"{component + 0.0:.2g}" for component in np.round(vector, 2))
-            for vector in (pull_direction, facts.way_H)
-        )
+    return float(np.rad2deg(np.arccos(np.clip(along, -1.0, 1.0))))
+
+
+def in_words(vector: np.ndarray) -> str:
+    """A direction as `x,y,z`."""
+    return ",".join(f"{component + 0.0:.2g}" for component in np.round(vector, 2))
+
+
+def check_pull(facts: ObjectModel, pull_direction: np.ndarray, joint: str, frame: str) -> None:
+    """Warns of a pull that hardly moves the joint: it wrenches the handle out of the hand."""
+    angle = pull_error(facts, pull_direction)
+    if angle > WIDEST_PULL:
+        given, better = in_words(pull_direction), in_words(facts.way_H)
         warnings.warn(
             f"the pull along {given} of '{frame}' is {angle:.0f} deg off the way that '{joint}'"
             f" lets it go, and may lose the handle; along it is {better} (--pull-direction or"

@@ -18,9 +18,11 @@ from diagrams.crossmodal.objects.object_model import ObjectModel, read_object_mo
 from diagrams.crossmodal.scenario import Scenario, object_model_file
 from diagrams.run.yaml_schema import ScenarioError
 from plants.object_import import MODEL_FILE
+from plants.scene import has_model
 from systems.port_values import JointType
 
 _UNITS = {JointType.PRISMATIC: "m", JointType.REVOLUTE: "rad"}
+_ABOVE_FLOOR = 0.002  # So that nothing begins inside of it, [m].
 MODEL_FOLDER = "model"  # Of a run, for the copies of imported models.
 
 
@@ -97,11 +99,13 @@ def own_object_assignments(
         X_WH = thing.pose() @ at_base.X_OH
         x_axis = X_WH.rotation().col(0)
         # It stands no lower than the scenario's own object, or it would be inside the table; one
-        # that is free stands there, or it would fall.
+        # that is free stands there, or it would fall. Without a table it stands on the floor.
         sway = thing.variation.position
-        low_base = at_base.bottom - at_base.X_OH.translation()[2]
         p_WH = X_WH.translation()
-        lift = float(low_base - facts.bottom + facts.X_OH.translation()[2])
+        ground = _ABOVE_FLOOR
+        if has_model(scenario.plant.scene, "table"):
+            ground = float(p_WH[2] + at_base.bottom - at_base.X_OH.translation()[2])
+        lift = ground - float(p_WH[2] + facts.bottom - facts.X_OH.translation()[2])
         if thing.free:
             values["variation.position"] = [*sway[:2].tolist(), 0.0]
         else:

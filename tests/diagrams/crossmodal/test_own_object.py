@@ -99,6 +99,18 @@ def test_a_free_object_stands_on_the_table(tmp_path: Path) -> None:
         assert plant.GetBodyByName("case").is_floating_base_body()
 
 
+def test_without_a_table_an_object_stands_on_the_floor(tmp_path: Path) -> None:
+    floor = "plant.scene=floor_scene.dmd.yaml"
+    tall = DOOR.replace("0.02 0.4 0.4", "0.02 0.4 1.5").replace("-0.5 0.1", "-0.5 0.13")
+    (tmp_path / "door.urdf").write_text(tall)
+    own: dict = {"model": tmp_path / "door.urdf", "grasp_frame": "knob"}
+    assert_allclose(handle_pose(loaded(floor, **own))[2, 3], 0.882 + 0.02, atol=1e-9)
+    assert handle_pose(loaded(**own))[2, 3] > 1.5
+    free = loaded(floor, "objects.drawer.free=true", **own)
+    assert_allclose(free.object.position[2] - 0.75, 0.002, atol=1e-9)
+    assert overlaps(station(loaded(floor, pose="0.9,-0.25,0.86,0,0,3.14"))) == []
+
+
 def test_friction_is_that_at_the_hand_and_the_opening_within_the_limits(tmp_path: Path) -> None:
     (tmp_path / "door.urdf").write_text(DOOR)
     scenario = loaded(model=tmp_path / "door.urdf", grasp_frame="knob")

@@ -1,4 +1,4 @@
-"""Bars that a hand could close around: what there is at a frame, and where a model has some."""
+"""Bars that a hand could close around: what there is at a grasp frame."""
 
 from dataclasses import dataclass
 

@@ -6,7 +6,17 @@ from typing import Annotated
 
 import typer
 
-from diagrams.commands import ablate, compare, diagram, evaluate, list_names, replay, run, train
+from diagrams.commands import (
+    ablate,
+    compare,
+    diagram,
+    evaluate,
+    inspect,
+    list_names,
+    replay,
+    run,
+    train,
+)
 from diagrams.commands.endings import BAD_INPUT
 
 app = typer.Typer(
@@ -45,6 +55,7 @@ def _options(
 
 app.command("list", epilog=list_names.EXAMPLES)(list_names.list_command)
 app.command("run", epilog=run.EXAMPLES)(run.run_command)
+app.command("inspect", epilog=inspect.EXAMPLES)(inspect.inspect_command)
 app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
 app.command("evaluate", epilog=evaluate.EXAMPLES)(evaluate.evaluate_command)
 app.command("ablate", epilog=ablate.EXAMPLES)(ablate.ablate_command)

@@ -136,6 +136,17 @@ def add_manipulation_scene(
     )
 
 
+def has_model(scene: str, model: str) -> bool:
+    """Whether model directives add a model of that name.
+
+    Args:
+        scene: File of directives in models/sdf, or an absolute path.
+        model: Name of the model instance.
+    """
+    directives = LoadModelDirectives(str(SDF_DIR / scene)).directives
+    return any(item.add_model is not None and item.add_model.name == model for item in directives)
+
+
 def nominal_pose(scene: str, frame: str, model: str) -> RigidTransform:
     """X_WF of a frame of a model, as model directives place it, all joints at their defaults.
 

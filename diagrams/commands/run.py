@@ -61,6 +61,9 @@ def run_command(
             help="Of its model frame, [m] and [rad]. [default: handle where the scenario's is]",
         ),
     ] = "",
+    scale: Annotated[
+        float, typer.Option(help="Of its lengths; 0.001 for a model in millimetres.")
+    ] = 1.0,
     recording: Annotated[bool, typer.Option(help="Write meshcat.html.")] = True,
     record_sensors: Annotated[
         bool, typer.Option("--record-sensors", help="Keep the sensor streams, for `replay`.")
@@ -92,6 +95,7 @@ def run_command(
             "joint": joint,
             "pull_direction": pull_direction,
             "object_pose": object_pose,
+            "scale": "" if scale == 1.0 else str(scale),
         }
         assignments = _own_object(scenario, assignments, own_object, about_object) + assignments
         application, chosen = load_scenario(scenario, assignments)
@@ -137,8 +141,9 @@ def _own_object(
         joint=options["joint"],
         pull_direction=options["pull_direction"],
         pose=options["object_pose"],
+        scale=float(options["scale"] or 1.0),
     )
-    return own_object_assignments(base, scenario, own)
+    return own_object_assignments(base, scenario, own, assignments)
 
 
 def _simulate(

@@ -19,7 +19,8 @@ from diagrams.crossmodal.results.metrics import CAMPAIGN_PLOTS, METRICS, OVERVIE
 from diagrams.crossmodal.results.results import evaluate
 from diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve
 from diagrams.crossmodal.station.overlaps import overlaps
-from diagrams.crossmodal.station.station import make_manipulation_station
+from diagrams.crossmodal.station.settling import settling
+from diagrams.crossmodal.station.station import draw_placements, make_manipulation_station
 from diagrams.crossmodal.station.station_control import PERCEIVED_INPUTS
 from diagrams.crossmodal.studies.ablations import ABLATIONS
 from diagrams.crossmodal.studies.experiments import EXPERIMENTS
@@ -79,7 +80,10 @@ def make_station(scenario: Scenario, calibration: Calibration) -> Station:
     return Station(
         diagram=station.diagram,
         initialise=station.SetInitialState,
-        warnings=overlaps(station),
+        warnings=[
+            *overlaps(station),
+            *settling(scenario, draw_placements(scenario), station.q_start),
+        ],
     )
 
 

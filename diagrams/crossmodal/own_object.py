@@ -1,16 +1,27 @@
 """Objects that do not come with the program: on the command line, and in a run's folder."""
 
+import warnings
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from diagrams.crossmodal.objects.object_import import content_hash, imported
-from diagrams.crossmodal.objects.object_model import read_object_model
+from diagrams.crossmodal.objects.object_import import (
+    ObjectWarning,
+    content_hash,
+    copied_files,
+    imported,
+)
+from diagrams.crossmodal.objects.object_model import ObjectModel, read_object_model
 from diagrams.crossmodal.scenario import Scenario, object_model_file
 from diagrams.run.yaml_schema import ScenarioError
 from plants.object_import import MODEL_FILE
+from plants.scene import has_model
+from systems.port_values import JointType
 
+_UNITS = {JointType.PRISMATIC: "m", JointType.REVOLUTE: "rad"}
+_ABOVE_FLOOR = 0.002  # So that nothing begins inside of it, [m].
 MODEL_FOLDER = "model"  # Of a run, for the copies of imported models.
 
 
@@ -23,9 +34,10 @@ class OwnObject:
         grasp_frame: Frame or link of it, x out of the object, y along the bar.
         joint: The joint to explore; empty for the nearest one above the grasped link.
         pull_direction: In the grasped frame, as `x,y,z`; empty for x.
-        pose: Of the model's frame in the world, as `x,y,z,roll,pitch,yaw`, [m, rad]; empty puts
-            the grasped frame where the handle of the scenario's own object is, or as much above as
-            keeps the object out of the table; a free object stands on the table.
+        pose: Of the model's frame in the world, as `x,y,z,roll,pitch,yaw`, [m, rad], with every
+            seed; empty puts the grasped frame where the handle of the scenario's own object is, or
+            as much above as keeps the object out of the table; a free object stands on the table.
+        scale: Of all lengths in the file: 0.001 for a model in millimetres.
     """
 
     model: Path
@@ -33,9 +45,12 @@ class OwnObject:
     joint: str = ""
     pull_direction: str = ""
     pose: str = ""
+    scale: float = 1.0
 
 
-def own_object_assignments(scenario: Scenario, source: str, own: OwnObject) -> list[str]:
+def own_object_assignments(
+    scenario: Scenario, source: str, own: OwnObject, assignments: Sequence[str] = ()
+) -> list[str]:
     """The assignments `key.path=value` that put an own object in place of a scenario's.
 
     Friction becomes what the scenario's is at the hand, and the opening asked for what the joint's
@@ -44,6 +59,7 @@ def own_object_assignments(scenario: Scenario, source: str, own: OwnObject) -> l
     Args:
         scenario: The one whose object is replaced, with the user's assignments.
         source: Its name or file.
+        assignments: The user's.
     """
     base, thing = scenario, scenario.object
     name = scenario.task.object or next(iter(scenario.objects))
@@ -55,6 +71,7 @@ def own_object_assignments(scenario: Scenario, source: str, own: OwnObject) -> l
         joint=own.joint,
         frame=own.grasp_frame,
         free=thing.free,
+        scale=own.scale,
         source="--object",
     )
     facts = read_object_model(
@@ -67,6 +84,7 @@ def own_object_assignments(scenario: Scenario, source: str, own: OwnObject) -> l
         "joint": made.joint,
         "handle_frame": made.grasp_frame,
         "pull_direction": pull,
+        "ajar": _ajar(thing.ajar, at_base, facts),
         "friction": float(pulling * facts.lever if facts.lever else pulling),
         "variation.textures": [],
     }
@@ -75,15 +93,18 @@ def own_object_assignments(scenario: Scenario, source: str, own: OwnObject) -> l
         angles = np.rad2deg(pose[3:]).tolist()
         values |= dict(zip(("roll", "pitch", "yaw"), angles, strict=True))
         values |= {"place_handle": False, "position": pose[:3]}
+        values |= {"variation.position": [0.0, 0.0, 0.0], "variation.yaw": 0.0}
     else:
         X_WH = thing.pose() @ at_base.X_OH
         x_axis = X_WH.rotation().col(0)
         # It stands no lower than the scenario's own object, or it would be inside the table; one
-        # that is free stands there, or it would fall.
+        # that is free stands there, or it would fall. Without a table it stands on the floor.
         sway = thing.variation.position
-        low_base = at_base.bottom - at_base.X_OH.translation()[2]
         p_WH = X_WH.translation()
-        lift = float(low_base - facts.bottom + facts.X_OH.translation()[2])
+        ground = _ABOVE_FLOOR
+        if has_model(scenario.plant.scene, "table"):
+            ground = float(p_WH[2] + at_base.bottom - at_base.X_OH.translation()[2])
+        lift = ground - float(p_WH[2] + facts.bottom - facts.X_OH.translation()[2])
         if thing.free:
             values["variation.position"] = [*sway[:2].tolist(), 0.0]
         else:
@@ -94,11 +115,54 @@ def own_object_assignments(scenario: Scenario, source: str, own: OwnObject) -> l
             "yaw": float(np.rad2deg(np.arctan2(x_axis[1], x_axis[0]))),
         }
     lines = [f"objects.{name}.{key}={value}" for key, value in values.items()]
+    given = {assignment.partition("=")[0].strip() for assignment in assignments}
+    return lines + _task_assignments(base, at_base, facts, made.joint, given)
+
+
+def _to_joint(at_base: ObjectModel, facts: ObjectModel) -> float:
+    """From the unit of a scenario's own joint to that of another object's joint, at the handle."""
+    if at_base.joint_type == facts.joint_type:
+        return 1.0
+    return 1.0 / facts.lever if facts.lever else at_base.lever or 1.0
+
+
+def _ajar(ajar: float, at_base: ObjectModel, facts: ObjectModel) -> float:
+    """Where the joint starts: as far from 0 as the scenario's own, towards the farther limit."""
+    way = 1.0 if facts.upper >= -facts.lower else -1.0
+    return float(np.clip(way * abs(ajar) * _to_joint(at_base, facts), facts.lower, facts.upper))
+
+
+def _task_assignments(
+    base: Scenario, at_base: ObjectModel, facts: ObjectModel, joint: str, given: Collection[str]
+) -> list[str]:
+    """The task in the unit of the own object's joint, and within its limits.
+
+    What the scenario asks of a joint that slides is, of one that turns, that way of the handle, and
+    the other way round. What the user has given is in the unit of the object's joint.
+    """
+    differs, to_joint = at_base.joint_type != facts.joint_type, _to_joint(at_base, facts)
+    old_unit, unit = (_UNITS[model.joint_type] for model in (at_base, facts))
     most = 0.9 * max(abs(facts.lower), abs(facts.upper))
-    for key in ("opening", "goal"):
+    lines, said = [], []
+    for key in ("opening",) if base.task.goal is None else ("goal", "tolerance"):
         wanted = getattr(base.task, key)
-        if wanted is not None and wanted > most:
-            lines.append(f"task.{key}={float(most)}")
+        if f"task.{key}" in given:
+            said.append(f"task.{key} = {wanted:g} is in {unit}")
+            continue
+        value = float(to_joint * wanted)
+        said.append(f"task.{key} = {wanted:g} {old_unit} of the handle is {value:.3g} {unit}")
+        if value > most:
+            value = float(most)
+            said[-1] += f", of which its limits leave {value:.3g} {unit}"
+        if value != wanted:
+            lines.append(f"task.{key}={value}")
+    if differs:
+        warnings.warn(
+            f"the scenario's joint is {at_base.joint_type}, '{joint}' is {facts.joint_type}, so"
+            f" {', '.join(said)}",
+            ObjectWarning,
+            stacklevel=3,
+        )
     return lines
 
 
@@ -133,8 +197,9 @@ def keep_files(scenario: Scenario) -> tuple[Scenario, dict[str, Path]]:
         model = Path(thing.model)
         if model.is_absolute():
             place = MODEL_FOLDER if len(scenario.objects) == 1 else f"{MODEL_FOLDER}/{name}"
-            for path in sorted(path for path in model.parent.rglob("*") if path.is_file()):
-                files[f"{place}/{path.relative_to(model.parent).as_posix()}"] = path
+            for path in copied_files(model):
+                inside = path.resolve().relative_to(model.parent.resolve()).as_posix()
+                files[f"{place}/{MODEL_FILE if path == model else inside}"] = path
             thing = replace(thing, model=f"{place}/{MODEL_FILE}")
         objects[name] = thing
     return replace(scenario, objects=objects), files
@@ -143,7 +208,7 @@ def keep_files(scenario: Scenario) -> tuple[Scenario, dict[str, Path]]:
 def identity(scenario: Scenario) -> Scenario:
     """Of an imported object it matters what it is, not where its copy lies."""
     objects = {
-        name: replace(thing, model=content_hash(Path(thing.model).parent))
+        name: replace(thing, model=content_hash(Path(thing.model)))
         if Path(thing.model).is_absolute()
         else thing
         for name, thing in scenario.objects.items()

@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from diagrams.crossmodal.estimators import MODALITIES, PerceptionConfig, check_cut
-from diagrams.crossmodal.objects.object_import import check_pull, imported
+from diagrams.crossmodal.objects.object_import import check_grasp, check_pull, imported
 from diagrams.crossmodal.objects.object_model import read_object_model
 from diagrams.crossmodal.robot_config import HAND, ControlConfig, SensorsConfig
 from diagrams.run import scenario as base
@@ -43,6 +43,8 @@ class ObjectConfig:
     joint: str = "slide"  # The explored one; empty: the nearest that moves the handle's frame.
     # x out of the object, y along the bar; for an import also a link, or LINK@x,y,z,roll,pitch,yaw.
     handle_frame: str = "handle"
+    # Of all lengths in an imported file: 0.001 for one in millimetres.
+    scale: float = number(1.0, at_least=1e-6, at_most=1e6)
     position: np.ndarray = numbers(
         np.array([0.865, -0.25, 0.86]), at_least=-100.0, at_most=100.0, unit="m"
     )
@@ -160,6 +162,10 @@ def _resolve_object(thing: ObjectConfig, key: str, path: Path) -> ObjectConfig:
     model = _model_file(thing.model, key, path)
     is_own = not model.is_relative_to(SDF_DIR)
     if not is_own:
+        if thing.scale != 1.0:
+            raise ScenarioError(
+                f"{source}: {key}.scale = {thing.scale!r}, but it is for imported models only"
+            )
         thing = replace(thing, model=str(model.relative_to(SDF_DIR)))
     else:
         found = imported(
@@ -167,10 +173,15 @@ def _resolve_object(thing: ObjectConfig, key: str, path: Path) -> ObjectConfig:
             joint=thing.joint,
             frame=thing.handle_frame,
             free=thing.free,
+            scale=thing.scale,
             source=f"{source}: {key}.model",
         )
         thing = replace(
-            thing, model=str(found.model), joint=found.joint, handle_frame=found.grasp_frame
+            thing,
+            model=str(found.model),
+            joint=found.joint,
+            handle_frame=found.grasp_frame,
+            scale=1.0,  # The copy has it.
         )
     facts = read_object_model(
         SDF_DIR / thing.model,
@@ -185,6 +196,7 @@ def _resolve_object(thing: ObjectConfig, key: str, path: Path) -> ObjectConfig:
         )
     if is_own:
         check_pull(facts, thing.pull_direction, thing.joint, thing.handle_frame)
+        check_grasp(SDF_DIR / thing.model, thing.handle_frame, f"{source}: {key}")
     if not thing.place_handle:
         return thing
     x_axis, p_OH = facts.X_OH.rotation().col(0), facts.X_OH.translation()

@@ -1,5 +1,7 @@
 """The joints of the soft hand, after the RBO Hand 2: five fingers of three joints each."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
@@ -15,6 +17,39 @@ FINGER_JOINTS = [
 ]
 # Typical finger angles of the hand around a handle, for the robot's picture of itself, [rad].
 CLOSED_POSTURE = dict(zip(FINGER_JOINTS, [0.6, 1.0, 1.1] * 4 + [0.8, 0.7, 0.9], strict=True))
+
+
+@dataclass(frozen=True, kw_only=True)
+class GraspRange:
+    """The bars that a hand holds, seen from its grasp frame.
+
+    Attributes:
+        least_thickness: [m].
+        most_thickness: Of what passes between its open fingers, [m].
+        most_depth: Along the approach, [m].
+        clearance: Least free space behind the bar, for the fingers, [m].
+        tilt: Largest angle from the frame's y to the bar, [rad].
+        reach: Largest distance from the frame to the bar, [m].
+    """
+
+    least_thickness: float
+    most_thickness: float
+    most_depth: float
+    clearance: float
+    tilt: float
+    reach: float
+
+
+# Measured on the simulated hand, closed as in a run around a bar that is then drawn out of it: in
+# this range it holds 15 N and more. The guidance takes 2 cm of the gap between fingers and thumb.
+SOFT_HAND_RANGE = GraspRange(
+    least_thickness=0.004,
+    most_thickness=0.05,
+    most_depth=0.05,
+    clearance=0.025,
+    tilt=0.44,
+    reach=0.03,
+)
 
 
 def finger_selection(plant: MultibodyPlant, hand: ModelInstanceIndex) -> Array:

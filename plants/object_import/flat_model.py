@@ -1,6 +1,5 @@
 """One flat SDF model of the part of a parsed plant that belongs to the grasped link."""
 
-import shutil
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -41,7 +40,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context
 
 from maths.arrays import Array
-from plants.object_import.meshes import Warn, encloses_volume
+from plants.object_import.meshes import Warn, encloses_volume, write_png
 from plants.object_import.model_source import ModelSource
 
 DENSITY = 600.0  # Of wood, for links whose mass the file does not give, [kg/m^3].
@@ -84,6 +83,12 @@ def moves(joint: Joint) -> bool:
     return isinstance(joint, PrismaticJoint | RevoluteJoint)
 
 
+def start_position(joint: Joint) -> float:
+    """Where a joint stands in the copy, which calls it 0: at 0, or at the limit next to it."""
+    lower, upper = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
+    return float(np.clip(0.0, lower, upper))
+
+
 def written_joints(plant: MultibodyPlant) -> list[Joint]:
     """The joints of the file, without those that the plant makes for free bodies."""
     joints = (plant.get_joint(index) for index in plant.GetJointIndices())
@@ -123,13 +128,12 @@ def flat_names(plant: MultibodyPlant) -> FlatNames:
     return names
 
 
-def find_chain(plant: MultibodyPlant, grasped: RigidBody, source: Path, warn: Warn) -> Chain:
-    """The object that the grasped link belongs to, and the joints that move this link.
+def parent_joints(plant: MultibodyPlant, source: Path) -> dict[int, Joint]:
+    """The joint that each body hangs on, by the body's index.
 
     Raises:
-        ValueError: in one line, for a link with two parents.
+        ValueError: in one line, for a link with two parents, or joints in a closed loop.
     """
-    world = int(plant.world_body().index())
     parents: dict[int, Joint] = {}
     for joint in written_joints(plant):
         child = int(joint.child_body().index())
@@ -139,9 +143,35 @@ def find_chain(plant: MultibodyPlant, grasped: RigidBody, source: Path, warn: Wa
                 f" '{parents[child].name()}' and '{joint.name()}'; remove one of them"
             )
         parents[child] = joint
+    for first in parents:
+        loop, index = list[Joint](), first
+        while index in parents and len(loop) <= len(parents):
+            loop.append(parents[index])
+            index = int(parents[index].parent_body().index())
+        if len(loop) > len(parents):
+            closed = loop[-1 - loop[-2::-1].index(loop[-1]) :]
+            names = ", ".join(joint.name() for joint in closed)
+            raise ValueError(f"{source}: joints {names} form a closed loop; remove one of them")
+    return parents
+
+
+def find_chain(plant: MultibodyPlant, grasped: RigidBody, source: Path, warn: Warn) -> Chain:
+    """The object that the grasped link belongs to, and the joints that move this link.
+
+    Raises:
+        ValueError: in one line, for a joint above the grasped link that is of another kind.
+    """
+    world = int(plant.world_body().index())
+    parents = parent_joints(plant, source)
     path, body = [], grasped
     while int(body.index()) in parents:
         joint = parents[int(body.index())]
+        if joint.num_velocities() and not moves(joint):
+            raise ValueError(
+                f"{source}: joint '{joint.name()}', which moves link '{grasped.name()}', is a"
+                f" {joint.type_name().split('_')[0]} joint; the grasped link may move on prismatic"
+                " and revolute joints only, so change its type"
+            )
         path.append(joint)
         if int(joint.parent_body().index()) == world:
             break
@@ -226,16 +256,16 @@ class FlatModelWriter:
         self._plant, self._source, self._chain, self._names = plant, source, chain, names
         self._inspector: SceneGraphInspector = scene_graph.model_inspector()
         self._context: Context = plant.CreateDefaultContext()
-        plant.SetPositions(self._context, self._zero_positions())
+        plant.SetPositions(self._context, self._start_positions())
         self._X_WM, self._folder, self._warn = X_WM, folder, warn
         self._textures: dict[str, str] = {}
 
-    def _zero_positions(self) -> Array:
-        """All joints at zero; free bodies where the file puts them."""
+    def _start_positions(self) -> Array:
+        """All joints where they start; free bodies where the file puts them."""
         q = self._plant.GetPositions(self._context)
         for joint in map(self._plant.get_joint, self._plant.GetJointIndices()):
             if moves(joint):
-                q[joint.position_start()] = 0.0
+                q[joint.position_start()] = start_position(joint)
         return np.asarray(q)
 
     def element(self) -> Element:
@@ -256,7 +286,7 @@ class FlatModelWriter:
             if int(joint.child_body().index()) in chosen
             and int(joint.parent_body().index()) in above
         ]
-        leaders = {joint.name(): self._names.joints[int(joint.index())] for joint in joints}
+        leaders = {joint.name(): joint for joint in joints}
         for joint in joints:
             self._add_joint(model, joint, leaders)
         for index, frame_name in self._names.frames.items():
@@ -332,9 +362,9 @@ class FlatModelWriter:
     def _copied(self, texture: str) -> str:
         """Name of a texture's copy relative to the model."""
         if texture not in self._textures:
-            name = f"textures/{len(self._textures)}_{Path(texture).name}"
+            name = f"textures/{len(self._textures)}_{Path(texture).stem}.png"
             (self._folder / "textures").mkdir(exist_ok=True)
-            shutil.copyfile(texture, self._folder / name)
+            write_png(Path(texture), self._folder / name)
             self._textures[texture] = name
         return self._textures[texture]
 
@@ -379,7 +409,7 @@ class FlatModelWriter:
         for key, values in sizes.items():
             SubElement(inner, key).text = _text(values)
 
-    def _add_joint(self, model: Element, joint: Joint, leaders: dict[str, str]) -> None:
+    def _add_joint(self, model: Element, joint: Joint, leaders: dict[str, Joint]) -> None:
         kind = "prismatic" if isinstance(joint, PrismaticJoint) else "revolute"
         is_fixed = not moves(joint)
         name = self._names.joints[int(joint.index())]
@@ -402,10 +432,16 @@ class FlatModelWriter:
         SubElement(axis, "xyz").text = _text(direction)
         limit = SubElement(axis, "limit")
         lower, upper = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
+        start = start_position(joint)
+        if start != 0.0:
+            self._warn(
+                f"joint '{name}': its limits {lower:g} to {upper:g} leave out 0, so it starts at"
+                f" {start:g}, and positions are counted from there"
+            )
         if lower > -_UNLIMITED:
-            SubElement(limit, "lower").text = repr(float(lower))
+            SubElement(limit, "lower").text = repr(float(lower - start))
         if upper < _UNLIMITED:
-            SubElement(limit, "upper").text = repr(float(upper))
+            SubElement(limit, "upper").text = repr(float(upper - start))
         SubElement(limit, "effort").text = "0"  # No motor.
         dynamics = SubElement(axis, "dynamics")
         SubElement(dynamics, "damping").text = repr(float(joint.default_damping_vector()[0]))
@@ -414,8 +450,12 @@ class FlatModelWriter:
         if mimic is not None and mimic.leader not in leaders:
             self._warn(f"joint '{name}' mimics '{mimic.leader}', which there is not; it is free")
         elif mimic is not None:
-            values = {"multiplier": repr(mimic.multiplier), "offset": repr(mimic.offset)}
-            SubElement(element, f"{_DRAKE}mimic", {"joint": leaders[mimic.leader], **values})
+            leader = leaders[mimic.leader]
+            led = self._names.joints[int(leader.index())]
+            # Positions are counted from the start, those of both joints.
+            offset = mimic.offset + mimic.multiplier * start_position(leader) - start
+            values = {"multiplier": repr(mimic.multiplier), "offset": repr(offset)}
+            SubElement(element, f"{_DRAKE}mimic", {"joint": led, **values})
 
     def _add_spring(self, dynamics: Element, joint: Joint) -> None:
         for index in range(self._plant.num_force_elements()):
@@ -427,7 +467,8 @@ class FlatModelWriter:
             else:
                 continue
             if spring.joint().index() == joint.index():
-                SubElement(dynamics, "spring_reference").text = repr(float(rest))
+                rest = float(rest) - start_position(joint)
+                SubElement(dynamics, "spring_reference").text = repr(rest)
                 SubElement(dynamics, "spring_stiffness").text = repr(float(stiffness))
 
     def _add_frame(self, model: Element, frame: Frame, name: str) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from PIL import Image
+from trimesh.resolvers import Resolver
 
 from maths.arrays import Array
 
@@ -36,7 +37,7 @@ class Surface:
     texture: Image.Image | None
 
 
-def read_surfaces(path: Path, scale: Array) -> list[Surface]:
+def read_surfaces(path: Path, scale: Array, files: Resolver) -> list[Surface]:
     """The surfaces in a mesh file, one for each of its materials.
 
     Units that a COLLADA file declares are applied, its up-axis is not (as in ROS); glTF is turned
@@ -44,12 +45,13 @@ def read_surfaces(path: Path, scale: Array) -> list[Surface]:
 
     Args:
         scale: Along x, y and z (3,).
+        files: Gives the materials and pictures that the mesh names.
 
     Raises:
         ValueError: in one line, if the file holds no triangles or cannot be read.
     """
     try:
-        scene = trimesh.load_scene(path)
+        scene = trimesh.load_scene(path, resolver=files)
     except Exception as error:  # Every loader of trimesh raises its own kinds.
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(f"{path}: cannot be read as a mesh: {reason}") from error
@@ -124,6 +126,15 @@ def _without_repeats(uv: Array, image: Image.Image) -> tuple[Array, Image.Image]
     )
     tiled.thumbnail((_LARGEST_IMAGE, _LARGEST_IMAGE))
     return (uv - first) / count, tiled
+
+
+def write_png(image: Path, path: Path) -> None:
+    """Writes the picture in a file, and nothing else that the file may hold."""
+    with Image.open(image) as picture:
+        transparent = picture.mode in ("RGBA", "LA", "PA") or "transparency" in picture.info
+        plain = picture.convert("RGBA" if transparent else "RGB")
+    plain.info.clear()
+    plain.save(path)
 
 
 def write_contact_obj(surface: Surface, path: Path) -> None:

@@ -1,7 +1,6 @@
 """Reads SDF or URDF as found in the wild and repairs what Drake's parser does not take."""
 
 import copy
-import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,11 +21,12 @@ from plants.object_import.meshes import (
     write_contact_obj,
     write_obj,
 )
+from plants.object_import.model_files import MeshFiles, ModelFiles, is_image
+from plants.object_import.scaling import scale_lengths
 
-_PATH_VARIABLES = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH", "GAZEBO_MODEL_PATH",
-                   "GZ_SIM_RESOURCE_PATH")  # fmt: skip
 _MODEL_TYPES = {"robot": "URDF", "sdf": "SDF"}
 _SCENERY = ("sun", "ground_plane")  # Gazebo's own, in most of its worlds.
+_EXPRESSION = re.compile(r"\$\{|\$\((find|arg|env|optenv|eval|dirname)\b")  # Of xacro.
 _IMPORTED = "crossmodal_imported"
 ElementTree.register_namespace("drake", "drake.mit.edu")
 _DRAKE = "{drake.mit.edu}"
@@ -75,7 +75,7 @@ def read_model(path: Path) -> ModelSource:
         raise ValueError(f"{path}: cannot be read as SDF or URDF: {error}") from None
     except ElementTree.ParseError as error:
         raise ValueError(f"{path}: is not valid XML: {error}") from None
-    if "http://www.ros.org/wiki/xacro" in text:
+    if _is_xacro(root):
         raise ValueError(
             f"{path}: is a xacro file; expand it first: xacro {path.name} > model.urdf"
         )
@@ -83,6 +83,16 @@ def read_model(path: Path) -> ModelSource:
         raise ValueError(f"{path}: <{root.tag}> is neither SDF (<sdf>) nor URDF (<robot>)")
     suffix = f".{_MODEL_TYPES[root.tag].lower()}"
     return ModelSource(root=root, suffix=suffix, is_imported=f"<!-- {_IMPORTED} " in text)
+
+
+def _is_xacro(root: Element) -> bool:
+    """Whether something is left for xacro to expand; many files only declare its namespace."""
+    for element in root.iter():
+        if "xacro}" in str(element.tag) or any("xacro}" in key for key in element.attrib):
+            return True
+        if any(_EXPRESSION.search(text or "") for text in (element.text, *element.attrib.values())):
+            return True
+    return False
 
 
 def _decoded(content: bytes) -> str:
@@ -116,10 +126,13 @@ class Repair:
         source: The file.
         folder: Where converted meshes are written.
         warn: Takes one line for each change that a user should know of.
+        scale: Of all lengths in the file.
     """
 
-    def __init__(self, source: Path, folder: Path, warn: Warn) -> None:
+    def __init__(self, source: Path, folder: Path, warn: Warn, scale: float = 1.0) -> None:
+        self._scale = scale
         self._source, self._folder, self._warn = source, folder, warn
+        self._files = ModelFiles(source)
         self._links: dict[str, list[str]] = {}  # By what is said about them.
         self._surfaces: dict[tuple[Path, tuple[float, ...]], list[Surface]] = {}
         self._written: dict[object, list[Path]] = {}
@@ -131,7 +144,9 @@ class Repair:
             ValueError: in one line that names file, element and fix, for what cannot be repaired.
         """
         root = model.root
-        self._expand_includes(root, self._source.parent)
+        self._expand_includes(root, (self._source,))
+        if self._scale != 1.0:
+            scale_lengths(root, self._scale)
         for element in list(root.iter()):
             for name in ("transmission", "plugin", "sensor", "gazebo", "actor", "state", "light"):
                 for child in element.findall(name):
@@ -154,8 +169,13 @@ class Repair:
         """Says something about a link, once for all links of which it is true."""
         self._links.setdefault(what, []).append(link.get("name", ""))
 
-    def _expand_includes(self, element: Element, base: Path) -> None:
-        """Puts included models into the file, and makes the names of all files absolute."""
+    def _expand_includes(self, element: Element, within: tuple[Path, ...]) -> None:
+        """Puts included models into the file, and makes the names of all files absolute.
+
+        Args:
+            within: The files that include each other down to this element, the last its own.
+        """
+        base = within[-1].parent
         for node in element.iter():
             self._make_absolute(node, base)
         for parent in list(element.iter()):
@@ -164,13 +184,18 @@ class Repair:
                 if uri.strip().rpartition("/")[2] in _SCENERY:
                     parent.remove(include)
                     continue
-                parent[list(parent).index(include)] = self._included(include, base)
+                parent[list(parent).index(include)] = self._included(include, within)
 
-    def _included(self, include: Element, base: Path) -> Element:
+    def _included(self, include: Element, within: tuple[Path, ...]) -> Element:
         uri = (include.findtext("uri") or "").strip()
-        path = self._find(uri, base, "<include><uri>")
+        path = self._files.find(uri, within[-1].parent, "<include><uri>")
         if path.is_dir():
             path = path / "model.sdf"
+        if path.resolve() in [file.resolve() for file in within]:
+            raise ValueError(
+                f"{self._source}: <include><uri> '{uri}' in {within[-1].name} includes a file that"
+                " includes it again; remove one of the two"
+            )
         if include.get("merge") == "true":
             raise ValueError(
                 f"{self._source}: <include merge='true'> of '{uri}' is not supported;"
@@ -181,7 +206,7 @@ class Repair:
         if model is None:
             raise ValueError(f"{path}: holds no <model> to include")
         model = copy.deepcopy(model)
-        self._expand_includes(model, path.parent)
+        self._expand_includes(model, (*within, path))
         model.set("name", (include.findtext("name") or model.get("name") or "").strip())
         for key in ("pose", "static"):
             replacement = include.find(key)
@@ -196,62 +221,45 @@ class Repair:
 
     def _make_absolute(self, node: Element, base: Path) -> None:
         if node.tag == "mesh" and node.get("filename") is not None:  # URDF
-            node.set("filename", str(self._find(node.get("filename", ""), base, "<mesh>")))
-        elif node.tag == "texture" and node.get("filename") is not None:
-            node.set("filename", str(self._find(node.get("filename", ""), base, "<texture>")))
+            node.set("filename", str(self._files.find(node.get("filename", ""), base, "<mesh>")))
         elif node.tag == "mesh" and node.find("uri") is not None:  # SDF
             uri = node.find("uri")
             assert uri is not None
-            uri.text = str(self._find((uri.text or "").strip(), base, "<mesh><uri>"))
+            uri.text = str(self._files.find((uri.text or "").strip(), base, "<mesh><uri>"))
         elif node.tag == "material":
             self._find_texture(node, base)
 
     def _find_texture(self, material: Element, base: Path) -> None:
+        """Leaves a material the texture that is an image of the model's, or none."""
+        for given in material.findall("texture"):  # URDF
+            if given.get("filename") is not None:
+                path = self._image(given.get("filename", ""), base, "<texture>")
+                given.set("filename", str(path))
+                if path is None:
+                    material.remove(given)
+                    if material.find("color") is None:
+                        ElementTree.SubElement(material, "color", {"rgba": "0.6 0.6 0.6 1"})
         maps = [material.find(f"{_DRAKE}diffuse_map"), material.find("./pbr/metal/albedo_map")]
+        for old in material.findall(f"{_DRAKE}diffuse_map") + material.findall("pbr"):
+            material.remove(old)
         for texture in maps:
             if texture is not None and texture.text:
-                path = str(self._find(texture.text.strip(), base, "<material>"))
-                for old in material.findall(f"{_DRAKE}diffuse_map"):
-                    material.remove(old)
-                ElementTree.SubElement(material, f"{_DRAKE}diffuse_map").text = path
+                path = self._image(texture.text.strip(), base, "<material>")
+                if path is not None:
+                    ElementTree.SubElement(material, f"{_DRAKE}diffuse_map").text = str(path)
                 return
 
-    def _find(self, uri: str, base: Path, element: str) -> Path:
-        """The file that a URI names.
-
-        `package://` and `model://` names are looked for in the folders around the file, then in
-        the folders of the usual environment variables.
-        """
-        scheme, separator, rest = uri.partition("://")
-        if not separator:
-            candidates = [base / uri]
-        elif scheme == "file":
-            candidates = [Path(rest), base / rest]
-        elif scheme in ("package", "model"):
-            candidates = self._in_packages(rest, base)
-        else:
-            raise ValueError(
-                f"{self._source}: {element} '{uri}': {scheme}:// is not supported; save the file"
-                " beside the model and name it relatively"
-            )
-        for candidate in candidates:
-            if candidate.exists():
-                return candidate.resolve()
-        hint = "; put the package beside the model or into ROS_PACKAGE_PATH" if separator else ""
-        raise ValueError(f"{self._source}: {element} '{uri}': there is no such file{hint}")
-
-    def _in_packages(self, rest: str, base: Path) -> list[Path]:
-        package, _, inside = rest.partition("/")
-        ancestors = [base.resolve(), *base.resolve().parents]
-        around = [folder / package / inside for folder in ancestors]
-        for variable in _PATH_VARIABLES:
-            for folder in filter(None, os.environ.get(variable, "").split(os.pathsep)):
-                around += [Path(folder) / package / inside]
-                around += [Path(folder) / "share" / package / inside]
-                if Path(folder).name == package:
-                    around.append(Path(folder) / inside)
-        # A package whose folder has another name, such as a download's.
-        return around + [folder / inside for folder in ancestors[:4]]
+    def _image(self, uri: str, base: Path, element: str) -> Path | None:
+        """The image that a URI names; None, and a word about it, where there is none to be had."""
+        try:
+            path = self._files.find(uri, base, element)
+        except ValueError as error:
+            self._warn(f"{str(error).removeprefix(f'{self._source}: ')}; left out")
+            return None
+        if not is_image(path):
+            self._warn(f"{element} '{uri}': is not an image; left out")
+            return None
+        return path
 
     def _repair_geometry(self, link: Element) -> None:
         for kind in ("visual", "collision"):
@@ -311,7 +319,9 @@ class Repair:
             if mesh is not None:
                 path, scale = self._mesh_key(mesh)
                 if (path, scale) not in self._surfaces:
-                    self._surfaces[path, scale] = read_surfaces(path, np.array(scale))
+                    self._surfaces[path, scale] = read_surfaces(
+                        path, np.array(scale), MeshFiles(self._files, path.parent)
+                    )
         sizes = {key: extent(surfaces) for key, surfaces in self._surfaces.items()}
         for scale in {scale for (_, scale), size in sizes.items() if size > LARGEST}:
             alike = {path: size for (path, other), size in sizes.items() if other == scale}

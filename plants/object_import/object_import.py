@@ -21,6 +21,7 @@ from plants.object_import.flat_model import (
     FlatNames,
     find_chain,
     flat_names,
+    parent_joints,
 )
 from plants.object_import.meshes import Warn
 from plants.object_import.model_source import ModelSource, Repair, read_model
@@ -46,7 +47,7 @@ class ImportedObject:
 
 
 def import_object(
-    source: Path, folder: Path, *, grasp_frame: str, joint: str = ""
+    source: Path, folder: Path, *, grasp_frame: str, joint: str = "", scale: float = 1.0
 ) -> ImportedObject:
     """Writes a self-contained copy of a model that the simulation takes.
 
@@ -62,10 +63,14 @@ def import_object(
         grasp_frame: A frame or link of the model, x out of the object, y along the bar; or
             `NAME@x,y,z,roll,pitch,yaw`, a pose in it, [m] and [rad].
         joint: The joint to explore; by default the nearest moving one above the grasped link.
+        scale: Of all lengths in the file, so 0.001 for one in millimetres. `grasp_frame` is in
+            metres.
 
     Raises:
         ValueError: in one line that says what to change, for what cannot be converted.
     """
+    if not 0 < scale < np.inf:
+        raise ValueError(f"{source}: a scale of {scale:g}, but it must be > 0")
     warnings: list[str] = []
     model = read_model(source)
 
@@ -75,14 +80,19 @@ def import_object(
 
     folder.mkdir(parents=True, exist_ok=True)
     wanted, at, pose = grasp_frame.partition("@")
-    as_it_is = model.is_imported and not at
+    as_it_is = model.is_imported and not at and scale == 1.0
     if not as_it_is:
-        Repair(source, folder.resolve() / "meshes", warn).run(model)
-    plant, scene_graph = _parse(model, source, folder.resolve())
+        Repair(source, folder.resolve() / "meshes", warn, scale).run(model)
+    plant, scene_graph = parse(model, source, folder.resolve(), as_it_is)
     frame = _find_frame(plant, flat_names(plant), wanted, source)
     if at:
         frame = plant.AddFrame(FixedOffsetFrame("grasp", frame, _offset(pose, grasp_frame)))
-    plant.Finalize()
+    parent_joints(plant, source)
+    try:
+        plant.Finalize()
+    except RuntimeError as error:
+        reason = " ".join(str(error).split())
+        raise ValueError(f"{source}: cannot be simulated: {reason}") from None
     names = flat_names(plant)
     chain = find_chain(plant, frame.body(), source, warn)
     explored = _find_joint(plant, names, chain, joint, grasp_frame, source, warn)
@@ -110,7 +120,9 @@ def import_object(
     return imported
 
 
-def _parse(model: ModelSource, source: Path, folder: Path) -> tuple[MultibodyPlant, SceneGraph]:
+def parse(
+    model: ModelSource, source: Path, folder: Path, as_it_is: bool
+) -> tuple[MultibodyPlant, SceneGraph]:
     """The model alone in a plant."""
     # Couplings of joints need the SAP solver and a discrete plant.
     config = MultibodyPlantConfig(time_step=0.001, discrete_contact_approximation="sap")
@@ -120,7 +132,7 @@ def _parse(model: ModelSource, source: Path, folder: Path) -> tuple[MultibodyPla
     try:
         parser = Parser(plant)
         parser.SetAutoRenaming(True)
-        parser.AddModels(str(source if model.is_imported else repaired))
+        parser.AddModels(str(source if as_it_is else repaired))
     except (RuntimeError, ValueError) as error:
         reason = " ".join(str(error).replace(str(repaired), source.name).split())
         raise ValueError(f"{source}: cannot be parsed: {reason}") from None
@@ -199,11 +211,6 @@ def _check_limits(joint: Joint, source: Path) -> None:
         raise ValueError(
             f"{source}: joint '{joint.name()}': its limits {lower:g} to {upper:g} leave no travel;"
             " change its <limit>"
-        )
-    if not lower <= 0 <= upper:
-        raise ValueError(
-            f"{source}: joint '{joint.name()}': its limits {lower:g} to {upper:g} leave out 0,"
-            " where it starts; shift its <limit> and origin"
         )
 
 

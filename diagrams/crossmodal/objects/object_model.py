@@ -45,15 +45,7 @@ class ObjectModel:
 
 def read_object_model(model: Path, *, joint: str, frame: str, source: str) -> ObjectModel:
     """Raises a ScenarioError unless the model can be read and has the joint and the frame."""
-    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
-    parser = make_parser(plant)
-    try:
-        instances = parser.AddModels(str(model))
-    except (RuntimeError, ValueError) as error:
-        raise ScenarioError(f"{source}.model: cannot be read: {one_line(error)}") from None
-    if len(instances) != 1:
-        raise ScenarioError(f"{source}.model = '{model}' holds {len(instances)} models, need one")
-    instance = instances[0]
+    plant, scene_graph, instance = parse_alone(model, source)
     joints = _names(plant.GetJointIndices, plant.get_joint, instance)
     if joint not in joints:
         raise ScenarioError(
@@ -71,6 +63,19 @@ def read_object_model(model: Path, *, joint: str, frame: str, source: str) -> Ob
             f"{source}.joint: '{joint}' is a {kind} joint; allowed: prismatic, revolute"
         )
     return _facts(plant, scene_graph, instance, joint, frame)
+
+
+def parse_alone(model: Path, source: str) -> tuple[MultibodyPlant, SceneGraph, ModelInstanceIndex]:
+    """A model in a plant of its own, which is not finalized yet."""
+    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
+    parser = make_parser(plant)
+    try:
+        instances = parser.AddModels(str(model))
+    except (RuntimeError, ValueError) as error:
+        raise ScenarioError(f"{source}.model: cannot be read: {one_line(error)}") from None
+    if len(instances) != 1:
+        raise ScenarioError(f"{source}.model = '{model}' holds {len(instances)} models, need one")
+    return plant, scene_graph, instances[0]
 
 
 def _facts(

@@ -137,10 +137,13 @@ def make_manipulation_station(
         scenario=scenario,
     )
     _add_object_mechanics(wiring, joint)
-    X_WHandle = plant.GetFrameByName(thing.handle_frame, scene.objects[name]).CalcPoseInWorld(
-        plant.CreateDefaultContext()
+    X_WHandle, X_WO = (
+        plant.GetFrameByName(frame, scene.objects[name]).CalcPoseInWorld(
+            plant.CreateDefaultContext()
+        )
+        for frame in (thing.handle_frame, "__model__")
     )
-    q_grasp, q_start = taught_postures(wiring, X_WHandle)
+    q_grasp, q_start = taught_postures(wiring, X_WHandle, X_WHandle.inverse() @ X_WO)
     encoders = add_proprioception(wiring, q_grasp)
     # A person guided the hand along the approach, so the arm knows it as its encoders read it.
     still = np.zeros(len(q_grasp))

@@ -1,7 +1,9 @@
 """The controllers of a station and their wires."""
 
+from collections.abc import Iterator
+
 import numpy as np
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder, System
 from pydrake.systems.primitives import ZeroOrderHold
 
@@ -26,24 +28,59 @@ from systems.sensors.joint_encoders import JointEncoders
 # What commands the arm, each in place of those before it.
 MOTION_SOURCES = ("sequence", "exploration", "return")
 # What control is told of the perceived joint; see `HeldJoint`.
+_IN_REACH = np.array([0.79, -0.25, 0.86])  # The drawer's handle, [m].
 PERCEIVED_INPUTS = ("joint_latest", "end_effector_screw_latest", "grasp_failure_latest")
 
 
-def taught_postures(wiring: StationWiring, X_WHandle: RigidTransform) -> tuple[Array, Array]:
-    """True arm postures (n,) at the grasp that a person guided the hand to, and before it."""
+def taught_postures(
+    wiring: StationWiring, X_WHandle: RigidTransform, X_HandleO: RigidTransform
+) -> tuple[Array, Array]:
+    """True arm postures (n,) at the grasp that a person guided the hand to, and before it.
+
+    Args:
+        wiring: Of the station.
+        X_WHandle: Pose of the handle.
+        X_HandleO: Pose of the object's model in it, to say where the object would be in reach.
+
+    Raises:
+        ValueError: in one line, for a handle that the arm does not reach.
+    """
     control = wiring.scenario.control
     rng = np.random.default_rng((wiring.scenario.seed, 1))
     rotation = se3.so3_exp(rng.normal(0.0, control.guidance_rotation, 3))
     X_guided = RigidTransform(
         RotationMatrix(rotation), rng.normal(0.0, control.guidance_translation, 3)
     )
-    X_WE = facing(X_WHandle) @ X_guided
     back = RigidTransform([0.0, 0.0, -control.sequence.approach_distance])
-    try:
+
+    def postures(X_WH: RigidTransform) -> tuple[Array, Array]:
+        X_WE = facing(X_WH) @ X_guided
         q_grasp = inverse_kinematics(wiring.true_arm, X_WE, control.posture)
         return q_grasp, inverse_kinematics(wiring.true_arm, X_WE @ back, q_grasp)
+
+    try:
+        return postures(X_WHandle)
     except ValueError as error:
-        raise ValueError(f"{error}; place the object elsewhere (objects.NAME.position)") from None
+        reason = f"{error}; place the object elsewhere"
+    for X_WO in _nearer_poses(X_WHandle, X_HandleO):
+        try:
+            postures(X_WO @ X_HandleO.inverse())
+        except ValueError:
+            continue
+        given = [*X_WO.translation(), *RollPitchYaw(X_WO.rotation()).vector()]
+        listed = ",".join(f"{round(value, 2) + 0.0:g}" for value in given)
+        raise ValueError(f"{reason}: its frame at --object-pose {listed} (objects.NAME.position)")
+    raise ValueError(f"{reason} (objects.NAME.position)")
+
+
+def _nearer_poses(X_WHandle: RigidTransform, X_HandleO: RigidTransform) -> Iterator[RigidTransform]:
+    """Poses X_WO from the object's own to one whose handle the arm reaches easily, rounded."""
+    for R_WH in (X_WHandle.rotation(), RotationMatrix.MakeZRotation(np.pi)):
+        for share in (0.2, 0.4, 0.6, 0.8, 1.0):
+            p_WH = X_WHandle.translation() + share * (_IN_REACH - X_WHandle.translation())
+            X_WO = RigidTransform(R_WH, p_WH) @ X_HandleO
+            angles = RollPitchYaw(X_WO.rotation()).vector().round(2)
+            yield RigidTransform(RollPitchYaw(angles), X_WO.translation().round(2))
 
 
 def add_control(

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +16,15 @@ from diagrams.applications import load_scenario
 from diagrams.crossmodal.application import APPLICATION
 from diagrams.crossmodal.objects.object_import import ObjectWarning, check_pull
 from diagrams.crossmodal.objects.object_model import read_object_model
-from diagrams.crossmodal.own_object import OwnObject, own_object_assignments
+from diagrams.crossmodal.own_object import OwnObject, keep_files, own_object_assignments
 from diagrams.crossmodal.scenario import Scenario, object_model_file
 from diagrams.crossmodal.station.overlaps import overlaps
-from diagrams.crossmodal.station.station import ManipulationStation, make_manipulation_station
+from diagrams.crossmodal.station.settling import settling
+from diagrams.crossmodal.station.station import (
+    ManipulationStation,
+    draw_placements,
+    make_manipulation_station,
+)
 from diagrams.run.episode import StationWarning, build_station
 from diagrams.run.run_folder import scenario_hash, write_run, write_scenario
 from diagrams.run.yaml_schema import ScenarioError
@@ -40,9 +46,10 @@ def drawer(*given: str) -> Scenario:
     return load_scenario("drawer", given)[1]
 
 
-def loaded(*given: str, **own: str) -> Scenario:
+def loaded(*given: str, **own: object) -> Scenario:
     values: dict = {"model": EXAMPLE, "grasp_frame": "left_handle"} | own
-    return drawer(*own_object_assignments(drawer(*given), "drawer", OwnObject(**values)), *given)
+    made = own_object_assignments(drawer(*given), "drawer", OwnObject(**values), given)
+    return drawer(*made, *given)
 
 
 def station(scenario: Scenario) -> ManipulationStation:
@@ -94,6 +101,18 @@ def test_a_free_object_stands_on_the_table(tmp_path: Path) -> None:
         assert plant.GetBodyByName("case").is_floating_base_body()
 
 
+def test_without_a_table_an_object_stands_on_the_floor(tmp_path: Path) -> None:
+    floor = "plant.scene=floor_scene.dmd.yaml"
+    tall = DOOR.replace("0.02 0.4 0.4", "0.02 0.4 1.5").replace("-0.5 0.1", "-0.5 0.13")
+    (tmp_path / "door.urdf").write_text(tall)
+    own: dict = {"model": tmp_path / "door.urdf", "grasp_frame": "knob"}
+    assert_allclose(handle_pose(loaded(floor, **own))[2, 3], 0.882 + 0.02, atol=1e-9)
+    assert handle_pose(loaded(**own))[2, 3] > 1.5
+    free = loaded(floor, "objects.drawer.free=true", **own)
+    assert_allclose(free.object.position[2] - 0.75, 0.002, atol=1e-9)
+    assert overlaps(station(loaded(floor, pose="0.9,-0.25,0.86,0,0,3.14"))) == []
+
+
 def test_friction_is_that_at_the_hand_and_the_opening_within_the_limits(tmp_path: Path) -> None:
     (tmp_path / "door.urdf").write_text(DOOR)
     scenario = loaded(model=tmp_path / "door.urdf", grasp_frame="knob")
@@ -108,6 +127,79 @@ def test_an_asked_pose_is_that_of_the_models_frame_in_radians() -> None:
     angles = scenario.object.pose().rotation().ToRollPitchYaw().vector()
     assert_allclose(angles, [0.1, 0.2, 3])
     assert scenario.object.pull_direction.tolist() == [0, 1, 0]
+
+
+def test_an_asked_pose_is_the_same_with_every_seed() -> None:
+    poses = [
+        draw_placements(loaded(f"seed={seed}", pose="0.9,0.1,0.8,0.1,0.2,3"))["drawer"].X_WO
+        for seed in (1, 2)
+    ]
+    assert_allclose(poses[0].translation(), [0.9, 0.1, 0.8])
+    assert poses[0].IsExactlyEqualTo(poses[1])
+
+
+WIDE = DOOR.replace("lower='-0.1'", "lower='-3'")
+
+
+def test_a_way_asked_for_is_that_of_the_handle_where_the_object_turns(tmp_path: Path) -> None:
+    (tmp_path / "door.urdf").write_text(WIDE)
+    own: dict = {"model": tmp_path / "door.urdf", "grasp_frame": "knob"}
+    with pytest.warns(ObjectWarning, match=r"'hinge' is revolute, so task.opening = 0.2 m of the"
+                                           r" handle is 0.398 rad"):  # fmt: skip
+        task = loaded(**own).task
+    assert_allclose(task.opening, 0.2 / np.hypot(0.05, 0.5))
+    with pytest.warns(ObjectWarning, match=r"task.goal = 0.3 is in rad"):
+        task = loaded("task.goal=0.3", **own).task
+    assert task.goal == 0.3
+    assert_allclose(task.tolerance, 0.05 / np.hypot(0.05, 0.5))
+
+
+def test_an_angle_asked_for_is_the_way_of_the_handle_where_the_object_slides() -> None:
+    _, door = load_scenario("glass-door")
+    values = own_object_assignments(
+        door, "glass-door", OwnObject(model=EXAMPLE, grasp_frame="left_handle")
+    )
+    task = load_scenario("glass-door", values)[1].task
+    lever = np.hypot(0.35, 0.07)
+    assert_allclose([task.goal, task.tolerance], [0.349 * lever, 0.1 * lever], rtol=0.03)
+
+
+def test_a_task_in_the_same_unit_stays(tmp_path: Path) -> None:
+    assert loaded().task.opening == 0.2
+    (tmp_path / "door.urdf").write_text(WIDE)
+    own = OwnObject(model=tmp_path / "door.urdf", grasp_frame="knob")
+    _, door = load_scenario("glass-door")
+    task = load_scenario("glass-door", own_object_assignments(door, "glass-door", own))[1].task
+    assert (task.goal, task.tolerance) == (0.349, 0.1)
+
+
+def test_an_object_starts_as_far_ajar_as_the_scenarios_own(tmp_path: Path) -> None:
+    (tmp_path / "door.urdf").write_text(WIDE)
+    for scenario, ajar in (("glass-door", -0.175), ("drawer-return", -0.05 / np.hypot(0.05, 0.5))):
+        _, base = load_scenario(scenario)
+        own = OwnObject(model=tmp_path / "door.urdf", grasp_frame="knob")
+        values = own_object_assignments(base, scenario, own)
+        assert_allclose(load_scenario(scenario, values)[1].object.ajar, ajar)
+
+
+def test_a_model_in_millimetres_is_scaled_to_the_same_one_in_metres(tmp_path: Path) -> None:
+    (tmp_path / "metres.urdf").write_text(WIDE)
+    text = WIDE.replace("0.02 0.4 0.4", "20 400 400").replace("0 0.2 0", "0 200 0")
+    (tmp_path / "millimetres.urdf").write_text(text.replace("0.05 -0.5 0.1", "50 -500 100"))
+    poses, positions = [], []
+    for name, scale in (("metres", 1.0), ("millimetres", 0.001)):
+        scenario = loaded(model=tmp_path / f"{name}.urdf", grasp_frame="knob", scale=scale)
+        assert scenario.object.scale == 1.0
+        poses.append(handle_pose(scenario))
+        positions.append(scenario.object.position)
+    assert_allclose(poses[0], poses[1], atol=1e-9)
+    assert_allclose(positions[0], positions[1], atol=1e-9)
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, np.nan, np.inf])
+def test_an_impossible_scale_is_refused_in_one_line(scale: float) -> None:
+    with pytest.raises(ScenarioError, match="must be > 0"):
+        loaded(scale=scale)
 
 
 def test_a_scenario_file_says_the_same(tmp_path: Path) -> None:
@@ -175,6 +267,20 @@ def test_the_users_own_models_beside_a_runs_stay(tmp_path: Path) -> None:
         record.scenario = scenario
         write_run(tmp_path, APPLICATION, record, APPLICATION.evaluate(record))
     assert [path.name for path in mine.parent.iterdir()] == ["mine.sdf"]
+
+
+def test_of_a_model_that_calls_itself_imported_only_its_parts_are_kept(tmp_path: Path) -> None:
+    scenario = loaded()
+    made = object_model_file(scenario.object)
+    for name in ("textures/key.txt", "secret.pdf", "meshes/a.png"):
+        (tmp_path / "downloads" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "downloads" / name).write_text("private")
+    (tmp_path / "downloads" / "textures" / "b.png").symlink_to(tmp_path / "downloads/secret.pdf")
+    model = tmp_path / "downloads" / "m.sdf"
+    model.write_text(made.read_text())
+    thing = replace(scenario.object, model=str(model))
+    _, files = keep_files(replace(scenario, objects={"object": thing}))
+    assert set(files) == {"model/object.sdf", "model/meshes/a.png"}
 
 
 def test_of_several_objects_each_is_kept_in_a_folder_of_its_own(tmp_path: Path) -> None:
@@ -267,5 +373,34 @@ def test_an_object_in_the_way_of_the_hand_is_said_to_be(tmp_path: Path) -> None:
 
 
 def test_a_handle_out_of_reach_is_refused_in_one_line() -> None:
-    with pytest.raises(ScenarioError, match=r"does not reach .* place the object elsewhere"):
-        build_station(APPLICATION, loaded(pose="3,0,0.9,0,0,0"))
+    for pose in ("3,0,0.9,0,0,0", "1.2,-0.3,0.9,0,0,3.14"):
+        with pytest.raises(
+            ScenarioError, match=r"does not reach .* place the object elsewhere"
+        ) as caught:
+            build_station(APPLICATION, loaded(pose=pose))
+        better = str(caught.value).partition("--object-pose ")[2].partition(" ")[0]
+        assert station(loaded(pose=better)) is not None
+
+
+def test_a_handle_that_falls_before_the_hand_closes_is_warned_of(tmp_path: Path) -> None:
+    path = tmp_path / "flap.urdf"
+    for mass, count in ((20.0, 1), (0.3, 0)):
+        path.write_text(
+            "<robot name='m'><link name='case'/><link name='flap'><inertial><origin xyz='.1 0 0'/>"
+            f"<mass value='{mass}'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0'"
+            " iyz='0'/>"
+            "</inertial><visual><origin xyz='.2 0 0' rpy='1.5708 0 0'/><geometry><cylinder"
+            " radius='.009' length='.17'/></geometry></visual></link><joint name='hinge'"
+            " type='revolute'><parent link='case'/><child link='flap'/><axis xyz='0 1 0'/><limit"
+            " lower='-1.5' upper='1.5' effort='0' velocity='1'/></joint></robot>"
+        )
+        scenario = loaded(model=path, grasp_frame="flap@0.2,0,0,0,0,0", pull_direction="0,0,1")
+        lines = settling(scenario, draw_placements(scenario), np.zeros(7))
+        assert len(lines) == count
+    assert settling(drawer(), draw_placements(drawer()), drawer().control.posture) == []
+
+
+def test_what_is_wrong_with_a_grasp_is_said_when_the_object_is_read(tmp_path: Path) -> None:
+    (tmp_path / "door.urdf").write_text(DOOR)
+    with pytest.warns(ObjectWarning, match=r"the grasp frame 'knob' is in thin air"):
+        loaded(model=tmp_path / "door.urdf", grasp_frame="knob")

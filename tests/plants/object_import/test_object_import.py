@@ -262,7 +262,6 @@ def test_packages_are_found_by_their_environment_variable(
     ("body", "expected"),
     [
         (slider("<link name='b'/>", "<limit lower='0' upper='0'/>"), "leave no travel"),
-        (slider("<link name='b'/>", "<limit lower='1' upper='2'/>"), "leave out 0"),
         (slider("<link name='b'/>").replace("prismatic", "fixed"), "no prismatic or revolute"),
         (slider("<link name='c'/>"), "cannot be parsed"),
         (slider("<link name='b'><visual><geometry><mesh filename='http://x/m.stl'/></geometry>"
@@ -285,12 +284,103 @@ def test_files_of_other_kinds_are_refused_in_one_line(tmp_path: Path) -> None:
     for text, expected in (
         ("<mujoco/>", "neither SDF"),
         ("<robot>", "not valid XML"),
-        ("<robot xmlns:xacro='http://www.ros.org/wiki/xacro'/>", "expand it first"),
-    ):
+        ("<robot xmlns:xacro='http://www.ros.org/wiki/xacro'><xacro:include filename='a'/></robot>",
+         "expand it first"),
+        ("<robot><link name='${prefix}a'/></robot>", "expand it first"),
+    ):  # fmt: skip
         path = tmp_path / "model.xml"
         path.write_text(text)
         assert expected in refusal(path, tmp_path)
     assert "no such file" in refusal(tmp_path / "none.sdf", tmp_path)
+
+
+def test_a_file_that_only_declares_xacros_namespace_is_no_xacro_file(tmp_path: Path) -> None:
+    path = urdf(tmp_path, "<!-- made by xacro -->" + slider("<link name='b'/>"))
+    declared = "<robot xmlns:xacro='http://www.ros.org/wiki/xacro' "
+    path.write_text(path.read_text().replace("<robot ", declared))
+    assert import_object(path, tmp_path / "out", grasp_frame="b").joint == "j"
+
+
+@pytest.mark.parametrize(
+    ("limits", "spring", "expected"),
+    [((0.1, 0.5), 0.3, (0.0, 0.4)), ((-0.5, -0.1), 0.0, (-0.4, 0.0)), ((-0.1, 0.5), 0.0, None)],
+)
+def test_a_joint_whose_limits_leave_out_0_starts_at_the_nearest_one(
+    limits: tuple, spring: float, expected: tuple | None, tmp_path: Path
+) -> None:
+    path = urdf(tmp_path, slider(f"<link name='b'><visual>{BOX}</visual></link>",
+                                 f"<limit lower='{limits[0]}' upper='{limits[1]}'/>"))  # fmt: skip
+    imported = import_object(path, tmp_path / "out", grasp_frame="b")
+    plant = read(imported)
+    joint = plant.GetJointByName("j")
+    start = float(np.clip(0.0, *limits))
+    given = (joint.position_lower_limits()[0], joint.position_upper_limits()[0])
+    assert_allclose(given, expected or limits)
+    pose = plant.GetBodyByName("b").EvalPoseInWorld(plant.CreateDefaultContext())
+    assert_allclose(pose.translation(), [start, 0, 0], atol=1e-12)
+    assert any(f"so it starts at {start:g}" in line for line in imported.warnings) is (start != 0)
+
+
+def test_a_joint_that_follows_one_that_starts_elsewhere_keeps_its_relation(tmp_path: Path) -> None:
+    follower = (
+        "<link name='c'/><joint name='k' type='prismatic'><parent link='a'/><child link='c'/><axis"
+        " xyz='0 1 0'/><limit lower='-2' upper='2'/><mimic joint='j' multiplier='3' offset='0.5'/>"
+        "</joint>"
+    )
+    path = urdf(tmp_path, slider("<link name='b'/>", "<limit lower='0.2' upper='1'/>") + follower)
+    text = import_object(path, tmp_path / "out", grasp_frame="b").model.read_text()
+    offset = float(text.partition('multiplier="3.0" offset="')[2].partition('"')[0])
+    assert_allclose(offset, 0.5 + 3 * 0.2)
+
+
+@pytest.mark.parametrize("kind", ["ball", "screw", "universal"])
+def test_a_joint_of_another_kind_below_the_hand_is_refused_by_its_kind(
+    kind: str, tmp_path: Path
+) -> None:
+    pitch = "<screw_thread_pitch>0.1</screw_thread_pitch>" if kind == "screw" else ""
+    axis = "" if kind == "ball" else "<axis><xyz>1 0 0</xyz></axis>"
+    axis += "<axis2><xyz>0 1 0</xyz></axis2>" if kind == "universal" else ""
+    path = tmp_path / "model.sdf"
+    path.write_text(
+        "<sdf version='1.9'><model name='m'><link name='a'/><link name='b'/><joint name='j'"
+        f" type='{kind}'><parent>a</parent><child>b</child>{axis}{pitch}</joint></model></sdf>"
+    )
+    assert f"joint 'j', which moves link 'b', is a {kind} joint" in refusal(path, tmp_path)
+
+
+def test_a_model_that_includes_itself_is_refused_in_one_line(tmp_path: Path) -> None:
+    for name, other in (("one", "two"), ("two", "one")):
+        (tmp_path / f"{name}.sdf").write_text(
+            f"<sdf version='1.9'><model name='{name}'><link name='b'/><include><uri>{other}.sdf"
+            "</uri></include></model></sdf>"
+        )
+    assert "two.sdf includes a file that includes it again" in refusal(
+        tmp_path / "one.sdf", tmp_path
+    )
+
+
+@pytest.mark.parametrize("suffix", ["urdf", "sdf"])
+def test_joints_in_a_closed_loop_are_refused_in_one_line(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"model.{suffix}"
+    links = "".join(f"<link name='{name}'/>" for name in "abcw")
+    joints = [("j", "a", "b"), ("k", "b", "c"), ("l", "c", "a")]
+    if suffix == "urdf":
+        body = "".join(
+            f"<joint name='{name}' type='continuous'><parent link='{parent}'/><child link='{child}'"
+            "/><axis xyz='0 0 1'/></joint>"
+            for name, parent, child in joints
+        )
+        path.write_text(f"<robot name='m'>{links}{body}</robot>")
+    else:
+        body = "".join(
+            f"<joint name='{name}' type='revolute'><parent>{parent}</parent><child>{child}</child>"
+            "<axis><xyz>0 0 1</xyz></axis></joint>"
+            for name, parent, child in joints
+        )
+        path.write_text(f"<sdf version='1.9'><model name='m'>{links}{body}</model></sdf>")
+    message = refusal(path, tmp_path)
+    assert "form a closed loop; remove one of them" in message
+    assert all(name in message for name in "jkl")
 
 
 def test_included_models_are_written_into_the_copy(tmp_path: Path) -> None:

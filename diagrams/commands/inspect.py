@@ -1,0 +1,59 @@
+"""`crossmodal inspect`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from diagrams.commands.endings import one_line_errors
+
+EXAMPLES = "Example:  crossmodal inspect models/examples/two_drawers.urdf"
+
+
+def inspect_command(
+    model: Annotated[Path, typer.Argument(help="An SDF or URDF file.")],
+    grasp_frame: Annotated[
+        str, typer.Option(help="Its frame or link to grasp. [default: its first likely handle]")
+    ] = "",
+    joint: Annotated[
+        str, typer.Option(help="Its joint to explore. [default: the nearest to the grasp]")
+    ] = "",
+    pull_direction: Annotated[
+        str, typer.Option(metavar="X,Y,Z", help="In the grasped frame. [default: as it opens]")
+    ] = "",
+    object_pose: Annotated[
+        str, typer.Option(metavar="X,Y,Z,ROLL,PITCH,YAW", help="Of its model frame, [m], [rad].")
+    ] = "",
+    scale: Annotated[
+        float, typer.Option(help="Of its lengths; 0.001 for a model in millimetres.")
+    ] = 1.0,
+    scenario: Annotated[str, typer.Option(help="In which it would stand.")] = "drawer",
+    out: Annotated[Path | None, typer.Option(help="The picture. [default: MODEL.png]")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the picture.")] = False,
+) -> None:
+    """Show what is in a model, where it would stand, and how to run it."""
+    with one_line_errors():
+        from diagrams.applications import load_scenario
+        from diagrams.crossmodal.inspection.inspection import inspected
+        from diagrams.crossmodal.own_object import OwnObject
+        from diagrams.run.run_folder import write_atomically
+        from diagrams.run.yaml_schema import ScenarioError
+
+        path = out or Path(f"{model.stem}.png")
+        if path.exists() and not force:
+            raise ScenarioError(f"{path}: exists already; replace it with --force, or name --out")
+        own = OwnObject(
+            model=model,
+            grasp_frame=grasp_frame,
+            joint=joint,
+            pull_direction=pull_direction,
+            pose=object_pose,
+            scale=scale,
+        )
+        lines, figure = inspected(own, scenario, lambda given: load_scenario(scenario, given)[1])
+        if figure is not None:
+            from diagrams.drawing.plot_style import save
+
+            drawn = figure
+            lines += ["Picture", f"  {write_atomically(path, lambda file: save(drawn, file))}"]
+        typer.echo("\n".join(lines))

@@ -1,0 +1,84 @@
+"""What `crossmodal inspect` shows of a model: a report, a picture, a command line."""
+
+import warnings
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from diagrams.crossmodal.inspection.report import likely_handles, report, run_command
+from diagrams.crossmodal.objects.object_import import (
+    WIDEST_PULL,
+    imported,
+    in_words,
+    pull_error,
+)
+from diagrams.crossmodal.objects.object_model import read_object_model
+from diagrams.crossmodal.own_object import OwnObject, own_object_assignments
+from diagrams.crossmodal.scenario import Scenario
+from diagrams.run.yaml_schema import ScenarioError
+from plants.object_import.inspection import inspect_model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def inspected(
+    own: OwnObject, scenario: str, load: Callable[[Sequence[str]], object]
+) -> "tuple[list[str], Figure | None]":
+    """The lines to print, and the picture; None where there is nothing to grasp.
+
+    Args:
+        own: The model; without a grasped frame its first likely handle is taken.
+        scenario: Name of that in which its object takes the place of the scenario's.
+        load: Loads it with assignments.
+
+    Raises:
+        ScenarioError: for what cannot be read.
+    """
+    try:
+        found = inspect_model(own.model, scale=own.scale)
+    except ValueError as error:
+        raise ScenarioError(str(error)) from None
+    lines = report(found, own.model)
+    handles = likely_handles(found)
+    if not own.grasp_frame and not handles:
+        return lines, None
+    own.grasp_frame = own.grasp_frame or handles[0].grasp_frame
+    base = load([])
+    if not isinstance(base, Scenario):
+        raise ScenarioError(f"--scenario {scenario}: has no object to be replaced")
+    if not own.pull_direction:
+        own.pull_direction = _pull_as_it_opens(own, base, scenario)
+    chosen = load(own_object_assignments(base, scenario, own))
+    assert isinstance(chosen, Scenario)
+    from diagrams.crossmodal.inspection.picture import picture
+
+    options = [
+        ("--joint", own.joint),
+        ("--pull-direction", own.pull_direction),
+        ("--object-pose", own.pose),
+        ("--scale", "" if own.scale == 1.0 else f"{own.scale:g}"),
+    ]
+    lines += ["Run it", f"  {run_command(own.model, scenario, own.grasp_frame, options)}"]
+    return lines, picture(chosen, f"{own.model.name}, grasped at {own.grasp_frame}")
+
+
+def _pull_as_it_opens(own: OwnObject, base: Scenario, source: str) -> str:
+    """The way that the joint lets the handle go, where the usual pull would not; else nothing."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # They are said when the chosen one is loaded.
+        made = imported(
+            own.model,
+            joint=own.joint,
+            frame=own.grasp_frame,
+            free=base.object.free,
+            scale=own.scale,
+            source="--object",
+        )
+    facts = read_object_model(
+        made.model, joint=made.joint, frame=made.grasp_frame, source="--object"
+    )
+    if pull_error(facts, np.array([1.0, 0.0, 0.0])) <= WIDEST_PULL:
+        return ""
+    return in_words(facts.way_H)

@@ -1,0 +1,106 @@
+"""What `crossmodal inspect` says of a model."""
+
+import shlex
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from diagrams.crossmodal.objects.grasp_checks import faults_of_bar
+from plants.hands.soft_hand import SOFT_HAND_RANGE
+from plants.object_import.inspection import Handle, Inspection, JointFacts
+
+
+def likely_handles(found: Inspection) -> list[Handle]:
+    """The places that the hand could hold, those first that the model has a frame for."""
+    return [handle for handle in found.handles if not faults_of_bar(handle.bar, SOFT_HAND_RANGE)]
+
+
+def report(found: Inspection, source: Path) -> list[str]:
+    """Links, joints, frames and handles, in lines for a terminal."""
+    moving = [joint for joint in found.joints if joint.moves]
+    handles = likely_handles(found)
+    lines = [
+        f"{source.name}: {_count(len(found.links), 'link')}, {_count(len(moving), 'moving joint')},"
+        f" {_size(found.size)}",
+        "",
+        "Links",
+        *_table((x.name, _size(x.size), _mass(x.mass)) for x in found.links),
+        "Joints",
+        *_table((x.name, x.kind, f"{x.parent} -> {x.child}", _limits(x)) for x in found.joints),
+    ]
+    if found.frames:
+        lines += ["Frames", *_table((name, f"on {link}") for name, link in found.frames.items())]
+    lines.append("Likely handles, x out of the object, y along the bar")
+    lines += _table((x.grasp_frame, _bar(x), f"moved by {x.joint}") for x in handles)
+    if not handles:
+        can = SOFT_HAND_RANGE
+        lines.append(
+            f"  none: the hand holds bars of {1e3 * can.least_thickness:.0f} to"
+            f" {1e3 * can.most_thickness:.0f} mm with {1e3 * can.clearance:.0f} mm free behind"
+            " them; --grasp-frame LINK@x,y,z,roll,pitch,yaw names another place"
+        )
+    return lines
+
+
+def run_command(
+    source: Path, scenario: str, frame: str, options: Sequence[tuple[str, str]] = ()
+) -> str:
+    """The command line that runs a model.
+
+    Args:
+        source: The model.
+        scenario: In which its object takes the place of the scenario's.
+        frame: What is grasped.
+        options: Others, by name, of which the empty ones are left out.
+    """
+    words = ["crossmodal", "run", scenario, "--object", str(source), "--grasp-frame", frame]
+    for name, value in options:
+        words += [name, value] if value else []
+    return shlex.join(words)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _size(size: np.ndarray) -> str:
+    if not np.any(size):
+        return "no geometry"
+    return " x ".join(f"{value:.3g}" for value in size.round(3)) + " m"
+
+
+def _mass(mass: float) -> str:
+    return f"{mass:.3g} kg" if np.isfinite(mass) else ""
+
+
+def _limits(joint: JointFacts) -> str:
+    if not joint.moves:
+        return ""
+    if np.isinf(joint.lower) and np.isinf(joint.upper):
+        return "no limits"
+    if joint.kind == "prismatic":
+        return f"{joint.lower:g} to {joint.upper:g} m"
+    low, high = np.rad2deg([joint.lower, joint.upper])
+    return f"{joint.lower:.3g} to {joint.upper:.3g} rad ({low:.0f} to {high:.0f} deg)"
+
+
+def _bar(handle: Handle) -> str:
+    bar = handle.bar
+    text = f"{1e3 * max(bar.thickness):.0f} mm thick"
+    if np.isfinite(handle.length):
+        text += f", {1e3 * handle.length:.0f} mm long"
+    if np.isfinite(bar.clearance):
+        text += f", {1e3 * bar.clearance:.0f} mm free behind it"
+    return text
+
+
+def _table(rows: Iterable[Sequence[str]]) -> list[str]:
+    """Rows with their columns below each other."""
+    listed = list(rows)
+    widths = [max(map(len, column)) for column in zip(*listed, strict=True)]
+    return [
+        "  "
+        + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in listed
+    ]

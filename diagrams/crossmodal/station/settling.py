@@ -1,0 +1,71 @@
+"""Whether a handle stays where it is until the hand has closed."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from pydrake.multibody.tree import Joint
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from diagrams.crossmodal.robot_config import ARM, HAND
+from diagrams.crossmodal.scenario import Scenario
+from maths.arrays import Array
+from plants.joint_friction import JointFriction
+from plants.scene import ManipulationScene, ObjectPlacement, add_manipulation_scene
+
+_MOST = 0.02  # Way of a handle that the hand still closes around, [m].
+
+
+def settling(
+    scenario: Scenario, placements: Mapping[str, ObjectPlacement], q_start: Array
+) -> list[str]:
+    """What a user should know of a handle that falls, slides or swings away by itself, a line.
+
+    The scene is simulated with the robot held still, for as long as the hand takes to arrive and
+    to close. Objects that come with the program stay where they are.
+
+    Args:
+        scenario: Of the episode.
+        placements: Of its objects.
+        q_start: Posture of the arm (n,) at the start, [rad].
+    """
+    thing = scenario.object
+    if not Path(thing.model).is_absolute():
+        return []
+    name = scenario.task.object or next(iter(scenario.objects))
+    builder = DiagramBuilder()
+    scene = add_manipulation_scene(builder, scenario.plant, placements, [(ARM, HAND)])
+    plant = scene.plant
+    plant.GetJointByName(thing.joint, scene.objects[name]).set_default_positions([thing.ajar])
+    friction = builder.AddSystem(JointFriction(plant, scene.friction))
+    builder.Connect(plant.get_state_output_port(), friction.get_input_port())
+    builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    plant.SetPositions(context, scene.model(ARM), q_start)
+    for joint in _joints(scene, (ARM, HAND)):
+        joint.Lock(context)
+    handle = plant.GetFrameByName(thing.handle_frame, scene.objects[name])
+    start = handle.CalcPoseInWorld(context).translation()
+    sequence = scenario.control.sequence
+    time = sequence.approach_time + sequence.close_time
+    simulator.AdvanceTo(time)
+    way = handle.CalcPoseInWorld(context).translation() - start
+    if np.linalg.norm(way) < _MOST:
+        return []
+    down = "falls" if -way[2] > 0.5 * np.linalg.norm(way) else "moves"
+    advice = "place it where it rests" if thing.free else "begin where it rests"
+    return [
+        f"the handle '{thing.handle_frame}' {down} by {100 * np.linalg.norm(way):.0f} cm in the"
+        f" {time:g} s before the hand closes; {advice}"
+    ]
+
+
+def _joints(scene: ManipulationScene, models: tuple[str, ...]) -> list[Joint]:
+    plant = scene.plant
+    return [
+        plant.get_joint(index)
+        for model in models
+        for index in plant.GetJointIndices(scene.model(model))
+    ]

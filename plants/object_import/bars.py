@@ -1,0 +1,124 @@
+"""Bars that a hand could close around: what there is at a grasp frame."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from maths.arrays import Array
+
+_SPACING = 0.002  # Between points on the outline of a section, [m].
+_FINGERS = 0.036  # From the frame to the outermost fingers, along the bar, [m].
+_BEHIND = 0.03  # Half height of what the fingers pass through behind the bar, [m].
+
+
+@dataclass(kw_only=True)
+class Bar:
+    """A bar where a hand is to close.
+
+    Attributes:
+        thickness: Largest extent (2,) of its cross-section along the frame's x and z, [m].
+        clearance: Free space behind it, against the frame's x, [m]; infinite where nothing is.
+        tilt: From the frame's y to its direction, [rad].
+        distance: From the frame's origin to it, 0 inside of it, [m].
+    """
+
+    thickness: Array
+    clearance: float
+    tilt: float
+    distance: float
+
+
+def bar_at(solid: trimesh.Trimesh, reach: float) -> Bar | None:
+    """The bar around the origin of a grasp frame; None where nothing is within `reach`.
+
+    Args:
+        solid: What can be touched, in the grasp frame: x out of the object, y along the bar.
+        reach: Greatest distance of the bar from the origin, [m].
+    """
+    here, others, distance = _section(solid, 0.0)
+    if len(here) == 0 or distance > reach:
+        return None
+    middle = 0.5 * (here.min(axis=0) + here.max(axis=0))
+    along, behind = [np.array([middle[0], 0.0, middle[2]])], [others]
+    for y in (-_FINGERS, _FINGERS):
+        there, beside, _ = _section(solid, y, middle)
+        # The bar goes on where a section of about its size is near.
+        if len(there) and np.all(np.ptp(there, axis=0) < 1.5 * np.ptp(here, axis=0) + 0.01):
+            center = 0.5 * (there.min(axis=0) + there.max(axis=0))
+            if np.hypot(*(center - middle)[[0, 2]]) < 1.5 * _FINGERS:
+                along.append(center)
+                behind.append(beside)
+    points = np.concatenate(behind)
+    face = float(here[:, 0].min())
+    points = points[(np.abs(points[:, 2] - middle[2]) < _BEHIND) & (points[:, 0] < face)]
+    clearance = face - float(points[:, 0].max()) if len(points) else np.inf
+    way = along[-1] - along[1] if len(along) > 2 else along[-1] - along[0]
+    tilt = float(np.arctan2(np.hypot(way[0], way[2]), abs(way[1]))) if np.any(way) else 0.0
+    thickness = np.ptp(here, axis=0)[[0, 2]] * np.cos(tilt)
+    return Bar(thickness=thickness, clearance=clearance, tilt=tilt, distance=distance)
+
+
+def _section(
+    solid: trimesh.Trimesh, y: float, near: Array | None = None
+) -> tuple[Array, Array, float]:
+    """Outline of the part nearest to a point, of the other parts, and the distance to it.
+
+    Args:
+        solid: What is cut by the plane at `y`.
+        near: The point (3,), of which x and z count; by default the origin.
+
+    Returns:
+        Points (n, 3) and (m, 3), and a distance [m].
+    """
+    point = np.zeros(3) if near is None else near
+    # Off the symmetry of models, where the plane would run along edges.
+    segments = trimesh.intersections.mesh_plane(solid, [0.0, 1.0, 0.0], [0.0, y + 1.3e-5, 0.0])
+    if len(segments) == 0:
+        return np.zeros((0, 3)), np.zeros((0, 3)), np.inf
+    labels = _connected(segments)
+    pieces = [_points(segments[labels == label]) for label in range(labels.max() + 1)]
+    distances = [_distance(piece[:, [0, 2]], point[[0, 2]]) for piece in pieces]
+    nearest = int(np.argmin(distances))
+    low, high = pieces[nearest].min(axis=0), pieces[nearest].max(axis=0)
+    others = [
+        piece
+        for piece in (*pieces[:nearest], *pieces[nearest + 1 :])
+        if np.any(piece.min(axis=0) < low - 1e-6) or np.any(piece.max(axis=0) > high + 1e-6)
+    ]  # Without what is inside of it.
+    rest = np.concatenate(others) if others else np.zeros((0, 3))
+    return pieces[nearest], rest, distances[nearest]
+
+
+def _connected(segments: Array) -> Array:
+    """A label (n,) for each of the segments (n, 2, 3); those that share an end have the same."""
+    _, ends = np.unique(np.round(segments.reshape(-1, 3), 6), axis=0, return_inverse=True)
+    pairs = ends.reshape(-1, 2)
+    count = int(ends.max()) + 1
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    _, labels = connected_components(graph, directed=False)
+    _, labels = np.unique(labels[pairs[:, 0]], return_inverse=True)
+    return np.asarray(labels)
+
+
+def _points(segments: Array) -> Array:
+    """Points (m, 3) along segments (n, 2, 3)."""
+    lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
+    counts = np.ceil(lengths / _SPACING).astype(int) + 1
+    rows = [
+        start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
+        for (start, end), count in zip(segments, counts, strict=True)
+    ]
+    return np.concatenate(rows)
+
+
+def _distance(outline: Array, point: Array) -> float:
+    """From a point to an outline (n, 2); 0 where it is inside of its bounds."""
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    if np.all((low <= point) & (point <= high)):
+        # A frame in the hollow of a bin is in its bounds, but not in a bar.
+        nearest = float(np.min(np.linalg.norm(outline - point, axis=1)))
+        return 0.0 if np.min(high - low) < 4.0 * nearest + _SPACING else nearest
+    return float(np.min(np.linalg.norm(outline - point, axis=1)))

@@ -1,0 +1,58 @@
+import shlex
+import types
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from diagrams.command_line import app
+from models import MODELS_DIR
+
+RUNNER = CliRunner()
+EXAMPLE = MODELS_DIR / "examples" / "two_drawers.urdf"
+
+
+def test_a_model_is_shown_with_a_picture_and_a_command_that_runs_it(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    result = RUNNER.invoke(app, ["inspect", str(EXAMPLE), "--object-pose", "0.9,0,0.9,0,0,3.1"])
+    assert result.exit_code == 0, result.output
+    for words in ("2 moving joints", "left_slide", "0 to 0.3 m", "61 mm free behind it"):
+        assert words in result.stdout
+    assert Image.open("two_drawers.png").size[0] > 1000
+    (line,) = [line for line in result.stdout.splitlines() if "crossmodal run" in line]
+    words = shlex.split(line)[1:]
+    assert RUNNER.invoke(app, [*words, "--out", "run"]).exit_code in (0, 1)
+    assert [name for name, *_ in fake_episode.runs] == ["drawer"]
+    assert "left_slide" in Path("run/scenario.yaml").read_text()
+
+
+def test_a_picture_is_not_replaced_unasked() -> None:
+    Path("two_drawers.png").write_text("mine")
+    result = RUNNER.invoke(app, ["inspect", str(EXAMPLE)])
+    assert result.exit_code == 2
+    assert Path("two_drawers.png").read_text() == "mine"
+
+
+def test_a_model_without_a_handle_is_said_to_have_none() -> None:
+    Path("box.urdf").write_text(
+        "<robot name='m'><link name='a'><visual><geometry><box size='1 1 1'/></geometry></visual>"
+        "</link></robot>"
+    )
+    result = RUNNER.invoke(app, ["inspect", "box.urdf"])
+    assert result.exit_code == 0, result.output
+    assert "none: the hand holds bars of 4 to 50 mm" in result.stdout
+    assert not Path("box.png").exists()
+
+
+@pytest.mark.parametrize("arguments", [["none.sdf"], ["bad.urdf"], [str(EXAMPLE), "--scale", "-1"],
+                                       [str(EXAMPLE), "--grasp-frame", "knob"],
+                                       [str(EXAMPLE), "--scenario", "none"]])  # fmt: skip
+def test_what_cannot_be_inspected_is_answered_in_one_line(arguments: list[str]) -> None:
+    Path("bad.urdf").write_text("<robot>")
+    result = RUNNER.invoke(app, ["inspect", *arguments])
+    assert result.exit_code == 2, result.output
+    lines = [line for line in result.stderr.splitlines() if "warning:" not in line]
+    assert len(lines) == 1
+    assert lines[0].startswith("crossmodal: ")

@@ -1,0 +1,61 @@
+"""What is found in a model before anything of it is chosen."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from wild_models import write_cabinet
+
+from models import MODELS_DIR
+from plants.object_import.inspection import inspect_model
+from plants.object_import.object_import import import_object
+
+EXAMPLE = MODELS_DIR / "examples" / "two_drawers.urdf"
+BARE = """<robot name='m'><link name='case'><visual><origin xyz='-0.2 0 0'/><geometry>
+<box size='0.4 0.5 0.3'/></geometry></visual></link><link name='front'><visual>
+<origin xyz='0.01 0 0'/><geometry><box size='0.02 0.5 0.3'/></geometry></visual><visual>
+<origin xyz='0.09 0.05 0.02' rpy='1.5707963 0 0'/><geometry><cylinder radius='0.009' length='0.17'/>
+</geometry></visual></link><joint name='slide' type='prismatic'><parent link='case'/>
+<child link='front'/><axis xyz='1 0 0'/><limit lower='0' upper='0.3'/></joint></robot>"""
+
+
+def test_links_joints_and_frames_are_found_with_their_sizes_and_limits(tmp_path: Path) -> None:
+    found = inspect_model(write_cabinet(tmp_path))
+    joints = {joint.name: joint for joint in found.joints}
+    assert (joints["upper"].kind, joints["upper"].child) == ("prismatic", "cabinet.upper")
+    assert (joints["upper"].lower, joints["upper"].upper) == (0.0, 0.35)
+    assert joints["standing"].kind == "fixed"
+    links = {link.name: link for link in found.links}
+    assert_allclose(links["tray"].size, [0.1, 0.1, 0.02], atol=1e-6)
+    assert {handle.grasp_frame for handle in found.handles} >= {"upper_grip", "lower_grip"}
+
+
+def test_the_frames_of_a_models_handles_are_found_with_their_bars() -> None:
+    found = inspect_model(EXAMPLE)
+    assert [(x.grasp_frame, x.joint) for x in found.handles] == [
+        ("left_handle", "left_slide"),
+        ("right_handle", "right_slide"),
+    ]
+    assert all(np.allclose(handle.bar.thickness, 0.018) for handle in found.handles)
+    assert np.isnan(found.links[0].mass)
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_a_bar_without_a_frame_is_found_and_can_be_grasped(scale: float, tmp_path: Path) -> None:
+    path = tmp_path / "bare.urdf"
+    path.write_text(BARE)
+    (handle,) = inspect_model(path, scale=scale).handles
+    assert handle.joint == "slide"
+    assert_allclose(handle.length, 0.17 * scale, rtol=0.01)
+    assert_allclose(handle.bar.clearance, 0.061 * scale, atol=0.002)
+    link, _, pose = handle.grasp_frame.partition("@")
+    assert link == "front"
+    at = np.array([float(value) for value in pose.split(",")])
+    assert_allclose(at[:3], np.array([0.09, 0.05, 0.02]) * scale, atol=1e-3)
+    assert import_object(path, tmp_path / "out", grasp_frame=handle.grasp_frame, scale=scale)
+
+
+def test_a_model_that_is_none_is_refused_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="no such file"):
+        inspect_model(tmp_path / "none.sdf")

@@ -5,15 +5,6 @@ from pathlib import Path
 import pytest
 
 
-@pytest.hookimpl(tryfirst=True)  # Before xdist reads the groups.
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests of a file, and all that look at the recorded episode, run in one process of xdist's."""
-    for item in items:
-        shared = "recorded_run" in getattr(item, "fixturenames", ())
-        group = "recorded_run" if shared else str(item.path)
-        item.add_marker(pytest.mark.xdist_group(group))
-
-
 @pytest.fixture(scope="session")
 def recorded_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a run with its sensor streams: the lights go off after some centimetres."""

@@ -20,7 +20,7 @@ from diagrams.run.recorded_scenario import as_recorded
 from diagrams.run.recorder import STATUS_PORT, EpisodeRecorder, RecorderConfig, TickStopwatch
 from diagrams.run.scenario import Scenario
 from diagrams.run.sensor_streams.log import SensorLogWriter, SensorRecorder, make_streams
-from diagrams.run.stream_faults import add_stream_faults
+from diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from diagrams.run.ticks import advance_by_ticks
 from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
 from maths.compiled import compilation_timed

@@ -20,7 +20,7 @@ from diagrams.run.recorder import EpisodeRecorder, RecorderConfig
 from diagrams.run.run_folder import SCENARIO_FILE, SENSORS_FILE
 from diagrams.run.scenario import Scenario
 from diagrams.run.sensor_streams.log import SensorLog, SensorReplay, make_streams
-from diagrams.run.stream_faults import add_stream_faults
+from diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from diagrams.run.ticks import advance_by_ticks
 from diagrams.run.yaml_schema import ScenarioError
 

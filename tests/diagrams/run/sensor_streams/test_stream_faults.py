@@ -16,7 +16,7 @@ from diagrams.run.scenario import Disturbances
 from diagrams.run.yaml_schema import ScenarioError
 from systems.sensors.stream_fault import StreamFault
 
-PENDULUM = Path(__file__).parents[1] / "pendulum" / "pendulum.py"
+PENDULUM = Path(__file__).parents[2] / "pendulum" / "pendulum.py"
 SHORT = ["duration=2.0"]
 BIASED = StreamFault(stream="state_window", kind="biased", start=1.0, size=[0.5])
 

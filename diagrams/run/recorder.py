@@ -34,7 +34,7 @@ class EpisodeRecorder(LeafSystem):
     the truth, the robot's task and the image. What the robot begins to do there is an event. Half a
     period later it reads the estimators' outputs,
     which are still those of the tick, and stamps them with the tick's time. So what is believed and
-    what is true belong to one instant.
+    what is true belong to one instant, and a tick at which an episode ends counts for neither.
 
     The lists live outside the Context, so one recorder serves one simulation. `status` is what the
     robot does at the last tick.
@@ -76,6 +76,7 @@ class EpisodeRecorder(LeafSystem):
         self.status = TaskStatus()
         self.estimators = {name: EstimatorRecord() for name in estimators}
         self.station: list[Tick] = []
+        self._tick: Tick | None = None  # The latest one.
         self.events: list[Event] = []
         self._station_ports = {q.port: self._declare(q.port, q.model) for q in station}
         if STATUS_PORT not in self._station_ports:
@@ -110,7 +111,7 @@ class EpisodeRecorder(LeafSystem):
     def _record_station(self, context: Context) -> None:
         time = context.get_time()
         values = _values(self._station_ports, context)
-        self.station.append(Tick(time=time, values=values))
+        self._tick = Tick(time=time, values=values)
         self.note_status(time, values.get(STATUS_PORT, self.status))
         for name, port in self._picture_ports.items():
             kept = self._pictures[name]
@@ -120,9 +121,10 @@ class EpisodeRecorder(LeafSystem):
                 kept.append(Picture(time=time, port=name, color=color))
 
     def _record_beliefs(self, context: Context) -> None:
-        if not self.station:
+        if self._tick is None:
             return
-        time = self.station[-1].time
+        self.station.append(self._tick)
+        time = self._tick.time
         for name, ports in self._estimator_ports.items():
             self.estimators[name].ticks.append(Tick(time=time, values=_values(ports, context)))
         for name, kept in self._pictures.items():

@@ -22,7 +22,7 @@ def advance_by_ticks(
 
     The tick k is at the instant k * period, where Drake's periodic events are: sums of periods
     would lie beside it, and whether a tick still belongs to an episode would be left to rounding.
-    What ends at a tick has what the station gives there, and of the estimators the tick before.
+    A tick at which it ends is not recorded, but what the robot then begins to do is.
 
     Args:
         simulator: Of a Diagram with the recorder in it.

@@ -17,7 +17,7 @@ from systems.sensors.randomness import make_generator
 # What each kind of fault does to a window of samples; a port without stamps keeps its last value
 # where no new one arrives.
 FAULTS = {
-    "off": "nothing arrives any more",
+    "silent": "nothing arrives any more",
     "frozen": "the last message arrives again and again",
     "stuck": "new stamps, but always the last reading",
     "delayed": "everything arrives `size` [s] later",
@@ -27,8 +27,8 @@ FAULTS = {
     "drifting": "`size` is added per second",
     "clock_jump": "the stamps are `size` [s] ahead",
 }
-_WITHOUT_SIZE = ("off", "frozen", "stuck", "nan")
-_HELD = ("off", "frozen", "stuck")
+_WITHOUT_SIZE = ("silent", "frozen", "stuck", "nan")
+_HELD = ("silent", "frozen", "stuck")
 _IMAGES = {kind: kind for kind in (ImageRgba8U, ImageDepth32F, ImageGrey8U)}
 
 
@@ -41,7 +41,7 @@ class StreamFault:
     """
 
     stream: str = ""  # The port that fails, such as wrench_window.
-    kind: str = "off"  # One of `FAULTS`.
+    kind: str = "silent"  # One of `FAULTS`.
     start: float = number(0.0, at_least=0.0, at_most=86400.0, unit="s")
     end: float = number(float("inf"), above=0.0, at_most=86400.0, unit="s", infinite=True)
     size: list[float] = numbers([], at_least=-1e9, at_most=1e9, shape=(range(0, 65),))
@@ -102,7 +102,7 @@ def fail_window(
         rng: For what is lost.
     """
     times, values = window.times, window.values
-    if fault.kind == "off":
+    if fault.kind == "silent":
         return SampleWindow(times=times[:0], values=values[:0])
     if fault.kind == "frozen":
         return delivered

@@ -14,7 +14,7 @@ from diagrams.run.replay import replay
 from systems.sensors.stream_fault import StreamFault
 
 FAULTS = {
-    "joint_state": StreamFault(stream="joint_state_window", kind="off", start=4.5, end=5.2),
+    "joint_state": StreamFault(stream="joint_state_window", kind="silent", start=4.5, end=5.2),
     "wrench": StreamFault(stream="wrench_window", kind="nan", start=5.0, end=5.6),
     "pressure": StreamFault(stream="pressure_window", kind="stuck", start=5.4, end=6.0),
     "depth": StreamFault(stream="depth_measured", kind="frozen", start=5.8, end=6.4),

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.common.value import AbstractValue
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
@@ -73,8 +74,8 @@ def test_before_and_after_a_fault_everything_is_as_measured(kind: str) -> None:
 
 
 def test_of_a_stream_that_is_off_no_sample_arrives_and_an_image_stays() -> None:
-    assert [len(w.times) for w in windows(failing("off"))] == [2, 2, 0, 0, 0, 0]
-    assert_array_equal(depths(failing("off", end=0.4))[:, 0], [1, 2, 2, 2, 5, 6])
+    assert [len(w.times) for w in windows(failing("silent"))] == [2, 2, 0, 0, 0, 0]
+    assert_array_equal(depths(failing("silent", end=0.4))[:, 0], [1, 2, 2, 2, 5, 6])
 
 
 def test_a_frozen_stream_says_the_same_again_with_its_old_stamps() -> None:
@@ -141,7 +142,7 @@ def test_colours_stay_within_their_range() -> None:
 
 def test_a_vector_fails_too() -> None:
     values = [np.array([1.0 * k]) for k in range(5)]
-    delivered = np.array(run([failing("off", end=0.4)], values))
+    delivered = np.array(run([failing("silent", end=0.4)], values))
     assert_array_equal(delivered[:, 0], [0, 1, 1, 1, 4])
 
 
@@ -154,14 +155,14 @@ def test_faults_of_a_stream_act_one_after_another() -> None:
 @pytest.mark.parametrize(
     ("fault", "model", "message"),
     [
-        (failing("of"), EMPTY, "there are off, frozen"),
-        (failing("off", 1.0), EMPTY, "no number"),
+        (failing("silen"), EMPTY, "there are silent, frozen"),
+        (failing("silent", 1.0), EMPTY, "no number"),
         (failing("biased"), EMPTY, "1 number"),
         (failing("biased", 1.0, 2.0, 3.0), EMPTY, "2 number"),
         (failing("biased", np.nan), EMPTY, "size = "),
         (failing("delayed", -1.0), EMPTY, "> 0 s"),
         (failing("dropped", 1.5), EMPTY, "share"),
-        (failing("off", start=3.0, end=2.0), EMPTY, "start < end"),
+        (failing("silent", start=3.0, end=2.0), EMPTY, "start < end"),
         (failing("clock_jump", 1.0), ImageDepth32F(1, 1), "no stamps"),
         (failing("nan"), ImageGrey8U(1, 1), "whole numbers"),
     ],
@@ -171,3 +172,8 @@ def test_what_cannot_happen_to_a_stream_is_refused(
 ) -> None:
     with pytest.raises(ValueError, match=message):
         FailingStream(model, [fault], PERIOD, 0)
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_the_name_of_a_fault_is_text_in_yaml(kind: str) -> None:
+    assert yaml.safe_load(f"kind: {kind}") == {"kind": kind}

@@ -58,9 +58,9 @@ def test_a_fault_changes_what_is_perceived_from_its_start_on(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        (StreamFault(stream="state_widow", kind="off"), "did you mean 'state_window'"),
-        (StreamFault(stream="cheat_state", kind="off"), "no stream 'cheat_state'"),
-        (StreamFault(stream="state_window", kind="of"), "there are off"),
+        (StreamFault(stream="state_widow", kind="silent"), "did you mean 'state_window'"),
+        (StreamFault(stream="cheat_state", kind="silent"), "no stream 'cheat_state'"),
+        (StreamFault(stream="state_window", kind="silen"), "there are silent"),
     ],
 )
 def test_faults_that_cannot_be_are_refused_in_one_line(fault: StreamFault, message: str) -> None:

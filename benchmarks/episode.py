@@ -25,6 +25,7 @@ IMAGES = ("color_measured", "depth_measured", "robot_mask")
 FILTERS = (
     ("end_effector_motion", "end_effector_estimated"),
     ("hand_bending", "hand_bending_estimated"),
+    ("slip_detection", "slip_estimated"),
     ("held_body_motion", "body_prior"),
     ("feature_motion", "features_estimated"),
     ("rigid_body_motion", "body_motions_estimated"),

@@ -15,6 +15,7 @@ from diagrams.crossmodal.estimators import FELT_STREAMS, SEEN_STREAMS, make_netw
 from diagrams.crossmodal.meshcat_view import add_view
 from diagrams.crossmodal.modalities import COLORS, LABELS
 from diagrams.crossmodal.own_object import identity, keep_files
+from diagrams.crossmodal.results.grasp_episode import GRASP_QUANTITIES
 from diagrams.crossmodal.results.metrics import CAMPAIGN_PLOTS, METRICS, OVERVIEW
 from diagrams.crossmodal.results.results import evaluate
 from diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve
@@ -71,6 +72,8 @@ TOPICS = {
     "cheat_configuration": Topic(name="/cheat/configuration"),
     "cheat_body_pose": Topic(name="/cheat/body_pose"),
     "cheat_joint": Topic(name="/cheat/joint"),
+    "cheat_hand_pose": Topic(name="/cheat/hand_pose"),
+    "cheat_handle_pose": Topic(name="/cheat/handle_pose"),
 }
 
 
@@ -122,7 +125,7 @@ APPLICATION = Application(
     make_estimators=make_estimators,
     close_loop=close_loop,
     quantities=QUANTITIES,
-    station_quantities=TRUTH_QUANTITIES,
+    station_quantities=(*TRUTH_QUANTITIES, *GRASP_QUANTITIES),
     pictures=("color_measured",),
     topics=TOPICS,
     evaluate=evaluate,

@@ -20,6 +20,7 @@ from systems.proprioception.held_body_motion import (
     HeldBodyMotion,
     HeldBodyMotionConfig,
 )
+from systems.proprioception.slip_detection import SlipDetection, SlipDetectionConfig
 from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 from systems.vision.features.feature_motion import FeatureMotion
@@ -144,6 +145,7 @@ class PerceptionConfig:
     images: ImageMonitorConfig = field(default_factory=ImageMonitorConfig)
     end_effector: EndEffectorMotionConfig = field(default_factory=EndEffectorMotionConfig)
     hand_bending: HandBendingConfig = field(default_factory=HandBendingConfig)
+    slip: SlipDetectionConfig = field(default_factory=SlipDetectionConfig)
     grasp: GraspModelConfig = field(default_factory=GraspModelConfig)
     held_body: HeldBodyMotionConfig = field(default_factory=HeldBodyMotionConfig)
     features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
@@ -237,6 +239,7 @@ def _add_proprioception(
         EndEffectorMotion(config.end_effector, calibration.arm.model),
     )
     bending = _add(builder, "hand_bending", HandBending(config.hand_bending))
+    slip = _add(builder, "slip_detection", SlipDetection(config.slip))
     grasp = _add(builder, "grasp_model", GraspModel(config.grasp))
     body = _add(
         builder,
@@ -251,12 +254,14 @@ def _add_proprioception(
         _wire(builder, monitor, "window_checked", reader, f"{stream}_window")
         builder.ExportOutput(monitor.GetOutputPort("health_latest"), f"{stream}_health_latest")
     active = builder.ExportInput(bending.GetInputPort("interaction_active"), "interaction_active")
-    for system in (grasp, body):
+    for system in (slip, grasp, body):
         builder.ConnectInput(active, system.GetInputPort("interaction_active"))
-    for system in (bending, grasp, body):
+    for system in (bending, slip, grasp, body):
         _wire(builder, end_effector, "end_effector_estimated", system, "end_effector_estimated")
     for system in (grasp, body):
         _wire(builder, bending, "hand_bending_estimated", system, "hand_bending_estimated")
+        _wire(builder, slip, "slip_estimated", system, "slip_estimated")
+    _wire(builder, bending, "hand_load_estimated", slip, "hand_load_estimated")
     _wire(builder, grasp, "grasp_latest", body, "grasp_latest")
     _export_outputs(builder, end_effector, "end_effector_latest")
     _export_outputs(builder, bending, "hand_bending_latest")

@@ -16,6 +16,7 @@ from diagrams.run.scenario import CameraConfig
 from diagrams.run.yaml_schema import ScenarioError, suggestion
 from maths.validation import number, numbers
 from models import SDF_DIR
+from plants.external_forces import ExternalForce
 from plants.hands.pneumatic_hand import PneumaticHandConfig
 from plants.scene import PlantConfig
 
@@ -90,6 +91,27 @@ class ModelDriver:
     pneumatics: PneumaticHandConfig = field(default_factory=PneumaticHandConfig)  # Of a soft hand.
 
 
+@dataclass(kw_only=True)
+class Disturbances(base.Disturbances):
+    """What goes wrong, and when."""
+
+    forces: list[ExternalForce] = field(default_factory=list)  # On the objects, from outside.
+    # The hand's chambers lose their air, so that it opens.
+    hand_leaks: list[base.Interval] = field(default_factory=list)
+
+    def spans(self) -> list[tuple[str, base.Interval]]:
+        """What goes wrong, in words, and when."""
+        forces = [
+            (
+                f"{np.linalg.norm(force.force):.3g} N on {force.frame}",
+                base.Interval(start=force.start, end=force.end),
+            )
+            for force in self.forces
+        ]
+        leaks = [("the hand leaks", span) for span in self.hand_leaks]
+        return [*super().spans(), *forces, *leaks]
+
+
 def _one_camera() -> dict[str, CameraConfig]:
     position, target = np.array([-0.05, 0.4, 1.42]), np.array([0.78, -0.27, 0.87])
     return {"camera": CameraConfig(position=position, looking_at=target)}
@@ -107,6 +129,7 @@ class Scenario(base.Scenario):
     sensors: SensorsConfig = field(default_factory=SensorsConfig)
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     control: ControlConfig = field(default_factory=ControlConfig)
+    disturbances: Disturbances = field(default_factory=Disturbances)
     task: Task = field(default_factory=Task)
 
     @property

@@ -115,10 +115,31 @@ def can_be_judged(task: Task, truth: Truth, record: EpisodeRecord) -> bool:
     return truth.joint_type is not None and (task.goal is None or said)
 
 
-def task_failure(task: Task, truth: Truth, events: Sequence[Event]) -> str | None:
-    """Why the task was not done, in one line; None where it was, or where nobody can know."""
+def task_failure(
+    task: Task, truth: Truth, events: Sequence[Event], lost_at: float = float("inf")
+) -> str | None:
+    """Why the task was not done, in one line; None where it was, or where nobody can know.
+
+    Args:
+        task: What was to be done.
+        truth: Of the joint.
+        events: Of the robot's own.
+        lost_at: From when on the hand held nothing, [s]; a joint that it moved nevertheless, as one
+            pushes, was not manipulated.
+    """
     if truth.joint_type is None:
         return None
+    failure = _travel_failure(task, truth, events)
+    if np.isinf(lost_at):
+        return failure
+    empty = f"the hand was empty from {lost_at:.1f} s on"
+    if failure is None:
+        return f"{empty}, wherever the joint went"
+    return failure if any(event.name == GRASP_LOST for event in events) else f"{failure}; {empty}"
+
+
+def _travel_failure(task: Task, truth: Truth, events: Sequence[Event]) -> str | None:
+    """Why the joint is not where it was to be, in one line."""
     phases = task_phases(task, truth, events)
     reached = phases["exploration"].reached
     lost = [event.time for event in events if event.name == GRASP_LOST]

@@ -161,12 +161,12 @@ def check_scenario(scenario: Scenario, source: str) -> None:
         raise ScenarioError(str(error)) from None
     for name, camera in scenario.cameras.items():
         _check_camera(f"cameras.{name}", camera, source)
-    for key in ("lights_off", "camera_covered"):
-        for index, interval in enumerate(getattr(scenario.disturbances, key)):
-            if not interval.start < interval.end:
+    for key, spans in vars(scenario.disturbances).items():
+        for index, span in enumerate(spans):
+            if not span.start < span.end:
                 raise ScenarioError(
-                    f"{source}: disturbances.{key}.{index} = {interval.start:g} to"
-                    f" {interval.end:g} s, but it must be start < end"
+                    f"{source}: disturbances.{key}.{index} = {span.start:g} to {span.end:g} s, but"
+                    " it must be start < end"
                 )
 
 

@@ -1,11 +1,15 @@
 """A soft hand of a station: its pneumatics and the sensors in its chambers."""
 
+from collections.abc import Sequence
+
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
 
+from diagrams.run.scenario import Interval
 from diagrams.stations.naming import own_seed, prefixed
+from diagrams.stations.occurrence import Occurrence
 from plants.hands.pneumatic_hand import PneumaticHand, PneumaticHandConfig
 from plants.hands.soft_hand import finger_selection
 from systems.sensors.air_pressure import PressureSensor, PressureSensorConfig
@@ -18,6 +22,7 @@ def add_soft_hand(
     config: PneumaticHandConfig,
     sensor: PressureSensorConfig,
     seed: int,
+    leaks: Sequence[Interval] = (),
     owner: str = "",
 ) -> tuple[PneumaticHand, PressureSensor]:
     """Adds pneumatics and pressure sensors; exports `pressure_window`.
@@ -31,6 +36,7 @@ def add_soft_hand(
         config: Of the pneumatics.
         sensor: Of the pressure sensors.
         seed: Of bias and noise.
+        leaks: When air escapes from all chambers.
         owner: Name of the hand where there are several; it then begins the names.
     """
     pneumatics = builder.AddNamedSystem(prefixed(owner, "pneumatics"), PneumaticHand(config))
@@ -44,6 +50,9 @@ def add_soft_hand(
     builder.Connect(fingers.get_output_port(), pneumatics.GetInputPort("hand_state"))
     builder.Connect(pneumatics.GetOutputPort("joint_torques"), plant.get_actuation_input_port(hand))
     builder.Connect(pneumatics.GetOutputPort("cheat_pressure"), pressure.get_input_port())
+    if leaks:
+        leak = builder.AddNamedSystem(prefixed(owner, "leak"), Occurrence(leaks))
+        builder.Connect(leak.get_output_port(), pneumatics.GetInputPort("leaking"))
     window = pressure.GetOutputPort("pressure_window")
     builder.ExportOutput(window, prefixed(owner, "pressure_window"))
     return pneumatics, pressure

@@ -57,6 +57,7 @@ class PneumaticHand(LeafSystem):
         - hand_state
         - pressure_commanded
         - sealed
+        - leaking
         output_ports:
         - joint_torques
         - cheat_pressure
@@ -64,6 +65,7 @@ class PneumaticHand(LeafSystem):
     - hand_state: (30,) angles [rad] and rates [rad/s] of the fifteen finger joints (true).
     - pressure_commanded: (4,) gauge pressure that the regulator seeks, [Pa].
     - sealed: (1,) above 0.5 the valves are closed.
+    - leaking: (1,) above 0.5 the air escapes from all chambers; may stay unconnected.
     - joint_torques: (15,) [N m].
     - cheat_pressure: (4,) true gauge pressure, [Pa]; the pressure sensor adds its noise.
 
@@ -81,6 +83,7 @@ class PneumaticHand(LeafSystem):
         self._hand_state = self.DeclareVectorInputPort("hand_state", 2 * self._joints)
         self._commanded = self.DeclareVectorInputPort("pressure_commanded", chambers)
         self._sealed = self.DeclareVectorInputPort("sealed", 1)
+        self._leaking = self.DeclareVectorInputPort("leaking", 1)
         self.DeclareDiscreteState(ATMOSPHERE * self._volume_straight)
         self._cache = self.DeclareVectorOutputPort(
             "cheat_pressure",
@@ -109,7 +112,8 @@ class PneumaticHand(LeafSystem):
 
     def _fill(self, context: Context, next_state: DiscreteValues) -> None:
         air = np.asarray(context.get_discrete_state_vector().value())
-        if np.asarray(self._sealed.Eval(context))[0] < 0.5:
-            wanted = np.asarray(self._commanded.Eval(context)) + ATMOSPHERE
-            air = air + self._gain * (wanted * self._volume(context) - air)
+        leaking = self._leaking.HasValue(context) and self._leaking.Eval(context)[0] > 0.5
+        if leaking or np.asarray(self._sealed.Eval(context))[0] < 0.5:
+            pressure = 0.0 if leaking else np.asarray(self._commanded.Eval(context))
+            air = air + self._gain * ((pressure + ATMOSPHERE) * self._volume(context) - air)
         next_state.get_mutable_vector().SetFromVector(air)

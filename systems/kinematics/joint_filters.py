@@ -244,22 +244,29 @@ class JointFilters:
         p = np.exp(log_p - log_p.max())
         return dict(zip(TYPES, (p / p.sum()).tolist(), strict=True))
 
-    def belief(self, state: JointFiltersState) -> JointBelief:
-        """The belief about the pair's joint."""
+    def belief(self, state: JointFiltersState, time: float | None = None) -> JointBelief:
+        """The belief about the pair's joint.
+
+        Args:
+            state: The last one.
+            time: For which the configuration is predicted, [s]; by default, and before the last
+                measurement, that of the last measurement.
+        """
+        dt = 0.0 if time is None else max(0.0, time - state.time)
         return JointBelief(
             parent_id=state.parent_id,
             child_id=state.child_id,
             probabilities=self.probabilities(state),
             models={
-                JointType.PRISMATIC: self._moving_belief(state, PRISMATIC),
-                JointType.REVOLUTE: self._moving_belief(state, REVOLUTE),
+                JointType.PRISMATIC: self._moving_belief(state, PRISMATIC, dt),
+                JointType.REVOLUTE: self._moving_belief(state, REVOLUTE, dt),
                 JointType.RIGID: _still_belief(float(state.models.log_evidence[2])),
                 JointType.DISCONNECTED: _still_belief(float(state.models.log_evidence[3])),
             },
             updates=state.updates,
         )
 
-    def _moving_belief(self, state: JointFiltersState, kind: int) -> JointModelBelief:
+    def _moving_belief(self, state: JointFiltersState, kind: int, dt: float) -> JointModelBelief:
         m, n = state.models, dimension(kind)
         vectors, axis, point = read_axis(kind, m, state.X_PF, self.config.axis_distance)
         q, sensitivity = read_configuration(kind, m, state.W_zero)
@@ -267,13 +274,22 @@ class JointFilters:
         sensitivity[6:, 0] += slope
         q_covariance = sensitivity.T @ m.covariance[kind, :n, :n] @ sensitivity + m.P[kind]
         q_covariance[0, 0] += state.configuration_prior.variance[kind]
+        configuration = np.array([q[0] + q_prior, q[1]])
+        if dt > 1e-9:
+            lever = (
+                1.0
+                if kind == PRISMATIC
+                else np.hypot(self.config.radius, np.linalg.norm(m.c[kind]))
+            )
+            S = max(self.config.process_noise) / lever**2
+            configuration, q_covariance = _predicted(configuration, q_covariance, S, dt)
         return JointModelBelief(
             log_evidence=float(state.models.log_evidence[kind]),
             axis_P=vectors[0],
             axis_covariance=axis,
             p_PA=vectors[1],
             p_PA_covariance=point,
-            configuration=np.array([q[0] + q_prior, q[1]]),
+            configuration=configuration,
             configuration_covariance=symmetric(q_covariance),
         )
 
@@ -288,6 +304,16 @@ class JointFilters:
             )
         X_PB, covariance = predict_pose(TYPES.index(joint_type), state.models, state.X_PF, dt)
         return PoseBelief(X=X_PB, covariance=covariance)
+
+
+def _predicted(x: Array, P: Array, S: float, dt: float) -> tuple[Array, Array]:
+    """Configuration and rate (2,), and their covariance, a time dt [s] later.
+
+    What is not measured may do all that a joint may: S is the largest density of acceleration.
+    """
+    F = np.array([[1.0, dt], [0.0, 1.0]])
+    Q = S * np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]])
+    return F @ x, F @ P @ F.T + Q
 
 
 def _wants_restart(state: JointFiltersState) -> bool:

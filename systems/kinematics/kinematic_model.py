@@ -32,6 +32,9 @@ class KinematicModel(RecursiveFilter):
     keyframes: every update is a maximum a posteriori fit to all of them, linearised anew, and what
     is older than they are is marginalised (`JointFilters`).
 
+    The configuration of a pair that is not measured any more is predicted, ever less surely, for as
+    long as the pair is kept.
+
     A body that begins to move after B belonged to the environment until then, so that what is known
     of B's joint to the environment is transferred to the joint between the two. A parent that is
     not measured any more is taken to rest, with growing covariance.
@@ -88,4 +91,5 @@ class KinematicModel(RecursiveFilter):
         return update_graph(graph, merge_bodies(sources), self._filters, self._config)
 
     def _beliefs(self, graph: JointGraphState) -> JointBeliefs:
-        return JointBeliefs(joints=[self._filters.belief(s) for s in graph.pairs.values()])
+        now = graph.ticks * self._config.period
+        return JointBeliefs(joints=[self._filters.belief(s, now) for s in graph.pairs.values()])

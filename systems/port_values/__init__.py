@@ -21,7 +21,14 @@ from systems.port_values.bodies import (
     HeldBody,
 )
 from systems.port_values.features import FeatureBelief, no_features
-from systems.port_values.grasp import GraspBelief, GraspType
+from systems.port_values.grasp import (
+    NO_SLIP,
+    UNKNOWN_LOAD,
+    GraspBelief,
+    GraspType,
+    HandLoad,
+    SlipBelief,
+)
 from systems.port_values.joints import JointBelief, JointBeliefs, JointModelBelief, JointType
 from systems.port_values.motions import (
     NO_POSE,
@@ -37,8 +44,10 @@ __all__ = [
     "HEALTHY",
     "HELD_BODY",
     "NO_POSE",
+    "NO_SLIP",
     "STATIC_BODY",
     "UNKNOWN_END_EFFECTOR",
+    "UNKNOWN_LOAD",
     "BodyMotion",
     "BodyMotions",
     "BodyPrediction",
@@ -47,6 +56,7 @@ __all__ = [
     "FeatureBelief",
     "GraspBelief",
     "GraspType",
+    "HandLoad",
     "HeldBody",
     "JointBelief",
     "JointBeliefs",
@@ -55,6 +65,7 @@ __all__ = [
     "MotionBelief",
     "PoseBelief",
     "SampleWindow",
+    "SlipBelief",
     "StreamHealth",
     "no_features",
 ]

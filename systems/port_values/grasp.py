@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
+
 from maths.arrays import Array
 
 
@@ -42,3 +44,34 @@ class GraspBelief:
     def type(self) -> GraspType:
         """The most probable type."""
         return max(self.probabilities, key=lambda grasp_type: self.probabilities[grasp_type])
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandLoad:
+    """What wrist and chambers measure at a tick, its mean over the tick's samples.
+
+    Attributes:
+        F_S: Load on the hand without its weight (6,), torque [N m] then force [N], with the
+            sensor's bias; NaN where nothing was measured.
+        pressures: Of the chambers (chambers,), gauge, [Pa]; NaN likewise.
+    """
+
+    F_S: Array
+    pressures: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlipBelief:
+    """What load and pressures say of what the hand has closed around.
+
+    Attributes:
+        log_odds: Evidence that it is no longer held as it was, [nat]; zero says nothing.
+        shift: How far it may have moved in the fingers since they closed, 1 sigma, [m].
+    """
+
+    log_odds: float = 0.0
+    shift: float = 0.0
+
+
+UNKNOWN_LOAD = HandLoad(F_S=np.full(6, np.nan), pressures=np.full(4, np.nan))
+NO_SLIP = SlipBelief()

@@ -46,9 +46,15 @@ class GraspFailure:
     remembered: float = 0.0
     now: float = 0.0
 
-    def probability(self, config: GraspFailureConfig) -> float:
-        odds = np.log(config.prior / (1.0 - config.prior)) + self.now
+    def probability(self, config: GraspFailureConfig, slip_odds: float = 0.0) -> float:
+        """That the grasp has failed, with what pressures and load say of it, [nat]."""
+        odds = np.log(config.prior / (1.0 - config.prior)) + self.now + slip_odds
         return float(1.0 / (1.0 + np.exp(-odds)))
+
+
+def unseen(failure: GraspFailure, config: GraspFailureConfig) -> GraspFailure:
+    """The odds at a tick at which vision does not see the body: what it saw counts only so much."""
+    return replace(failure, now=float(np.clip(failure.now, -config.limit, config.limit)))
 
 
 def position_covariance(body: PoseBelief, p_WP: Array) -> Array:

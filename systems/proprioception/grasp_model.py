@@ -1,6 +1,6 @@
 """How the bent hand holds the held body: four types side by side, the likeliest wins."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,15 +11,17 @@ from maths.arrays import Array
 from maths.immutable import Immutable
 from systems.port_values import (
     HELD_BODY,
+    NO_SLIP,
     UNKNOWN_END_EFFECTOR,
     BodyMotions,
     GraspBelief,
     GraspType,
     HeldBody,
     PoseBelief,
+    SlipBelief,
 )
 from systems.proprioception.bent_hand import BentHand, bent_hand
-from systems.proprioception.grasp_failure import GraspFailure, compare
+from systems.proprioception.grasp_failure import GraspFailure, compare, unseen
 from systems.proprioception.grasp_filters import (
     HELD_TYPES,
     GraspFilter,
@@ -41,7 +43,9 @@ from systems.recursive_filter import RecursiveFilter
 TYPES = (*HELD_TYPES, GraspType.FAILED)
 
 
-def weigh(evidence: Array, failure: GraspFailure, config: GraspModelConfig) -> Array:
+def weigh(
+    evidence: Array, failure: GraspFailure, slip: SlipBelief, config: GraspModelConfig
+) -> Array:
     """Probabilities of the types (4,) from the log evidence (3,) of those that hold.
 
     A handle that turns in soft fingers may lodge between them at any time, unseen in the dark: a
@@ -51,8 +55,17 @@ def weigh(evidence: Array, failure: GraspFailure, config: GraspModelConfig) -> A
     weights = np.exp(score - score.max())
     held = (1.0 - config.lodging) * weights / weights.sum()
     held[HELD_TYPES.index(GraspType.PERFECT)] += config.lodging
-    failed = failure.probability(config.failure)
+    failed = failure.probability(config.failure, slip.log_odds)
     return np.append((1.0 - failed) * held, failed)
+
+
+def reweigh(
+    belief: GraspBelief, failure: GraspFailure, slip: SlipBelief, config: GraspModelConfig
+) -> Array:
+    """Probabilities of the types (4,) at a tick at which vision says nothing."""
+    held = np.array([belief.probabilities[kind] for kind in HELD_TYPES])
+    failed = unseen(failure, config.failure).probability(config.failure, slip.log_odds)
+    return np.append((1.0 - failed) * held / held.sum(), failed)
 
 
 @dataclass(kw_only=True)
@@ -139,14 +152,28 @@ def start_state(hand: BentHand, body: HeldBody, config: GraspModelConfig) -> Gra
     )
 
 
+def doubt(state: GraspState, slip: SlipBelief, config: GraspModelConfig) -> GraspState:
+    """A tick at which nobody knows where the body is: a grasp that has failed stays so."""
+    if state.belief.type == GraspType.FAILED:
+        return state
+    probabilities = reweigh(state.belief, state.failure, slip, config)
+    best, line = TYPES[int(np.argmax(probabilities))], state.belief
+    belief = replace(
+        state.belief,
+        probabilities=dict(zip(TYPES, map(float, probabilities), strict=True)),
+        free_motion=free_projection(best, line.axis_H, line.p_HA),
+    )
+    return GraspState(**{**vars(state), "belief": belief})
+
+
 def reaffirm(
-    state: GraspState, hand: BentHand, body: HeldBody, config: GraspModelConfig
+    state: GraspState, hand: BentHand, body: HeldBody, slip: SlipBelief, config: GraspModelConfig
 ) -> GraspState:
     """A tick without vision: X_HB follows from the grasp, so that it cannot confirm it."""
     z = se3.inverse(hand.X_WH) @ body.motion.X
     filters = [follow(f, z, hand, hand.noise_square_root) for f in state.filters]
     covariance = measured_covariance(hand, z, body.motion.covariance[:6, :6])
-    probabilities = np.array([state.belief.probabilities[kind] for kind in TYPES])
+    probabilities = reweigh(state.belief, state.failure, slip, config)
     return GraspState(
         belief=make_belief(probabilities, filters, z, covariance, config),
         filters=filters,
@@ -170,6 +197,7 @@ def learn(
     hand: BentHand,
     seen: PoseBelief,
     offset_covariance: Array,
+    slip: SlipBelief,
     config: GraspModelConfig,
 ) -> GraspState:
     """A tick at which vision shows the body: corrects every filter and weighs the types."""
@@ -185,7 +213,7 @@ def learn(
     evidence = np.exp(-config.period / config.memory) * state.evidence + likelihoods
     usual = np.array([plausibility(f, config) for f, _ in results])
     failure = compare(state.failure, hand.X_WH, seen, morphology(config)[1], config.failure)
-    probabilities = weigh(evidence + usual, failure, config)
+    probabilities = weigh(evidence + usual, failure, slip, config)
     covariance = measured_covariance(hand, z, seen.covariance + offset_covariance)
     filters = [refresh(f, z, hand, config) for f, _ in results]
     return GraspState(
@@ -218,6 +246,7 @@ class GraspModel(RecursiveFilter):
         - end_effector_estimated
         - hand_bending_estimated
         - body_motions_estimated
+        - slip_estimated
         - interaction_active
         output_ports:
         - grasp_estimated
@@ -226,7 +255,8 @@ class GraspModel(RecursiveFilter):
     - `end_effector_estimated`: `EndEffectorBelief` X_WE.
     - `hand_bending_estimated`: `PoseBelief` X_EH.
     - `body_motions_estimated`: `BodyMotions` with the one `HeldBody`, of
-      `HeldBodyMotion`; unconnected, the grasp stays the prior.
+      `HeldBodyMotion`; unconnected, nothing is learnt of the types that hold.
+    - `slip_estimated`: `SlipBelief`; may stay unconnected.
     - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
     - `grasp_estimated`: `GraspBelief`, posterior of this tick.
     - `grasp_latest`: `GraspBelief`, posterior of the last tick, from the state alone.
@@ -246,6 +276,7 @@ class GraspModel(RecursiveFilter):
         )
         self._bending = self._declare_value_input("hand_bending_estimated", nowhere)
         self._bodies = self._declare_value_input("body_motions_estimated", BodyMotions())
+        self._slip = self._declare_value_input("slip_estimated", NO_SLIP)
         self._active = self.DeclareVectorInputPort("interaction_active", 1)
         self._nothing_held = initial_state(config)
         self._declare_recursion(self._nothing_held, self._calc_grasp, config.period)
@@ -253,10 +284,13 @@ class GraspModel(RecursiveFilter):
         self._declare_latest("grasp_latest", lambda state: state.belief)
 
     def _calc_grasp(self, context: Context, state: Any) -> GraspState:
-        motions = self._read(self._bodies, context) if self._bodies.HasValue(context) else None
-        body = None if motions is None else motions.find(HELD_BODY)
-        if self._read(self._active, context)[0] <= 0.5 or not isinstance(body, HeldBody):
+        if self._read(self._active, context)[0] <= 0.5:
             return self._nothing_held
+        motions = self._read_optional(self._bodies, context)
+        slip = self._read_optional(self._slip, context) or NO_SLIP
+        body = None if motions is None else motions.find(HELD_BODY)
+        if not isinstance(body, HeldBody):
+            return doubt(state, slip, self._config)
         end_effector = self._read(self._end_effector, context)
         hand = bent_hand(end_effector, self._read(self._bending, context))
         if state.hand is None:
@@ -265,5 +299,5 @@ class GraspModel(RecursiveFilter):
         filters = [predict_filter(f, self._config, way) for f in state.filters]
         state = GraspState(**{**vars(state), "filters": filters})
         if body.seen is None:
-            return reaffirm(state, hand, body, self._config)
-        return learn(state, hand, body.seen, body.seen_offset_covariance, self._config)
+            return reaffirm(state, hand, body, slip, self._config)
+        return learn(state, hand, body.seen, body.seen_offset_covariance, slip, self._config)

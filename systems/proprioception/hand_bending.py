@@ -11,7 +11,13 @@ from maths import se3
 from maths.arrays import Array
 from maths.validation import check, number, numbers, require
 from models import WEIGHTS_DIR
-from systems.port_values import UNKNOWN_END_EFFECTOR, PoseBelief, SampleWindow
+from systems.port_values import (
+    UNKNOWN_END_EFFECTOR,
+    UNKNOWN_LOAD,
+    HandLoad,
+    PoseBelief,
+    SampleWindow,
+)
 from systems.proprioception.bending_network import (
     BendingNetwork,
     bending_jacobian,
@@ -90,6 +96,7 @@ class BendingState:
     """The filter's state: log X_EH (6,), the networks' error (6,) and the creep, with covariance.
 
     Attributes:
+        reading: Of this tick (10,), None where there were no samples.
         reference: Reading (10,) at the first instant of the grasp, None before.
         last_reading: The latest (10,), None before the first.
         held: Time since the first instant of the grasp, [s].
@@ -97,6 +104,7 @@ class BendingState:
         covariance: (13, 13).
     """
 
+    reading: Array | None
     reference: Array | None
     last_reading: Array | None
     held: float
@@ -147,6 +155,13 @@ def bending_belief(state: BendingState) -> PoseBelief:
     return PoseBelief(X=se3.exp(state.mean[:6]), covariance=J @ state.covariance[:6, :6] @ J.T)
 
 
+def hand_load(state: BendingState) -> HandLoad:
+    """What was read at the state's tick."""
+    if state.reading is None:
+        return UNKNOWN_LOAD
+    return HandLoad(F_S=state.reading[:6], pressures=state.reading[6:])
+
+
 class HandBending(RecursiveFilter):
     """Recursive estimate of the pose of the bent hand relative to the nominal end-effector.
 
@@ -173,6 +188,7 @@ class HandBending(RecursiveFilter):
         output_ports:
         - hand_bending_estimated
         - hand_bending_latest
+        - hand_load_estimated
 
     - `wrench_window`: `SampleWindow` of F_So_S (6,), torque [N m] then force [N]: what hand and
       object exert on the sensor. A free hand at rest reads its weight and the bias.
@@ -181,6 +197,7 @@ class HandBending(RecursiveFilter):
     - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
     - `hand_bending_estimated`: `PoseBelief` X_EH, posterior of this tick.
     - `hand_bending_latest`: `PoseBelief` X_EH, posterior of the last tick, from the state alone.
+    - `hand_load_estimated`: `HandLoad` of this tick, also while nothing is held.
 
     Frames: W world, E nominal end-effector, H bent end-effector, S wrist sensor.
 
@@ -211,6 +228,7 @@ class HandBending(RecursiveFilter):
         self._active = self.DeclareVectorInputPort("interaction_active", 1)
         mean, covariance = start_grasp()
         initial = BendingState(
+            reading=None,
             reference=None,
             last_reading=None,
             held=0.0,
@@ -220,6 +238,7 @@ class HandBending(RecursiveFilter):
         self._declare_recursion(initial, self._calc_bending, config.period)
         self._declare_estimated("hand_bending_estimated", bending_belief)
         self._declare_latest("hand_bending_latest", bending_belief)
+        self._declare_estimated("hand_load_estimated", hand_load)
 
     @staticmethod
     def _check(config: HandBendingConfig) -> None:
@@ -242,7 +261,12 @@ class HandBending(RecursiveFilter):
         if self._read(self._active, context)[0] <= 0.5:
             mean, covariance = start_grasp()
             return BendingState(
-                reference=None, last_reading=last, held=0.0, mean=mean, covariance=covariance
+                reading=reading,
+                reference=None,
+                last_reading=last,
+                held=0.0,
+                mean=mean,
+                covariance=covariance,
             )
         reference, held = state.reference, 0.0
         if reference is None:
@@ -254,6 +278,7 @@ class HandBending(RecursiveFilter):
             if reading is not None:
                 mean, covariance = self._correct(mean, covariance, reading, reference, held)
         return BendingState(
+            reading=reading,
             reference=reference,
             last_reading=last,
             held=held,

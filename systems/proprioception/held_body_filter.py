@@ -56,6 +56,21 @@ def start_body(hand: BentHand, grasp: GraspBelief, config: HeldBodyMotionConfig)
         reference_error=np.diag(reference_error**2),
         reset_count=0,
         offset=np.zeros((6, 6)),
+        shift=0.0,
+    )
+
+
+def shift_body(body: BodyState, shift: float, config: HeldBodyMotionConfig) -> BodyState:
+    """The body after it may have moved in the fingers by `shift` since they closed, 1 sigma."""
+    if shift <= body.shift:
+        return body
+    added = shift**2 - body.shift**2
+    moved = np.diag(np.repeat([added / config.lever**2, added], 3))
+    return replace(
+        body,
+        P=error_state.inflate(body.P, _POSE, moved),
+        unseen_growth=body.unseen_growth + moved,
+        shift=shift,
     )
 
 

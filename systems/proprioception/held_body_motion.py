@@ -14,10 +14,12 @@ from maths.validation import check
 from systems.port_values import (
     HELD_BODY,
     NO_POSE,
+    NO_SLIP,
     UNKNOWN_END_EFFECTOR,
     BodyMotion,
     BodyMotions,
     FeatureBelief,
+    GraspType,
     HeldBody,
     MotionBelief,
     PoseBelief,
@@ -31,6 +33,7 @@ from systems.proprioception.held_body_filter import (
     correct_body,
     predict_body,
     reset_body,
+    shift_body,
     start_body,
     with_velocity,
 )
@@ -96,10 +99,17 @@ def sight(
 
 @dataclass(kw_only=True)
 class HeldBodyState(Immutable):
-    """The body, None while nothing is held, and the sighting that corrected it, if any."""
+    """What is in the closed hand.
 
-    body: BodyState | None
-    sighting: Sighting | None
+    Attributes:
+        body: None while the hand is open, and once it has lost what it held.
+        sighting: What corrected it at this tick, if anything.
+        lost: Whether the hand has lost what it held since it closed.
+    """
+
+    body: BodyState | None = None
+    sighting: Sighting | None = None
+    lost: bool = False
 
 
 def body_motions(state: HeldBodyState) -> BodyMotions:
@@ -141,9 +151,11 @@ class HeldBodyMotion(RecursiveFilter):
     X_WB(t) = X_WH exp((I - N) log(X_WH^-1 X_WH(t))) X_WH^-1 X_WB, with X_WH = X_WE X_EH at t-1 and
     the grasp's free motion N. Only displacements enter, so a constant offset of the end-effector
     turns the path by its rotation and otherwise cancels. Without vision the prediction is the
-    belief. With `corrected_by_vision`, the features that rigid-body motion has assigned to the
-    body are registered to their positions in it and correct pose and constants; whenever there are
-    too few of them (darkness), the prediction goes on from the last posterior.
+    belief. Once the grasp is believed to have failed and the body is not seen, nothing is held any
+    more, until the hand opens and closes again. With `corrected_by_vision`, the features that
+    rigid-body motion has assigned to the body are registered to their positions in it and correct
+    pose and constants; whenever there are too few of them (darkness), the prediction goes on from
+    the last posterior.
 
     B has the world's axes and sits at Ho at the first tick of the interaction, the reference. The
     covariance, in B, is that of the displacement since then (`held_body_filter`). It is
@@ -156,6 +168,7 @@ class HeldBodyMotion(RecursiveFilter):
         - end_effector_estimated
         - hand_bending_estimated
         - grasp_latest
+        - slip_estimated
         - interaction_active
         - features_estimated (cross-modal)
         - body_motions_estimated (cross-modal)
@@ -167,12 +180,13 @@ class HeldBodyMotion(RecursiveFilter):
     - `end_effector_estimated`: `EndEffectorBelief` X_WE.
     - `hand_bending_estimated`: `PoseBelief` X_EH.
     - `grasp_latest`: `GraspBelief` of the last tick.
+    - `slip_estimated`: `SlipBelief`; may stay unconnected.
     - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
     - `features_estimated`: `FeatureBelief`, positions in W.
     - `body_motions_estimated`: `BodyMotions`, of which the features of `HELD_BODY` are used. It and
       `features_estimated` exist only with `corrected_by_vision` and may stay unconnected.
     - `body_prior`: `PoseBelief` X_WB before vision, NaN while nothing is held. It depends on the
-      state and on the first four inputs only.
+      state and on the first five inputs only.
     - `body_motions_estimated`: `BodyMotions`, one `HeldBody` or none, posterior of this tick.
       Its features are those that corrected it.
     - `body_motions_latest`: the same of the last tick, from the state alone.
@@ -194,14 +208,14 @@ class HeldBodyMotion(RecursiveFilter):
         )
         self._bending = self._declare_value_input("hand_bending_estimated", nowhere)
         self._grasp = self._declare_value_input("grasp_latest", grasp)
+        self._slip = self._declare_value_input("slip_estimated", NO_SLIP)
         self._active = self.DeclareVectorInputPort("interaction_active", 1)
-        prior_inputs = [self._end_effector, self._bending, self._grasp, self._active]
+        prior_inputs = [self._end_effector, self._bending, self._grasp, self._slip, self._active]
         self._features: InputPort | None = None
         if corrected_by_vision:
             self._features = self._declare_value_input("features_estimated", no_features())
             self._motions = self._declare_value_input("body_motions_estimated", BodyMotions())
-        initial = HeldBodyState(body=None, sighting=None)
-        self._declare_recursion(initial, self._calc_posterior_state, config.period)
+        self._declare_recursion(HeldBodyState(), self._calc_posterior_state, config.period)
         self._prior = self._declare_cache("prior", self._calc_prior, prior_inputs)
         self.DeclareAbstractOutputPort(
             "body_prior", lambda: Value[object](NO_POSE), self._write_prior, {self._prior.ticket()}
@@ -211,16 +225,19 @@ class HeldBodyMotion(RecursiveFilter):
 
     def _calc_prior(self, context: Context, value: AbstractValue) -> None:
         body: BodyState | None = None
-        if self._read(self._active, context)[0] > 0.5:
+        stored = self._stored(context)
+        if self._read(self._active, context)[0] > 0.5 and not stored.lost:
             end_effector = self._read(self._end_effector, context)
             bending = self._read(self._bending, context)
             grasp = self._read(self._grasp, context)
             hand = bent_hand(end_effector, bending)
-            before = self._stored(context).body
+            before = stored.body
             if before is None:
                 body = start_body(hand, grasp, self._config)
             else:
                 body = predict_body(before, hand, grasp, self._config)
+            slip = self._read_optional(self._slip, context) or NO_SLIP
+            body = shift_body(body, slip.shift, self._config)
             Ad = se3.adjoint(se3.inverse(bending.X))
             V_covariance = Ad @ end_effector.covariance[6:, 6:] @ Ad.T
             body = with_velocity(body, Ad @ end_effector.V, V_covariance, grasp, self._config)
@@ -232,21 +249,27 @@ class HeldBodyMotion(RecursiveFilter):
 
     def _calc_posterior_state(self, context: Context, state: Any) -> HeldBodyState:
         body = self._prior.Eval(context)
-        if body is None or self._features is None or not self._features.HasValue(context):
-            return HeldBodyState(body=body, sighting=None)
+        if body is None:
+            active = self._read(self._active, context)[0] > 0.5
+            return HeldBodyState(lost=active and state.lost)
+        body, sighting = self._correct(context, body)
+        if sighting is None and self._read(self._grasp, context).type == GraspType.FAILED:
+            return HeldBodyState(lost=True)
+        return HeldBodyState(body=body, sighting=sighting)
+
+    def _correct(self, context: Context, body: BodyState) -> tuple[BodyState, Sighting | None]:
+        """The body after this tick's features, and what they say of it, if anything."""
+        if self._features is None or not self._features.HasValue(context):
+            return body, None
         features = self._read(self._features, context)
         motions = self._read(self._motions, context)
         sighting = sight(body.X_WB, features, motions, self._config)
-        if sighting is not None:
-            ids = sighting.body.feature_ids[sighting.rows]
-            offset = sighting.offset_covariance
-            resets = sighting.body.reset_count
-            if resets != body.reset_count:
-                body = reset_body(body, sighting.pose, ids, resets, self._config)
-            else:
-                corrected = correct_body(body, sighting.pose, offset, ids, self._config)
-                if corrected is None:
-                    sighting = None
-                else:
-                    body = corrected
-        return HeldBodyState(body=body, sighting=sighting)
+        if sighting is None:
+            return body, None
+        ids = sighting.body.feature_ids[sighting.rows]
+        resets = sighting.body.reset_count
+        if resets != body.reset_count:
+            return reset_body(body, sighting.pose, ids, resets, self._config), sighting
+        offset = sighting.offset_covariance
+        corrected = correct_body(body, sighting.pose, offset, ids, self._config)
+        return (body, None) if corrected is None else (corrected, sighting)

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from diagrams.crossmodal.modalities import LABELS
+from diagrams.crossmodal.results.grasp_episode import grasp_lines
 from diagrams.crossmodal.task import GRASP_LOST
 from diagrams.evaluation.stream_faults import fault_lines
 from diagrams.joints.joint_episode import JointEpisode
@@ -148,6 +149,8 @@ def report(episode: JointEpisode, summary: Mapping[str, Any]) -> list[str]:
         lines += ["", "Against the truth:"] + [f"  {line}" for line in comparison(summary)]
     if done := manipulation(episode, summary):
         lines += ["", "Manipulation:"] + [f"  {line}" for line in done]
+    if held := grasp_lines(summary["grasp"]):
+        lines += ["", "An empty hand:"] + [f"  {line}" for line in held]
     if faults := fault_lines(summary["stream_faults"]):
         lines += ["", "Streams that were not trusted:"] + [f"  {line}" for line in faults]
     return lines

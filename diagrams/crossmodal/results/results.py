@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from diagrams.crossmodal.results.frame_plots import draw_frames
+from diagrams.crossmodal.results.grasp_episode import grasp_episode, summarise_grasp
 from diagrams.crossmodal.results.plots import draw_configurations, draw_errors
 from diagrams.crossmodal.results.report import report
 from diagrams.crossmodal.task import can_be_judged, task_failure, task_phases, turning_time
@@ -29,9 +30,10 @@ def evaluate(record: EpisodeRecord) -> Results:
     phases = task_phases(task, truth, record.events)
     exploration_end = turning_time(record.events)
     faults = fault_spans(record)
+    grasp = grasp_episode(record)
     judged = can_be_judged(task, truth, record)
     return Results(
-        failure=task_failure(task, truth, record.events) if judged else None,
+        failure=task_failure(task, truth, record.events, grasp.lost_at) if judged else None,
         judged=judged,
         estimates=estimates_table(
             {
@@ -43,6 +45,7 @@ def evaluate(record: EpisodeRecord) -> Results:
         ),
         events=fault_events(faults),
         summary={
+            "grasp": summarise_grasp(grasp),
             "stream_faults": [asdict(fault) for fault in faults],
             "modalities": {
                 name: {"joints": [summarise_joint(series, truth, exploration_end)]}

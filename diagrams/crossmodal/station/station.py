@@ -20,7 +20,9 @@ from diagrams.crossmodal.task import ManipulationStatus
 from diagrams.joints.joint_truth import ObjectTruth
 from diagrams.run.calibration import Calibration, draw_base
 from diagrams.run.recorder import STATUS_PORT
+from diagrams.stations.true_pose import add_true_pose
 from maths.arrays import Array
+from plants.external_forces import ExternalForces
 from plants.joint_friction import JointFriction
 from plants.robots.arm_with_hand import make_arm_with_load
 from plants.robots.wam import WAM_WITH_SOFT_HAND
@@ -99,7 +101,8 @@ def make_manipulation_station(
 
     Output ports of its Diagram: `color_measured`, `depth_measured`, `robot_mask`,
     `joint_state_window`, `wrench_window`, `pressure_window`, `interaction_active`, `task_status`,
-    `path_planned`, `cheat_joint`, `cheat_configuration`, `cheat_body_pose`, `cheat_query_object`.
+    `path_planned`, `cheat_joint`, `cheat_configuration`, `cheat_body_pose`,
+    `cheat_hand_pose`, `cheat_handle_pose`, `cheat_query_object`.
     Input ports, which may stay unconnected: `PERCEIVED_INPUTS`.
 
     Args:
@@ -137,6 +140,9 @@ def make_manipulation_station(
         scenario=scenario,
     )
     _add_object_mechanics(wiring, joint)
+    add_true_pose(builder, plant, plant.GetFrameByName("sensor", scene.model(HAND)), "hand")
+    handle = plant.GetFrameByName(thing.handle_frame, scene.objects[name])
+    add_true_pose(builder, plant, handle, "handle")
     X_WHandle, X_WO = (
         plant.GetFrameByName(frame, scene.objects[name]).CalcPoseInWorld(
             plant.CreateDefaultContext()
@@ -172,6 +178,11 @@ def _add_object_mechanics(wiring: StationWiring, joint: Joint) -> None:
     truth = builder.AddNamedSystem("object_truth", ObjectTruth(plant, joint))
     builder.Connect(plant.get_state_output_port(), friction.get_input_port())
     builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())
+    if wiring.scenario.disturbances.forces:
+        forces = ExternalForces(plant, wiring.scenario.disturbances.forces)
+        builder.AddNamedSystem("external_forces", forces)
+        builder.Connect(plant.get_body_poses_output_port(), forces.get_input_port())
+        builder.Connect(forces.get_output_port(), plant.get_applied_spatial_force_input_port())
     builder.Connect(plant.get_state_output_port(), truth.get_input_port())
     for name in ("cheat_joint", "cheat_configuration", "cheat_body_pose"):
         builder.ExportOutput(truth.GetOutputPort(name), name)

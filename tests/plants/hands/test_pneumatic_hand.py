@@ -46,6 +46,18 @@ def test_sealed_chambers_obey_the_gas_law() -> None:
     assert np.all(pressure < 0)
 
 
+@pytest.mark.parametrize("sealed", [0.0, 1.0])
+def test_chambers_that_leak_lose_their_air_whether_sealed_or_not(sealed: float) -> None:
+    hand, context = make_hand(np.full(15, 0.5), 5e4, sealed=0.0)
+    simulator = Simulator(hand, context)
+    simulator.AdvanceTo(3.0)
+    hand.GetInputPort("sealed").FixValue(simulator.get_mutable_context(), [sealed])
+    hand.GetInputPort("leaking").FixValue(simulator.get_mutable_context(), [1.0])
+    simulator.AdvanceTo(3.0 + 2.0 * PneumaticHandConfig().fill_time)
+    pressure = hand.GetOutputPort("cheat_pressure").Eval(simulator.get_context())
+    assert_allclose(pressure, 5e4 * np.exp(-2.0), rtol=0.05)
+
+
 def test_torque_is_pressure_times_volume_rate() -> None:
     hand, context = make_hand(np.zeros(15), 6e4, sealed=0.0)
     simulator = Simulator(hand, context)

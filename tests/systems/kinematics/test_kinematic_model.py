@@ -75,6 +75,29 @@ class Driver:
         return [(j.parent_id, j.child_id) for j in self.joints().joints]
 
 
+def test_a_joint_that_is_not_measured_any_more_is_claimed_ever_less_surely() -> None:
+    config = KinematicModelConfig()
+    driver = Driver(KinematicModel(config))
+    _slide(driver, 2)
+    model = driver.joints().joints[0].models[JointType.PRISMATIC]
+    q, rate = model.configuration
+    driver.set()
+    variances = [model.configuration_covariance[0, 0]]
+    for k in range(1, 11):
+        driver.tick()
+        later = driver.joints().joints[0].models[JointType.PRISMATIC]
+        assert later.configuration[0] == pytest.approx(q + rate * k / 15.0)
+        variances.append(later.configuration_covariance[0, 0])
+    assert np.all(np.diff(variances) > 0.0)
+    least = max(config.filters.process_noise) * (10.0 / 15.0) ** 3 / 3.0
+    assert variances[-1] > least
+    assert_allclose(later.axis_covariance, model.axis_covariance)
+    driver.set(_body(2, 0.02 * 4.0, 0.02))
+    driver.tick()
+    again = driver.joints().joints[0].models[JointType.PRISMATIC]
+    assert again.configuration_covariance[0, 0] < 0.1 * variances[-1]
+
+
 def _slide(driver: Driver, body_id: int, ticks: int = 45) -> None:
     for k in range(1, ticks + 1):
         driver.set(_body(body_id, 0.02 * k / 15.0, 0.02, seed=k))

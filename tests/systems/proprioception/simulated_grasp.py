@@ -10,6 +10,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from maths import se3
 from systems.port_values import (
     HELD_BODY,
+    NO_SLIP,
     BodyMotion,
     BodyMotions,
     EndEffectorBelief,
@@ -18,6 +19,7 @@ from systems.port_values import (
     HeldBody,
     MotionBelief,
     PoseBelief,
+    SlipBelief,
 )
 from systems.proprioception.bent_hand import screw
 from systems.proprioception.grasp_model import GraspModel
@@ -67,7 +69,7 @@ class Tick:
 
     X_WB: np.ndarray
     X_HB: np.ndarray
-    body: HeldBody
+    body: HeldBody  # None once it is lost; only those who lose it ask.
     prior: PoseBelief
     grasp: GraspBelief
 
@@ -113,7 +115,12 @@ def make_diagram(
     if grasp_wire:
         seen = grasp.GetInputPort("body_motions_estimated")
         builder.Connect(body.GetOutputPort("body_motions_estimated"), seen)
-    for name in ("end_effector_estimated", "hand_bending_estimated", "interaction_active"):
+    for name in (
+        "end_effector_estimated",
+        "hand_bending_estimated",
+        "slip_estimated",
+        "interaction_active",
+    ):
         builder.ExportInput(body.GetInputPort(name), name)
         builder.ConnectInput(name, grasp.GetInputPort(name))
     if vision:
@@ -223,8 +230,9 @@ def run(
     body_config: HeldBodyMotionConfig | None = None,
     grasp_config: GraspModelConfig | None = None,
     grasp_wire: bool = True,
+    slip: Callable[[float], SlipBelief] = lambda t: NO_SLIP,
 ) -> list[Tick]:
-    """Both filters over one episode."""
+    """Both filters over one episode, `slip` being what load and pressures say at a time."""
     episode = Episode(scene, seed)
     diagram = make_diagram(
         vision,
@@ -239,7 +247,11 @@ def run(
         t = number * PERIOD
         context.SetTime(t)
         end_effector, bending = episode.streams(t)
-        values = {"end_effector_estimated": end_effector, "hand_bending_estimated": bending}
+        values = {
+            "end_effector_estimated": end_effector,
+            "hand_bending_estimated": bending,
+            "slip_estimated": slip(t),
+        }
         for name, value in values.items():
             diagram.GetInputPort(name).FixValue(context, AbstractValue.Make(value))
         if vision:
@@ -253,7 +265,7 @@ def run(
             Tick(
                 X_WB=X_WB,
                 X_HB=se3.inverse(episode.X_WH(t)) @ X_WB,
-                body=diagram.GetOutputPort("body_motions_estimated").Eval(context).bodies[0],
+                body=diagram.GetOutputPort("body_motions_estimated").Eval(context).find(HELD_BODY),
                 prior=diagram.GetOutputPort("body_prior").Eval(context),
                 grasp=diagram.GetOutputPort("grasp_estimated").Eval(context),
             )

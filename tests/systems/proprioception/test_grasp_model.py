@@ -7,7 +7,7 @@ from simulated_grasp import Episode, Scene, Tick, pull, run, swing
 
 from maths import se3
 from maths.vectors import tangent_basis
-from systems.port_values import BodyMotions, GraspBelief, GraspType
+from systems.port_values import NO_SLIP, BodyMotions, GraspBelief, GraspType, SlipBelief
 from systems.proprioception.grasp_filters import grasp_displacement
 from systems.proprioception.grasp_model import GraspModel, initial_grasp
 from systems.proprioception.grasp_model_config import GraspModelConfig
@@ -61,7 +61,7 @@ def test_a_flap_that_turns_in_the_hand_is_a_revolute_grasp() -> None:
 def test_without_vision_the_prior_is_reaffirmed(kind: GraspType) -> None:
     prior = initial_grasp(CONFIG)
     for tick in run(SCENES[kind], 0, vision=False)[::10]:
-        assert tick.grasp.probabilities == prior.probabilities
+        assert tick.grasp.probabilities == pytest.approx(prior.probabilities)
         np.testing.assert_array_equal(tick.grasp.axis_H, prior.axis_H)
 
 
@@ -74,7 +74,8 @@ def test_darkness_adds_no_confidence() -> None:
     )
     ticks = run(scene, 0, vision=True)
     first_dark = int(4.0 * 15) + 1
-    assert ticks[-1].grasp.probabilities == ticks[first_dark].grasp.probabilities
+    before = ticks[first_dark].grasp.probabilities
+    assert ticks[-1].grasp.probabilities == pytest.approx(before)
     np.testing.assert_allclose(ticks[-1].grasp.axis_H, ticks[first_dark].grasp.axis_H)
     known = np.trace(ticks[first_dark].grasp.line_covariance)
     assert np.trace(ticks[-1].grasp.line_covariance) > known
@@ -166,6 +167,34 @@ def test_a_hand_that_catches_the_body_again_holds_it_again() -> None:
     ticks = run(scene, 0, vision=True)
     assert ticks[int(8.0 * 15)].grasp.type == GraspType.FAILED
     assert ticks[-1].grasp.type == GraspType.PERFECT
+
+
+LOST = SlipBelief(log_odds=10.0, shift=0.05)
+
+
+def test_a_grasp_that_load_and_pressures_say_is_lost_has_failed_in_the_dark() -> None:
+    scene = Scene(displacement=pull(), duration=6.0)
+    ticks = run(scene, 0, vision=False, slip=lambda t: LOST if t >= 3.0 else NO_SLIP)
+    failed = np.array([tick.grasp.probabilities[GraspType.FAILED] for tick in ticks])
+    onset = round(3.0 * 15)
+    assert failed[:onset].max() < 0.05
+    assert failed[onset:].min() > 0.9
+    np.testing.assert_array_equal(ticks[-1].grasp.free_motion, np.eye(6))
+
+
+def test_a_lost_grasp_stays_lost_when_the_pressures_are_as_before() -> None:
+    def slip(t: float) -> SlipBelief:
+        return LOST if 3.0 <= t < 4.0 else NO_SLIP
+
+    ticks = run(Scene(displacement=pull(), duration=6.0), 0, vision=False, slip=slip)
+    assert ticks[-1].grasp.type == GraspType.FAILED
+
+
+def test_what_was_seen_long_ago_does_not_outweigh_what_is_felt_in_the_dark() -> None:
+    scene = Scene(displacement=pull(), dark_from=6.0, duration=9.0)
+    ticks = run(scene, 0, vision=True, slip=lambda t: LOST if t >= 7.0 else NO_SLIP)
+    assert ticks[round(6.5 * 15)].grasp.type != GraspType.FAILED
+    assert ticks[-1].grasp.type == GraspType.FAILED
 
 
 def test_nothing_held_means_the_prior() -> None:

@@ -9,7 +9,14 @@ from scipy.stats import chi2
 from simulated_grasp import Episode, Scene, Tick, body_error, body_nees, pull, run, swing
 
 from maths import se3
-from systems.port_values import HELD_BODY, GraspBelief, GraspType, PoseBelief
+from systems.port_values import (
+    HELD_BODY,
+    NO_SLIP,
+    GraspBelief,
+    GraspType,
+    PoseBelief,
+    SlipBelief,
+)
 from systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
 from systems.proprioception.free_motion import free_motion, line_sensitivity
 from systems.proprioception.grasp_filters import free_projection
@@ -324,6 +331,41 @@ def test_features_that_come_late_tell_the_motion_since_but_not_the_pose() -> Non
         alone.append(np.linalg.norm(body_error(last)[3:]))
     assert nees_is_consistent(poses)
     assert np.median(motions) < 0.3 * np.median(alone)
+
+
+LOST = SlipBelief(log_odds=10.0, shift=0.05)
+
+
+def test_a_body_that_the_hand_has_lost_unseen_is_not_held_any_more() -> None:
+    """The belief about the grasp is read a tick later; then nothing is claimed up to the end."""
+    scene = Scene(displacement=pull(), duration=6.0)
+    ticks = run(scene, 0, vision=False, slip=lambda t: LOST if 3.0 <= t < 4.0 else NO_SLIP)
+    onset = round(3.0 * 15)
+    assert all(tick.body is not None for tick in ticks[: onset + 1])
+    assert all(tick.body is None for tick in ticks[onset + 1 :])
+    assert all(np.isnan(tick.prior.X).all() for tick in ticks[onset + 2 :])
+
+
+def test_a_lost_body_is_followed_as_long_as_it_is_seen() -> None:
+    scene = Scene(displacement=pull(), dark_from=6.0, duration=8.0)
+    ticks = run(scene, 0, vision=True, slip=lambda t: LOST if t >= 3.0 else NO_SLIP)
+    assert ticks[round(5.9 * 15)].body.seen is not None
+    assert ticks[-1].body is None
+
+
+def test_a_shift_in_the_fingers_makes_the_pose_as_uncertain_as_it_is_large() -> None:
+    scene = Scene(displacement=pull(), duration=5.0)
+    shifted = SlipBelief(shift=0.02)
+    pair = [
+        run(scene, 0, vision=False, slip=lambda t, after=after: after if t >= 3.0 else NO_SLIP)
+        for after in (NO_SLIP, shifted)
+    ]
+    firm, loose = (ticks[-1].body for ticks in pair)
+    np.testing.assert_array_equal(firm.motion.X, loose.motion.X)
+    added = np.diag(loose.motion.covariance - firm.motion.covariance)[3:6]
+    np.testing.assert_allclose(added, 0.02**2, rtol=0.3)
+    correlated = np.diag(loose.correlated_covariance - firm.correlated_covariance)[3:6]
+    np.testing.assert_allclose(correlated, added, rtol=0.1)
 
 
 def test_the_prior_does_not_depend_on_vision() -> None:

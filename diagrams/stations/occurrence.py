@@ -1,0 +1,29 @@
+"""What happens in some intervals of an episode and not in others."""
+
+from collections.abc import Iterable
+
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from diagrams.run.scenario import Interval
+
+
+class Occurrence(LeafSystem):
+    """One while any of the intervals lasts, else zero.
+
+    .. pydrake_system::
+
+        name: Occurrence
+        output_ports:
+        - occurring
+
+    - occurring: (1,) 1 or 0.
+    """
+
+    def __init__(self, intervals: Iterable[Interval]) -> None:
+        super().__init__()
+        intervals = tuple(intervals)
+
+        def occurring(context: Context, output: BasicVector) -> None:
+            output.SetAtIndex(0, float(any(context.get_time() in span for span in intervals)))
+
+        self.DeclareVectorOutputPort("occurring", 1, occurring, {self.time_ticket()})

@@ -70,8 +70,8 @@ def measure(seed: int) -> dict[str, Any]:
     for modality, series in joint_episode(record).series.items():
         noticed = grasp.noticed_at[modality]
         row[modality] = {"delay": max(noticed - emptied, 0.0) if np.isfinite(noticed) else None}
-        claimed = ~np.isnan(series.configuration)
-        z = np.abs(series.error) / np.where(claimed, series.configuration_std, np.nan)
+        claimed = np.isfinite(series.configuration_std)
+        z = np.abs(series.error) / series.configuration_std
         late = series.times >= emptied + IN_TIME
         for when, ticks in (
             ("at once", (series.times >= emptied) & ~late & claimed),

@@ -132,7 +132,7 @@ def _own_object(
     if model is None:
         refuse_without_object(**options)
         return []
-    _, base = load_scenario(scenario, assignments)
+    _, base = load_scenario(scenario, assignments, units_known=False)
     if not isinstance(base, Scenario):
         raise ScenarioError(f"--object {model}: '{scenario}' has no object to be replaced")
     own = OwnObject(

@@ -42,6 +42,11 @@ class ObjectModel:
     two_ways: bool
     bottom: float
 
+    @property
+    def unit(self) -> str:
+        """Of the joint's position."""
+        return "m" if self.joint_type == JointType.PRISMATIC else "rad"
+
 
 def read_object_model(model: Path, *, joint: str, frame: str, source: str) -> ObjectModel:
     """Raises a ScenarioError unless the model can be read and has the joint and the frame."""

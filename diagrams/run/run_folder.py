@@ -69,28 +69,6 @@ def default_folder(scenario: Scenario) -> Path:
     return Path("runs") / f"{scenario.name}-seed{scenario.seed}"
 
 
-def open_run_folder(folder: Path, force: bool = False) -> Path:
-    """Makes sure that results can be written into the folder, before anything is computed.
-
-    A folder that already holds something is refused unless `force` allows it. A single run holds
-    its folder by `own_files.held`.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        occupied = any(folder.iterdir())
-        if occupied and not force:
-            raise ScenarioError(
-                f"{folder}: already holds files; choose another folder with --out,"
-                " or replace an earlier run there with --force"
-            )
-        probe = folder / f".probe-{os.getpid()}"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise ScenarioError(f"{folder}: cannot be written: {error.strerror or error}") from None
-    return folder
-
-
 def write_atomically(path: Path, write: Callable[[Path], Any]) -> Path:
     """Lets `write` fill a file beside `path`, then moves it there."""
     partial = path.with_name(f".{os.getpid()}-{path.name}")

@@ -114,7 +114,24 @@ def test_a_folder_that_nothing_is_written_into_is_removed_again(tmp_path: Path) 
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("place", ["file", "file/below", "/proc/nowhere/run"])
+def test_a_shared_folder_keeps_what_is_there_and_no_file_of_another_is_replaced(
+    tmp_path: Path,
+) -> None:
+    write_text(tmp_path / "notes.txt", "mine")
+    for _ in range(2):
+        with held(tmp_path, ["table.md"], shared=True) as own:
+            write_text(own.place("table.md"), "of a run")
+    write_text(tmp_path / "page.html", "mine")
+    with (
+        pytest.raises(ScenarioError, match=r"page\.html: is no file of the earlier run"),
+        held(tmp_path, ["table.md", "page.html"], shared=True),
+    ):
+        pass
+    mine = {"notes.txt": "mine", "page.html": "mine"}
+    assert files(tmp_path) == mine | {"table.md": "of a run"}
+
+
+@pytest.mark.parametrize("place", ["file", "file/below", "/proc/nowhere/run", "a" * 300])
 def test_a_folder_that_cannot_be_written_is_refused_in_one_line(tmp_path: Path, place: str) -> None:
     (tmp_path / "file").write_text("")
     with (

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from diagrams.commands.endings import one_line_errors
+from diagrams.commands.endings import FAILED, INTERRUPTED, one_line_errors
 from diagrams.commands.options import ForceOption, SetOption
 from diagrams.commands.run_output import write_and_report
 
@@ -45,4 +45,6 @@ def replay_command(
 
                 record = replay(application, run, chosen, progress=progress)
             status = write_and_report(folder, application, record)
+            if status == INTERRUPTED:  # Not this command, but the run that it replays.
+                status = FAILED
     raise typer.Exit(status)

@@ -154,7 +154,7 @@ class Episode:
         if self._meshcat is not None:
             self._meshcat.StartRecording(frames_per_second=16.0)
         simulator.Initialize()
-        interrupted = False
+        interrupted = True
         began = time.perf_counter()
         with compilation_timed() as compiling:
             try:
@@ -166,11 +166,12 @@ class Episode:
                     scenario.stop_time,
                     progress,
                 )
+                interrupted = False
             except KeyboardInterrupt:
-                interrupted = True
+                pass
             finally:
                 if self._sensor_log is not None:
-                    self._sensor_log.close(root.get_time())
+                    self._sensor_log.close(root.get_time(), interrupted=interrupted)
         wall_time = time.perf_counter() - began - compiling.seconds
         for name, (start, stop) in self._stopwatches.items():
             pairs = zip(start.marks, stop.marks, strict=False)

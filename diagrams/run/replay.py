@@ -113,4 +113,5 @@ def replay(
         wall_time=perf_counter() - began,
         pictures=recorder.pictures,
         events=recorder.events,
+        interrupted=log.interrupted,
     )

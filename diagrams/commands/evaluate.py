@@ -116,6 +116,9 @@ def _finish_evaluation(campaigns: "list[Campaign]", written: list[Path]) -> None
             typer.echo(path.read_text(encoding="utf-8"))
     for path in written:
         typer.echo(f"  {path}")
+    for campaign in campaigns:
+        for line in campaign.missing:
+            typer.echo(f"crossmodal: {line}", err=True)
     summaries = [summary for campaign in campaigns for summary in campaign.summaries]
     asked = sum(len(campaign.scenarios) for campaign in campaigns)
     if len(summaries) < asked:
@@ -123,4 +126,5 @@ def _finish_evaluation(campaigns: "list[Campaign]", written: list[Path]) -> None
         typer.echo(f"crossmodal: {stopped}; the same command goes on", err=True)
         raise typer.Exit(INTERRUPTED)
     failed = any(summary["success"] is False for summary in summaries)
+    failed = failed or any(campaign.missing for campaign in campaigns)
     raise typer.Exit(FAILED if failed else 0)

@@ -8,7 +8,7 @@ import socket
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -290,6 +290,7 @@ class Campaign:
         scenarios: One for each seed.
         folder: Where it is.
         summaries: Of the episodes that have ended, in order of their seeds.
+        missing: What of its results could not be drawn, and why, a line each.
     """
 
     name: str
@@ -298,6 +299,7 @@ class Campaign:
     scenarios: list[Scenario]
     folder: Path
     summaries: list[Summary]
+    missing: list[str] = field(default_factory=list)
 
     @property
     def seeds(self) -> list[int]:

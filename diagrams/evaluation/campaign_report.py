@@ -26,7 +26,8 @@ from diagrams.evaluation.metric_table import (
     title,
 )
 from diagrams.run.own_files import OwnFiles
-from diagrams.run.run_folder import PLOT_FOLDER, versions, write_atomically, write_text
+from diagrams.run.run_folder import PLOT_FOLDER, undrawn, versions, write_atomically, write_text
+from diagrams.run.yaml_schema import ScenarioError
 
 CSV_FILE, TABLE_FILE, PAGE_FILE = "results.csv", "table.md", "report.html"
 OVERVIEW_FILES = (CSV_FILE, TABLE_FILE, PAGE_FILE)
@@ -102,9 +103,14 @@ def write_campaign(campaign: Campaign, origin: str) -> list[Path]:
     for file, plot in application.campaign_plots.items():
         place = own.place(file)
         place.unlink(missing_ok=True)
-        figure = plot.draw(campaign)
-        if figure is not None:
-            written.append(write_atomically(place, partial(save, figure)))
+        try:
+            figure = plot.draw(campaign)
+            if figure is not None:
+                written.append(write_atomically(place, partial(save, figure)))
+        except ScenarioError:
+            raise
+        except Exception as error:
+            campaign.missing.append(undrawn(place, error))
     section = _section(campaign, figures, folder)
     written.append(write_text(own.place(PAGE_FILE), page(name, origin, [section])))
     return written

@@ -17,7 +17,7 @@ from dataclasses import replace
 from functools import cache, partial
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
@@ -27,6 +27,9 @@ from diagrams.run.own_files import OwnFiles
 from diagrams.run.record import EpisodeRecord
 from diagrams.run.scenario import Scenario
 from diagrams.run.yaml_schema import ScenarioError, one_line
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SCENARIO_FILE = "scenario.yaml"
 ESTIMATES_FILE = "estimates.parquet"
@@ -88,6 +91,14 @@ def write_text(path: Path, text: str) -> Path:
     return write_atomically(path, lambda partial: partial.write_text(text, encoding="utf-8"))
 
 
+def undrawn(place: Path, error: Exception) -> str:
+    """A line about a picture that could not be drawn.
+
+    Pictures only show what is there without them, so that no error of theirs may lose the rest.
+    """
+    return f"{place}: cannot be drawn: {type(error).__name__}: {one_line(error)}"
+
+
 def write_scenario(folder: Path, application: Application, scenario: Scenario) -> Path:
     """Writes the resolved scenario with the versions that run it; it can be run again as it is."""
     kept, files = application.keep_files(replace(scenario, versions=versions()))
@@ -115,10 +126,8 @@ class RunWriter:
     ) -> None:
         self._folder, self._own = folder, OwnFiles(folder)
         self._application, self._record, self._results = application, record, results
-        drawn = {name: draw() for name, draw in results.plots.items()}
-        self._figures = {
-            f"{PLOT_FOLDER}/{name}": figure for name, figure in drawn.items() if figure is not None
-        }
+        self.missing = list(record.missing)
+        self._figures = self._draw()
         names = [SCENARIO_FILE, *application.keep_files(record.scenario)[1], ESTIMATES_FILE]
         names += self._figures
         if record.meshcat_html is not None:
@@ -130,7 +139,18 @@ class RunWriter:
         text = json.dumps(summarise(application, record, results) | {"files": names}, indent=2)
         self.summary: dict[str, Any] = json.loads(text)
         self.written = [] if record.sensors_file is None else [record.sensors_file]
-        self.missing = list(record.missing)
+
+    def _draw(self) -> "dict[str, Figure]":
+        figures: dict[str, Figure] = {}
+        for name, draw in self._results.plots.items():
+            file = f"{PLOT_FOLDER}/{name}"
+            try:
+                figure = draw()
+            except Exception as error:
+                self.missing.append(undrawn(self._folder / file, error))
+            else:
+                figures |= {} if figure is None else {file: figure}
+        return figures
 
     def write_results(self) -> None:
         """Writes scenario and estimates and, where both are there, the summary.
@@ -146,15 +166,23 @@ class RunWriter:
             ESTIMATES_FILE, lambda path: self._results.estimates.to_parquet(path, index=False)
         )
         if {SCENARIO_FILE, ESTIMATES_FILE} <= {path.name for path in self.written}:
-            text = json.dumps(self.summary, indent=2, allow_nan=False) + "\n"
-            self._write(SUMMARY_FILE, lambda path: path.write_text(text, encoding="utf-8"))
+            self._write_summary()
+
+    def _write_summary(self) -> None:
+        text = json.dumps(self.summary, indent=2, allow_nan=False) + "\n"
+        self._write(SUMMARY_FILE, lambda path: path.write_text(text, encoding="utf-8"))
 
     def write_pictures(self) -> None:
         """Writes what shows the results; it is large."""
         from diagrams.drawing.plot_style import save
 
         for name, figure in self._figures.items():
-            self._write(name, partial(save, figure))
+            try:
+                self._write(name, partial(save, figure))
+            except Exception as error:
+                self.missing.append(undrawn(self._folder / name, error))
+                self.summary["files"].remove(name)
+                self._write_summary()
         page = self._record.meshcat_html
         if page is not None:
             self._write(MESHCAT_FILE, lambda path: path.write_text(page, encoding="utf-8"))
@@ -164,7 +192,9 @@ class RunWriter:
 
     def _try(self, write: Callable[[], Path]) -> None:
         try:
-            self.written.append(write())
+            path = write()
+            if path not in self.written:
+                self.written.append(path)
         except ScenarioError as error:
             self.missing.append(str(error))
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from synthetic_episode import empty_episode, synthetic_episode
 
@@ -204,3 +205,29 @@ def test_the_versions_that_ran_a_scenario_do_not_make_it_another() -> None:
 
 def test_the_usual_folder_names_scenario_and_seed() -> None:
     assert default_folder(load_scenario("drawer", ["seed=4"])[1]) == Path("runs/drawer-seed4")
+
+
+def test_an_error_while_drawing_loses_nothing_but_that_picture(tmp_path: Path) -> None:
+    def fail() -> Figure:
+        raise ValueError("no such\ncolour")
+
+    def fails_when_saved() -> Figure:
+        return Figure(figsize=(1e9, 1e9))
+
+    record = synthetic_episode()
+    plots = {"a.png": fail, "b.png": fails_when_saved, "c.png": Figure}
+    results = replace(APPLICATION.evaluate(record), plots=plots)
+    writer = RunWriter(tmp_path, APPLICATION, record, results)
+    writer.write_results()
+    writer.write_pictures()
+    names = {"scenario.yaml", "estimates.parquet", "summary.json", "c.png"}
+    assert {path.name for path in writer.written} == names
+    assert len(writer.written) == len(names)
+    first, second = writer.missing
+    assert first == f"{tmp_path}/figures/a.png: cannot be drawn: ValueError: no such colour"
+    assert second.startswith(f"{tmp_path}/figures/b.png: cannot be drawn: ")
+    assert "\n" not in second
+    summary = finished_summary(tmp_path, APPLICATION, record.scenario)
+    assert summary is not None
+    assert "figures/c.png" in summary["files"]
+    assert not {"figures/a.png", "figures/b.png"} & {*summary["files"]}

@@ -17,10 +17,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from diagrams.run.application import Application
-from diagrams.run.run_folder import ESTIMATES_FILE, SCENARIO_FILE, SUMMARY_FILE
+from diagrams.run.folder.run_folder import ESTIMATES_FILE, SCENARIO_FILE, SUMMARY_FILE
 from diagrams.run.scenario import parse_scenario, read_document
-from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
-from diagrams.run.yaml_units import check_units
+from diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
+from diagrams.run.yaml_input.units import check_units
 
 if TYPE_CHECKING:
     import pandas as pd

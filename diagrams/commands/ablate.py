@@ -29,8 +29,8 @@ def ablate_command(
         from diagrams.crossmodal.studies.ablation_study import run_ablations
         from diagrams.crossmodal.studies.ablations import ABLATIONS, find_ablation
         from diagrams.evaluation.seeds import parse_seeds
-        from diagrams.run.own_files import held
-        from diagrams.run.run_folder import write_text
+        from diagrams.run.folder.own_files import held
+        from diagrams.run.folder.run_folder import write_text
 
         chosen, numbers = names or list(ABLATIONS), parse_seeds(seeds)
         for name in chosen:

@@ -47,8 +47,8 @@ def evaluate_command(
         from diagrams.evaluation import campaign_report as reports
         from diagrams.evaluation.campaign import Workers, connect, held_campaign, prepare
         from diagrams.evaluation.seeds import parse_seeds
-        from diagrams.run.own_files import held
-        from diagrams.run.yaml_schema import ScenarioError, suggestion
+        from diagrams.run.folder.own_files import held
+        from diagrams.run.yaml_input.schema import ScenarioError, suggestion
 
         known = experiments()
         if experiment not in (ALL, *known):

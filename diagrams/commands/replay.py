@@ -26,10 +26,10 @@ def replay_command(
         from tqdm import tqdm
 
         from diagrams.applications import load_scenario
-        from diagrams.run.own_files import held
+        from diagrams.run.folder.own_files import held
+        from diagrams.run.folder.run_folder import FILES
         from diagrams.run.replay import check_recorded, replay
-        from diagrams.run.run_folder import FILES
-        from diagrams.run.yaml_schema import ScenarioError
+        from diagrams.run.yaml_input.schema import ScenarioError
 
         changes = overrides or []
         application, chosen = load_scenario(str(check_recorded(run, changes)), changes)

@@ -33,8 +33,8 @@ def train_hand_bending_command(
             simulate_interactions,
             train_hand_bending,
         )
-        from diagrams.run.own_files import held
-        from diagrams.run.yaml_schema import ScenarioError
+        from diagrams.run.folder.own_files import held
+        from diagrams.run.yaml_input.schema import ScenarioError
         from models import WEIGHTS_DIR
 
         folder = out or WEIGHTS_DIR

@@ -15,7 +15,7 @@ from diagrams.crossmodal.objects.object_import import (
 )
 from diagrams.crossmodal.objects.object_model import ObjectModel, read_object_model
 from diagrams.crossmodal.scenario import Scenario, object_model_file
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 from plants.object_import import MODEL_FILE
 from plants.scene import has_model
 

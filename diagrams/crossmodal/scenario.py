@@ -13,7 +13,7 @@ from diagrams.crossmodal.objects.object_model import read_object_model
 from diagrams.crossmodal.robot_config import HAND, ControlConfig, SensorsConfig
 from diagrams.run import scenario as base
 from diagrams.run.scenario import CameraConfig
-from diagrams.run.yaml_schema import ScenarioError, suggestion
+from diagrams.run.yaml_input.schema import ScenarioError, suggestion
 from maths.validation import number, numbers
 from models import SDF_DIR
 from plants.hands.pneumatic_hand import PneumaticHandConfig

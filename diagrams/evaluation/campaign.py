@@ -12,20 +12,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from diagrams.evaluation.checksums import CHECKSUM_FILE, damage, write_checksums
+from diagrams.evaluation.folder_checksums import CHECKSUM_FILE, damage, write_checksums
 from diagrams.run import process
 from diagrams.run.application import Application
 from diagrams.run.experiment import Experiment
-from diagrams.run.own_files import OwnFiles, held
-from diagrams.run.run_folder import (
-    SUMMARY_FILE,
-    fingerprint,
-    finished_summary,
-    versions,
-    write_text,
-)
+from diagrams.run.folder.fingerprint import fingerprint, versions
+from diagrams.run.folder.own_files import OwnFiles, held
+from diagrams.run.folder.run_folder import SUMMARY_FILE, finished_summary, write_text
 from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
+from diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 
 Summary = dict[str, Any]
 _MARKER = "evaluation.json"

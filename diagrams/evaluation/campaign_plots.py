@@ -189,7 +189,7 @@ def draw_metrics(
                 if len(own) and len(values) < episodes:
                     said = f"{len(values)} of {episodes}"
                     place = {"transform": axes.get_yaxis_transform(), "ha": "right", "va": "center"}
-                    axes.text(0.99, level + 0.32, said, fontsize="small", **place)
+                    axes.text(0.99, level + 0.42, said, fontsize="small", **place)
                 if values.empty:
                     continue
                 places = level + np.linspace(-0.22, 0.22, len(values))

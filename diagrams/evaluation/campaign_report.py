@@ -25,9 +25,10 @@ from diagrams.evaluation.metric_table import (
     tidy_metrics,
     title,
 )
-from diagrams.run.own_files import OwnFiles
-from diagrams.run.run_folder import PLOT_FOLDER, undrawn, versions, write_atomically, write_text
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.folder.fingerprint import versions
+from diagrams.run.folder.own_files import OwnFiles
+from diagrams.run.folder.run_folder import PLOT_FOLDER, undrawn, write_atomically, write_text
+from diagrams.run.yaml_input.schema import ScenarioError
 
 CSV_FILE, TABLE_FILE, PAGE_FILE = "results.csv", "table.md", "report.html"
 OVERVIEW_FILES = (CSV_FILE, TABLE_FILE, PAGE_FILE)

@@ -17,7 +17,7 @@ from diagrams.run.experiment import CampaignPlot, Column, Experiment, Metric
 from diagrams.run.record import EpisodeRecord, Event, Quantity
 from diagrams.run.scenario import Scenario
 from diagrams.run.sensor_streams.codecs import Topic
-from diagrams.run.yaml_schema import ScenarioError, suggestion
+from diagrams.run.yaml_input.schema import ScenarioError, suggestion
 
 if TYPE_CHECKING:
     import pandas as pd

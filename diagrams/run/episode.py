@@ -22,7 +22,7 @@ from diagrams.run.scenario import Scenario
 from diagrams.run.sensor_streams.log import SensorLogWriter, SensorRecorder, make_streams
 from diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from diagrams.run.ticks import advance_by_ticks
-from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
+from diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 from maths.compiled import compilation_timed
 
 SCENE_PORT = "cheat_query_object"  # Of a station whose scene Meshcat can draw.

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from diagrams.run.application import Application
-from diagrams.run.own_files import held
-from diagrams.run.run_folder import FILES, SUMMARY_FILE, finished_summary, write_scenario
+from diagrams.run.folder.own_files import held
+from diagrams.run.folder.run_folder import FILES, SUMMARY_FILE, finished_summary, write_scenario
 from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_schema import ScenarioError, one_line
+from diagrams.run.yaml_input.schema import ScenarioError, one_line
 
 ERROR_FILE = "error.txt"  # The reason in its first line, then the traceback.
 LOG_FILE = "log.txt"

@@ -14,8 +14,8 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from diagrams.run.calibration import CalibrationConfig, Camera
-from diagrams.run.yaml_schema import ScenarioError, apply_override, load_typed, read_yaml
-from diagrams.run.yaml_units import without_units
+from diagrams.run.yaml_input.schema import ScenarioError, apply_override, load_typed, read_yaml
+from diagrams.run.yaml_input.units import without_units
 from maths.pinhole import Intrinsics
 from maths.validation import check, number, numbers
 from systems.sensors.stream_fault import StreamFault

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from diagrams.applications import load_scenario
 from diagrams.run.episode import run_episode
-from diagrams.run.run_folder import SCENARIO_FILE, SENSORS_FILE
+from diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE
 from tests.recordings.outputs import (
     OUTPUTS_FILE,
     RECORDINGS,

@@ -23,7 +23,6 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from zstandard import ZstdError
 
-from diagrams.run.sensor_streams.checksums import ChecksummedWriter, check_bytes
 from diagrams.run.sensor_streams.codecs import (
     DEFINITIONS,
     Codec,
@@ -33,7 +32,8 @@ from diagrams.run.sensor_streams.codecs import (
     definition,
     nanoseconds,
 )
-from diagrams.run.yaml_schema import ScenarioError, one_line
+from diagrams.run.sensor_streams.mcap_checksums import ChecksummedWriter, check_bytes
+from diagrams.run.yaml_input.schema import ScenarioError, one_line
 
 _METADATA = "episode"
 # What the library raises, of its own and of others, while it reads a file with wrong bytes.

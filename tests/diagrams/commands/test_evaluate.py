@@ -13,9 +13,9 @@ from diagrams.evaluation.campaign_report import OVERVIEW_FILES
 from diagrams.run import process
 from diagrams.run.application import Application
 from diagrams.run.experiment import CampaignPlot
-from diagrams.run.own_files import held
+from diagrams.run.folder.own_files import held
+from diagrams.run.folder.run_folder import finished_summary, write_scenario
 from diagrams.run.process import failed_summary
-from diagrams.run.run_folder import finished_summary, write_scenario
 from diagrams.run.scenario import Scenario
 
 RUNNER = CliRunner()

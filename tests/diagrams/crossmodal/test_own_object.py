@@ -26,8 +26,9 @@ from diagrams.crossmodal.station.station import (
     make_manipulation_station,
 )
 from diagrams.run.episode import StationWarning, build_station
-from diagrams.run.run_folder import scenario_hash, write_run, write_scenario
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.folder.fingerprint import scenario_hash
+from diagrams.run.folder.run_folder import write_run, write_scenario
+from diagrams.run.yaml_input.schema import ScenarioError
 from models import MODELS_DIR
 
 pytestmark = pytest.mark.filterwarnings(

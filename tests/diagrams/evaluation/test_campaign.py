@@ -26,10 +26,10 @@ from diagrams.evaluation.campaign import (
     run,
 )
 from diagrams.evaluation.campaign_report import write_campaign
-from diagrams.evaluation.checksums import write_checksums
+from diagrams.evaluation.folder_checksums import write_checksums
 from diagrams.run import process
-from diagrams.run.run_folder import finished_summary, write_run, write_scenario, write_text
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.folder.run_folder import finished_summary, write_run, write_scenario, write_text
+from diagrams.run.yaml_input.schema import ScenarioError
 
 # Stands for an episode's process: odd seeds die, others take over a run that was prepared.
 WORKER = """

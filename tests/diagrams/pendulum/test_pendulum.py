@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from diagrams.applications import OWN, load_scenario
 from diagrams.command_line import app
 from diagrams.commands.endings import GentleInterrupt
-from diagrams.run.run_folder import fingerprint
+from diagrams.run.folder.fingerprint import fingerprint
 
 FILE = Path(__file__).with_name("pendulum.py")
 NOISE = 0.02  # Of the encoder, [rad].

@@ -12,22 +12,21 @@ from synthetic_episode import empty_episode, synthetic_episode
 
 from diagrams.applications import load_scenario
 from diagrams.crossmodal.application import APPLICATION
-from diagrams.run.own_files import MANIFEST
-from diagrams.run.record import EpisodeRecord
-from diagrams.run.run_folder import (
+from diagrams.run.folder.own_files import MANIFEST
+from diagrams.run.folder.run_folder import (
     PLOT_FOLDER,
     SENSORS_FILE,
     RunWriter,
     default_folder,
     finished_summary,
-    scenario_hash,
     summarise,
     without_nan,
     write_atomically,
     write_run,
     write_text,
 )
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.record import EpisodeRecord
+from diagrams.run.yaml_input.schema import ScenarioError
 
 FILES = {
     "scenario.yaml",
@@ -194,13 +193,6 @@ def test_only_a_complete_run_of_the_same_scenario_counts_as_finished(tmp_path: P
     write(tmp_path, record)
     assert finished_summary(tmp_path, APPLICATION, record.scenario) is None
     assert finished_summary(tmp_path / "none", APPLICATION, record.scenario) is None
-
-
-def test_the_versions_that_ran_a_scenario_do_not_make_it_another() -> None:
-    _, scenario = load_scenario("drawer")
-    first = scenario_hash(APPLICATION, scenario)
-    assert scenario_hash(APPLICATION, replace(scenario, versions={"drake": "1.0"})) == first
-    assert scenario_hash(APPLICATION, replace(scenario, seed=1)) != first
 
 
 def test_the_usual_folder_names_scenario_and_seed() -> None:

@@ -5,17 +5,13 @@ Every file is written beside its place and moved there when it is whole. A folde
 the summary names.
 """
 
-import hashlib
-import inspect
 import json
 import math
 import os
-import platform
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache, partial
-from importlib import metadata
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,10 +19,11 @@ import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
 
 from diagrams.run.application import Application, Results
-from diagrams.run.own_files import OwnFiles
+from diagrams.run.folder.fingerprint import fingerprint, versions
+from diagrams.run.folder.own_files import OwnFiles
 from diagrams.run.record import EpisodeRecord
 from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_schema import ScenarioError, one_line
+from diagrams.run.yaml_input.schema import ScenarioError, one_line
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,32 +36,6 @@ SENSORS_FILE = "sensors.mcap"
 PLOT_FOLDER = "figures"
 # What a run may write whatever its application is.
 FILES = (SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, MESHCAT_FILE, SENSORS_FILE)
-
-_PACKAGES = ("maths", "models", "plants", "systems", "controllers", "diagrams")
-_SOURCE_TYPES = {".py", ".sdf", ".urdf", ".yaml", ".obj", ".mtl", ".png", ".npz", ".pt"}
-# Modules and folders that only show results: a change there leaves finished episodes valid.
-_PRESENTATION = {
-    "command_line.py",
-    "commands",
-    "drawing",
-    "campaign.py",
-    "campaign_plots.py",
-    "campaign_report.py",
-    "checksums.py",
-    "comparison.py",
-    "metric_table.py",
-    "seeds.py",
-    "experiments.py",
-    "frame_plots.py",
-    "joint_drawing.py",
-    "joint_errors.py",
-    "joint_palette.py",
-    "meshcat_view.py",
-    "metrics.py",
-    "plots.py",
-    "process.py",
-    "report.py",
-}
 
 
 def default_folder(scenario: Scenario) -> Path:
@@ -258,57 +229,6 @@ def without_nan(value: Any) -> Any:
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else None
     return value
-
-
-def versions() -> dict[str, str]:
-    """Of the program, its sources and what it computes with."""
-    names = ("crossmodal", "drake", "numpy", "scipy", "opencv-python-headless", "numba", "torch")
-    found = {"python": platform.python_version(), "source": source_hash()}
-    for name in names:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
-
-
-@cache
-def source_hash() -> str:
-    """Hash of every file that can change an episode, as they were when it was first asked for."""
-    root = Path(__file__).parents[2]
-    digest = hashlib.sha256()
-    for package in _PACKAGES:
-        for path in sorted((root / package).rglob("*")):
-            place = path.relative_to(root)
-            if path.suffix in _SOURCE_TYPES and _PRESENTATION.isdisjoint(place.parts):
-                digest.update(str(place).encode())
-                digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def scenario_hash(application: Application, scenario: Scenario) -> str:
-    """Hash of all that the scenario says, its versions left out.
-
-    Of a file that it names it matters what is in it, not where it lies.
-    """
-    said = application.identity(replace(scenario, versions={}))
-    return hashlib.sha256(yaml_dump_typed(said).encode()).hexdigest()[:16]
-
-
-def _own_hash(application: Application) -> str:
-    """Hash of the file of an application that does not come with the program; else nothing."""
-    file = inspect.getsourcefile(application.scenario)
-    if file is None or Path(file).is_relative_to(Path(__file__).parents[1]):
-        return ""
-    return "-" + hashlib.sha256(Path(file).read_bytes()).hexdigest()[:8]
-
-
-def fingerprint(application: Application, scenario: Scenario) -> dict[str, str]:
-    """What decides whether a finished run is still the one that a scenario would give."""
-    return {
-        "scenario_hash": scenario_hash(application, scenario),
-        "source_hash": source_hash() + _own_hash(application),
-    }
 
 
 def finished_summary(

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.run.yaml_schema import ScenarioError, is_number
+from diagrams.run.yaml_input.schema import ScenarioError, is_number
 from maths.units import in_unit
 from maths.validation import declared
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from diagrams.applications import load_scenario
-from diagrams.run.yaml_schema import ScenarioError, load_typed
-from diagrams.run.yaml_units import check_units, without_units
+from diagrams.run.yaml_input.schema import ScenarioError, load_typed
+from diagrams.run.yaml_input.units import check_units, without_units
 from maths.validation import number, numbers
 
 

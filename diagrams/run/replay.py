@@ -95,7 +95,7 @@ def replay(
             if not source.HasOutputPort(port.get_name()):
                 raise ScenarioError(
                     f"{folder / SENSORS_FILE}: holds no stream '{port.get_name()}',"
-                    f" which '{name}' needs"
+                    f" which '{name}' needs; record it again"
                 )
             builder.Connect(heard(port.get_name()), port)
     builder.AddNamedSystem("recorder", recorder)

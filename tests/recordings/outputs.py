@@ -9,7 +9,8 @@ from diagrams.applications import load_scenario
 from diagrams.run.replay import check_recorded, replay
 
 FOLDER = Path(__file__).parent
-RECORDINGS = sorted(path.parent for path in FOLDER.glob("*/scenario.yaml"))
+SOURCES = sorted(FOLDER.glob("*.yaml"))  # What was simulated.
+RECORDINGS = [source.with_suffix("") for source in SOURCES]  # Folders.
 OUTPUTS_FILE = "outputs.csv"
 COMMAND = "make replays"  # Writes the outputs of all recordings anew.
 KEYS = ["time", "modality", "quantity", "component"]

@@ -3,11 +3,13 @@
 from pathlib import Path
 
 import pytest
+import yaml
 from outputs import (
     COMMAND,
     FOLDER,
     OUTPUTS_FILE,
     RECORDINGS,
+    SOURCES,
     differences,
     kept_outputs,
     perceive,
@@ -42,6 +44,7 @@ def test_a_recording_is_perceived_as_it_was(folder: Path) -> None:
 def test_the_recordings_are_small_enough_to_be_kept() -> None:
     assert [folder.name for folder in RECORDINGS] == list(JOINTS)
     size = sum((folder / name).stat().st_size for folder in RECORDINGS for name in FILES)
+    size += sum(source.stat().st_size for source in SOURCES)
     assert size < 3e6
 
 
@@ -53,6 +56,14 @@ def test_the_joint_is_found_in_every_recording(name: str, joint: str) -> None:
     assert types.idxmax() == joint
     assert types.max() > 0.8
     assert kept[kept.quantity == "configuration"].estimate.abs().max() > 0.05
+
+
+def test_a_recording_says_all_that_was_simulated_and_nothing_of_what_perceives() -> None:
+    for folder in RECORDINGS:
+        document = yaml.safe_load((folder / SCENARIO_FILE).read_text())
+        assert "impedance" in document["control"]  # Which no source mentions.
+        assert "perception" not in document
+        assert list(document["calibration"]) == ["errors"]
 
 
 def test_streams_fail_in_one_of_them() -> None:

@@ -9,12 +9,15 @@ Both say what has changed; nothing is written where all is as it was.
 import sys
 from pathlib import Path
 
+import yaml
+from pydrake.common.yaml import yaml_dump_typed
+
 from diagrams.applications import load_scenario
 from diagrams.run.episode import run_episode
 from diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE
 from tests.recordings.outputs import (
     OUTPUTS_FILE,
-    RECORDINGS,
+    SOURCES,
     differences,
     kept_outputs,
     perceive,
@@ -22,10 +25,20 @@ from tests.recordings.outputs import (
 )
 
 
-def simulate(folder: Path) -> None:
-    """Makes a recording anew."""
-    application, scenario = load_scenario(str(folder / SCENARIO_FILE))
+def simulate(source: Path) -> None:
+    """Makes a recording anew.
+
+    Its scenario says all that was simulated, so that another default needs no other recording, and
+    nothing of what perceives, so that a default of a filter shows.
+    """
+    folder = source.with_suffix("")
+    folder.mkdir(exist_ok=True)
+    application, scenario = load_scenario(str(source))
     run_episode(application, scenario, sensors_file=folder / SENSORS_FILE)
+    document = yaml.safe_load(yaml_dump_typed(scenario))
+    del document["perception"], document["calibration"]["believed"], document["versions"]
+    text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
+    (folder / SCENARIO_FILE).write_text(f"# Of ../{source.name}, by `make recordings`.\n{text}")
     size = (folder / SENSORS_FILE).stat().st_size
     print(f"{folder.name}: recorded, {size / 1e3:.0f} kB")
 
@@ -42,7 +55,7 @@ def write(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    for recording in RECORDINGS:
+    for source in SOURCES:
         if "--simulate" in sys.argv[1:]:
-            simulate(recording)
-        write(recording)
+            simulate(source)
+        write(source.with_suffix(""))

@@ -191,7 +191,8 @@ def test_a_recording_without_truth_is_perceived_and_no_errors_are_claimed(
 
 def test_a_stream_that_an_estimator_needs_is_missed_by_its_name(real_recording: Path) -> None:
     scenario = scenario_of(real_recording, "modalities=[vision]")
-    with pytest.raises(ScenarioError, match=r"holds no stream '\w+', which 'vision' needs"):
+    missing = r"holds no stream '\w+', which 'vision' needs; record it again"
+    with pytest.raises(ScenarioError, match=missing):
         replay(APPLICATION, real_recording, scenario)
 
 

@@ -11,13 +11,15 @@ BIN := .venv/bin
 INSTALLED := .venv/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint pytest bench evaluate clean
+.PHONY: help demo test lint pytest replays recordings bench evaluate clean
 
 help:
 	@echo "make demo       a robot opens a drawer and perceives its joint (ARGS=--meshcat: live)"
 	@echo "make test       lint, types and tests"
 	@echo "make lint       ruff, imports between rooms, and mypy"
 	@echo "make pytest     tests only (ARGS=tests/systems/vision: some of them)"
+	@echo "make replays    what perception makes of tests/recordings, written anew after a change"
+	@echo "make recordings the same, the recordings simulated anew before"
 	@echo "make bench      time per tick, real-time factor, joint filters, episodes per hour"
 	@echo "make evaluate   all experiments over SEEDS=$(SEEDS) with JOBS=$(JOBS), beside the paper"
 
@@ -44,6 +46,13 @@ pytest: export OMP_NUM_THREADS = 1
 pytest: export OPENBLAS_NUM_THREADS = 1
 pytest: $(INSTALLED)
 	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
+
+# Only perceives; nothing is simulated.
+replays: $(INSTALLED)
+	$(BIN)/python -m tests.recordings.write
+
+recordings: $(INSTALLED)
+	$(BIN)/python -m tests.recordings.write --simulate
 
 bench: $(INSTALLED)
 	$(BIN)/python -m benchmarks.episode

@@ -17,9 +17,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from diagrams.run.application import Application
-from diagrams.run.run_folder import ESTIMATES_FILE, SCENARIO_FILE, SUMMARY_FILE
-from diagrams.run.scenario import Scenario, parse_scenario, read_document
-from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
+from diagrams.run.folder.run_folder import ESTIMATES_FILE, SCENARIO_FILE, SUMMARY_FILE
+from diagrams.run.scenario import parse_scenario, read_document
+from diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
+from diagrams.run.yaml_input.units import check_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -115,11 +116,15 @@ def find_scenario(name_or_path: str) -> Path:
     raise ScenarioError(f"unknown scenario '{name_or_path}'; {suggestion(name_or_path, known)}")
 
 
-def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> tuple[Application, Any]:
+def load_scenario(
+    name_or_path: str, overrides: Sequence[str] = (), *, units_known: bool = True
+) -> tuple[Application, Any]:
     """Reads and checks a scenario, and finds its application.
 
     Args:
         overrides: Assignments `key.path=value` that replace what the file says.
+        units_known: Whether the scenario already decides in which unit a value is whose field
+            leaves it open; not before another object has taken the place of its own.
 
     Returns:
         The application, and the scenario as an instance of the application's dataclass.
@@ -130,8 +135,11 @@ def load_scenario(name_or_path: str, overrides: Sequence[str] = ()) -> tuple[App
     if not isinstance(system, str):
         raise ScenarioError(f"{path}: system must be text, the name of an application")
     application = find_application(system, str(path))
-    scenario: Scenario = parse_scenario(application.scenario, document, path)
-    return application, application.resolve(scenario, path)
+    schema = application.scenario
+    scenario = application.resolve(parse_scenario(schema, document, path), path)
+    if units_known:
+        check_units(document, schema, str(path), lambda: application.units(scenario))
+    return application, scenario
 
 
 def experiments() -> Mapping[str, Application]:

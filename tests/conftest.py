@@ -10,7 +10,7 @@ def recorded_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a run with its sensor streams: the lights go off after some centimetres."""
     from diagrams.applications import load_scenario
     from diagrams.run.episode import run_episode
-    from diagrams.run.run_folder import SENSORS_FILE, write_run
+    from diagrams.run.folder.run_folder import SENSORS_FILE, write_run
 
     folder = tmp_path_factory.mktemp("run")
     application, scenario = load_scenario(

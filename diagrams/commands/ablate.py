@@ -7,6 +7,7 @@ import typer
 
 from diagrams.commands.endings import one_line_errors
 
+TABLE_FILE = "ablations.md"
 EXAMPLES = "Example:  crossmodal ablate body-in-the-hand --seeds 0:5"
 
 
@@ -28,11 +29,13 @@ def ablate_command(
         from diagrams.crossmodal.studies.ablation_study import run_ablations
         from diagrams.crossmodal.studies.ablations import ABLATIONS, find_ablation
         from diagrams.evaluation.seeds import parse_seeds
-        from diagrams.run.run_folder import write_text
+        from diagrams.run.folder.own_files import held
+        from diagrams.run.folder.run_folder import write_text
 
         chosen, numbers = names or list(ABLATIONS), parse_seeds(seeds)
         for name in chosen:
             find_ablation(name)
-        with tqdm(total=len(chosen) * len(numbers), unit="episode", disable=None) as bar:
-            table = run_ablations(APPLICATION, chosen, numbers, out, bar.update)
-        typer.echo(f"{table}\n  {write_text(out / 'ablations.md', table)}")
+        with held(out, (TABLE_FILE,), shared=True):
+            with tqdm(total=len(chosen) * len(numbers), unit="episode", disable=None) as bar:
+                table = run_ablations(APPLICATION, chosen, numbers, out, bar.update)
+            typer.echo(f"{table}\n  {write_text(out / TABLE_FILE, table)}")

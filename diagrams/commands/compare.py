@@ -26,8 +26,8 @@ def compare_command(
         from diagrams.applications import find_application
         from diagrams.evaluation.campaign_report import made_by
         from diagrams.evaluation.comparison import comparison, comparison_page, read_compared
-        from diagrams.run.run_folder import write_text
-        from diagrams.run.yaml_schema import ScenarioError
+        from diagrams.run.folder.run_folder import write_text
+        from diagrams.run.yaml_input.schema import ScenarioError
 
         if len(folders) < 2:
             raise ScenarioError(f"compare {folders[0]}: with what? Name two folders or more")

@@ -30,8 +30,8 @@ def diagram_command(
         from diagrams.applications import load_scenario
         from diagrams.drawing.diagram_drawing import diagram_dot, render_svg
         from diagrams.run.episode import build_estimators
-        from diagrams.run.run_folder import write_text
-        from diagrams.run.yaml_schema import ScenarioError, suggestion
+        from diagrams.run.folder.run_folder import write_text
+        from diagrams.run.yaml_input.schema import ScenarioError, suggestion
 
         application, chosen = load_scenario(scenario, overrides or [])
         name = modality or (chosen.modalities[-1] if chosen.modalities else "")

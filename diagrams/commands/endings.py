@@ -19,7 +19,7 @@ INTERRUPTED = 130
 @contextlib.contextmanager
 def one_line_errors() -> Iterator[None]:
     """Ends the command with one line and its exit status where the user's input is at fault."""
-    from diagrams.run.yaml_schema import ScenarioError, one_line
+    from diagrams.run.yaml_input.schema import ScenarioError, one_line
 
     logging.getLogger("drake").setLevel(logging.ERROR)  # Its notes are not for a user.
     try:

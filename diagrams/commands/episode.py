@@ -12,10 +12,10 @@ import threading
 import traceback
 from pathlib import Path
 
-from diagrams.run.own_files import held
+from diagrams.run.folder.own_files import held
+from diagrams.run.folder.run_folder import FILES, SCENARIO_FILE, write_run, write_text
 from diagrams.run.process import ERROR_FILE
-from diagrams.run.run_folder import FILES, SCENARIO_FILE, write_run, write_text
-from diagrams.run.yaml_schema import ScenarioError, one_line
+from diagrams.run.yaml_input.schema import ScenarioError, one_line
 
 
 def run_here(folder: Path) -> int:

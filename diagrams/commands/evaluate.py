@@ -41,11 +41,14 @@ def evaluate_command(
 ) -> None:
     """Repeat an experiment over seeds and write tables and plots beside the paper's figures."""
     with one_line_errors():
+        from contextlib import ExitStack
+
         from diagrams.applications import experiments, load_scenario
         from diagrams.evaluation import campaign_report as reports
-        from diagrams.evaluation.campaign import Workers, connect, prepare
+        from diagrams.evaluation.campaign import Workers, connect, held_campaign, prepare
         from diagrams.evaluation.seeds import parse_seeds
-        from diagrams.run.yaml_schema import ScenarioError, suggestion
+        from diagrams.run.folder.own_files import held
+        from diagrams.run.yaml_input.schema import ScenarioError, suggestion
 
         known = experiments()
         if experiment not in (ALL, *known):
@@ -60,24 +63,26 @@ def evaluate_command(
             folders = {experiment: out or root / experiment}
         workers = Workers(jobs=jobs, backend=backend, address=address)
         connect(workers)
-        campaigns = []
-        for name, folder in folders.items():
-            chosen = known[name].experiments[name]
-            application, scenario = load_scenario(chosen.scenario, overrides or [])
-            campaigns.append(prepare(name, application, scenario, numbers, folder, force=force))
         command = " ".join(
             ["crossmodal evaluate", experiment, f"--seeds {seeds} --jobs {jobs}"]
             + [f"--set {assignment}" for assignment in overrides or []]
         )
-        written: list[Path] = []
-        finished = True
-        for campaign in campaigns:
-            finished = finished and _run_campaign(campaign, workers)
-            origin = reports.made_by(command, complete=campaign.is_complete)
-            written = reports.write_campaign(campaign, origin) or written
-        if experiment == ALL:
-            origin = reports.made_by(command, complete=finished)
-            written = reports.write_overview(campaigns, top, origin)
+        campaigns, written, finished = [], list[Path](), True
+        with ExitStack() as holding:
+            if experiment == ALL:
+                holding.enter_context(held(top, reports.OVERVIEW_FILES, shared=True))
+            for name, folder in folders.items():
+                chosen = known[name].experiments[name]
+                application, scenario = load_scenario(chosen.scenario, overrides or [])
+                holding.enter_context(held_campaign(folder, force=force))
+                campaigns.append(prepare(name, application, scenario, numbers, folder, force=force))
+            for campaign in campaigns:
+                finished = finished and _run_campaign(campaign, workers)
+                origin = reports.made_by(command, complete=campaign.is_complete)
+                written = reports.write_campaign(campaign, origin) or written
+            if experiment == ALL:
+                origin = reports.made_by(command, complete=finished)
+                written = reports.write_overview(campaigns, top, origin)
     _finish_evaluation(campaigns, written)
 
 
@@ -111,6 +116,9 @@ def _finish_evaluation(campaigns: "list[Campaign]", written: list[Path]) -> None
             typer.echo(path.read_text(encoding="utf-8"))
     for path in written:
         typer.echo(f"  {path}")
+    for campaign in campaigns:
+        for line in campaign.missing:
+            typer.echo(f"crossmodal: {line}", err=True)
     summaries = [summary for campaign in campaigns for summary in campaign.summaries]
     asked = sum(len(campaign.scenarios) for campaign in campaigns)
     if len(summaries) < asked:
@@ -118,4 +126,5 @@ def _finish_evaluation(campaigns: "list[Campaign]", written: list[Path]) -> None
         typer.echo(f"crossmodal: {stopped}; the same command goes on", err=True)
         raise typer.Exit(INTERRUPTED)
     failed = any(summary["success"] is False for summary in summaries)
+    failed = failed or any(campaign.missing for campaign in campaigns)
     raise typer.Exit(FAILED if failed else 0)

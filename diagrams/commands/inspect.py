@@ -36,8 +36,8 @@ def inspect_command(
         from diagrams.applications import load_scenario
         from diagrams.crossmodal.inspection.inspection import inspected
         from diagrams.crossmodal.own_object import OwnObject
-        from diagrams.run.run_folder import write_atomically
-        from diagrams.run.yaml_schema import ScenarioError
+        from diagrams.run.folder.run_folder import write_atomically
+        from diagrams.run.yaml_input.schema import ScenarioError
 
         path = out or Path(f"{model.stem}.png")
         if path.exists() and not force:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from diagrams.commands.endings import one_line_errors
+from diagrams.commands.endings import FAILED, INTERRUPTED, one_line_errors
 from diagrams.commands.options import ForceOption, SetOption
 from diagrams.commands.run_output import write_and_report
 
@@ -26,10 +26,10 @@ def replay_command(
         from tqdm import tqdm
 
         from diagrams.applications import load_scenario
-        from diagrams.run.own_files import held
+        from diagrams.run.folder.own_files import held
+        from diagrams.run.folder.run_folder import FILES
         from diagrams.run.replay import check_recorded, replay
-        from diagrams.run.run_folder import FILES
-        from diagrams.run.yaml_schema import ScenarioError
+        from diagrams.run.yaml_input.schema import ScenarioError
 
         changes = overrides or []
         application, chosen = load_scenario(str(check_recorded(run, changes)), changes)
@@ -45,4 +45,6 @@ def replay_command(
 
                 record = replay(application, run, chosen, progress=progress)
             status = write_and_report(folder, application, record)
+            if status == INTERRUPTED:  # Not this command, but the run that it replays.
+                status = FAILED
     raise typer.Exit(status)

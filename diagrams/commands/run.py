@@ -79,8 +79,8 @@ def run_command(
         from dataclasses import replace
 
         from diagrams.applications import load_scenario
-        from diagrams.run.own_files import held
-        from diagrams.run.run_folder import FILES, SENSORS_FILE, default_folder
+        from diagrams.run.folder.own_files import held
+        from diagrams.run.folder.run_folder import FILES, SENSORS_FILE, default_folder
 
         assignments = list(overrides or [])
         if seed is not None:
@@ -127,12 +127,12 @@ def _own_object(
         refuse_without_object,
     )
     from diagrams.crossmodal.scenario import Scenario
-    from diagrams.run.yaml_schema import ScenarioError
+    from diagrams.run.yaml_input.schema import ScenarioError
 
     if model is None:
         refuse_without_object(**options)
         return []
-    _, base = load_scenario(scenario, assignments)
+    _, base = load_scenario(scenario, assignments, units_known=False)
     if not isinstance(base, Scenario):
         raise ScenarioError(f"--object {model}: '{scenario}' has no object to be replaced")
     own = OwnObject(
@@ -188,7 +188,7 @@ def _simulate(
 
 def _start_meshcat(host: str, *, announce: bool) -> Any:
     from diagrams.drawing.meshcat import start_meshcat
-    from diagrams.run.yaml_schema import ScenarioError, one_line
+    from diagrams.run.yaml_input.schema import ScenarioError, one_line
 
     try:
         meshcat = start_meshcat(host)

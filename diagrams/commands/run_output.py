@@ -17,7 +17,7 @@ def write_and_report(folder: Path, application: "Application", record: "EpisodeR
 
     What was perceived is said before the large files are written, which may not fit on the disk.
     """
-    from diagrams.run.run_folder import RunWriter
+    from diagrams.run.folder.run_folder import RunWriter
 
     results = application.evaluate(record)
     writer = RunWriter(folder, application, record, results)

@@ -33,26 +33,29 @@ def train_hand_bending_command(
             simulate_interactions,
             train_hand_bending,
         )
-        from diagrams.run.run_folder import open_run_folder
-        from diagrams.run.yaml_schema import ScenarioError
+        from diagrams.run.folder.own_files import held
+        from diagrams.run.yaml_input.schema import ScenarioError
         from models import WEIGHTS_DIR
 
-        folder = open_run_folder(out or WEIGHTS_DIR, force=True)
-        there = [folder / name for name in FILES if (folder / name).exists()]
-        if there and not force:
-            raise ScenarioError(
-                f"{there[0]}: exists already; replace it with --force or choose another folder"
-                " with --out"
+        folder = out or WEIGHTS_DIR
+        with held(folder, (), shared=True):
+            there = [folder / name for name in FILES if (folder / name).exists()]
+            if there and not force:
+                raise ScenarioError(
+                    f"{there[0]}: exists already; replace it with --force or choose another folder"
+                    " with --out"
+                )
+            simulated = tqdm(
+                simulate_interactions(seed, jobs=jobs),
+                total=INTERACTIONS,
+                desc="interactions",
+                disable=None,
             )
-        simulated = tqdm(
-            simulate_interactions(seed, jobs=jobs),
-            total=INTERACTIONS,
-            desc="interactions",
-            disable=None,
-        )
-        interactions = list(simulated)
-        typer.echo("Training ..." + (" and comparing topologies ..." if search else ""))
-        written, card = train_hand_bending(interactions, seed=seed, search=search, folder=folder)
+            interactions = list(simulated)
+            typer.echo("Training ..." + (" and comparing topologies ..." if search else ""))
+            written, card = train_hand_bending(
+                interactions, seed=seed, search=search, folder=folder
+            )
         typer.echo(f"\n{card}")
         for path in written:
             typer.echo(f"  {path}")

@@ -18,7 +18,7 @@ from diagrams.crossmodal.own_object import identity, keep_files
 from diagrams.crossmodal.results.grasp_episode import GRASP_QUANTITIES
 from diagrams.crossmodal.results.metrics import CAMPAIGN_PLOTS, METRICS, OVERVIEW
 from diagrams.crossmodal.results.results import evaluate
-from diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve
+from diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve, units
 from diagrams.crossmodal.station.overlaps import overlaps
 from diagrams.crossmodal.station.settling import settling
 from diagrams.crossmodal.station.station import draw_placements, make_manipulation_station
@@ -129,6 +129,7 @@ APPLICATION = Application(
     pictures=("color_measured",),
     topics=TOPICS,
     evaluate=evaluate,
+    units=units,
     task_in_words=task_in_words,
     view=add_view,
     keep_files=keep_files,

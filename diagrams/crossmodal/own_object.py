@@ -15,12 +15,10 @@ from diagrams.crossmodal.objects.object_import import (
 )
 from diagrams.crossmodal.objects.object_model import ObjectModel, read_object_model
 from diagrams.crossmodal.scenario import Scenario, object_model_file
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 from plants.object_import import MODEL_FILE
 from plants.scene import has_model
-from systems.port_values import JointType
 
-_UNITS = {JointType.PRISMATIC: "m", JointType.REVOLUTE: "rad"}
 _ABOVE_FLOOR = 0.002  # So that nothing begins inside of it, [m].
 MODEL_FOLDER = "model"  # Of a run, for the copies of imported models.
 
@@ -141,7 +139,7 @@ def _task_assignments(
     the other way round. What the user has given is in the unit of the object's joint.
     """
     differs, to_joint = at_base.joint_type != facts.joint_type, _to_joint(at_base, facts)
-    old_unit, unit = (_UNITS[model.joint_type] for model in (at_base, facts))
+    old_unit, unit = at_base.unit, facts.unit
     most = 0.9 * max(abs(facts.lower), abs(facts.upper))
     lines, said = [], []
     for key in ("opening",) if base.task.goal is None else ("goal", "tolerance"):

@@ -13,12 +13,13 @@ from diagrams.crossmodal.objects.object_model import read_object_model
 from diagrams.crossmodal.robot_config import HAND, ControlConfig, SensorsConfig
 from diagrams.run import scenario as base
 from diagrams.run.scenario import CameraConfig
-from diagrams.run.yaml_schema import ScenarioError, suggestion
+from diagrams.run.yaml_input.schema import ScenarioError, suggestion
 from maths.validation import number, numbers
 from models import SDF_DIR
 from plants.external_forces import ExternalForce
 from plants.hands.pneumatic_hand import PneumaticHandConfig
 from plants.scene import PlantConfig
+from systems.port_values import JointType
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 
@@ -177,6 +178,21 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
 def object_model_file(thing: ObjectConfig) -> Path:
     """The object's model; a scenario that was loaded names it from models/sdf or absolutely."""
     return SDF_DIR / thing.model
+
+
+def units(scenario: Scenario) -> dict[str, str]:
+    """Of the values, by path, whose unit depends on whether a joint slides or turns."""
+    found: dict[str, str] = {}
+    for name, thing in scenario.objects.items():
+        model, key = object_model_file(thing), f"objects.{name}"
+        facts = read_object_model(
+            model, joint=thing.joint, frame=thing.handle_frame, source=f"{scenario.name}: {key}"
+        )
+        slides = facts.joint_type == JointType.PRISMATIC
+        found |= {f"{key}.ajar": facts.unit, f"{key}.friction": "N" if slides else "N m"}
+        if thing is scenario.object:
+            found |= {f"task.{item}": facts.unit for item in ("opening", "goal", "tolerance")}
+    return found
 
 
 def _resolve_object(thing: ObjectConfig, key: str, path: Path) -> ObjectConfig:

@@ -1,29 +1,26 @@
 """Runs the episodes of an experiment, and goes on where it was stopped."""
 
+import contextlib
 import json
 import logging
 import os
 import socket
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from diagrams.evaluation.checksums import CHECKSUM_FILE, damage, write_checksums
+from diagrams.evaluation.folder_checksums import CHECKSUM_FILE, damage, write_checksums
 from diagrams.run import process
 from diagrams.run.application import Application
 from diagrams.run.experiment import Experiment
-from diagrams.run.run_folder import (
-    SUMMARY_FILE,
-    fingerprint,
-    finished_summary,
-    open_run_folder,
-    versions,
-    write_text,
-)
+from diagrams.run.folder.fingerprint import fingerprint, versions
+from diagrams.run.folder.own_files import OwnFiles, held
+from diagrams.run.folder.run_folder import SUMMARY_FILE, finished_summary, write_text
 from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
+from diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 
 Summary = dict[str, Any]
 _MARKER = "evaluation.json"
@@ -123,6 +120,22 @@ class DamageWarning(UserWarning):
     """A file of an evaluation is missing or not what it was when it was written."""
 
 
+def held_campaign(folder: Path, *, force: bool = False) -> AbstractContextManager[OwnFiles]:
+    """Holds the folder of an experiment, so that no other evaluation writes there meanwhile.
+
+    Args:
+        force: As for `open_campaign_folder`.
+
+    Raises:
+        ScenarioError: where another one does, or where it holds something else.
+    """
+    return held(folder, (_MARKER, CHECKSUM_FILE), force=force, shared=_is_campaign(folder))
+
+
+def _is_campaign(folder: Path) -> bool:
+    return any(map(os.path.exists, (folder / _MARKER, folder / CHECKSUM_FILE)))
+
+
 def open_campaign_folder(
     folder: Path,
     name: str,
@@ -131,7 +144,7 @@ def open_campaign_folder(
     *,
     force: bool = False,
 ) -> None:
-    """Makes or resumes the folder of an experiment.
+    """Begins or resumes an experiment in a folder, which `held_campaign` holds.
 
     Where its own file is damaged, an episode of this scenario and program shows whose folder it is.
 
@@ -141,9 +154,9 @@ def open_campaign_folder(
     Raises:
         ScenarioError: where it holds anything but this experiment of this scenario and program.
     """
-    marker = folder / _MARKER
+    own = OwnFiles(folder)
     wanted = {"experiment": name, **fingerprint(application, replace(scenario, seed=0))}
-    is_campaign = any(map(os.path.exists, (marker, folder / CHECKSUM_FILE)))
+    is_campaign = _is_campaign(folder)
     if is_campaign and not force:
         damaged = damage(folder, _MARKER)
         if not damaged:
@@ -156,11 +169,11 @@ def open_campaign_folder(
         else:
             text = f"{folder}: {damaged}; it is written anew, and whole episodes stay"
             warnings.warn(text, DamageWarning, stacklevel=2)
-    open_run_folder(folder, force=force or is_campaign)
     if is_campaign and force:
         _remove_episodes(folder)
-    write_text(marker, json.dumps(wanted | {"versions": versions()}, indent=2) + "\n")
-    write_checksums(folder, [marker])
+    text = json.dumps(wanted | {"versions": versions()}, indent=2) + "\n"
+    own.place(CHECKSUM_FILE)
+    write_checksums(folder, [write_text(own.place(_MARKER), text)])
 
 
 def _refuse_other_results(folder: Path, wanted: Mapping[str, str]) -> None:
@@ -194,10 +207,14 @@ def _has_episode_of(folder: Path, application: Application, scenario: Scenario) 
 
 
 def _remove_episodes(folder: Path) -> None:
-    import shutil
-
+    """Removes the files of episodes, and their folders where nothing else is in them."""
     for episode in folder.glob("seed-[0-9]*"):
-        shutil.rmtree(episode)
+        with held(episode, (), shared=True) as own:
+            own.remove_all_but(())
+            for name in (process.LOG_FILE, process.ERROR_FILE, CHECKSUM_FILE):
+                (episode / name).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            episode.rmdir()
 
 
 def episode_folder(folder: Path, seed: int) -> Path:
@@ -268,6 +285,7 @@ class Campaign:
         scenarios: One for each seed.
         folder: Where it is.
         summaries: Of the episodes that have ended, in order of their seeds.
+        missing: What of its results could not be drawn, and why, a line each.
     """
 
     name: str
@@ -276,6 +294,7 @@ class Campaign:
     scenarios: list[Scenario]
     folder: Path
     summaries: list[Summary]
+    missing: list[str] = field(default_factory=list)
 
     @property
     def seeds(self) -> list[int]:
@@ -305,7 +324,7 @@ def prepare(
     *,
     force: bool = False,
 ) -> Campaign:
-    """Opens the folder of an experiment before anything is computed.
+    """Opens the folder of an experiment, which `held_campaign` holds, before all is computed.
 
     Args:
         name: Of the experiment, one of the application's.

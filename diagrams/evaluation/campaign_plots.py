@@ -169,14 +169,14 @@ def _mark(
 def draw_metrics(
     application: Application, figures: pd.DataFrame, titles: Mapping[str, str]
 ) -> Figure:
-    """The magnitude of some metrics in every episode, by estimator.
+    """The magnitude of some metrics in every episode, by estimator, and how many have one.
 
     Args:
         application: Whose metrics they are.
         figures: The tidy table of the experiment.
         titles: What is drawn side by side, by the metric's name.
     """
-    estimators = estimators_of(application, figures)
+    estimators, episodes = estimators_of(application, figures), figures["seed"].nunique()
     with mpl.rc_context(STYLE):
         figure = new_figure(4.5 * len(titles), 1.9 + 0.5 * len(estimators))
         grid = figure.subplots(1, len(titles), squeeze=False)[0]
@@ -184,7 +184,12 @@ def draw_metrics(
             rows = figures[figures["metric"] == key]
             scale, unit = readable(str(rows["unit"].iloc[0])) if len(rows) else (1.0, "")
             for level, name in enumerate(estimators):
-                values = scale * rows.loc[rows["modality"] == name, "value"].dropna().abs()
+                own = rows.loc[rows["modality"] == name, "value"]
+                values = scale * own.dropna().abs()
+                if len(own) and len(values) < episodes:
+                    said = f"{len(values)} of {episodes}"
+                    place = {"transform": axes.get_yaxis_transform(), "ha": "right", "va": "center"}
+                    axes.text(0.99, level + 0.42, said, fontsize="small", **place)
                 if values.empty:
                     continue
                 places = level + np.linspace(-0.22, 0.22, len(values))

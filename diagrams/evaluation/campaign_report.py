@@ -25,9 +25,13 @@ from diagrams.evaluation.metric_table import (
     tidy_metrics,
     title,
 )
-from diagrams.run.run_folder import PLOT_FOLDER, versions, write_atomically, write_text
+from diagrams.run.folder.fingerprint import versions
+from diagrams.run.folder.own_files import OwnFiles
+from diagrams.run.folder.run_folder import PLOT_FOLDER, undrawn, write_atomically, write_text
+from diagrams.run.yaml_input.schema import ScenarioError
 
 CSV_FILE, TABLE_FILE, PAGE_FILE = "results.csv", "table.md", "report.html"
+OVERVIEW_FILES = (CSV_FILE, TABLE_FILE, PAGE_FILE)
 _THUMBNAIL = (480, 480)  # Largest width and height, [pixels].
 
 
@@ -89,20 +93,27 @@ def write_campaign(campaign: Campaign, origin: str) -> list[Path]:
     if not campaign.summaries:
         return []
     folder, name, application = campaign.folder, campaign.name, campaign.application
+    own = OwnFiles(folder)
     figures = tidy_metrics(application, name, campaign.summaries)
     task = task_in_words(campaign)
     table = markdown(application, name, campaign.experiment, figures, origin, task, campaign.seeds)
     written = [
-        write_atomically(folder / CSV_FILE, partial(figures.to_csv, index=False)),
-        write_text(folder / TABLE_FILE, table),
+        write_atomically(own.place(CSV_FILE), partial(figures.to_csv, index=False)),
+        write_text(own.place(TABLE_FILE), table),
     ]
     for file, plot in application.campaign_plots.items():
-        (folder / file).unlink(missing_ok=True)
-        figure = plot.draw(campaign)
-        if figure is not None:
-            written.append(write_atomically(folder / file, partial(save, figure)))
+        place = own.place(file)
+        place.unlink(missing_ok=True)
+        try:
+            figure = plot.draw(campaign)
+            if figure is not None:
+                written.append(write_atomically(place, partial(save, figure)))
+        except ScenarioError:
+            raise
+        except Exception as error:
+            campaign.missing.append(undrawn(place, error))
     section = _section(campaign, figures, folder)
-    written.append(write_text(folder / PAGE_FILE, page(name, origin, [section])))
+    written.append(write_text(own.place(PAGE_FILE), page(name, origin, [section])))
     return written
 
 
@@ -141,11 +152,12 @@ def write_overview(campaigns: Sequence[Campaign], folder: Path, origin: str) -> 
         for one in campaigns
     ]
     table = "\n\n".join(parts) + "\n"
+    own = OwnFiles(folder)
     together = pd.concat(figures.values(), ignore_index=True)
     return [
-        write_atomically(folder / CSV_FILE, partial(together.to_csv, index=False)),
-        write_text(folder / TABLE_FILE, table),
-        write_text(folder / PAGE_FILE, page(heading, origin, sections, overall)),
+        write_atomically(own.place(CSV_FILE), partial(together.to_csv, index=False)),
+        write_text(own.place(TABLE_FILE), table),
+        write_text(own.place(PAGE_FILE), page(heading, origin, sections, overall)),
     ]
 
 

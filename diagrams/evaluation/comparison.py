@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from diagrams.evaluation.campaign_report import Picture, Section, inline, page
-from diagrams.evaluation.checksums import CHECKSUM_FILE, damage
+from diagrams.evaluation.folder_checksums import CHECKSUM_FILE, damage
 from diagrams.evaluation.metric_table import (
     EPISODE_METRICS,
     TICK_METRICS,
@@ -27,8 +27,8 @@ from diagrams.evaluation.metric_table import (
 )
 from diagrams.run.application import Application
 from diagrams.run.experiment import Metric
-from diagrams.run.run_folder import PLOT_FOLDER, SCENARIO_FILE, SUMMARY_FILE
-from diagrams.run.yaml_schema import ScenarioError, one_line, read_yaml
+from diagrams.run.folder.run_folder import PLOT_FOLDER, SCENARIO_FILE, SUMMARY_FILE
+from diagrams.run.yaml_input.schema import ScenarioError, one_line, read_yaml
 from maths.arrays import Array
 
 _LONGEST = 80  # Letters of a scenario's value in a cell.

@@ -352,9 +352,10 @@ def overall_table(
             metric = metrics[column.metric]
             found = _values(frame, column.estimator, metric.name)
             if metric.totals:
-                # Episodes that broke off count here too.
                 found = found or (np.full(frame["seed"].nunique(), np.nan), "")
-                flags.setdefault(index, []).append(found[0])
+                # Episodes that broke off count here too.
+                known = np.where(np.isnan(found[0]) & _broke_off(frame), 0.0, found[0])
+                flags.setdefault(index, []).append(known)
             shown = found is not None and len(found[0]) and metric.name not in experiment.without
             cells.append(metric.cell(*found) if shown and found and metric.cell else "-")
         beside = [_beside(application, experiment, kind) for kind in ("paper", "goal")]
@@ -362,13 +363,27 @@ def overall_table(
     ended, all_asked = sum(there.values()), sum(wanted.values())
     totals = [""] * len(columns)
     for index, values in flags.items():
-        together = np.concatenate(values)
-        totals[index] = count(together)
-        if ended == all_asked:
-            totals[index] += f" ({100.0 * np.mean(together == 1.0):.0f} %)"
+        totals[index] = _total(np.concatenate(values), with_share=ended == all_asked)
     heading = "all" if ended == all_asked else f"all: {interrupted(ended, all_asked)}"
     table.rows.append([heading, *totals, "", ""])
     return table
+
+
+def _broke_off(figures: pd.DataFrame) -> npt.NDArray[np.bool_]:
+    """Of which of the episodes there is nothing of any estimator."""
+    ended = figures.loc[figures["modality"] != "", "seed"].unique()
+    return ~np.isin(figures["seed"].unique(), ended)
+
+
+def _total(values: Array, *, with_share: bool) -> str:
+    """'so many/of those that have a value (share, how many have none)'."""
+    known = values[np.isfinite(values)]
+    if len(known) == 0:
+        return "-"
+    share = [f"{100.0 * np.mean(known == 1.0):.0f} %"] if with_share else []
+    without = [f"{len(values) - len(known)} without"] if len(known) < len(values) else []
+    beside = ", ".join(share + without)
+    return count(known) + (f" ({beside})" if beside else "")
 
 
 def _beside(application: Application, experiment: Experiment, kind: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from diagrams.evaluation.campaign_plots import Panel
-from diagrams.run.run_folder import ESTIMATES_FILE
+from diagrams.run.folder.run_folder import ESTIMATES_FILE
 from maths.arrays import Array
 
 _QUANTITIES = ("configuration", "axis", "type_probability")

@@ -17,7 +17,7 @@ from diagrams.run.experiment import CampaignPlot, Column, Experiment, Metric
 from diagrams.run.record import EpisodeRecord, Event, Quantity
 from diagrams.run.scenario import Scenario
 from diagrams.run.sensor_streams.codecs import Topic
-from diagrams.run.yaml_schema import ScenarioError, suggestion
+from diagrams.run.yaml_input.schema import ScenarioError, suggestion
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,6 +86,10 @@ def _as_it_is(scenario: Any) -> Any:
     return scenario
 
 
+def _no_units(scenario: Any) -> Mapping[str, str]:
+    return {}
+
+
 def _no_task(scenario: Any) -> str:
     return ""
 
@@ -136,6 +140,8 @@ class Application:
             in it the files to be copied.
         identity: The scenario with what is in the files that it names in place of where they lie:
             two scenarios are the same if this is.
+        units: Of a resolved scenario's values, by path, where the field leaves it open (`m or rad`)
+            and the scenario decides.
         task_in_words: What counts as done in a scenario, with its tolerances, in a sentence.
         labels: How tables and plots call the estimators, in order; without one, by its name.
         colors: '#RRGGBB' of the estimators.
@@ -165,6 +171,7 @@ class Application:
     )
     keep_files: Callable[[Any], tuple[Any, Mapping[str, Path]]] = _keep_nothing
     identity: Callable[[Any], Any] = _as_it_is
+    units: Callable[[Any], Mapping[str, str]] = _no_units
     task_in_words: Callable[[Any], str] = _no_task
     labels: Mapping[str, str] = field(default_factory=dict)
     colors: Mapping[str, str] = field(default_factory=dict)

@@ -22,7 +22,7 @@ from diagrams.run.scenario import Scenario
 from diagrams.run.sensor_streams.log import SensorLogWriter, SensorRecorder, make_streams
 from diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from diagrams.run.ticks import advance_by_ticks
-from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
+from diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 from maths.compiled import compilation_timed
 
 SCENE_PORT = "cheat_query_object"  # Of a station whose scene Meshcat can draw.
@@ -154,7 +154,7 @@ class Episode:
         if self._meshcat is not None:
             self._meshcat.StartRecording(frames_per_second=16.0)
         simulator.Initialize()
-        interrupted = False
+        interrupted = True
         began = time.perf_counter()
         with compilation_timed() as compiling:
             try:
@@ -166,11 +166,12 @@ class Episode:
                     scenario.stop_time,
                     progress,
                 )
+                interrupted = False
             except KeyboardInterrupt:
-                interrupted = True
+                pass
             finally:
                 if self._sensor_log is not None:
-                    self._sensor_log.close(root.get_time())
+                    self._sensor_log.close(root.get_time(), interrupted=interrupted)
         wall_time = time.perf_counter() - began - compiling.seconds
         for name, (start, stop) in self._stopwatches.items():
             pairs = zip(start.marks, stop.marks, strict=False)

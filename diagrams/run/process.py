@@ -8,15 +8,16 @@ import resource
 import signal
 import subprocess
 import sys
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from diagrams.run.application import Application
-from diagrams.run.own_files import held
-from diagrams.run.run_folder import FILES, SUMMARY_FILE, finished_summary, write_scenario
+from diagrams.run.folder.own_files import held
+from diagrams.run.folder.run_folder import FILES, SUMMARY_FILE, finished_summary, write_scenario
 from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_schema import ScenarioError, one_line
+from diagrams.run.yaml_input.schema import ScenarioError, one_line
 
 ERROR_FILE = "error.txt"  # The reason in its first line, then the traceback.
 LOG_FILE = "log.txt"
@@ -24,6 +25,10 @@ LOG_FILE = "log.txt"
 _COMMAND = (sys.executable, "-m", "diagrams.commands.episode")
 _STATUS = Path("/proc/self/status")
 _RUNNING: set[subprocess.Popen[bytes]] = set()
+
+
+class EpisodeWarning(UserWarning):
+    """An episode has ended, but not all of its files are there."""
 
 
 def thread_limits(cores: int) -> dict[str, str]:
@@ -76,6 +81,8 @@ def run_apart(
         finally:
             _RUNNING.discard(process)
     summary = finished_summary(folder, application, scenario)
+    if summary and process.returncode > 0:
+        warnings.warn(_reason(folder, process.returncode), EpisodeWarning, stacklevel=2)
     return summary or failed_summary(scenario, _reason(folder, process.returncode))
 
 

@@ -96,7 +96,7 @@ class EpisodeRecord:
         pictures: Some camera images, in order of time.
         events: In order of time.
         peak_memory: Of the process, [bytes].
-        interrupted: A person stopped it before its end.
+        interrupted: A person stopped it before its end, or did so when it was recorded.
         meshcat_html: The recording as a page that opens without a server.
         sensors_file: Where the sensor streams were kept.
         missing: What was to be kept and could not be written, and why, a line each.

@@ -14,15 +14,15 @@ from pydrake.systems.sensors import ImageRgba8U
 
 from diagrams.run.application import Application
 from diagrams.run.episode import build_estimators, building, connect_recorder, stream_models
+from diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE
 from diagrams.run.record import EpisodeRecord
 from diagrams.run.recorded_scenario import REPLACEABLE, check_unchanged, is_replaceable
 from diagrams.run.recorder import EpisodeRecorder, RecorderConfig
-from diagrams.run.run_folder import SCENARIO_FILE, SENSORS_FILE
 from diagrams.run.scenario import Scenario
 from diagrams.run.sensor_streams.log import SensorLog, SensorReplay, make_streams
 from diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from diagrams.run.ticks import advance_by_ticks
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 
 
 def check_recorded(folder: Path, overrides: Sequence[str] = ()) -> Path:
@@ -95,7 +95,7 @@ def replay(
             if not source.HasOutputPort(port.get_name()):
                 raise ScenarioError(
                     f"{folder / SENSORS_FILE}: holds no stream '{port.get_name()}',"
-                    f" which '{name}' needs"
+                    f" which '{name}' needs; record it again"
                 )
             builder.Connect(heard(port.get_name()), port)
     builder.AddNamedSystem("recorder", recorder)
@@ -113,4 +113,5 @@ def replay(
         wall_time=perf_counter() - began,
         pictures=recorder.pictures,
         events=recorder.events,
+        interrupted=log.interrupted,
     )

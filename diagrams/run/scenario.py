@@ -14,7 +14,8 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from diagrams.run.calibration import CalibrationConfig, Camera
-from diagrams.run.yaml_schema import ScenarioError, apply_override, load_typed, read_yaml
+from diagrams.run.yaml_input.schema import ScenarioError, apply_override, load_typed, read_yaml
+from diagrams.run.yaml_input.units import without_units
 from maths.pinhole import Intrinsics
 from maths.validation import check, number, numbers
 from systems.sensors.stream_fault import StreamFault
@@ -138,7 +139,8 @@ def parse_scenario(schema: type[S], document: Mapping[str, Any], path: Path) -> 
     Args:
         path: Of its file, which names it where it has no name.
     """
-    scenario = load_typed(schema, dict(document), str(path))
+    plain = without_units(dict(document), schema, str(path))
+    scenario = load_typed(schema, plain, str(path))
     scenario = replace(scenario, name=scenario.name or path.stem)
     if scenario.name in ("..", ".") or "/" in scenario.name or not scenario.name.isprintable():
         raise ScenarioError(

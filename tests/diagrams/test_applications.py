@@ -17,9 +17,9 @@ from diagrams.applications import (
     scenario_files,
 )
 from diagrams.command_line import app
-from diagrams.run.run_folder import write_run
+from diagrams.run.folder.run_folder import write_run
 from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 
 RUNNER = CliRunner()
 TOY = """

@@ -13,7 +13,7 @@ import pytest
 from diagrams.applications import OWN, applications
 from diagrams.crossmodal.scenario import Scenario
 from diagrams.run.scenario import parse_scenario
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 from maths.validation import declared, number
 
 OWN_APPLICATIONS = ("pendulum/pendulum.py", "two_arms/two_arms.py")

@@ -16,7 +16,7 @@ from diagrams.crossmodal.objects.object_import import (
 from diagrams.crossmodal.objects.object_model import read_object_model
 from diagrams.crossmodal.own_object import OwnObject, own_object_assignments
 from diagrams.crossmodal.scenario import Scenario
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 from plants.object_import.inspection import inspect_model
 
 if TYPE_CHECKING:

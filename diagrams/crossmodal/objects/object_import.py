@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diagrams.crossmodal.objects.object_model import ObjectModel
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 from plants.object_import import COPIED_FOLDERS, MODEL_FILE
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
-from diagrams.run.yaml_schema import ScenarioError, one_line, suggestion
+from diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 from plants.parsing import make_parser
 from systems.port_values import JointType
 
@@ -41,6 +41,11 @@ class ObjectModel:
     way_H: np.ndarray
     two_ways: bool
     bottom: float
+
+    @property
+    def unit(self) -> str:
+        """Of the joint's position."""
+        return "m" if self.joint_type == JointType.PRISMATIC else "rad"
 
 
 def read_object_model(model: Path, *, joint: str, frame: str, source: str) -> ObjectModel:

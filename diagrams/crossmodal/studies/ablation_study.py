@@ -13,17 +13,17 @@ from diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve
 from diagrams.crossmodal.studies.ablations import Ablation, find_ablation
 from diagrams.run.application import Application
 from diagrams.run.episode import run_episode
-from diagrams.run.own_files import held
-from diagrams.run.record import EpisodeRecord
-from diagrams.run.replay import replay
-from diagrams.run.run_folder import (
+from diagrams.run.folder.fingerprint import fingerprint
+from diagrams.run.folder.own_files import held
+from diagrams.run.folder.run_folder import (
     FILES,
     SENSORS_FILE,
-    fingerprint,
     without_nan,
     write_run,
     write_text,
 )
+from diagrams.run.record import EpisodeRecord
+from diagrams.run.replay import replay
 from diagrams.run.scenario import parse_scenario, read_document
 from systems.port_values import JointType
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from diagrams.crossmodal.training.hand_bending_data import simulate_interaction
 from diagrams.crossmodal.training.hand_bending_training import Interaction, search_topology, train
-from diagrams.run.run_folder import write_atomically, write_text
+from diagrams.run.folder.run_folder import write_atomically, write_text
 from models import WEIGHTS_DIR
 from systems.proprioception.bending_network import save_network
 

@@ -23,7 +23,6 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from zstandard import ZstdError
 
-from diagrams.run.sensor_streams.checksums import ChecksummedWriter, check_bytes
 from diagrams.run.sensor_streams.codecs import (
     DEFINITIONS,
     Codec,
@@ -33,7 +32,8 @@ from diagrams.run.sensor_streams.codecs import (
     definition,
     nanoseconds,
 )
-from diagrams.run.yaml_schema import ScenarioError, one_line
+from diagrams.run.sensor_streams.mcap_checksums import ChecksummedWriter, check_bytes
+from diagrams.run.yaml_input.schema import ScenarioError, one_line
 
 _METADATA = "episode"
 # What the library raises, of its own and of others, while it reads a file with wrong bytes.
@@ -116,17 +116,20 @@ class SensorLogWriter:
         except OSError as error:
             self._give_up(error)
 
-    def close(self, duration: float | None = None) -> None:
+    def close(self, duration: float | None = None, *, interrupted: bool = False) -> None:
         """Finishes the file.
 
         Args:
             duration: Of the episode, [s]; None leaves that to the last message.
+            interrupted: Whether the episode did not come to its end.
         """
         if self.failure:
             return
         facts = {"scenario": self._scenario} if self._scenario else {}
         if duration is not None:
             facts["duration"] = repr(duration)
+        if interrupted:
+            facts["interrupted"] = "yes"
         try:
             if facts:
                 self._writer.add_metadata(_METADATA, facts)
@@ -152,6 +155,7 @@ class SensorLog:
         streams: Those of the known ones that it holds.
         scenario: What they are of, as text; empty where the file does not say it.
         end: Of the episode or, where the file does not say it, the last message's instant, [s].
+        interrupted: Whether the file says that the episode did not come to its end.
 
     Args:
         path: Of the file.
@@ -175,6 +179,7 @@ class SensorLog:
             facts = next((m for m in self._reader.iter_metadata() if m.name == _METADATA), None)
             said = {} if facts is None else facts.metadata
             self.scenario = said.get("scenario", "")
+            self.interrupted = "interrupted" in said
             self.end = float(said.get("duration", summary.statistics.message_end_time * 1e-9))
             if not 0 <= self.end < math.inf:
                 raise ValueError(f"it says that it ends at {self.end} s")

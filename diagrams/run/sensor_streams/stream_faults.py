@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort, PortDataType, System
 
-from diagrams.run.yaml_schema import suggestion
+from diagrams.run.yaml_input.schema import suggestion
 from systems.sensors.stream_fault import FailingStream, StreamFault
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from diagrams.applications import load_scenario
 from diagrams.commands.episode import run_here
 from diagrams.run import process
-from diagrams.run.run_folder import write_scenario, write_text
+from diagrams.run.folder.run_folder import write_scenario, write_text
 
 
 def test_it_ends_with_the_one_that_started_it(tmp_path: Path) -> None:

@@ -1,4 +1,5 @@
 import types
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,10 +9,13 @@ from typer.testing import CliRunner
 from diagrams.command_line import app
 from diagrams.commands.episode import run_here
 from diagrams.crossmodal.application import APPLICATION
+from diagrams.evaluation.campaign_report import OVERVIEW_FILES
 from diagrams.run import process
 from diagrams.run.application import Application
+from diagrams.run.experiment import CampaignPlot
+from diagrams.run.folder.own_files import held
+from diagrams.run.folder.run_folder import finished_summary, write_scenario
 from diagrams.run.process import failed_summary
-from diagrams.run.run_folder import finished_summary, write_scenario
 from diagrams.run.scenario import Scenario
 
 RUNNER = CliRunner()
@@ -82,3 +86,45 @@ def test_all_experiments_end_in_one_table_and_single_ones_are_taken_over(
     assert "| all | 2/2 (100 %) |" in result.output
     assert Path("runs/evaluate/report.html").is_file()
     assert Path("runs/evaluate/drawer/report.html").is_file()
+
+
+@pytest.mark.usefixtures("in_this_process", "fake_episode")
+def test_an_evaluation_does_not_run_where_another_one_does() -> None:
+    for command, folder in (
+        (["evaluate", "drawer", "--seeds", "1", "--out", "here"], Path("here")),
+        (["evaluate", "all", "--seeds", "1", "--out", "there"], Path("there")),
+        (["evaluate", "all", "--seeds", "1", "--out", "top"], Path("top/drawer")),
+    ):
+        with held(folder, ()):
+            result = RUNNER.invoke(app, command)
+        assert result.exit_code == 2, result.output
+        assert result.stderr == (
+            f"crossmodal: {folder}: another run is writing there; wait for its end, or choose"
+            " another folder with --out\n"
+        )
+
+
+def test_a_folder_whose_name_is_too_long_is_refused_in_one_line() -> None:
+    for command in (["run", "drawer"], ["evaluate", "drawer"], ["train", "hand-bending"]):
+        result = RUNNER.invoke(app, [*command, "--out", "a" * 300])
+        assert result.exit_code == 2, result.output
+        assert result.stderr.endswith("cannot be written: File name too long\n")
+        assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.usefixtures("in_this_process", "fake_episode")
+def test_an_error_while_drawing_leaves_tables_and_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: object) -> None:
+        raise ValueError("no such colour")
+
+    first = next(iter(APPLICATION.campaign_plots))
+    plots = {first: CampaignPlot(caption="", draw=fail)}
+    monkeypatch.setattr(
+        "diagrams.applications._load",
+        lambda _: {"crossmodal": replace(APPLICATION, campaign_plots=plots)},
+    )
+    result = RUNNER.invoke(app, ["evaluate", "drawer", "--seeds", "1", "--out", "here"])
+    assert result.exit_code == 1
+    said = [line for line in result.stderr.splitlines() if line.startswith("crossmodal")]
+    assert said == [f"crossmodal: here/{first}: cannot be drawn: ValueError: no such colour"]
+    assert all(Path("here", name).is_file() for name in OVERVIEW_FILES)

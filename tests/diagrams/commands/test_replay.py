@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from diagrams.applications import load_scenario
 from diagrams.command_line import app
-from diagrams.run.run_folder import write_scenario
+from diagrams.run.folder.run_folder import write_scenario
 
 RUNNER = CliRunner()
 

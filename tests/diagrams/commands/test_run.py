@@ -142,3 +142,20 @@ def test_what_was_perceived_is_said_and_kept_where_the_pictures_do_not_fit(
     assert (
         "crossmodal: here/figures/errors.png: cannot be written: No space left on device" in lines
     )
+
+
+def test_an_error_while_drawing_is_said_in_one_line_after_the_results(
+    fake_episode: types.SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise IndexError("list index out of range")
+
+    monkeypatch.setattr("diagrams.crossmodal.results.results.draw_errors", fail)
+    result = RUNNER.invoke(app, ["run", "drawer", "--out", "here", "--no-recording"])
+    assert result.exit_code == 1
+    assert "Perceived joint:" in result.output
+    assert result.stderr == (
+        "crossmodal: here/figures/errors.png: cannot be drawn: IndexError: list index out of"
+        " range\n"
+    )
+    assert Path("here/figures/frames.png").exists()

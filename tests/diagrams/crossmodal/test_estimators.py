@@ -15,7 +15,7 @@ from diagrams.drawing.diagram_drawing import leaf_systems, wires
 from diagrams.run.application import Station
 from diagrams.run.calibration import Calibration
 from diagrams.run.episode import Episode, build_estimators, build_station
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 from diagrams.stations.truth_paths import truth_paths
 from systems.port_values import HELD_BODY, SampleWindow
 from systems.proprioception.grasp_model import initial_grasp

@@ -26,8 +26,9 @@ from diagrams.crossmodal.station.station import (
     make_manipulation_station,
 )
 from diagrams.run.episode import StationWarning, build_station
-from diagrams.run.run_folder import scenario_hash, write_run, write_scenario
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.folder.fingerprint import scenario_hash
+from diagrams.run.folder.run_folder import write_run, write_scenario
+from diagrams.run.yaml_input.schema import ScenarioError
 from models import MODELS_DIR
 
 pytestmark = pytest.mark.filterwarnings(
@@ -152,6 +153,21 @@ def test_a_way_asked_for_is_that_of_the_handle_where_the_object_turns(tmp_path: 
         task = loaded("task.goal=0.3", **own).task
     assert task.goal == 0.3
     assert_allclose(task.tolerance, 0.05 / np.hypot(0.05, 0.5))
+
+
+def test_what_is_asked_with_a_unit_is_in_that_of_the_own_object_s_joint(tmp_path: Path) -> None:
+    (tmp_path / "door.urdf").write_text(WIDE)
+    own = OwnObject(model=tmp_path / "door.urdf", grasp_frame="knob")
+    for goal, refused in (("20 deg", False), ("20 cm", True)):
+        given = [f"task.goal={goal}"]
+        _, base = load_scenario("drawer", given, units_known=False)
+        with pytest.warns(ObjectWarning, match=r"is in rad"):
+            made = own_object_assignments(base, "drawer", own, given)
+        if refused:
+            with pytest.raises(ScenarioError, match=r"task.goal = '20 cm', but it must be in rad"):
+                load_scenario("drawer", [*made, *given])
+        else:
+            assert load_scenario("drawer", [*made, *given])[1].task.goal == np.deg2rad(20.0)
 
 
 def test_an_angle_asked_for_is_the_way_of_the_handle_where_the_object_slides() -> None:

@@ -8,7 +8,7 @@ from pydrake.common.yaml import yaml_dump_typed
 from diagrams.applications import load_scenario, scenario_files
 from diagrams.crossmodal.estimators import MODALITIES
 from diagrams.crossmodal.scenario import Scenario, object_model_file
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 
 
 def loaded(name: str, *overrides: str) -> Scenario:

@@ -21,7 +21,7 @@ from diagrams.crossmodal.task import (
 from diagrams.joints.joint_truth import UNKNOWN_JOINT, Truth
 from diagrams.run.episode import run_episode
 from diagrams.run.record import Event, TaskStatus
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 from systems.port_values import JointType
 
 TASK = Task(goal=0.2, return_to_start=True, tolerance=0.05)

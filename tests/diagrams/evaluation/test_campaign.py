@@ -20,14 +20,16 @@ from diagrams.evaluation.campaign import (
     Workers,
     connect,
     episode_folder,
+    held_campaign,
     open_campaign_folder,
     prepare,
     run,
 )
-from diagrams.evaluation.checksums import write_checksums
+from diagrams.evaluation.campaign_report import write_campaign
+from diagrams.evaluation.folder_checksums import write_checksums
 from diagrams.run import process
-from diagrams.run.run_folder import finished_summary, write_run, write_scenario, write_text
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.folder.run_folder import finished_summary, write_run, write_scenario, write_text
+from diagrams.run.yaml_input.schema import ScenarioError
 
 # Stands for an episode's process: odd seeds die, others take over a run that was prepared.
 WORKER = """
@@ -42,6 +44,9 @@ if seed == 7: sys.exit(3)
 if seed == 9: (folder / "summary.json").write_text("{}"); sys.exit()
 shutil.copytree(prepared, folder, dirs_exist_ok=True)
 """
+
+
+_FAILED = {"scenario": "drawer", "seed": 1, "success": False, "failure": "no", "modalities": {}}
 
 
 def campaign(folder: Path, seeds: list[int], *, force: bool = False) -> Campaign:
@@ -253,8 +258,45 @@ def test_results_of_another_program_are_refused(tmp_path: Path) -> None:
 
 def test_a_folder_of_something_else_is_not_taken_for_an_experiment(tmp_path: Path) -> None:
     write_text(tmp_path / "notes.txt", "mine")
-    with pytest.raises(ScenarioError, match="already holds files"):
-        open_campaign_folder(tmp_path, "drawer", *load_scenario("drawer"))
+    with pytest.raises(ScenarioError, match="already holds files"), held_campaign(tmp_path):
+        pass
+    with (
+        pytest.raises(ScenarioError, match="no run that --force could replace"),
+        held_campaign(tmp_path, force=True),
+    ):
+        pass
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_two_evaluations_never_write_into_one_folder(tmp_path: Path) -> None:
+    with held_campaign(tmp_path):
+        campaign(tmp_path, [1])
+        for force in (False, True):
+            with (
+                pytest.raises(ScenarioError, match="another run is writing there"),
+                held_campaign(tmp_path, force=force),
+            ):
+                pass
+    with held_campaign(tmp_path):
+        campaign(tmp_path, [1])
+
+
+def test_a_file_that_no_evaluation_has_written_is_not_replaced(tmp_path: Path) -> None:
+    with held_campaign(tmp_path):
+        campaign(tmp_path, [1])
+    mine = write_text(tmp_path / "report.html", "mine")
+    with held_campaign(tmp_path), pytest.raises(ScenarioError, match=r"report\.html: is no file"):
+        write_campaign(replace(campaign(tmp_path, [1]), summaries=[_FAILED]), "")
+    assert mine.read_text() == "mine"
+
+
+def test_starting_afresh_leaves_what_no_episode_has_written(fake_worker: Path) -> None:
+    run(campaign(fake_worker, [2, 4]), Workers())
+    mine = write_text(episode_folder(fake_worker, 4) / "notes.txt", "mine")
+    campaign(fake_worker, [2], force=True)
+    assert [path.name for path in episode_folder(fake_worker, 4).iterdir()] == ["notes.txt"]
+    assert mine.read_text() == "mine"
+    assert not episode_folder(fake_worker, 2).exists()
 
 
 def test_an_unknown_backend_lists_the_known_ones(monkeypatch: pytest.MonkeyPatch) -> None:

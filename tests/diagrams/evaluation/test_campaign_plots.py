@@ -108,3 +108,14 @@ def test_every_episode_is_a_dot_in_its_estimators_row_in_units_for_people() -> N
     assert [tick.get_text() for tick in axes.get_yticklabels()] == ["the left eye", "right"]
     (dots,) = axes.collections
     np.testing.assert_allclose(np.asarray(dots.get_offsets())[:, 0], [1.0, 2.0, 3.0, 4.0])
+
+
+def test_a_row_says_how_many_episodes_have_a_value_where_not_all_do() -> None:
+    broken: dict[str, Any] = {"seed": 9, "success": False, "failure": "no", "modalities": {}}
+    summaries = [toy_summary(seed, left=0.001, right=None) for seed in range(4)]
+    figures = tidy_metrics(TOY, "toy", [*summaries, broken])
+    (axes,) = draw_metrics(TOY, figures, {"distance_error": "distance"}).axes
+    assert [text.get_text() for text in axes.texts] == ["4 of 5", "0 of 5"]
+    figures = tidy_metrics(TOY, "toy", [toy_summary(0, left=0.001, right=0.002)])
+    (axes,) = draw_metrics(TOY, figures, {"distance_error": "distance"}).axes
+    assert not axes.texts

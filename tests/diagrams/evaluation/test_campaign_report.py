@@ -10,7 +10,7 @@ from synthetic_episode import synthetic_episode
 from diagrams.applications import load_scenario
 from diagrams.evaluation.campaign import Campaign, episode_folder, prepare
 from diagrams.evaluation.campaign_report import made_by, write_campaign, write_overview
-from diagrams.run.run_folder import finished_summary, write_run
+from diagrams.run.folder.run_folder import finished_summary, write_run
 
 
 def finished_campaign(folder: Path, name: str = "drawer", *, plots: bool = True) -> Campaign:

@@ -8,7 +8,6 @@ import pytest
 from PIL import Image
 from toy_application import TOY, toy_summary
 
-from diagrams.evaluation.checksums import write_checksums
 from diagrams.evaluation.comparison import (
     Compared,
     comparison,
@@ -17,8 +16,9 @@ from diagrams.evaluation.comparison import (
     read_compared,
     scenarios_table,
 )
+from diagrams.evaluation.folder_checksums import write_checksums
 from diagrams.run.application import Application
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 
 
 def find(system: str, source: str) -> Application:

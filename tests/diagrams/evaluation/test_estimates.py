@@ -18,8 +18,8 @@ from diagrams.evaluation.estimates import (
 )
 from diagrams.run.application import Results
 from diagrams.run.calibration import Calibration
+from diagrams.run.folder.run_folder import without_nan
 from diagrams.run.record import EpisodeRecord, EstimatorRecord, Tick
-from diagrams.run.run_folder import without_nan
 from diagrams.run.scenario import Scenario
 
 UNITS = {"angle": "rad", "place": "m"}

@@ -200,6 +200,22 @@ def test_the_overall_table_adds_up_the_experiments() -> None:
     assert rows["drawer"]["goal"] == "-"
 
 
+def test_what_is_not_known_is_not_counted_as_not_done() -> None:
+    unknown = summary(2, 0.1) | {"success": None}
+    doors = [summary(0, 0.1), unknown, broken(1)]
+    for asked, done, right in (
+        (3, "1/2 (50 %, 1 without)", "2/3 (67 %)"),
+        (4, "1/2 (1 without)", "2/3"),
+    ):
+        table = overall_table(
+            APPLICATION,
+            {"glass-door": tidy_metrics(APPLICATION, "glass-door", doors)},
+            {"glass-door": range(asked)},
+        )
+        row = dict(zip(table.header[1:], table.rows[-1][1:], strict=True))
+        assert (row["done"], row["type right, cross-modal"]) == (done, right)
+
+
 @pytest.mark.parametrize(
     ("seeds", "text"), [([1, 2, 3], "1 to 3"), ([1, 2], "1, 2"), ([1, 3, 4], "1, 3, 4")]
 )

@@ -7,8 +7,8 @@ from synthetic_episode import synthetic_episode, without_truth
 from diagrams.crossmodal.application import APPLICATION
 from diagrams.joints.joint_episode import joint_episode
 from diagrams.joints.joint_errors import error_panels, errors_over_time, read_errors
+from diagrams.run.folder.run_folder import write_run
 from diagrams.run.record import EpisodeRecord
-from diagrams.run.run_folder import write_run
 from systems.port_values import JointType
 
 NAMES = ("vision", "proprioception", "crossmodal")

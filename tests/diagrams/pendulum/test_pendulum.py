@@ -12,7 +12,8 @@ from typer.testing import CliRunner
 
 from diagrams.applications import OWN, load_scenario
 from diagrams.command_line import app
-from diagrams.run.run_folder import fingerprint
+from diagrams.commands.endings import GentleInterrupt
+from diagrams.run.folder.fingerprint import fingerprint
 
 FILE = Path(__file__).with_name("pendulum.py")
 NOISE = 0.02  # Of the encoder, [rad].
@@ -108,6 +109,28 @@ def test_a_replay_gives_the_very_same_estimates(recorded: Path, tmp_path: Path) 
     pd.testing.assert_frame_equal(
         read_estimates(tmp_path / "again"), read_estimates(recorded), check_exact=True
     )
+
+
+def test_a_replay_of_a_run_that_was_interrupted_says_so_and_claims_no_success(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ticks = iter(range(20))
+
+    def check(_: GentleInterrupt) -> None:
+        if next(ticks, None) is None:
+            raise KeyboardInterrupt
+
+    run, again = tmp_path / "run", tmp_path / "again"
+    monkeypatch.setattr(GentleInterrupt, "check", check)
+    options = ("--record-sensors", "--no-recording", "--out", run)
+    assert crossmodal("run", "swing", *options).exit_code == 130
+    result = crossmodal("replay", run, "--out", again)
+    assert result.exit_code == 1, result.output
+    assert "interrupted at 1." in result.stderr
+    for folder in (run, again):
+        summary = read_summary(folder)
+        said = (summary["success"], summary["failure"], summary["interrupted"])
+        assert said == (False, "interrupted", True)
 
 
 @pytest.mark.parametrize("duration", [2.0, 1.98, 2.02, 11 / 15])

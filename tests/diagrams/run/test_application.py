@@ -15,7 +15,7 @@ from diagrams.run.application import Application, Station, check_quantities
 from diagrams.run.episode import Episode, build_estimators
 from diagrams.run.record import Quantity
 from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 
 
 class Ports(LeafSystem):

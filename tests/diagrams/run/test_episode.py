@@ -11,8 +11,8 @@ from diagrams.applications import load_scenario
 from diagrams.crossmodal.application import APPLICATION
 from diagrams.joints.joint_episode import JointEpisode, joint_episode
 from diagrams.run.episode import build_station, run_episode
-from diagrams.run.run_folder import SUMMARY_FILE, open_run_folder, write_run
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.folder.run_folder import SUMMARY_FILE, write_run
+from diagrams.run.yaml_input.schema import ScenarioError
 from systems.port_values import JointType
 
 TIMINGS = {"wall_time", "real_time_factor", "peak_memory", "tick"}
@@ -40,7 +40,7 @@ def without_timings(value: object) -> object:
 
 def summary(episode: JointEpisode, folder: Path) -> dict:
     results = APPLICATION.evaluate(episode.record)
-    write_run(open_run_folder(folder, False), APPLICATION, episode.record, results)
+    write_run(folder, APPLICATION, episode.record, results)
     return json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))
 
 

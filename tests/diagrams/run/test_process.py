@@ -1,12 +1,15 @@
 """An episode in a process of its own."""
 
+import sys
 import threading
 import time
 from pathlib import Path
 
+import pytest
+
 from diagrams.applications import load_scenario
 from diagrams.run import process
-from diagrams.run.process import peak_memory, run_apart, thread_limits
+from diagrams.run.process import EpisodeWarning, peak_memory, run_apart, thread_limits
 
 
 def test_an_episode_whose_folder_cannot_be_made_is_a_failure(tmp_path: Path) -> None:
@@ -26,6 +29,17 @@ def test_a_process_that_is_killed_while_it_runs_is_reported(tmp_path: Path) -> N
     summary = run_apart(*load_scenario("drawer"), tmp_path / "seed-0000", {})
     assert summary["failure"] == "worker died (SIGKILL), see log.txt"
     assert not process._RUNNING
+
+
+def test_what_an_episode_could_not_draw_is_told_and_its_summary_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reason = "a.png: cannot be drawn: ValueError: no such colour"
+    code = f"import pathlib, sys; pathlib.Path(sys.argv[1], 'error.txt').write_text({reason!r})"
+    monkeypatch.setattr(process, "_COMMAND", (sys.executable, "-c", f"{code}; sys.exit(1)"))
+    monkeypatch.setattr(process, "finished_summary", lambda *_: {"success": True})
+    with pytest.warns(EpisodeWarning, match=reason):
+        assert run_apart(*load_scenario("drawer"), tmp_path, {}) == {"success": True}
 
 
 def test_an_episode_with_one_core_draws_in_the_thread_that_asks_for_it() -> None:

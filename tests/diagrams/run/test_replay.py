@@ -17,9 +17,15 @@ from diagrams.crossmodal.estimators import CROSSMODAL_WIRES, make_network
 from diagrams.crossmodal.scenario import Scenario
 from diagrams.joints.joint_episode import JointEpisode, joint_episode
 from diagrams.run.episode import build_estimators, stream_models
+from diagrams.run.folder.run_folder import (
+    ESTIMATES_FILE,
+    SENSORS_FILE,
+    SUMMARY_FILE,
+    summarise,
+    write_run,
+)
 from diagrams.run.record import Tick
 from diagrams.run.replay import check_recorded, replay
-from diagrams.run.run_folder import ESTIMATES_FILE, SENSORS_FILE, SUMMARY_FILE, summarise, write_run
 from diagrams.run.sensor_streams.log import (
     SensorLog,
     SensorLogWriter,
@@ -27,7 +33,7 @@ from diagrams.run.sensor_streams.log import (
     Stream,
     make_streams,
 )
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 from systems.port_values import HELD_BODY, BodyMotion
 
 WIRINGS: dict[str, tuple[str, list[str]]] = {
@@ -185,7 +191,8 @@ def test_a_recording_without_truth_is_perceived_and_no_errors_are_claimed(
 
 def test_a_stream_that_an_estimator_needs_is_missed_by_its_name(real_recording: Path) -> None:
     scenario = scenario_of(real_recording, "modalities=[vision]")
-    with pytest.raises(ScenarioError, match=r"holds no stream '\w+', which 'vision' needs"):
+    missing = r"holds no stream '\w+', which 'vision' needs; record it again"
+    with pytest.raises(ScenarioError, match=missing):
         replay(APPLICATION, real_recording, scenario)
 
 

@@ -16,7 +16,7 @@ from diagrams.run.scenario import (
     parse_scenario,
     read_document,
 )
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 
 PATH = Path("mine.yaml")
 

@@ -15,11 +15,11 @@ from diagrams.drawing.diagram_drawing import diagram_dot, render_svg
 from diagrams.run.application import Application
 from diagrams.run.calibration import draw_base, draw_camera
 from diagrams.run.episode import Episode, build_station, run_episode
+from diagrams.run.folder.run_folder import SENSORS_FILE, write_run
 from diagrams.run.record import EpisodeRecord
 from diagrams.run.replay import check_recorded, replay
-from diagrams.run.run_folder import SENSORS_FILE, write_run
 from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 from diagrams.stations.truth_paths import truth_paths, truth_references
 
 FOLDER = Path(__file__).parent

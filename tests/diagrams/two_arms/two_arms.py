@@ -25,7 +25,7 @@ from diagrams.run.calibration import (
 from diagrams.run.episode import SCENE_PORT
 from diagrams.run.record import Tick
 from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 from diagrams.stations.add_arm import add_encoders, add_impedance_control, add_wrist_wrench
 from diagrams.stations.add_cameras import add_cameras, add_robot_masks
 from diagrams.stations.add_soft_hand import add_soft_hand

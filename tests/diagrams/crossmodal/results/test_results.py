@@ -13,8 +13,8 @@ from diagrams.crossmodal.results.results import evaluate
 from diagrams.evaluation.estimates import COLUMNS
 from diagrams.joints.joint_episode import joint_episode
 from diagrams.joints.joint_record import summarise_joint
+from diagrams.run.folder.run_folder import summarise
 from diagrams.run.record import EpisodeRecord
-from diagrams.run.run_folder import summarise
 from systems.port_values import JointType
 
 

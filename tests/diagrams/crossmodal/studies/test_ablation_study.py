@@ -12,10 +12,10 @@ from diagrams.crossmodal.estimators import CROSSMODAL_WIRES
 from diagrams.crossmodal.studies import ablation_study
 from diagrams.crossmodal.studies.ablation_study import run_ablation, table
 from diagrams.crossmodal.studies.ablations import ABLATIONS, Ablation, find_ablation
-from diagrams.run.own_files import OwnFiles
+from diagrams.run.folder.fingerprint import fingerprint
+from diagrams.run.folder.own_files import OwnFiles
 from diagrams.run.record import EpisodeRecord
-from diagrams.run.run_folder import fingerprint
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 
 
 def joint(error: float | None, estimated: str = "prismatic") -> dict:

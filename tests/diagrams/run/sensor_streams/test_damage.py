@@ -10,7 +10,7 @@ from pydrake.systems.sensors import ImageRgba8U
 
 from diagrams.run.sensor_streams import log as log_module
 from diagrams.run.sensor_streams.log import SensorLog, SensorLogWriter, Stream, make_streams
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 from systems.port_values import SampleWindow
 
 TICKS = 6

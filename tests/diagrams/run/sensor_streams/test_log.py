@@ -11,7 +11,7 @@ from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 from diagrams.crossmodal.application import TOPICS
 from diagrams.run.record import TaskStatus
 from diagrams.run.sensor_streams.log import SensorLog, SensorLogWriter, Stream, make_streams
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 from systems.port_values import SampleWindow
 
 PERIOD = 1 / 15

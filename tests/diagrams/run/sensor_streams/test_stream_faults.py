@@ -10,10 +10,10 @@ import pytest
 
 from diagrams.applications import OWN, load_scenario
 from diagrams.run.episode import run_episode
+from diagrams.run.folder.run_folder import SENSORS_FILE, write_run
 from diagrams.run.replay import check_recorded, replay
-from diagrams.run.run_folder import SENSORS_FILE, write_run
 from diagrams.run.scenario import Disturbances
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 from systems.sensors.stream_fault import StreamFault
 
 PENDULUM = Path(__file__).parents[2] / "pendulum" / "pendulum.py"

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from diagrams.run.own_files import MANIFEST, OwnFiles, held
-from diagrams.run.run_folder import FILES, write_text
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.folder.own_files import MANIFEST, OwnFiles, held
+from diagrams.run.folder.run_folder import FILES, write_text
+from diagrams.run.yaml_input.schema import ScenarioError
 
 
 def run(folder: Path, *names: str, force: bool = False) -> None:
@@ -95,13 +95,13 @@ def test_a_second_run_into_the_same_folder_waits_for_the_end_of_the_first(tmp_pa
 
 def test_a_killed_run_holds_its_folder_no_more_and_its_partial_files_go(tmp_path: Path) -> None:
     code = (
-        "import os; from pathlib import Path; from diagrams.run.own_files import held;"
-        "from diagrams.run.run_folder import FILES, write_atomically;"
+        "import os; from pathlib import Path; from diagrams.run.folder.own_files import held;"
+        "from diagrams.run.folder.run_folder import FILES, write_atomically;"
         f"own = held(Path({str(tmp_path / 'run')!r}), FILES).__enter__();"
         "write_atomically(own.place('sensors.mcap'),"
         " lambda path: (path.write_text('half'), os.kill(os.getpid(), 9)))"
     )
-    subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[3], check=False)
+    subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[4], check=False)
     names = [path.name for path in (tmp_path / "run").iterdir()]
     assert any(name.endswith("-sensors.mcap") for name in names)
     run(tmp_path / "run", "scenario.yaml")
@@ -114,7 +114,24 @@ def test_a_folder_that_nothing_is_written_into_is_removed_again(tmp_path: Path) 
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("place", ["file", "file/below", "/proc/nowhere/run"])
+def test_a_shared_folder_keeps_what_is_there_and_no_file_of_another_is_replaced(
+    tmp_path: Path,
+) -> None:
+    write_text(tmp_path / "notes.txt", "mine")
+    for _ in range(2):
+        with held(tmp_path, ["table.md"], shared=True) as own:
+            write_text(own.place("table.md"), "of a run")
+    write_text(tmp_path / "page.html", "mine")
+    with (
+        pytest.raises(ScenarioError, match=r"page\.html: is no file of the earlier run"),
+        held(tmp_path, ["table.md", "page.html"], shared=True),
+    ):
+        pass
+    mine = {"notes.txt": "mine", "page.html": "mine"}
+    assert files(tmp_path) == mine | {"table.md": "of a run"}
+
+
+@pytest.mark.parametrize("place", ["file", "file/below", "/proc/nowhere/run", "a" * 300])
 def test_a_folder_that_cannot_be_written_is_refused_in_one_line(tmp_path: Path, place: str) -> None:
     (tmp_path / "file").write_text("")
     with (

@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 from pydrake.common.yaml import yaml_dump, yaml_dump_typed, yaml_load_typed
 
-from diagrams.run.yaml_loader import MOST_LEVELS, load_yaml
+from diagrams.run.yaml_input.loader import MOST_LEVELS, load_yaml
 
 T = TypeVar("T")
 _MOST_BYTES = 1_000_000  # Of a file: what comes with the program has some thousand.
@@ -205,7 +205,7 @@ def _check_dataclass(value: Any, schema: Any, source: str, path: str) -> None:
 
 def _check_leaf(value: Any, schema: Any, source: str, path: str) -> None:
     if schema is float:
-        _require(_is_number(value), value, "a number", source, path)
+        _require(is_number(value), value, "a number", source, path)
     elif schema is int:
         whole = isinstance(value, int) and not isinstance(value, bool)
         _require(whole, value, "a whole number", source, path)
@@ -217,7 +217,7 @@ def _check_leaf(value: Any, schema: Any, source: str, path: str) -> None:
         _require(_is_array(value), value, "numbers in a list", source, path)
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: Any) -> bool:
     """YAML 1.1 reads 1e-3 as text; Drake's loader takes it as the number that was meant."""
     if not isinstance(value, int | float | str) or isinstance(value, bool):
         return False
@@ -236,7 +236,7 @@ def _is_array(value: Any) -> bool:
     if rows:
         even = len(rows) == len(value) and len(set(map(len, rows))) == 1
         return even and all(map(_is_array, rows))
-    return all(map(_is_number, value))
+    return all(map(is_number, value))
 
 
 def _require(condition: bool, value: Any, expected: str, source: str, path: str) -> None:

@@ -6,28 +6,27 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from synthetic_episode import empty_episode, synthetic_episode
 
 from diagrams.applications import load_scenario
 from diagrams.crossmodal.application import APPLICATION
-from diagrams.run.own_files import MANIFEST
-from diagrams.run.record import EpisodeRecord
-from diagrams.run.run_folder import (
+from diagrams.run.folder.own_files import MANIFEST
+from diagrams.run.folder.run_folder import (
     PLOT_FOLDER,
     SENSORS_FILE,
     RunWriter,
     default_folder,
     finished_summary,
-    open_run_folder,
-    scenario_hash,
     summarise,
     without_nan,
     write_atomically,
     write_run,
     write_text,
 )
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.record import EpisodeRecord
+from diagrams.run.yaml_input.schema import ScenarioError
 
 FILES = {
     "scenario.yaml",
@@ -49,7 +48,7 @@ def test_a_run_writes_all_its_files_and_can_be_run_again(tmp_path: Path) -> None
     record = synthetic_episode()
     record.scenario = load_scenario("drawer", ["seed=3"])[1]
     record.meshcat_html = "<html></html>"
-    folder = open_run_folder(tmp_path / "a" / "run")
+    folder = tmp_path / "a" / "run"
     record.sensors_file = write_text(folder / SENSORS_FILE, "streams")
     written = write(folder, record)
     assert {path.relative_to(folder).as_posix() for path in written} == FILES
@@ -64,15 +63,6 @@ def test_a_run_writes_all_its_files_and_can_be_run_again(tmp_path: Path) -> None
     assert "drake" in again.versions
     assert len(pd.read_parquet(folder / "estimates.parquet")) > 1000
     assert json.loads((folder / "summary.json").read_text())["seed"] == 3
-
-
-def test_a_folder_that_holds_something_is_refused_without_force(tmp_path: Path) -> None:
-    foreign = write_text(tmp_path / "notes.txt", "mine")
-    with pytest.raises(ScenarioError, match=r"already holds files.*--force"):
-        open_run_folder(tmp_path)
-    open_run_folder(tmp_path, force=True)
-    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
-    assert foreign.read_text() == "mine"
 
 
 def test_a_run_replaces_an_earlier_ones_files_only(tmp_path: Path) -> None:
@@ -141,14 +131,6 @@ def test_the_results_are_written_before_the_pictures(tmp_path: Path) -> None:
     assert finished_summary(tmp_path, APPLICATION, record.scenario) is None
 
 
-@pytest.mark.parametrize("place", ["file", "file/below", "/proc/nowhere/run"])
-def test_a_folder_that_cannot_be_written_is_refused_in_one_line(tmp_path: Path, place: str) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(ScenarioError, match="cannot be written") as caught:
-        open_run_folder(tmp_path / place)
-    assert "\n" not in str(caught.value)
-
-
 def test_a_write_that_fails_leaves_the_old_file_and_no_rest(tmp_path: Path) -> None:
     path = write_text(tmp_path / "a.txt", "old")
 
@@ -163,7 +145,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_no_rest(tmp_path: Path) -> N
 
 
 def test_an_interrupted_run_keeps_what_there_is(tmp_path: Path) -> None:
-    names = {path.name for path in write(open_run_folder(tmp_path / "run"), empty_episode())}
+    names = {path.name for path in write(tmp_path / "run", empty_episode())}
     assert {"scenario.yaml", "estimates.parquet", "summary.json"} <= names
     assert "frames.png" not in names
 
@@ -201,24 +183,43 @@ def test_what_json_cannot_hold_becomes_null(value: float) -> None:
 
 def test_only_a_complete_run_of_the_same_scenario_counts_as_finished(tmp_path: Path) -> None:
     record = synthetic_episode()
-    write(open_run_folder(tmp_path), record)
+    write(tmp_path, record)
     summary = finished_summary(tmp_path, APPLICATION, record.scenario)
     assert summary is not None
     assert summary["seed"] == record.scenario.seed
     record.scenario.task.opening = 0.3
     assert finished_summary(tmp_path, APPLICATION, record.scenario) is None
     record.interrupted = True
-    write(open_run_folder(tmp_path, force=True), record)
+    write(tmp_path, record)
     assert finished_summary(tmp_path, APPLICATION, record.scenario) is None
     assert finished_summary(tmp_path / "none", APPLICATION, record.scenario) is None
 
 
-def test_the_versions_that_ran_a_scenario_do_not_make_it_another() -> None:
-    _, scenario = load_scenario("drawer")
-    first = scenario_hash(APPLICATION, scenario)
-    assert scenario_hash(APPLICATION, replace(scenario, versions={"drake": "1.0"})) == first
-    assert scenario_hash(APPLICATION, replace(scenario, seed=1)) != first
-
-
 def test_the_usual_folder_names_scenario_and_seed() -> None:
     assert default_folder(load_scenario("drawer", ["seed=4"])[1]) == Path("runs/drawer-seed4")
+
+
+def test_an_error_while_drawing_loses_nothing_but_that_picture(tmp_path: Path) -> None:
+    def fail() -> Figure:
+        raise ValueError("no such\ncolour")
+
+    def fails_when_saved() -> Figure:
+        return Figure(figsize=(1e9, 1e9))
+
+    record = synthetic_episode()
+    plots = {"a.png": fail, "b.png": fails_when_saved, "c.png": Figure}
+    results = replace(APPLICATION.evaluate(record), plots=plots)
+    writer = RunWriter(tmp_path, APPLICATION, record, results)
+    writer.write_results()
+    writer.write_pictures()
+    names = {"scenario.yaml", "estimates.parquet", "summary.json", "c.png"}
+    assert {path.name for path in writer.written} == names
+    assert len(writer.written) == len(names)
+    first, second = writer.missing
+    assert first == f"{tmp_path}/figures/a.png: cannot be drawn: ValueError: no such colour"
+    assert second.startswith(f"{tmp_path}/figures/b.png: cannot be drawn: ")
+    assert "\n" not in second
+    summary = finished_summary(tmp_path, APPLICATION, record.scenario)
+    assert summary is not None
+    assert "figures/c.png" in summary["files"]
+    assert not {"figures/a.png", "figures/b.png"} & {*summary["files"]}

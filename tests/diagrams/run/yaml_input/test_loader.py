@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from diagrams.run.scenario import Scenario, parse_scenario, read_document
-from diagrams.run.yaml_loader import MOST_LEVELS, load_yaml
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.loader import MOST_LEVELS, load_yaml
+from diagrams.run.yaml_input.schema import ScenarioError
 
 SEARCH = settings(
     max_examples=300,

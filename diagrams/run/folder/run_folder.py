@@ -5,28 +5,28 @@ Every file is written beside its place and moved there when it is whole. A folde
 the summary names.
 """
 
-import hashlib
-import inspect
 import json
 import math
 import os
-import platform
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache, partial
-from importlib import metadata
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
 
 from diagrams.run.application import Application, Results
-from diagrams.run.own_files import OwnFiles
+from diagrams.run.folder.fingerprint import fingerprint, versions
+from diagrams.run.folder.own_files import OwnFiles
 from diagrams.run.record import EpisodeRecord
 from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_schema import ScenarioError, one_line
+from diagrams.run.yaml_input.schema import ScenarioError, one_line
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SCENARIO_FILE = "scenario.yaml"
 ESTIMATES_FILE = "estimates.parquet"
@@ -37,58 +37,10 @@ PLOT_FOLDER = "figures"
 # What a run may write whatever its application is.
 FILES = (SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, MESHCAT_FILE, SENSORS_FILE)
 
-_PACKAGES = ("maths", "models", "plants", "systems", "controllers", "diagrams")
-_SOURCE_TYPES = {".py", ".sdf", ".urdf", ".yaml", ".obj", ".mtl", ".png", ".npz", ".pt"}
-# Modules and folders that only show results: a change there leaves finished episodes valid.
-_PRESENTATION = {
-    "command_line.py",
-    "commands",
-    "drawing",
-    "campaign.py",
-    "campaign_plots.py",
-    "campaign_report.py",
-    "checksums.py",
-    "comparison.py",
-    "metric_table.py",
-    "seeds.py",
-    "experiments.py",
-    "frame_plots.py",
-    "joint_drawing.py",
-    "joint_errors.py",
-    "joint_palette.py",
-    "meshcat_view.py",
-    "metrics.py",
-    "plots.py",
-    "process.py",
-    "report.py",
-}
-
 
 def default_folder(scenario: Scenario) -> Path:
     """Where a run is written unless the user says otherwise."""
     return Path("runs") / f"{scenario.name}-seed{scenario.seed}"
-
-
-def open_run_folder(folder: Path, force: bool = False) -> Path:
-    """Makes sure that results can be written into the folder, before anything is computed.
-
-    A folder that already holds something is refused unless `force` allows it. A single run holds
-    its folder by `own_files.held`.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        occupied = any(folder.iterdir())
-        if occupied and not force:
-            raise ScenarioError(
-                f"{folder}: already holds files; choose another folder with --out,"
-                " or replace an earlier run there with --force"
-            )
-        probe = folder / f".probe-{os.getpid()}"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise ScenarioError(f"{folder}: cannot be written: {error.strerror or error}") from None
-    return folder
 
 
 def write_atomically(path: Path, write: Callable[[Path], Any]) -> Path:
@@ -108,6 +60,14 @@ def write_atomically(path: Path, write: Callable[[Path], Any]) -> Path:
 
 def write_text(path: Path, text: str) -> Path:
     return write_atomically(path, lambda partial: partial.write_text(text, encoding="utf-8"))
+
+
+def undrawn(place: Path, error: Exception) -> str:
+    """A line about a picture that could not be drawn.
+
+    Pictures only show what is there without them, so that no error of theirs may lose the rest.
+    """
+    return f"{place}: cannot be drawn: {type(error).__name__}: {one_line(error)}"
 
 
 def write_scenario(folder: Path, application: Application, scenario: Scenario) -> Path:
@@ -137,10 +97,8 @@ class RunWriter:
     ) -> None:
         self._folder, self._own = folder, OwnFiles(folder)
         self._application, self._record, self._results = application, record, results
-        drawn = {name: draw() for name, draw in results.plots.items()}
-        self._figures = {
-            f"{PLOT_FOLDER}/{name}": figure for name, figure in drawn.items() if figure is not None
-        }
+        self.missing = list(record.missing)
+        self._figures = self._draw()
         names = [SCENARIO_FILE, *application.keep_files(record.scenario)[1], ESTIMATES_FILE]
         names += self._figures
         if record.meshcat_html is not None:
@@ -152,7 +110,18 @@ class RunWriter:
         text = json.dumps(summarise(application, record, results) | {"files": names}, indent=2)
         self.summary: dict[str, Any] = json.loads(text)
         self.written = [] if record.sensors_file is None else [record.sensors_file]
-        self.missing = list(record.missing)
+
+    def _draw(self) -> "dict[str, Figure]":
+        figures: dict[str, Figure] = {}
+        for name, draw in self._results.plots.items():
+            file = f"{PLOT_FOLDER}/{name}"
+            try:
+                figure = draw()
+            except Exception as error:
+                self.missing.append(undrawn(self._folder / file, error))
+            else:
+                figures |= {} if figure is None else {file: figure}
+        return figures
 
     def write_results(self) -> None:
         """Writes scenario and estimates and, where both are there, the summary.
@@ -168,15 +137,23 @@ class RunWriter:
             ESTIMATES_FILE, lambda path: self._results.estimates.to_parquet(path, index=False)
         )
         if {SCENARIO_FILE, ESTIMATES_FILE} <= {path.name for path in self.written}:
-            text = json.dumps(self.summary, indent=2, allow_nan=False) + "\n"
-            self._write(SUMMARY_FILE, lambda path: path.write_text(text, encoding="utf-8"))
+            self._write_summary()
+
+    def _write_summary(self) -> None:
+        text = json.dumps(self.summary, indent=2, allow_nan=False) + "\n"
+        self._write(SUMMARY_FILE, lambda path: path.write_text(text, encoding="utf-8"))
 
     def write_pictures(self) -> None:
         """Writes what shows the results; it is large."""
         from diagrams.drawing.plot_style import save
 
         for name, figure in self._figures.items():
-            self._write(name, partial(save, figure))
+            try:
+                self._write(name, partial(save, figure))
+            except Exception as error:
+                self.missing.append(undrawn(self._folder / name, error))
+                self.summary["files"].remove(name)
+                self._write_summary()
         page = self._record.meshcat_html
         if page is not None:
             self._write(MESHCAT_FILE, lambda path: path.write_text(page, encoding="utf-8"))
@@ -186,7 +163,9 @@ class RunWriter:
 
     def _try(self, write: Callable[[], Path]) -> None:
         try:
-            self.written.append(write())
+            path = write()
+            if path not in self.written:
+                self.written.append(path)
         except ScenarioError as error:
             self.missing.append(str(error))
 
@@ -250,57 +229,6 @@ def without_nan(value: Any) -> Any:
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else None
     return value
-
-
-def versions() -> dict[str, str]:
-    """Of the program, its sources and what it computes with."""
-    names = ("crossmodal", "drake", "numpy", "scipy", "opencv-python-headless", "numba", "torch")
-    found = {"python": platform.python_version(), "source": source_hash()}
-    for name in names:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
-
-
-@cache
-def source_hash() -> str:
-    """Hash of every file that can change an episode, as they were when it was first asked for."""
-    root = Path(__file__).parents[2]
-    digest = hashlib.sha256()
-    for package in _PACKAGES:
-        for path in sorted((root / package).rglob("*")):
-            place = path.relative_to(root)
-            if path.suffix in _SOURCE_TYPES and _PRESENTATION.isdisjoint(place.parts):
-                digest.update(str(place).encode())
-                digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def scenario_hash(application: Application, scenario: Scenario) -> str:
-    """Hash of all that the scenario says, its versions left out.
-
-    Of a file that it names it matters what is in it, not where it lies.
-    """
-    said = application.identity(replace(scenario, versions={}))
-    return hashlib.sha256(yaml_dump_typed(said).encode()).hexdigest()[:16]
-
-
-def _own_hash(application: Application) -> str:
-    """Hash of the file of an application that does not come with the program; else nothing."""
-    file = inspect.getsourcefile(application.scenario)
-    if file is None or Path(file).is_relative_to(Path(__file__).parents[1]):
-        return ""
-    return "-" + hashlib.sha256(Path(file).read_bytes()).hexdigest()[:8]
-
-
-def fingerprint(application: Application, scenario: Scenario) -> dict[str, str]:
-    """What decides whether a finished run is still the one that a scenario would give."""
-    return {
-        "scenario_hash": scenario_hash(application, scenario),
-        "source_hash": source_hash() + _own_hash(application),
-    }
 
 
 def finished_summary(

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from typing import TextIO
 
-from diagrams.run.yaml_schema import ScenarioError
+from diagrams.run.yaml_input.schema import ScenarioError
 
 MANIFEST = ".run-files"  # A JSON string in each line: a path relative to the folder.
 
@@ -106,20 +106,26 @@ def _is_below(path: PurePosixPath) -> bool:
 
 
 @contextlib.contextmanager
-def held(folder: Path, names: Sequence[str], *, force: bool = False) -> Iterator[OwnFiles]:
+def held(
+    folder: Path, names: Sequence[str], *, force: bool = False, shared: bool = False
+) -> Iterator[OwnFiles]:
     """Holds a folder for one run, before anything is computed; one left empty is removed again.
+
+    An evaluation holds its folder as a run does.
 
     Args:
         folder: Made where it is missing.
         names: Files that the run is going to write.
         force: Whether it may replace the files of an earlier run; others stay in any case.
+        shared: Whether it goes on beside what the folder holds already; also then only files of
+            an earlier run are replaced.
 
     Raises:
         ScenarioError: where it cannot be written, another run holds it, or it holds something that
             must not be replaced.
     """
-    made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
+        made = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
         lock = _lock(folder)
     except OSError as error:
@@ -128,7 +134,9 @@ def held(folder: Path, names: Sequence[str], *, force: bool = False) -> Iterator
         own = OwnFiles(folder)
         try:
             own.remove_partial()
-            _refuse_occupied(folder, own, names, force)
+            if not shared:
+                _refuse_occupied(folder, own, force)
+            _refuse_foreign(folder, own, names)
             for name in names:
                 own.adopt(name)
             yield own
@@ -158,7 +166,7 @@ def _lock(folder: Path) -> TextIO:
         file.close()  # The one who held it has removed it.
 
 
-def _refuse_occupied(folder: Path, own: OwnFiles, names: Sequence[str], force: bool) -> None:
+def _refuse_occupied(folder: Path, own: OwnFiles, force: bool) -> None:
     occupied = any(path.name != MANIFEST for path in folder.iterdir())
     if occupied and not force:
         raise ScenarioError(
@@ -170,6 +178,9 @@ def _refuse_occupied(folder: Path, own: OwnFiles, names: Sequence[str], force: b
             f"{folder}: holds files, but no run that --force could replace; choose another folder"
             " with --out"
         )
+
+
+def _refuse_foreign(folder: Path, own: OwnFiles, names: Sequence[str]) -> None:
     for name in names:
         if name not in own.names and os.path.lexists(folder / name):
             raise ScenarioError(

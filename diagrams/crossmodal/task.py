@@ -132,10 +132,10 @@ def task_failure(
     failure = _travel_failure(task, truth, events)
     if np.isinf(lost_at):
         return failure
-    empty = f"the hand was empty from {lost_at:.1f} s on"
+    lost = f"the handle was out of the grip from {lost_at:.1f} s on"
     if failure is None:
-        return f"{empty}, wherever the joint went"
-    return failure if any(event.name == GRASP_LOST for event in events) else f"{failure}; {empty}"
+        return f"{lost}, wherever the joint went"
+    return failure if any(event.name == GRASP_LOST for event in events) else f"{failure}; {lost}"
 
 
 def _travel_failure(task: Task, truth: Truth, events: Sequence[Event]) -> str | None:

@@ -132,7 +132,7 @@ def grasp_lines(grasp: Mapping[str, Any]) -> list[str]:
         return []
     lines = []
     if grasp["held_until_true"] is not None:
-        lines.append(f"the bar left the hand at {grasp['held_until_true']:.1f} s")
+        lines.append(f"the handle left it at {grasp['held_until_true']:.1f} s")
     told = ", ".join(f"{LABELS.get(name, name)} at {time:.1f} s" for name, time in noticed.items())
     lines.append(f"noticed by {told}" if told else "nobody noticed")
     return lines

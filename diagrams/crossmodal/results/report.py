@@ -150,7 +150,7 @@ def report(episode: JointEpisode, summary: Mapping[str, Any]) -> list[str]:
     if done := manipulation(episode, summary):
         lines += ["", "Manipulation:"] + [f"  {line}" for line in done]
     if held := grasp_lines(summary["grasp"]):
-        lines += ["", "An empty hand:"] + [f"  {line}" for line in held]
+        lines += ["", "The grip:"] + [f"  {line}" for line in held]
     if faults := fault_lines(summary["stream_faults"]):
         lines += ["", "Streams that were not trusted:"] + [f"  {line}" for line in faults]
     return lines

@@ -76,7 +76,7 @@ def test_a_bar_that_stays_behind_left_the_hand_when_it_was_far_enough() -> None:
     assert grasp.held_until == pytest.approx(9.0 + 0.035 / 0.02, abs=0.1)
     assert grasp.noticed_at["crossmodal"] == pytest.approx(9.5, abs=0.1)
     assert grasp_lines(summarise_grasp(grasp)) == [
-        "the bar left the hand at 10.8 s",
+        "the handle left it at 10.8 s",
         "noticed by cross-modal at 9.5 s",
     ]
 
@@ -86,14 +86,19 @@ def test_a_joint_that_went_where_it_should_without_the_hand_is_no_success() -> N
     assert evaluate(with_hand(synthetic_episode())).success
     results = evaluate(record)
     assert results.success is False
-    assert results.failure == "the hand was empty from 10.8 s on, wherever the joint went"
+    assert (
+        results.failure == "the handle was out of the grip from 10.8 s on, wherever the joint went"
+    )
     assert results.summary["grasp"]["held_until_true"] == pytest.approx(10.8, abs=0.1)
 
 
 def test_a_grasp_that_the_robot_gave_up_is_no_success() -> None:
     record = with_hand(synthetic_episode())
     record.events.append(Event(time=12.0, name=GRASP_LOST))
-    assert evaluate(record).failure == "the hand was empty from 12.0 s on, wherever the joint went"
+    assert (
+        evaluate(record).failure
+        == "the handle was out of the grip from 12.0 s on, wherever the joint went"
+    )
     assert set(grasp_episode(record).noticed_at.values()) == {12.0}
 
 

@@ -13,7 +13,7 @@ from diagrams.drawing.text_board import font, picture_board
 _PATH = "/Cameras/default/rotated/<object>/legend"  # What lies below the camera moves with it.
 _DISTANCE = 0.6  # In front of the camera, [m].
 _LINE = 0.022  # Height of a line, [m].
-_CORNER = (-0.6, 0.43)  # Of the board, to the right of the camera's axis and above it, [m].
+_CORNER = (-0.53, -0.43)  # The board's lower left one: right of and above the camera's axis, [m].
 _PIXELS = 44  # Height of a line.
 _BACKGROUND, _INK = "#F6F6F4", "#202020"
 
@@ -21,7 +21,7 @@ Entry = tuple[Literal["dot", "bar", "line"], str, str]  # Form, colour '#RRGGBB'
 
 
 def show_legend(meshcat: Meshcat, title: str, entries: Sequence[Entry]) -> None:
-    """Puts a legend into the upper left corner of the view, in place of an earlier one.
+    """Puts a legend into the lower left corner of the view, in place of an earlier one.
 
     Args:
         title: A line above the entries.
@@ -32,7 +32,7 @@ def show_legend(meshcat: Meshcat, title: str, entries: Sequence[Entry]) -> None:
     # The camera looks along -z, its y is up; a board is seen from its -y, its z is up.
     X_CB = RigidTransform(
         RotationMatrix.MakeXRotation(-0.5 * np.pi),
-        [_CORNER[0] + 0.5 * width, _CORNER[1] - 0.5 * height, -_DISTANCE],
+        [_CORNER[0] + 0.5 * width, _CORNER[1] + 0.5 * height, -_DISTANCE],
     )
     meshcat.SetObject(_PATH, picture_board(image, width, height, "legend"))
     meshcat.SetTransform(_PATH, X_CB)

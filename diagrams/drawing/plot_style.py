@@ -90,7 +90,8 @@ def mark_times(
 def mark_leaving(axes: Axes) -> list[Line2D]:
     """Triangles on the frame where a curve leaves it, upwards or downwards, and where it returns.
 
-    A curve that begins infinite has not left: there is nothing of it yet.
+    A curve that begins infinite has not left: there is nothing of it yet. A dotted curve has hollow
+    ones.
 
     Args:
         axes: With its curves, within its final limits.
@@ -102,6 +103,7 @@ def mark_leaving(axes: Axes) -> list[Line2D]:
     marked = []
     for curve in [line for line in axes.lines if line.get_transform() is axes.transData]:
         times, values = (np.asarray(data, dtype=float) for data in curve.get_data())
+        color, solid = curve.get_color(), curve.get_linestyle() != ":"
         shown = (left <= times) & (times <= right) & np.logical_or.accumulate(np.isfinite(values))
         for beyond, edge, marker in ((values > high, 1.0, "^"), (values < low, 0.0, "v")):
             found = _ends(times, beyond & shown, 0.015 * (right - left))
@@ -113,9 +115,9 @@ def mark_leaving(axes: Axes) -> list[Line2D]:
                 marker,
                 transform=axes.get_xaxis_transform(),
                 clip_on=False,
-                color=curve.get_color(),
-                mec="white",
-                ms=8,
+                mfc=color if solid else "white",
+                mec="white" if solid else color,
+                ms=8 if solid else 6,
                 zorder=6,
                 in_layout=False,
             )

@@ -28,7 +28,7 @@ def test_a_curve_has_a_triangle_where_it_leaves_the_frame_and_where_it_returns()
     (entry,) = mark_leaving(axes)
     assert entry.get_label() == "beyond the frame"
     assert triangles(axes) == {"^": [2.1, 4.0], "v": [8.0, 9.9]}
-    assert {line.get_color() for line in axes.lines} == {"#AA3377"}
+    assert {line.get_markerfacecolor() for line in axes.lines[1:]} == {"#AA3377"}
 
 
 def test_a_curve_within_the_frame_has_none() -> None:
@@ -62,3 +62,11 @@ def test_events_close_together_are_written_below_each_other() -> None:
     assert set(heights) == {"a", "b", "dark"}
     assert heights["b"] < heights["a"]
     assert axes.get_xlim() == (0.0, 10.0)
+
+
+def test_a_dotted_curve_has_hollow_triangles() -> None:
+    axes = drawn(np.where(TIMES < 3.0, 2.0, 0.0))
+    axes.lines[0].set_linestyle(":")
+    mark_leaving(axes)
+    (mark,) = axes.lines[1:]
+    assert (mark.get_markerfacecolor(), mark.get_markeredgecolor()) == ("white", "#AA3377")

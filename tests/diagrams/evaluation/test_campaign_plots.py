@@ -120,7 +120,7 @@ def test_a_median_that_leaves_the_frame_is_marked_and_explained() -> None:
     figure = draw_spreads(TOY, [panel], 0.1, Disturbances(), {})
     (mark,) = (line for line in figure.axes[0].lines if line.get_marker() == "^")
     np.testing.assert_allclose(mark.get_xdata(), [2.0, 2.9])
-    assert to_hex(mark.get_color()) == TOY.colors["left"].lower()
+    assert to_hex(mark.get_markerfacecolor()) == TOY.colors["left"].lower()
     assert figure.legends[0].get_texts()[-1].get_text() == "beyond the frame"
 
 

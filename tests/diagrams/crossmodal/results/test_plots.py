@@ -112,7 +112,7 @@ def test_a_curve_that_leaves_an_episodes_plot_is_marked() -> None:
     figure = draw_errors(episode())
     assert figure is not None
     marked = [line for line in figure.axes[0].lines if line.get_marker() == "v"]
-    assert {line.get_color() for line in marked} == {
+    assert {line.get_markerfacecolor() for line in marked} == {
         COLORS["proprioception"],
         COLORS["crossmodal"],
     }

@@ -136,6 +136,8 @@ def _flat(document: Mapping[str, Any], path: str = "") -> dict[str, Any]:
 def figures_table(compared: Sequence[Compared]) -> Table:
     """A row per metric and estimator; what the others differ by from the first stands last.
 
+    Values in another unit, as of a door beside a drawer, are not compared.
+
     One run has a magnitude, an evaluation the median of the magnitudes and their 5 to 95 %, or how
     often something is true. What is missing counts as infinitely large, and as not true.
     """
@@ -146,12 +148,16 @@ def figures_table(compared: Sequence[Compared]) -> Table:
     for metric in _metrics(compared):
         for estimator in estimators:
             found = [_values(frame, metric.name, estimator) for frame in frames]
-            known = [unit for values, unit in found if np.any(np.isfinite(values))]
-            if not known:
+            if not any(np.any(np.isfinite(values)) for values, _ in found):
                 continue
-            write = _Truths() if _is_truth(metric, compared) else _Magnitudes(known[0])
-            cells = [write.cell(values) for values, _ in found]
-            rest = [_difference(found[0][0], values, write) for values, _ in found[1:]]
+            truth = _is_truth(metric, compared)
+            writers = [_Truths() if truth else _Magnitudes(unit) for _, unit in found]
+            cells = [write.cell(values) for write, (values, _) in zip(writers, found, strict=True)]
+            first, first_unit = found[0]
+            rest = [
+                _difference(first, values, writers[0]) if unit == first_unit else "-"
+                for values, unit in found[1:]
+            ]
             title = metric.title or metric.name.replace("_", " ")
             name = label(compared[0].application, estimator)
             table.rows.append([title, name, *cells, *rest])

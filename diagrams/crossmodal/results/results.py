@@ -58,9 +58,9 @@ def evaluate(record: EpisodeRecord) -> Results:
             },
         },
         plots={
-            "configuration.png": partial(draw_configurations, episode),
             "errors.png": partial(draw_errors, episode),
             "frames.png": partial(draw_frames, episode),
+            "configuration.png": partial(draw_configurations, episode),
         },
         report=partial(report, episode),
     )

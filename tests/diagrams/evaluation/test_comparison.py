@@ -69,6 +69,14 @@ def test_a_share_of_one_is_no_truth(tmp_path: Path, two_runs: list[Compared]) ->
     assert rows(two_runs)["real time factor", ""] == ["1", "2", "+1"]
 
 
+def test_each_figure_has_its_own_unit_and_none_is_taken_from_one_of_another(
+    two_runs: list[Compared],
+) -> None:
+    figures = two_runs[1].figures
+    figures.loc[figures["metric"] == "distance_error", "unit"] = "rad"
+    assert rows(two_runs)["error of the distance", "the left eye"] == ["2 mm", "0.0286 deg", "-"]
+
+
 def test_only_the_keys_that_differ_are_shown_with_their_values(two_runs: list[Compared]) -> None:
     assert scenarios_table(two_runs).rows == [["lamp", "-", "0.5"]]
     two_runs[1].document["lens.angle"] = 60.0

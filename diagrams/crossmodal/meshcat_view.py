@@ -5,23 +5,35 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.common.value import AbstractValue, Value
-from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba
+from pydrake.geometry import Cylinder, Mesh, Meshcat, MeshcatCone, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.perception import BaseField, Fields, PointCloud
-from pydrake.systems.framework import Context, DiagramBuilder, InputPort, LeafSystem, System
+from pydrake.systems.framework import (
+    Context,
+    Diagram,
+    DiagramBuilder,
+    InputPort,
+    LeafSystem,
+    System,
+)
 
+from diagrams.crossmodal.modalities import LABELS
 from diagrams.crossmodal.results.report import describe_configuration
 from diagrams.crossmodal.scenario import Scenario
 from diagrams.drawing import palette
+from diagrams.drawing.dots import set_dots
+from diagrams.drawing.legend import Entry, show_legend
 from diagrams.drawing.text_board import text_board
+from diagrams.drawing.textures import textured_boxes
 from diagrams.joints.joint_drawing import JointSketch, perpendicular_axes, sketch_joint
 from diagrams.joints.joint_metrics import joint_now
-from diagrams.joints.joint_palette import JOINT, RESTING_IN_SCENE, body_color
+from diagrams.joints.joint_palette import JOINT, body_color, body_label
 from diagrams.joints.joint_truth import UNKNOWN_JOINT
 from diagrams.run.episode import connect_latest
 from maths.arrays import Array
 from maths.validation import check, number, numbers
 from systems.port_values import (
+    HELD_BODY,
+    STATIC_BODY,
     BodyMotion,
     BodyMotions,
     FeatureBelief,
@@ -34,6 +46,12 @@ from systems.port_values import (
 ROOT = "/perception"
 _BAR_RADIUS = 0.007  # [m]
 _BOARD_HEIGHT = 0.05  # [m]
+_LEGEND: list[Entry] = [
+    *(("dot", body_color(body), body_label(body)) for body in (STATIC_BODY, HELD_BODY, 2, 3)),
+    ("bar", JOINT[JointType.PRISMATIC], "prismatic joint, its direction within 2σ"),
+    ("bar", JOINT[JointType.REVOLUTE], "revolute joint, its axis within 2σ"),
+    ("line", palette.PLAN, "planned way of the hand"),
+]
 
 
 @dataclass(kw_only=True)
@@ -43,7 +61,7 @@ class MeshcatViewConfig:
     refresh_interval: float = number(1.0, at_least=1e-3, at_most=3600.0, unit="s")
     # Least time between new texts.
     text_interval: float = number(0.5, at_least=1e-3, at_most=3600.0, unit="s")
-    point_size: float = number(0.012, at_least=1e-6, at_most=1.0, unit="m")  # Of a feature.
+    dot_radius: float = number(0.009, at_least=1e-6, at_most=1.0, unit="m")  # Of a feature.
     # Where the page is first seen from, and what the texts face, p_WV; and its target.
     viewpoint: np.ndarray = numbers(
         np.array([-0.25, 0.75, 1.45]), at_least=-100.0, at_most=100.0, unit="m"
@@ -57,12 +75,14 @@ def add_view(
     builder: DiagramBuilder,
     scenario: Scenario,
     meshcat: Meshcat,
-    station: System,
+    station: Diagram,
     estimators: Mapping[str, System],
 ) -> None:
-    """Adds a view of what the estimators believe."""
+    """Adds a view of what the estimators believe, and lets the scene be seen with its textures."""
+    scene_graph = station.GetSubsystemByName("scene_graph")
     view = builder.AddNamedSystem(
-        "meshcat_view", MeshcatView(MeshcatViewConfig(), meshcat, list(estimators))
+        "meshcat_view",
+        MeshcatView(MeshcatViewConfig(), meshcat, list(estimators), textured_boxes(scene_graph)),
     )
     for port in ("path_planned", "cheat_joint"):
         builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
@@ -78,6 +98,9 @@ class MeshcatView(LeafSystem):
     are drawn below `/perception`, one visible; the others can be switched on in Meshcat's tree.
 
     What has been drawn is kept outside the Context, so one view serves one simulation.
+
+    Args:
+        textured: Meshes by path, which take the place of what the scene shows there.
 
     .. pydrake_system::
 
@@ -99,10 +122,15 @@ class MeshcatView(LeafSystem):
     """
 
     def __init__(
-        self, config: MeshcatViewConfig, meshcat: Meshcat, modalities: Sequence[str]
+        self,
+        config: MeshcatViewConfig,
+        meshcat: Meshcat,
+        modalities: Sequence[str],
+        textured: Mapping[str, Mesh] | None = None,
     ) -> None:
         super().__init__()
         check(config, "MeshcatView")
+        self._meshcat, self._textured = meshcat, dict(textured or {})
         meshcat.Delete(ROOT)  # What an earlier view may have left.
         meshcat.SetCameraPose(config.viewpoint, config.looking_at)
         self._ports: dict[str, dict[str, InputPort]] = {}
@@ -122,6 +150,7 @@ class MeshcatView(LeafSystem):
             }
             self._layers[modality] = _Layer(meshcat, f"{ROOT}/{modality}", config)
             meshcat.SetProperty(f"{ROOT}/{modality}", "visible", modality == shown)
+        show_legend(meshcat, _legend_title(shown), _LEGEND)
         self._path = self.DeclareAbstractInputPort("path_planned", Value[object]())
         self._truth = self.DeclareAbstractInputPort("cheat_joint", Value[object](UNKNOWN_JOINT))
         self._plan = _PlannedPath(meshcat, f"{ROOT}/planned_path", config)
@@ -129,6 +158,9 @@ class MeshcatView(LeafSystem):
 
     def _draw(self, context: Context) -> None:
         time = context.get_time()
+        if time > 0.0:  # At first the scene itself is drawn, which may be later than this.
+            while self._textured:
+                self._meshcat.SetObject(*self._textured.popitem())
         truth = self._truth.Eval(context) if self._truth.HasValue(context) else UNKNOWN_JOINT
         for modality, ports in self._ports.items():
             values = {
@@ -142,6 +174,11 @@ class MeshcatView(LeafSystem):
             layer.draw_joint(time, joint, bodies.bodies)
         if self._path.HasValue(context):
             self._plan.draw(time, self._path.Eval(context))
+
+
+def _legend_title(shown: str) -> str:
+    name = LABELS.get(shown, shown)
+    return f"as believed by {name}; others: Open Controls, Scene, perception"
 
 
 class _PlannedPath:
@@ -225,11 +262,8 @@ class _Layer:
         if len(points) == 0:
             return
         path = f"{self._path}/features/set_{self._sets}/body_{body_id}"
-        cloud = PointCloud(len(points), Fields(BaseField.kXYZs))
-        cloud.mutable_xyzs()[:] = points.T
-        moving = body_color(body_id)
-        color = Rgba(*palette.rgb(moving if body_id else RESTING_IN_SCENE))
-        self._meshcat.SetObject(path, cloud, self._config.point_size, color)
+        color = Rgba(*palette.rgb(body_color(body_id)))
+        set_dots(self._meshcat, path, points, self._config.dot_radius, color)
         show_from(self._meshcat, path, time)
         self._clouds[body_id] = path
 

@@ -76,12 +76,6 @@ def begun(events: Sequence[Event], phase: ControlPhase) -> list[float]:
     return [event.time for event in events if event.name == _STATUS[phase].event]
 
 
-def later_events(events: Sequence[Event]) -> list[Event]:
-    """What follows the first exploration."""
-    start = min(begun(events, ControlPhase.EXPLORE), default=np.inf)
-    return [event for event in events if event.time > start]
-
-
 def turning_time(events: Sequence[Event]) -> float:
     """By when the joint has turned: half a second after the return began, [s]; else infinite."""
     returns = begun(events, ControlPhase.RETURN)

@@ -129,10 +129,10 @@ def diagram_dot(diagram: System, title: str) -> str:
         '  node [shape=box, style="rounded,filled", penwidth=1.4, margin="0.18,0.1"];',
     ]
     packages = sorted(package for package in groups if package.startswith(_ROOM))
+    all_wires = wires(diagram)
     for package, members in groups.items():
         index = packages.index(package) % len(_OUTLINES) if package in packages else None
-        lines += _cluster_lines(package, members, names, index)
-    all_wires = wires(diagram)
+        lines += _cluster_lines(package, members, names, index, all_wires)
     outside = dict.fromkeys(wire.source_port for wire in all_wires if wire.source is None)
     for index, port in enumerate(outside):
         lines.append(
@@ -154,7 +154,11 @@ def diagram_dot(diagram: System, title: str) -> str:
 
 
 def _cluster_lines(
-    package: str, members: list[System], names: dict[System, str], index: int | None
+    package: str,
+    members: list[System],
+    names: dict[System, str],
+    index: int | None,
+    all_wires: list[Wire],
 ) -> list[str]:
     """The systems of a package; `index` of its colours, None for systems without a frame."""
     outline = _OTHER if index is None else _OUTLINES[index]
@@ -165,11 +169,17 @@ def _cluster_lines(
     if index is None:
         return nodes
     title = package.removeprefix(_ROOM).capitalize()
+    feeding = {
+        wire.source for wire in all_wires if wire.target in members and not wire.is_prediction
+    }
+    top = next((system for system in members if system not in feeding), members[0])
+    # Wires keep clear of nodes but not of a cluster's label: so its title is a node.
     return [
         f'  subgraph "cluster_{title}" {{',
-        f'    label="{title}"; labelloc=b; fontsize=15; fontcolor="{outline}";'
-        f' style="rounded,filled"; color="{_FILLS[index]}"; margin=14;',
+        f'    label=""; style="rounded,filled"; color="{_FILLS[index]}"; margin=14;',
+        f'    "{title}" [shape=plain, style="", fontsize=15, fontcolor="{outline}"];',
         *nodes,
+        f'    {{ rank=same; "{title}" -> {names[top]} [style=invis]; }}',
         "  }",
     ]
 

@@ -93,11 +93,12 @@ def draw_estimates(
             if not errors and truth is not None and truth.notna().any():
                 axes.plot(truth.index, scale * truth, color=palette.TRUTH, ls="--", label="truth")
             axes.set_ylabel(f"{component} [{unit}]".strip() if unit else component)
-        title = quantity.replace("_", " ")
-        all_axes[0].set_title(f"{title}: estimate minus truth" if errors else title)
+        name = quantity.replace("_", " ")
+        all_axes[0].set_title(f"{name}: estimate minus truth" if errors else name)
         all_axes[-1].set_xlabel("time [s]")
         handles, labels = max((axes.get_legend_handles_labels() for axes in all_axes), key=len)
-        figure.legend(handles, labels, loc="outside lower center", ncols=3)
+        title = "band: 2σ as claimed; n = 1 episode"
+        figure.legend(handles, labels, loc="outside lower center", ncols=4, title=title)
     return figure
 
 

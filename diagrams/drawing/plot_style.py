@@ -1,13 +1,17 @@
 """How every plot looks, and how it is written."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from diagrams.drawing import palette
+from maths.arrays import Array, Mask
 
 STYLE: Any = {
     "font.size": 10,
@@ -36,27 +40,98 @@ def new_figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def note(axes: Axes, time: float, text: str, *, side: str = "left", lines_below: int = 0) -> None:
+def note(axes: Axes, time: float, text: str, *, lines_below: int = 0) -> None:
     """Writes what happens at `time` at the top of a plot over time."""
     axes.annotate(
         text,
         (time, 1.0),
         xycoords=("data", "axes fraction"),
-        xytext=(3 if side == "left" else -1, -3 - 11 * lines_below),
+        xytext=(3, -3 - 11 * lines_below),
         textcoords="offset points",
         va="top",
-        ha=side,
         fontsize=8.5,
         color="#444444",
     )
 
 
-def mark_event(axes: Axes, time: float) -> None:
-    """A dashed line where something begins."""
-    axes.axvline(time, color=palette.QUIET, lw=0.9, ls=(0, (4, 3)))
+def mark_times(
+    axes: Axes,
+    events: Iterable[tuple[str, float]],
+    spans: Iterable[tuple[str, float, float]],
+    *,
+    label: bool,
+) -> None:
+    """Dashed lines where something begins, shades over times in which the cameras see less.
+
+    Args:
+        axes: Over time, within its final limits.
+        events: Names and times [s].
+        spans: Names, starts and ends [s].
+        label: Whether the names are written there.
+    """
+    left, right = axes.get_xlim()
+    line, last = 0, -np.inf
+    for name, time in sorted(events, key=lambda event: event[1]):
+        if left <= time <= right:
+            axes.axvline(time, color=palette.QUIET, lw=0.9, ls=(0, (4, 3)))
+            line = line + 1 if time - last < 0.1 * (right - left) else 0
+            last = time
+            if label:
+                note(axes, time, name, lines_below=line + 1)
+    for name, start, end in spans:
+        if start < right:
+            axes.axvspan(start, min(end, right), color="#000000", alpha=0.06, lw=0)
+            axes.axvline(start, color=palette.TRUTH, lw=1.1)
+            if label:
+                note(axes, start, name)
+    axes.set_xlim(left, right)
 
 
-def shade(axes: Axes, start: float, end: float) -> None:
-    """A shade over a time in which the cameras see less."""
-    axes.axvspan(start, end, color="#000000", alpha=0.06, lw=0)
-    axes.axvline(start, color=palette.TRUTH, lw=1.1)
+def mark_leaving(axes: Axes) -> list[Line2D]:
+    """Triangles on the frame where a curve leaves it, upwards or downwards, and where it returns.
+
+    A curve that begins infinite has not left: there is nothing of it yet. A dotted curve has hollow
+    ones.
+
+    Args:
+        axes: With its curves, within its final limits.
+
+    Returns:
+        For the legend, a triangle that says what they mean; nothing where no curve leaves.
+    """
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    marked = []
+    for curve in [line for line in axes.lines if line.get_transform() is axes.transData]:
+        times, values = (np.asarray(data, dtype=float) for data in curve.get_data())
+        color, solid = curve.get_color(), curve.get_linestyle() != ":"
+        shown = (left <= times) & (times <= right) & np.logical_or.accumulate(np.isfinite(values))
+        for beyond, edge, marker in ((values > high, 1.0, "^"), (values < low, 0.0, "v")):
+            found = _ends(times, beyond & shown, 0.015 * (right - left))
+            if not found:
+                continue
+            marked += axes.plot(
+                found,
+                np.full(len(found), edge),
+                marker,
+                transform=axes.get_xaxis_transform(),
+                clip_on=False,
+                mfc=color if solid else "white",
+                mec="white" if solid else color,
+                ms=8 if solid else 6,
+                zorder=6,
+                in_layout=False,
+            )
+    axes.set_xlim(left, right)
+    triangle = Line2D([], [], color=palette.QUIET, marker="^", ls="", ms=8)
+    triangle.set_label("beyond the frame")
+    return [triangle] if marked else []
+
+
+def _ends(times: Array, beyond: Mask, apart: float) -> list[float]:
+    """Where the stretches `beyond` begin and end, (T,); of those closer than `apart` the first."""
+    steps = np.diff(np.concatenate([[0], beyond.astype(int), [0]]))
+    kept: list[float] = []
+    for time in np.sort(times[np.r_[np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) - 1]]):
+        if not kept or time - kept[-1] > apart:
+            kept.append(float(time))
+    return kept

@@ -6,17 +6,17 @@ from pathlib import Path
 import matplotlib
 import trimesh
 from PIL import Image, ImageDraw, ImageFont
-from pydrake.common import MemoryFile
-from pydrake.geometry import InMemoryMesh, Mesh
-from trimesh.exchange.gltf import export_gltf
+from pydrake.geometry import Mesh
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
+
+from diagrams.drawing.gltf import in_memory
 
 _PIXELS = 96  # Height of the texture.
 
 
 @lru_cache(maxsize=1)
-def _font() -> ImageFont.FreeTypeFont:
+def font() -> ImageFont.FreeTypeFont:
     """The typeface that Matplotlib brings along."""
     path = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans-Bold.ttf"
     return ImageFont.truetype(str(path), round(0.62 * _PIXELS))
@@ -32,28 +32,23 @@ def text_board(text: str, height: float, color: tuple[int, int, int]) -> Mesh:
     """
     texture = _texture(text, color)
     width = height * texture.width / texture.height
-    file = MemoryFile(_gltf(texture, width, height), ".gltf", text)
-    return Mesh(InMemoryMesh(mesh_file=file))
+    return picture_board(texture, width, height, text)
 
 
-def _texture(text: str, color: tuple[int, int, int]) -> Image.Image:
-    width = round(_font().getlength(text)) + _PIXELS // 2
-    image = Image.new("RGB", (width, _PIXELS), color)
-    ImageDraw.Draw(image).text(
-        (width / 2, _PIXELS / 2), text, font=_font(), fill="white", anchor="mm"
-    )
-    return image
+def picture_board(texture: Image.Image, width: float, height: float, name: str) -> Mesh:
+    """A board in the x-z plane, seen from -y, with a picture on it that shines by itself.
 
-
-def _gltf(texture: Image.Image, width: float, height: float) -> str:
-    """A textured quad with everything embedded; glTF's y is up, Drake turns it to z."""
+    Args:
+        width: Of the board, [m].
+        height: Of the board, [m].
+    """
     x, y = 0.5 * width, 0.5 * height
     material = PBRMaterial(
-        baseColorTexture=texture,
+        baseColorFactor=[0.0, 0.0, 0.0, 1.0],  # Only what it shines: its colours stay as they are.
+        emissiveTexture=texture,
+        emissiveFactor=[1.0, 1.0, 1.0],
         metallicFactor=0.0,
         roughnessFactor=1.0,
-        emissiveTexture=texture,
-        emissiveFactor=[0.6, 0.6, 0.6],
         doubleSided=True,
     )
     board = trimesh.Trimesh(
@@ -62,5 +57,13 @@ def _gltf(texture: Image.Image, width: float, height: float) -> str:
         visual=TextureVisuals(uv=[(0, 0), (1, 0), (1, 1), (0, 1)], material=material),
         process=False,
     )
-    files = export_gltf(trimesh.Scene(board), embed_buffers=True)
-    return str(files["model.gltf"].decode())
+    return in_memory(board, name)
+
+
+def _texture(text: str, color: tuple[int, int, int]) -> Image.Image:
+    width = round(font().getlength(text)) + _PIXELS // 2
+    image = Image.new("RGB", (width, _PIXELS), color)
+    ImageDraw.Draw(image).text(
+        (width / 2, _PIXELS / 2), text, font=font(), fill="white", anchor="mm"
+    )
+    return image

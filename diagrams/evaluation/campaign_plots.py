@@ -1,5 +1,6 @@
 """Draws what the episodes of an experiment have in common: over time, and at the end."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,10 +10,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 from diagrams.drawing import palette
-from diagrams.drawing.plot_style import STYLE, mark_event, new_figure, note, shade
+from diagrams.drawing.plot_style import STYLE, mark_leaving, mark_times, new_figure
 from diagrams.evaluation.metric_table import estimators_of, label, quantile, readable
 from diagrams.run.application import Application
 from diagrams.run.scenario import Disturbances
@@ -108,14 +110,19 @@ def draw_spreads(
         grid = figure.subplots(
             len(panels), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
         )[:, 0]
+        spans = [(name, span.start, span.end) for name, span in disturbances.spans()]
+        every = [times for panel in panels for one in panel.series.values() for times, _ in one]
+        grid[0].set_xlim(0.0, max([step, *(times[-1] for times in every if len(times))]))
+        beyond: list[Line2D] = []
         for axes, panel in zip(grid, panels, strict=True):
             axes.set_title(panel.title)
             axes.set_yscale("log" if panel.logarithmic else "linear")
             _draw_panel(axes, application, panel, step)
-            _mark(axes, disturbances, events, label=axes is grid[0])
+            beyond += mark_leaving(axes)
+            mark_times(axes, events.items(), spans, label=axes is grid[0])
         grid[-1].set_xlabel("time [s]")
-        handles, labels = grid[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=4, title=_HOW_TO_READ)
+        handles = [*grid[0].get_legend_handles_labels()[0], *beyond[:1]]
+        figure.legend(handles=handles, loc="outside upper center", ncols=4, title=_HOW_TO_READ)
     return figure
 
 
@@ -128,8 +135,7 @@ def _draw_panel(axes: Axes, application: Application, panel: Panel, step: float)
         times, (low, median, high) = spread(series, step, missing)
         color = palette.estimator_color(application.colors, name, index)
         text = f"{label(application, name)} (n = {len(series)})"
-        shown = np.where(np.isfinite(median), median, np.nan)
-        axes.plot(times, shown, color=color, lw=1.8, label=text)
+        axes.plot(times, median, color=color, lw=1.8, label=text)
         # An infinite end of the band is beyond every axis; an infinite begin leaves it out.
         ends = np.minimum(high, np.finfo(np.float32).max)
         begins = np.where(np.isfinite(low), low, np.nan)
@@ -140,66 +146,48 @@ def _draw_panel(axes: Axes, application: Application, panel: Panel, step: float)
         axes.set_ylim(-0.03, 1.05)
     elif top > 0.0:
         drawn = np.concatenate([np.asarray(line.get_ydata(), float) for line in axes.lines])
-        positive = drawn[drawn > 0.0]
+        positive = drawn[np.isfinite(drawn) & (drawn > 0.0)]
         bottom = float(positive.min()) if len(positive) else _SMALLEST
         axes.set_ylim(max(_SMALLEST, 0.5 * bottom), 1.5 * max(top, 2.0 * _SMALLEST))
-
-
-def _mark(
-    axes: Axes, disturbances: Disturbances, events: Mapping[str, float], *, label: bool
-) -> None:
-    left, right = axes.get_xlim()
-    line, last = 1, -np.inf
-    for name, time in sorted(events.items(), key=lambda event: event[1]):
-        if left <= time <= right:
-            mark_event(axes, time)
-            line = line + 1 if time - last < 0.1 * (right - left) else 1
-            last = time
-            if label:
-                note(axes, time, name, lines_below=line)
-    for name, interval in disturbances.spans():
-        if interval.start >= right:
-            continue
-        shade(axes, interval.start, min(interval.end, right))
-        if label:
-            note(axes, interval.start, name)
-    axes.set_xlim(left, right)
 
 
 def draw_metrics(
     application: Application, figures: pd.DataFrame, titles: Mapping[str, str]
 ) -> Figure:
-    """The magnitude of some metrics in every episode, by estimator, and how many have one.
+    """The magnitude of some metrics in every episode, by estimator.
 
     Args:
         application: Whose metrics they are.
         figures: The tidy table of the experiment.
         titles: What is drawn side by side, by the metric's name.
     """
-    estimators, episodes = estimators_of(application, figures), figures["seed"].nunique()
+    estimators, seeds = estimators_of(application, figures), figures["seed"].unique()
     with mpl.rc_context(STYLE):
-        figure = new_figure(4.5 * len(titles), 1.9 + 0.5 * len(estimators))
+        figure = new_figure(4.5 * len(titles), 2.2 + 0.5 * len(estimators))
         grid = figure.subplots(1, len(titles), squeeze=False)[0]
         for axes, (key, title) in zip(grid, titles.items(), strict=True):
             rows = figures[figures["metric"] == key]
             scale, unit = readable(str(rows["unit"].iloc[0])) if len(rows) else (1.0, "")
+            names = []
             for level, name in enumerate(estimators):
-                own = rows.loc[rows["modality"] == name, "value"]
-                values = scale * own.dropna().abs()
-                if len(own) and len(values) < episodes:
-                    said = f"{len(values)} of {episodes}"
-                    place = {"transform": axes.get_yaxis_transform(), "ha": "right", "va": "center"}
-                    axes.text(0.99, level + 0.42, said, fontsize="small", **place)
-                if values.empty:
-                    continue
-                places = level + np.linspace(-0.22, 0.22, len(values))
+                values = rows.loc[rows["modality"] == name].set_index("seed")["value"]
+                values = scale * values.reindex(seeds).abs()
+                median, known = float(quantile(values, 0.5)), values.dropna()
+                of_all = f" of {len(seeds)}" if len(known) < len(seeds) else ""
+                names.append(f"{label(application, name)}\n(n = {len(known)}{of_all})")
+                places = level + np.linspace(-0.22, 0.22, len(known))
                 color = palette.estimator_color(application.colors, name, level)
-                axes.scatter(values, places, s=26, color=color, alpha=0.75, lw=0)
-                median = float(values.median())
-                axes.plot([median, median], [level - 0.36, level + 0.36], color=color, lw=2.6)
+                if len(known):
+                    axes.scatter(known, places, s=26, color=color, alpha=0.75, lw=0)
+                if math.isfinite(median):
+                    axes.plot([median, median], [level - 0.36, level + 0.36], color=color, lw=2.6)
             axes.set_xscale("log")
             axes.xaxis.set_minor_formatter(NullFormatter())
-            axes.set_yticks(range(len(estimators)), [label(application, n) for n in estimators])
+            axes.set_yticks(range(len(estimators)), names)
             axes.set_ylim(len(estimators) - 0.45, -0.55)
             axes.set_title(f"{title} [{unit}]" if unit else title)
+        dot = Line2D([], [], color=palette.QUIET, marker="o", ls="", label="an episode")
+        bar = Line2D([], [], color=palette.QUIET, marker="|", ls="", ms=14, mew=2.6)
+        bar.set_label("median; a missing error counts as infinite")
+        figure.legend(handles=[dot, bar], loc="outside lower center", ncols=2)
     return figure

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from diagrams.drawing.digits import fixed, written, written_range
 from diagrams.evaluation.campaign_report import Picture, Section, inline, page
 from diagrams.evaluation.folder_checksums import CHECKSUM_FILE, damage
 from diagrams.evaluation.metric_table import (
@@ -32,6 +33,7 @@ from diagrams.run.yaml_input.schema import ScenarioError, one_line, read_yaml
 from maths.arrays import Array
 
 _LONGEST = 80  # Letters of a scenario's value in a cell.
+_DIGITS = 3  # Of one run's figure: its neighbour may be close.
 
 
 @dataclass(kw_only=True)
@@ -134,6 +136,8 @@ def _flat(document: Mapping[str, Any], path: str = "") -> dict[str, Any]:
 def figures_table(compared: Sequence[Compared]) -> Table:
     """A row per metric and estimator; what the others differ by from the first stands last.
 
+    Values in another unit, as of a door beside a drawer, are not compared.
+
     One run has a magnitude, an evaluation the median of the magnitudes and their 5 to 95 %, or how
     often something is true. What is missing counts as infinitely large, and as not true.
     """
@@ -144,12 +148,16 @@ def figures_table(compared: Sequence[Compared]) -> Table:
     for metric in _metrics(compared):
         for estimator in estimators:
             found = [_values(frame, metric.name, estimator) for frame in frames]
-            known = [unit for values, unit in found if np.any(np.isfinite(values))]
-            if not known:
+            if not any(np.any(np.isfinite(values)) for values, _ in found):
                 continue
-            write = _Truths() if _is_truth(metric, compared) else _Magnitudes(known[0])
-            cells = [write.cell(values) for values, _ in found]
-            rest = [_difference(found[0][0], values, write) for values, _ in found[1:]]
+            truth = _is_truth(metric, compared)
+            writers = [_Truths() if truth else _Magnitudes(unit) for _, unit in found]
+            cells = [write.cell(values) for write, (values, _) in zip(writers, found, strict=True)]
+            first, first_unit = found[0]
+            rest = [
+                _difference(first, values, writers[0]) if unit == first_unit else "-"
+                for values, unit in found[1:]
+            ]
             title = metric.title or metric.name.replace("_", " ")
             name = label(compared[0].application, estimator)
             table.rows.append([title, name, *cells, *rest])
@@ -190,7 +198,8 @@ class _Truths:
     def change(self, first: Array, other: Array) -> str:
         if len(first) == len(other) == 1:
             return "differs"
-        return f"{100.0 * (np.mean(other == 1.0) - np.mean(first == 1.0)):+.0f} %"
+        change = float(np.mean(other == 1.0) - np.mean(first == 1.0))
+        return f"{fixed(100.0 * change, 0, signed=True)} %"
 
 
 class _Magnitudes:
@@ -203,17 +212,17 @@ class _Magnitudes:
         if not np.any(np.isfinite(values)):
             return "-"
         low, median, high = (
-            f"{self._scale * value:.3g}" if np.isfinite(value) else "none"
-            for value in (float(quantile(values, share)) for share in (0.05, 0.5, 0.95))
+            self._scale * float(quantile(values, share)) for share in (0.05, 0.5, 0.95)
         )
-        text = median if len(values) == 1 else f"{median} ({low} to {high})"
-        return f"{text} {self._unit}".rstrip()
+        if len(values) == 1:
+            return written(median, self._unit, significant=_DIGITS)
+        return written_range(low, median, high, self._unit)
 
     def change(self, first: Array, other: Array) -> str:
         before, after = (float(quantile(values, 0.5)) for values in (first, other))
         if not np.isfinite([before, after]).all():
             return "-"
-        return f"{self._scale * (after - before):+.3g} {self._unit}".rstrip()
+        return written(self._scale * (after - before), self._unit, signed=True)
 
 
 def _difference(first: Array, other: Array, write: _Truths | _Magnitudes) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from diagrams.drawing.digits import fixed, written
 from diagrams.drawing.estimate_plots import draw_estimates
 from diagrams.evaluation.metric_table import mean_share, median_and_range, readable
 from diagrams.run.application import Results
@@ -140,17 +141,15 @@ def _report(labels: Mapping[str, str], summary: Mapping[str, Any]) -> list[str]:
     for name, record in summary["modalities"].items():
         for quantity, errors in record["quantities"].items():
             scale, unit = readable(errors["unit"])
-            final, rms, inside = (
-                "-" if errors[key] is None else f"{factor * errors[key]:.3g}"
-                for key, factor in (
-                    ("final_error", scale),
-                    ("rms_error", scale),
-                    ("inside_two_sigma", 100.0),
-                )
+            final, rms = (
+                written(None if errors[key] is None else scale * errors[key], unit)
+                for key in ("final_error", "rms_error")
             )
+            share = errors["inside_two_sigma"]
+            inside = "-" if share is None else fixed(100.0 * share, 0)
             lines.append(
-                f"{labels.get(name, name)}: {quantity} {final} {unit} off at the end,"
-                f" {rms} {unit} RMS, {inside} % of the ticks inside two claimed deviations"
+                f"{labels.get(name, name)}: {quantity} {final} off at the end, {rms} RMS,"
+                f" {inside} % of the ticks inside two claimed deviations"
             )
     return lines
 

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from diagrams.drawing.digits import written, written_range
 from diagrams.run.application import Application
 from diagrams.run.experiment import Experiment, Metric, Reference
 from maths.arrays import Array
@@ -82,21 +83,17 @@ def quantile(values: npt.ArrayLike, share: float) -> Array:
     return np.where((low == high) | (place == math.floor(place)), low, between)
 
 
-def median_and_range(values: npt.ArrayLike, unit: str, digits: int = 1) -> str:
+def median_and_range(values: npt.ArrayLike, unit: str) -> str:
     """'median (5 % to 95 %) unit' of magnitudes in SI; 'none' for what is missing."""
     values = np.asarray(values, dtype=float)
     if not np.any(np.isfinite(values)):
         return "none"
     scale, shown = readable(unit)
-
-    def text(share: float) -> str:
-        value = scale * float(quantile(values, share))
-        return f"{value:.{digits}f}" if math.isfinite(value) else "none"
-
-    return f"{text(0.5)} ({text(0.05)} to {text(0.95)}) {shown}".rstrip()
+    low, median, high = (scale * float(quantile(values, share)) for share in (0.05, 0.5, 0.95))
+    return written_range(low, median, high, shown)
 
 
-def mean_and_deviation(values: npt.ArrayLike, unit: str, digits: int = 1) -> str:
+def mean_and_deviation(values: npt.ArrayLike, unit: str) -> str:
     """'mean ± standard deviation unit' of magnitudes in SI, of the episodes that have one."""
     values = np.asarray(values, dtype=float)
     known = np.abs(values[np.isfinite(values)])
@@ -104,11 +101,9 @@ def mean_and_deviation(values: npt.ArrayLike, unit: str, digits: int = 1) -> str
         return "-"
     scale, shown = readable(unit)
     deviation = float(np.std(known, ddof=1)) if len(known) > 1 else math.nan
-    text = f"{scale * np.mean(known):.{digits}f}"
-    if math.isfinite(deviation):
-        text += f" ± {scale * deviation:.{digits}f}"
+    text = written(scale * float(np.mean(known)), shown, spread=scale * deviation)
     missing = len(values) - len(known)
-    return f"{text} {shown}".rstrip() + (f" ({missing} without)" if missing else "")
+    return text + (f" ({missing} without)" if missing else "")
 
 
 def count(values: npt.ArrayLike) -> str:
@@ -139,7 +134,7 @@ def mean_share(values: npt.ArrayLike) -> str:
 def milliseconds(values: Array, unit: str) -> str:
     """Median and range of times in seconds, written in milliseconds."""
     known = values[np.isfinite(values)]
-    return median_and_range(1000.0 * known, "", 1) + " ms" if len(known) else "-"
+    return median_and_range(1000.0 * known, "") + " ms" if len(known) else "-"
 
 
 def _of_episode(name: str, unit: str = "", **shown: Any) -> Metric:

@@ -32,7 +32,7 @@ class JointSketch:
     Attributes:
         type: Prismatic or revolute.
         center_W: Middle (3,) of the bar, [m].
-        direction_W: Unit vector (3,) along it, to growing opening.
+        direction_W: Unit vector (3,) along it, to growing configuration.
         length: Of the bar, [m].
         angle: Two standard deviations of its direction, [rad].
         radius: Two standard deviations of its position, [m]; 0 for prismatic joints.

@@ -14,14 +14,17 @@ JOINT = {
 _STATIC = "#D0D0D0"
 _INTERACTED = "#FFCC22"
 _OTHERS = ("#33BBEE", "#EE3377", "#99DD55", "#BB88FF")
-RESTING_IN_SCENE = "#3A3A3A"  # Resting features among the light surfaces of Meshcat.
 
 
 def body_label(body_id: int) -> str:
     """What a legend calls the features of a body."""
     if body_id == STATIC_BODY:
         return "resting features"
-    return "of the held body" if body_id == HELD_BODY else f"of moving body {body_id}"
+    return (
+        "features of the held body"
+        if body_id == HELD_BODY
+        else f"features of moving body {body_id}"
+    )
 
 
 def body_color(body_id: int) -> str:

@@ -79,12 +79,19 @@ def body_motion(body_id: int, X_WB: Array, X_WB_0: Array, feature_ids: Array) ->
 
 
 def synthetic_episode(
-    joint_type: JointType = JointType.PRISMATIC, seed: int = 3, duration: float = 16.0
+    joint_type: JointType = JointType.PRISMATIC,
+    seed: int = 3,
+    duration: float = 16.0,
+    opens_to: float = 1.0,
 ) -> EpisodeRecord:
-    """A drawer or door pulled from 4 s on; vision is born late and ends when the lights go off."""
+    """A drawer or door pulled from 4 s on; vision is born late and ends when the lights go off.
+
+    Args:
+        opens_to: The sign of its configuration then.
+    """
     rng = np.random.default_rng(seed)
     times = np.arange(0.0, duration + 1e-9, PERIOD)
-    q = 0.001 + 0.02 * np.maximum(0.0, times - 4.0)
+    q = opens_to * (0.001 + 0.02 * np.maximum(0.0, times - 4.0))
     if joint_type == JointType.REVOLUTE:
         q = q * 4.0
     axis = (

@@ -80,9 +80,9 @@ def _limits(joint: JointFacts) -> str:
     if np.isinf(joint.lower) and np.isinf(joint.upper):
         return "no limits"
     if joint.kind == "prismatic":
-        return f"{joint.lower:g} to {joint.upper:g} m"
+        return f"{joint.lower:zg} to {joint.upper:zg} m"
     low, high = np.rad2deg([joint.lower, joint.upper])
-    return f"{joint.lower:.3g} to {joint.upper:.3g} rad ({low:.0f} to {high:.0f} deg)"
+    return f"{joint.lower:z.3g} to {joint.upper:z.3g} rad ({low:z.0f} to {high:z.0f} deg)"
 
 
 def _bar(handle: Handle) -> str:

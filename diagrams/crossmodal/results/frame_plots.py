@@ -110,7 +110,7 @@ def _draw_frame(
 def _caption(when: str, joint: JointBelief | None, truth: Truth) -> str:
     belief = describe_configuration(joint, truth.axis_W)
     if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
-        belief = f"{joint.type}, q = {belief}"
+        belief = f"{joint.type}, configuration {belief}"
     return f"{when}\n{belief}"
 
 

@@ -85,7 +85,7 @@ METRICS = (
         "configuration_std",
         unit=_unit,
         title="configuration's claimed deviation at the end",
-        cell=lambda v, unit: median_and_range(v, unit, 2),
+        cell=median_and_range,
     ),
     _of_joint(
         "configuration_error_at_turn",
@@ -109,19 +109,19 @@ METRICS = (
         "axis_angle_error",
         unit="rad",
         title="axis direction error",
-        cell=lambda v, unit: median_and_range(v, unit, 2),
+        cell=median_and_range,
     ),
     _of_joint(
         "axis_angle_error_at_turn",
         unit="rad",
         title="axis direction error at the turning point",
-        cell=lambda v, unit: median_and_range(v, unit, 2),
+        cell=median_and_range,
     ),
     _of_joint(
         "axis_angle_std",
         unit="rad",
         title="axis' claimed deviation at the end",
-        cell=lambda v, unit: median_and_range(v, unit, 2),
+        cell=median_and_range,
     ),
     _of_joint(
         "configuration_inside_two_sigma",

@@ -1,5 +1,6 @@
-"""Draws an episode over time: errors of opening and axis, and the opening against the truth."""
+"""Draws an episode over time: errors of configuration and axis, and the configuration."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -9,9 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from diagrams.crossmodal.modalities import COLORS, LABELS
-from diagrams.crossmodal.task import later_events
 from diagrams.drawing import palette
-from diagrams.drawing.plot_style import STYLE, mark_event, new_figure, note, shade
+from diagrams.drawing.plot_style import STYLE, mark_leaving, mark_times, new_figure
 from diagrams.joints.joint_episode import JointEpisode
 from diagrams.joints.joint_metrics import JointSeries, last_seen, motion_start
 from maths.arrays import Array
@@ -35,7 +35,7 @@ def _line(name: str) -> dict[str, Any]:
 
 
 def draw_errors(episode: JointEpisode) -> Figure | None:
-    """Error of the opening and of the axis, and the belief in the true type, over time.
+    """Error of the configuration and of the axis, and the belief in the true type, over time.
 
     None where the truth is not known.
     """
@@ -45,75 +45,79 @@ def draw_errors(episode: JointEpisode) -> Figure | None:
     scale, unit = _UNIT[truth.joint_type]
     with mpl.rc_context(STYLE):
         figure = new_figure(9.0, 8.0)
-        opening, axis, belief = figure.subplots(
+        configuration, axis, belief = panels = figure.subplots(
             3, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2, 2]}
         )
         all_series = _series(episode)
+        lost: list[Line2D] = []
         for name, series in all_series.items():
             color, line = _color(name), _line(name)
             error, std = scale * series.error, scale * series.configuration_std
-            opening.plot(series.times, error, color=color, **line)
-            opening.fill_between(
+            configuration.plot(series.times, error, color=color, **line)
+            configuration.fill_between(
                 series.times, error - 2 * std, error + 2 * std, color=color, alpha=0.16, lw=0
             )
             degrees = np.rad2deg(series.axis_error)
             axis.plot(series.times, degrees, color=color, **line)
             axis.plot(series.times, np.rad2deg(series.axis_std), color=color, lw=1.0, ls=":")
             belief.plot(series.times, series.probability_true_type, color=color, **line)
-            _mark_loss(series, color, (opening, error), (belief, series.probability_true_type))
-        opening.axhline(0.0, color=palette.TRUTH, lw=0.9)
-        opening.set_title("opening: estimate minus truth, with its 2σ band")
-        opening.set_ylabel(f"error [{unit}]")
-        axis.set_title("joint axis: angle to the true one (dotted: what the filter expects)")
-        axis.set_ylabel("angle [deg]")
-        belief.set_title(f"probability of the true joint type ({truth.joint_type})")
+            lost += _mark_loss(
+                series, color, (configuration, error), (belief, series.probability_true_type)
+            )
+        configuration.axhline(0.0, color=palette.TRUTH, lw=0.9)
+        configuration.set_title(f"configuration error [{unit}]: estimate minus truth")
+        axis.set_title("axis direction error [deg] (dotted: the claimed deviation)")
+        belief.set_title(f"probability of the true type ({truth.joint_type})")
         belief.set_ylim(-0.03, 1.05)
         belief.set_xlabel("time [s]")
-        _limit_errors(opening, axis, all_series, scale)
-        for axes in (opening, axis, belief):
-            _mark_events(axes, episode, label=axes is opening)
-        _limit_time(belief, episode)
-        _legend(figure, list(all_series), with_truth=False)
+        _limit_errors(configuration, axis, all_series, scale)
+        beyond = _finish(panels, episode)
+        _legend(figure, episode, [*lost[:1], *beyond[:1]])
     return figure
 
 
 def draw_configurations(episode: JointEpisode) -> Figure | None:
-    """The opening as each modality believes it, against the truth; None where that is not known."""
+    """The configuration as each modality believes it, and the true one; None without the truth."""
     truth = episode.truth
     if truth.joint_type is None:
         return None
     scale, unit = (100.0, "cm") if truth.joint_type == JointType.PRISMATIC else (180 / np.pi, "deg")
     with mpl.rc_context(STYLE):
-        figure = new_figure(9.0, 4.2)
+        figure = new_figure(9.0, 4.4)
         axes = figure.subplots()
-        for name, series in (all_series := _series(episode)).items():
+        for name, series in _series(episode).items():
             color = _color(name)
             # A type with another unit has no place on this axis.
             q = scale * np.where(np.isnan(series.error), np.nan, series.configuration)
             std = scale * series.configuration_std
             axes.fill_between(series.times, q - 2 * std, q + 2 * std, color=color, alpha=0.16, lw=0)
             axes.plot(series.times, q, color=color, **_line(name))
-        axes.plot(
-            truth.times, scale * truth.opening(), color=palette.TRUTH, lw=1.2, ls="--", zorder=4
+        true_q = scale * truth.opening()
+        (true_line,) = axes.plot(
+            truth.times, true_q, color=palette.TRUTH, lw=1.2, ls="--", zorder=4, label="truth"
         )
-        axes.set_title(f"{truth.joint_name}: estimated opening with its 2σ band")
+        axes.set_title(f"configuration [{unit}] of '{truth.joint_name}'")
         axes.set_xlabel("time [s]")
-        axes.set_ylabel(f"opening [{unit}]")
-        top = scale * float(np.max(np.abs(truth.opening()), initial=1e-3))
-        axes.set_ylim(-0.15 * top, 1.3 * top)
-        _mark_events(axes, episode, label=True)
-        _limit_time(axes, episode)
-        _legend(figure, list(all_series), with_truth=True)
+        low, high = min(0.0, *true_q), max(0.0, *true_q)
+        reach = max(high - low, 1e-3 * scale)
+        axes.set_ylim(low - 0.15 * reach, high + 0.3 * reach)
+        beyond = _finish([axes], episode)
+        _legend(figure, episode, [true_line, *beyond[:1]])
     return figure
 
 
-def _mark_loss(series: JointSeries, color: str, *curves: tuple[Axes, Array]) -> None:
-    """A cross where a modality sees its joint for the last time before the episode's end."""
+def _mark_loss(series: JointSeries, color: str, *curves: tuple[Axes, Array]) -> list[Line2D]:
+    """A cross where a modality sees its joint for the last time before the episode's end.
+
+    Returns:
+        For the legend, a cross that says so.
+    """
     last = last_seen(series)
     if last is None or last >= len(series.times) - 2:
-        return
+        return []
     for axes, values in curves:
         axes.plot(series.times[last], values[last], "X", color=color, ms=8, mec="white", zorder=5)
+    return [Line2D([], [], color=palette.QUIET, marker="X", ls="", ms=8, label="last seen")]
 
 
 def _series(episode: JointEpisode) -> dict[str, JointSeries]:
@@ -121,56 +125,41 @@ def _series(episode: JointEpisode) -> dict[str, JointSeries]:
 
 
 def _limit_errors(
-    opening: Axes, axis: Axes, all_series: dict[str, JointSeries], scale: float
+    configuration: Axes, axis: Axes, all_series: dict[str, JointSeries], scale: float
 ) -> None:
     """Shows the bulk of the errors: a lost modality must not flatten the others."""
     right = [(s, s.type_is_right) for s in all_series.values()]
     errors = np.concatenate([np.zeros(1), *(s.error[ticks] for s, ticks in right)])
     angles = np.concatenate([np.zeros(1), *(s.axis_error[ticks] for s, ticks in right)])
     reach = scale * float(np.nanpercentile(np.abs(errors), 97)) * 1.6 + 1e-3
-    opening.set_ylim(-reach, reach)
+    configuration.set_ylim(-reach, reach)
     axis.set_ylim(0.0, max(1.0, 1.5 * float(np.rad2deg(np.nanpercentile(angles, 95)))))
 
 
-def _limit_time(axes: Axes, episode: JointEpisode) -> None:
-    start = episode.truth.grasp_time
-    begin = max(0.0, start - 1.0) if np.isfinite(start) and start < episode.record.duration else 0.0
-    axes.set_xlim(begin, max(episode.record.duration, begin + 1e-3))
-
-
-def _mark_events(axes: Axes, episode: JointEpisode, *, label: bool) -> None:
-    """Vertical lines where something happens, shades where the camera sees less."""
+def _finish(panels: Sequence[Axes], episode: JointEpisode) -> list[Line2D]:
+    """Limits the time, marks curves that leave, events and disturbances; triangles for a legend."""
+    start, duration = episode.truth.grasp_time, episode.record.duration
+    begin = max(0.0, start - 1.0) if np.isfinite(start) and start < duration else 0.0
+    panels[-1].set_xlim(begin, max(duration, begin + 1e-3))
+    events = [(event.name, event.time) for event in episode.record.events]
+    moving = motion_start(episode.truth)
+    if moving is not None:
+        events.append(("moving", moving))
     disturbances = episode.record.scenario.disturbances
-    # The first two lie close together: their names stand on either side.
-    events = [
-        ("grasped ", episode.truth.grasp_time, "right"),
-        ("moving", motion_start(episode.truth), "left"),
-        *((event.name, event.time, "left") for event in later_events(episode.record.events)),
-    ]
-    for name, time, side in events:
-        if time is not None and np.isfinite(time) and time < episode.record.duration:
-            mark_event(axes, time)
-            if label:
-                note(axes, time, name, side=side)
-    duration = episode.record.duration
-    for name, interval in disturbances.spans():
-        if interval.start < duration:
-            shade(axes, interval.start, min(interval.end, duration))
-            if label:
-                note(axes, interval.start, name)
+    spans = [(name, span.start, span.end) for name, span in disturbances.spans()]
+    beyond: list[Line2D] = []
+    for axes in panels:
+        beyond += mark_leaving(axes)
+        mark_times(axes, events, spans, label=axes is panels[0])
+    return beyond
 
 
-def _legend(figure: Figure, modalities: list[str], *, with_truth: bool) -> None:
-    handles = [
-        Line2D(
-            [],
-            [],
-            color=_color(name),
-            lw=_line(name)["lw"] + 0.6,
-            label=LABELS.get(name, name),
-        )
-        for name in modalities
+def _legend(figure: Figure, episode: JointEpisode, others: Sequence[Line2D]) -> None:
+    """The modalities, other lines, and what the band is."""
+    modalities = [
+        Line2D([], [], color=_color(name), lw=_line(name)["lw"] + 0.6, label=LABELS.get(name, name))
+        for name in _series(episode)
     ]
-    if with_truth:
-        handles.append(Line2D([], [], color=palette.TRUTH, lw=1.2, ls="--", label="truth"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=4)
+    title = f"band: 2σ as claimed; n = 1 episode, seed {episode.record.scenario.seed}"
+    handles = [*modalities, *others]
+    figure.legend(handles=handles, loc="outside upper center", ncols=5, title=title)

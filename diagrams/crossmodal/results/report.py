@@ -1,5 +1,6 @@
 """Says in words and in a small table what was perceived and how good it was."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,6 +10,7 @@ import pandas as pd
 from diagrams.crossmodal.modalities import LABELS
 from diagrams.crossmodal.results.grasp_episode import grasp_lines
 from diagrams.crossmodal.task import GRASP_LOST
+from diagrams.drawing.digits import fixed, written
 from diagrams.evaluation.stream_faults import fault_lines
 from diagrams.joints.joint_episode import JointEpisode
 from diagrams.joints.joint_metrics import axis_sign, last_seen
@@ -17,7 +19,7 @@ from systems.port_values import JointBelief, JointType
 
 
 def describe_configuration(joint: JointBelief | None, axis_true: Array | None = None) -> str:
-    """The opening a joint belief stands for, with its standard deviation, in cm or deg."""
+    """The configuration that a joint belief stands for, with its deviation, in cm or deg."""
     if joint is None:
         return "no joint seen"
     if joint.type not in (JointType.PRISMATIC, JointType.REVOLUTE):
@@ -25,22 +27,30 @@ def describe_configuration(joint: JointBelief | None, axis_true: Array | None = 
     model = joint.model
     sign = 1.0 if axis_true is None else axis_sign(model.axis_P, axis_true)
     std = float(np.sqrt(max(model.configuration_covariance[0, 0], 0.0)))
-    return format_opening(sign * float(model.configuration[0]), std, joint.type)
+    return written_configuration(sign * float(model.configuration[0]), joint.type, spread=std)
 
 
-def format_opening(value: float | None, std: float | None, joint_type: JointType | str) -> str:
-    """An opening with its uncertainty in a unit to read."""
-    if value is None:
-        return "-"
+def written_configuration(
+    value: float | None,
+    joint_type: JointType | str,
+    *,
+    spread: float = math.nan,
+    beside: float = math.nan,
+) -> str:
+    """A configuration [m or rad] in a unit to read, with its deviation where it has one.
+
+    Args:
+        spread: Its standard deviation.
+        beside: What it stands next to, which says how many digits it gets.
+    """
     prismatic = joint_type != JointType.REVOLUTE
-    scale, unit = (100.0, "cm") if prismatic else (180.0 / np.pi, "deg")
-    digits = 2 if prismatic else 1
-    spread = "" if std is None else f" ± {scale * std:.{digits}f}"
-    return f"{scale * value:.{digits}f}{spread} {unit}"
+    scale, unit = (100.0, "cm") if prismatic else (180.0 / math.pi, "deg")
+    scaled = None if value is None else scale * value
+    return written(scaled, unit, spread=scale * spread, beside=scale * beside)
 
 
 def perceived(episode: JointEpisode) -> list[str]:
-    """One sentence per modality: type, axis and opening, each with its uncertainty."""
+    """One sentence per modality: type, axis and configuration, each with its uncertainty."""
     lines = []
     for name, series in episode.series.items():
         last = last_seen(series)
@@ -52,12 +62,11 @@ def perceived(episode: JointEpisode) -> list[str]:
         text = f"{joint.type} (p = {joint.probabilities[joint.type]:.3f})"
         if joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
             axis = axis_sign(joint.model.axis_P, episode.truth.axis_W) * joint.model.axis_P
-            components = ", ".join(f"{component:+.3f}" for component in axis)
-            spread = np.rad2deg(series.axis_std[last])
-            text += f", axis ({components}) ± {spread:.2f} deg"
-            opening = float(series.configuration[last])
-            std = float(series.configuration_std[last])
-            text += f", opening {format_opening(opening, std, joint.type)}"
+            components = ", ".join(fixed(component, 3, signed=True) for component in axis)
+            spread = written(float(np.rad2deg(series.axis_std[last])), "deg")
+            text += f", axis ({components}) ± {spread}"
+            q, std = float(series.configuration[last]), float(series.configuration_std[last])
+            text += f", configuration {written_configuration(q, joint.type, spread=std)}"
         if last is not None and episode.record.duration - series.times[last] > 0.5:
             text += f"; last seen at {series.times[last]:.1f} s"
         lines.append(label + text)
@@ -74,41 +83,45 @@ def comparison(summary: Mapping[str, Any]) -> list[str]:
     def row(title: str, cells: list[str], truth: str = "") -> list[str]:
         return [title, *cells, truth]
 
-    def cells(key: str, scale: float, digits: int, unit: str) -> list[str]:
+    def cells(key: str, scale: float, unit: str) -> list[str]:
         return [
-            "-" if joint[key] is None else f"{scale * joint[key]:.{digits}f} {unit}"
+            written(None if joint[key] is None else scale * joint[key], unit)
             for joint in joints.values()
         ]
 
     small, small_unit = (1000.0, "mm") if kind == JointType.PRISMATIC else (180.0 / np.pi, "deg")
+    claims = [joint["configuration_std"] for joint in joints.values()]
+    finest = min((claim for claim in claims if claim), default=math.nan)
+
+    def configuration(value: float | None, joint_type: str | None) -> str:
+        return written_configuration(value, joint_type or "", beside=finest)
+
     rows = [
         header,
         row("joint", [joint["type_estimated"] or "-" for joint in joints.values()], kind),
         row(
-            "opening",
+            "configuration",
             [
-                format_opening(
-                    joint["configuration_estimated"], None, joint["type_estimated"] or ""
-                )
+                configuration(joint["configuration_estimated"], joint["type_estimated"])
                 for joint in joints.values()
             ],
-            format_opening(first["configuration_true"], None, kind),
+            configuration(first["configuration_true"], kind),
         ),
-        row("opening error", cells("configuration_error", small, 1, small_unit)),
-        row("axis error", cells("axis_angle_error", 180.0 / np.pi, 2, "deg")),
-        row("type settled after", cells("type_settled_at", 1.0, 1, "s")),
+        row("configuration error", cells("configuration_error", small, small_unit)),
+        row("axis direction error", cells("axis_angle_error", 180.0 / np.pi, "deg")),
+        row("type settled after", cells("type_settled_at", 1.0, "s")),
         row(
             "tick, median",
             [_milliseconds(summary["modalities"][name]["tick"]["median"]) for name in joints],
         ),
     ]
     if kind == JointType.REVOLUTE:
-        rows.insert(5, row("axis distance", cells("axis_distance_error", 1000.0, 1, "mm")))
+        rows.insert(5, row("axis distance error", cells("axis_distance_error", 1000.0, "mm")))
     return align(rows)
 
 
 def _milliseconds(seconds: float | None) -> str:
-    return "-" if seconds is None else f"{1000.0 * seconds:.1f} ms"
+    return written(None if seconds is None else 1000.0 * seconds, "ms")
 
 
 def align(rows: list[list[str]]) -> list[str]:
@@ -137,7 +150,8 @@ def manipulation(episode: JointEpisode, summary: Mapping[str, Any]) -> list[str]
     rows = [["", "goal", "reached", "error"]]
     for name, phase in summary["phases"].items():
         values = (phase["target"], phase["reached"], phase["error"])
-        rows.append([name, *(format_opening(value, None, kind) for value in values)])
+        fine = phase["error"] or math.nan
+        rows.append([name, *(written_configuration(v, kind, beside=fine) for v in values)])
     return [done, *align(rows)]
 
 
@@ -157,20 +171,20 @@ def report(episode: JointEpisode, summary: Mapping[str, Any]) -> list[str]:
 
 
 def final_beliefs(summary: Mapping[str, Any]) -> pd.DataFrame:
-    """What each modality believes of the joint at the end of a run, in mm or deg."""
+    """What each modality believes of the joint at the end of a run, as text in mm or deg."""
     rows = {}
     for name, modality in summary["modalities"].items():
         joint = modality["joints"][0]
         scale, unit = (1e3, "mm") if joint["type_true"] == "prismatic" else (180.0 / np.pi, "deg")
         rows[LABELS.get(name, name)] = {
             "type": joint["type_estimated"],
-            "probability": joint["probability"],
-            f"opening error [{unit}]": _scaled(joint["configuration_error"], scale),
-            f"its std [{unit}]": _scaled(joint["configuration_std"], scale),
-            "axis error [deg]": _scaled(joint["axis_angle_error"], 180.0 / np.pi),
+            "probability": written(joint["probability"], significant=3),
+            "configuration error": _scaled(joint["configuration_error"], scale, unit),
+            "its deviation": _scaled(joint["configuration_std"], scale, unit),
+            "axis direction error": _scaled(joint["axis_angle_error"], 180.0 / np.pi, "deg"),
         }
-    return pd.DataFrame.from_dict(rows, orient="index").round(2)
+    return pd.DataFrame.from_dict(rows, orient="index")
 
 
-def _scaled(value: float | None, scale: float) -> float:
-    return np.nan if value is None else scale * value
+def _scaled(value: float | None, scale: float, unit: str) -> str:
+    return written(None if value is None else scale * value, unit)

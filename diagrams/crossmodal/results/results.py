@@ -63,7 +63,7 @@ def evaluate(record: EpisodeRecord) -> Results:
         plots={
             "errors.png": partial(draw_errors, episode),
             "frames.png": partial(draw_frames, episode),
-            "opening.png": partial(draw_configurations, episode),
+            "configuration.png": partial(draw_configurations, episode),
         },
         report=partial(report, episode),
     )

@@ -11,6 +11,7 @@ import numpy as np
 from diagrams.crossmodal.estimators import make_network
 from diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve
 from diagrams.crossmodal.studies.ablations import Ablation, find_ablation
+from diagrams.drawing.digits import written
 from diagrams.run.application import Application
 from diagrams.run.episode import run_episode
 from diagrams.run.folder.fingerprint import fingerprint
@@ -106,7 +107,8 @@ def run_ablations(
 def table(results: dict[str, list[dict[str, Any]]]) -> str:
     """Median (worst) error of the joint at the end, whole and cut, as a Markdown table."""
     lines = [
-        "| flow | scenario | wire cut | | joint type right | configuration error | axis error |",
+        "| flow | scenario | wire cut | | joint type right | configuration error"
+        " | axis direction error |",
         "|---|---|---|---|---|---|---|",
     ]
     for name, rows in results.items():
@@ -135,4 +137,5 @@ def _spread(values: list[float | None], scale: float, unit: str) -> str:
     if not known:
         return "-"
     lost = f", none in {len(values) - len(known)}" if len(known) < len(values) else ""
-    return f"{np.median(known):.2g} ({max(known):.2g}) {unit}{lost}"
+    median, most = float(np.median(known)), max(known)
+    return f"{written(median)} ({written(most)}) {unit}{lost}"

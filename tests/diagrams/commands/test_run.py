@@ -22,8 +22,8 @@ def test_a_run_writes_its_folder_and_reports_every_modality(
     assert fake_episode.runs == [("drawer", 7, False)]
     folder = Path("runs/drawer-seed7")
     assert json.loads((folder / "summary.json").read_text())["seed"] == 7
-    for word in ("vision:", "proprioception:", "cross-modal:", "opening error", "real-time factor",
-                 str(folder / "summary.json")):  # fmt: skip
+    for word in ("vision:", "proprioception:", "cross-modal:", "configuration error",
+                 "real-time factor", str(folder / "summary.json")):  # fmt: skip
         assert word in result.output
 
 

@@ -9,10 +9,13 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from synthetic_episode import ReplayedBeliefs, connect_all, synthetic_episode
 
+from diagrams.crossmodal import meshcat_view
 from diagrams.crossmodal.meshcat_view import MeshcatView, MeshcatViewConfig, rigid_transform
 from diagrams.drawing.meshcat import start_meshcat
+from diagrams.drawing.text_board import text_board
+from diagrams.joints.joint_palette import JOINT, body_color, body_label
 from diagrams.run.episode import recorded_page
-from systems.port_values import JointType
+from systems.port_values import HELD_BODY, STATIC_BODY, JointType
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +48,42 @@ def test_features_joint_and_text_are_drawn(
     assert meshcat.HasPath(f"{layer}/features/set_7/body_0")
     assert meshcat.HasPath(f"{layer}/features/set_7/body_1")
     assert meshcat.HasPath(f"{layer}/text")
+
+
+def test_features_are_dots_with_an_outline(meshcat: Meshcat) -> None:
+    show(meshcat, JointType.PRISMATIC, 1.0)
+    for part in ("dots", "outline"):
+        assert meshcat.HasPath(f"/perception/crossmodal/features/set_1/body_0/{part}")
+
+
+def test_a_legend_says_which_modality_is_drawn_and_names_what_can_be_seen(
+    meshcat: Meshcat, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: dict[str, str] = {}
+    titles: list[str] = []
+
+    def keep(meshcat: Meshcat, title: str, entries: list[tuple[str, str, str]]) -> None:
+        titles.append(title)
+        shown.update({color: text for _, color, text in entries})
+
+    monkeypatch.setattr(meshcat_view, "show_legend", keep)
+    MeshcatView(MeshcatViewConfig(), meshcat, ["vision", "crossmodal"])
+    assert "cross-modal" in titles[0]
+    for body in (STATIC_BODY, HELD_BODY, 2):
+        assert shown[body_color(body)] == body_label(body)
+    for kind in (JointType.PRISMATIC, JointType.REVOLUTE):
+        assert str(kind) in shown[JOINT[kind]]
+
+
+def test_textured_meshes_take_the_place_of_what_the_scene_shows(meshcat: Meshcat) -> None:
+    path = "/drake/visualizer/chest/front"
+    mesh = text_board("as wood", 0.1, (0, 0, 0))
+    view = MeshcatView(MeshcatViewConfig(period=0.1), meshcat, [], {path: mesh})
+    simulator = Simulator(view)
+    simulator.AdvanceTo(0.05)
+    assert not meshcat.HasPath(path)
+    simulator.AdvanceTo(0.15)
+    assert meshcat.HasPath(path)
 
 
 def test_the_planned_path_is_drawn_anew_while_there_is_a_plan(meshcat: Meshcat) -> None:

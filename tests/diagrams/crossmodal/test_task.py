@@ -13,7 +13,6 @@ from diagrams.crossmodal.results.results import evaluate
 from diagrams.crossmodal.scenario import Task
 from diagrams.crossmodal.task import (
     ManipulationStatus,
-    later_events,
     task_failure,
     task_phases,
     task_status,
@@ -119,12 +118,6 @@ def test_where_the_truth_is_unknown_nothing_failed_and_nothing_is_said_to_be_rea
         assert task_failure(task, unknown, DONE) is None
         phases = task_phases(task, unknown, DONE)
         assert np.all(np.isnan([phase.reached for phase in phases.values()]))
-
-
-def test_events_after_the_first_exploration_are_the_later_ones() -> None:
-    names = [event.name for event in later_events(DONE)]
-    assert names == ["returning", "stopped"]
-    assert later_events([]) == []
 
 
 @pytest.mark.parametrize("phase", ControlPhase)

@@ -1,10 +1,16 @@
+import re
 import shutil
+from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
+from diagrams.applications import load_scenario
 from diagrams.drawing import diagram_drawing
 from diagrams.drawing.diagram_drawing import diagram_dot, render_svg, wires, words
+from diagrams.run.episode import build_estimators
+from maths.arrays import Array
 
 
 def fake_filter(name: str, package: str, inputs: list[str], outputs: list[str]) -> LeafSystem:
@@ -119,3 +125,40 @@ def test_names_are_read_as_words() -> None:
     assert words("EndEffectorMotion") == "end effector motion"
     assert words("drake/systems/ZeroOrderHold@1") == "zero order hold@1"
     assert words("body_motions") == "body motions"
+
+
+def title_boxes(svg: str) -> dict[str, tuple[float, float, float, float]]:
+    """Left, top, right and bottom of the titles of the rooms, by their words."""
+    found = {}
+    for text in ElementTree.fromstring(svg).findall(".//{*}text"):
+        if text.get("font-size") == "15.00" and text.text:
+            x, y, half = float(text.get("x", 0)), float(text.get("y", 0)), 3.6 * len(text.text)
+            found[text.text] = (x - half, y - 10.0, x + half, y)
+    return found
+
+
+def wire_points(svg: str) -> Array:
+    """Points (n, 2) on all wires, close together."""
+    share = np.linspace(0.0, 1.0, 50)[:, None]
+    weights = [(1 - share) ** 3, 3 * share * (1 - share) ** 2, 3 * share**2 * (1 - share), share**3]
+    points = []
+    for group in ElementTree.fromstring(svg).findall(".//{*}g"):
+        for path in group.findall(".//{*}path") if group.get("class") == "edge" else []:
+            numbers = re.findall(r"-?[\d.]+", path.get("d", ""))
+            control = np.array(numbers, dtype=float).reshape(-1, 2)
+            for first in range(0, len(control) - 1, 3):
+                piece = control[first : first + 4]
+                points.append(sum(w * p for w, p in zip(weights, piece, strict=True)))
+    return np.concatenate(points)
+
+
+@pytest.mark.skipif(shutil.which("dot") is None, reason="Graphviz is not installed")
+def test_no_wire_crosses_the_title_of_a_room() -> None:
+    application, scenario = load_scenario("drawer", ["modalities=[crossmodal]"])
+    (estimator,) = build_estimators(application, scenario).values()
+    svg = render_svg(diagram_dot(estimator, "drawer"))
+    boxes = title_boxes(svg)
+    assert {"Proprioception", "Vision", "Kinematics"} <= boxes.keys()
+    x, y = wire_points(svg).T
+    for title, (left, top, right, bottom) in boxes.items():
+        assert not np.any((left < x) & (x < right) & (top < y) & (y < bottom)), title

@@ -76,3 +76,8 @@ def test_probabilities_are_stacked_to_one_for_each_estimator(table: pd.DataFrame
     assert {"door", "drawer"} <= set(words(figure))
     top = figure.axes[0].collections[-1].get_paths()[0].vertices[:, 1].max()
     assert top == pytest.approx(1.0)
+
+
+def test_the_legend_of_estimates_says_what_the_band_is(table: pd.DataFrame) -> None:
+    (legend,) = draw_estimates(table, "angle").legends
+    assert legend.get_title().get_text() == "band: 2σ as claimed; n = 1 episode"

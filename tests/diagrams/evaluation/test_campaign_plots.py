@@ -105,17 +105,30 @@ def test_every_episode_is_a_dot_in_its_estimators_row_in_units_for_people() -> N
     figure = draw_metrics(TOY, figures, {"distance_error": "distance"})
     (axes,) = figure.axes
     assert axes.get_title(loc="left") == "distance [mm]"
-    assert [tick.get_text() for tick in axes.get_yticklabels()] == ["the left eye", "right"]
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == [
+        "the left eye\n(n = 4)",
+        "right\n(n = 0 of 4)",
+    ]
     (dots,) = axes.collections
     np.testing.assert_allclose(np.asarray(dots.get_offsets())[:, 0], [1.0, 2.0, 3.0, 4.0])
 
 
-def test_a_row_says_how_many_episodes_have_a_value_where_not_all_do() -> None:
-    broken: dict[str, Any] = {"seed": 9, "success": False, "failure": "no", "modalities": {}}
-    summaries = [toy_summary(seed, left=0.001, right=None) for seed in range(4)]
-    figures = tidy_metrics(TOY, "toy", [*summaries, broken])
-    (axes,) = draw_metrics(TOY, figures, {"distance_error": "distance"}).axes
-    assert [text.get_text() for text in axes.texts] == ["4 of 5", "0 of 5"]
-    figures = tidy_metrics(TOY, "toy", [toy_summary(0, left=0.001, right=0.002)])
-    (axes,) = draw_metrics(TOY, figures, {"distance_error": "distance"}).axes
-    assert not axes.texts
+def test_a_median_that_leaves_the_frame_is_marked_and_explained() -> None:
+    times = np.arange(0.0, 3.0, 0.1)
+    lost = np.where(times > 1.95, NAN, 1.0)
+    panel = Panel(title="error [mm]", series={"left": [(times, lost)] * 2, "right": []})
+    figure = draw_spreads(TOY, [panel], 0.1, Disturbances(), {})
+    (mark,) = (line for line in figure.axes[0].lines if line.get_marker() == "^")
+    np.testing.assert_allclose(mark.get_xdata(), [2.0, 2.9])
+    assert to_hex(mark.get_markerfacecolor()) == TOY.colors["left"].lower()
+    assert figure.legends[0].get_texts()[-1].get_text() == "beyond the frame"
+
+
+def test_the_bar_of_a_metric_is_the_median_of_the_tables() -> None:
+    summaries = [toy_summary(seed, left=0.001 * (seed + 1), right=None) for seed in range(2)]
+    summaries += [toy_summary(seed, left=None, right=None) for seed in (2, 3, 4)]
+    (axes,) = draw_metrics(
+        TOY, tidy_metrics(TOY, "toy", summaries), {"distance_error": "distance"}
+    ).axes
+    assert axes.get_yticklabels()[0].get_text() == "the left eye\n(n = 2 of 5)"
+    assert not axes.lines

@@ -55,7 +55,7 @@ def test_two_runs_stand_side_by_side_with_their_differences(two_runs: list[Compa
         "", "", "before: seed 3", "after: seed 3", "after - before",
     ]  # fmt: skip
     found = rows(two_runs)
-    assert found["error of the distance", "the left eye"] == ["2 mm", "0.5 mm", "-1.5 mm"]
+    assert found["error of the distance", "the left eye"] == ["2 mm", "0.500 mm", "-1.5 mm"]
     assert found["error of the distance", "right"] == ["-", "4 mm", "-"]
     assert found["duration", ""] == ["20 s", "21.5 s", "+1.5 s"]
     assert found["scored", ""] == ["yes", "no", "differs"]
@@ -67,6 +67,14 @@ def test_a_share_of_one_is_no_truth(tmp_path: Path, two_runs: list[Compared]) ->
     whole = toy_summary(3, left=None, right=None) | {"real_time_factor": 1.0}
     two_runs[0] = read(write_episode(tmp_path / "whole", whole))
     assert rows(two_runs)["real time factor", ""] == ["1", "2", "+1"]
+
+
+def test_each_figure_has_its_own_unit_and_none_is_taken_from_one_of_another(
+    two_runs: list[Compared],
+) -> None:
+    figures = two_runs[1].figures
+    figures.loc[figures["metric"] == "distance_error", "unit"] = "rad"
+    assert rows(two_runs)["error of the distance", "the left eye"] == ["2 mm", "0.0286 deg", "-"]
 
 
 def test_only_the_keys_that_differ_are_shown_with_their_values(two_runs: list[Compared]) -> None:
@@ -92,7 +100,7 @@ def test_evaluations_are_compared_by_medians_and_counts(evaluations: list[Compar
     assert evaluations[0].heading == "first: 3 episodes, seeds 1 to 3"
     found = rows(evaluations)
     assert found["error of the distance", "the left eye"] == [
-        "2 (1.1 to 2.9) mm", "6 (3.3 to none) mm", "+4 mm",
+        "2.0 (1.1 to 2.9) mm", "6.0 (3.3 to none) mm", "+4 mm",
     ]  # fmt: skip
     assert found["scored", ""] == ["3/3", "1/3", "-67 %"]
     assert scenarios_table(evaluations).rows == []

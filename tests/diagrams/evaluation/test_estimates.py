@@ -95,8 +95,8 @@ def test_errors_are_those_at_the_end_over_time_and_against_the_claim() -> None:
     assert_allclose(errors_of(results, "left", "place_y")["inside_two_sigma"], 1.0)
     assert errors_of(results, "left", "place_z")["unit"] == "m"
     report = "\n".join(results.report(without_nan(results.summary)))
-    assert "left: angle 5.73 deg off at the end" in report
-    assert "66.7 % of the ticks" in report
+    assert "left: angle 5.7 deg off at the end" in report
+    assert "67 % of the ticks" in report
 
 
 @pytest.mark.parametrize("with_truth", [True, False])
@@ -127,7 +127,7 @@ def test_of_what_nobody_knows_no_error_is_claimed() -> None:
     assert [angle[key] for key in ("final_error", "rms_error", "inside_two_sigma")] == [None] * 3
     count = errors_of(evaluate_rows(record(), rows, UNITS), "left", "count")
     assert np.isnan(count["inside_two_sigma"])
-    assert "left: angle - deg off at the end" in "\n".join(results.report(summary))
+    assert "left: angle - off at the end" in "\n".join(results.report(summary))
 
 
 def test_metrics_of_the_errors_are_read_from_the_summary() -> None:

@@ -1,3 +1,5 @@
+from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +10,11 @@ from synthetic_episode import empty_episode, synthetic_episode, without_truth
 from diagrams.crossmodal.modalities import COLORS
 from diagrams.crossmodal.results.frame_plots import draw_frames
 from diagrams.crossmodal.results.plots import draw_configurations, draw_errors
+from diagrams.crossmodal.results.results import evaluate
 from diagrams.drawing.plot_style import save
+from diagrams.evaluation.campaign_plots import common_events
 from diagrams.joints.joint_episode import JointEpisode, joint_episode
+from diagrams.joints.joint_errors import error_panels, errors_over_time
 from systems.port_values import JointType
 
 
@@ -36,7 +41,14 @@ def test_all_figures_are_drawn(joint_type: JointType, tmp_path: Path) -> None:
 
 def test_the_error_plot_shows_every_modality_the_events_and_the_unit() -> None:
     words = texts(draw_errors(episode()))
-    for label in ("vision", "proprioception", "cross-modal", "lights off", "grasped", "error [mm]"):
+    for label in (
+        "vision",
+        "proprioception",
+        "cross-modal",
+        "lights off",
+        "exploring",
+        "error [mm]",
+    ):
         assert label in words
     assert "error [deg]" in texts(draw_errors(episode(JointType.REVOLUTE)))
 
@@ -63,7 +75,7 @@ def test_frames_come_from_start_middle_and_end_of_the_motion() -> None:
         assert time in words
     one.record.scenario.disturbances.lights_off.clear()
     assert "t = 10.0 s" in texts(draw_frames(one))
-    assert "prismatic, q = 22." in texts(draw_frames(one))
+    assert "prismatic, configuration 22." in texts(draw_frames(one))
 
 
 def test_an_episode_that_hardly_began_has_nothing_to_draw() -> None:
@@ -77,3 +89,60 @@ def test_without_the_truth_there_are_no_errors_to_draw_but_there_is_what_was_see
     assert draw_errors(one) is None
     assert draw_configurations(one) is None
     assert "prismatic" in texts(draw_frames(one))
+
+
+@pytest.mark.parametrize("joint_type", [JointType.PRISMATIC, JointType.REVOLUTE])
+def test_a_joint_that_goes_to_negative_q_is_in_the_frame(joint_type: JointType) -> None:
+    figure = draw_configurations(joint_episode(synthetic_episode(joint_type, opens_to=-1.0)))
+    assert figure is not None
+    (axes,) = figure.axes
+    low, high = sorted(axes.get_ylim())
+    curves = [np.asarray(line.get_ydata(), float) for line in axes.lines]
+    crossmodal = next(
+        values
+        for line, values in zip(axes.lines, curves, strict=True)
+        if line.get_color() == COLORS["crossmodal"]
+    )
+    assert np.nanmin(crossmodal) < -20.0
+    assert low < np.nanmin(crossmodal) < np.nanmax(crossmodal) < high
+    assert not any(line.get_marker() in ("^", "v") for line in axes.lines)
+
+
+def test_a_curve_that_leaves_an_episodes_plot_is_marked() -> None:
+    figure = draw_errors(episode())
+    assert figure is not None
+    marked = [line for line in figure.axes[0].lines if line.get_marker() == "v"]
+    assert {line.get_markerfacecolor() for line in marked} == {
+        COLORS["proprioception"],
+        COLORS["crossmodal"],
+    }
+    assert "beyond the frame" in texts(figure)
+
+
+@pytest.mark.parametrize("draw", [draw_errors, draw_configurations])
+def test_the_legend_says_what_the_band_is_and_of_how_many_episodes(
+    draw: Callable[[JointEpisode], Figure | None],
+) -> None:
+    figure = draw(episode())
+    assert figure is not None
+    (legend,) = figure.legends
+    assert legend.get_title().get_text() == "band: 2σ as claimed; n = 1 episode, seed 3"
+
+
+def test_an_episode_and_its_campaign_are_drawn_in_the_same_words() -> None:
+    record = synthetic_episode()
+    one = joint_episode(record)
+    figure = draw_errors(one)
+    assert figure is not None
+    mine = [axes.get_title(loc="left") for axes in figure.axes]
+    table = evaluate(record).estimates
+    panels = error_panels([errors_over_time(table)], ["crossmodal"])
+    for title, panel in zip(mine, panels, strict=True):
+        assert title.startswith(panel.title)
+    summary = {"events": [asdict(event) for event in record.events]}
+    words = texts(figure)
+    for name in common_events([summary]):
+        assert name in words
+    both = words + texts(draw_configurations(one)) + texts(draw_frames(one))
+    assert "opening" not in both + " ".join(evaluate(record).plots)
+    assert "grasped" not in both

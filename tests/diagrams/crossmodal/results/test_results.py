@@ -1,6 +1,7 @@
 """What an episode of the cross-modal application comes to."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -106,5 +107,47 @@ def test_final_beliefs_are_a_table_for_people() -> None:
     record = synthetic_episode()
     table = final_beliefs(summarise(APPLICATION, record, evaluate(record)))
     assert list(table.index) == ["vision", "proprioception", "cross-modal"]
-    assert "opening error [mm]" in table
-    assert abs(table.loc["cross-modal", "opening error [mm]"]) < 4.0
+    error, unit = str(table.loc["cross-modal", "configuration error"]).split()
+    assert unit == "mm"
+    assert abs(float(error)) < 4.0
+
+
+def test_nothing_that_is_printed_is_a_negative_zero() -> None:
+    record = synthetic_episode()
+    results = evaluate(record)
+    summary = summarise(APPLICATION, record, results)
+    for name, modality in summary["modalities"].items():
+        joint = modality["joints"][0]
+        joint["configuration_error"] = joint["axis_angle_error"] = -1e-9
+        joint["configuration_estimated"] = -1e-7
+        belief = record.estimators[name].ticks[-1].values["joints_latest"]
+        for model in (model for one in belief.joints for model in one.models.values()):
+            model.configuration[:] = -1e-9
+            model.axis_P[:] = [-1.0, -1e-9, -1e-9]
+    text = "\n".join(evaluate(record).report(summary))
+    assert "axis (-1.000, +0.000, +0.000)" in text
+    assert not re.search(r"-0\.?0*(?![.\d])", text), text
+    assert "configuration error" in text
+
+
+def test_the_report_says_what_the_tables_of_a_campaign_say() -> None:
+    record = synthetic_episode(JointType.REVOLUTE)
+    results = evaluate(record)
+    text = "\n".join(results.report(summarise(APPLICATION, record, results)))
+    assert "opening" not in text
+    titles = {metric.name: metric.title for metric in APPLICATION.metrics}
+    for name in ("configuration_error", "axis_angle_error", "axis_distance_error"):
+        assert f"\n  {titles[name].removesuffix(' at the end')} " in text
+
+
+def test_errors_have_two_digits_and_estimates_those_of_the_finest_claim() -> None:
+    record = synthetic_episode()
+    results = evaluate(record)
+    summary = summarise(APPLICATION, record, results)
+    joint = summary["modalities"]["crossmodal"]["joints"][0]
+    joint |= {"configuration_error": 3.12e-5, "configuration_std": 2.6e-4}
+    joint |= {"configuration_estimated": 0.244631}
+    lines = [line.split("  ") for line in results.report(summary)]
+    rows = {cells[1]: [cell.strip() for cell in cells[2:] if cell] for cells in lines if cells[1:]}
+    assert rows["configuration"][2] == "24.463 cm"
+    assert rows["configuration error"][2] == "0.031 mm"

@@ -33,7 +33,7 @@ FILES = {
     "estimates.parquet",
     "figures/errors.png",
     "figures/frames.png",
-    "figures/opening.png",
+    "figures/configuration.png",
     "meshcat.html",
     "sensors.mcap",
     "summary.json",
@@ -99,7 +99,7 @@ def test_on_a_full_disk_only_the_large_files_are_missing_and_the_run_is_not_comp
     writer.write_pictures()
     there = {path.name for path in tmp_path.rglob("*") if path.is_file()}
     assert there == {MANIFEST, "scenario.yaml", "estimates.parquet", "summary.json", "errors.png",
-                     "opening.png"}  # fmt: skip
+                     "configuration.png"}  # fmt: skip
     assert writer.missing == [
         f"{tmp_path / name}: cannot be written: No space left on device"
         for name in ("figures/frames.png", "meshcat.html")

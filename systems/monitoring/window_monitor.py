@@ -34,9 +34,19 @@ class WindowMonitorConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class Monitored(Immutable):
-    """What a monitor remembers: last good stamp, last reading and since when it is the same."""
+    """What a monitor remembers.
+
+    Attributes:
+        last_time: Last good stamp, [s].
+        last_heard: Last stamp, good or not, of a stream that holds its last value; None of others.
+        last_reading: Last one (n,) that could be true but for its being always the same.
+        same_since: Since when it is the same, [s].
+        health: Of the stream.
+        passed: The good samples of this tick.
+    """
 
     last_time: float = -np.inf
+    last_heard: float | None = None
     last_reading: Array | None = None
     same_since: float = -np.inf
     health: StreamHealth = HEALTHY

@@ -22,6 +22,7 @@ from systems.port_values.bodies import (
 )
 from systems.port_values.features import FeatureBelief, no_features
 from systems.port_values.grasp import GraspBelief, GraspType
+from systems.port_values.images import StampedImage
 from systems.port_values.joints import JointBelief, JointBeliefs, JointModelBelief, JointType
 from systems.port_values.motions import (
     NO_POSE,
@@ -55,6 +56,7 @@ __all__ = [
     "MotionBelief",
     "PoseBelief",
     "SampleWindow",
+    "StampedImage",
     "StreamHealth",
     "no_features",
 ]

@@ -26,12 +26,13 @@ from tqdm import tqdm
 from diagrams.applications import load_scenario
 from diagrams.evaluation.stream_faults import fault_spans
 from diagrams.joints.joint_episode import joint_episode
-from diagrams.joints.joint_metrics import JointSeries
+from diagrams.joints.joint_metrics import JointSeries, motion_start
 from diagrams.joints.joint_truth import Truth
 from diagrams.run.application import Application
 from diagrams.run.record import EpisodeRecord
 from diagrams.run.replay import check_recorded, replay
 from diagrams.run.scenario import Scenario
+from diagrams.run.yaml_schema import ScenarioError
 from maths.arrays import Array
 from systems.sensors.stream_fault import StreamFault
 
@@ -63,7 +64,7 @@ WINDOWS = ("before", "while", "after")
 LASTS = 3.0  # [s]
 RECOVERY = 1.0  # [s]
 _CERTAIN = 0.95
-_REST = 0.02  # Share of the largest opening below which the object has not moved yet.
+_REST = 0.02  # Share of the largest opening that is left when the motion is over.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +97,7 @@ class Outcome:
         claimed: Share of the ticks from the fault on at which a configuration was claimed.
         worst: Largest error over claimed deviation from the fault on.
         recovered: Whether the truth was within two deviations 1 s after the end; None if the
-            recording ended before.
+            recording ended before, or nothing would be claimed then without a fault either.
     """
 
     case: Case
@@ -114,10 +115,13 @@ class Outcome:
 
 def moving_times(truth: Truth) -> tuple[float, float]:
     """From when to when the object moves, [s]."""
+    begins = motion_start(truth)
+    if begins is None:
+        raise ScenarioError("nothing moves in this recording, or what is true is not known")
     opening = np.abs(truth.opening())
-    largest = opening.max()
-    moving = np.flatnonzero((opening > _REST * largest) & (opening < (1 - _REST) * largest))
-    return float(truth.times[moving[0]]), float(truth.times[moving[-1]])
+    short = opening < (1.0 - _REST) * opening[truth.times >= begins].max()
+    moving = np.flatnonzero((truth.times >= begins) & short)
+    return begins, float(truth.times[moving[-1]])
 
 
 def cases_of(truth: Truth, duration: float, kinds: Iterable[str]) -> list[Case]:
@@ -146,8 +150,14 @@ def deviations(series: JointSeries) -> Array:
     return z
 
 
-def outcome(case: Case, run: str, record: EpisodeRecord, modality: str) -> Outcome:
-    """What a replay came to."""
+def outcome(
+    case: Case, run: str, record: EpisodeRecord, modality: str, healthy: Array | None = None
+) -> Outcome:
+    """What a replay came to.
+
+    Args:
+        healthy: `deviations` (T,) of the replay without a fault.
+    """
     series: JointSeries = joint_episode(record).series[modality]
     z = deviations(series)
     concerned = series.times >= case.start
@@ -157,6 +167,7 @@ def outcome(case: Case, run: str, record: EpisodeRecord, modality: str) -> Outco
     delays = [span.start - case.start for span in spans if span.stream == name]
     told = [f"{span.stream}: {span.fault} at {span.start:.2f} s" for span in spans]
     later = np.flatnonzero(series.times >= case.end + RECOVERY - 1e-6)
+    judged = len(later) and (healthy is None or not np.isnan(healthy[later[0]]))
     known = np.flatnonzero(~np.isnan(z))
     last = known[-1] if len(known) else None
     return Outcome(
@@ -169,12 +180,17 @@ def outcome(case: Case, run: str, record: EpisodeRecord, modality: str) -> Outco
         worst=float(claims.max()) if len(claims) else float("nan"),
         final_error=float("nan") if last is None else float(series.error[last]),
         final_std=float("nan") if last is None else float(series.configuration_std[last]),
-        recovered=bool(z[later[0]] < 2.0) if len(later) else None,
+        recovered=bool(z[later[0]] < 2.0) if judged else None,
     )
 
 
 def try_case(
-    application: Application, run: Path, scenario: Scenario, case: Case, scale: float
+    application: Application,
+    run: Path,
+    scenario: Scenario,
+    case: Case,
+    scale: float,
+    healthy: Array,
 ) -> Outcome:
     """The outcome of a case; whatever is raised is a crash, and one of the figures."""
     faults = [case.fault(scale)] if case.stream else []
@@ -182,7 +198,7 @@ def try_case(
     modality = scenario.modalities[0]
     try:
         record = replay(application, run, replace(scenario, disturbances=disturbances))
-        return outcome(case, str(run), record, modality)
+        return outcome(case, str(run), record, modality, healthy)
     except Exception as error:
         nan = float("nan")
         crash = f"{type(error).__name__}: {error}".splitlines()[0]
@@ -265,14 +281,15 @@ def main(
         application, scenario = load_scenario(str(scenario_file), [f"modalities=[{modality}]"])
         file = out / f"{run.resolve().name}-{modality}-{scale:g}.jsonl"
         healthy = replay(application, run, scenario)
-        truth = joint_episode(healthy).truth
+        episode = joint_episode(healthy)
+        truth, usual = episode.truth, deviations(episode.series[modality])
         found = [outcome(Case(), str(run), healthy, modality)]
         known = {one.case: one for one in read_outcomes(file)}
         cases = cases_of(truth, healthy.duration, kinds.split(","))
         with file.open("a") as log:
             for case in tqdm(cases, desc=run.name, unit="case", disable=None):
                 if case not in known:
-                    known[case] = try_case(application, run, scenario, case, scale)
+                    known[case] = try_case(application, run, scenario, case, scale, usual)
                     log.write(json.dumps(asdict(known[case])) + "\n")
                     log.flush()
                 found.append(known[case])

@@ -17,6 +17,7 @@ from systems.port_values import (
     UNKNOWN_END_EFFECTOR,
     BodyMotion,
     BodyMotions,
+    EndEffectorBelief,
     FeatureBelief,
     HeldBody,
     MotionBelief,
@@ -37,6 +38,12 @@ from systems.proprioception.held_body_filter import (
 from systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
 from systems.proprioception.held_body_state import BodyState
 from systems.recursive_filter import RecursiveFilter
+
+
+def is_known(end_effector: EndEffectorBelief, config: HeldBodyMotionConfig) -> bool:
+    """Whether the encoders say where the hand is; without them for a while it may be anywhere."""
+    largest = np.repeat([config.largest_rotation, config.largest_translation], 3)
+    return bool(np.all(np.diag(end_effector.white_covariance)[:6] < largest**2))
 
 
 @dataclass(kw_only=True)
@@ -96,10 +103,17 @@ def sight(
 
 @dataclass(kw_only=True)
 class HeldBodyState(Immutable):
-    """The body, None while nothing is held, and the sighting that corrected it, if any."""
+    """The body and the sighting that corrected it, if any.
+
+    Attributes:
+        body: None while nothing is held, or nobody knows where the hand is.
+        sighting: Of this tick.
+        waited: For how long the hand has been closed without a body, [s].
+    """
 
     body: BodyState | None
     sighting: Sighting | None
+    waited: float = 0.0
 
 
 def body_motions(state: HeldBodyState) -> BodyMotions:
@@ -129,6 +143,7 @@ def body_motions(state: HeldBodyState) -> BodyMotions:
                 seen_offset_covariance=(
                     np.zeros((6, 6)) if sighting is None else sighting.offset_covariance
                 ),
+                reference_delay=body.reference_delay,
             )
         ]
     )
@@ -145,7 +160,8 @@ class HeldBodyMotion(RecursiveFilter):
     body are registered to their positions in it and correct pose and constants; whenever there are
     too few of them (darkness), the prediction goes on from the last posterior.
 
-    B has the world's axes and sits at Ho at the first tick of the interaction, the reference. The
+    B has the world's axes and sits at Ho at the reference, the first tick of the interaction at
+    which the encoders say where the hand is. The
     covariance, in B, is that of the displacement since then (`held_body_filter`). It is
     correlated over time: the calibration offset and the bending's error are the same at each tick.
 
@@ -216,11 +232,13 @@ class HeldBodyMotion(RecursiveFilter):
             bending = self._read(self._bending, context)
             grasp = self._read(self._grasp, context)
             hand = bent_hand(end_effector, bending)
-            before = self._stored(context).body
-            if before is None:
-                body = start_body(hand, grasp, self._config)
-            else:
+            state = self._stored(context)
+            before = state.body
+            if before is not None:
                 body = predict_body(before, hand, grasp, self._config)
+            elif is_known(end_effector, self._config):
+                body = start_body(hand, grasp, self._config, state.waited)
+        if body is not None:
             Ad = se3.adjoint(se3.inverse(bending.X))
             V_covariance = Ad @ end_effector.covariance[6:, 6:] @ Ad.T
             body = with_velocity(body, Ad @ end_effector.V, V_covariance, grasp, self._config)
@@ -232,6 +250,9 @@ class HeldBodyMotion(RecursiveFilter):
 
     def _calc_posterior_state(self, context: Context, state: Any) -> HeldBodyState:
         body = self._prior.Eval(context)
+        if body is None and self._read(self._active, context)[0] > 0.5:
+            waited = state.waited + self._config.period
+            return HeldBodyState(body=None, sighting=None, waited=waited)
         if body is None or self._features is None or not self._features.HasValue(context):
             return HeldBodyState(body=body, sighting=None)
         features = self._read(self._features, context)

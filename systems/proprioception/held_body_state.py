@@ -81,6 +81,7 @@ class BodyState(Immutable):
             features have been seen, unless the landmarks were placed anew: then of theirs.
         reset_count: How many times vision has placed its landmarks anew.
         offset: (6, 6), in B, of the pose's constant error since then; not part of P.
+        reference_delay: From the closing of the hand to the reference, [s].
     """
 
     hand: BentHand
@@ -96,6 +97,7 @@ class BodyState(Immutable):
     reference_error: Array
     reset_count: int
     offset: Array
+    reference_delay: float = 0.0
 
     @property
     def pose(self) -> PoseBelief:

@@ -14,7 +14,7 @@ three, error and claim (1 sigma) at the end, and whether the truth was within tw
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -124,14 +124,16 @@ def moving_times(truth: Truth) -> tuple[float, float]:
     return begins, float(truth.times[moving[-1]])
 
 
-def cases_of(truth: Truth, duration: float, kinds: Iterable[str]) -> list[Case]:
+def cases_of(
+    truth: Truth, duration: float, streams: Sequence[str], kinds: Sequence[str]
+) -> list[Case]:
     """All that may fail in a recording."""
     begins, ends = moving_times(truth)
     middle = 0.5 * (begins + ends - LASTS)
     starts = dict(zip(WINDOWS, (max(begins - LASTS, 0.0), middle, ends), strict=True))
     return [
         Case(stream=stream, kind=kind, when=when, start=start, end=min(start + LASTS, duration))
-        for stream in STREAMS
+        for stream in streams
         for kind in kinds
         if (stream, kind) != ("color_measured", "nan")  # Its pixels are whole numbers.
         for when, start in starts.items()
@@ -271,6 +273,7 @@ def main(
     runs: Annotated[list[Path], typer.Argument(help="Folders of recorded runs.")],
     out: Annotated[Path, typer.Option(help="Folder of the outcomes.")] = Path("runs/faults"),
     modality: Annotated[str, typer.Option(help="Which network.")] = "crossmodal",
+    streams: Annotated[str, typer.Option(help="Ports, with commas.")] = ",".join(STREAMS),
     kinds: Annotated[str, typer.Option(help="Faults, with commas.")] = ",".join(KINDS),
     scale: Annotated[float, typer.Option(help="Of the sizes of bias and drift.")] = 1.0,
 ) -> None:
@@ -285,7 +288,7 @@ def main(
         truth, usual = episode.truth, deviations(episode.series[modality])
         found = [outcome(Case(), str(run), healthy, modality)]
         known = {one.case: one for one in read_outcomes(file)}
-        cases = cases_of(truth, healthy.duration, kinds.split(","))
+        cases = cases_of(truth, healthy.duration, streams.split(","), kinds.split(","))
         with file.open("a") as log:
             for case in tqdm(cases, desc=run.name, unit="case", disable=None):
                 if case not in known:

@@ -247,7 +247,8 @@ def _add_proprioception(
     joints = 2 * calibration.arm.model.num_positions()
     readers = ((end_effector, joints), (bending, 6), (bending, 4))
     for stream, (reader, size) in zip(FELT_STREAMS, readers, strict=True):
-        monitor = _add(builder, f"{stream}_monitor", WindowMonitor(config.windows, size))
+        has_rates = stream == "joint_state"
+        monitor = _add(builder, f"{stream}_monitor", WindowMonitor(config.windows, size, has_rates))
         builder.ExportInput(monitor.GetInputPort("window"), f"{stream}_window")
         _wire(builder, monitor, "window_checked", reader, f"{stream}_window")
         builder.ExportOutput(monitor.GetOutputPort("health_latest"), f"{stream}_health_latest")

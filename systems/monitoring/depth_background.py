@@ -1,7 +1,11 @@
 """Whether the depth of what stands still is what it was: the camera does not move.
 
-A moving object or the robot changes the depth of a part of the image. If nearly all of what is seen
-has come nearer, or nearly all has gone farther, it is the depth sensor that has changed.
+A moving object or the robot changes the depth of a part of the image, each place by another amount.
+If most of what is seen has come nearer, or gone farther, and all of that by one law,
+
+    z = (1 + a) z_first + b,
+
+it is the depth sensor that has changed.
 """
 
 from dataclasses import dataclass
@@ -14,8 +18,9 @@ from maths.immutable import Immutable
 from maths.validation import number
 
 _EVERY = 4  # Of the rows and columns that are looked at; noise is correlated over some pixels.
+_ROUNDS = 8
 _BLOCK = 10  # Pixels of these along a block's side.
-_LARGEST = 0.02  # A pixel at the edge of an object counts no more than this.
+_LARGEST = 0.5  # A pixel at the edge of an object counts no more than this.
 
 
 @dataclass(kw_only=True)
@@ -24,6 +29,9 @@ class DepthBackgroundConfig:
     still: float = number(0.3, above=0.0, below=0.5)
     # Relative change of the depth of all the rest that is a fault. A block's noise is as large.
     tolerance: float = number(5e-4, above=0.0, at_most=1.0)
+    # Share of the blocks that must have changed by one law, and a block's relative error in that.
+    alike: float = number(0.6, above=0.5, at_most=1.0)
+    error: float = number(2e-3, above=0.0, at_most=1.0)
     # Share of a block's pixels that must have been seen before and now.
     seen: float = number(0.3, above=0.0, at_most=1.0)
     # Fewer blocks tell nothing.
@@ -54,7 +62,10 @@ def visible(depth: Array, robot: Array | None) -> Mask:
 
 
 def changes(background: DepthBackground, depth: Array, seen: Mask, share: float) -> Array:
-    """Mean relative change of the depth in each block (N,) of which enough is seen."""
+    """Mean relative change of the depth, and inverse first depth, [1/m], (N, 2).
+
+    Of the blocks of which enough is seen.
+    """
     both = seen & (background.first > 0.0)
     ratio = np.divide(depth, background.first, out=np.ones_like(depth), where=both) - 1.0
     ratio = np.clip(ratio, -_LARGEST, _LARGEST)
@@ -66,19 +77,39 @@ def changes(background: DepthBackground, depth: Array, seen: Mask, share: float)
 
     count = by_block(both)
     enough = count >= share * _BLOCK**2
-    return by_block(ratio)[enough] / count[enough]
+    inverse = np.divide(1.0, background.first, out=np.zeros_like(depth), where=both)
+    return np.column_stack([by_block(ratio), by_block(inverse)])[enough] / count[enough, None]
+
+
+def follows_one_law(change: Array, error: float) -> Mask:
+    """Which blocks change by a + b / z_first, with a and b those of most of them.
+
+    Args:
+        change: (N, 2), see `changes`.
+        error: Of one block.
+    """
+    A = np.column_stack([np.ones(len(change)), change[:, 1]])
+    weights = np.ones(len(change))
+    for _ in range(_ROUNDS):  # The sum of absolute residuals, by weighted squares.
+        root = np.sqrt(weights)
+        law = np.linalg.lstsq(A * root[:, None], change[:, 0] * root, rcond=None)[0]
+        residual = np.abs(change[:, 0] - A @ law)
+        weights = 1.0 / np.maximum(residual, error)
+    return np.asarray(residual < error)
 
 
 def has_changed(config: DepthBackgroundConfig, change: Array) -> bool:
     """Whether so much of the image has come nearer, or gone farther, that what stands still has.
 
     Args:
-        change: Of each block (N,).
+        change: (N, 2), see `changes`.
     """
     if len(change) < config.blocks:
         return False
-    low, high = np.quantile(change, [config.still, 1.0 - config.still])
-    return bool(low > config.tolerance or high < -config.tolerance)
+    low, high = np.quantile(change[:, 0], [config.still, 1.0 - config.still])
+    if not (low > config.tolerance or high < -config.tolerance):
+        return False
+    return bool(np.mean(follows_one_law(change, config.error)) >= config.alike)
 
 
 def watch_depth(

@@ -57,6 +57,15 @@ def test_an_object_that_fills_half_of_the_image_may_move() -> None:
     assert not any(told(images))
 
 
+def test_what_shows_something_else_than_at_first_in_most_of_the_image_is_no_change() -> None:
+    """All of it farther away, as behind a door, but each place by another amount."""
+    farther = np.kron(np.random.default_rng(1).uniform(0.0, 0.2, (6, 8)), np.ones((40, 40)))
+    farther[:48] = 0.0
+    images = [measured(k) for k in range(3)]
+    images += [measured(k) + farther[:, :, None].astype(np.float32) for k in range(3, 20)]
+    assert not any(told(images))
+
+
 def test_the_robot_counts_for_nothing() -> None:
     share = 0.7
     robot = np.zeros((HEIGHT, WIDTH, 1), np.uint8)

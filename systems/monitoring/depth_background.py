@@ -30,7 +30,7 @@ class DepthBackgroundConfig:
     # Relative change of the depth of all the rest that is a fault. A block's noise is as large.
     tolerance: float = number(5e-4, above=0.0, at_most=1.0)
     # Share of the blocks that must have changed by one law, and a block's relative error in that.
-    alike: float = number(0.6, above=0.5, at_most=1.0)
+    alike: float = number(0.5, at_least=0.5, at_most=1.0)
     error: float = number(2e-3, above=0.0, at_most=1.0)
     # Share of a block's pixels that must have been seen before and now.
     seen: float = number(0.3, above=0.0, at_most=1.0)

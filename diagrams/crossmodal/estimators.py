@@ -219,7 +219,8 @@ def _add_vision(
         builder.ExportInput(monitor.GetInputPort(f"{name}_measured"), f"{name}_measured")
         _wire(builder, monitor, f"{name}_checked", features, f"{name}_measured")
         _export_outputs(builder, monitor, f"{name}_health_latest")
-    builder.ExportInput(features.GetInputPort("robot_mask"), "robot_mask")
+    mask = builder.ExportInput(features.GetInputPort("robot_mask"), "robot_mask")
+    builder.ConnectInput(mask, monitor.GetInputPort("robot_mask"))
     _wire(builder, features, "features_estimated", bodies, "features_estimated")
     _wire(builder, bodies, "features_predicted", features, "features_predicted")
     _export_outputs(builder, features, "features_latest")
@@ -249,7 +250,8 @@ def _add_proprioception(
     joints = 2 * calibration.arm.model.num_positions()
     readers = ((end_effector, joints), (bending, 6), (bending, 4))
     for stream, (reader, size) in zip(FELT_STREAMS, readers, strict=True):
-        monitor = _add(builder, f"{stream}_monitor", WindowMonitor(config.windows, size))
+        has_rates = stream == "joint_state"
+        monitor = _add(builder, f"{stream}_monitor", WindowMonitor(config.windows, size, has_rates))
         builder.ExportInput(monitor.GetInputPort("window"), f"{stream}_window")
         _wire(builder, monitor, "window_checked", reader, f"{stream}_window")
         builder.ExportOutput(monitor.GetOutputPort("health_latest"), f"{stream}_health_latest")

@@ -7,12 +7,13 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import AbstractValue, Value
+from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, InputPort, LeafSystem, State
 from pydrake.systems.sensors import ImageRgba8U
 
 from diagrams.run.record import EstimatorRecord, Event, Picture, Quantity, TaskStatus, Tick
 from maths.validation import check, number
+from systems.port_values import StampedImage
 from systems.ticks import tick_period
 
 STATUS_PORT = "task_status"  # Of a station that says what the robot does.
@@ -47,7 +48,8 @@ class EpisodeRecorder(LeafSystem):
         - <estimator>_<port>
 
     - `<station_port>`: each quantity and each picture of the station, by its port's name;
-      `task_status`, where the station has it, is a `TaskStatus`; a picture is an `ImageRgba8U`.
+      `task_status`, where the station has it, is a `TaskStatus`; a picture is a `StampedImage`
+      in colour.
     - `<estimator>_<port>`: each quantity of each estimator.
 
     What has no source stays unconnected.
@@ -82,7 +84,8 @@ class EpisodeRecorder(LeafSystem):
         if STATUS_PORT not in self._station_ports:
             self._station_ports[STATUS_PORT] = self._declare(STATUS_PORT, TaskStatus())
         self._picture_ports = {
-            port: self.DeclareAbstractInputPort(port, Value(ImageRgba8U())) for port in pictures
+            port: self._declare(port, StampedImage(time=0.0, image=ImageRgba8U()))
+            for port in pictures
         }
         self._estimator_ports = {
             name: {q.port: self._declare(f"{name}_{q.port}", q.model) for q in quantities}
@@ -117,7 +120,7 @@ class EpisodeRecorder(LeafSystem):
             kept = self._pictures[name]
             due = not kept or time >= kept[-1].time + self._picture_interval[name] - 1e-6
             if due and port.HasValue(context):
-                color = np.array(port.Eval(context).data[:, :, :3])
+                color = np.array(port.Eval(context).image.data[:, :, :3])
                 kept.append(Picture(time=time, port=name, color=color))
 
     def _record_beliefs(self, context: Context) -> None:

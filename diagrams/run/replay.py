@@ -23,6 +23,7 @@ from diagrams.run.sensor_streams.log import SensorLog, SensorReplay, make_stream
 from diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from diagrams.run.ticks import advance_by_ticks
 from diagrams.run.yaml_input.schema import ScenarioError
+from systems.port_values import StampedImage
 
 
 def check_recorded(folder: Path, overrides: Sequence[str] = ()) -> Path:
@@ -70,7 +71,7 @@ def replay(
         calibration = application.make_calibration(scenario)
     if estimators is None:
         estimators = build_estimators(application, scenario, calibration)
-    models = dict.fromkeys(application.pictures, ImageRgba8U())
+    models = dict.fromkeys(application.pictures, StampedImage(time=0.0, image=ImageRgba8U()))
     models |= stream_models(estimators, tuple(application.station_quantities))
     log = SensorLog(folder / SENSORS_FILE, make_streams(models, application.topics))
     check_unchanged(application, scenario, log.scenario, str(folder / SCENARIO_FILE))

@@ -27,6 +27,7 @@ from diagrams.stations.lighting import Lighting
 from diagrams.stations.naming import own_seed, prefixed
 from plants.camera_view import renderer_intrinsics
 from systems.sensors.image_delay import ImageDelay
+from systems.sensors.image_stamps import ImageStamps
 from systems.sensors.rgbd_camera import CameraNoise, CameraNoiseConfig
 from systems.sensors.robot_mask import MaskedRobot, RobotMask, RobotMaskConfig
 
@@ -58,7 +59,8 @@ def add_rgbd_camera(
 ) -> CameraNoise:
     """Adds a camera and what disturbs it; exports `color_measured` and `depth_measured`.
 
-    The images at a tick are those that were taken the camera's latency before it.
+    The images at a tick are those that were taken the camera's latency before it; nobody knows of
+    it, so that they are stamped with the tick.
 
     Args:
         builder: Of the station.
@@ -129,8 +131,11 @@ def add_rgbd_camera(
             builder.Connect(
                 noise.GetOutputPort(f"{image}_measured"), delivered.GetInputPort(f"{image}_image")
             )
-    for port in ("color_measured", "depth_measured"):
-        builder.ExportOutput(delivered.GetOutputPort(port), prefixed(owner, port))
+    stamps = builder.AddNamedSystem(prefixed(owner, "image_stamps"), ImageStamps())
+    for image in ("color", "depth"):
+        port = f"{image}_measured"
+        builder.Connect(delivered.GetOutputPort(port), stamps.GetInputPort(f"{image}_image"))
+        builder.ExportOutput(stamps.GetOutputPort(port), prefixed(owner, port))
     return noise
 
 

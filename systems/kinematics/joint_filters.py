@@ -128,6 +128,7 @@ class JointFilters:
         parent_id: int = 0,
         child_id: int = 1,
         reference_error: Array | None = None,
+        delay: float = 0.0,
     ) -> JointFiltersState:
         """The state at the reference, where q is zero.
 
@@ -140,11 +141,13 @@ class JointFilters:
             reference_error: Covariance (6, 6), in B, of a constant error of all later measurements
                 relative to the reference, as from a grip that settles; none if None. It displaces
                 the path; q is still counted from the measured reference.
+            delay: For so long the child may have moved before, [s]; q is zero up to that.
         """
         config = self.config
         keyframes, models = empty_keyframes(config.memory), initial_models(config.memory)
         R: Array = white_equivalent(covariance, 0.0, config.errors)
         W_zero: Array = np.zeros((6, 6))
+        configuration_variance = np.zeros(2)
         if reference_error is not None and reference_error.any():
             R = R + reference_error
             W_zero = np.asarray(np.linalg.inv(R))
@@ -159,6 +162,7 @@ class JointFilters:
             lever = 1.0 if kind == PRISMATIC else config.radius
             models.P[kind, 1, 1] = (config.speed / lever) ** 2
             models.process_noise[kind] = max(config.process_noise) / lever**2
+            configuration_variance[kind] = models.P[kind, 1, 1] * delay**2
         models.log_evidence[:] = 0.5 * keyframes.log_det[0]
         return JointFiltersState(
             parent_id=parent_id,
@@ -169,7 +173,7 @@ class JointFilters:
             models=models,
             keyframes=keyframes,
             W_zero=W_zero,
-            configuration_prior=ZERO_CONFIGURATION,
+            configuration_prior=replace(ZERO_CONFIGURATION, variance=configuration_variance),
         )
 
     def rebase(
@@ -276,12 +280,9 @@ class JointFilters:
         q_covariance[0, 0] += state.configuration_prior.variance[kind]
         configuration = np.array([q[0] + q_prior, q[1]])
         if dt > 1e-9:
-            lever = (
-                1.0
-                if kind == PRISMATIC
-                else np.hypot(self.config.radius, np.linalg.norm(m.c[kind]))
-            )
-            S = max(self.config.process_noise) / lever**2
+            S = max(self.config.process_noise)
+            if kind == REVOLUTE:
+                S /= self.config.radius**2 + float(m.c[kind] @ m.c[kind])
             configuration, q_covariance = _predicted(configuration, q_covariance, S, dt)
         return JointModelBelief(
             log_evidence=float(state.models.log_evidence[kind]),

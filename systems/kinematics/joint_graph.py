@@ -23,6 +23,7 @@ from systems.port_values import (
     BodyMotions,
     BodyPrediction,
     BodyPredictions,
+    HeldBody,
     JointType,
     MotionBelief,
     PoseBelief,
@@ -159,12 +160,14 @@ def _update_pair(
     if state is None and pair[0] != STATIC_BODY:
         state = transferred(pair, bodies, graph.past.get(pair[1], []), time)
     if state is None:
-        age = config.reference_age
+        age, delay = config.reference_age, 0.0
         if pair[1] == HELD_BODY and pair[1] not in graph.bodies:
             # The body in the hand is first measured at its reference. Closing the hand may have
             # moved its parent away from the parent's own.
             age, X_PB_reference = config.period, pose.X
-        state = filters.start(X_PB_reference, pose.covariance, time - age, *pair, correlated)
+            held = bodies[pair[1]]
+            delay = held.reference_delay if isinstance(held, HeldBody) else 0.0
+        state = filters.start(X_PB_reference, pose.covariance, time - age, *pair, correlated, delay)
     elif reset_count != state.reset_count:
         state = filters.rebase(state, pose.X, pose.covariance, time, correlated)
     state = replace(state, reset_count=reset_count)

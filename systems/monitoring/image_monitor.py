@@ -1,70 +1,112 @@
-"""Passes on the images that are new, and says how the camera's streams do."""
+"""Passes on the images that are new and of now, and says how the camera's streams do."""
 
-from dataclasses import dataclass
+import zlib
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
-from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
+from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from maths.immutable import Immutable
 from maths.validation import check, number
-from systems.port_values import HEALTHY, StreamHealth
+from systems.monitoring.depth_background import (
+    DepthBackground,
+    DepthBackgroundConfig,
+    watch_depth,
+)
+from systems.monitoring.window_monitor import Monitored, WindowMonitorConfig, check_window
+from systems.port_values import SampleWindow, StampedImage, StreamHealth
 from systems.recursive_filter import RecursiveFilter
-from systems.ticks import tick_period
 
-SAME_IMAGE = "the same image again"
-NOT_FINITE = "depths that are no numbers"
+CHANGED = "the depth of what stands still has changed"
+APART = "not of the same instant as the other image"
+_EVERY = 4  # Of the rows and columns that are looked at; noise shows in all of them.
 
 
 @dataclass(kw_only=True)
-class ImageMonitorConfig:
-    period: float = tick_period()
-    # Age of the last new image that is a fault.
-    stale_after: float = number(0.15, at_least=1e-3, at_most=3600.0, unit="s")
+class ImageMonitorConfig(WindowMonitorConfig):
+    # The last image of a camera is as old as a tick at most, if the camera has the ticks' rate.
+    oldest: float = number(0.07, at_least=1e-3, at_most=3600.0, unit="s")
+    # By so much the stamps of colour and depth may differ.
+    apart: float = number(0.02, at_least=0.0, at_most=3600.0, unit="s")
+    background: DepthBackgroundConfig = field(default_factory=DepthBackgroundConfig)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Watched(Immutable):
-    """The last image, when it was new, and whether it is new at this tick."""
+    """What is remembered of the images, and the depth of what stands still."""
 
-    image: Any = None
-    new_at: float = 0.0
-    is_new: bool = False
-    health: StreamHealth = HEALTHY
+    color: Monitored = field(default_factory=Monitored)
+    depth: Monitored = field(default_factory=Monitored)
+    background: DepthBackground | None = None
 
 
-def watch_image(image: Any, before: Watched, now: float, config: ImageMonitorConfig) -> Watched:
-    """Whether an image (H, W, C) says anything new.
+def fingerprint(image: Any, stamp: float) -> float:
+    """A number that repeats only where an image (H, W, C) is the old one; NaN without numbers.
 
-    A camera's noise never repeats, so equal pixels are the old image, unless it shows nothing at
-    all: black, or without a return.
+    A camera's noise never repeats. An image that shows nothing at all, black or without a return,
+    is always another one.
     """
-    if np.issubdtype(image.dtype, np.floating) and np.isnan(image).all():
-        age = now - before.new_at
-        return Watched(
-            image=before.image,
-            new_at=before.new_at,
-            health=StreamHealth(age=age, fault=NOT_FINITE),
-        )
-    same = before.image is not None and np.array_equal(image, before.image)
-    if same and image[:, :, :3].any():
-        age = now - before.new_at
-        fault = SAME_IMAGE if age > config.stale_after else ""
-        return Watched(
-            image=before.image, new_at=before.new_at, health=StreamHealth(age=age, fault=fault)
-        )
-    return Watched(image=image.copy(), new_at=now, is_new=True)
+    some = image[::_EVERY, ::_EVERY, :3]
+    if np.issubdtype(image.dtype, np.floating) and np.isnan(some).all():
+        return np.nan
+    if not some.any():
+        return -1.0 - stamp
+    return float(zlib.adler32(np.ascontiguousarray(image[::_EVERY]).tobytes()))
 
 
-def _health(index: int, watched: tuple[Watched, Watched]) -> StreamHealth:
-    return watched[index].health
+def check_image(
+    arrived: StampedImage, before: Monitored, now: float, config: WindowMonitorConfig
+) -> Monitored:
+    """An image as a window of one sample, or of none where none has arrived since the last tick.
+
+    Args:
+        arrived: What the camera delivered last.
+        before: What was remembered.
+        now: The tick, [s].
+        config: Limits.
+    """
+    is_old = before.last_heard is not None and arrived.time == before.last_heard
+    times = np.array([] if is_old else [arrived.time])
+    values = np.array([fingerprint(arrived.image.data, time) for time in times]).reshape(-1, 1)
+    checked = check_window(SampleWindow(times=times, values=values), before, now, config)
+    return replace(checked, last_heard=arrived.time)
+
+
+def is_new(monitored: Monitored) -> bool:
+    return monitored.passed is not None and len(monitored.passed.times) > 0
+
+
+def kept_back(image: Monitored, before: Monitored, now: float, fault: str) -> Monitored:
+    """A new image as if it had not arrived, but for what is told."""
+    health = StreamHealth(age=now - max(before.last_time, 0.0), fault=fault)
+    return replace(before, last_heard=image.last_heard, health=health, passed=None)
+
+
+def without_pairs_apart(watched: Watched, before: Watched, now: float, apart: float) -> Watched:
+    """Keeps back the older of two images that are not of the same instant."""
+    color, depth = watched.color, watched.depth
+    if not (is_new(color) and is_new(depth)) or abs(color.last_time - depth.last_time) <= apart:
+        return watched
+    if color.last_time < depth.last_time:
+        return replace(watched, color=kept_back(color, before.color, now, APART))
+    return replace(watched, depth=kept_back(depth, before.depth, now, APART))
+
+
+def _health(name: str, watched: Watched) -> StreamHealth:
+    health: StreamHealth = getattr(watched, name).health
+    return health
 
 
 class ImageMonitor(RecursiveFilter):
-    """Keeps back a camera's images that are not new: nothing is seen then.
+    """Keeps back a camera's images that are not new, not of now or not of one instant.
+
+    Nothing is seen then. What is told of an image is what a `WindowMonitor` tells of a sample.
+    Depth is kept back, too, while that of what stands still is not what it was
+    (`depth_background`). For a camera that does not move.
 
     .. pydrake_system::
 
@@ -72,16 +114,18 @@ class ImageMonitor(RecursiveFilter):
         input_ports:
         - color_measured
         - depth_measured
+        - robot_mask
         output_ports:
         - color_checked
         - depth_checked
         - color_health_latest
         - depth_health_latest
 
-    - `color_measured`: `ImageRgba8U`.
-    - `depth_measured`: `ImageDepth32F`, [m].
-    - `color_checked`: `ImageRgba8U`, black where the image is not new.
-    - `depth_checked`: `ImageDepth32F`, [m], all 0 (no return) where the image is not new.
+    - `color_measured`: `StampedImage` of an `ImageRgba8U`.
+    - `depth_measured`: `StampedImage` of an `ImageDepth32F`, [m].
+    - `robot_mask`: `ImageGrey8U`, nonzero on the robot; none if not connected.
+    - `color_checked`: `ImageRgba8U`, black where the image is kept back.
+    - `depth_checked`: `ImageDepth32F`, [m], all 0 (no return) where the image is kept back.
     - `color_health_latest`, `depth_health_latest`: `StreamHealth` as of the last tick.
 
     Args:
@@ -97,31 +141,55 @@ class ImageMonitor(RecursiveFilter):
         super().__init__()
         check(config, "ImageMonitor")
         self._config = config
-        self._ports = [
-            self._declare_value_input("color_measured", ImageRgba8U(width, height)),
-            self._declare_value_input("depth_measured", ImageDepth32F(width, height)),
-        ]
-        nothing = [ImageRgba8U(width, height, 0), ImageDepth32F(width, height, 0.0)]
-        self._declare_recursion((Watched(), Watched()), self._watch, config.period)
-        for index, name in enumerate(("color", "depth")):
-            self._declare_checked(index, f"{name}_checked", nothing[index])
-        for index, name in enumerate(("color", "depth")):
-            self._declare_latest(f"{name}_health_latest", partial(_health, index))
+        nothing = {
+            "color": ImageRgba8U(width, height, 0),
+            "depth": ImageDepth32F(width, height, 0.0),
+        }
+        self._ports = {
+            name: self._declare_value_input(f"{name}_measured", StampedImage(time=0.0, image=image))
+            for name, image in nothing.items()
+        }
+        self._mask = self._declare_value_input("robot_mask", ImageGrey8U(width, height))
+        self._declare_recursion(Watched(), self._watch, config.period)
+        for name, image in nothing.items():
+            self._declare_checked(name, image)
+        for name in nothing:
+            self._declare_latest(f"{name}_health_latest", partial(_health, name))
 
-    def _declare_checked(self, index: int, name: str, nothing: Any) -> None:
+    def _declare_checked(self, name: str, nothing: Any) -> None:
         def write(context: Context, output: AbstractValue) -> None:
-            watched = self._posterior.Eval(context)[index]
-            output.set_value(self._ports[index].Eval(context) if watched.is_new else nothing)
+            passes = is_new(getattr(self._posterior.Eval(context), name))
+            output.set_value(self._ports[name].Eval(context).image if passes else nothing)
 
-        port = self.input_port_ticket(self._ports[index].get_index())
+        port = self.input_port_ticket(self._ports[name].get_index())
         self.DeclareAbstractOutputPort(
-            name, lambda: AbstractValue.Make(nothing), write, {self._posterior.ticket(), port}
+            f"{name}_checked",
+            lambda: AbstractValue.Make(nothing),
+            write,
+            {self._posterior.ticket(), port},
         )
 
-    def _watch(self, context: Context, before: Any) -> tuple[Watched, Watched]:
+    def _watch(self, context: Context, before: Any) -> Watched:
         now = context.get_time()
-        color, depth = (
-            watch_image(self._read(port, context).data, last, now, self._config)
-            for port, last in zip(self._ports, before, strict=True)
+        images = {name: self._read(port, context) for name, port in self._ports.items()}
+        watched = replace(
+            before,
+            **{
+                name: check_image(image, getattr(before, name), now, self._config)
+                for name, image in images.items()
+            },
         )
-        return color, depth
+        watched = without_pairs_apart(watched, before, now, self._config.apart)
+        if not is_new(watched.depth):
+            return watched
+        mask = self._read_optional(self._mask, context)
+        background, has_changed = watch_depth(
+            self._config.background,
+            before.background,
+            images["depth"].image.data,
+            None if mask is None else mask.data,
+        )
+        if has_changed:
+            depth = kept_back(watched.depth, before.depth, now, CHANGED)
+            return replace(watched, depth=depth)
+        return replace(watched, background=background)

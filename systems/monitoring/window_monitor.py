@@ -9,6 +9,7 @@ from pydrake.systems.framework import Context
 from maths.arrays import Array
 from maths.immutable import Immutable
 from maths.validation import check, number
+from systems.monitoring.jumps import Continuity, without_jumps
 from systems.port_values import HEALTHY, SampleWindow, StreamHealth
 from systems.recursive_filter import RecursiveFilter
 from systems.ticks import tick_period
@@ -17,6 +18,7 @@ NO_SAMPLES = "no samples"
 NOT_FINITE = "readings that are no numbers"
 OUT_OF_TIME = "stamps that are not of now"
 STUCK = "always the same reading"
+JUMPED = "a jump that the rates do not explain"
 
 
 @dataclass(kw_only=True)
@@ -30,16 +32,30 @@ class WindowMonitorConfig:
     stuck_after: float = number(0.05, at_least=1e-3, at_most=3600.0, unit="s", infinite=True)
     # Age of the last good sample that is a fault.
     stale_after: float = number(0.15, at_least=1e-3, at_most=3600.0, unit="s")
+    # Of readings with rates: a larger change between two samples than the rates' is a jump.
+    jump: float = number(0.01, above=0.0, at_most=1e9, unit="the reading's")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Monitored(Immutable):
-    """What a monitor remembers: last good stamp, last reading and since when it is the same."""
+    """What a monitor remembers.
+
+    Attributes:
+        last_time: Last good stamp, [s].
+        last_heard: Last stamp, good or not, of a stream that holds its last value; None of others.
+        last_reading: Last one (n,) that could be true but for its being always the same.
+        same_since: Since when it is the same, [s].
+        health: Of the stream.
+        continuity: Of readings with rates.
+        passed: The good samples of this tick.
+    """
 
     last_time: float = -np.inf
+    last_heard: float | None = None
     last_reading: Array | None = None
     same_since: float = -np.inf
     health: StreamHealth = HEALTHY
+    continuity: Continuity | None = None
     passed: SampleWindow | None = None
 
 
@@ -57,19 +73,24 @@ def repetition_starts(
 
 
 def check_window(
-    window: SampleWindow, before: Monitored, now: float, config: WindowMonitorConfig
+    window: SampleWindow,
+    before: Monitored,
+    now: float,
+    config: WindowMonitorConfig,
+    with_rates: bool = False,
 ) -> Monitored:
     """The samples of a window that can be true.
 
     A sample is passed on if it is finite, stamped later than the last good one and neither too old
-    nor ahead of `now`, and if the reading has not been the same for too long. Of several faults the
-    first in this order is told.
+    nor ahead of `now`, if the reading has not been the same for too long, and has not jumped. Of
+    several faults the first in this order is told.
 
     Args:
         window: As it arrived.
         before: What was remembered.
         now: The tick, [s].
         config: Limits.
+        with_rates: Whether the second half of a sample are the rates of the first.
     """
     times, values = window.times, window.values
     finite = np.isfinite(times) & np.isfinite(values).all(axis=1)
@@ -79,6 +100,12 @@ def check_window(
     since = repetition_starts(times[usable], values[usable], before.last_reading, before.same_since)
     moving = times[usable] - since <= config.stuck_after
     good = np.flatnonzero(usable)[moving]
+    continuity, smooth = before.continuity, np.ones(len(good), bool)
+    if with_rates:
+        smooth, continuity = without_jumps(
+            times[good], values[good], continuity, config.jump, config.stale_after
+        )
+    good = good[smooth]
     last = float(times[good[-1]]) if len(good) else before.last_time
     start = before.last_time if np.isfinite(before.last_time) else 0.0
     age = max(now - (last if np.isfinite(last) else start), 0.0)
@@ -89,6 +116,8 @@ def check_window(
         fault = OUT_OF_TIME
     elif not moving.all():
         fault = STUCK
+    elif not smooth.all():
+        fault = JUMPED
     elif age > config.stale_after:
         fault = before.health.fault or NO_SAMPLES
     heard = np.flatnonzero(usable)
@@ -97,6 +126,7 @@ def check_window(
         last_reading=values[heard[-1]].copy() if len(heard) else before.last_reading,
         same_since=float(since[-1]) if len(heard) else before.same_since,
         health=StreamHealth(age=age, fault=fault),
+        continuity=continuity,
         passed=replace(window, times=times[good], values=values[good]),
     )
 
@@ -123,15 +153,16 @@ class WindowMonitor(RecursiveFilter):
     Args:
         config: Limits.
         size: Length n of a sample.
+        with_rates: Whether the second half of a sample are the rates of the first.
 
     Raises:
         ValueError: for an impossible config value.
     """
 
-    def __init__(self, config: WindowMonitorConfig, size: int) -> None:
+    def __init__(self, config: WindowMonitorConfig, size: int, with_rates: bool = False) -> None:
         super().__init__()
         check(config, "WindowMonitor")
-        self._config = config
+        self._config, self._with_rates = config, with_rates
         empty = SampleWindow(times=np.zeros(0), values=np.zeros((0, size)))
         self._window = self._declare_value_input("window", empty)
         self._declare_recursion(Monitored(passed=empty), self._check, config.period)
@@ -140,4 +171,4 @@ class WindowMonitor(RecursiveFilter):
 
     def _check(self, context: Context, before: Any) -> Monitored:
         window = self._read(self._window, context)
-        return check_window(window, before, context.get_time(), self._config)
+        return check_window(window, before, context.get_time(), self._config, self._with_rates)

@@ -29,6 +29,7 @@ from systems.port_values.grasp import (
     HandLoad,
     SlipBelief,
 )
+from systems.port_values.images import StampedImage
 from systems.port_values.joints import JointBelief, JointBeliefs, JointModelBelief, JointType
 from systems.port_values.motions import (
     NO_POSE,
@@ -66,6 +67,7 @@ __all__ = [
     "PoseBelief",
     "SampleWindow",
     "SlipBelief",
+    "StampedImage",
     "StreamHealth",
     "no_features",
 ]

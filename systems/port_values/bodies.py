@@ -52,10 +52,13 @@ class HeldBody(BodyMotion):
             one frame's noise; None in the dark.
         seen_offset_covariance: (6, 6), in B, of the error that stays as long as the same features
             are used: their landmarks are as wrong at the next tick.
+        reference_delay: From the closing of the hand to the reference, [s]; the body may have moved
+            unnoticed.
     """
 
     seen: PoseBelief | None
     seen_offset_covariance: Array
+    reference_delay: float = 0.0
 
 
 @dataclass(kw_only=True)

@@ -28,11 +28,19 @@ def positive_part(matrix: Array) -> Array:
     return np.asarray(vectors * np.maximum(values, 0.0) @ vectors.T)
 
 
-def start_body(hand: BentHand, grasp: GraspBelief, config: HeldBodyMotionConfig) -> BodyState:
+def start_body(
+    hand: BentHand, grasp: GraspBelief, config: HeldBodyMotionConfig, delay: float = 0.0
+) -> BodyState:
     """The body at its reference: B has the world's axes and sits at the hand's origin.
 
     After that the hand settles on the handle, which the body does not follow. The error of this is
     largest at the reference and decays; it ends when features say where the body is.
+
+    Args:
+        hand: As it is now.
+        grasp: As it is now.
+        config: Of the errors.
+        delay: Since the hand has closed, [s].
     """
     reference_error = np.repeat(
         [config.reference_rotation_error, config.reference_translation_error], 3
@@ -57,6 +65,7 @@ def start_body(hand: BentHand, grasp: GraspBelief, config: HeldBodyMotionConfig)
         reset_count=0,
         offset=np.zeros((6, 6)),
         shift=0.0,
+        reference_delay=delay,
     )
 
 

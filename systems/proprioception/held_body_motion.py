@@ -18,6 +18,7 @@ from systems.port_values import (
     UNKNOWN_END_EFFECTOR,
     BodyMotion,
     BodyMotions,
+    EndEffectorBelief,
     FeatureBelief,
     GraspType,
     HeldBody,
@@ -40,6 +41,12 @@ from systems.proprioception.held_body_filter import (
 from systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
 from systems.proprioception.held_body_state import BodyState
 from systems.recursive_filter import RecursiveFilter
+
+
+def is_known(end_effector: EndEffectorBelief, config: HeldBodyMotionConfig) -> bool:
+    """Whether the encoders say where the hand is; without them for a while it may be anywhere."""
+    largest = np.repeat([config.largest_rotation, config.largest_translation], 3)
+    return bool(np.all(np.diag(end_effector.white_covariance)[:6] < largest**2))
 
 
 @dataclass(kw_only=True)
@@ -102,14 +109,17 @@ class HeldBodyState(Immutable):
     """What is in the closed hand.
 
     Attributes:
-        body: None while the hand is open, and once it has lost what it held.
+        body: None while the hand is open, while nobody knows where it is, and once it has lost what
+            it held.
         sighting: What corrected it at this tick, if anything.
         lost: Whether the hand has lost what it held since it closed.
+        waited: For how long the hand has been closed without a body, [s].
     """
 
     body: BodyState | None = None
     sighting: Sighting | None = None
     lost: bool = False
+    waited: float = 0.0
 
 
 def body_motions(state: HeldBodyState) -> BodyMotions:
@@ -139,6 +149,7 @@ def body_motions(state: HeldBodyState) -> BodyMotions:
                 seen_offset_covariance=(
                     np.zeros((6, 6)) if sighting is None else sighting.offset_covariance
                 ),
+                reference_delay=body.reference_delay,
             )
         ]
     )
@@ -157,7 +168,8 @@ class HeldBodyMotion(RecursiveFilter):
     pose and constants; whenever there are too few of them (darkness), the prediction goes on from
     the last posterior.
 
-    B has the world's axes and sits at Ho at the first tick of the interaction, the reference. The
+    B has the world's axes and sits at Ho at the reference, the first tick of the interaction at
+    which the encoders say where the hand is. The
     covariance, in B, is that of the displacement since then (`held_body_filter`). It is
     correlated over time: the calibration offset and the bending's error are the same at each tick.
 
@@ -232,10 +244,11 @@ class HeldBodyMotion(RecursiveFilter):
             grasp = self._read(self._grasp, context)
             hand = bent_hand(end_effector, bending)
             before = stored.body
-            if before is None:
-                body = start_body(hand, grasp, self._config)
-            else:
+            if before is not None:
                 body = predict_body(before, hand, grasp, self._config)
+            elif is_known(end_effector, self._config):
+                body = start_body(hand, grasp, self._config, stored.waited)
+        if body is not None:
             slip = self._read_optional(self._slip, context) or NO_SLIP
             body = shift_body(body, slip.shift, self._config)
             Ad = se3.adjoint(se3.inverse(bending.X))
@@ -250,8 +263,9 @@ class HeldBodyMotion(RecursiveFilter):
     def _calc_posterior_state(self, context: Context, state: Any) -> HeldBodyState:
         body = self._prior.Eval(context)
         if body is None:
-            active = self._read(self._active, context)[0] > 0.5
-            return HeldBodyState(lost=active and state.lost)
+            if self._read(self._active, context)[0] <= 0.5:
+                return HeldBodyState()
+            return HeldBodyState(lost=state.lost, waited=state.waited + self._config.period)
         body, sighting = self._correct(context, body)
         if sighting is None and self._read(self._grasp, context).type == GraspType.FAILED:
             return HeldBodyState(lost=True)

@@ -9,6 +9,10 @@ from systems.ticks import tick_period
 @dataclass(kw_only=True)
 class HeldBodyMotionConfig:
     period: float = tick_period()  # Update period.
+    # White error of the end-effector above which no reference is taken.
+    largest_rotation: float = number(0.05, at_least=1e-9, at_most=10.0, unit="rad")
+    # The same for the translation.
+    largest_translation: float = number(0.01, at_least=1e-9, at_most=10.0, unit="m")
     # Of the bent hand's error, a Gauss-Markov process.
     hand_correlation_time: float = number(30.0, at_least=1e-3, at_most=1e5, unit="s")
     # Slip in the hand, a random walk over its way.

@@ -82,6 +82,7 @@ class BodyState(Immutable):
         reset_count: How many times vision has placed its landmarks anew.
         offset: (6, 6), in B, of the pose's constant error since then; not part of P.
         shift: How far the body may have moved in the fingers, 1 sigma, part of P, [m].
+        reference_delay: From the closing of the hand to the reference, [s].
     """
 
     hand: BentHand
@@ -98,6 +99,7 @@ class BodyState(Immutable):
     reset_count: int
     offset: Array
     shift: float
+    reference_delay: float = 0.0
 
     @property
     def pose(self) -> PoseBelief:

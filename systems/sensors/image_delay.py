@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context, LeafSystem, State
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from maths.immutable import Immutable
+from systems.port_values.images import copied
 
 
 @dataclass(frozen=True)
@@ -17,13 +18,6 @@ class _Taken(Immutable):
     """Pairs of colour and depth image that are under way, the oldest first."""
 
     frames: tuple[tuple[Any, Any], ...] = ()
-
-
-def _copied(kind: type, image: Any) -> Any:
-    """Drake writes an image port's next value over the last one."""
-    copied = kind(image.width(), image.height())
-    copied.mutable_data[:] = image.data
-    return copied
 
 
 class ImageDelay(LeafSystem):
@@ -72,8 +66,8 @@ class ImageDelay(LeafSystem):
 
     def _take(self, context: Context, state: State) -> None:
         taken: _Taken = context.get_abstract_state(0).get_value()
-        color = _copied(ImageRgba8U, self._color.Eval(context))
-        depth = _copied(ImageDepth32F, self._depth.Eval(context))
+        color = copied(self._color.Eval(context))
+        depth = copied(self._depth.Eval(context))
         frames = (*taken.frames, (color, depth))[-self._under_way :]
         state.get_mutable_abstract_state(0).set_value(_Taken(frames))
 

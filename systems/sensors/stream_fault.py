@@ -11,11 +11,10 @@ from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 from maths.arrays import Array
 from maths.immutable import Immutable
 from maths.validation import check, number, numbers
-from systems.port_values import SampleWindow
+from systems.port_values import SampleWindow, StampedImage
 from systems.sensors.randomness import make_generator
 
-# What each kind of fault does to a window of samples; a port without stamps keeps its last value
-# where no new one arrives.
+# What each kind of fault does to a stream; an image or a vector stays where no new one arrives.
 FAULTS = {
     "silent": "nothing arrives any more",
     "frozen": "the last message arrives again and again",
@@ -29,7 +28,7 @@ FAULTS = {
 }
 _WITHOUT_SIZE = ("silent", "frozen", "stuck", "nan")
 _HELD = ("silent", "frozen", "stuck")
-_IMAGES = {kind: kind for kind in (ImageRgba8U, ImageDepth32F, ImageGrey8U)}
+_IMAGES = (ImageRgba8U, ImageDepth32F, ImageGrey8U)
 
 
 @dataclass(kw_only=True)
@@ -73,9 +72,10 @@ def check_fault(fault: StreamFault, model: Any) -> None:
         raise ValueError(f"{what}: size = {sizes[0]:g} s, need > 0 s and <= 60 s")
     if fault.kind == "dropped" and not 0 < sizes[0] <= 1:
         raise ValueError(f"{what}: size = {sizes[0]:g}, need a share > 0 and <= 1")
-    if fault.kind == "clock_jump" and not isinstance(model, SampleWindow):
+    if fault.kind == "clock_jump" and not isinstance(model, SampleWindow | StampedImage):
         raise ValueError(f"{what}: the stream has no stamps")
-    if fault.kind == "nan" and isinstance(model, ImageRgba8U | ImageGrey8U):
+    image = model.image if isinstance(model, StampedImage) else model
+    if fault.kind == "nan" and isinstance(image, ImageRgba8U | ImageGrey8U):
         raise ValueError(f"{what}: its pixels are whole numbers, which cannot be NaN")
 
 
@@ -151,6 +151,38 @@ def fail_array(
     return np.asarray(failed, dtype=value.dtype)
 
 
+def fail_image(
+    fault: StreamFault,
+    taken: StampedImage,
+    delivered: StampedImage,
+    delayed: StampedImage,
+    time: float,
+    rng: np.random.Generator,
+) -> StampedImage:
+    """What a fault makes of a stamped image, at the tick `time` [s]; see `fail_array`."""
+    if fault.kind in ("silent", "frozen"):
+        return delivered
+    if fault.kind == "stuck":
+        return replace(taken, image=delivered.image)
+    if fault.kind == "delayed":
+        return delayed
+    if fault.kind == "dropped":
+        return delivered if rng.random() < fault.size[0] else taken
+    if fault.kind == "clock_jump":
+        return replace(taken, time=taken.time + fault.size[0])
+    data = np.asarray(taken.image.data)
+    return replace(
+        taken, image=_image_of(taken.image, fail_array(fault, data, data, data, time, rng))
+    )
+
+
+def _image_of(kind: Any, values: Array) -> Any:
+    """An image like another one, of values (H, W, C)."""
+    image = type(kind)(values.shape[1], values.shape[0])
+    image.mutable_data[:] = values
+    return image
+
+
 @dataclass(frozen=True)
 class _Past(Immutable):
     """What was measured over the longest delay, by time, and what was delivered last."""
@@ -170,8 +202,8 @@ class FailingStream(LeafSystem):
         output_ports:
         - delivered
 
-    - `measured`, `delivered`: of the model's type: a `SampleWindow`, an image or a vector (n,).
-      Read it at the ticks; while no fault holds it is the measured value.
+    - `measured`, `delivered`: of the model's type: a `SampleWindow`, an image, stamped or not, or
+      a vector (n,). Read it at the ticks; while no fault holds it is the measured value.
 
     State: what was measured at the ticks of the longest delay, and what was delivered last.
 
@@ -190,7 +222,7 @@ class FailingStream(LeafSystem):
         for fault in faults:
             check_fault(fault, model)
         self._faults, self._period, self._seed = faults, period, seed
-        self._image = _IMAGES.get(type(model))
+        self._plain_image = model if isinstance(model, _IMAGES) else None
         self._memory = max((f.size[0] for f in faults if f.kind == "delayed"), default=0.0)
         if isinstance(model, np.ndarray):
             self._input = self.DeclareVectorInputPort("measured", len(model))
@@ -213,10 +245,10 @@ class FailingStream(LeafSystem):
 
     def _measured(self, context: Context) -> Any:
         value = self._input.Eval(context)
-        return value.data if self._image else value
+        return value.data if self._plain_image is not None else value
 
     def _delivered(self, context: Context) -> Any:
-        """Of this tick: a window, or an array."""
+        """Of this tick: a window, a stamped image, or an array."""
         time, value = context.get_time(), self._measured(context)
         past: _Past = context.get_abstract_state(0).get_value()
         tick = round(time / self._period)
@@ -231,6 +263,8 @@ class FailingStream(LeafSystem):
             last = value if past.delivered is None else past.delivered
             if isinstance(value, SampleWindow):
                 value = fail_window(fault, value, last, delayed, rng)
+            elif isinstance(value, StampedImage):
+                value = fail_image(fault, value, last, delayed, time, rng)
             else:
                 value = fail_array(fault, value, last, delayed, time, rng)
         return value
@@ -247,12 +281,9 @@ class FailingStream(LeafSystem):
 
     def _write(self, context: Context, output: Any) -> None:
         value = self._delivered(context)
-        if self._image is None:
-            output.set_value(value)
-            return
-        image = self._image(value.shape[1], value.shape[0])
-        image.mutable_data[:] = value
-        output.set_value(image)
+        if self._plain_image is not None:
+            value = _image_of(self._plain_image, value)
+        output.set_value(value)
 
     def _remember(self, context: Context, state: State) -> None:
         past: _Past = context.get_abstract_state(0).get_value()

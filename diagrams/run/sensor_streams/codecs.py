@@ -16,7 +16,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from maths.arrays import Array
-from systems.port_values import SampleWindow
+from systems.port_values import SampleWindow, StampedImage
 
 Stamped = tuple[int, Any]  # Instant [ns] and message.
 
@@ -173,6 +173,8 @@ def codec_for(model: Any, topic: Topic | None = None) -> Codec:
         TypeError: for a type of value that no message holds.
     """
     kind = type(model)
+    if isinstance(model, StampedImage):
+        return _stamped_image(model)
     if kind in _IMAGES:
         return _image(model, *_IMAGES[kind])
     if isinstance(model, SampleWindow):
@@ -225,6 +227,26 @@ def _image(model: Any, encoding: str, dtype: type) -> Codec:
         return image
 
     return Codec(message_type="sensor_msgs/msg/Image", encode=encode, decode=decode)
+
+
+def _stamped_image(model: StampedImage) -> Codec:
+    """As a plain image is written, but that its own stamp is in the header.
+
+    A message whose header has no stamp was taken when it was logged.
+    """
+    plain = _image(model.image, *_IMAGES[type(model.image)])
+
+    def encode(value: Any, now: int) -> list[Stamped]:
+        ((_, message),) = plain.encode(value.image, now)
+        return [(now, message | {"header": _header(nanoseconds(value.time))})]
+
+    def decode(messages: Sequence[Stamped]) -> StampedImage:
+        logged, message = messages[-1]
+        stamp = message.header.stamp
+        taken = stamp.sec * 1_000_000_000 + stamp.nanosec
+        return StampedImage(time=1e-9 * (taken or logged), image=plain.decode(messages))
+
+    return Codec(message_type=plain.message_type, encode=encode, decode=decode)
 
 
 def _window(fields: WindowFields, size: int) -> Codec:

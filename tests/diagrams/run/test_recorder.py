@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from pydrake.common.value import Value
+from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
@@ -12,6 +12,7 @@ from diagrams.crossmodal.application import QUANTITIES
 from diagrams.joints.joint_truth import TRUTH_QUANTITIES
 from diagrams.run.record import Quantity, TaskStatus
 from diagrams.run.recorder import EpisodeRecorder, RecorderConfig, TickStopwatch
+from systems.port_values import StampedImage
 
 
 class FakeCamera(LeafSystem):
@@ -21,14 +22,17 @@ class FakeCamera(LeafSystem):
         super().__init__()
         self.reads = 0
         self.DeclareAbstractOutputPort(
-            "color_measured", lambda: Value(ImageRgba8U(8, 6)), self._calc, {self.time_ticket()}
+            "color_measured",
+            lambda: AbstractValue.Make(StampedImage(time=0.0, image=ImageRgba8U(8, 6))),
+            self._calc,
+            {self.time_ticket()},
         )
 
     def _calc(self, context: Context, output: Value) -> None:
         self.reads += 1
         image = ImageRgba8U(8, 6)
         image.mutable_data[:] = round(10 * context.get_time())
-        output.set_value(image)
+        output.set_value(StampedImage(time=context.get_time(), image=image))
 
 
 def record(duration: float, **config: float) -> tuple[EpisodeRecorder, FakeCamera]:
@@ -183,7 +187,7 @@ def test_stopwatches_enclose_what_was_added_between_them() -> None:
     builder = DiagramBuilder()
     order: list[str] = []
     camera = builder.AddSystem(FakeCamera())
-    start = builder.AddSystem(TickStopwatch(PERIOD, [Value(ImageRgba8U())]))
+    start = builder.AddSystem(TickStopwatch(PERIOD, [camera.get_output_port().Allocate()]))
     start.marks = _Logged(order, "start")  # type: ignore[assignment]
     builder.AddSystem(Order("filter", order))
     stop = builder.AddSystem(TickStopwatch(PERIOD))

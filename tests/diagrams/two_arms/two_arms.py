@@ -18,6 +18,7 @@ from diagrams.run.application import Application, Quantity, Station
 from diagrams.run.calibration import (
     ArmCalibration,
     Calibration,
+    Camera,
     calibrated,
     draw_base,
     pose_covariance,
@@ -44,6 +45,7 @@ from plants.scene import (
     add_manipulation_scene,
     nominal_pose,
 )
+from systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig
 from systems.port_values import UNKNOWN_END_EFFECTOR, no_features
 from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
 from systems.sensors.air_pressure import PressureSensorConfig
@@ -259,11 +261,26 @@ def make_estimators(scenario: TwoArms, calibration: Calibration) -> dict[str, Di
         )
         for side, arm in calibration.arms.items()
     }
-    camera = calibration.cameras["fixed"]
-    X_WC = camera.X_PC.GetAsMatrix4()
-    features = FeatureMotion(scenario.features, camera.intrinsics, X_WC)
     images = ["color_measured", "depth_measured", "robot_mask"]
-    return estimators | {"eye": estimator_of("fixed", features, images)}
+    eye = make_eye(scenario, calibration.cameras["fixed"])
+    return estimators | {"eye": estimator_of("fixed", eye, images)}
+
+
+def make_eye(scenario: TwoArms, camera: Camera) -> Diagram:
+    """The features in a camera's images that can be trusted."""
+    builder = DiagramBuilder()
+    X_WC, intrinsics = camera.X_PC.GetAsMatrix4(), camera.intrinsics
+    features = builder.AddSystem(FeatureMotion(scenario.features, intrinsics, X_WC))
+    monitor = builder.AddSystem(
+        ImageMonitor(ImageMonitorConfig(), intrinsics.width, intrinsics.height)
+    )
+    for image in ("color", "depth"):
+        port = f"{image}_measured"
+        builder.ExportInput(monitor.GetInputPort(port), port)
+        builder.Connect(monitor.GetOutputPort(f"{image}_checked"), features.GetInputPort(port))
+    builder.ExportInput(features.GetInputPort("robot_mask"), "robot_mask")
+    builder.ExportOutput(features.GetOutputPort("features_latest"), "features_latest")
+    return builder.Build()
 
 
 def rows(estimator: str, tick: Tick, station: Tick) -> list[Row]:

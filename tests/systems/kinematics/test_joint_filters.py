@@ -501,3 +501,21 @@ def test_a_grip_that_settles_after_the_reference_does_not_bend_the_path() -> Non
             assert belief.type == PRISMATIC
             assert_allclose(belief.model.configuration[0], y, atol=2e-3)
     assert angles[0] < 0.25 * angles[1]
+
+
+@pytest.mark.parametrize("joint", [PRISMATIC, REVOLUTE])
+def test_a_reference_that_came_late_leaves_the_configuration_as_uncertain_as_the_delay(
+    joint: JointType,
+) -> None:
+    scene, delay = Scene(joint=joint, seconds=4.0), 0.5
+    run = simulate(scene, 3)
+    stds = []
+    for late in (0.0, delay):
+        filters = JointFilters(JointFiltersConfig())
+        state = filters.start(run.measured[0], scene.covariance, 0.0, delay=late)
+        for t, X in zip(run.times[1:], run.measured[1:], strict=True):
+            state = filters.update(state, X, scene.covariance, float(t))
+        model = filters.belief(state).models[joint]
+        stds.append(np.sqrt(model.configuration_covariance[0, 0]))
+    lever = 1.0 if joint == PRISMATIC else filters.config.radius
+    assert_allclose(stds[1] ** 2 - stds[0] ** 2, (delay * filters.config.speed / lever) ** 2)

@@ -8,11 +8,12 @@ from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from maths.arrays import Array
 from systems.monitoring.image_monitor import (
-    NOT_FINITE,
-    SAME_IMAGE,
+    APART,
     ImageMonitor,
     ImageMonitorConfig,
 )
+from systems.monitoring.window_monitor import NO_SAMPLES, NOT_FINITE, OUT_OF_TIME, STUCK
+from systems.port_values import StampedImage
 
 TICK = 0.1
 CONFIG = ImageMonitorConfig(period=TICK, stale_after=0.15)
@@ -33,17 +34,25 @@ def depth(number: int) -> ImageDepth32F:
 
 
 def watched(
-    colors: list[ImageRgba8U], depths: list[ImageDepth32F]
+    colors: list[ImageRgba8U],
+    depths: list[ImageDepth32F],
+    stamps: tuple[list[float], list[float]] | None = None,
 ) -> list[tuple[Array, Array, str, str]]:
-    """Per tick: checked colour and depth, and what is said to be wrong with them."""
+    """Per tick: checked colour and depth, and what is said to be wrong with them.
+
+    Args:
+        stamps: Of colours and depths, in ticks; by default each is of its tick.
+    """
     system = ImageMonitor(CONFIG, *SIZE)
     context = system.CreateDefaultContext()
     found = []
+    of_now = [float(tick) for tick in range(len(colors))]
     for tick, images in enumerate(zip(colors, depths, strict=True)):
         context.SetTime(tick * TICK)
-        for name, image in zip(("color", "depth"), images, strict=True):
-            port = system.GetInputPort(f"{name}_measured")
-            port.FixValue(context, AbstractValue.Make(image))
+        for k, (name, image) in enumerate(zip(("color", "depth"), images, strict=True)):
+            taken = TICK * (stamps or (of_now, of_now))[k][tick]
+            value = AbstractValue.Make(StampedImage(time=taken, image=image))
+            system.GetInputPort(f"{name}_measured").FixValue(context, value)
         checked = [
             np.array(system.GetOutputPort(f"{name}_checked").Eval(context).data)
             for name in ("color", "depth")
@@ -66,18 +75,35 @@ def test_new_images_pass_as_they_are() -> None:
 
 
 def test_depth_that_stopped_while_colour_lives_is_no_depth() -> None:
-    found = watched([color(k) for k in range(5)], [depth(0), *[depth(1)] * 3, depth(4)])
-    assert [fault for *_, fault in found] == ["", "", "", SAME_IMAGE, ""]
+    stamps = [0.0, 1.0, 2.0, 3.0, 4.0], [0.0, 1.0, 1.0, 1.0, 4.0]
+    found = watched([color(k) for k in range(5)], [depth(0), *[depth(1)] * 3, depth(4)], stamps)
+    assert [fault for *_, fault in found] == ["", "", "", NO_SAMPLES, ""]
     assert [bool(measured.any()) for _, measured, *_ in found] == [True, True, False, False, True]
     assert all(fault == "" for _, _, fault, _ in found)
     assert all(seen.any() for seen, *_ in found)
 
 
-def test_a_frozen_camera_sees_nothing() -> None:
+def test_a_camera_that_repeats_its_image_with_new_stamps_sees_nothing() -> None:
     found = watched([color(0)] * 4, [depth(0)] * 4)
-    assert [tick[2:] for tick in found] == [("", "")] * 2 + [(SAME_IMAGE, SAME_IMAGE)] * 2
+    assert [tick[2:] for tick in found] == [("", "")] + [(STUCK, STUCK)] * 3
     assert not found[1][0].any()
     assert not found[1][1].any()
+
+
+def test_images_of_earlier_and_of_later_are_kept_back_and_told() -> None:
+    for late in ([0.0, -2.0, -1.0, 3.0], [0.0, 31.0, 32.0, 3.0]):
+        found = watched([color(k) for k in range(4)], [depth(k) for k in range(4)], (late, late))
+        assert [tick[2] for tick in found] == ["", OUT_OF_TIME, OUT_OF_TIME, ""]
+        assert [tick[3] for tick in found] == ["", OUT_OF_TIME, OUT_OF_TIME, ""]
+        assert [bool(seen.any()) for seen, *_ in found] == [True, False, False, True]
+
+
+def test_an_image_of_another_instant_than_its_partner_is_kept_back() -> None:
+    stamps = [0.0, 1.0, 2.0, 3.0], [0.0, 0.5, 1.5, 3.0]
+    found = watched([color(k) for k in range(4)], [depth(k) for k in range(4)], stamps)
+    assert [tick[2:] for tick in found] == [("", ""), *[("", APART)] * 2, ("", "")]
+    assert [bool(measured.any()) for _, measured, *_ in found] == [True, False, False, True]
+    assert all(seen.any() for seen, *_ in found)
 
 
 def test_a_covered_camera_is_no_fault() -> None:

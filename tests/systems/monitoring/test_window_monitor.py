@@ -7,6 +7,7 @@ from pydrake.common.value import AbstractValue
 
 from maths.arrays import Array
 from systems.monitoring.window_monitor import (
+    JUMPED,
     NO_SAMPLES,
     NOT_FINITE,
     OUT_OF_TIME,
@@ -61,6 +62,39 @@ def test_a_healthy_stream_passes_as_it_is() -> None:
         assert_array_equal(state.passed.values, measured.values)
         assert state.health.fault == ""
         assert_allclose(state.health.age, 0.0, atol=1e-12)
+
+
+def test_readings_that_jump_against_their_rates_are_kept_back_until_they_jump_back() -> None:
+    times = np.arange(1, 81) * STEP / 2.0
+    angle = 0.3 * np.sin(2.0 * times)
+    angle[(times > 0.15) & (times < 0.25)] += 0.05
+    rate = 0.6 * np.cos(2.0 * times) + 1e-3 * np.random.default_rng(0).normal(size=80)
+    system = WindowMonitor(CONFIG, 2, with_rates=True)
+    context = system.CreateDefaultContext()
+    kept, told = [], []
+    for tick in range(1, 5):
+        mine = (times > TICK * (tick - 1) + 1e-9) & (times <= TICK * tick + 1e-9)
+        values = np.column_stack([angle, rate])[mine]
+        value = AbstractValue.Make(SampleWindow(times=times[mine], values=values))
+        context.SetTime(tick * TICK)
+        system.GetInputPort("window").FixValue(context, value)
+        kept += system.GetOutputPort("window_checked").Eval(context).times.tolist()
+        system.ExecuteForcedEvents(context)
+        told.append(system.GetOutputPort("health_latest").Eval(context).fault)
+    assert told == ["", JUMPED, JUMPED, ""]
+    assert_allclose(kept, times[(times <= 0.15 + 1e-9) | (times >= 0.25 - 1e-9)])
+
+
+def test_after_a_silence_a_reading_may_be_anywhere() -> None:
+    empty = SampleWindow(times=np.zeros(0), values=np.zeros((0, 2)))
+    before, after = (
+        SampleWindow(times=TICK * np.array([tick]), values=np.array([[0.2 * tick, 0.0]]))
+        for tick in (1, 4)
+    )
+    state = Monitored()
+    for tick, value in enumerate([before, empty, empty, after], start=1):
+        state = check_window(value, state, tick * TICK, CONFIG, with_rates=True)
+    assert len(passed(state)) == 1
 
 
 def test_a_silent_stream_grows_old_and_is_told_to_be_silent() -> None:

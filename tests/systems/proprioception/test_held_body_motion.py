@@ -403,6 +403,26 @@ def test_there_is_no_body_while_nothing_is_held() -> None:
         system.ExecuteForcedEvents(context)
 
 
+def test_no_reference_is_taken_before_the_encoders_say_where_the_hand_is() -> None:
+    system = HeldBodyMotion(CONFIG)
+    context = system.CreateDefaultContext()
+    end_effector, bending = Episode(Scene(displacement=pull()), 0).streams(0.0)
+    anywhere = replace(end_effector, covariance=end_effector.covariance + 0.01 * np.eye(12))
+    belief = initial_grasp(GraspModelConfig())
+    system.GetInputPort("hand_bending_estimated").FixValue(context, AbstractValue.Make(bending))
+    system.GetInputPort("grasp_latest").FixValue(context, AbstractValue.Make(belief))
+    system.GetInputPort("interaction_active").FixValue(context, 1.0)
+    delays = []
+    for known in (False, False, False, True, False):
+        value = AbstractValue.Make(end_effector if known else anywhere)
+        system.GetInputPort("end_effector_estimated").FixValue(context, value)
+        bodies = system.GetOutputPort("body_motions_estimated").Eval(context).bodies
+        delays.append([body.reference_delay for body in bodies])
+        system.ExecuteForcedEvents(context)
+    waited = pytest.approx(3 * CONFIG.period)
+    assert delays == [[], [], [], [waited], [waited]]
+
+
 @pytest.mark.parametrize(("field", "value"), [("inlier_share", 0.0), ("slip_rotation", -1.0)])
 def test_impossible_values_are_refused(field: str, value: float) -> None:
     config = HeldBodyMotionConfig()

@@ -11,7 +11,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from maths.arrays import Array
-from systems.port_values import SampleWindow
+from systems.port_values import SampleWindow, StampedImage
 from systems.sensors.stream_fault import FAULTS, FailingStream, StreamFault
 
 PERIOD = 0.1
@@ -25,11 +25,11 @@ def window(tick: int) -> SampleWindow:
     return SampleWindow(times=times, values=np.column_stack([numbers, -numbers]))
 
 
-def depth(tick: int) -> ImageDepth32F:
+def depth(tick: int) -> StampedImage:
     """A pixel that counts the ticks in metres, and one without a return."""
     image = ImageDepth32F(2, 1)
     image.mutable_data[:, :, 0] = [[1.0 + tick, 0.0]]
-    return image
+    return StampedImage(time=tick * PERIOD, image=image)
 
 
 def failing(kind: str, *size: float, start: float = 0.2, end: float = np.inf) -> StreamFault:
@@ -48,8 +48,8 @@ def run(faults: Sequence[StreamFault], values: Sequence[Any], seed: int = 0) -> 
         fixed = value if is_vector else AbstractValue.Make(value)
         system.get_input_port().FixValue(context, fixed)
         found = system.get_output_port().Eval(context)
-        is_plain = is_vector or isinstance(found, SampleWindow)
-        delivered.append(found if is_plain else found.data[0, :, 0].copy())
+        is_image = isinstance(found, ImageRgba8U | ImageDepth32F | ImageGrey8U)
+        delivered.append(found.data[0, :, 0].copy() if is_image else found)
         system.ExecuteForcedEvents(context)
     return delivered
 
@@ -59,7 +59,12 @@ def windows(fault: StreamFault, count: int = 6) -> list[SampleWindow]:
 
 
 def depths(fault: StreamFault, count: int = 6) -> Array:
-    return np.array(run([fault], [depth(k) for k in range(count)]))
+    found = run([fault], [depth(k) for k in range(count)])
+    return np.array([stamped.image.data[0, :, 0] for stamped in found])
+
+
+def stamps(fault: StreamFault, count: int = 6) -> Array:
+    return np.array([s.time for s in run([fault], [depth(k) for k in range(count)])]) / PERIOD
 
 
 @pytest.mark.parametrize("kind", FAULTS)
@@ -76,6 +81,7 @@ def test_before_and_after_a_fault_everything_is_as_measured(kind: str) -> None:
 def test_of_a_stream_that_is_off_no_sample_arrives_and_an_image_stays() -> None:
     assert [len(w.times) for w in windows(failing("silent"))] == [2, 2, 0, 0, 0, 0]
     assert_array_equal(depths(failing("silent", end=0.4))[:, 0], [1, 2, 2, 2, 5, 6])
+    assert_allclose(stamps(failing("silent", end=0.4)), [0, 1, 1, 1, 4, 5])
 
 
 def test_a_frozen_stream_says_the_same_again_with_its_old_stamps() -> None:
@@ -89,6 +95,8 @@ def test_a_stuck_sensor_repeats_its_last_reading_with_new_stamps() -> None:
     delivered = windows(failing("stuck"))
     assert_array_equal(delivered[4].times, window(4).times)
     assert_array_equal(delivered[4].values, window(1).values[[1, 1]])
+    assert_array_equal(depths(failing("stuck"))[:, 0], [1, 2, 2, 2, 2, 2])
+    assert_allclose(stamps(failing("stuck")), [0, 1, 2, 3, 4, 5])
 
 
 def test_a_delayed_stream_brings_what_was_measured_the_delay_ago() -> None:
@@ -98,6 +106,7 @@ def test_a_delayed_stream_brings_what_was_measured_the_delay_ago() -> None:
         assert_array_equal(delivered[tick].values, window(tick - 2).values)
         assert_array_equal(delivered[tick].times, window(tick - 2).times)
     assert_array_equal(depths(failing("delayed", 0.2))[:, 0], [1, 2, 1, 2, 3, 4])
+    assert_allclose(stamps(failing("delayed", 0.2)), [0, 1, 0, 1, 2, 3])
 
 
 def test_of_dropped_samples_a_share_is_lost_and_the_seed_says_which() -> None:
@@ -132,6 +141,8 @@ def test_a_clock_that_jumps_moves_the_stamps_alone() -> None:
     delivered = windows(failing("clock_jump", 3.0))[4]
     assert_allclose(delivered.times, window(4).times + 3.0)
     assert_array_equal(delivered.values, window(4).values)
+    assert_allclose(stamps(failing("clock_jump", 3.0)), [0, 1, 32, 33, 34, 35])
+    assert_array_equal(depths(failing("clock_jump", 3.0))[:, 0], [1, 2, 3, 4, 5, 6])
 
 
 def test_colours_stay_within_their_range() -> None:

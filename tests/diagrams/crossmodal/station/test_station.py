@@ -35,8 +35,8 @@ def test_the_glass_pane_is_seen_through_but_returns_no_depth() -> None:
     station, camera = make_station("glass-door", "seed=3")
     context = station.diagram.CreateDefaultContext()
     station.SetInitialState(context)
-    color = station.diagram.GetOutputPort("color_measured").Eval(context).data[:, :, :3]
-    depth = station.diagram.GetOutputPort("depth_measured").Eval(context).data[:, :, 0]
+    color = station.diagram.GetOutputPort("color_measured").Eval(context).image.data[:, :, :3]
+    depth = station.diagram.GetOutputPort("depth_measured").Eval(context).image.data[:, :, 0]
     plant = station.scene.plant
     door = plant.GetBodyByName("door").EvalPoseInWorld(plant.GetMyContextFromRoot(context))
     # On the pane and on the stile beside it, in the door's frame.
@@ -88,5 +88,7 @@ def test_the_true_camera_is_not_quite_the_believed_one(error: str) -> None:
         station, _ = make_station("drawer", *small, *given)
         context = station.diagram.CreateDefaultContext()
         station.SetInitialState(context)
-        images.append(station.diagram.GetOutputPort("color_measured").Eval(context).data.copy())
+        images.append(
+            station.diagram.GetOutputPort("color_measured").Eval(context).image.data.copy()
+        )
     assert np.mean(images[0] != images[1]) > 0.05

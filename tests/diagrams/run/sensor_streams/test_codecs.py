@@ -23,7 +23,7 @@ from diagrams.run.sensor_streams.codecs import (
     definition,
 )
 from maths.arrays import Array
-from systems.port_values import SampleWindow
+from systems.port_values import SampleWindow, StampedImage
 
 NOW = 3_066_666_667  # [ns]
 RNG = np.random.default_rng(0)
@@ -67,6 +67,15 @@ def test_a_depth_image_keeps_what_is_not_a_number(tmp_path: Any) -> None:
     image = ImageDepth32F(3, 1)
     image.mutable_data[:, :, 0] = [[np.inf, np.nan, 0.0]]
     assert_array_equal(round_trip(image, tmp_path).data, image.data)
+
+
+def test_a_stamped_image_keeps_its_stamp_and_one_without_has_that_of_the_log(tmp_path: Any) -> None:
+    stamped = StampedImage(time=2.25, image=ImageDepth32F(3, 1, 1.5))
+    decoded = round_trip(stamped, tmp_path)
+    assert_allclose(decoded.time, 2.25, atol=1e-9)
+    assert_array_equal(decoded.image.data, stamped.image.data)
+    unstamped = StampedImage(time=0.0, image=ImageDepth32F(3, 1))
+    assert_allclose(round_trip(unstamped, tmp_path).time, 1e-9 * NOW, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from diagrams.crossmodal.application import TOPICS
 from diagrams.run.record import TaskStatus
 from diagrams.run.sensor_streams.log import SensorLog, SensorLogWriter, Stream, make_streams
 from diagrams.run.yaml_input.schema import ScenarioError
-from systems.port_values import SampleWindow
+from systems.port_values import SampleWindow, StampedImage
 
 PERIOD = 1 / 15
 IMAGES = {
@@ -20,6 +20,7 @@ IMAGES = {
     "depth_measured": ImageDepth32F,
     "robot_mask": ImageGrey8U,
 }
+STAMPED = ("color_measured", "depth_measured")
 WINDOWS = {
     "joint_state_window": (14, 0.005),
     "wrench_window": (6, 0.01),
@@ -33,7 +34,8 @@ def measured(port: str, tick: int) -> object:
     if port in IMAGES:
         image = IMAGES[port](8, 6)
         image.mutable_data[:] = rng.uniform(0, 200, image.mutable_data.shape)
-        return image
+        # Taken a while before it was logged.
+        return StampedImage(time=tick * PERIOD - 0.01, image=image) if port in STAMPED else image
     if port in WINDOWS:
         size, step = WINDOWS[port]
         first = int(np.floor(((tick - 1) * PERIOD + 1e-9) / step)) + 1
@@ -55,7 +57,10 @@ def streams() -> list[Stream]:
 
 
 def assert_same(port: str, value: object, expected: object) -> None:
-    if port in IMAGES:
+    if port in STAMPED:
+        assert_allclose(value.time, expected.time, atol=1e-9)
+        assert_array_equal(value.image.data, expected.image.data)
+    elif port in IMAGES:
         assert_array_equal(value.data, expected.data)
     elif port in WINDOWS:
         assert_allclose(value.times, expected.times, atol=1e-12)

@@ -147,7 +147,7 @@ class JointFilters:
         keyframes, models = empty_keyframes(config.memory), initial_models(config.memory)
         R: Array = white_equivalent(covariance, 0.0, config.errors)
         W_zero: Array = np.zeros((6, 6))
-        configuration_variance = np.zeros(2)
+        zero = ZERO_CONFIGURATION
         if reference_error is not None and reference_error.any():
             R = R + reference_error
             W_zero = np.asarray(np.linalg.inv(R))
@@ -162,7 +162,8 @@ class JointFilters:
             lever = 1.0 if kind == PRISMATIC else config.radius
             models.P[kind, 1, 1] = (config.speed / lever) ** 2
             models.process_noise[kind] = max(config.process_noise) / lever**2
-            configuration_variance[kind] = models.P[kind, 1, 1] * delay**2
+        if delay > 0.0:
+            zero = replace(zero, variance=models.P[:2, 1, 1] * delay**2)
         models.log_evidence[:] = 0.5 * keyframes.log_det[0]
         return JointFiltersState(
             parent_id=parent_id,
@@ -173,7 +174,7 @@ class JointFilters:
             models=models,
             keyframes=keyframes,
             W_zero=W_zero,
-            configuration_prior=replace(ZERO_CONFIGURATION, variance=configuration_variance),
+            configuration_prior=zero,
         )
 
     def rebase(

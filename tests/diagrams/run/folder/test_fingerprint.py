@@ -15,6 +15,7 @@ ROOT = Path(__file__).parents[4]
 USERS = {
     "diagrams.crossmodal.application",
     "diagrams.crossmodal.results.results",
+    "diagrams.crossmodal.studies.ablation_study",  # Its table.
     "diagrams.evaluation.estimates",
     "diagrams.run.episode",  # How much memory it took.
     "diagrams.run.folder.run_folder",

@@ -18,7 +18,12 @@ class Continuity(Immutable):
 
 
 def without_jumps(
-    times: Array, samples: Array, before: Continuity | None, smallest: float, patience: float
+    times: Array,
+    samples: Array,
+    before: Continuity | None,
+    smallest: float,
+    jitter: float,
+    patience: float,
 ) -> tuple[Mask, Continuity | None]:
     """Which samples (K,) are where the first one and all smooth motion since have led.
 
@@ -29,7 +34,8 @@ def without_jumps(
         times: Stamps (K,), increasing, [s].
         samples: (K, 2 n), readings and their rates.
         before: The last sample; None before the first one.
-        smallest: Change of a reading that is a jump.
+        smallest: Change of a reading at rest that is a jump.
+        jitter: By so much a sample may be older or newer than its stamp says, [s].
         patience: Pause after which nothing is known of the readings' way, [s].
 
     Returns:
@@ -44,9 +50,10 @@ def without_jumps(
     all_samples = np.concatenate([before.sample[None], samples])
     rates = 0.5 * (all_samples[1:, n:] + all_samples[:-1, n:])
     unexplained = np.diff(all_samples[:, :n], axis=0) - rates * dt
-    jumps = np.where(np.abs(unexplained) > smallest, unexplained, 0.0)
+    usual = smallest + jitter * np.abs(rates)
+    jumps = np.where(np.abs(unexplained) > usual, unexplained, 0.0)
     offsets = before.offset + np.cumsum(jumps, axis=0)
-    good = np.all(np.abs(offsets) <= smallest, axis=1)
+    good = np.all(np.abs(offsets) <= usual, axis=1)
     return good, Continuity(
         time=float(times[-1]), sample=samples[-1].copy(), offset=offsets[-1].copy()
     )

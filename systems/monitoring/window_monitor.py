@@ -34,6 +34,8 @@ class WindowMonitorConfig:
     stale_after: float = number(0.15, at_least=1e-3, at_most=3600.0, unit="s")
     # Of readings with rates: a larger change between two samples than the rates' is a jump.
     jump: float = number(0.01, above=0.0, at_most=1e9, unit="the reading's")
+    # By so much a sample may be older or newer than its stamp says.
+    jitter: float = number(0.01, at_least=0.0, at_most=60.0, unit="s")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +105,7 @@ def check_window(
     continuity, smooth = before.continuity, np.ones(len(good), bool)
     if with_rates:
         smooth, continuity = without_jumps(
-            times[good], values[good], continuity, config.jump, config.stale_after
+            times[good], values[good], continuity, config.jump, config.jitter, config.stale_after
         )
     good = good[smooth]
     last = float(times[good[-1]]) if len(good) else before.last_time

@@ -85,6 +85,20 @@ def test_readings_that_jump_against_their_rates_are_kept_back_until_they_jump_ba
     assert_allclose(kept, times[(times <= 0.15 + 1e-9) | (times >= 0.25 - 1e-9)])
 
 
+def test_a_fast_reading_whose_samples_are_held_by_another_clock_does_not_jump() -> None:
+    """An angle at 3 rad/s that a drive renews every 6 ms is read every 5 ms."""
+    stamps = 0.2 + 0.005 * np.arange(1, 14)
+    renewed = 0.006 * np.floor(stamps / 0.006 + 1e-9)
+    window = SampleWindow(
+        times=stamps, values=np.column_stack([3.0 * renewed, np.full(len(stamps), 3.0)])
+    )
+    before = Monitored(last_time=0.2)
+    checked = check_window(window, before, stamps[-1], CONFIG, with_rates=True)
+    assert checked.health.fault == ""
+    assert checked.passed is not None
+    assert len(checked.passed.times) == len(stamps)
+
+
 def test_after_a_silence_a_reading_may_be_anywhere() -> None:
     empty = SampleWindow(times=np.zeros(0), values=np.zeros((0, 2)))
     before, after = (

@@ -22,8 +22,8 @@ def add_soft_hand(
     config: PneumaticHandConfig,
     sensor: PressureSensorConfig,
     seed: int,
-    leaks: Sequence[Interval] = (),
     owner: str = "",
+    leaks: Sequence[Interval] = (),
 ) -> tuple[PneumaticHand, PressureSensor]:
     """Adds pneumatics and pressure sensors; exports `pressure_window`.
 
@@ -36,8 +36,8 @@ def add_soft_hand(
         config: Of the pneumatics.
         sensor: Of the pressure sensors.
         seed: Of bias and noise.
-        leaks: When air escapes from all chambers.
         owner: Name of the hand where there are several; it then begins the names.
+        leaks: When air escapes from all chambers.
     """
     pneumatics = builder.AddNamedSystem(prefixed(owner, "pneumatics"), PneumaticHand(config))
     fingers = builder.AddNamedSystem(

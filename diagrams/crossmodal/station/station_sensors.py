@@ -36,7 +36,7 @@ def add_proprioception(wiring: StationWiring, q_grasp: Array) -> JointEncoders:
         wiring.scenario.model_drivers[HAND].pneumatics,
         sensors.pressure,
         seed,
-        wiring.scenario.disturbances.hand_leaks,
+        leaks=wiring.scenario.disturbances.hand_leaks,
     )
     return encoders
 

@@ -91,7 +91,7 @@ class Outcome:
 
     Attributes:
         crash: What was raised, in a line.
-        told_after: When the stream's monitor told a fault, after its start.
+        told_after: When the stream's monitor told a fault, after its start and before its end.
         told: All that was told, in words.
         inside: Share of the claims from the fault on whose error is below three deviations.
         claimed: Share of the ticks from the fault on at which a configuration was claimed.
@@ -166,7 +166,8 @@ def outcome(
     claims = z[concerned & ~np.isnan(z)]
     spans = fault_spans(record)
     name = STREAMS.get(case.stream)
-    delays = [span.start - case.start for span in spans if span.stream == name]
+    own = [span for span in spans if span.stream == name and span.start < case.end]
+    delays = [span.start - case.start for span in own]
     told = [f"{span.stream}: {span.fault} at {span.start:.2f} s" for span in spans]
     later = np.flatnonzero(series.times >= case.end + RECOVERY - 1e-6)
     judged = len(later) and (healthy is None or not np.isnan(healthy[later[0]]))

@@ -17,7 +17,8 @@ FAULTS = {
     "joint_state": StreamFault(stream="joint_state_window", kind="silent", start=4.5, end=5.2),
     "wrench": StreamFault(stream="wrench_window", kind="nan", start=5.0, end=5.6),
     "pressure": StreamFault(stream="pressure_window", kind="stuck", start=5.4, end=6.0),
-    "depth": StreamFault(stream="depth_measured", kind="frozen", start=5.8, end=6.4),
+    "depth": StreamFault(stream="depth_measured", kind="biased", start=5.8, end=6.4, size=[0.02]),
+    "color": StreamFault(stream="color_measured", kind="delayed", start=6.5, end=6.9, size=[0.3]),
 }
 
 
@@ -52,4 +53,4 @@ def test_faults_are_events_rows_and_lines(failing: Results) -> None:
     ages = table[(table.quantity == "stream_age") & (table.component == "joint_state")]
     assert ages.estimate.max() > 0.5
     summary = {**failing.summary, "modalities": {}}
-    assert any("depth: no samples" in line for line in failing.report(summary))
+    assert any("depth: the depth of what stands still" in line for line in failing.report(summary))

@@ -311,11 +311,14 @@ class JointFilters:
 def _predicted(x: Array, P: Array, S: float, dt: float) -> tuple[Array, Array]:
     """Configuration and rate (2,), and their covariance, a time dt [s] later.
 
-    What is not measured may do all that a joint may: S is the largest density of acceleration.
+    What is not measured goes on as it went, with the largest density of acceleration S, or has
+    stopped at once: an equal mixture of both.
     """
     F = np.array([[1.0, dt], [0.0, 1.0]])
-    Q = S * np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]])
-    return F @ x, F @ P @ F.T + Q
+    goes_on = F @ P @ F.T + S * np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]])
+    stopped, rests = np.array([x[0], 0.0]), np.diag([P[0, 0], 0.0])
+    apart = F @ x - stopped
+    return stopped + 0.5 * apart, 0.5 * (goes_on + rests) + 0.25 * np.outer(apart, apart)
 
 
 def _wants_restart(state: JointFiltersState) -> bool:

@@ -57,13 +57,16 @@ EMPTY_GRAPH = JointGraphState(pairs={}, bodies={}, past={}, unseen={}, ticks=0)
 def merge_bodies(sources: Sequence[BodyMotions]) -> dict[int, BodyMotion]:
     """Bodies by id; a later source overrides an earlier one.
 
-    A body whose motion is not finite counts as not measured.
+    A body whose motion is not finite counts as not measured. Of the held body only the hand can
+    speak: what the eye takes for it may rest behind an empty hand.
     """
     return {
         body.body_id: body
         for source in sources
         for body in source.bodies
-        if np.isfinite(body.motion.X).all() and np.isfinite(body.motion.covariance).all()
+        if (body.body_id != HELD_BODY or isinstance(body, HeldBody))
+        and np.isfinite(body.motion.X).all()
+        and np.isfinite(body.motion.covariance).all()
     }
 
 

@@ -20,6 +20,7 @@ from systems.port_values import (
     BodyMotions,
     EndEffectorBelief,
     FeatureBelief,
+    GraspBelief,
     GraspType,
     HeldBody,
     MotionBelief,
@@ -47,6 +48,10 @@ def is_known(end_effector: EndEffectorBelief, config: HeldBodyMotionConfig) -> b
     """Whether the encoders say where the hand is; without them for a while it may be anywhere."""
     largest = np.repeat([config.largest_rotation, config.largest_translation], 3)
     return bool(np.all(np.diag(end_effector.white_covariance)[:6] < largest**2))
+
+
+# Most that counts of what was seen of a grasp before its body hid, with the prior, [nat].
+_REMEMBERED = 8.5
 
 
 @dataclass(kw_only=True)
@@ -114,12 +119,27 @@ class HeldBodyState(Immutable):
         sighting: What corrected it at this tick, if anything.
         lost: Whether the hand has lost what it held since it closed.
         waited: For how long the hand has been closed without a body, [s].
+        slip_odds: What load and pressures have said of a slip, [nat].
     """
 
     body: BodyState | None = None
     sighting: Sighting | None = None
     lost: bool = False
     waited: float = 0.0
+    slip_odds: float = 0.0
+
+
+def has_failed(grasp: GraspBelief, slip_before: float, slip: float) -> bool:
+    """Whether a grasp is more likely to have failed than not, now that nobody sees its body.
+
+    Args:
+        grasp: As it was believed at the last tick.
+        slip_before: What load and pressures had said of it then, [nat].
+        slip: What they say now, [nat].
+    """
+    failed = np.clip(grasp.probabilities[GraspType.FAILED], 1e-12, 1.0 - 1e-12)
+    otherwise = max(float(np.log(failed / (1.0 - failed))) - slip_before, -_REMEMBERED)
+    return grasp.type == GraspType.FAILED or otherwise + slip > 0.0
 
 
 def body_motions(state: HeldBodyState) -> BodyMotions:
@@ -267,9 +287,11 @@ class HeldBodyMotion(RecursiveFilter):
                 return HeldBodyState()
             return HeldBodyState(lost=state.lost, waited=state.waited + self._config.period)
         body, sighting = self._correct(context, body)
-        if sighting is None and self._read(self._grasp, context).type == GraspType.FAILED:
+        slip = self._read_optional(self._slip, context) or NO_SLIP
+        grasp = self._read(self._grasp, context)
+        if sighting is None and has_failed(grasp, state.slip_odds, slip.log_odds):
             return HeldBodyState(lost=True)
-        return HeldBodyState(body=body, sighting=sighting)
+        return HeldBodyState(body=body, sighting=sighting, slip_odds=slip.log_odds)
 
     def _correct(self, context: Context, body: BodyState) -> tuple[BodyState, Sighting | None]:
         """The body after this tick's features, and what they say of it, if anything."""

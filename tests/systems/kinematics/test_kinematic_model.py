@@ -14,12 +14,14 @@ from maths import se3
 from maths.consistency import chi_square_bounds
 from maths.gaussian import nees
 from systems.kinematics.joint_filters import JointFiltersConfig
-from systems.kinematics.joint_graph import relative_pose, wanted_pairs
+from systems.kinematics.joint_graph import merge_bodies, relative_pose, wanted_pairs
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from systems.port_values import (
+    HELD_BODY,
     BodyMotion,
     BodyMotions,
     BodyPredictions,
+    HeldBody,
     JointBeliefs,
     JointType,
     MotionBelief,
@@ -39,7 +41,7 @@ def _body(body_id: int, x: float, V: float = 0.0, seed: int | None = None) -> Bo
     if seed is not None:
         noise = np.random.default_rng(seed).normal(size=6)
         X = X @ se3.exp(np.sqrt(np.diag(COVARIANCE)[:6]) * noise)
-    return BodyMotion(
+    body = BodyMotion(
         body_id=body_id,
         motion=MotionBelief(X=X, V=np.array([0.0, 0.0, 0.0, V, 0.0, 0.0]), covariance=COVARIANCE),
         X_WB_reference=reference,
@@ -47,6 +49,16 @@ def _body(body_id: int, x: float, V: float = 0.0, seed: int | None = None) -> Bo
         p_BF=np.zeros((0, 3)),
         p_BF_covariance=np.zeros((0, 0)),
     )
+    if body_id != HELD_BODY:
+        return body
+    return HeldBody(**vars(body), seen=None, seen_offset_covariance=np.zeros((6, 6)))
+
+
+def test_what_the_eye_takes_for_the_held_body_is_none() -> None:
+    held = _body(HELD_BODY, 0.1)
+    seen = BodyMotion(**{name: getattr(held, name) for name in BodyMotion.__dataclass_fields__})
+    assert merge_bodies([BodyMotions(bodies=[seen])]) == {}
+    assert merge_bodies([BodyMotions(bodies=[seen]), BodyMotions(bodies=[held])]) == {1: held}
 
 
 class Driver:
@@ -86,10 +98,11 @@ def test_a_joint_that_is_not_measured_any_more_is_claimed_ever_less_surely() -> 
     for k in range(1, 11):
         driver.tick()
         later = driver.joints().joints[0].models[JointType.PRISMATIC]
-        assert later.configuration[0] == pytest.approx(q + rate * k / 15.0)
+        assert later.configuration[0] == pytest.approx(q + 0.5 * rate * k / 15.0)
+        assert later.configuration_covariance[0, 0] > (0.5 * rate * k / 15.0) ** 2
         variances.append(later.configuration_covariance[0, 0])
     assert np.all(np.diff(variances) > 0.0)
-    least = max(config.filters.process_noise) * (10.0 / 15.0) ** 3 / 3.0
+    least = 0.5 * max(config.filters.process_noise) * (10.0 / 15.0) ** 3 / 3.0
     assert variances[-1] > least
     assert_allclose(later.axis_covariance, model.axis_covariance)
     driver.set(_body(2, 0.02 * 4.0, 0.02))

@@ -69,6 +69,8 @@ def test_the_network_period_reaches_every_filter_and_window() -> None:
     [
         ("duraton=3", "unknown key 'duraton'; did you mean 'duration'?"),
         ("sensors.encoders.nois=3", "unknown key 'sensors.encoders.nois'; did you mean 'noise"),
+        ("disturbances.hand_leaks=[{start: 3, end: 1}]", "hand_leaks.0 = 3 to 1 s, but it must be"),
+        ("disturbances.forces=[{force: [1, 2]}]", "forces.0.force = [1.0, 2.0] N, need 3 numbers"),
         ("disturbances.lights_off=[{begin: 3}]", "unknown key 'disturbances.lights_off.0.begin'"),
         ("cameras.camera.width=0", "cameras.camera.width = 0 px, need"),
         ("plant.time_step=-0.001", "plant.time_step = -0.001 s"),

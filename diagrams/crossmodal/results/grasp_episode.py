@@ -134,5 +134,5 @@ def grasp_lines(grasp: Mapping[str, Any]) -> list[str]:
     if grasp["held_until_true"] is not None:
         lines.append(f"the handle left it at {grasp['held_until_true']:.1f} s")
     told = ", ".join(f"{LABELS.get(name, name)} at {time:.1f} s" for name, time in noticed.items())
-    lines.append(f"noticed by {told}" if told else "nobody noticed")
+    lines.append(f"found lost by {told}" if told else "nobody noticed")
     return lines

@@ -77,7 +77,7 @@ def test_a_bar_that_stays_behind_left_the_hand_when_it_was_far_enough() -> None:
     assert grasp.noticed_at["crossmodal"] == pytest.approx(9.5, abs=0.1)
     assert grasp_lines(summarise_grasp(grasp)) == [
         "the handle left it at 10.8 s",
-        "noticed by cross-modal at 9.5 s",
+        "found lost by cross-modal at 9.5 s",
     ]
 
 

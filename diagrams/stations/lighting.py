@@ -1,10 +1,9 @@
 """What disturbs a camera: darkness, and things in front of it."""
 
-from collections.abc import Iterable
-
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from diagrams.run.scenario import Disturbances, Interval
+from diagrams.run.scenario import Disturbances
+from diagrams.stations.occurrence import occurs
 
 
 class Lighting(LeafSystem):
@@ -24,14 +23,11 @@ class Lighting(LeafSystem):
     def __init__(self, disturbances: Disturbances) -> None:
         super().__init__()
 
-        def within(intervals: Iterable[Interval], time: float) -> float:
-            return float(any(time in interval for interval in intervals))
-
         def illumination(context: Context, output: BasicVector) -> None:
-            output.SetAtIndex(0, 1.0 - within(disturbances.lights_off, context.get_time()))
+            output.SetAtIndex(0, 1.0 - occurs(disturbances.lights_off, context.get_time()))
 
         def cover(context: Context, output: BasicVector) -> None:
-            output.SetAtIndex(0, within(disturbances.camera_covered, context.get_time()))
+            output.SetAtIndex(0, occurs(disturbances.camera_covered, context.get_time()))
 
         self.DeclareVectorOutputPort("illumination", 1, illumination, {self.time_ticket()})
         self.DeclareVectorOutputPort("cover", 1, cover, {self.time_ticket()})

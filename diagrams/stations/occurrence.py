@@ -7,6 +7,11 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from diagrams.run.scenario import Interval
 
 
+def occurs(intervals: Iterable[Interval], time: float) -> float:
+    """One if any of the intervals holds a time [s], else zero."""
+    return float(any(time in interval for interval in intervals))
+
+
 class Occurrence(LeafSystem):
     """One while any of the intervals lasts, else zero.
 
@@ -24,6 +29,6 @@ class Occurrence(LeafSystem):
         intervals = tuple(intervals)
 
         def occurring(context: Context, output: BasicVector) -> None:
-            output.SetAtIndex(0, float(any(context.get_time() in span for span in intervals)))
+            output.SetAtIndex(0, occurs(intervals, context.get_time()))
 
         self.DeclareVectorOutputPort("occurring", 1, occurring, {self.time_ticket()})

@@ -57,8 +57,8 @@ EMPTY_GRAPH = JointGraphState(pairs={}, bodies={}, past={}, unseen={}, ticks=0)
 def merge_bodies(sources: Sequence[BodyMotions]) -> dict[int, BodyMotion]:
     """Bodies by id; a later source overrides an earlier one.
 
-    A body whose motion is not finite counts as not measured. Of the held body only the hand can
-    speak: what the eye takes for it may rest behind an empty hand.
+    A body whose motion is not finite counts as not measured. The held body counts only as the
+    `HeldBody` of the hand: vision has it where the hand expects it, also after a lost grip.
     """
     return {
         body.body_id: body

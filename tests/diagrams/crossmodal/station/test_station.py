@@ -92,3 +92,21 @@ def test_the_true_camera_is_not_quite_the_believed_one(error: str) -> None:
             station.diagram.GetOutputPort("color_measured").Eval(context).image.data.copy()
         )
     assert np.mean(images[0] != images[1]) > 0.05
+
+
+def test_leaks_and_forces_of_a_scenario_reach_hand_and_plant_while_they_last() -> None:
+    overrides = [
+        "disturbances.hand_leaks=[{start: 2, end: 3}]",
+        "disturbances.forces=[{frame: 'drawer::handle', force: [-50, 0, 0], start: 2, end: 3}]",
+    ]
+    _, scenario = load_scenario("drawer", overrides)
+    station = make_manipulation_station(scenario, APPLICATION.make_calibration(scenario))
+    root = station.diagram.CreateDefaultContext()
+    plant = station.scene.plant
+    pneumatics = station.diagram.GetSubsystemByName("pneumatics")
+    for time, counts in ((1.9, 0), (2.0, 1), (3.0, 0)):
+        root.SetTime(time)
+        forces = plant.get_applied_spatial_force_input_port()
+        assert len(forces.Eval(plant.GetMyContextFromRoot(root))) == counts
+        leaking = pneumatics.GetInputPort("leaking").Eval(pneumatics.GetMyContextFromRoot(root))
+        assert leaking[0] == counts

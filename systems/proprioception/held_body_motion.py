@@ -29,6 +29,7 @@ from systems.port_values import (
 )
 from systems.proprioception.bent_hand import bent_hand
 from systems.proprioception.feature_registration import GATE, register
+from systems.proprioception.grasp_failure import GraspFailureConfig
 from systems.proprioception.grasp_model import initial_grasp
 from systems.proprioception.grasp_model_config import GraspModelConfig
 from systems.proprioception.held_body_filter import (
@@ -50,8 +51,9 @@ def is_known(end_effector: EndEffectorBelief, config: HeldBodyMotionConfig) -> b
     return bool(np.all(np.diag(end_effector.white_covariance)[:6] < largest**2))
 
 
+_FAILURE = GraspFailureConfig()
 # Most that counts of what was seen of a grasp before its body hid, with the prior, [nat].
-_REMEMBERED = 8.5
+_REMEMBERED = _FAILURE.limit + float(np.log(1.0 / _FAILURE.prior - 1.0))
 
 
 @dataclass(kw_only=True)

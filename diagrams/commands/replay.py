@@ -17,7 +17,9 @@ EXAMPLES = (
 
 def replay_command(
     run: Annotated[Path, typer.Argument(help="Folder of a run with --record-sensors.")],
-    out: Annotated[Path | None, typer.Option(help="Folder. [default: RUN/replay]")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder. [default: RUN/replay, or the next free number]")
+    ] = None,
     force: ForceOption = False,
     overrides: SetOption = None,
 ) -> None:
@@ -27,7 +29,7 @@ def replay_command(
 
         from diagrams.applications import load_scenario
         from diagrams.run.folder.own_files import held
-        from diagrams.run.folder.run_folder import FILES
+        from diagrams.run.folder.run_folder import FILES, first_free
         from diagrams.run.replay import check_recorded, replay
         from diagrams.run.yaml_input.schema import ScenarioError
 
@@ -35,7 +37,8 @@ def replay_command(
         application, chosen = load_scenario(str(check_recorded(run, changes)), changes)
         if out is not None and out.resolve() == run.resolve():
             raise ScenarioError(f"--out {out}: holds the recorded run itself; choose another")
-        folder = out or run / "replay"
+        usual = run / "replay"
+        folder = out or (usual if force else first_free(usual))
         with held(folder, FILES, force=force):
             title = f"{chosen.name}, seed {chosen.seed}"
             with tqdm(desc=title, unit="tick", disable=None) as bar:

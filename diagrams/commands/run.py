@@ -27,7 +27,10 @@ def run_command(
         int | None, typer.Option(min=0, help="What varies: object, offsets, noise.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the run. [default: runs/SCENARIO-seedSEED]")
+        Path | None,
+        typer.Option(
+            help="Folder of the run. [default: runs/SCENARIO-seedSEED, or the next free number]"
+        ),
     ] = None,
     force: ForceOption = False,
     meshcat: Annotated[
@@ -80,7 +83,12 @@ def run_command(
 
         from diagrams.applications import load_scenario
         from diagrams.run.folder.own_files import held
-        from diagrams.run.folder.run_folder import FILES, SENSORS_FILE, default_folder
+        from diagrams.run.folder.run_folder import (
+            FILES,
+            SENSORS_FILE,
+            default_folder,
+            first_free,
+        )
 
         assignments = list(overrides or [])
         if seed is not None:
@@ -99,7 +107,8 @@ def run_command(
         }
         assignments = _own_object(scenario, assignments, own_object, about_object) + assignments
         application, chosen = load_scenario(scenario, assignments)
-        folder = out or default_folder(chosen)
+        usual = default_folder(chosen)
+        folder = out or (usual if force else first_free(usual))
         with held(folder, FILES, force=force) as own:
             sensors_file = own.place(SENSORS_FILE) if record_sensors else None
             record = _simulate(

@@ -12,6 +12,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +42,17 @@ FILES = (SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, MESHCAT_FILE, SENSORS_FILE
 def default_folder(scenario: Scenario) -> Path:
     """Where a run is written unless the user says otherwise."""
     return Path("runs") / f"{scenario.name}-seed{scenario.seed}"
+
+
+def first_free(folder: Path) -> Path:
+    """`folder`, or the first of `folder-2`, `folder-3`, ... where nothing is yet."""
+    numbered = (folder.with_name(f"{folder.name}-{number}") for number in count(2))
+    return next(path for path in chain([folder], numbered) if not _is_taken(path))
+
+
+def _is_taken(path: Path) -> bool:
+    """Whether anything is there but an empty folder; one that a run holds has its list of files."""
+    return os.path.lexists(path) and not (path.is_dir() and not any(path.iterdir()))
 
 
 def write_atomically(path: Path, write: Callable[[Path], Any]) -> Path:

@@ -19,6 +19,7 @@ from diagrams.run.folder.run_folder import (
     RunWriter,
     default_folder,
     finished_summary,
+    first_free,
     summarise,
     without_nan,
     write_atomically,
@@ -197,6 +198,16 @@ def test_only_a_complete_run_of_the_same_scenario_counts_as_finished(tmp_path: P
 
 def test_the_usual_folder_names_scenario_and_seed() -> None:
     assert default_folder(load_scenario("drawer", ["seed=4"])[1]) == Path("runs/drawer-seed4")
+
+
+def test_a_folder_that_is_taken_gives_way_to_the_next_number(tmp_path: Path) -> None:
+    usual = tmp_path / "drawer-seed4"
+    assert first_free(usual) == usual
+    usual.mkdir()
+    assert first_free(usual) == usual
+    (usual / "summary.json").touch()
+    (tmp_path / "drawer-seed4-2").touch()
+    assert first_free(usual) == tmp_path / "drawer-seed4-3"
 
 
 def test_an_error_while_drawing_loses_nothing_but_that_picture(tmp_path: Path) -> None:

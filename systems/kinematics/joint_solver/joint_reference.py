@@ -20,7 +20,8 @@ def keep_axes(old: Models, axis_distance: float) -> Models:
         axis_distance: See `Priors`.
     """
     new = initial_models(old.q.shape[1])
-    for name in ("Y", "a", "c", "signed", "process_noise", "prior_Y", "prior_a", "prior_c"):
+    same = ("Y", "a", "c", "covariance", "signed", "process_noise", "prior_Y", "prior_a", "prior_c")
+    for name in same:
         getattr(new, name)[:] = getattr(old, name.removeprefix("prior_"))
     new.state[:, 0] = old.state[:, 0]
     E = np.empty((10, 12))

@@ -17,8 +17,8 @@ The filters work without Drake:
     print(belief.type, belief.probabilities[belief.type], belief.model.configuration)
 
 `start` takes the first pose as the reference, where the configuration is zero. A state is never
-changed in place. `predict` says where a model expects the child next; `rebase` goes on from a new
-reference.
+changed in place. `predict` says where a model expects the child next; `rebase` goes on when the
+child's pose has got a constant error.
 
 Frames: P parent, B child, F the child's measured reference pose. All covariances of poses are right
 perturbations in B, rotation [rad] before translation [m].
@@ -41,12 +41,7 @@ from systems.kinematics.joint_solver.joint_readout import (
     read_axis,
     read_configuration,
 )
-from systems.kinematics.joint_solver.joint_reference import (
-    ZERO_CONFIGURATION,
-    ConfigurationPrior,
-    prior_configuration,
-    transfer_prior,
-)
+from systems.kinematics.joint_solver.joint_reference import keep_axes
 from systems.kinematics.joint_solver.joint_solver import Priors
 from systems.kinematics.joint_solver.joint_update import update as update_models
 from systems.kinematics.joint_solver.pose_keyframes import (
@@ -77,8 +72,11 @@ class JointFiltersState(Immutable):
         models: Parameters, configuration and evidence of each model.
         keyframes: The measurements, averaged.
         W_zero: See `read_configuration`.
-        configuration_prior: The configurations at the reference; zero at the first one.
-        reset_count: Of parent and child together (`BodyMotion`), at the reference.
+        reference_noise: Covariance (6, 6), in B, of the measured reference.
+        offset: Covariance (6, 6), in B, of the poses' constant error since the last reset.
+        zero_variance: (2,) by how far the child may have moved before the reference, for the
+            prismatic and the revolute model.
+        reset_count: Of parent and child together (`BodyMotion`).
     """
 
     parent_id: int
@@ -89,7 +87,9 @@ class JointFiltersState(Immutable):
     models: Models
     keyframes: Keyframes
     W_zero: Array
-    configuration_prior: ConfigurationPrior
+    reference_noise: Array
+    offset: Array
+    zero_variance: Array
     reset_count: int = 0
 
 
@@ -145,12 +145,10 @@ class JointFilters:
         """
         config = self.config
         keyframes, models = empty_keyframes(config.memory), initial_models(config.memory)
-        R: Array = white_equivalent(covariance, 0.0, config.errors)
-        W_zero: Array = np.zeros((6, 6))
-        zero = ZERO_CONFIGURATION
-        if reference_error is not None and reference_error.any():
-            R = R + reference_error
-            W_zero = np.asarray(np.linalg.inv(R))
+        noise: Array = white_equivalent(covariance, 0.0, config.errors)
+        error: Array = np.zeros((6, 6)) if reference_error is None else reference_error
+        R = noise + error
+        W_zero = np.asarray(np.linalg.inv(R)) if error.any() else np.zeros((6, 6))
         append(keyframes, np.eye(4), R, time, self._priors.walk_noise)
         for kind in range(3):
             n = dimension(kind)
@@ -162,8 +160,6 @@ class JointFilters:
             lever = 1.0 if kind == PRISMATIC else config.radius
             models.P[kind, 1, 1] = (config.speed / lever) ** 2
             models.process_noise[kind] = max(config.process_noise) / lever**2
-        if delay > 0.0:
-            zero = replace(zero, variance=models.P[:2, 1, 1] * delay**2)
         models.log_evidence[:] = 0.5 * keyframes.log_det[0]
         return JointFiltersState(
             parent_id=parent_id,
@@ -174,42 +170,34 @@ class JointFilters:
             models=models,
             keyframes=keyframes,
             W_zero=W_zero,
-            configuration_prior=zero,
+            reference_noise=noise,
+            offset=np.zeros((6, 6)),
+            zero_variance=models.P[:2, 1, 1] * delay**2,
         )
 
     def rebase(
-        self,
-        state: JointFiltersState,
-        X_PB: Array,
-        covariance: Array,
-        time: float,
-        reference_error: Array | None = None,
+        self, state: JointFiltersState, time: float, offset: Array, reference_error: Array
     ) -> JointFiltersState:
-        """The state rebased to a new reference, with what it knows of axes and types as a prior.
+        """The state once the child's pose has got a constant error, as from new landmarks.
 
-        For a child whose pose has got a new constant error, so that its motion from then on is a
-        screw about the same axis in P, but from another pose.
+        The motion from then on is a screw about the same axis, displaced from the reference by that
+        error: what was measured since the reference is marginalised, the reference is less certain.
 
         Args:
             state: The last one; not changed.
-            X_PB: Measured (4, 4), the new reference.
-            covariance: Of that measurement without the constant error (6, 6), in B.
-            time: Of the reference, [s].
-            reference_error: See `start`.
+            time: Of the first measurement with that error, [s]; what else is wrong with the next
+                ones has nothing in common with earlier errors.
+            offset: Covariance (6, 6), in B, of the constant error that came since the reference.
+            reference_error: What counts of that of `start` from now on.
         """
-        ids = (state.parent_id, state.child_id)
-        start = self.start(X_PB, covariance, time, *ids, reference_error)
-        X_FG = se3.inverse(state.X_PF) @ X_PB
-        configuration_prior = transfer_prior(
-            state.models,
-            state.configuration_prior,
-            state.W_zero,
-            start.models,
-            X_FG,
-            time - state.time,
-            self.config.axis_distance,
+        R = state.reference_noise + offset + reference_error
+        keyframes = empty_keyframes(self.config.memory)
+        append(keyframes, np.eye(4), R, float(state.keyframes.time[0]), self._priors.walk_noise)
+        models = keep_axes(state.models, self.config.axis_distance)
+        W_zero = np.asarray(np.linalg.inv(R))
+        return replace(
+            state, time=time, models=models, keyframes=keyframes, W_zero=W_zero, offset=offset
         )
-        return replace(start, updates=state.updates, configuration_prior=configuration_prior)
 
     def update(
         self,
@@ -274,12 +262,10 @@ class JointFilters:
     def _moving_belief(self, state: JointFiltersState, kind: int, dt: float) -> JointModelBelief:
         m, n = state.models, dimension(kind)
         vectors, axis, point = read_axis(kind, m, state.X_PF, self.config.axis_distance)
-        q, sensitivity = read_configuration(kind, m, state.W_zero)
-        q_prior, slope = prior_configuration(state.configuration_prior, kind, m)
-        sensitivity[6:, 0] += slope
+        displaced = state.reference_noise + state.offset
+        configuration, sensitivity, variance = read_configuration(kind, m, state.W_zero, displaced)
         q_covariance = sensitivity.T @ m.covariance[kind, :n, :n] @ sensitivity + m.P[kind]
-        q_covariance[0, 0] += state.configuration_prior.variance[kind]
-        configuration = np.array([q[0] + q_prior, q[1]])
+        q_covariance[0, 0] += state.zero_variance[kind] + variance
         if dt > 1e-9:
             S = max(self.config.process_noise)
             if kind == REVOLUTE:

@@ -104,6 +104,19 @@ def measured_pose(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[PoseBelief
     return pose, correlated, X_PB_reference
 
 
+def constant_error(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[Array, Array]:
+    """Covariances (6, 6), in B, of X_PB's error since the last reset and of its reference's."""
+    child = bodies[pair[1]]
+    if pair[0] == STATIC_BODY:
+        return child.offset_covariance, child.reference_offset_covariance
+    parent = bodies[pair[0]]
+    Ad = se3.adjoint(se3.inverse(child.motion.X) @ parent.motion.X)
+    return (
+        child.offset_covariance + Ad @ parent.offset_covariance @ Ad.T,
+        child.reference_offset_covariance + Ad @ parent.reference_offset_covariance @ Ad.T,
+    )
+
+
 def transferred(
     pair: Pair, bodies: dict[int, BodyMotion], past: list[JointFiltersState], time: float
 ) -> JointFiltersState | None:
@@ -172,7 +185,8 @@ def _update_pair(
             delay = held.reference_delay if isinstance(held, HeldBody) else 0.0
         state = filters.start(X_PB_reference, pose.covariance, time - age, *pair, correlated, delay)
     elif reset_count != state.reset_count:
-        state = filters.rebase(state, pose.X, pose.covariance, time, correlated)
+        offset, of_reference = constant_error(pair, bodies)
+        state = filters.rebase(state, time, offset, of_reference + correlated)
     state = replace(state, reset_count=reset_count)
     return filters.update(state, pose.X, pose.covariance, time, correlated)
 

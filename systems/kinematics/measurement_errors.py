@@ -77,7 +77,7 @@ def white_equivalent(
     """
     R = _own_equivalent(covariance, dt, config)
     if dt <= 0.0:
-        return R
+        return R if correlated is None else R + correlated
     if _adds_error(config):
         added = np.repeat([config.correlated_rotation**2, config.correlated_translation**2], 3)
         R = R + np.diag(added) * max(1.0, 2.0 * config.correlated_time / dt)

@@ -29,6 +29,8 @@ class BodyMotion:
         reset_count: How many times the body was lost from sight and got new landmarks where it was
             believed to be; from then on, the pose's error has a part that is constant in B.
         offset_covariance: (6, 6), in B, of that part; included in the motion's covariance.
+        reference_offset_covariance: (6, 6), in B, of the reference's own error since then; not
+            included.
     """
 
     body_id: int
@@ -41,6 +43,7 @@ class BodyMotion:
     reference_age: float = float("nan")
     reset_count: int = 0
     offset_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    reference_offset_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
 
 
 @dataclass(kw_only=True)

@@ -64,6 +64,7 @@ def start_body(
         reference_error=np.diag(reference_error**2),
         reset_count=0,
         offset=np.zeros((6, 6)),
+        reference_offset=np.zeros((6, 6)),
         shift=0.0,
         reference_delay=delay,
     )
@@ -136,9 +137,7 @@ def predict_body(
     X_WB = before.X_WH @ step @ se3.inverse(before.X_WH) @ body.X_WB @ se3.exp(x[:6])
     x[:6] = 0.0
     unseen_growth = positive_part(body.unseen_growth + P[:6, :6] - body.P[:6, :6])
-    reference_error = (
-        np.exp(-2.0 * config.period / config.reference_error_time) * body.reference_error
-    )
+    remains = (1.0 - body.settled) * np.exp(-config.period / config.reference_error_time)
     return replace(
         body,
         hand=hand,
@@ -146,7 +145,7 @@ def predict_body(
         x=x,
         P=symmetric(P),
         unseen_growth=unseen_growth,
-        reference_error=reference_error,
+        settled=1.0 - remains,
     )
 
 
@@ -190,20 +189,21 @@ def with_velocity(
 def reset_body(
     body: BodyState,
     seen: PoseBelief,
+    offset_covariance: Array,
     feature_ids: Ids,
     reset_count: int,
-    config: HeldBodyMotionConfig,
 ) -> BodyState:
     """The body when features are back that were placed in it where the hand had carried it.
 
     They know nothing of the pose's error until then, but say how the body moves from now on: that
-    error becomes a constant `offset`, and the pose is where they see it, up to their noise.
+    error becomes a constant `offset`, and the pose is where they see it, up to their noise. Of the
+    reference's error, what has settled stays; from now on the landmarks settle, as they are placed
+    better.
     """
     layout = Layout(body.hand.bias_jacobian.shape[1])
     x, P = error_state.fade(body.x, body.P, layout.b, 0.0)
     offset = body.offset + P[:6, :6]
     P = error_state.reset(P, _POSE, seen.covariance)
-    reference_error = np.repeat([config.reset_rotation_error, config.reset_translation_error], 3)
     return replace(
         body,
         X_WB=seen.X,
@@ -211,9 +211,11 @@ def reset_body(
         P=P,
         feature_ids=feature_ids,
         unseen_growth=np.zeros((6, 6)),
-        reference_error=np.diag(reference_error**2),
+        reference_error=offset_covariance,
+        settled=0.0,
         reset_count=reset_count,
         offset=offset,
+        reference_offset=body.reference_offset + body.settled**2 * body.reference_error,
     )
 
 

@@ -164,9 +164,10 @@ def body_motions(state: HeldBodyState) -> BodyMotions:
                 p_BF_covariance=(
                     np.zeros((0, 0)) if sighting is None else covariance_of(sighting.body, rows)
                 ),
-                correlated_covariance=body.unseen_growth + body.reference_error,
+                correlated_covariance=body.correlated,
                 reset_count=body.reset_count,
                 offset_covariance=body.offset,
+                reference_offset_covariance=body.reference_offset,
                 seen=None if sighting is None else sighting.pose,
                 seen_offset_covariance=(
                     np.zeros((6, 6)) if sighting is None else sighting.offset_covariance
@@ -305,9 +306,8 @@ class HeldBodyMotion(RecursiveFilter):
         if sighting is None:
             return body, None
         ids = sighting.body.feature_ids[sighting.rows]
-        resets = sighting.body.reset_count
+        offset, resets = sighting.offset_covariance, sighting.body.reset_count
         if resets != body.reset_count:
-            return reset_body(body, sighting.pose, ids, resets, self._config), sighting
-        offset = sighting.offset_covariance
+            return reset_body(body, sighting.pose, offset, ids, resets), sighting
         corrected = correct_body(body, sighting.pose, offset, ids, self._config)
         return (body, None) if corrected is None else (corrected, sighting)

@@ -23,10 +23,6 @@ class HeldBodyMotionConfig:
     reference_rotation_error: float = number(0.05, at_least=1e-9, at_most=10.0, unit="rad")
     # The same for the translation.
     reference_translation_error: float = number(6.0e-3, at_least=1e-9, at_most=10.0, unit="m")
-    # The same after new landmarks were placed.
-    reset_rotation_error: float = number(0.015, at_least=1e-9, at_most=10.0, unit="rad")
-    # The same for the translation.
-    reset_translation_error: float = number(3.0e-3, at_least=1e-9, at_most=10.0, unit="m")
     # Time constant with which these errors decay.
     reference_error_time: float = number(2.0, at_least=1e-3, at_most=1e5, unit="s")
     # Way that a turn of the hand counts as.

@@ -79,8 +79,11 @@ class BodyState(Immutable):
             corrected it; it comes from the hand's errors, which are correlated over time.
         reference_error: (6, 6), in B, of the grip's settling since the reference; zero once
             features have been seen, unless the landmarks were placed anew: then of theirs.
+        settled: Share of that error's way that is over, from zero to one.
         reset_count: How many times vision has placed its landmarks anew.
         offset: (6, 6), in B, of the pose's constant error since then; not part of P.
+        reference_offset: (6, 6), in B, of how far the grip had settled since the reference when the
+            landmarks were placed anew; not part of P.
         shift: How far the body may have moved in the fingers, 1 sigma, part of P, [m].
         reference_delay: From the closing of the hand to the reference, [s].
     """
@@ -98,9 +101,16 @@ class BodyState(Immutable):
     reference_error: Array
     reset_count: int
     offset: Array
+    reference_offset: Array
     shift: float
+    settled: float = 0.0
     reference_delay: float = 0.0
 
     @property
     def pose(self) -> PoseBelief:
         return PoseBelief(X=self.X_WB, covariance=self.P[:6, :6] + self.offset)
+
+    @property
+    def correlated(self) -> Array:
+        """Covariance (6, 6), in B, of the errors that are correlated over seconds."""
+        return self.unseen_growth + (1.0 - self.settled) ** 2 * self.reference_error

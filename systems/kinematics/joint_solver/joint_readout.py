@@ -60,7 +60,9 @@ def _zero(kind: int, m: Models, W: Array, k: Array) -> float:
 
 
 @hot
-def read_configuration(kind: int, m: Models, W_zero: Array) -> tuple[Array, Array]:
+def read_configuration(
+    kind: int, m: Models, W_zero: Array, displaced: Array
+) -> tuple[Array, Array, float]:
     """Configuration and rate since the reference, (2,), and their derivatives by theta (n, 2).
 
     Args:
@@ -68,15 +70,21 @@ def read_configuration(kind: int, m: Models, W_zero: Array) -> tuple[Array, Arra
         m: Models.
         W_zero: Zero (6, 6), or the metric in which the point of the path that is nearest to the
             measured reference has q = 0.
+        displaced: Covariance (6, 6), in B, of the path's displacement from the measured reference
+            as far as it makes the configuration wrong; without W_zero the path's own counts.
+
+    Returns:
+        The two, and the variance of the configuration from that displacement.
     """
-    state = m.state[kind].copy()
+    variance, state = 0.0, m.state[kind].copy()
     sensitivity = np.ascontiguousarray(m.gain[kind][:, : dimension(kind)].T)
     if W_zero[0, 0] > 0.0:
         shift = np.empty(6)
         state[0] -= _zero(kind, m, W_zero, shift)
         for i in range(6):
             sensitivity[i, 0] += shift[i]
-    return state, sensitivity
+        variance = float(shift @ displaced @ shift)
+    return state, sensitivity, variance
 
 
 @hot

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from maths.arrays import Array, Ids
 from maths.immutable import Immutable
 from systems.ticks import whole_ticks
@@ -36,6 +38,8 @@ class TrackedBody(Immutable):
         source: Name of the prediction that fitted best at this tick.
         held_since: Tick at which the hand had closed on the held body; -1 for others.
         reset_count: How many times it was lost and its landmarks were placed anew.
+        offset: Covariance (6, 6), in B, of the pose's constant error since then; not part of the
+            filter's.
     """
 
     body_id: int
@@ -50,6 +54,7 @@ class TrackedBody(Immutable):
     source: str = "reference"
     held_since: int = -1
     reset_count: int = 0
+    offset: Array = field(default_factory=lambda: np.zeros((6, 6)))
 
 
 @dataclass(kw_only=True)

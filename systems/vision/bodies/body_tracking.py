@@ -207,9 +207,10 @@ def with_new_landmarks(
     if len(filtered.ids) == 0:
         if len(late) < config.landmarks.reset_support:
             return body
+        offset = body.offset + filtered.P[:6, :6]
+        body = replace(body, reset_count=body.reset_count + 1, offset=offset)
         filtered = body_filter.with_known_pose(filtered)
         covariance = covariance + config.landmarks.reset_floor**2 * np.eye(3)
-        body = replace(body, reset_count=body.reset_count + 1)
     filtered = body_filter.add_current_landmarks(filtered, history.ids[late], p_WF, covariance)
     path = np.concatenate([body.path[:-1], filtered.X[None]])
     return replace(body, filter=filtered, path=path)

@@ -103,6 +103,7 @@ def identify_held_body(
         if moves_with_hand(config, body, held, prior, age):
             index = len(body.path) - 1 - age
             T = se3.inverse(smoothed_pose(body.path, index)) @ held.path[index]
+            Ad = se3.adjoint(se3.inverse(T))
             identified = replace(
                 body,
                 body_id=held.body_id,
@@ -110,6 +111,7 @@ def identify_held_body(
                 X_WB_reference=body.X_WB_reference @ T,
                 path=body.path @ T,
                 held_since=held.held_since,
+                offset=Ad @ body.offset @ Ad.T,
             )
             mine = history.body == body.body_id
             others = [other for other in bodies if other is not body and other is not held]

@@ -130,17 +130,18 @@ def predicted_features(
 
 def body_motion(body: TrackedBody, age: float) -> BodyMotion:
     """What others are told of a body that stood at its reference `age` [s] ago."""
+    covariance = body.filter.P[:12, :12].copy()
+    covariance[:6, :6] += body.offset
     return BodyMotion(
         body_id=body.body_id,
-        motion=MotionBelief(
-            X=body.filter.X, V=body.filter.V, covariance=body.filter.P[:12, :12].copy()
-        ),
+        motion=MotionBelief(X=body.filter.X, V=body.filter.V, covariance=covariance),
         X_WB_reference=body.X_WB_reference,
         feature_ids=body.filter.ids,
         p_BF=body.filter.p_BF,
         p_BF_covariance=body.filter.landmark_covariance,
         reference_age=age,
         reset_count=body.reset_count,
+        offset_covariance=body.offset,
     )
 
 

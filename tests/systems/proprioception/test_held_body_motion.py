@@ -22,7 +22,12 @@ from systems.proprioception.free_motion import free_motion, line_sensitivity
 from systems.proprioception.grasp_filters import free_projection
 from systems.proprioception.grasp_model import initial_grasp
 from systems.proprioception.grasp_model_config import GraspModelConfig
-from systems.proprioception.held_body_filter import correct_body, predict_body, start_body
+from systems.proprioception.held_body_filter import (
+    correct_body,
+    predict_body,
+    reset_body,
+    start_body,
+)
 from systems.proprioception.held_body_motion import HeldBodyMotion
 from systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
 from systems.proprioception.held_body_state import BodyState, Layout
@@ -334,6 +339,26 @@ def test_features_that_come_late_tell_the_motion_since_but_not_the_pose() -> Non
 
 
 LOST = SlipBelief(log_odds=10.0, shift=0.05)
+
+
+def test_of_the_grip_s_settling_what_is_over_stays_wrong_once_features_are_back() -> None:
+    config = HeldBodyMotionConfig()
+    body, held_by, belief = pair(0)
+    error, ids = np.diag(body.reference_error), np.arange(10)
+    landmarks = 1e-6 * np.eye(6)
+    for _ in range(15):
+        body = predict_body(body, body.hand, belief, config)
+    left = np.exp(-1.0 / config.reference_error_time)
+    np.testing.assert_allclose(
+        np.diag(body.correlated - body.unseen_growth), left**2 * error, rtol=1e-9
+    )
+    seen = PoseBelief(X=body.X_WB, covariance=1e-8 * np.eye(6))
+    reset = reset_body(body, seen, landmarks, ids, 1)
+    np.testing.assert_allclose(reset.offset, body.P[:6, :6])
+    np.testing.assert_allclose(np.diag(reset.reference_offset), (1.0 - left) ** 2 * error)
+    np.testing.assert_allclose(reset.correlated, landmarks)
+    settled = predict_body(reset, held_by, belief, config)
+    assert np.all(np.diag(settled.correlated - settled.unseen_growth) < np.diag(landmarks))
 
 
 def test_a_body_that_the_hand_has_lost_unseen_is_not_held_any_more() -> None:

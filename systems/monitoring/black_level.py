@@ -88,7 +88,8 @@ def watch_grey(
     """
     colors = thinned(image)[:, :, :3]
     grey = colors.mean(axis=2, dtype=float)
-    seen = np.all((colors > 0) & (colors < _WHITE), axis=2) & off_the_robot(robot, grey.shape)
+    seen = (colors.min(axis=2) > 0) & (colors.max(axis=2) < _WHITE)
+    seen &= off_the_robot(robot, grey.shape)
     if background is None:
         background = Background(np.zeros_like(grey))
     both = seen & (background.first > 0.0)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from maths.arrays import Array
 from maths.validation import number
@@ -61,8 +62,6 @@ class StepOffsets(Offsets):
 def find_steps(times: Array, values: Array, noise: Array, config: StepsConfig) -> list[Step]:
     """The steps of samples (K, n) that have enough others on either side.
 
-    A step is what a straight line through all of these does not explain.
-
     Args:
         times: Stamps (K,), increasing, [s].
         values: (K, n)
@@ -70,26 +69,30 @@ def find_steps(times: Array, values: Array, noise: Array, config: StepsConfig) -
         config: Of what a step is.
     """
     M = config.samples
-    found = []
-    for k in range(M, len(times) - M + 1):
-        pauses = np.diff(times[k - M : k + M])
-        if pauses.max() > config.pause * np.median(pauses):
-            continue
-        around = values[k - M : k + M]
-        sides = around.reshape(2, M, -1)
-        means = sides.mean(axis=1)
-        ranges = np.abs(sides - means[:, None]).max(axis=(0, 1))
-        ranges = np.maximum(ranges, config.noises * noise)
-        if np.all(np.abs(means[1] - means[0]) <= config.gate * ranges):
-            continue
-        A = np.column_stack([np.ones(2 * M), np.arange(2 * M) >= M, np.arange(2 * M) - M + 0.5])
-        fit = np.linalg.lstsq(A, around, rcond=None)[0]
-        spread = np.sum((around - A @ fit) ** 2, axis=0) / (2 * M - 3)
-        variance = np.maximum(spread, noise**2) * np.linalg.inv(A.T @ A)[1, 1]
-        found.append(
-            Step(since=float(times[k - 1]), time=float(times[k]), size=fit[1], variance=variance)
-        )
-    return found
+    if len(times) < 2 * M:
+        return []
+    pauses = sliding_window_view(np.diff(times), 2 * M - 1)
+    usual = pauses.max(axis=1) <= config.pause * np.median(pauses, axis=1)
+    sides = sliding_window_view(values, M, axis=0)  # (K - M + 1, n, M)
+    means = sides.mean(axis=2)
+    ranges = np.abs(sides - means[:, :, None]).max(axis=2)
+    ranges = np.maximum(np.maximum(ranges[:-M], ranges[M:]), config.noises * noise)
+    steps = usual & np.any(np.abs(means[M:] - means[:-M]) > config.gate * ranges, axis=1)
+    return [measure_step(times, values, noise, int(k) + M, M) for k in np.flatnonzero(steps)]
+
+
+def measure_step(times: Array, values: Array, noise: Array, k: int, samples: int) -> Step:
+    """The step before the sample k, from so many samples on either side.
+
+    It is what a straight line through all of these does not explain.
+    """
+    M = samples
+    around = values[k - M : k + M]
+    A = np.column_stack([np.ones(2 * M), np.arange(2 * M) >= M, np.arange(2 * M) - M + 0.5])
+    fit = np.linalg.lstsq(A, around, rcond=None)[0]
+    spread = np.sum((around - A @ fit) ** 2, axis=0) / (2 * M - 3)
+    variance = np.maximum(spread, noise**2) * np.linalg.inv(A.T @ A)[1, 1]
+    return Step(since=float(times[k - 1]), time=float(times[k]), size=fit[1], variance=variance)
 
 
 def joined(before: SampleWindow | None, new: SampleWindow | None) -> SampleWindow | None:

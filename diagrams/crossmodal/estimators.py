@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from diagrams.crossmodal.modalities import MODALITIES
@@ -10,7 +11,11 @@ from diagrams.run.calibration import Calibration
 from systems.kinematics.joint_filters import JointFiltersConfig
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from systems.kinematics.measurement_errors import MeasurementErrorsConfig
+from systems.monitoring.angles import AnglesByRates, AnglesConfig
+from systems.monitoring.arm_response import ArmResponse, ArmResponseConfig
 from systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig
+from systems.monitoring.offsets import OffsetModel
+from systems.monitoring.steps import IsolatedSteps, StepsConfig
 from systems.monitoring.window_monitor import WindowMonitor, WindowMonitorConfig
 from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
 from systems.proprioception.grasp_model import GraspModel
@@ -142,6 +147,9 @@ class PerceptionConfig:
 
     cut: list[str] = field(default_factory=list)
     windows: WindowMonitorConfig = field(default_factory=WindowMonitorConfig)
+    angles: AnglesConfig = field(default_factory=AnglesConfig)
+    steps: StepsConfig = field(default_factory=StepsConfig)
+    arm_response: ArmResponseConfig = field(default_factory=ArmResponseConfig)
     images: ImageMonitorConfig = field(default_factory=ImageMonitorConfig)
     end_effector: EndEffectorMotionConfig = field(default_factory=EndEffectorMotionConfig)
     hand_bending: HandBendingConfig = field(default_factory=HandBendingConfig)
@@ -247,14 +255,7 @@ def _add_proprioception(
         "held_body_motion",
         HeldBodyMotion(config.held_body, corrected_by_vision=corrected_by_vision),
     )
-    joints = 2 * calibration.arm.model.num_positions()
-    readers = ((end_effector, joints), (bending, 6), (bending, 4))
-    for stream, (reader, size) in zip(FELT_STREAMS, readers, strict=True):
-        has_rates = stream == "joint_state"
-        monitor = _add(builder, f"{stream}_monitor", WindowMonitor(config.windows, size, has_rates))
-        builder.ExportInput(monitor.GetInputPort("window"), f"{stream}_window")
-        _wire(builder, monitor, "window_checked", reader, f"{stream}_window")
-        builder.ExportOutput(monitor.GetOutputPort("health_latest"), f"{stream}_health_latest")
+    _add_felt_monitors(builder, config, calibration, (end_effector, bending, bending))
     active = builder.ExportInput(bending.GetInputPort("interaction_active"), "interaction_active")
     for system in (slip, grasp, body):
         builder.ConnectInput(active, system.GetInputPort("interaction_active"))
@@ -269,6 +270,33 @@ def _add_proprioception(
     _export_outputs(builder, bending, "hand_bending_latest")
     _export_outputs(builder, grasp, "grasp_latest")
     return body, grasp
+
+
+def _add_felt_monitors(
+    builder: DiagramBuilder,
+    config: PerceptionConfig,
+    calibration: Calibration,
+    readers: Sequence[System],
+) -> None:
+    """A monitor between each of `FELT_STREAMS` and the filter that reads it."""
+    arm, steps = calibration.arm.model, config.steps
+    response = ArmResponse(config.arm_response, arm)
+    wrench = np.repeat([steps.torque_noise, steps.force_noise], 3)
+    pressure = np.full(4, steps.pressure_noise)
+    models: list[tuple[int, OffsetModel]] = [
+        (2 * arm.num_positions(), AnglesByRates(config.angles)),
+        (6, IsolatedSteps(steps, wrench, response.is_felt)),
+        (4, IsolatedSteps(steps, pressure)),
+    ]
+    monitors = {}
+    for stream, reader, (size, model) in zip(FELT_STREAMS, readers, models, strict=True):
+        monitor = _add(builder, f"{stream}_monitor", WindowMonitor(config.windows, size, model))
+        monitors[stream] = monitor
+        builder.ExportInput(monitor.GetInputPort("window"), f"{stream}_window")
+        _wire(builder, monitor, "window_checked", reader, f"{stream}_window")
+        builder.ExportOutput(monitor.GetOutputPort("health_latest"), f"{stream}_health_latest")
+    joints = monitors["joint_state"]
+    _wire(builder, joints, "window_checked", monitors["wrench"], "joint_state_window")
 
 
 def _add(builder: DiagramBuilder, name: str, system: System) -> System:

@@ -12,16 +12,16 @@ from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from maths.immutable import Immutable
 from maths.validation import check, number
-from systems.monitoring.depth_background import (
-    DepthBackground,
-    DepthBackgroundConfig,
-    watch_depth,
-)
+from systems.monitoring.background import Background
+from systems.monitoring.black_level import BlackLevelConfig, watch_grey
+from systems.monitoring.depth_background import DepthBackgroundConfig, watch_depth
 from systems.monitoring.window_monitor import Monitored, WindowMonitorConfig, check_window
 from systems.port_values import SampleWindow, StampedImage, StreamHealth
 from systems.recursive_filter import RecursiveFilter
 
 CHANGED = "the depth of what stands still has changed"
+BRIGHTER = "a grey value is added to what stands still"
+DARKER = "a grey value is taken from what stands still"
 APART = "not of the same instant as the other image"
 _EVERY = 4  # Of the rows and columns that are looked at; noise shows in all of them.
 
@@ -33,15 +33,17 @@ class ImageMonitorConfig(WindowMonitorConfig):
     # By so much the stamps of colour and depth may differ.
     apart: float = number(0.02, at_least=0.0, at_most=3600.0, unit="s")
     background: DepthBackgroundConfig = field(default_factory=DepthBackgroundConfig)
+    black: BlackLevelConfig = field(default_factory=BlackLevelConfig)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Watched(Immutable):
-    """What is remembered of the images, and the depth of what stands still."""
+    """What is remembered of the images, and the depth and the grey of what stands still."""
 
     color: Monitored = field(default_factory=Monitored)
     depth: Monitored = field(default_factory=Monitored)
-    background: DepthBackground | None = None
+    background: Background | None = None
+    grey: Background | None = None
 
 
 def fingerprint(image: Any, stamp: float) -> float:
@@ -106,7 +108,9 @@ class ImageMonitor(RecursiveFilter):
 
     Nothing is seen then. What is told of an image is what a `WindowMonitor` tells of a sample.
     Depth is kept back, too, while that of what stands still is not what it was
-    (`depth_background`). For a camera that does not move.
+    (`depth_background`). An offset of the grey values of what stands still (`black_level`) is told,
+    and the image is passed on: what is seen in it stays where it is. For a camera that does not
+    move.
 
     .. pydrake_system::
 
@@ -180,14 +184,27 @@ class ImageMonitor(RecursiveFilter):
             },
         )
         watched = without_pairs_apart(watched, before, now, self._config.apart)
+        mask = self._read_optional(self._mask, context)
+        robot = None if mask is None else mask.data
+        watched = self._watch_color(watched, images["color"].image.data, robot)
+        return self._watch_depth(watched, before, images["depth"].image.data, robot, now)
+
+    def _watch_color(self, watched: Watched, image: Any, robot: Any) -> Watched:
+        if not is_new(watched.color):
+            return watched
+        grey, offset = watch_grey(self._config.black, watched.grey, image, robot)
+        health = watched.color.health
+        if offset and not health.fault:
+            health = replace(health, fault=BRIGHTER if offset > 0.0 else DARKER)
+        return replace(watched, color=replace(watched.color, health=health), grey=grey)
+
+    def _watch_depth(
+        self, watched: Watched, before: Watched, image: Any, robot: Any, now: float
+    ) -> Watched:
         if not is_new(watched.depth):
             return watched
-        mask = self._read_optional(self._mask, context)
         background, has_changed = watch_depth(
-            self._config.background,
-            before.background,
-            images["depth"].image.data,
-            None if mask is None else mask.data,
+            self._config.background, watched.background, image, robot
         )
         if has_changed:
             depth = kept_back(watched.depth, before.depth, now, CHANGED)

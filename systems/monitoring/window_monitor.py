@@ -9,7 +9,7 @@ from pydrake.systems.framework import Context
 from maths.arrays import Array
 from maths.immutable import Immutable
 from maths.validation import check, number
-from systems.monitoring.jumps import Continuity, without_jumps
+from systems.monitoring.offsets import OffsetModel, Offsets
 from systems.port_values import HEALTHY, SampleWindow, StreamHealth
 from systems.recursive_filter import RecursiveFilter
 from systems.ticks import tick_period
@@ -18,7 +18,6 @@ NO_SAMPLES = "no samples"
 NOT_FINITE = "readings that are no numbers"
 OUT_OF_TIME = "stamps that are not of now"
 STUCK = "always the same reading"
-JUMPED = "a jump that the rates do not explain"
 
 
 @dataclass(kw_only=True)
@@ -32,10 +31,6 @@ class WindowMonitorConfig:
     stuck_after: float = number(0.05, at_least=1e-3, at_most=3600.0, unit="s", infinite=True)
     # Age of the last good sample that is a fault.
     stale_after: float = number(0.15, at_least=1e-3, at_most=3600.0, unit="s")
-    # Of readings with rates: a larger change between two samples than the rates' is a jump.
-    jump: float = number(0.01, above=0.0, at_most=1e9, unit="the reading's")
-    # By so much a sample may be older or newer than its stamp says.
-    jitter: float = number(0.01, at_least=0.0, at_most=60.0, unit="s")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +43,7 @@ class Monitored(Immutable):
         last_reading: Last one (n,) that could be true but for its being always the same.
         same_since: Since when it is the same, [s].
         health: Of the stream.
-        continuity: Of readings with rates.
+        offsets: What is taken out of its readings.
         passed: The good samples of this tick.
     """
 
@@ -57,7 +52,7 @@ class Monitored(Immutable):
     last_reading: Array | None = None
     same_since: float = -np.inf
     health: StreamHealth = HEALTHY
-    continuity: Continuity | None = None
+    offsets: Offsets | None = None
     passed: SampleWindow | None = None
 
 
@@ -79,20 +74,22 @@ def check_window(
     before: Monitored,
     now: float,
     config: WindowMonitorConfig,
-    with_rates: bool = False,
+    model: OffsetModel | None = None,
+    joints: SampleWindow | None = None,
 ) -> Monitored:
-    """The samples of a window that can be true.
+    """The samples of a window that can be true, without what they are known to be off by.
 
     A sample is passed on if it is finite, stamped later than the last good one and neither too old
-    nor ahead of `now`, if the reading has not been the same for too long, and has not jumped. Of
-    several faults the first in this order is told.
+    nor ahead of `now`, and if the reading has not been the same for too long. Of several faults the
+    first in this order is told.
 
     Args:
         window: As it arrived.
         before: What was remembered.
         now: The tick, [s].
         config: Limits.
-        with_rates: Whether the second half of a sample are the rates of the first.
+        model: How offsets are found; without it there are none.
+        joints: Samples of the arm at the same time, if they are known.
     """
     times, values = window.times, window.values
     finite = np.isfinite(times) & np.isfinite(values).all(axis=1)
@@ -102,12 +99,9 @@ def check_window(
     since = repetition_starts(times[usable], values[usable], before.last_reading, before.same_since)
     moving = times[usable] - since <= config.stuck_after
     good = np.flatnonzero(usable)[moving]
-    continuity, smooth = before.continuity, np.ones(len(good), bool)
-    if with_rates:
-        smooth, continuity = without_jumps(
-            times[good], values[good], continuity, config.jump, config.jitter, config.stale_after
-        )
-    good = good[smooth]
+    passed, offsets = replace(window, times=times[good], values=values[good]), before.offsets
+    if model is not None:
+        passed, offsets = model.take_out(passed, offsets, joints)
     last = float(times[good[-1]]) if len(good) else before.last_time
     start = before.last_time if np.isfinite(before.last_time) else 0.0
     age = max(now - (last if np.isfinite(last) else start), 0.0)
@@ -118,18 +112,19 @@ def check_window(
         fault = OUT_OF_TIME
     elif not moving.all():
         fault = STUCK
-    elif not smooth.all():
-        fault = JUMPED
     elif age > config.stale_after:
-        fault = before.health.fault or NO_SAMPLES
+        known = offsets is not None and before.health.fault == offsets.fault
+        fault = NO_SAMPLES if known else before.health.fault or NO_SAMPLES
+    elif offsets is not None:
+        fault = offsets.fault
     heard = np.flatnonzero(usable)
     return Monitored(
         last_time=last,
         last_reading=values[heard[-1]].copy() if len(heard) else before.last_reading,
         same_since=float(since[-1]) if len(heard) else before.same_since,
         health=StreamHealth(age=age, fault=fault),
-        continuity=continuity,
-        passed=replace(window, times=times[good], values=values[good]),
+        offsets=offsets,
+        passed=passed,
     )
 
 
@@ -137,40 +132,49 @@ class WindowMonitor(RecursiveFilter):
     """Keeps back the samples of one stream that cannot be true, and reports why.
 
     Whoever reads the checked window needs to know of no fault: nothing true arrived, and what is
-    not measured makes a filter less certain.
+    not measured makes a filter less certain. Where an offset of the readings has been measured, the
+    samples pass without it, and the window says how well it is known.
 
     .. pydrake_system::
 
         name: WindowMonitor
         input_ports:
         - window
+        - joint_state_window
         output_ports:
         - window_checked
         - health_latest
 
     - `window`: `SampleWindow`, as it arrives.
+    - `joint_state_window`: `SampleWindow` of the arm, (2 n,) positions [rad] and velocities
+      [rad/s], checked; may stay unconnected.
     - `window_checked`: `SampleWindow` of the samples that can be true, at this tick.
     - `health_latest`: `StreamHealth` as of the last tick.
 
     Args:
         config: Limits.
         size: Length n of a sample.
-        with_rates: Whether the second half of a sample are the rates of the first.
+        model: How offsets are found; without it there are none.
 
     Raises:
         ValueError: for an impossible config value.
     """
 
-    def __init__(self, config: WindowMonitorConfig, size: int, with_rates: bool = False) -> None:
+    def __init__(
+        self, config: WindowMonitorConfig, size: int, model: OffsetModel | None = None
+    ) -> None:
         super().__init__()
         check(config, "WindowMonitor")
-        self._config, self._with_rates = config, with_rates
+        self._config, self._model = config, model
         empty = SampleWindow(times=np.zeros(0), values=np.zeros((0, size)))
         self._window = self._declare_value_input("window", empty)
+        self._joints = self._declare_value_input("joint_state_window", empty)
         self._declare_recursion(Monitored(passed=empty), self._check, config.period)
         self._declare_estimated("window_checked", lambda state: state.passed)
         self._declare_latest("health_latest", lambda state: state.health)
 
     def _check(self, context: Context, before: Any) -> Monitored:
         window = self._read(self._window, context)
-        return check_window(window, before, context.get_time(), self._config, self._with_rates)
+        joints = self._read_optional(self._joints, context)
+        now = context.get_time()
+        return check_window(window, before, now, self._config, self._model, joints)

@@ -1,6 +1,8 @@
 """Samples of a sensor between two ticks."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from maths.arrays import Array
 
@@ -12,7 +14,10 @@ class SampleWindow:
     Attributes:
         times: Stamps (K,), increasing, [s].
         values: Samples (K, n), in the sensor's unit.
+        variances: Of an error (n,) that all samples have in common, beyond that of the sensor: what
+            is left of an offset that was taken out; (1,) zero where there was none.
     """
 
     times: Array
     values: Array
+    variances: Array = field(default_factory=lambda: np.zeros(1))

@@ -1,6 +1,6 @@
 """Where the end-effector is and how it moves, from joint encoders through forward kinematics."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -137,10 +137,24 @@ def estimate_belief(
 
 @dataclass(kw_only=True)
 class EndEffectorState:
-    """The posterior, and the joint offsets per unit constant (n, m); None before the first data."""
+    """What is remembered.
+
+    Attributes:
+        belief: The posterior, without what the samples' angles are off by in common.
+        joint_bias_jacobian: Joint offsets per unit constant (n, m); None before the first data.
+        common: Covariance (6, 6), in E, of what the pose is off by in common with the last samples.
+    """
 
     belief: EndEffectorBelief
     joint_bias_jacobian: Array | None
+    common: Array
+
+
+def with_common(belief: EndEffectorBelief, common: Array) -> EndEffectorBelief:
+    """The belief whose pose has another white error, of covariance `common` (6, 6)."""
+    covariance = belief.covariance.copy()
+    covariance[:6, :6] += common
+    return replace(belief, covariance=covariance)
 
 
 class EndEffectorMotion(RecursiveFilter):
@@ -165,7 +179,9 @@ class EndEffectorMotion(RecursiveFilter):
         - end_effector_latest
         - end_effector_predicted
 
-    - `joint_state_window`: `SampleWindow` of (2 n,) positions [rad] and velocities [rad/s].
+    - `joint_state_window`: `SampleWindow` of (2 n,) positions [rad] and velocities [rad/s]. An
+      error that its samples have in common is kept out of the recursion, too, and added to the
+      output as part of the white one.
     - `end_effector_estimated`: `EndEffectorBelief`, posterior of this tick.
     - `end_effector_latest`: `EndEffectorBelief`, posterior of the last tick, from the state alone.
     - `end_effector_predicted`: `EndEffectorBelief`, one tick after the last, from the state alone.
@@ -202,10 +218,12 @@ class EndEffectorMotion(RecursiveFilter):
             covariance=100.0 * np.eye(12),
             bias_jacobian=np.zeros((6, 6)),
         )
-        initial = EndEffectorState(belief=unknown, joint_bias_jacobian=None)
+        initial = EndEffectorState(
+            belief=unknown, joint_bias_jacobian=None, common=np.zeros((6, 6))
+        )
         self._declare_recursion(initial, self._calc_motion, config.period)
-        self._declare_estimated("end_effector_estimated", lambda state: state.belief)
-        self._declare_latest("end_effector_latest", lambda state: state.belief)
+        self._declare_estimated("end_effector_estimated", self._offer)
+        self._declare_latest("end_effector_latest", self._offer)
         self._declare_latest("end_effector_predicted", self._predict)
 
     @staticmethod
@@ -244,17 +262,19 @@ class EndEffectorMotion(RecursiveFilter):
             _, J_E = self._kinematics(np.concatenate([posture, 0.0 * posture]))
         return calibration_bias_jacobian(J_E, self._config)
 
+    @staticmethod
+    def _offer(state: EndEffectorState) -> EndEffectorBelief:
+        return with_common(state.belief, state.common)
+
     def _predict(self, state: EndEffectorState) -> EndEffectorBelief:
-        return predict_belief(state.belief, self._config)
+        return with_common(predict_belief(state.belief, self._config), state.common)
 
     def _calc_motion(self, context: Context, state: EndEffectorState) -> EndEffectorState:
         window: SampleWindow = self._read(self._window, context)
         if window.times.size == 0:
             if state.joint_bias_jacobian is None:
                 return state
-            return EndEffectorState(
-                belief=self._predict(state), joint_bias_jacobian=state.joint_bias_jacobian
-            )
+            return replace(state, belief=predict_belief(state.belief, self._config))
         tau = window.times - context.get_time()
         q, v, covariance = fit_joint_samples(tau, window.values, self._config)
         X_WE, J_E = self._kinematics(np.concatenate([q, v]))
@@ -262,7 +282,10 @@ class EndEffectorMotion(RecursiveFilter):
         if joint_bias_jacobian is None:
             joint_bias_jacobian = self._calibrate(J_E)
         R = np.asarray(np.kron(covariance, J_E @ J_E.T), dtype=float)
+        common = (J_E * np.broadcast_to(window.variances, 2 * len(q))[: len(q)]) @ J_E.T
         belief = estimate_belief(
             state.belief, X_WE, J_E @ v, R, J_E @ joint_bias_jacobian, self._config
         )
-        return EndEffectorState(belief=belief, joint_bias_jacobian=joint_bias_jacobian)
+        return EndEffectorState(
+            belief=belief, joint_bias_jacobian=joint_bias_jacobian, common=common
+        )

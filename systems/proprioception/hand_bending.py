@@ -276,7 +276,8 @@ class HandBending(RecursiveFilter):
             held = state.held + self._config.period
             mean, covariance = predict_bending_state(state.mean, state.covariance, self._config)
             if reading is not None:
-                mean, covariance = self._correct(mean, covariance, reading, reference, held)
+                noise = self._reading_noise(context)
+                mean, covariance = self._correct(mean, covariance, reading, noise, reference, held)
         return BendingState(
             reading=reading,
             reference=reference,
@@ -286,12 +287,25 @@ class HandBending(RecursiveFilter):
             covariance=covariance,
         )
 
+    def _reading_noise(self, context: Context) -> Array:
+        """Standard deviation of this tick's reading (10,), with that of what was taken out."""
+        wrench: SampleWindow = self._read(self._wrench, context)
+        pressure: SampleWindow = self._read(self._pressure, context)
+        common = [np.broadcast_to(w.variances, w.values.shape[1]) for w in (wrench, pressure)]
+        return np.asarray(np.hypot(self._noise, np.sqrt(np.concatenate(common))))
+
     def _correct(
-        self, mean: Array, covariance: Array, reading: Array, reference: Array, held: float
+        self,
+        mean: Array,
+        covariance: Array,
+        reading: Array,
+        noise: Array,
+        reference: Array,
+        held: float,
     ) -> tuple[Array, Array]:
         measured = predict_bending(self._network, reading, reference)
         deviation = np.hypot(predict_deviation(self._network, reading, reference), self._floor)
         creep = self._creep * np.sqrt(held)
-        J = bending_jacobian(self._network, reading, reference) * self._noise
+        J = bending_jacobian(self._network, reading, reference) * noise
         R = J @ J.T + 1e-2 * np.diag(self._floor**2)
         return correct_bending_state(mean, covariance, measured, deviation, creep, R)

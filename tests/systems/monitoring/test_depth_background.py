@@ -3,11 +3,8 @@
 import numpy as np
 
 from maths.arrays import Array
-from systems.monitoring.depth_background import (
-    DepthBackground,
-    DepthBackgroundConfig,
-    watch_depth,
-)
+from systems.monitoring.background import Background
+from systems.monitoring.depth_background import DepthBackgroundConfig, watch_depth
 
 CONFIG = DepthBackgroundConfig()
 HEIGHT, WIDTH = 240, 320
@@ -26,7 +23,7 @@ def measured(tick: int, offset: float = 0.0, moved: float = 0.0, share: float = 
 
 def told(images: list[Array], robots: list[Array | None] | None = None) -> list[bool]:
     """Per image, whether the sensor has changed."""
-    background: DepthBackground | None = None
+    background: Background | None = None
     found = []
     for image, robot in zip(images, robots or [None] * len(images), strict=True):
         background, has_changed = watch_depth(CONFIG, background, image, robot)

@@ -9,6 +9,8 @@ from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 from maths.arrays import Array
 from systems.monitoring.image_monitor import (
     APART,
+    BRIGHTER,
+    DARKER,
     ImageMonitor,
     ImageMonitorConfig,
 )
@@ -33,6 +35,15 @@ def depth(number: int) -> ImageDepth32F:
     return image
 
 
+def scene(number: int, added: int) -> ImageRgba8U:
+    """Stripes of many greys, with noise."""
+    image = ImageRgba8U(320, 240)
+    noise = np.random.default_rng(number).integers(-3, 4, (240, 320, 3))
+    stripes = np.repeat(np.linspace(60.0, 180.0, 8), 40)[None, :, None]
+    image.mutable_data[:, :, :3] = stripes + noise + added
+    return image
+
+
 def watched(
     colors: list[ImageRgba8U],
     depths: list[ImageDepth32F],
@@ -43,7 +54,7 @@ def watched(
     Args:
         stamps: Of colours and depths, in ticks; by default each is of its tick.
     """
-    system = ImageMonitor(CONFIG, *SIZE)
+    system = ImageMonitor(CONFIG, colors[0].width(), colors[0].height())
     context = system.CreateDefaultContext()
     found = []
     of_now = [float(tick) for tick in range(len(colors))]
@@ -104,6 +115,14 @@ def test_an_image_of_another_instant_than_its_partner_is_kept_back() -> None:
     assert [tick[2:] for tick in found] == [("", ""), *[("", APART)] * 2, ("", "")]
     assert [bool(measured.any()) for _, measured, *_ in found] == [True, False, False, True]
     assert all(seen.any() for seen, *_ in found)
+
+
+def test_grey_that_is_added_is_told_and_the_image_passes() -> None:
+    colors = [scene(number, added) for number, added in enumerate((0, 40, -20, 0))]
+    found = watched(colors, [ImageDepth32F(320, 240, 0.0)] * 4)
+    assert [fault for _, _, fault, _ in found] == ["", BRIGHTER, DARKER, ""]
+    for (seen, *_), measured in zip(found, colors, strict=True):
+        assert_array_equal(seen, measured.data)
 
 
 def test_a_covered_camera_is_no_fault() -> None:

@@ -6,8 +6,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.common.value import AbstractValue
 
 from maths.arrays import Array
+from systems.monitoring.angles import AnglesByRates, AnglesConfig
+from systems.monitoring.offsets import OFFSET
+from systems.monitoring.steps import IsolatedSteps, StepsConfig
 from systems.monitoring.window_monitor import (
-    JUMPED,
     NO_SAMPLES,
     NOT_FINITE,
     OUT_OF_TIME,
@@ -30,9 +32,9 @@ def window(tick: int, *, offset: float = 0.0) -> SampleWindow:
     return SampleWindow(times=times, values=rng.normal(size=(10, 2)))
 
 
-def monitored(windows: list[SampleWindow], config: WindowMonitorConfig = CONFIG) -> list[Monitored]:
+def monitored(windows: list[SampleWindow], model: IsolatedSteps | None = None) -> list[Monitored]:
     """The windows of the ticks 1, 2, ... through the system's ports."""
-    system = WindowMonitor(config, 2)
+    system = WindowMonitor(CONFIG, 2, model)
     context = system.CreateDefaultContext()
     states = []
     for tick, value in enumerate(windows, start=1):
@@ -64,25 +66,42 @@ def test_a_healthy_stream_passes_as_it_is() -> None:
         assert_allclose(state.health.age, 0.0, atol=1e-12)
 
 
-def test_readings_that_jump_against_their_rates_are_kept_back_until_they_jump_back() -> None:
+def test_angles_that_jump_against_their_rates_pass_as_if_they_had_not() -> None:
     times = np.arange(1, 81) * STEP / 2.0
     angle = 0.3 * np.sin(2.0 * times)
+    true = angle.copy()
     angle[(times > 0.15) & (times < 0.25)] += 0.05
     rate = 0.6 * np.cos(2.0 * times) + 1e-3 * np.random.default_rng(0).normal(size=80)
-    system = WindowMonitor(CONFIG, 2, with_rates=True)
+    system = WindowMonitor(CONFIG, 2, AnglesByRates(AnglesConfig()))
     context = system.CreateDefaultContext()
-    kept, told = [], []
+    kept, told, variances = [], [], []
     for tick in range(1, 5):
         mine = (times > TICK * (tick - 1) + 1e-9) & (times <= TICK * tick + 1e-9)
         values = np.column_stack([angle, rate])[mine]
         value = AbstractValue.Make(SampleWindow(times=times[mine], values=values))
         context.SetTime(tick * TICK)
         system.GetInputPort("window").FixValue(context, value)
-        kept += system.GetOutputPort("window_checked").Eval(context).times.tolist()
+        window = system.GetOutputPort("window_checked").Eval(context)
+        kept += window.values[:, 0].tolist()
+        variances.append(float(window.variances[0]))
         system.ExecuteForcedEvents(context)
         told.append(system.GetOutputPort("health_latest").Eval(context).fault)
-    assert told == ["", JUMPED, JUMPED, ""]
-    assert_allclose(kept, times[(times <= 0.15 + 1e-9) | (times >= 0.25 - 1e-9)])
+    assert told == ["", OFFSET, "", ""]  # As it is at the end of the tick.
+    assert_allclose(kept, true, atol=1e-3)
+    assert [variance > 0.0 for variance in variances] == [False, True, False, False]
+
+
+def test_an_offset_that_stays_is_told_as_long_as_samples_come() -> None:
+    windows = [window(k) for k in range(1, 7)]
+    for late in windows[1:]:
+        late.values[:, 1] += 100.0
+    windows[4] = windows[5] = SampleWindow(times=np.zeros(0), values=np.zeros((0, 2)))
+    steps = IsolatedSteps(StepsConfig(), np.ones(2))
+    states = monitored(windows, model=steps)
+    assert faults(states) == ["", OFFSET, OFFSET, OFFSET, OFFSET, NO_SAMPLES]
+    for state, measured in zip(states[2:4], windows[2:4], strict=True):
+        assert state.passed is not None
+        assert_allclose(state.passed.values, measured.values - [0.0, 100.0], atol=5.0)
 
 
 def test_a_fast_reading_whose_samples_are_held_by_another_clock_does_not_jump() -> None:
@@ -93,7 +112,7 @@ def test_a_fast_reading_whose_samples_are_held_by_another_clock_does_not_jump() 
         times=stamps, values=np.column_stack([3.0 * renewed, np.full(len(stamps), 3.0)])
     )
     before = Monitored(last_time=0.2)
-    checked = check_window(window, before, stamps[-1], CONFIG, with_rates=True)
+    checked = check_window(window, before, stamps[-1], CONFIG, AnglesByRates(AnglesConfig()))
     assert checked.health.fault == ""
     assert checked.passed is not None
     assert len(checked.passed.times) == len(stamps)
@@ -107,7 +126,7 @@ def test_after_a_silence_a_reading_may_be_anywhere() -> None:
     )
     state = Monitored()
     for tick, value in enumerate([before, empty, empty, after], start=1):
-        state = check_window(value, state, tick * TICK, CONFIG, with_rates=True)
+        state = check_window(value, state, tick * TICK, CONFIG, AnglesByRates(AnglesConfig()))
     assert len(passed(state)) == 1
 
 

@@ -5,6 +5,7 @@ import pytest
 from pydrake.common.value import AbstractValue
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable
 from scipy.stats import chi2
 
 from maths import se3
@@ -180,6 +181,31 @@ def test_an_empty_window_predicts(arm: MultibodyPlant) -> None:
     estimated = system.GetOutputPort("end_effector_estimated").Eval(context)
     np.testing.assert_allclose(estimated.X, predicted.X)
     assert np.linalg.norm(estimated.X[:3, 3] - pose(arm, Q_0)[:3, 3]) > 1e-3
+
+
+def test_what_is_left_of_a_taken_out_offset_widens_the_pose(arm: MultibodyPlant) -> None:
+    values = np.append(Q_0, np.zeros(7))[None]
+    beliefs = []
+    for common in (0.0, 1e-3):
+        system = EndEffectorMotion(CONFIG, arm, "tool_plate")
+        context = system.CreateDefaultContext()
+        variances = np.repeat([common**2, 0.0], 7)
+        for tick in range(20):
+            now = tick * CONFIG.period
+            context.SetTime(now)
+            window = SampleWindow(times=np.array([now]), values=values, variances=variances)
+            system.GetInputPort("joint_state_window").FixValue(context, AbstractValue.Make(window))
+            system.ExecuteForcedEvents(context)
+        beliefs.append(system.GetOutputPort("end_effector_latest").Eval(context))
+    context = arm.CreateDefaultContext()
+    arm.SetPositions(context, Q_0)
+    frame = arm.GetFrameByName("tool_plate")
+    J_E = arm.CalcJacobianSpatialVelocity(
+        context, JacobianWrtVariable.kV, frame, np.zeros(3), arm.world_frame(), frame
+    )
+    usual, wide = (belief.white_covariance[:6, :6] for belief in beliefs)
+    # Twenty ticks do not average it away.
+    np.testing.assert_allclose(wide - usual, 1e-6 * J_E @ J_E.T, atol=1e-15)
 
 
 @pytest.mark.parametrize("field", ["period", "position_noise", "offset_damping"])

@@ -210,6 +210,29 @@ def test_many_ticks_do_not_average_the_networks_error_away(trained: tuple) -> No
     assert np.all(sigma > 0.4 * deviation)
 
 
+def test_what_is_left_of_a_taken_out_offset_makes_the_bending_less_certain(trained: tuple) -> None:
+    beliefs = []
+    for common in (0.0, 0.5):
+        system = HandBending(CONFIG, trained[0])
+        context = system.CreateDefaultContext()
+        windows = (
+            SampleWindow(
+                times=np.zeros(1), values=np.ones((1, 6)), variances=np.full(6, common**2)
+            ),
+            SampleWindow(times=np.zeros(1), values=np.full((1, 4), 6e4)),
+            end_effector(np.eye(4)),
+        )
+        names = ("wrench_window", "pressure_window", "end_effector_estimated")
+        for name, value in zip(names, windows, strict=True):
+            system.GetInputPort(name).FixValue(context, AbstractValue.Make(value))
+        system.GetInputPort("interaction_active").FixValue(context, 1.0)
+        for _ in range(5):
+            system.ExecuteForcedEvents(context)
+        beliefs.append(system.GetOutputPort("hand_bending_latest").Eval(context))
+    usual, wide = (np.diag(belief.covariance) for belief in beliefs)
+    assert np.all(wide > 1.05 * usual)
+
+
 def test_creep_makes_turning_about_the_bar_less_certain_with_time(trained: tuple) -> None:
     path = np.tile(0.3 * bending_path(30, np.random.default_rng(4))[-1], (120, 1))
     path[:10] *= np.linspace(0, 1, 10)[:, None]

@@ -2,7 +2,8 @@
 
 The chambers are sealed around the bar. As long as it stays where it is the fingers keep their
 posture, and the pressures with it, but for what the load bends; a finger that loses the bar curls
-on, a chamber that leaks goes flat. And a hand that moves on without any load holds nothing, or
+on, and so does one in which the bar shifts, as when the hand pushes a lid past which it has curled;
+a chamber that leaks goes flat. And a hand that moves on without any load holds nothing, or
 something without friction.
 """
 
@@ -35,6 +36,10 @@ class SlipDetectionConfig:
     pressure_by_force: float = number(2.0e-3, at_least=0.0, at_most=1.0, unit="1/N")
     # Range in which the pressure is anywhere once the bar has moved, a share of it.
     pressure_range: float = number(1.7, above=0.0, at_most=100.0)
+    # Share of the bodies whose bar shifts in the fingers and that are held or pushed nevertheless.
+    shifting: float = number(0.03, above=0.0, below=1.0)
+    # Fall of a sealed chamber's pressure beyond that of a fist, a share of it: it has lost air.
+    fist: float = number(0.6, above=0.0, below=1.0)
     # Way of the bar in the fingers per change of the pressure, a share of it.
     shift_by_pressure: float = number(0.15, at_least=0.0, at_most=10.0, unit="m")
     # Force up to which it is known how the load bends the hand.
@@ -120,11 +125,18 @@ def possible_shift(load: HandLoad, reference: HandLoad, config: SlipDetectionCon
 
 
 def pressure_odds(load: HandLoad, reference: HandLoad, config: SlipDetectionConfig) -> float:
-    """Log odds, given the pressures, that the bar has left its place in the fingers."""
+    """Log odds, given the pressures, that the bar is held no more.
+
+    A held bar stays in its place or, rarely, shifts in the fingers; the pressures of a bar that has
+    left its place, held or lost, may be anything that a sealed chamber can have.
+    """
     change = pressure_change(load, reference, config)
     sigma = usual_change(load, reference, config)
-    stays = log_gaussian(float(change @ change), sigma, len(change))
-    return -len(change) * float(np.log(config.pressure_range)) - stays
+    moved = -len(change) * float(np.log(config.pressure_range))
+    held = np.log1p(-config.shifting) + log_gaussian(float(change @ change), sigma, len(change))
+    if np.min(change, initial=0.0) > -config.fist:
+        held = np.logaddexp(held, np.log(config.shifting) + moved)
+    return float(moved - held)
 
 
 def force_odds(force: Array, config: SlipDetectionConfig) -> float:
@@ -173,8 +185,9 @@ def watch_closed_hand(
 class SlipDetection(RecursiveFilter):
     """Recursive evidence that the hand has lost, or is losing, what it closed around.
 
-    Two hypotheses explain the chambers' pressures: the bar stays where it is, and they change as
-    little as the load and the fingers' creep make them; or it has moved, and they may be anything.
+    Three hypotheses explain the chambers' pressures: the bar stays where it is, and they change as
+    little as the load and the fingers' creep make them; it has shifted and is still moved by the
+    hand, and they may be anything but flat; or it is lost, and they may be anything.
     Two explain the force on a hand that moves: it moves a body, or nothing, and then feels what it
     felt while it was open. Neither ever speaks for a grasp: a hand may close on nothing and keep
     its pressures, and be loaded by what it pushes.

@@ -57,8 +57,9 @@ def test_the_odds_of_the_pressures_are_those_of_a_gaussian_and_an_even_density()
     reference, now = load(CLOSED), load(CLOSED * [1.05, 1.0, 0.98, 1.0], force=(0.0, 0.0, 10.0))
     variance = CONFIG.pressure_deviation**2 + (10.0 * CONFIG.pressure_by_force) ** 2
     stays = -0.5 * (0.05**2 + 0.02**2) / variance - 2.0 * np.log(2.0 * np.pi * variance)
-    expected = -4.0 * np.log(CONFIG.pressure_range) - stays
-    assert pressure_odds(now, reference, CONFIG) == pytest.approx(expected)
+    moved = -4.0 * np.log(CONFIG.pressure_range)
+    held = np.log((1.0 - CONFIG.shifting) * np.exp(stays) + CONFIG.shifting * np.exp(moved))
+    assert pressure_odds(now, reference, CONFIG) == pytest.approx(moved - held)
 
 
 def test_a_hand_without_load_holds_nothing_or_something_without_friction() -> None:
@@ -78,18 +79,29 @@ def test_a_hand_that_pulls_a_bar_is_not_doubted(force: float) -> None:
         assert hand.tick(load(CLOSED * creep, (0.0, 0.0, force)), True, way=0.0013) == NO_SLIP
 
 
-def test_a_finger_that_curls_on_has_lost_the_bar() -> None:
+def test_a_finger_that_curls_on_has_lost_the_bar_or_shifted_it() -> None:
     hand = Hand()
     hand.close()
     belief = hand.tick(load(CLOSED * [1.0, 1.0, 1.0, 0.65], (0.0, 0.0, 5.0)), True)
-    assert belief.log_odds == CONFIG.limit
+    assert belief.log_odds == pytest.approx(-np.log(CONFIG.shifting), abs=0.01)
     assert belief.shift == pytest.approx(0.32 * CONFIG.shift_by_pressure, rel=0.03)
 
 
 def test_a_hand_that_leaks_has_lost_the_bar() -> None:
     hand = Hand()
     hand.close()
-    assert hand.tick(load(0.8 * CLOSED, (0.0, 0.0, 5.0)), True).log_odds == CONFIG.limit
+    share = 1.0 - CONFIG.fist
+    shifted, flat = (hand.tick(load(k * share * CLOSED), True).log_odds for k in (1.01, 0.99))
+    assert shifted < 4.0
+    assert flat == CONFIG.limit
+
+
+def test_a_hand_that_has_curled_past_a_lid_and_pushes_it_may_hold_it() -> None:
+    hand = Hand()
+    hand.close()
+    for _ in range(60):
+        belief = hand.tick(load(0.6 * CLOSED, (2.0, 0.0, -2.0)), True, way=0.002)
+    assert belief.log_odds == pytest.approx(-np.log(CONFIG.shifting), abs=0.01)
 
 
 def test_pressures_that_the_load_explains_are_no_slip() -> None:

@@ -21,6 +21,16 @@ from systems.port_values.bodies import (
     HeldBody,
 )
 from systems.port_values.features import FeatureBelief, no_features
+from systems.port_values.flap import (
+    UNKNOWN_ANGLE,
+    UNKNOWN_HINGE,
+    UNKNOWN_TOOL,
+    FlapAngleBelief,
+    FlapPlane,
+    HingeBelief,
+    ToolBelief,
+    unseen,
+)
 from systems.port_values.grasp import (
     NO_SLIP,
     UNKNOWN_LOAD,
@@ -40,25 +50,40 @@ from systems.port_values.motions import (
 )
 from systems.port_values.samples import SampleWindow
 from systems.port_values.streams import HEALTHY, StreamHealth
+from systems.port_values.tactile import (
+    NO_CONTACT,
+    UNKNOWN_FINGERTIP,
+    FingertipContact,
+    TactileContact,
+)
 
 __all__ = [
     "HEALTHY",
     "HELD_BODY",
+    "NO_CONTACT",
     "NO_POSE",
     "NO_SLIP",
     "STATIC_BODY",
+    "UNKNOWN_ANGLE",
     "UNKNOWN_END_EFFECTOR",
+    "UNKNOWN_FINGERTIP",
+    "UNKNOWN_HINGE",
     "UNKNOWN_LOAD",
+    "UNKNOWN_TOOL",
     "BodyMotion",
     "BodyMotions",
     "BodyPrediction",
     "BodyPredictions",
     "EndEffectorBelief",
     "FeatureBelief",
+    "FingertipContact",
+    "FlapAngleBelief",
+    "FlapPlane",
     "GraspBelief",
     "GraspType",
     "HandLoad",
     "HeldBody",
+    "HingeBelief",
     "JointBelief",
     "JointBeliefs",
     "JointModelBelief",
@@ -69,5 +94,8 @@ __all__ = [
     "SlipBelief",
     "StampedImage",
     "StreamHealth",
+    "TactileContact",
+    "ToolBelief",
     "no_features",
+    "unseen",
 ]

@@ -1,0 +1,149 @@
+"""The flap of an articulated tool: where it is seen, how it is hinged and how far it is turned."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from maths.arrays import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlapPlane:
+    """The flap's surface as one image shows it: n · x = d.
+
+    Attributes:
+        seen: Whether it was; else all but `why` is NaN.
+        why: Why it was not seen, in words; empty if it was.
+        n_W: Unit normal (3,) of the face that is seen, towards the camera.
+        d: Distance from the world's origin along the normal, [m].
+        covariance: (4, 4) of (n_W, d), of one image's noise; rank 3, since the normal is of unit
+            length.
+        common_covariance: (4, 4) likewise, of the camera's calibration; it comes on top and is the
+            same error in all images.
+        p_WF: Centre of the points of the flap (3,), [m].
+        points: How many there are.
+    """
+
+    seen: bool
+    n_W: Array
+    d: float
+    covariance: Array
+    p_WF: Array
+    points: int = 0
+    why: str = ""
+    common_covariance: Array = field(default_factory=lambda: np.zeros((4, 4)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class HingeBelief:
+    """The axis about which the flap turns.
+
+    Attributes:
+        known: Whether anything is believed of it; else all is NaN.
+        k_W: Direction (3,), a unit vector; the flap is turned in the positive sense.
+        p_WK: Point on the axis (3,), the nearest to the contact, [m].
+        covariance: (6, 6) of (k_W, p_WK), [rad, m]; rank 4, across the axis.
+        touch_offset: By how much the finger's calibration displaces what is touched at the contact
+            (3,), as far as that is known: measured minus true, [m].
+        touch_covariance: (9, 3) of (k_W, p_WK, touch_offset) with touch_offset: an axis that is
+            known by touch errs as touch does.
+    """
+
+    known: bool
+    k_W: Array
+    p_WK: Array
+    covariance: Array
+    touch_offset: Array = field(default_factory=lambda: np.zeros(3))
+    touch_covariance: Array = field(default_factory=lambda: np.zeros((9, 3)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlapAngleBelief:
+    """How far the flap is turned.
+
+    Attributes:
+        known: Whether anything is believed of it; else all is NaN.
+        theta: Angle since the flap was first touched, [rad].
+        variance: Of theta, [rad^2].
+        rate: Its rate by the motion of the contact, [rad/s].
+        n_W: Unit normal (3,) of the flap that goes with theta: of the face that was seen first.
+        n_covariance: (3, 3), rank 2.
+        measured: Whether the camera corrected it at this tick.
+    """
+
+    known: bool
+    theta: float
+    variance: float
+    rate: float
+    n_W: Array
+    n_covariance: Array
+    measured: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToolBelief:
+    """The kinematics of the held tool, as a link of the arm that holds it.
+
+    Frames: E end-effector of that arm, K at the hinge (z along k, x towards the contact when theta
+    is 0), T at the contact on the flap.
+
+    Attributes:
+        hinge: In the world.
+        angle: Of the flap.
+        L1_W: From E's origin to K's (3,), [m].
+        L2_W: From the contact to K's origin (3,), [m].
+        L1_covariance: (3, 3), [m^2].
+        L2_covariance: (3, 3), [m^2].
+        X_EK: (4, 4).
+        X_KT: (4, 4), turned by theta.
+    """
+
+    hinge: HingeBelief
+    angle: FlapAngleBelief
+    L1_W: Array
+    L2_W: Array
+    L1_covariance: Array
+    L2_covariance: Array
+    X_EK: Array
+    X_KT: Array
+
+
+def unseen(why: str) -> FlapPlane:
+    """What stands for a plane that was not seen."""
+    return FlapPlane(
+        seen=False,
+        n_W=np.full(3, np.nan),
+        d=float("nan"),
+        covariance=np.full((4, 4), np.nan),
+        common_covariance=np.full((4, 4), np.nan),
+        p_WF=np.full(3, np.nan),
+        why=why,
+    )
+
+
+UNKNOWN_HINGE = HingeBelief(
+    known=False,
+    k_W=np.full(3, np.nan),
+    p_WK=np.full(3, np.nan),
+    covariance=np.full((6, 6), np.nan),
+    touch_offset=np.full(3, np.nan),
+    touch_covariance=np.full((9, 3), np.nan),
+)
+UNKNOWN_ANGLE = FlapAngleBelief(
+    known=False,
+    theta=float("nan"),
+    variance=float("nan"),
+    rate=float("nan"),
+    n_W=np.full(3, np.nan),
+    n_covariance=np.full((3, 3), np.nan),
+)
+UNKNOWN_TOOL = ToolBelief(
+    hinge=UNKNOWN_HINGE,
+    angle=UNKNOWN_ANGLE,
+    L1_W=np.full(3, np.nan),
+    L2_W=np.full(3, np.nan),
+    L1_covariance=np.full((3, 3), np.nan),
+    L2_covariance=np.full((3, 3), np.nan),
+    X_EK=np.full((4, 4), np.nan),
+    X_KT=np.full((4, 4), np.nan),
+)

@@ -1,0 +1,89 @@
+"""What a tactile fingertip feels."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from maths.arrays import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class TactileContact:
+    """A contact on a tactile fingertip, in its frame S.
+
+    The origin of S is the centre of the fingertip's surface of revolution, y points out of its pad,
+    z along the finger.
+
+    Attributes:
+        touching: Whether there is a contact; without one all else is NaN.
+        p_SC: Where it is on the surface (3,), the force-weighted mean of the taxels, [m].
+        covariance: Of p_SC (3, 3), [m^2].
+        n_S: Mean outward normal of the pressed surface (3,), a unit vector.
+        f_S: Force of the finger on what it touches (3,), the sum of the taxels' normal forces, [N].
+        edge_angle: Angle of a contact edge about y, from z; NaN where the contact has none, [rad].
+    """
+
+    touching: bool
+    p_SC: Array
+    covariance: Array
+    n_S: Array
+    f_S: Array
+    edge_angle: float = float("nan")
+
+    @property
+    def force(self) -> float:
+        """Magnitude of `f_S`, [N]; 0 without a contact."""
+        return float(np.linalg.norm(self.f_S)) if self.touching else 0.0
+
+
+NO_CONTACT = TactileContact(
+    touching=False,
+    p_SC=np.full(3, np.nan),
+    covariance=np.full((3, 3), np.nan),
+    n_S=np.full(3, np.nan),
+    f_S=np.full(3, np.nan),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FingertipContact:
+    """Where the fingertip is, what it feels, and where that is in the world.
+
+    A position's error has a part that is new at every tick and a part that stays for the episode,
+    as the arm's base is where it is: displacements are as sure as the first alone.
+
+    Attributes:
+        X_WS: Pose of the fingertip (4, 4).
+        covariance: (6, 6) of xi in X_WS exp(xi), rotation first, [rad, m].
+        white_covariance: Its part that is new at every tick.
+        contact: What is felt, in S.
+        p_WC: Where that is (3,), [m]; NaN without a contact, as all below.
+        p_WC_covariance: (3, 3), [m^2].
+        p_WC_white_covariance: Its part that is new at every tick.
+        v_WC: Velocity of the contact point (3,), smoothed, [m/s].
+        v_WC_covariance: (3, 3), [m^2/s^2].
+    """
+
+    X_WS: Array
+    covariance: Array
+    white_covariance: Array
+    contact: TactileContact
+    p_WC: Array
+    p_WC_covariance: Array
+    p_WC_white_covariance: Array
+    v_WC: Array
+    v_WC_covariance: Array
+
+
+# What a port of this type holds before anyone has written to it.
+UNKNOWN_FINGERTIP = FingertipContact(
+    X_WS=np.full((4, 4), np.nan),
+    covariance=np.full((6, 6), np.nan),
+    white_covariance=np.full((6, 6), np.nan),
+    contact=NO_CONTACT,
+    p_WC=np.full(3, np.nan),
+    p_WC_covariance=np.full((3, 3), np.nan),
+    p_WC_white_covariance=np.full((3, 3), np.nan),
+    v_WC=np.full(3, np.nan),
+    v_WC_covariance=np.full((3, 3), np.nan),
+)

@@ -16,21 +16,30 @@ def make_parser(plant: MultibodyPlant) -> Parser:
     return parser
 
 
-def add_model(parser: Parser, file: Path, name: str) -> ModelInstanceIndex:
+def add_model(parser: Parser, file: Path | str, name: str) -> ModelInstanceIndex:
     """Adds the one model of a file under `name`, so that a file may serve several times.
+
+    Args:
+        parser: Of the plant.
+        file: SDF or URDF file, or the text of an SDF.
+        name: Of the model instance.
 
     Raises:
         ValueError: if the file has not one model, or the plant has another one of that name.
     """
     plant = parser.plant()
+    source = file if isinstance(file, Path) else f"model '{name}'"
     if plant.HasModelInstanceNamed(name):
-        raise ValueError(f"{file}: the plant already has a model named '{name}'")
+        raise ValueError(f"{source}: the plant already has a model named '{name}'")
     parser.SetAutoRenaming(True)  # The file's own name for the model may be taken.
-    instances = parser.AddModels(str(file))
+    if isinstance(file, Path):
+        instances = parser.AddModels(str(file))
+    else:
+        instances = parser.AddModelsFromString(file, "sdf")
     parser.SetAutoRenaming(False)
     if len(instances) != 1:
         names = [plant.GetModelInstanceName(instance) for instance in instances]
-        raise ValueError(f"{file}: need one model, found {names}")
+        raise ValueError(f"{source}: need one model, found {names}")
     if plant.GetModelInstanceName(instances[0]) != name:
         plant.RenameModelInstance(instances[0], name)
     return instances[0]

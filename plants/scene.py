@@ -43,14 +43,14 @@ class ObjectPlacement:
     """One articulated object as it stands in the world.
 
     Attributes:
-        model: SDF or URDF file.
+        model: SDF or URDF file, or the text of an SDF.
         X_WO: Pose of its model frame.
         free: Whether its root floats, to rest on the table or floor, or is welded to the world.
         friction: Coulomb friction of each of its joints.
         texture: PNG in models/sdf/textures for visuals whose names begin with `textured`.
     """
 
-    model: Path
+    model: Path | str
     X_WO: RigidTransform
     free: bool = False
     friction: float = number(0.0, at_least=0.0, at_most=1e4, unit="N or N m")
@@ -89,6 +89,7 @@ def add_manipulation_scene(
     objects: Mapping[str, ObjectPlacement],
     robots: Sequence[Sequence[str]],
     bases: Mapping[str, RigidTransform] | None = None,
+    weightless: Sequence[str] = (),
 ) -> ManipulationScene:
     """Adds plant and scene graph to `builder`, the objects placed where they stand.
 
@@ -100,6 +101,7 @@ def add_manipulation_scene(
             robot does not collide with itself.
         bases: Where models truly stand that the directives weld to the world, by their names; those
             that are not named stand where the directives say.
+        weightless: Models that feel no gravity: arms whose drives carry their own weight.
 
     Raises:
         ValueError: if `time_step` or a friction is impossible, a name is not known or not unique,
@@ -121,6 +123,8 @@ def add_manipulation_scene(
     instances = {
         name: _place(plant, parser, name, placement) for name, placement in objects.items()
     }
+    for name in weightless:
+        plant.set_gravity_enabled(find_model(plant, name), False)
     plant.Finalize()
     for robot in robots:
         _ignore_self_collision(plant, scene_graph, [find_model(plant, name) for name in robot])
@@ -182,7 +186,7 @@ def _place(
     roots = [body for body in bodies if body.index() not in children]
     if len(roots) != 1:
         raise ValueError(
-            f"{placement.model}: need one root body, found {[body.name() for body in roots]}"
+            f"object '{name}': need one root body, found {[body.name() for body in roots]}"
         )
     model_frame = plant.GetFrameByName("__model__", instance)
     if placement.free:

@@ -1,0 +1,274 @@
+"""When the flipping of a flap goes on to its next phase, and when it is given up."""
+
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from controllers.servoing.contact_search import (
+    backed_off,
+    hinge_shift,
+    is_there,
+    next_on_arc,
+    turned_about,
+)
+from maths.arrays import Array
+from maths.immutable import Immutable
+from maths.validation import number, numbers
+
+_SWITCH: Any = {"at_least": 0.0, "at_most": 1.0}
+
+
+class FlipPhase(IntEnum):
+    """In the order in which they follow; a lost contact leads from FLIP back."""
+
+    PRE_CONTACT = 0
+    ESTABLISH_CONTACT = 1
+    FLIP = 2
+    DONE = 3
+    FAILED = 4
+
+
+@dataclass(kw_only=True)
+class FlipSequenceConfig:
+    period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")
+    # Speed at which the finger first approaches the flap's edge, and longest way.
+    approach_speed: float = number(0.008, above=0.0, at_most=1.0, unit="m/s")
+    approach_way: float = number(0.06, above=0.0, at_most=1.0, unit="m")
+    # Contact that is established: what its force and place may be off by, and for how long.
+    force: float = number(0.5, above=0.0, at_most=100.0, unit="N")
+    force_tolerance: float = number(0.1, above=0.0, at_most=100.0, unit="N")
+    position_tolerance: float = number(0.004, above=0.0, at_most=0.1, unit="m")
+    settle_time: float = number(0.3, at_least=0.0, at_most=60.0, unit="s")
+    # Time after which a contact that has not settled is taken as it is.
+    establish_time: float = number(4.0, above=0.0, at_most=3600.0, unit="s")
+    # Speed of the contact along x_S, and the time in which it begins.
+    feed_speed: float = number(0.007, above=0.0, at_most=1.0, unit="m/s")
+    ramp_time: float = number(0.5, at_least=1e-3, at_most=60.0, unit="s")
+    # Angle by which the flap is to be turned.
+    angle: float = number(2.0, above=0.0, at_most=3.0, unit="rad")
+    # Way of the contact, and time, after which the flip ends at the latest.
+    way: float = number(0.25, above=0.0, at_most=2.0, unit="m")
+    flip_time: float = number(60.0, above=0.0, at_most=3600.0, unit="s")
+    # A contact is lost once nothing has been felt for so long.
+    lost_time: float = number(0.05, at_least=0.0, at_most=10.0, unit="s")
+    # Speed at which a lost contact is sought along its last normal.
+    search_speed: float = number(0.008, above=0.0, at_most=1.0, unit="m/s")
+    # Way and time after which it is lost for good.
+    search_way: float = number(0.05, above=0.0, at_most=1.0, unit="m")
+    search_time: float = number(20.0, above=0.0, at_most=3600.0, unit="s")
+    # A flap whose edge is seen to have gone so far is followed: to so far before the edge.
+    edge_shift: float = number(0.005, above=0.0, at_most=1.0, unit="m")
+    clearance: float = number(0.015, above=0.0, at_most=1.0, unit="m")
+    follow_speed: float = number(0.03, above=0.0, at_most=1.0, unit="m/s")
+    # On its way it is so far ahead on the arc of the edge at most.
+    arc_step: float = number(0.25, above=0.0, at_most=1.6, unit="rad")
+    # How near the finger gets to where it waits before the edge.
+    arrival_distance: float = number(0.002, above=0.0, at_most=0.1, unit="m")
+    arrival_angle: float = number(0.03, above=0.0, at_most=1.0, unit="rad")
+    # Diagonals of the projectors, ones and zeros: w_x, w_y, w_z, v_x, v_y, v_z. Touch holds the
+    # force and rolls the pad flat onto the edge's line, about x; during the flip it also keeps the
+    # edge from sliding off along x. The roll about z is vision's and the arc's: on an edge that is
+    # as thick as the pad's contact is wide, an offset along x may be either of roll and place.
+    tactile_establish: list[float] = numbers([1.0, 0.0, 0.0, 0.0, 1.0, 0.0], **_SWITCH)
+    tactile_flip: list[float] = numbers([1.0, 0.0, 0.0, 1.0, 1.0, 0.0], **_SWITCH)
+    visual_flip: list[float] = numbers([1.0, 1.0, 1.0, 1.0, 1.0, 1.0], **_SWITCH)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seat(Immutable):
+    """A pose in which the finger touched the edge, or would have.
+
+    Attributes:
+        time: Of it, [s].
+        X_WS: The pose (4, 4).
+        theta: Angle of the flap at that time, as perceived, [rad]; NaN if unknown.
+    """
+
+    time: float
+    X_WS: Array
+    theta: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlipState(Immutable):
+    """What the sequence remembers.
+
+    Attributes:
+        phase: What is done.
+        since: Beginning of the phase, [s].
+        felt_at: When something was last felt, [s].
+        good_since: Since when the contact has been as it should be, [s]; infinite while it is not.
+        n_S: Normal of the last contact (3,); y of S before the first.
+        p_WS_last: Where the way of a search is counted from (3,), [m]: where a contact was last
+            felt or expected, or the start.
+        seat: How finger and flap fit together; None before a contact was good for long.
+        candidate: What becomes that if the contact stays good; None while it is not.
+        X_WS_goal: Where it waits before an edge that has gone (4, 4); None while it does not.
+        flipped: Time since the flip began without the pauses, [s].
+        turned: By how much the finger has turned about its own z since the flip began, [rad].
+        way: Of the fingertip along its x since then, [m].
+        X_WS: Pose at the last update (4, 4); NaN before the first.
+        losses: How often the contact was lost.
+        why: Why it failed, in words; empty if it has not.
+    """
+
+    phase: FlipPhase = FlipPhase.PRE_CONTACT
+    since: float = 0.0
+    felt_at: float = -np.inf
+    good_since: float = np.inf
+    n_S: Array
+    p_WS_last: Array
+    seat: Seat | None = None
+    candidate: Seat | None = None
+    X_WS_goal: Array | None = None
+    flipped: float = 0.0
+    turned: float = 0.0
+    way: float = 0.0
+    X_WS: Array
+    losses: int = 0
+    why: str = ""
+
+    @property
+    def is_seeking(self) -> bool:
+        """Whether the finger moves towards a contact that it does not feel."""
+        return self.phase in (FlipPhase.PRE_CONTACT, FlipPhase.ESTABLISH_CONTACT)
+
+
+_PAD_NORMAL = np.array([0.0, 1.0, 0.0])
+FIRST = FlipState(n_S=_PAD_NORMAL, p_WS_last=np.full(3, np.nan), X_WS=np.full((4, 4), np.nan))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Felt:
+    """What the sequence decides by, at one instant.
+
+    Attributes:
+        time: [s]
+        X_WS: Measured pose of the fingertip (4, 4).
+        contact: `TactileContact`.
+        theta: Angle of the flap as it is perceived, [rad]; NaN while unknown.
+        hinge: `HingeBelief`; None while unknown.
+    """
+
+    time: float
+    X_WS: Array
+    contact: Any
+    theta: float = float("nan")
+    hinge: Any = None
+
+
+def own_turn(X_WS_before: Array, X_WS: Array) -> float:
+    """By how much a frame has turned about its own z between two poses near each other, [rad]."""
+    R = X_WS_before[:3, :3].T @ X_WS[:3, :3]
+    return float(np.arctan2(R[1, 0] - R[0, 1], R[0, 0] + R[1, 1]))
+
+
+def is_good(contact: Any, config: FlipSequenceConfig) -> bool:
+    """Whether a contact has about the force and the place that it should have."""
+    place = np.hypot(contact.p_SC[0], contact.p_SC[2])
+    force = abs(contact.force - config.force)
+    return bool(place < config.position_tolerance and force < config.force_tolerance)
+
+
+def next_flip_state(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
+    """One step of the sequence."""
+    if state.phase in (FlipPhase.DONE, FlipPhase.FAILED):
+        return state
+    state = _observe(state, now, config)
+    sought = float(np.linalg.norm(now.X_WS[:3, 3] - state.p_WS_last))
+    if state.phase == FlipPhase.PRE_CONTACT:
+        if now.contact.touching:
+            return _enter(state, FlipPhase.ESTABLISH_CONTACT, now)
+        if sought > config.approach_way:
+            return _fail(state, now, "nothing was touched")
+        return state
+    if now.time - state.felt_at > config.lost_time:
+        if state.phase == FlipPhase.FLIP:
+            lost = replace(state, losses=state.losses + 1)
+            return _enter(lost, FlipPhase.ESTABLISH_CONTACT, now)
+        if sought > config.search_way or now.time - state.felt_at > config.search_time:
+            return _fail(state, now, "the contact is lost")
+        return follow_edge(replace(state, since=now.time), now, config)
+    if state.phase == FlipPhase.ESTABLISH_CONTACT:
+        settled = now.time - state.good_since >= config.settle_time
+        if settled or now.time - state.since >= config.establish_time:
+            return _enter(state, FlipPhase.FLIP, now)
+        return state
+    turned = now.theta if np.isfinite(now.theta) else state.turned
+    there = turned >= config.angle and now.contact.touching
+    if there or state.way >= config.way:
+        return _enter(state, FlipPhase.DONE, now)
+    if state.flipped >= config.flip_time:
+        return _fail(state, now, "the flap took too long to turn")
+    return state
+
+
+def follow_edge(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
+    """The state with the goal before an edge that is seen to have gone, until it is reached."""
+    seat = state.seat
+    if seat is None or now.hinge is None or not np.isfinite(now.theta - seat.theta):
+        return state
+    turn = now.theta - seat.theta
+    X_WS_edge = turned_about(now.hinge, turn, seat.X_WS)
+    goal = backed_off(X_WS_edge, config.clearance)
+    if hinge_shift(now.hinge, turn, seat.X_WS[:3, 3]) <= config.edge_shift:
+        return replace(state, X_WS_goal=None)
+    if not is_there(now.X_WS, goal, config.arrival_distance, config.arrival_angle):
+        angle = next_on_arc(now.hinge, seat.X_WS, turn, now.X_WS, config.arc_step)
+        goal = backed_off(turned_about(now.hinge, angle, seat.X_WS), config.clearance)
+        p_WS = now.X_WS[:3, 3]
+        return replace(state, X_WS_goal=goal, p_WS_last=p_WS, n_S=_PAD_NORMAL)
+    here = Seat(time=now.time, X_WS=X_WS_edge, theta=now.theta)
+    return replace(state, X_WS_goal=None, seat=here)
+
+
+def _fit(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
+    """The state with what is known of how finger and flap fit together.
+
+    A contact that is about to be lost is not believed: it has to stay good for a while.
+    """
+    here = Seat(time=now.time, X_WS=now.X_WS, theta=now.theta)
+    candidate = state.candidate
+    if candidate is None:
+        return replace(state, candidate=here)
+    if now.time - candidate.time < config.settle_time:
+        return state
+    return replace(state, seat=candidate, candidate=here)
+
+
+def _observe(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
+    """The state with what is felt and how the finger has moved."""
+    if np.isnan(state.X_WS[0, 0]):
+        state = replace(state, X_WS=now.X_WS, p_WS_last=now.X_WS[:3, 3])
+    if now.contact.touching:
+        good = is_good(now.contact, config)
+        state = replace(
+            state,
+            felt_at=now.time,
+            n_S=now.contact.n_S,
+            p_WS_last=now.X_WS[:3, 3],
+            X_WS_goal=None,
+            good_since=min(state.good_since, now.time) if good else np.inf,
+        )
+        state = _fit(state, now, config) if good else replace(state, candidate=None)
+    else:
+        state = replace(state, good_since=np.inf, candidate=None)
+    flipping = state.phase == FlipPhase.FLIP
+    if flipping or state.flipped > 0.0:
+        state = replace(
+            state,
+            flipped=state.flipped + config.period * flipping,
+            turned=state.turned + own_turn(state.X_WS, now.X_WS),
+            way=state.way + float(now.X_WS[:3, 0] @ (now.X_WS[:3, 3] - state.X_WS[:3, 3])),
+        )
+    return replace(state, X_WS=now.X_WS)
+
+
+def _enter(state: FlipState, phase: FlipPhase, now: Felt) -> FlipState:
+    return replace(state, phase=phase, since=now.time, good_since=np.inf)
+
+
+def _fail(state: FlipState, now: Felt, why: str) -> FlipState:
+    return replace(_enter(state, FlipPhase.FAILED, now), why=why)

@@ -1,0 +1,157 @@
+"""The sequence of flipping a flap: approach its edge, establish contact, flip, done."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import AbstractValue, Value
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
+
+from controllers.arm.kinematics import ArmModel
+from controllers.servoing.beliefs import known_belief
+from controllers.servoing.contact_search import twist_towards
+from controllers.servoing.flip_decisions import (
+    FIRST,
+    Felt,
+    FlipPhase,
+    FlipSequenceConfig,
+    FlipState,
+    next_flip_state,
+)
+from maths.arrays import Array
+from maths.validation import check
+
+_ARRIVAL_TIME = 0.5  # Time constant with which the finger arrives at a goal, [s].
+
+
+def feed_forward(state: FlipState, time: float, config: FlipSequenceConfig) -> float:
+    """Speed of the contact along x_S, [m/s]: rises from zero as the flip begins or goes on."""
+    if state.phase != FlipPhase.FLIP:
+        return 0.0
+    return config.feed_speed * min((time - state.since) / config.ramp_time, 1.0)
+
+
+def approach_twist(state: FlipState, touching: bool, config: FlipSequenceConfig) -> Array:
+    """V_WS_S (6,) while the finger seeks a contact, along its last normal or after the edge."""
+    if touching or not state.is_seeking:
+        return np.zeros(6)
+    if state.X_WS_goal is not None:
+        return twist_towards(state.X_WS, state.X_WS_goal, config.follow_speed, _ARRIVAL_TIME)
+    first = state.phase == FlipPhase.PRE_CONTACT
+    speed = config.approach_speed if first else config.search_speed
+    return np.concatenate([np.zeros(3), speed * state.n_S])
+
+
+def tactile_projector(phase: FlipPhase, config: FlipSequenceConfig) -> Array:
+    """Diagonal (6,) of P_tact in a phase."""
+    if phase == FlipPhase.FAILED:
+        return np.zeros(6)
+    flipping = phase == FlipPhase.FLIP
+    return np.array(config.tactile_flip if flipping else config.tactile_establish)
+
+
+class FlipSequence(LeafSystem):
+    """Says which phase the flip is in, and who moves which component of the fingertip in it.
+
+    .. pydrake_system::
+
+        name: FlipSequence
+        input_ports:
+        - joint_state_measured
+        - contact_latest
+        - flap_angle_latest
+        - hinge_latest
+        output_ports:
+        - phase
+        - feed_forward
+        - approach_twist_desired
+        - tactile_projector
+        - visual_projector
+        - failure
+
+    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s].
+    - contact_latest: `TactileContact`.
+    - flap_angle_latest: `FlapAngleBelief`. May stay unconnected; then the finger's own turn counts.
+    - hinge_latest: `HingeBelief`. May stay unconnected; with it, an edge that is seen to have
+      gone is followed.
+    - phase: (1,) `FlipPhase`.
+    - feed_forward: (1,) speed of the contact along x_S, [m/s].
+    - approach_twist_desired: (6,) V_WS_S towards a contact that is not felt, [rad/s, m/s].
+    - tactile_projector: (6,) diagonal of P_tact: w_x, w_y, w_z, v_x, v_y, v_z.
+    - visual_projector: (6,) of P_vis.
+    - failure: str, why it failed; empty if it has not.
+
+    State: `FlipState`.
+
+    Frames: W world, S fingertip.
+
+    Source: as `TactileServoing`, section IV-A.
+
+    Args:
+        config: Goal, speeds, limits, projectors.
+        arm: The arm's own model, its end-effector the fingertip S.
+
+    Raises:
+        ValueError: for an impossible config value.
+    """
+
+    def __init__(self, config: FlipSequenceConfig, arm: ArmModel) -> None:
+        super().__init__()
+        check(config, "FlipSequence")
+        self._config, self._arm = config, arm
+        self._joints = self.DeclareVectorInputPort("joint_state_measured", 2 * arm.num_joints)
+        self._contact = self.DeclareAbstractInputPort("contact_latest", Value[object]())
+        self._angle = self.DeclareAbstractInputPort("flap_angle_latest", Value[object]())
+        self._hinge = self.DeclareAbstractInputPort("hinge_latest", Value[object]())
+        on_state = {self.abstract_state_ticket(self.DeclareAbstractState(Value[object](FIRST)))}
+        on_time = on_state | {self.time_ticket()}
+
+        def vector(name: str, size: int, calc: Callable[[Context], Any], needs: Any) -> None:
+            def write(context: Context, output: BasicVector) -> None:
+                output.SetFromVector(np.atleast_1d(calc(context)))
+
+            self.DeclareVectorOutputPort(name, size, write, needs)
+
+        vector("phase", 1, lambda c: float(self._state(c).phase), on_state)
+        vector("feed_forward", 1, self._calc_feed, on_time)
+        on_contact = on_state | {self._contact.ticket()}
+        vector("approach_twist_desired", 6, self._calc_approach, on_contact)
+        vector("tactile_projector", 6, self._calc_tactile, on_state)
+        vector("visual_projector", 6, self._calc_visual, on_state)
+        self.DeclareAbstractOutputPort(
+            "failure", lambda: AbstractValue.Make(""), self._calc_failure, on_state
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
+
+    def _state(self, context: Context) -> FlipState:
+        state: FlipState = context.get_abstract_state(0).get_value()
+        return state
+
+    def _calc_feed(self, context: Context) -> float:
+        return feed_forward(self._state(context), context.get_time(), self._config)
+
+    def _calc_approach(self, context: Context) -> Array:
+        contact: Any = self._contact.Eval(context)
+        return approach_twist(self._state(context), contact.touching, self._config)
+
+    def _calc_tactile(self, context: Context) -> Array:
+        return tactile_projector(self._state(context).phase, self._config)
+
+    def _calc_visual(self, context: Context) -> Array:
+        flipping = self._state(context).phase == FlipPhase.FLIP
+        return flipping * np.array(self._config.visual_flip)
+
+    def _calc_failure(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self._state(context).why)
+
+    def _update(self, context: Context, state: State) -> None:
+        angle, hinge = (known_belief(port, context) for port in (self._angle, self._hinge))
+        now = Felt(
+            time=context.get_time(),
+            X_WS=self._arm.Evaluate(np.asarray(self._joints.Eval(context))).X_WE,
+            contact=self._contact.Eval(context),
+            theta=float("nan") if angle is None else angle.theta,
+            hinge=hinge,
+        )
+        following = next_flip_state(self._state(context), now, self._config)
+        state.get_mutable_abstract_state(0).set_value(following)

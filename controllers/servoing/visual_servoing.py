@@ -1,0 +1,177 @@
+"""Turns the fingertip with the flap as it is seen, and moves its contact on."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from controllers.arm.kinematics import ArmModel
+from controllers.servoing.beliefs import known_belief
+from controllers.servoing.twists import from_contact, to_contact
+from maths.arrays import Array
+from maths.validation import check, number
+from maths.vectors import cross
+
+
+@dataclass(kw_only=True)
+class VisualServoingConfig:
+    # Gain of the roll towards the flap, and of the finger's alignment with the hinge.
+    roll_gain: float = number(1.0, at_least=0.0, at_most=100.0, unit="1/s")
+    align_gain: float = number(0.5, at_least=0.0, at_most=100.0, unit="1/s")
+    # Largest rate of turning by what is seen.
+    turn_limit: float = number(0.2, above=0.0, at_most=10.0, unit="rad/s")
+    # Standard deviation of a direction above which it is not used.
+    uncertainty: float = number(0.35, above=0.0, at_most=3.2, unit="rad")
+    # Distance of the hinge from the contact that is expected while none is known.
+    typical_distance: float = number(0.085, above=0.0, at_most=10.0, unit="m")
+    # Its standard deviation among tools.
+    distance_spread: float = number(0.02, above=0.0, at_most=10.0, unit="m")
+
+
+def towards_hinge(n_f: Array, z_S: Array) -> Array:
+    """The direction (3,) along the flap from its free edge to the hinge.
+
+    Args:
+        n_f: Normal of the flap (3,), on the side to which it turns.
+        z_S: Along the finger (3,), about parallel to the hinge with the sense of the turn.
+    """
+    target = cross(z_S, n_f)
+    return np.asarray(target / np.linalg.norm(target))
+
+
+def roll_angle(y_S: Array, z_S: Array, n_f: Array) -> float:
+    """Angle about z_S from y_S to the flap's direction towards the hinge, [rad].
+
+    It is zero where y_S . n_f = 0. The product n x n_f of the paper, taken literally, is zero only
+    where both are parallel.
+    """
+    target = towards_hinge(n_f, z_S)
+    return float(np.arctan2(cross(y_S, target) @ z_S, y_S @ target))
+
+
+def hinge_distance(p_WC: Array, hinge: Any) -> tuple[float, float]:
+    """Distance |L2| of a point (3,) from the axis of a `HingeBelief`, and its standard deviation.
+
+    Both in [m].
+    """
+    k = hinge.k_W
+    across = p_WC - hinge.p_WK
+    across = across - k * (k @ across)
+    distance = float(np.linalg.norm(across))
+    if not distance > 0.0:
+        return distance, np.inf
+    r = across / distance
+    return distance, float(np.sqrt(max(r @ hinge.covariance[3:, 3:] @ r, 0.0)))
+
+
+def fused_distance(p_WC: Array, hinge: Any, config: VisualServoingConfig) -> float:
+    """The hinge's distance from the contact, [m]: what is seen and what is typical, weighted."""
+    distance, sigma = hinge_distance(p_WC, hinge)
+    share = 1.0 / (1.0 + (sigma / config.distance_spread) ** 2)
+    return share * distance + (1.0 - share) * config.typical_distance
+
+
+class VisualServoing(LeafSystem):
+    """Feeds the contact along x_S, turns the fingertip with the flap and aligns it with the hinge.
+
+    w = k_roll z_S angle(y_S, target) + k_align z_S x k + z_S v / |L2|, with the target
+    along the flap towards the hinge and |L2| the hinge's distance from the contact. What is not
+    known is left out.
+
+    .. pydrake_system::
+
+        name: VisualServoing
+        input_ports:
+        - joint_state_measured
+        - contact_latest
+        - feed_forward
+        - tactile_twist_desired
+        - visual_projector
+        - flap_angle_latest
+        - hinge_latest
+        output_ports:
+        - visual_twist_desired
+
+    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s].
+    - contact_latest: `TactileContact`.
+    - feed_forward: (1,) speed of the contact along x_S, [m/s].
+    - tactile_twist_desired: (6,) V_WS_S of touch, to whose slide along x_S the arc belongs, too.
+    - visual_projector: (6,) diagonal of P_vis, in the order of a twist: w_x, w_y, w_z, v_x, v_y,
+      v_z.
+    - flap_angle_latest: `FlapAngleBelief`. May stay unconnected.
+    - hinge_latest: `HingeBelief`. May stay unconnected.
+    - visual_twist_desired: (6,) V_WS_S, [rad/s, m/s]; zero without a contact.
+
+    Frames: W world, S fingertip, C contact.
+
+    Source: as `TactileServoing`.
+
+    Args:
+        config: Gains and limits.
+        arm: The arm's own model, its end-effector the fingertip S.
+
+    Raises:
+        ValueError: for an impossible config value.
+    """
+
+    def __init__(self, config: VisualServoingConfig, arm: ArmModel) -> None:
+        super().__init__()
+        check(config, "VisualServoing")
+        self._config, self._arm = config, arm
+        self._joints = self.DeclareVectorInputPort("joint_state_measured", 2 * arm.num_joints)
+        self._contact = self.DeclareAbstractInputPort("contact_latest", Value[object]())
+        self._feed = self.DeclareVectorInputPort("feed_forward", 1)
+        self._tactile = self.DeclareVectorInputPort("tactile_twist_desired", 6)
+        self._projector = self.DeclareVectorInputPort("visual_projector", 6)
+        self._angle = self.DeclareAbstractInputPort("flap_angle_latest", Value[object]())
+        self._hinge = self.DeclareAbstractInputPort("hinge_latest", Value[object]())
+        self.DeclareVectorOutputPort("visual_twist_desired", 6, self._calc_twist)
+
+    def _calc_twist(self, context: Context, output: BasicVector) -> None:
+        contact: Any = self._contact.Eval(context)
+        if not contact.touching:
+            output.SetFromVector(np.zeros(6))
+            return
+        X_WS = self._arm.Evaluate(np.asarray(self._joints.Eval(context))).X_WE
+        angle, hinge = (known_belief(port, context) for port in (self._angle, self._hinge))
+        feed = float(self._feed.Eval(context)[0])
+        slide = to_contact(np.asarray(self._tactile.Eval(context)), contact.p_SC)[3]
+        V_WC_S = servoing_twist(X_WS, contact.p_SC, feed, slide, angle, hinge, self._config)
+        V_WC_S *= np.asarray(self._projector.Eval(context))
+        output.SetFromVector(from_contact(V_WC_S, contact.p_SC))
+
+
+def servoing_twist(
+    X_WS: Array,
+    p_SC: Array,
+    feed: float,
+    slide: float,
+    angle: Any,
+    hinge: Any,
+    config: VisualServoingConfig,
+) -> Array:
+    """V_WC_S (6,) of `VisualServoing`, before the projector.
+
+    Args:
+        X_WS: Pose of the fingertip (4, 4).
+        p_SC: The contact (3,), [m].
+        feed: Its speed along x_S, [m/s].
+        slide: What touch adds to that, [m/s].
+        angle: `FlapAngleBelief`; None if unknown.
+        hinge: `HingeBelief`; None if unknown.
+        config: Gains and limits.
+    """
+    R_WS = X_WS[:3, :3]
+    y_S, z_S = np.ascontiguousarray(R_WS.T)[1:]
+    w_W, distance = np.zeros(3), config.typical_distance
+    if angle is not None and np.trace(angle.n_covariance) < config.uncertainty**2:
+        w_W = config.roll_gain * roll_angle(y_S, z_S, angle.n_W) * z_S
+    if hinge is not None:
+        if np.trace(hinge.covariance[:3, :3]) < config.uncertainty**2:
+            w_W = w_W + config.align_gain * cross(z_S, hinge.k_W)
+        distance = fused_distance(X_WS[:3, 3] + R_WS @ p_SC, hinge, config)
+    w_S = np.clip(R_WS.T @ w_W, -config.turn_limit, config.turn_limit)
+    arc = np.array([0.0, 0.0, (feed + slide) / distance])
+    return np.concatenate([w_S + arc, [feed, 0.0, 0.0]])

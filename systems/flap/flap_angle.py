@@ -1,0 +1,309 @@
+"""How far the flap is turned: predicted by the finger's motion, corrected by the camera."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from pydrake.systems.framework import Context
+
+from maths.arrays import Array
+from maths.gaussian import joseph_update
+from maths.immutable import Immutable
+from maths.validation import check, number
+from systems.flap.flap_lever import lever
+from systems.port_values import (
+    UNKNOWN_ANGLE,
+    UNKNOWN_FINGERTIP,
+    UNKNOWN_HINGE,
+    FingertipContact,
+    FlapAngleBelief,
+    FlapPlane,
+    HingeBelief,
+    unseen,
+)
+from systems.recursive_filter import RecursiveFilter
+from systems.ticks import tick_period
+
+
+@dataclass(kw_only=True)
+class FlapAngleConfig:
+    """Configuration of `FlapAngleFilter`."""
+
+    period: float = tick_period()
+    # Lever of the contact before the hinge is known.
+    lever: float = number(0.085, at_least=1e-3, at_most=10.0, unit="m")
+    # Its standard deviation as a share of it.
+    lever_error: float = number(0.3, at_least=0.0, at_most=10.0)
+    # Least such share with a known hinge: the contact wanders.
+    least_lever_error: float = number(0.01, at_least=0.0, at_most=10.0)
+    # Change of that share in one second.
+    lever_walk: float = number(0.005, at_least=0.0, at_most=10.0)
+    # What the finger's motion says wrongly of the flap's, after one second.
+    slip: float = number(0.004, at_least=1e-6, at_most=10.0, unit="rad")
+    # Rate of a flap that nobody touches: it holds itself by friction.
+    free_rate: float = number(0.1, at_least=0.0, at_most=100.0, unit="rad/s")
+    # Below this angle the flap is where it was touched first.
+    at_rest: float = number(0.01, at_least=0.0, at_most=1.0, unit="rad")
+    # Error that all angles of the camera share: latency, focal length, faces that are not flat.
+    common_error: float = number(0.008, at_least=0.0, at_most=1.0, unit="rad")
+    # Innovation in standard deviations from which a measurement counts for less.
+    gate: float = number(3.0, above=0.0, at_most=100.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlapAngleState(Immutable):
+    """The filter's state.
+
+    Attributes:
+        x: Angle [rad], relative error of the rate, and how much farther the normal is turned from
+            n0_W than the angle says [rad] (3,).
+        P: Their covariance (3, 3).
+        touched: Whether the flap was touched.
+        rate: [rad/s]
+        measured: Whether the camera corrected the angle at this tick.
+        k_W: Axis (3,); None while the hinge is not known.
+        k_covariance: (3, 3).
+        n0_W: Normal (3,) of the face that was seen first; None before.
+        n0_common: Its covariance (3, 3) by the camera's calibration.
+        n_W: Normal (3,) of that face at this tick; None before.
+        n_covariance: (3, 3).
+        rest_images: How many images are averaged into n0_W.
+    """
+
+    x: Array
+    P: Array
+    touched: bool = False
+    rate: float = 0.0
+    measured: bool = False
+    k_W: Array | None = None
+    k_covariance: Array | None = None
+    n0_W: Array | None = None
+    n0_common: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    n_W: Array | None = None
+    n_covariance: Array | None = None
+    rest_images: int = 0
+
+
+UNTOUCHED = FlapAngleState(x=np.zeros(3), P=np.zeros((3, 3)))
+
+
+def turned_normal(k: Array, n0: Array, angle: float) -> Array:
+    """The normal (3,) turned by an angle about k, without its part along k (Rodrigues)."""
+    n = n0 - k * (k @ n0)
+    n = n / np.linalg.norm(n)
+    return np.asarray(n * np.cos(angle) + np.cross(k, n) * np.sin(angle))
+
+
+def angle_about(k: Array, n0: Array, n: Array) -> float:
+    """Angle from n0 to n (3,) about k, within ±pi, [rad]."""
+    return float(np.arctan2(k @ np.cross(n0, n), n0 @ n - (k @ n0) * (k @ n)))
+
+
+def contact_rate(
+    hinge: HingeBelief, contact: FingertipContact, n_W: Array | None, config: FlapAngleConfig
+) -> tuple[float, float, float]:
+    """Rate [rad/s] by the contact's motion v = theta_dot k x u, its variance, and sigma_u / u."""
+    v, V = contact.v_WC, contact.v_WC_covariance
+    if hinge.known:
+        arm = lever(hinge, contact)
+        r = arm.length
+        along = np.cross(hinge.k_W, arm.u_W) / r
+        share = max(float(np.sqrt(arm.length_variance)) / r, config.least_lever_error)
+        return float(along @ v) / r, float(along @ V @ along) / r**2, share
+    # The free edge begins to move out of the front.
+    r = config.lever
+    rate = float(np.linalg.norm(v)) if n_W is None else float(n_W @ v)
+    return rate / r, float(np.linalg.eigvalsh(V)[-1]) / r**2, config.lever_error
+
+
+def predict(
+    state: FlapAngleState, rate: float, variance: float, dt: float, config: FlapAngleConfig
+) -> FlapAngleState:
+    """theta += rate (1 + s) dt."""
+    F = np.eye(3)
+    F[0, 1] = rate * dt
+    Q = np.diag([variance * dt**2 + config.slip**2 * dt, config.lever_walk**2 * dt, 0.0])
+    x = state.x + np.array([rate * (1.0 + state.x[1]) * dt, 0.0, 0.0])
+    return replace(state, x=x, P=F @ state.P @ F.T + Q, rate=rate, measured=False)
+
+
+def correct(
+    state: FlapAngleState, k: Array, plane: FlapPlane, config: FlapAngleConfig
+) -> FlapAngleState:
+    """Correction by the angle of the plane's normal about k; either face may be seen."""
+    assert state.n0_W is not None
+    H = np.array([[1.0, 0.0, 1.0]])
+    apart = angle_about(k, state.n0_W, plane.n_W) - float(state.x[0] + state.x[2])
+    apart -= np.pi * np.round(apart / np.pi)  # The back is the front turned by half a turn.
+    along = np.cross(k, plane.n_W)
+    R = float(along @ plane.covariance[:3, :3] @ along)
+    S = float((H @ state.P @ H.T)[0, 0]) + R
+    R += max(0.0, apart**2 / config.gate**2 - S)
+    dx, P = joseph_update(state.P, H, np.array([[R]]), np.array([apart]))
+    return replace(state, x=state.x + dx, P=P, measured=True)
+
+
+def see_first(state: FlapAngleState, plane: FlapPlane, config: FlapAngleConfig) -> FlapAngleState:
+    """The state with the normal that angles are measured from, averaged while the flap rests."""
+    at_rest = abs(state.x[0]) < config.at_rest
+    count = state.rest_images
+    if state.n0_W is not None and not (at_rest and count):
+        return state
+    variance = float(np.linalg.eigvalsh(plane.covariance[:3, :3])[-1])
+    x, P = state.x.copy(), state.P.copy()
+    if state.n0_W is None:
+        # Just now the normal is turned by nothing from itself.
+        J = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
+        x[2], P = -x[0], J @ P[:2, :2] @ J.T
+        P[2, 2] += variance
+        images, common = int(at_rest), plane.common_covariance[:3, :3]
+        return replace(state, x=x, P=P, n0_W=plane.n_W, n0_common=common, rest_images=images)
+    n0 = count * state.n0_W + plane.n_W
+    x[2] = (count * x[2] - x[0]) / (count + 1)
+    P[2], P[:, 2] = P[2] * count / (count + 1), P[:, 2] * count / (count + 1)
+    P[2, 2] += variance / (count + 1) ** 2
+    n0 = n0 / np.linalg.norm(n0)
+    return replace(state, x=x, P=P, n0_W=n0, rest_images=count + 1)
+
+
+def with_normal(state: FlapAngleState, plane: FlapPlane) -> FlapAngleState:
+    """The state with the normal that goes with its angle."""
+    if state.n0_W is None:
+        return state
+    k = state.k_W
+    if k is None or state.k_covariance is None:
+        if plane.seen or state.n_W is None or state.n_covariance is None:
+            covariance = (plane.covariance + plane.common_covariance)[:3, :3]
+            return replace(state, n_W=plane.n_W, n_covariance=covariance)
+        spread = state.n_covariance + state.P[0, 0] * (np.eye(3) - np.outer(state.n_W, state.n_W))
+        return replace(state, n_covariance=spread)
+    n = turned_normal(k, state.n0_W, float(state.x[0] + state.x[2]))
+    along = np.cross(k, n)
+    variance = float(state.P[0, 0] + 2.0 * state.P[0, 2] + state.P[2, 2])
+    along_0 = np.cross(k, state.n0_W)
+    variance += float(along_0 @ state.n0_common @ along_0)
+    # A normal that is measured about k leans with k: dn = -k (n · dk).
+    lean = float(n @ state.k_covariance @ n)
+    covariance = variance * np.outer(along, along) + lean * np.outer(k, k)
+    return replace(state, n_W=n, n_covariance=covariance)
+
+
+def update_angle(
+    state: FlapAngleState,
+    plane: FlapPlane,
+    contact: FingertipContact,
+    hinge: HingeBelief,
+    config: FlapAngleConfig,
+) -> FlapAngleState:
+    """The state after one tick."""
+    dt = config.period
+    touching = contact.contact.touching
+    if not state.touched:
+        if not touching:
+            return state
+        P = np.diag([0.0, config.lever_error**2, 0.0])
+        state = replace(state, touched=True, P=P)
+    elif touching:
+        rate, variance, share = contact_rate(hinge, contact, state.n_W, config)
+        if hinge.known and state.k_W is None:
+            # From now on the rate is measured with this hinge's lever.
+            P = state.P.copy()
+            P[1], P[:, 1] = 0.0, 0.0
+            P[1, 1] = share**2
+            state = replace(state, x=state.x * [1.0, 0.0, 1.0], P=P)
+        state = predict(state, rate, variance, dt, config)
+    else:
+        state = predict(state, 0.0, config.free_rate**2, dt, config)
+    if hinge.known:
+        state = replace(state, k_W=hinge.k_W, k_covariance=hinge.covariance[:3, :3])
+    if plane.seen:
+        state = see_first(state, plane, config)
+        if state.k_W is not None:
+            state = correct(state, state.k_W, plane, config)
+    return with_normal(state, plane)
+
+
+def read_angle(state: FlapAngleState, config: FlapAngleConfig) -> FlapAngleBelief:
+    """What is believed of the angle."""
+    if not state.touched or state.n_W is None or state.n_covariance is None:
+        return UNKNOWN_ANGLE
+    common = config.common_error**2
+    along = np.eye(3) - np.outer(state.n_W, state.n_W)
+    if state.k_W is not None:
+        along = along - np.outer(state.k_W, state.k_W)
+    return FlapAngleBelief(
+        known=True,
+        theta=float(state.x[0]),
+        variance=float(state.P[0, 0]) + common,
+        rate=state.rate,
+        n_W=state.n_W,
+        n_covariance=state.n_covariance + common * along,
+        measured=state.measured,
+    )
+
+
+def predicted_angle(state: FlapAngleState, config: FlapAngleConfig) -> FlapAngleBelief:
+    """What is believed of the next tick, by the last rate."""
+    if not state.touched:
+        return UNKNOWN_ANGLE
+    ahead = predict(state, state.rate, 0.0, config.period, config)
+    return read_angle(with_normal(ahead, unseen("not yet")), config)
+
+
+class FlapAngleFilter(RecursiveFilter):
+    """Angle of the flap by a Kalman filter.
+
+    The contact at u from the axis moves at v = theta_dot k x u, which predicts the angle; where
+    the camera sees the flap, the angle of its normal about k corrects it:
+
+        theta += (1 + s) theta_dot dt,    theta_m = theta + beta,
+
+    with the lever's relative error s and the error beta of the normal at theta = 0, both unknown
+    constants. In a blackout the prediction alone turns the normal (Rodrigues). Before the hinge
+    is known, the angle is that of the finger's path over an assumed lever.
+
+    .. pydrake_system::
+
+        name: FlapAngleFilter
+        input_ports:
+        - flap_plane_estimated
+        - fingertip_contact_estimated
+        - hinge_estimated
+        output_ports:
+        - flap_angle_estimated
+        - flap_angle_latest
+        - flap_angle_predicted
+
+    - `flap_plane_estimated`: `FlapPlane` of this tick, in W.
+    - `fingertip_contact_estimated`: `FingertipContact`.
+    - `hinge_estimated`: `HingeBelief` of this tick, in W.
+    - `flap_angle_estimated`: `FlapAngleBelief` of this tick.
+    - `flap_angle_latest`: the one of the last tick, from the state.
+    - `flap_angle_predicted`: the one of the next tick, from the state.
+
+    Source: the paper on visuo-tactile servoing of articulated tools, equations 4 to 6 (Q. Li et
+    al.); the gain, which is tuned there, follows from the covariances here.
+
+    Args:
+        config: See `FlapAngleConfig`.
+    """
+
+    def __init__(self, config: FlapAngleConfig) -> None:
+        super().__init__()
+        check(config, "FlapAngleFilter")
+        self._config = config
+        self._plane = self._declare_value_input("flap_plane_estimated", unseen("none yet"))
+        self._contact = self._declare_value_input("fingertip_contact_estimated", UNKNOWN_FINGERTIP)
+        self._hinge = self._declare_value_input("hinge_estimated", UNKNOWN_HINGE)
+        self._declare_recursion(UNTOUCHED, self._calc_state, config.period)
+        self._declare_estimated("flap_angle_estimated", lambda s: read_angle(s, config))
+        self._declare_latest("flap_angle_latest", lambda s: read_angle(s, config))
+        self._declare_latest("flap_angle_predicted", lambda s: predicted_angle(s, config))
+
+    def _calc_state(self, context: Context, state: FlapAngleState) -> FlapAngleState:
+        return update_angle(
+            state,
+            self._read(self._plane, context),
+            self._read(self._contact, context),
+            self._read(self._hinge, context),
+            self._config,
+        )

@@ -1,0 +1,51 @@
+"""The lever from a hinge to where a finger touches the flap."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from maths.arrays import Array
+from systems.port_values import FingertipContact, HingeBelief
+
+
+class Lever(NamedTuple):
+    """From the axis to the contact, in the world.
+
+    Attributes:
+        u_W: From the nearest point on the axis (3,), [m].
+        covariance: (3, 3); what displaces axis and contact together is not in it.
+    """
+
+    u_W: Array
+    covariance: Array
+
+    @property
+    def length(self) -> float:
+        """[m]"""
+        return float(np.linalg.norm(self.u_W))
+
+    @property
+    def length_variance(self) -> float:
+        """[m^2]"""
+        unit = self.u_W / self.length
+        return float(unit @ self.covariance @ unit)
+
+
+def place_error(contact: FingertipContact) -> Array:
+    """Covariance (3, 3) of the contact relative to the fingertip: its place on it, and noise."""
+    p_SC_W = contact.p_WC - contact.X_WS[:3, 3]
+    R = contact.X_WS[:3, :3]
+    J = np.hstack([np.cross(np.eye(3), p_SC_W) @ R, R])
+    common = J @ (contact.covariance - contact.white_covariance) @ J.T
+    rest = contact.p_WC_covariance - common
+    values, vectors = np.linalg.eigh(0.5 * (rest + rest.T))
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
+
+
+def lever(hinge: HingeBelief, contact: FingertipContact) -> Lever:
+    """The lever of a known hinge and a felt contact."""
+    across = np.eye(3) - np.outer(hinge.k_W, hinge.k_W)
+    u = across @ (contact.p_WC - hinge.touch_offset - hinge.p_WK)
+    p_p, p_o = hinge.covariance[3:, 3:], hinge.touch_covariance[3:6]
+    covariance = p_p + p_o + p_o.T + hinge.touch_covariance[6:] + place_error(contact)
+    return Lever(u, across @ covariance @ across)

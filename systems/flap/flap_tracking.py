@@ -1,0 +1,286 @@
+"""Where the flap's surface is, in a depth image."""
+
+from dataclasses import dataclass, replace
+
+import numba
+import numpy as np
+from pydrake.systems.framework import Context
+from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U
+
+from maths.arrays import Array, Mask
+from maths.immutable import Immutable
+from systems.flap.depth_camera import DepthCamera, displacement_covariance, plane_jacobian
+from systems.flap.flap_tracking_config import FlapTrackingConfig, check_flap_tracking
+from systems.flap.local_planes import InverseDepth, inverse_depth
+from systems.flap.plane_fit import PlaneFit, plane_covariance, refine_plane, world_plane
+from systems.flap.tool_segmentation import Parts, angle_between, interior, segment
+from systems.port_values import (
+    UNKNOWN_END_EFFECTOR,
+    UNKNOWN_FINGERTIP,
+    EndEffectorBelief,
+    FingertipContact,
+    FlapPlane,
+    unseen,
+)
+from systems.recursive_filter import RecursiveFilter
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlapTrack(Immutable):
+    """What is remembered between two images.
+
+    Attributes:
+        plane: Of the flap in the last image.
+        rest_W: Normal (3,) of the part that does not move, from when there was one surface only;
+            None before.
+        p_WC: Where the flap was touched last (3,), [m]; None before.
+        y_W: Where the pad pointed then (3,).
+    """
+
+    plane: FlapPlane
+    rest_W: Array | None = None
+    p_WC: Array | None = None
+    y_W: Array | None = None
+
+
+def crop(
+    depth: Array, excluded: Array | None, camera: DepthCamera, p_WQ: Array, radius: float
+) -> InverseDepth | None:
+    """What lies in the ball of `radius` [m] about Q; None where the image does not show it."""
+    X_WC, intrinsics = camera.X_WC, camera.intrinsics.vector()
+    p_CQ = X_WC[:3, :3].T @ (p_WQ - X_WC[:3, 3])
+    nearest = p_CQ[2] - radius
+    if not nearest > 0.0:
+        return None
+    centre = p_CQ[:2] / p_CQ[2] * intrinsics[:2] + intrinsics[2:]
+    half = intrinsics[:2] * radius / p_CQ[2]
+    height, width = depth.shape
+    (left, top), (right, bottom) = centre - half, centre + half + 1.0
+    columns = np.clip([left, right], 0, width).astype(int)
+    rows = np.clip([top, bottom], 0, height).astype(int)
+    if columns[1] - columns[0] < 2 or rows[1] - rows[0] < 2:
+        return None
+    box = int(rows[0]), int(rows[1]), int(columns[0]), int(columns[1])
+    image = inverse_depth(depth, intrinsics, box, excluded)
+    return image._replace(valid=image.valid & within(image, p_CQ, radius))
+
+
+def within(image: InverseDepth, p_CQ: Array, radius: float) -> Mask:
+    """The valid pixels (h, w) that show something within `radius` [m] of Q (3,)."""
+    return np.asarray(_within(image.w, image.valid, image.x, image.y, p_CQ, radius))
+
+
+@numba.njit(cache=True)
+def _within(w: Array, valid: Mask, x: Array, y: Array, p_CQ: Array, radius: float) -> Mask:
+    inside = np.zeros_like(valid)
+    for row in range(w.shape[0]):
+        for column in range(w.shape[1]):
+            if valid[row, column]:
+                z = 1.0 / w[row, column]
+                a, b = x[row, column] * z - p_CQ[0], y[row, column] * z - p_CQ[1]
+                inside[row, column] = a * a + b * b + (z - p_CQ[2]) ** 2 < radius * radius
+    return inside
+
+
+def ahead(image: InverseDepth, p_CQ: Array, direction_C: Array, length: float) -> Mask:
+    """The valid pixels (h, w) that show what lies up to `length` [m] beyond Q in a direction."""
+    return np.asarray(_ahead(image.w, image.valid, image.x, image.y, p_CQ, direction_C, length))
+
+
+@numba.njit(cache=True)
+def _ahead(
+    w: Array, valid: Mask, x: Array, y: Array, p_CQ: Array, direction_C: Array, length: float
+) -> Mask:
+    inside = np.zeros_like(valid)
+    for row in range(w.shape[0]):
+        for column in range(w.shape[1]):
+            if valid[row, column]:
+                z = 1.0 / w[row, column]
+                along = (x[row, column] * z - p_CQ[0]) * direction_C[0]
+                along += (y[row, column] * z - p_CQ[1]) * direction_C[1]
+                along += (z - p_CQ[2]) * direction_C[2]
+                inside[row, column] = 0.0 < along < length
+    return inside
+
+
+def choose_flap(
+    parts: Parts, track: FlapTrack, touched: bool, camera: DepthCamera, config: FlapTrackingConfig
+) -> PlaneFit | str:
+    """The flap among the tool's flat parts, or why it is not known.
+
+    Of two parts it is the one that is seen ahead of the pad, which pushes the flap's edge. A single
+    one is the flap if it faces elsewhere than what was seen at rest; else both parts are parallel
+    still, and what lies ahead of the pad is the flap.
+    """
+    if not parts.fits:
+        return "no flat surface"
+    if track.p_WC is None or track.y_W is None:
+        return "not touched yet"
+    R = camera.X_WC[:3, :3]
+    p_CQ = R.T @ (track.p_WC - camera.X_WC[:3, 3])
+    near = ahead(parts.image, p_CQ, R.T @ track.y_W, config.region.flap_length)
+    if len(parts.fits) == 2:
+        seen = [int(np.sum(fit.pixels & near)) for fit in parts.fits]
+        return parts.fits[int(np.argmax(seen))] if max(seen) > 0 else "hidden by the finger"
+    (fit,) = parts.fits
+    rest = None if track.rest_W is None else -R.T @ track.rest_W
+    if rest is not None and angle_between(fit.m_C, rest) > config.least_angle:
+        return fit
+    if not touched:
+        return "one surface only"
+    return _ahead_of_pad(parts, fit, near, config) or "too few points"
+
+
+def _ahead_of_pad(
+    parts: Parts, common: PlaneFit, near: Mask, config: FlapTrackingConfig
+) -> PlaneFit | None:
+    """The plane of what lies ahead of the pad, which may have turned out of the common plane."""
+    image, least = parts.image, config.least_near
+    turned = np.tan(config.least_angle) * config.region.flap_length * image.w**2
+    limit = config.pixel_gate * parts.sigma
+    start = refine_plane(image, common, near, limit + turned, least, rounds=1)
+    if start is None:
+        return None
+    around = refine_plane(image, start, near, limit, least)
+    if around is None:
+        return None
+    return refine_plane(image, around, interior(around.pixels, near), limit, least)
+
+
+def describe(
+    fit: PlaneFit, parts: Parts, camera: DepthCamera, p_WC: Array, config: FlapTrackingConfig
+) -> FlapPlane:
+    """The flap's plane in the world, or why the image does not show it well enough."""
+    noise = plane_covariance(parts.image, fit, parts.sigma, config.sensor.correlation)
+    n_W, d, covariance = world_plane(fit, noise, camera.X_WC)
+    p_CF = parts.image.points(fit.pixels).mean(axis=0)
+    p_WF = camera.X_WC[:3, :3] @ p_CF + camera.X_WC[:3, 3]
+    ray_W = (camera.X_WC[:3, 3] - p_WF) / np.linalg.norm(p_CF)
+    if angle_between(n_W, ray_W) > config.largest_incidence:
+        return unseen("grazing view")
+    if np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]) > config.largest_error:
+        return unseen("its direction is not certain")
+    if abs(n_W @ p_WC - d) > config.region.contact_distance:
+        return unseen("it is not where the finger touches")
+    J = plane_jacobian(n_W, d, p_WF)
+    return FlapPlane(
+        seen=True,
+        n_W=n_W,
+        d=d,
+        covariance=covariance,
+        common_covariance=J @ displacement_covariance(camera, p_WF) @ J.T,
+        p_WF=p_WF,
+        points=fit.size,
+    )
+
+
+def _unit(v: Array) -> Array:
+    return np.asarray(v / np.linalg.norm(v))
+
+
+def track_flap(
+    track: FlapTrack,
+    depth: Array,
+    excluded: Array | None,
+    p_WE: Array,
+    contact: FingertipContact,
+    camera: DepthCamera,
+    config: FlapTrackingConfig,
+) -> FlapTrack:
+    """The track after an image.
+
+    Args:
+        track: Before it.
+        depth: (H, W), [m]; 0, NaN and infinity are no return.
+        excluded: Nonzero on the robot (H, W); None if that is not known.
+        p_WE: The holder's end-effector (3,), [m]; NaN if not known.
+        contact: Of the fingertip.
+        camera: As it is believed to be.
+        config: See there.
+    """
+    touched = contact.contact.touching
+    if touched:
+        track = replace(track, p_WC=contact.p_WC, y_W=contact.X_WS[:3, 1])
+    centre = p_WE if track.p_WC is None else track.p_WC
+    radius = config.region.reach if track.p_WC is None else config.region.radius
+    if not np.all(np.isfinite(centre)):
+        return replace(track, plane=unseen("where the tool is is not known"))
+    image = crop(depth, excluded, camera, centre, radius)
+    if image is None:
+        return replace(track, plane=unseen("the camera does not look there"))
+    parts = segment(image, camera.intrinsics.focal_x, config)
+    if track.rest_W is None and len(parts.fits) == 1:
+        track = replace(track, rest_W=-camera.X_WC[:3, :3] @ _unit(parts.fits[0].m_C))
+    flap = choose_flap(parts, track, touched, camera, config)
+    if isinstance(flap, str):
+        return replace(track, plane=unseen(flap))
+    assert track.p_WC is not None
+    return replace(track, plane=describe(flap, parts, camera, track.p_WC, config))
+
+
+class FlapTracker(RecursiveFilter):
+    """Finds the flap of a held tool in the depth image, as a plane.
+
+    Of what lies in a region, without the robot, the normals' histogram shows one or two flat parts.
+    The part that stands still is known from when there was one only; the other is the flap, also
+    when its back is seen. While both are parallel, touch says which of the points are the flap's.
+
+    .. pydrake_system::
+
+        name: FlapTracker
+        input_ports:
+        - depth_measured
+        - robot_mask
+        - end_effector_estimated
+        - fingertip_contact_estimated
+        output_ports:
+        - flap_plane_estimated
+        - flap_plane_latest
+
+    - `depth_measured`: `ImageDepth32F`, [m]; 0, NaN or inf is no return.
+    - `robot_mask`: `ImageGrey8U`, nonzero on the robot; none if not connected.
+    - `end_effector_estimated`: `EndEffectorBelief` of the arm that holds the tool; not needed once
+      the tool was touched.
+    - `fingertip_contact_estimated`: `FingertipContact`.
+    - `flap_plane_estimated`: `FlapPlane` of this tick, in W.
+    - `flap_plane_latest`: the one of the last tick, from the state.
+
+    Frames: W world, C camera, E end-effector, F the flap's centre.
+
+    Source: the paper on visuo-tactile servoing of articulated tools, section III-B (Q. Li et al.);
+    the covariance and the use of touch are ours.
+
+    Args:
+        config: See `FlapTrackingConfig`.
+        camera: As the robot knows it.
+    """
+
+    def __init__(self, config: FlapTrackingConfig, camera: DepthCamera) -> None:
+        super().__init__()
+        check_flap_tracking(config)
+        self._config = config
+        self._camera = camera
+        size = camera.intrinsics.width, camera.intrinsics.height
+        self._depth = self._declare_value_input("depth_measured", ImageDepth32F(*size))
+        self._mask = self._declare_value_input("robot_mask", ImageGrey8U(*size))
+        self._end_effector = self._declare_value_input(
+            "end_effector_estimated", UNKNOWN_END_EFFECTOR
+        )
+        self._contact = self._declare_value_input("fingertip_contact_estimated", UNKNOWN_FINGERTIP)
+        initial = FlapTrack(plane=unseen("no image yet"))
+        self._declare_recursion(initial, self._calc_track, config.period)
+        self._declare_estimated("flap_plane_estimated", lambda track: track.plane)
+        self._declare_latest("flap_plane_latest", lambda track: track.plane)
+
+    def _calc_track(self, context: Context, track: FlapTrack) -> FlapTrack:
+        mask = self._read_optional(self._mask, context)
+        holder: EndEffectorBelief | None = self._read_optional(self._end_effector, context)
+        return track_flap(
+            track,
+            self._read(self._depth, context).data[:, :, 0],
+            None if mask is None else mask.data[:, :, 0],
+            np.full(3, np.nan) if holder is None else holder.X[:3, 3],
+            self._read(self._contact, context),
+            self._camera,
+            self._config,
+        )

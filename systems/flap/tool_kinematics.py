@@ -1,0 +1,133 @@
+"""The held tool as a link of the arm that holds it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.systems.framework import Context
+
+from maths import se3
+from maths.arrays import Array
+from maths.immutable import Immutable
+from maths.validation import check
+from systems.flap.flap_lever import lever
+from systems.port_values import (
+    UNKNOWN_ANGLE,
+    UNKNOWN_END_EFFECTOR,
+    UNKNOWN_FINGERTIP,
+    UNKNOWN_HINGE,
+    UNKNOWN_TOOL,
+    EndEffectorBelief,
+    FingertipContact,
+    FlapAngleBelief,
+    HingeBelief,
+    ToolBelief,
+)
+from systems.recursive_filter import RecursiveFilter
+from systems.ticks import tick_period
+
+
+@dataclass(kw_only=True)
+class ToolKinematicsConfig:
+    """Configuration of `ToolKinematics`."""
+
+    period: float = tick_period()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToolState(Immutable):
+    """The last tool that was known."""
+
+    tool: ToolBelief = UNKNOWN_TOOL
+
+
+def pose(R: Array, p: Array) -> Array:
+    """X (4, 4) of a rotation and a position."""
+    X = np.eye(4)
+    X[:3, :3], X[:3, 3] = R, p
+    return X
+
+
+def tool_link(
+    hinge: HingeBelief,
+    angle: FlapAngleBelief,
+    contact: FingertipContact,
+    end_effector: EndEffectorBelief,
+) -> ToolBelief:
+    """The tool's links, of a known hinge, a known angle and a felt contact."""
+    arm = lever(hinge, contact)
+    k = hinge.k_W
+    # The nearest point on the axis to a contact that is displaced along it is displaced as far.
+    along = float(k @ contact.p_WC_covariance @ k)
+    R_WE = end_effector.X[:3, :3]
+    L1 = hinge.p_WK - end_effector.X[:3, 3]
+    L1_covariance = hinge.covariance[3:, 3:] + along * np.outer(k, k)
+    L1_covariance = L1_covariance + R_WE @ end_effector.covariance[3:6, 3:6] @ R_WE.T
+    turn = se3.so3_exp(np.array([0.0, 0.0, angle.theta]))
+    x_K = se3.so3_exp(-angle.theta * k) @ arm.u_W / arm.length
+    R_WK = np.column_stack([x_K, np.cross(k, x_K), k])
+    return ToolBelief(
+        hinge=hinge,
+        angle=angle,
+        L1_W=L1,
+        L2_W=-arm.u_W,
+        L1_covariance=L1_covariance,
+        L2_covariance=arm.covariance,
+        X_EK=pose(R_WE.T @ R_WK, R_WE.T @ L1),
+        X_KT=pose(turn, turn @ np.array([arm.length, 0.0, 0.0])),
+    )
+
+
+class ToolKinematics(RecursiveFilter):
+    """The tool's links: L1 from the end-effector to the hinge, L2 from the contact to the hinge.
+
+    Without a contact, a hinge or an angle the last tool stays.
+
+    .. pydrake_system::
+
+        name: ToolKinematics
+        input_ports:
+        - hinge_estimated
+        - flap_angle_estimated
+        - fingertip_contact_estimated
+        - end_effector_estimated
+        output_ports:
+        - tool_estimated
+        - tool_latest
+
+    - `hinge_estimated`: `HingeBelief` of this tick, in W.
+    - `flap_angle_estimated`: `FlapAngleBelief` of this tick.
+    - `fingertip_contact_estimated`: `FingertipContact`.
+    - `end_effector_estimated`: `EndEffectorBelief` of the arm that holds the tool, its calibration
+      in the covariance.
+    - `tool_estimated`: `ToolBelief` of this tick.
+    - `tool_latest`: the one of the last tick, from the state.
+
+    Frames: W world, E end-effector, K hinge, T contact.
+
+    Source: the paper on visuo-tactile servoing of articulated tools, section III-B (Q. Li et al.).
+
+    Args:
+        config: See `ToolKinematicsConfig`.
+    """
+
+    def __init__(self, config: ToolKinematicsConfig) -> None:
+        super().__init__()
+        check(config, "ToolKinematics")
+        self._hinge = self._declare_value_input("hinge_estimated", UNKNOWN_HINGE)
+        self._angle = self._declare_value_input("flap_angle_estimated", UNKNOWN_ANGLE)
+        self._contact = self._declare_value_input("fingertip_contact_estimated", UNKNOWN_FINGERTIP)
+        self._end_effector = self._declare_value_input(
+            "end_effector_estimated", UNKNOWN_END_EFFECTOR
+        )
+        self._declare_recursion(ToolState(), self._calc_state, config.period)
+        self._declare_estimated("tool_estimated", lambda state: state.tool)
+        self._declare_latest("tool_latest", lambda state: state.tool)
+
+    def _calc_state(self, context: Context, state: ToolState) -> ToolState:
+        hinge: HingeBelief = self._read(self._hinge, context)
+        angle: FlapAngleBelief = self._read(self._angle, context)
+        contact: FingertipContact = self._read(self._contact, context)
+        if not (hinge.known and angle.known and contact.contact.touching):
+            return state
+        end_effector = self._read(self._end_effector, context)
+        return ToolState(tool=tool_link(hinge, angle, contact, end_effector))

@@ -1,0 +1,154 @@
+"""The tool's one or two flat parts in a region of a depth image."""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from maths.arrays import Array, Ids, Mask
+from systems.flap.flap_tracking_config import DepthSensorConfig, FlapTrackingConfig
+from systems.flap.local_planes import InverseDepth, LocalPlanes, fit_local_planes, normals
+from systems.flap.normal_histogram import cluster_normals
+from systems.flap.plane_fit import PlaneFit, fit_plane, refine_plane
+
+_ROUNDS = 4  # Of fitting two planes, each to its own side.
+_BORDER = 5  # Side of the square by which a part is eroded, [px].
+
+
+class Parts(NamedTuple):
+    """The flat parts that were found.
+
+    Attributes:
+        fits: None to two planes, the one with most pixels first.
+        image: In which they were found.
+        sigma: Of its inverse depth (h, w), [1/m].
+    """
+
+    fits: list[PlaneFit]
+    image: InverseDepth
+    sigma: Array
+
+
+def inverse_depth_sigma(image: InverseDepth, sensor: DepthSensorConfig) -> Array:
+    """Standard deviation (h, w) of one pixel's inverse depth, [1/m]."""
+    z = np.divide(1.0, image.w, out=np.ones_like(image.w), where=image.valid)
+    sigma_z = sensor.noise + sensor.noise_growth * (z - sensor.noise_range) ** 2
+    return np.asarray(sigma_z * image.w**2)
+
+
+def segment(image: InverseDepth, focal: float, config: FlapTrackingConfig) -> Parts:
+    """The flat parts in a region.
+
+    The normals' histogram says how many there are, and where each of them is; then each plane is
+    fitted to all pixels on its side of the line in which both meet. Planes that differ by less than
+    `least_angle` are one.
+
+    Args:
+        image: The region, with nothing valid but what may be the tool.
+        focal: [px]
+        config: See there.
+    """
+    sigma = inverse_depth_sigma(image, config.sensor)
+    nothing = Parts([], image, sigma)
+    if int(image.valid.sum()) < config.least_points:
+        return nothing
+    z = 1.0 / float(np.median(image.w[image.valid]))
+    window = round(config.window * focal / z)
+    planes = fit_local_planes(image, window, config.stride, config.window_share)
+    smooth = planes.mean_square < (config.window_residual * sigma[planes.rows, planes.columns]) ** 2
+    smooth &= image.valid[planes.rows, planes.columns]
+    if int(smooth.sum()) < config.least_normals:
+        return nothing
+    planes = LocalPlanes(
+        planes.m_C[smooth], planes.mean_square[smooth], planes.rows[smooth], planes.columns[smooth]
+    )
+    _, label = cluster_normals(normals(planes.m_C), config.cluster_radius, config.cluster_share)
+    seeds = [_paint(image, planes, label == k, config.stride) for k in range(label.max() + 1)]
+    fits = _fit_parts(image, seeds, sigma, config)
+    return Parts(sorted(fits, key=lambda fit: -fit.size), image, sigma)
+
+
+def angle_between(a: Array, b: Array) -> float:
+    """Between two vectors (3,), [rad]."""
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def _paint(image: InverseDepth, planes: LocalPlanes, chosen: Mask, stride: int) -> Mask:
+    """The pixels (h, w) about the centres of some windows."""
+    pixels = np.zeros_like(image.valid)
+    rows, columns = planes.rows[chosen], planes.columns[chosen]
+    steps: Ids = np.arange(stride) - stride // 2
+    height, width = pixels.shape
+    around = np.clip(rows[:, None, None] + steps[:, None], 0, height - 1)
+    pixels[around, np.clip(columns[:, None, None] + steps[None, :], 0, width - 1)] = True
+    return pixels & image.valid
+
+
+def _fit_parts(
+    image: InverseDepth, seeds: list[Mask], sigma: Array, config: FlapTrackingConfig
+) -> list[PlaneFit]:
+    limit, least = config.pixel_gate * sigma, config.least_points
+    starts = [fit_plane(image, pixels, 3) for pixels in seeds]
+    if len(starts) == 2 and starts[0] is not None and starts[1] is not None:
+        pair = _fit_two(image, [starts[0], starts[1]], seeds, limit, least)
+        if len(pair) == 2 and angle_between(pair[0].m_C, pair[1].m_C) >= config.least_angle:
+            return pair
+        starts = [*pair[:1]]
+    whole = [refine_plane(image, fit, image.valid, limit, least) for fit in starts[:1] if fit]
+    inner = [
+        refine_plane(image, fit, interior(fit.pixels, image.valid), limit, least) or fit
+        for fit in whole
+        if fit is not None
+    ]
+    return inner
+
+
+def _fit_two(
+    image: InverseDepth, pair: list[PlaneFit], seeds: list[Mask], limit: Array, least: int
+) -> list[PlaneFit]:
+    """Both planes, each of the connected pixels on its side; one where the other has too few."""
+    for _ in range(_ROUNDS):
+        refined = [
+            refine_plane(image, fit, side, limit, least, rounds=1)
+            for fit, side in zip(pair, _sides(image, pair, seeds), strict=True)
+        ]
+        found = [fit for fit in refined if fit is not None]
+        if len(found) < 2:
+            return found
+        pair = found
+    inner = [
+        refine_plane(image, fit, interior(fit.pixels, seed), limit, least)
+        for fit, seed in zip(pair, seeds, strict=True)
+    ]
+    both = [fit for fit in inner if fit is not None]
+    return both if len(both) == 2 else pair[:1]
+
+
+def interior(pixels: Mask, seed: Mask) -> Mask:
+    """The connected pixels (h, w) about a seed, without their border.
+
+    Across a gap begins another part, and beside an edge the edge's own face.
+    """
+    _, labels = cv2.connectedComponents(pixels.astype(np.uint8), connectivity=4)
+    counts = np.bincount(labels[seed & pixels], minlength=2)
+    chosen = (labels == 1 + int(np.argmax(counts[1:]))).astype(np.uint8)
+    return np.asarray(cv2.erode(chosen, np.ones((_BORDER, _BORDER), np.uint8)) > 0)
+
+
+def _sides(image: InverseDepth, fits: list[PlaneFit], seeds: list[Mask]) -> list[Mask]:
+    """The pixels on each plane's side of the line in which two planes meet.
+
+    Where both have their seeds on one side, the nearer plane's pixels: they do not meet there.
+    """
+    difference = fits[0].m_C - fits[1].m_C
+    beyond = difference[0] * image.x + difference[1] * image.y + difference[2] > 0.0
+    shares = [float(np.mean(beyond[pixels])) for pixels in seeds]
+    if (shares[0] > 0.5) != (shares[1] > 0.5):
+        first = beyond if shares[0] > 0.5 else ~beyond
+    else:
+        distances = [
+            np.abs(image.w - m[0] * image.x - m[1] * image.y - m[2])
+            for m in (fits[0].m_C, fits[1].m_C)
+        ]
+        first = distances[0] < distances[1]
+    return [image.valid & first, image.valid & ~first]

@@ -1,0 +1,175 @@
+"""A synthetic episode through an estimator, with its errors and what it claims of them.
+
+    python tests/systems/flap/flap_episode.py 0 100 [filtered]
+
+prints medians over seeds.
+"""
+
+import sys
+from dataclasses import dataclass, field
+
+import numpy as np
+from synthetic_flap import P_WE, PERIOD, Laboratory
+
+from maths.arrays import Array
+from maths.gaussian import nees
+from maths.vectors import tangent_basis
+from systems.flap.flap_angle import UNTOUCHED, FlapAngleConfig, read_angle, update_angle
+from systems.flap.flap_joint import (
+    FlapJointConfig,
+    FlapJointState,
+    read_joint_angle,
+    read_joint_hinge,
+    update_joint,
+)
+from systems.flap.hinge_estimator import HingeEstimatorConfig, HingeState, update_hinge
+from systems.flap.tool_kinematics import tool_link
+from systems.kinematics.joint_filters import JointFilters
+from systems.port_values import FingertipContact, FlapAngleBelief, FlapPlane, HingeBelief
+
+DEGREES = {"axis": 2, "point": 2, "theta": 1, "normal": 2, "L1": 3, "L2": 2}
+
+
+@dataclass
+class Episode:
+    """What was believed at the ticks of one seed.
+
+    Attributes:
+        theta: True angle at each tick, [rad].
+        seen: Whether the plane was.
+        error: By quantity, length of the error at each tick; NaN while it is not known.
+        nees: By quantity, normalised error squared.
+    """
+
+    theta: list[float] = field(default_factory=list)
+    seen: list[bool] = field(default_factory=list)
+    error: dict[str, list[float]] = field(default_factory=lambda: {k: [] for k in DEGREES})
+    nees: dict[str, list[float]] = field(default_factory=lambda: {k: [] for k in DEGREES})
+
+    def add(self, name: str, error: Array, covariance: Array) -> None:
+        self.error[name].append(float(np.linalg.norm(error)))
+        self.nees[name].append(nees(error, covariance))
+
+    def rms(self, name: str, seen: bool) -> float:
+        """Root mean square of an error where the flap was seen, or not."""
+        chosen = np.array(self.error[name])[np.array(self.seen) == seen]
+        return float(np.sqrt(np.nanmean(chosen**2)))
+
+    def at(self, name: str, theta: float) -> float:
+        """An error when the flap was first turned by theta."""
+        return self.error[name][int(np.argmax(np.array(self.theta) >= theta))]
+
+
+class Geometric:
+    """The geometric estimators, by their pure functions."""
+
+    def __init__(self, lab: Laboratory) -> None:
+        self._lab = lab
+        self._hinge, self._angle = HingeState(), UNTOUCHED
+        self._hinge_config, self._angle_config = HingeEstimatorConfig(), FlapAngleConfig()
+
+    def __call__(
+        self, plane: FlapPlane, contact: FingertipContact, time: float
+    ) -> tuple[HingeBelief, FlapAngleBelief]:
+        del time
+        config, camera = self._hinge_config, self._lab.camera
+        self._hinge = update_hinge(self._hinge, contact, plane, camera, config)
+        belief = self._hinge.belief
+        self._angle = update_angle(self._angle, plane, contact, belief, self._angle_config)
+        return belief, read_angle(self._angle, self._angle_config)
+
+
+class Filtered:
+    """The joint filters, likewise."""
+
+    def __init__(self, lab: Laboratory) -> None:
+        self._lab, self._state, self._config = lab, FlapJointState(), FlapJointConfig()
+        self._filters = JointFilters(self._config.filters)
+
+    def __call__(
+        self, plane: FlapPlane, contact: FingertipContact, time: float
+    ) -> tuple[HingeBelief, FlapAngleBelief]:
+        camera = self._lab.camera
+        self._state = update_joint(
+            self._state, plane, contact, time, self._filters, camera, self._config
+        )
+        return (
+            read_joint_hinge(self._state, self._config),
+            read_joint_angle(self._state, self._config),
+        )
+
+
+def run(lab: Laboratory, filtered: bool = False, duration: float = 29.5) -> Episode:
+    """An episode: two seconds of rest, then the turn."""
+    estimate = Filtered(lab) if filtered else Geometric(lab)
+    episode, end_effector = Episode(), lab.end_effector()
+    for i in range(round(duration / PERIOD)):
+        t = i * PERIOD
+        theta = lab.theta(t)
+        rate = (lab.theta(t + 1e-6) - lab.theta(t - 1e-6)) / 2e-6
+        contact, plane = lab.contact(theta, rate), lab.plane(theta)
+        hinge, angle = estimate(plane, contact, t)
+        episode.theta.append(theta)
+        episode.seen.append(plane.seen)
+        _compare(episode, lab, theta, hinge, angle)
+        for name in DEGREES:
+            if len(episode.error[name]) < i + 1 and not (name[0] == "L" and hinge.known):
+                episode.error[name].append(np.nan)
+                episode.nees[name].append(np.nan)
+        if hinge.known:
+            tool = tool_link(hinge, angle, contact, end_effector)
+            B, p_WK = tangent_basis(hinge.k_W), _nearest(lab)
+            episode.add("L1", tool.L1_W - (p_WK - P_WE), tool.L1_covariance)
+            e = B.T @ (tool.L2_W - (p_WK - lab.true_contact))
+            episode.add("L2", e, B.T @ tool.L2_covariance @ B)
+    return episode
+
+
+def _nearest(lab: Laboratory) -> Array:
+    k, p = lab.tool.k_W, lab.tool.p_WK
+    return np.asarray(p + k * (k @ (lab.true_contact - p)))
+
+
+def _compare(
+    episode: Episode, lab: Laboratory, theta: float, hinge: HingeBelief, angle: FlapAngleBelief
+) -> None:
+    if hinge.known:
+        B, P = tangent_basis(hinge.k_W), hinge.covariance
+        episode.add("axis", B.T @ (lab.tool.k_W - hinge.k_W), B.T @ P[:3, :3] @ B)
+        episode.add("point", B.T @ (_nearest(lab) - hinge.p_WK), B.T @ P[3:, 3:] @ B)
+    if angle.known:
+        episode.add("theta", np.array([angle.theta - theta]), np.array([[angle.variance]]))
+        B = tangent_basis(angle.n_W)
+        e = B.T @ (lab.tool.frame(theta)[:, 1] - angle.n_W)
+        episode.add("normal", e, B.T @ angle.n_covariance @ B)
+
+
+def main() -> None:
+    """Prints medians over seeds."""
+    first, last, *rest = sys.argv[1:]
+    episodes = [run(Laboratory(seed), bool(rest)) for seed in range(int(first), int(last))]
+    degrees = [np.rad2deg(e.at("axis", np.deg2rad(30.0))) for e in episodes]
+    print(f"axis after 30 deg: median {np.median(degrees):.2f}, max {np.max(degrees):.2f} deg")
+    for seen, name in ((True, "visible"), (False, "hidden")):
+        rms = np.rad2deg([e.rms("theta", seen) for e in episodes])
+        print(f"theta RMS {name}: median {np.median(rms):.2f}, max {np.max(rms):.2f} deg")
+    for name in ("L1", "L2"):
+        end = 1e3 * np.array([e.error[name][-1] for e in episodes])
+        mean = 1e3 * np.array([np.nanmean(e.error[name]) for e in episodes])
+        print(
+            f"{name}: mean over ticks, median {np.median(mean):.1f} mm;"
+            f" at the end median {np.median(end):.2f}, max {np.max(end):.2f} mm"
+        )
+    two_sigma = {1: 4.0, 2: 6.18, 3: 8.02}  # Which 95.4 % of all errors are inside of.
+    for name, degree in DEGREES.items():
+        values = np.concatenate([e.nees[name] for e in episodes])
+        values = values[np.isfinite(values)]
+        last_ones = np.mean([e.nees[name][-1] for e in episodes])
+        print(
+            f"{name}: inside 2 sigma {np.mean(values < two_sigma[degree]):.3f} of ticks,"
+            f" mean NEES at the end {last_ones:.2f} of {degree}"
+        )
+
+
+if __name__ == "__main__":
+    main()

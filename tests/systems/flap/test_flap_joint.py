@@ -1,0 +1,74 @@
+"""The flap by joint filters."""
+
+import numpy as np
+import pytest
+from flap_episode import DEGREES, Episode, run
+from numpy.testing import assert_allclose
+from synthetic_flap import PERIOD, Laboratory
+
+from maths.consistency import chi_square_bounds
+from systems.flap.flap_joint import FlapJointConfig, FlapJointState, update_joint
+from systems.flap.flap_pose import flap_pose, least_rotation
+from systems.kinematics.joint_filters import JointFilters
+from systems.port_values import UNKNOWN_FINGERTIP
+
+
+@pytest.fixture(scope="module")
+def episodes() -> list[Episode]:
+    return [run(Laboratory(seed), filtered=True) for seed in range(8)]
+
+
+def test_the_least_rotation_turns_one_vector_into_the_other() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        a, b = rng.normal(size=(2, 3))
+        a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
+        R = least_rotation(a, b)
+        assert_allclose(R @ a, b, atol=1e-12)
+        assert_allclose(R @ np.cross(a, b), np.cross(a, b), atol=1e-12)
+    assert_allclose(least_rotation(a, a), np.eye(3))
+
+
+def test_a_plane_gives_two_rotations_and_a_contact_three_positions() -> None:
+    lab = Laboratory(0)
+    plane, contact = lab.plane(0.5), lab.contact(0.5, 0.08)
+    n0 = lab.tool.frame(0.0)[:, 1]
+    walk = 1e-6 * np.eye(3)
+    X, covariance, correlated = flap_pose(
+        n0, plane.n_W, plane.covariance[:3, :3], contact, walk, 0.5
+    )
+    assert_allclose(X[:3, :3] @ n0, plane.n_W, atol=1e-9)
+    assert_allclose(X[:3, 3], contact.p_WC)
+    std = np.sqrt(np.linalg.eigvalsh(covariance[:3, :3]))
+    assert std[2] == pytest.approx(0.5, rel=1e-3)
+    assert std[1] < 0.03
+    n_B = X[:3, :3].T @ plane.n_W
+    assert n_B @ covariance[:3, :3] @ n_B == pytest.approx(0.25, rel=1e-3)
+    assert np.all(np.linalg.eigvalsh(covariance - correlated) > -1e-15)
+
+
+@pytest.mark.parametrize("name", ["axis", "point", "theta", "L1", "L2"])
+def test_errors_are_not_larger_than_their_covariances_say(
+    episodes: list[Episode], name: str
+) -> None:
+    values = [episode.nees[name][-1] for episode in episodes]
+    assert sum(values) < chi_square_bounds(DEGREES[name] * len(values), 0.999)[1]
+
+
+def test_the_joint_is_found(episodes: list[Episode]) -> None:
+    assert np.median([episode.at("axis", np.deg2rad(30.0)) for episode in episodes]) < 0.02
+    assert np.median([episode.error["L2"][-1] for episode in episodes]) < 0.003
+    assert np.median([episode.rms("theta", True) for episode in episodes]) < np.deg2rad(1.0)
+    assert np.median([episode.rms("theta", False) for episode in episodes]) < np.deg2rad(2.0)
+
+
+def test_without_a_contact_the_filters_are_not_fed() -> None:
+    lab, config = Laboratory(0), FlapJointConfig()
+    filters, state = JointFilters(config.filters), FlapJointState()
+    for i in range(5):
+        state = update_joint(
+            state, lab.plane(0.0), lab.contact(0.0, 0.0), i * PERIOD, filters, lab.camera, config
+        )
+    after = update_joint(state, lab.plane(0.0), UNKNOWN_FINGERTIP, 1.0, filters, lab.camera, config)
+    assert after.filters is state.filters
+    assert not after.measured

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 OWN = "CROSSMODAL_APPLICATIONS"
-_COME_ALONG = ("diagrams.crossmodal.application",)
+_COME_ALONG = ("diagrams.crossmodal.application", "diagrams.flap.application")
 
 
 def applications() -> dict[str, Application]:

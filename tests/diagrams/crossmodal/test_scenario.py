@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
-from diagrams.applications import load_scenario, scenario_files
+from diagrams.applications import load_scenario, scenarios_of
+from diagrams.crossmodal.application import APPLICATION
 from diagrams.crossmodal.estimators import MODALITIES
 from diagrams.crossmodal.scenario import Scenario, object_model_file
 from diagrams.run.yaml_input.schema import ScenarioError
@@ -29,7 +30,7 @@ def written(folder: Path, text: str) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize("name", scenario_files())
+@pytest.mark.parametrize("name", scenarios_of(APPLICATION))
 def test_every_scenario_that_comes_along_loads(name: str) -> None:
     scenario = loaded(name)
     assert scenario.name == name

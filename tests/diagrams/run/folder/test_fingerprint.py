@@ -17,6 +17,8 @@ USERS = {
     "diagrams.crossmodal.results.results",
     "diagrams.crossmodal.studies.ablation_study",  # Its table.
     "diagrams.evaluation.estimates",
+    "diagrams.flap.application",
+    "diagrams.flap.results.results",
     "diagrams.run.episode",  # How much memory it took.
     "diagrams.run.folder.run_folder",
     "diagrams.stations.truth_paths",  # Names in a message.

@@ -1,0 +1,115 @@
+"""The flap application: a tactile fingertip flips the flap of a held tool, whose kinematics is
+estimated on the way.
+
+Source: Q. Li, A. Ückermann, R. Haschke and H. Ritter, Estimating an articulated tool's kinematics
+via visuo-tactile based robotic interactive manipulation, IROS 2018.
+"""
+
+from collections.abc import Mapping
+
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
+
+from diagrams.flap.calibration import make_calibration
+from diagrams.flap.estimator_names import COLORS, LABELS
+from diagrams.flap.estimators import JOINT_STREAMS, SEEN_STREAMS, TAXELS, make_estimator
+from diagrams.flap.experiments import EXPERIMENTS
+from diagrams.flap.meshcat_view import add_view
+from diagrams.flap.results.metrics import METRICS, OVERVIEW
+from diagrams.flap.results.results import evaluate
+from diagrams.flap.results.task import task_in_words
+from diagrams.flap.scenario import SCENARIO_FOLDER, Scenario, resolve
+from diagrams.flap.station.station import make_flap_station
+from diagrams.flap.truth import UNKNOWN_FLAP
+from diagrams.run.application import Application, Station
+from diagrams.run.calibration import Calibration
+from diagrams.run.record import Quantity
+from diagrams.run.sensor_streams.codecs import JOINT_STATES, Topic
+from systems.port_values import (
+    UNKNOWN_ANGLE,
+    UNKNOWN_FINGERTIP,
+    UNKNOWN_HINGE,
+    UNKNOWN_TOOL,
+    StreamHealth,
+    unseen,
+)
+
+QUANTITIES = (
+    Quantity(port="tool_latest", model=UNKNOWN_TOOL),
+    Quantity(port="hinge_latest", model=UNKNOWN_HINGE),
+    Quantity(port="flap_angle_latest", model=UNKNOWN_ANGLE),
+    Quantity(port="flap_plane_latest", model=unseen("no image yet")),
+    Quantity(port="fingertip_contact_latest", model=UNKNOWN_FINGERTIP),
+    *(
+        Quantity(port=f"{stream}_health_latest", model=StreamHealth())
+        for stream in (*SEEN_STREAMS, *JOINT_STREAMS, TAXELS)
+    ),
+)
+TRUTH_QUANTITIES = (
+    Quantity(port="cheat_flap", model=UNKNOWN_FLAP),
+    Quantity(port="cheat_end_effector_pose", model=RigidTransform()),
+    Quantity(port="cheat_fingertip_pose", model=RigidTransform()),
+)
+TOPICS = {
+    "holder_joint_state_window": Topic(name="/holder/joint_states", window=JOINT_STATES),
+    "finger_joint_state_window": Topic(name="/finger/joint_states", window=JOINT_STATES),
+    "taxel_window": Topic(name="/fingertip/taxels"),
+    "color_measured": Topic(name="/camera/color/image_raw"),
+    "depth_measured": Topic(name="/camera/depth/image_raw"),
+    "robot_mask": Topic(name="/camera/robot_mask"),
+    "cheat_flap": Topic(name="/cheat/flap"),
+    "cheat_end_effector_pose": Topic(name="/cheat/end_effector_pose"),
+    "cheat_fingertip_pose": Topic(name="/cheat/fingertip_pose"),
+}
+# What control is told of the flap: the station's inputs of these names.
+PERCEIVED = ("flap_angle_latest", "hinge_latest", "tool_latest")
+
+
+def make_station(scenario: Scenario, calibration: Calibration) -> Station:
+    """The station of a scenario with its seed."""
+    station = make_flap_station(scenario, calibration)
+    return Station(diagram=station.diagram, initialise=station.SetInitialState)
+
+
+def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, Diagram]:
+    """The estimators that the scenario asks for."""
+    layout = scenario.finger.layout()
+    return {
+        name: make_estimator(name, scenario.perception, calibration, layout)
+        for name in scenario.modalities
+    }
+
+
+def close_loop(
+    builder: DiagramBuilder, scenario: Scenario, station: System, estimators: Mapping[str, System]
+) -> None:
+    """Lets the fingertip roll by what the acting estimator believes of the flap."""
+    estimator = estimators[scenario.acting_estimator]
+    for port in PERCEIVED:
+        if station.HasInputPort(port):
+            builder.Connect(estimator.GetOutputPort(port), station.GetInputPort(port))
+
+
+APPLICATION = Application(
+    name="flap",
+    description="a tactile fingertip flips the flap of a held tool and learns how it is hinged",
+    scenario=Scenario,
+    scenarios=SCENARIO_FOLDER,
+    resolve=resolve,
+    make_calibration=make_calibration,
+    make_station=make_station,
+    make_estimators=make_estimators,
+    close_loop=close_loop,
+    quantities=QUANTITIES,
+    station_quantities=TRUTH_QUANTITIES,
+    pictures=("color_measured",),
+    topics=TOPICS,
+    evaluate=evaluate,
+    task_in_words=task_in_words,
+    view=add_view,
+    labels=LABELS,
+    colors=COLORS,
+    metrics=METRICS,
+    experiments=EXPERIMENTS,
+    overview=OVERVIEW,
+)

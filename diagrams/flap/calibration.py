@@ -1,0 +1,32 @@
+"""What the robots of the flap application believe of their camera and their arms."""
+
+import numpy as np
+
+from diagrams.flap.robot_config import FINGER_ARM, HOLDER_ARM
+from diagrams.flap.scenario import Scenario
+from diagrams.run.calibration import ArmCalibration, Calibration, calibrated, pose_covariance
+from plants.robots.arm_with_hand import make_arm_with_load
+from plants.robots.lwr import ARM_JOINTS, LWR_WITH_FINGERTIP, LWR_WITH_THREE_FINGERS
+from plants.scene import nominal_pose
+
+ROBOTS = {HOLDER_ARM: LWR_WITH_THREE_FINGERS, FINGER_ARM: LWR_WITH_FINGERTIP}
+
+# What is left of an encoder's offset behind the gears once the joints are mastered, [rad].
+_JOINT_OFFSET = np.deg2rad(0.05)
+
+
+def make_calibration(scenario: Scenario) -> Calibration:
+    """Camera and arms as the scenario places them, and how well that is taken to be known."""
+    believed, arms = scenario.calibration.believed, {}
+    for name, robot in ROBOTS.items():
+        X_WBase = nominal_pose(scenario.plant.scene, "base", name)
+        arms[name] = ArmCalibration(
+            model=make_arm_with_load(robot, X_WBase),
+            X_WBase=X_WBase,
+            covariance=pose_covariance(believed.arm_rotation, believed.arm_translation),
+            joint_offset_std=np.full(len(ARM_JOINTS), _JOINT_OFFSET),
+        )
+    cameras = {
+        name: calibrated(config.camera(), believed) for name, config in scenario.cameras.items()
+    }
+    return Calibration(cameras=cameras, arms=arms)

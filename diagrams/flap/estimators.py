@@ -1,0 +1,164 @@
+"""The estimators of the held tool's kinematics: one factory, two ways of finding the hinge."""
+
+from dataclasses import dataclass, field
+
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
+
+from diagrams.flap.estimator_names import ESTIMATORS
+from diagrams.flap.robot_config import FINGER_ARM, HOLDER_ARM
+from diagrams.run.calibration import Calibration
+from systems.arm_pose import ArmPose
+from systems.flap.depth_camera import DepthCamera
+from systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
+from systems.flap.flap_joint import FlapJoint, FlapJointConfig
+from systems.flap.flap_tracking import FlapTracker
+from systems.flap.flap_tracking_config import FlapTrackingConfig
+from systems.flap.hinge_estimator import HingeEstimator, HingeEstimatorConfig
+from systems.flap.tool_kinematics import ToolKinematics, ToolKinematicsConfig
+from systems.monitoring.angles import AnglesByRates, AnglesConfig
+from systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig
+from systems.monitoring.window_monitor import WindowMonitor, WindowMonitorConfig
+from systems.proprioception.end_effector_pose import EndEffectorPose, EndEffectorPoseConfig
+from systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
+from systems.tactile.taxel_layout import TaxelLayout
+
+SEEN_STREAMS = ("color", "depth")
+JOINT_STREAMS = ("holder_joint_state", "finger_joint_state")
+TAXELS = "taxel"
+
+
+@dataclass(kw_only=True)
+class PerceptionConfig:
+    """One config per system."""
+
+    windows: WindowMonitorConfig = field(default_factory=WindowMonitorConfig)
+    angles: AnglesConfig = field(default_factory=AnglesConfig)
+    images: ImageMonitorConfig = field(default_factory=ImageMonitorConfig)
+    end_effector: EndEffectorPoseConfig = field(default_factory=EndEffectorPoseConfig)
+    fingertip: FingertipMotionConfig = field(default_factory=FingertipMotionConfig)
+    tracker: FlapTrackingConfig = field(default_factory=FlapTrackingConfig)
+    hinge: HingeEstimatorConfig = field(default_factory=HingeEstimatorConfig)
+    angle: FlapAngleConfig = field(default_factory=FlapAngleConfig)
+    joint: FlapJointConfig = field(default_factory=FlapJointConfig)
+    tool: ToolKinematicsConfig = field(default_factory=ToolKinematicsConfig)
+
+
+def believed_camera(calibration: Calibration) -> DepthCamera:
+    """The depth camera as the robot believes it to be."""
+    camera = calibration.camera
+    return DepthCamera(
+        intrinsics=camera.intrinsics,
+        X_WC=camera.X_PC.GetAsMatrix4(),
+        pose_covariance=camera.pose_covariance,
+        depth_scale_std=camera.depth_scale_std,
+    )
+
+
+def arm_pose(calibration: Calibration, name: str) -> ArmPose:
+    """The kinematics of an arm as the robot believes them to be."""
+    arm = calibration.arms[name]
+    return ArmPose(arm.model, arm.covariance, arm.joint_offset_std)
+
+
+def make_estimator(
+    name: str, config: PerceptionConfig, calibration: Calibration, layout: TaxelLayout
+) -> Diagram:
+    """The systems of one estimator, wired.
+
+    Inputs are `color_measured`, `depth_measured`, `robot_mask`, `holder_joint_state_window`,
+    `finger_joint_state_window` and `taxel_window`; outputs are `tool_latest`, `hinge_latest`,
+    `flap_angle_latest`, `flap_plane_latest`, `fingertip_contact_latest` and the streams' health.
+
+    Args:
+        name: One of `ESTIMATORS`: `geometric` intersects the flap's planes and fits the contact's
+            circle, `filtered` asks the joint filters of the cross-modal network.
+
+    Raises:
+        ValueError: for an unknown name or an impossible config value.
+    """
+    if name not in ESTIMATORS:
+        raise ValueError(f"unknown estimator '{name}'; there are {', '.join(ESTIMATORS)}")
+    builder = DiagramBuilder()
+    camera = believed_camera(calibration)
+    tracker = builder.AddNamedSystem("flap_tracker", FlapTracker(config.tracker, camera))
+    fingertip, holder = _add_arms(builder, config, calibration, layout)
+    _add_images(builder, config, calibration, tracker)
+    tool = builder.AddNamedSystem("tool_kinematics", ToolKinematics(config.tool))
+    if name == "geometric":
+        hinge = builder.AddNamedSystem("hinge", HingeEstimator(config.hinge, camera))
+        angle = builder.AddNamedSystem("flap_angle", FlapAngleFilter(config.angle))
+        _wire(builder, hinge, "hinge_estimated", angle, tool)
+    else:
+        hinge = angle = builder.AddNamedSystem("flap_joint", FlapJoint(config.joint, camera))
+        _wire(builder, hinge, "hinge_estimated", tool)
+    _wire(builder, angle, "flap_angle_estimated", tool)
+    planes = (hinge,) if hinge is angle else (hinge, angle)
+    _wire(builder, tracker, "flap_plane_estimated", *planes)
+    _wire(builder, fingertip, "fingertip_contact_estimated", tracker, *planes, tool)
+    _wire(builder, holder, "end_effector_estimated", tracker, tool)
+    for system, port in (
+        (tool, "tool_latest"),
+        (hinge, "hinge_latest"),
+        (angle, "flap_angle_latest"),
+        (tracker, "flap_plane_latest"),
+        (fingertip, "fingertip_contact_latest"),
+    ):
+        builder.ExportOutput(system.GetOutputPort(port), port)
+    diagram = builder.Build()
+    diagram.set_name(name)
+    return diagram
+
+
+def _add_arms(
+    builder: DiagramBuilder,
+    config: PerceptionConfig,
+    calibration: Calibration,
+    layout: TaxelLayout,
+) -> tuple[System, System]:
+    """The fingertip with its contact, and the end-effector that holds the tool."""
+    finger_arm, holder_arm = (arm_pose(calibration, name) for name in (FINGER_ARM, HOLDER_ARM))
+    fingertip = builder.AddNamedSystem(
+        "fingertip_motion", FingertipMotion(config.fingertip, finger_arm, layout)
+    )
+    holder = builder.AddNamedSystem(
+        "end_effector_pose", EndEffectorPose(config.end_effector, holder_arm)
+    )
+    readers = (
+        (holder.GetInputPort("joint_state_window"), holder_arm),
+        (fingertip.GetInputPort("finger_joint_state_window"), finger_arm),
+    )
+    for stream, (reader, arm) in zip(JOINT_STREAMS, readers, strict=True):
+        monitor = builder.AddNamedSystem(
+            f"{stream}_monitor",
+            WindowMonitor(config.windows, 2 * arm.num_joints, AnglesByRates(config.angles)),
+        )
+        builder.ExportInput(monitor.GetInputPort("window"), f"{stream}_window")
+        builder.Connect(monitor.GetOutputPort("window_checked"), reader)
+        builder.ExportOutput(monitor.GetOutputPort("health_latest"), f"{stream}_health_latest")
+    builder.ExportInput(fingertip.GetInputPort("taxel_window"), f"{TAXELS}_window")
+    builder.ExportOutput(fingertip.GetOutputPort("health_latest"), f"{TAXELS}_health_latest")
+    return fingertip, holder
+
+
+def _add_images(
+    builder: DiagramBuilder, config: PerceptionConfig, calibration: Calibration, tracker: System
+) -> None:
+    """The camera's images, checked, for the tracker."""
+    intrinsics = calibration.camera.intrinsics
+    monitor = builder.AddNamedSystem(
+        "image_monitor", ImageMonitor(config.images, intrinsics.width, intrinsics.height)
+    )
+    for stream in SEEN_STREAMS:
+        builder.ExportInput(monitor.GetInputPort(f"{stream}_measured"), f"{stream}_measured")
+        builder.ExportOutput(
+            monitor.GetOutputPort(f"{stream}_health_latest"), f"{stream}_health_latest"
+        )
+    builder.Connect(monitor.GetOutputPort("depth_checked"), tracker.GetInputPort("depth_measured"))
+    mask = builder.ExportInput(tracker.GetInputPort("robot_mask"), "robot_mask")
+    builder.ConnectInput(mask, monitor.GetInputPort("robot_mask"))
+
+
+def _wire(builder: DiagramBuilder, source: System, port: str, *targets: System) -> None:
+    """Connects an output to the inputs of the same name."""
+    for target in targets:
+        builder.Connect(source.GetOutputPort(port), target.GetInputPort(port))

@@ -1,0 +1,34 @@
+"""The experiments with the flap, and what to compare their metrics with."""
+
+from diagrams.run.experiment import Experiment, Reference
+
+_REFERENCES = {
+    "success": Reference(paper="one tool, works", goal="18/20"),
+    "contact_position_rms": Reference(paper="< 1 mm", goal="1 mm"),
+    "contact_position_offset": Reference(paper="4 mm"),
+    "force_rms": Reference(goal="0.15 N"),
+    "normals_aligned_after": Reference(paper="8 s", goal="8 s"),
+    "axis_angle_error": Reference(paper="k · k_ref near 1", goal="2 deg"),
+    "theta_rmse_visible": Reference(paper="plots only", goal="3 deg"),
+    "theta_rmse_hidden": Reference(paper="plots only", goal="5 deg"),
+    "L1_error": Reference(paper="10 to 20 mm", goal="8 mm"),
+    "L2_error": Reference(paper="10 to 20 mm", goal="8 mm"),
+    "axis_inside_two_sigma": Reference(goal="85 %"),
+    "theta_inside_two_sigma": Reference(goal="85 %"),
+    "L1_inside_two_sigma": Reference(goal="85 %"),
+    "L2_inside_two_sigma": Reference(goal="85 %"),
+}
+_ALL = (
+    Experiment(
+        scenario="flap",
+        description="a fingertip flips the flap of a held wiper, edge-on to the camera on the way",
+        references=_REFERENCES,
+    ),
+    Experiment(
+        scenario="flap-visible",
+        description="the same, and the camera sees the flap all the time",
+        references=_REFERENCES,
+        without=("theta_rmse_hidden",),
+    ),
+)
+EXPERIMENTS = {experiment.scenario: experiment for experiment in _ALL}

@@ -1,0 +1,121 @@
+"""The controllers that flip a flap with one arm, and their wires."""
+
+from dataclasses import dataclass, field
+
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import Adder
+
+from controllers.arm.kinematics import ArmModel
+from controllers.servoing.flip_decisions import FlipSequenceConfig
+from controllers.servoing.flip_sequence import FlipSequence
+from controllers.servoing.tactile_servoing import TactileServoing, TactileServoingConfig
+from controllers.servoing.twist_to_joints import JointLimits, TwistToJoints, TwistToJointsConfig
+from controllers.servoing.visual_servoing import VisualServoing, VisualServoingConfig
+from maths.arrays import Array
+from systems.tactile.contact_features import ContactFeaturesConfig
+from systems.tactile.taxel_layout import TaxelLayout
+from systems.tactile.taxel_monitor import TaxelMonitor
+
+
+@dataclass(kw_only=True)
+class FlipControlConfig:
+    features: ContactFeaturesConfig = field(default_factory=ContactFeaturesConfig)
+    sequence: FlipSequenceConfig = field(default_factory=FlipSequenceConfig)
+    tactile: TactileServoingConfig = field(default_factory=TactileServoingConfig)
+    visual: VisualServoingConfig = field(default_factory=VisualServoingConfig)
+    joints: TwistToJointsConfig = field(default_factory=TwistToJointsConfig)
+
+
+def joint_limits(model: MultibodyPlant) -> JointLimits:
+    """The limits that an arm's model declares."""
+    return JointLimits(
+        lower=model.GetPositionLowerLimits(),
+        upper=model.GetPositionUpperLimits(),
+        velocity=model.GetVelocityUpperLimits(),
+    )
+
+
+def make_flip_control(
+    config: FlipControlConfig,
+    model: MultibodyPlant,
+    layout: TaxelLayout,
+    q_initial: Array,
+    frame: str = "end_effector",
+) -> Diagram:
+    """Touch, vision and sequence together, from what is measured to joint positions.
+
+    .. pydrake_system::
+
+        name: flip_control
+        input_ports:
+        - taxel_measured
+        - joint_state_measured
+        - flap_angle_latest
+        - hinge_latest
+        output_ports:
+        - joint_position_commanded
+        - contact_latest
+        - taxel_health_latest
+        - phase
+        - failure
+
+    The two beliefs may stay unconnected.
+
+    Args:
+        config: Of the parts.
+        model: The arm's own model.
+        layout: Of the taxels.
+        q_initial: Posture in which the arm begins (n,), [rad].
+        frame: Name of S in the model.
+    """
+    builder, arm = DiagramBuilder(), ArmModel(model, frame)
+    add = builder.AddNamedSystem
+    taxels = add("taxel_monitor", TaxelMonitor(config.features, layout))
+    sequence = add("flip_sequence", FlipSequence(config.sequence, arm))
+    tactile = add("tactile_servoing", TactileServoing(config.tactile, layout.semi_axes))
+    visual = add("visual_servoing", VisualServoing(config.visual, arm))
+    total = add("twist_sum", Adder(3, 6))
+    joints = add(
+        "twist_to_joints", TwistToJoints(config.joints, arm, joint_limits(model), q_initial)
+    )
+    # At one instant the monitor stores before the controllers step, so that this is the contact of
+    # now, computed once.
+    contact = taxels.GetOutputPort("contact_latest")
+    for system in (sequence, tactile, visual):
+        builder.Connect(contact, system.GetInputPort("contact_latest"))
+    for source, name, target in (
+        (sequence, "tactile_projector", tactile),
+        (sequence, "visual_projector", visual),
+        (sequence, "feed_forward", visual),
+        (tactile, "tactile_twist_desired", visual),
+        (joints, "twist_share", tactile),
+    ):
+        builder.Connect(source.GetOutputPort(name), target.GetInputPort(name))
+    for index, (source, name) in enumerate(
+        (
+            (sequence, "approach_twist_desired"),
+            (tactile, "tactile_twist_desired"),
+            (visual, "visual_twist_desired"),
+        )
+    ):
+        builder.Connect(source.GetOutputPort(name), total.get_input_port(index))
+    builder.Connect(total.get_output_port(), joints.GetInputPort("twist_desired"))
+    for name, systems in (
+        ("joint_state_measured", (sequence, visual, joints)),
+        ("flap_angle_latest", (sequence, visual)),
+        ("hinge_latest", (sequence, visual)),
+    ):
+        ports = [system.GetInputPort(name) for system in systems]
+        exported = builder.ExportInput(ports[0], name)
+        for port in ports[1:]:
+            builder.ConnectInput(exported, port)
+    builder.ExportInput(taxels.GetInputPort("taxel_measured"), "taxel_measured")
+    for system, name in ((joints, "joint_position_commanded"), (sequence, "phase")):
+        builder.ExportOutput(system.GetOutputPort(name), name)
+    builder.ExportOutput(sequence.GetOutputPort("failure"), "failure")
+    builder.ExportOutput(contact, "contact_latest")
+    builder.ExportOutput(taxels.GetOutputPort("health_latest"), "taxel_health_latest")
+    diagram = builder.Build()
+    diagram.set_name("flip_control")
+    return diagram

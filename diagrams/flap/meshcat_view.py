@@ -1,0 +1,204 @@
+"""Draws what is felt and believed of the flap into Meshcat, live and in the recording."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.geometry import Box, Cylinder, Meshcat, Rgba, Sphere
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import (
+    Context,
+    Diagram,
+    DiagramBuilder,
+    InputPort,
+    LeafSystem,
+    System,
+)
+
+from diagrams.drawing import palette
+from diagrams.drawing.legend import Entry, show_legend
+from diagrams.flap.estimator_names import COLORS, LABELS
+from diagrams.flap.scenario import Scenario
+from diagrams.run.episode import connect_latest
+from maths.arrays import Array
+from maths.validation import check, number, numbers
+from maths.vectors import tangent_basis
+from systems.port_values import (
+    UNKNOWN_FINGERTIP,
+    UNKNOWN_TOOL,
+    FingertipContact,
+    FlapPlane,
+    ToolBelief,
+    unseen,
+)
+from systems.tactile.taxel_layout import TaxelLayout, fingertip_layout
+
+ROOT = "/perception"
+_AXIS_LENGTH = 0.3  # [m]
+_L1, _L2, _PLANE = "#228833", "#EE7733", "#66CCEE"
+_LEGEND: list[Entry] = [
+    ("dot", "#CC3311", "taxel, the redder the harder it is pressed"),
+    ("bar", _PLANE, "plane of the flap as the camera sees it"),
+    ("bar", COLORS["filtered"], "hinge axis k"),
+    ("bar", _L1, "L1: end-effector to hinge"),
+    ("bar", _L2, "L2: contact to hinge"),
+]
+
+
+@dataclass(kw_only=True)
+class MeshcatViewConfig:
+    period: float = number(0.1, at_least=1e-3, at_most=3600.0, unit="s")  # Between drawings.
+    strongest: float = number(0.3, above=0.0, at_most=1e3, unit="N")  # Force of a red taxel.
+    # Where the page is first seen from, p_WV, and its target.
+    viewpoint: np.ndarray = numbers(
+        np.array([1.25, 0.55, 0.75]), at_least=-100.0, at_most=100.0, unit="m"
+    )
+    looking_at: np.ndarray = numbers(
+        np.array([0.5, 0.0, 0.45]), at_least=-100.0, at_most=100.0, unit="m"
+    )
+
+
+def add_view(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    meshcat: Meshcat,
+    station: Diagram,
+    estimators: Mapping[str, System],
+) -> None:
+    """Adds a view of what is felt and of what the estimators believe."""
+    view = builder.AddNamedSystem(
+        "meshcat_view", MeshcatView(MeshcatViewConfig(), meshcat, list(estimators))
+    )
+    builder.Connect(station.GetOutputPort("taxel_measured"), view.GetInputPort("taxel_measured"))
+    connect_latest(builder, estimators, view)
+
+
+class MeshcatView(LeafSystem):
+    """Draws taxels, the flap's plane, the hinge's axis and the vectors L1 and L2 into Meshcat.
+
+    What has been drawn is kept outside the Context, so one view serves one simulation.
+
+    .. pydrake_system::
+
+        name: MeshcatView
+        input_ports:
+        - taxel_measured
+        - <estimator>_tool_latest
+        - <estimator>_flap_plane_latest
+        - <estimator>_fingertip_contact_latest
+
+    - `taxel_measured`: forces (taxels,), [N].
+    - `<estimator>_tool_latest`: `ToolBelief`.
+    - `<estimator>_flap_plane_latest`: `FlapPlane`.
+    - `<estimator>_fingertip_contact_latest`: `FingertipContact`; its pose places the taxels.
+
+    Frames: W world, S fingertip, T taxel, F flap, K hinge, C contact.
+
+    Args:
+        estimators: Names; the last is shown first.
+    """
+
+    def __init__(
+        self, config: MeshcatViewConfig, meshcat: Meshcat, estimators: Sequence[str]
+    ) -> None:
+        super().__init__()
+        check(config, "MeshcatView")
+        self._config, self._meshcat = config, meshcat
+        self._layout: TaxelLayout = fingertip_layout()
+        meshcat.Delete(ROOT)
+        meshcat.SetCameraPose(config.viewpoint, config.looking_at)
+        self._taxels = self.DeclareVectorInputPort("taxel_measured", len(self._layout.p_ST))
+        models = {
+            "tool": UNKNOWN_TOOL,
+            "flap_plane": unseen(""),
+            "fingertip_contact": UNKNOWN_FINGERTIP,
+        }
+        self._ports: dict[str, dict[str, InputPort]] = {
+            name: {
+                port: self.DeclareAbstractInputPort(
+                    f"{name}_{port}_latest", AbstractValue.Make(model)
+                )
+                for port, model in models.items()
+            }
+            for name in estimators
+        }
+        for index in range(len(self._layout.p_ST)):
+            meshcat.SetObject(f"{ROOT}/taxels/{index}", Sphere(0.0018), Rgba(0.3, 0.3, 0.3, 1.0))
+        for name in estimators:
+            self._make_layer(name, visible=name == list(estimators)[-1])
+        shown = LABELS.get(estimators[-1], estimators[-1]) if estimators else ""
+        title = f"as believed by {shown}; others: Open Controls, Scene, perception"
+        show_legend(meshcat, title, _LEGEND)
+        self.DeclarePeriodicPublishEvent(config.period, 0.0, self._draw)
+
+    def _make_layer(self, name: str, visible: bool) -> None:
+        path = f"{ROOT}/{name}"
+        axis = COLORS.get(name, palette.QUIET)
+        for part, color in (("axis", axis), ("L1", _L1), ("L2", _L2)):
+            rgba = Rgba(*palette.rgb(color))
+            self._meshcat.SetObject(f"{path}/{part}/bar", Cylinder(0.003, 1.0), rgba)
+        plane = Rgba(*palette.rgb(_PLANE), 0.4)
+        self._meshcat.SetObject(f"{path}/plane", Box(0.2, 0.1, 0.001), plane)
+        self._meshcat.SetProperty(path, "visible", visible)
+
+    def _draw(self, context: Context) -> None:
+        time = context.get_time()
+        drawn = False
+        for name, ports in self._ports.items():
+            values = {
+                port: found.Eval(context)
+                for port, found in ports.items()
+                if found.HasValue(context)
+            }
+            fingertip = values.get("fingertip_contact", UNKNOWN_FINGERTIP)
+            if not drawn and np.isfinite(fingertip.X_WS).all():
+                self._draw_taxels(time, np.asarray(self._taxels.Eval(context)), fingertip)
+                drawn = True
+            self._draw_tool(time, f"{ROOT}/{name}", values.get("tool", UNKNOWN_TOOL))
+            self._draw_plane(time, f"{ROOT}/{name}/plane", values.get("flap_plane", unseen("")))
+
+    def _draw_taxels(self, time: float, forces: Array, fingertip: FingertipContact) -> None:
+        R, p = fingertip.X_WS[:3, :3], fingertip.X_WS[:3, 3]
+        for index, (place, force) in enumerate(zip(self._layout.p_ST, forces, strict=True)):
+            path = f"{ROOT}/taxels/{index}"
+            self._meshcat.SetTransform(path, RigidTransform(p + R @ place), time)
+            share = float(np.clip(force / self._config.strongest, 0.0, 1.0))
+            color = (1.0 - share) * np.array([0.3, 0.3, 0.3]) + share * np.array([0.8, 0.2, 0.07])
+            self._meshcat.SetProperty(path, "color", [*color.tolist(), 1.0], time)
+
+    def _draw_tool(self, time: float, path: str, tool: ToolBelief) -> None:
+        known = tool.hinge.known and np.isfinite(tool.L1_W).all()
+        for part in ("axis", "L1", "L2"):
+            self._meshcat.SetProperty(f"{path}/{part}", "visible", bool(known), time)
+        if not known:
+            return
+        k, p = tool.hinge.k_W, tool.hinge.p_WK
+        half = 0.5 * _AXIS_LENGTH * k
+        self._place_bar(time, f"{path}/axis", p - half, p + half)
+        self._place_bar(time, f"{path}/L1", p - tool.L1_W, p)
+        self._place_bar(time, f"{path}/L2", p - tool.L2_W, p)
+
+    def _place_bar(self, time: float, path: str, p_WA: Array, p_WB: Array) -> None:
+        """Stretches a bar of unit length from A to B."""
+        way = p_WB - p_WA
+        length = max(float(np.linalg.norm(way)), 1e-4)
+        X_WB = RigidTransform(_frame_along(way / length), 0.5 * (p_WA + p_WB))
+        self._meshcat.SetTransform(path, X_WB, time)
+        self._meshcat.SetProperty(f"{path}/bar", "scale", [1.0, 1.0, length], time)
+
+    def _draw_plane(self, time: float, path: str, plane: FlapPlane) -> None:
+        self._meshcat.SetProperty(path, "visible", plane.seen, time)
+        if plane.seen:
+            X_WF = RigidTransform(_frame_along(plane.n_W), plane.p_WF)
+            self._meshcat.SetTransform(path, X_WF, time)
+
+
+def _frame_along(z: Array) -> RotationMatrix:
+    """A frame whose z is the unit vector `z` (3,)."""
+    if not np.isfinite(z).all() or np.linalg.norm(z) < 0.5:
+        return RotationMatrix()
+    U = tangent_basis(np.ascontiguousarray(z))
+    return RotationMatrix.ProjectToRotationMatrix(
+        np.column_stack([U[:, 0], np.cross(z, U[:, 0]), z])
+    )

@@ -1,0 +1,160 @@
+"""An episode of the flap as arrays over time: what is true, and what each estimator believes."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from diagrams.flap.flip_status import FLIPPING
+from diagrams.flap.truth import UNKNOWN_FLAP, FlapTruth
+from diagrams.run.record import EpisodeRecord, Tick
+from maths.arrays import Array, Mask
+from systems.port_values import UNKNOWN_TOOL, ToolBelief, unseen
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrueFlap:
+    """What is true at the ticks (T); NaN where it is not known.
+
+    Attributes:
+        times: [s]
+        theta: Angle of the flap since the episode began, [rad].
+        k_W: Axis (T, 3), positive turning.
+        p_WK: Point on the axis (T, 3) that is nearest to the contact, [m].
+        n_W: Normal (T, 3) of the face that the camera sees first.
+        touching: Whether the fingertip touches the flap.
+        p_WC: Contact (T, 3), [m].
+        p_SC: Contact on the fingertip (T, 3), [m].
+        n_W_contact: Outward normal (T, 3) of the fingertip at the contact.
+        force: Normal force of the contact, [N]; 0 without one.
+        p_WE: End-effector (T, 3) of the arm that holds the tool, [m].
+        flipping: Whether the robot turns the flap, from when it began to when it ended; it may
+            have lost the contact in between.
+    """
+
+    times: Array
+    theta: Array
+    k_W: Array
+    p_WK: Array
+    n_W: Array
+    touching: Mask
+    p_WC: Array
+    p_SC: Array
+    n_W_contact: Array
+    force: Array
+    p_WE: Array
+    flipping: Mask
+
+    @property
+    def L1_W(self) -> Array:
+        """From the holding end-effector to the axis (T, 3), [m]."""
+        return self.p_WK - self.p_WE
+
+    @property
+    def L2_W(self) -> Array:
+        """From the contact to the axis (T, 3), [m]."""
+        return self.p_WK - self.p_WC
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlapSeries:
+    """What one estimator believes at the ticks (T); NaN where nothing is.
+
+    Attributes:
+        times: [s]
+        k_W: Axis (T, 3).
+        k_covariance: (T, 3, 3), rank 2.
+        theta: [rad]
+        theta_std: [rad]
+        L1_W: (T, 3), [m].
+        L1_covariance: (T, 3, 3), [m^2].
+        L2_W: (T, 3), [m].
+        L2_covariance: (T, 3, 3), [m^2].
+        seen: Whether the camera saw the flap.
+    """
+
+    times: Array
+    k_W: Array
+    k_covariance: Array
+    theta: Array
+    theta_std: Array
+    L1_W: Array
+    L1_covariance: Array
+    L2_W: Array
+    L2_covariance: Array
+    seen: Mask
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlapEpisode:
+    """An episode's record, its truth and its series by estimator."""
+
+    record: EpisodeRecord
+    truth: TrueFlap
+    series: dict[str, FlapSeries]
+
+
+def flap_episode(record: EpisodeRecord) -> FlapEpisode:
+    """The arrays of a record."""
+    return FlapEpisode(
+        record=record,
+        truth=_truth(record),
+        series={name: _series(found.ticks) for name, found in record.estimators.items()},
+    )
+
+
+def _stack(values: Sequence[Any], read: Callable[[Any], Any], *shape: int) -> Array:
+    """What `read` makes of each value, (T, *shape)."""
+    return np.array([read(value) for value in values], dtype=float).reshape(-1, *shape)
+
+
+def _truth(record: EpisodeRecord) -> TrueFlap:
+    ticks = record.station
+    flaps: list[FlapTruth] = [tick.values.get("cheat_flap", UNKNOWN_FLAP) for tick in ticks]
+    p_WE = [
+        tick.values["cheat_end_effector_pose"].translation()
+        if "cheat_end_effector_pose" in tick.values
+        else np.full(3, np.nan)
+        for tick in ticks
+    ]
+    status = [tick.values.get("task_status") for tick in ticks]
+    theta = _stack(flaps, lambda flap: flap.theta)
+    return TrueFlap(
+        times=np.array([tick.time for tick in ticks]),
+        theta=theta - theta[0] if len(theta) else theta,
+        k_W=_stack(flaps, lambda flap: flap.k_W, 3),
+        p_WK=_stack(flaps, lambda flap: flap.p_WK, 3),
+        n_W=_stack(flaps, lambda flap: flap.n_W, 3),
+        touching=np.array([flap.touching for flap in flaps], dtype=bool),
+        p_WC=_stack(flaps, lambda flap: flap.p_WC, 3),
+        p_SC=_stack(flaps, lambda flap: flap.p_SC, 3),
+        n_W_contact=_stack(flaps, lambda flap: flap.n_W_contact, 3),
+        force=_stack(flaps, lambda flap: flap.force),
+        p_WE=_stack(p_WE, lambda p: p, 3),
+        flipping=_from_first_to_last([s is not None and s.phase == FLIPPING for s in status]),
+    )
+
+
+def _from_first_to_last(flags: Sequence[bool]) -> Mask:
+    """Which of the ticks lie between the first and the last that is flagged."""
+    flagged = np.array(flags, dtype=bool)
+    begun, ended = np.logical_or.accumulate(flagged), np.logical_or.accumulate(flagged[::-1])
+    return begun & ended[::-1]
+
+
+def _series(ticks: Sequence[Tick]) -> FlapSeries:
+    tools: list[ToolBelief] = [tick.values.get("tool_latest", UNKNOWN_TOOL) for tick in ticks]
+    planes = [tick.values.get("flap_plane_latest", unseen("")) for tick in ticks]
+    return FlapSeries(
+        times=np.array([tick.time for tick in ticks]),
+        k_W=_stack(tools, lambda tool: tool.hinge.k_W, 3),
+        k_covariance=_stack(tools, lambda tool: tool.hinge.covariance[:3, :3], 3, 3),
+        theta=_stack(tools, lambda tool: tool.angle.theta),
+        theta_std=np.sqrt(_stack(tools, lambda tool: tool.angle.variance)),
+        L1_W=_stack(tools, lambda tool: tool.L1_W, 3),
+        L1_covariance=_stack(tools, lambda tool: tool.L1_covariance, 3, 3),
+        L2_W=_stack(tools, lambda tool: tool.L2_W, 3),
+        L2_covariance=_stack(tools, lambda tool: tool.L2_covariance, 3, 3),
+        seen=np.array([plane.seen for plane in planes], dtype=bool),
+    )

@@ -1,0 +1,185 @@
+"""Figures of an episode of the flap, each from arrays over time; SI and rad."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from diagrams.flap.results.flap_episode import FlapSeries, TrueFlap
+from maths.arrays import Array, Mask
+
+JUDGED_FROM = float(np.deg2rad(30.0))  # From this angle on the hinge and the vectors count.
+SETTLING = 2.0  # After the flipping began, [s].
+ALIGNED = 0.1  # |n · n_f| that is near zero: 6 deg.
+_TWO_SIGMA = 0.9545  # Probability of two deviations of one dimension.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Servoing:
+    """How the fingertip turned the flap; NaN for what did not come about.
+
+    Attributes:
+        turned: Largest angle, [rad].
+        longest_loss: Longest time without contact while flipping, [s].
+        contact_position_rms: Of the contact on the fingertip about its mean, after settling, [m].
+        contact_position_offset: That mean's distance from the centre of the pad along x, [m].
+        force_rms: Error of the normal force after settling, [N].
+        normals_aligned_after: From the beginning of the flipping until n · n_f is near zero, [s].
+    """
+
+    turned: float
+    longest_loss: float
+    contact_position_rms: float
+    contact_position_offset: float
+    force_rms: float
+    normals_aligned_after: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimation:
+    """How good one estimator is; NaN for what it never believed.
+
+    Attributes:
+        axis_angle_error: When the flap has truly turned by 30 deg, [rad].
+        axis_angle_error_at_end: [rad]
+        theta_rmse_visible: While the camera saw the flap, [rad].
+        theta_rmse_hidden: While it did not, [rad].
+        L1_error: Mean length of the error from 30 deg on, [m].
+        L2_error: Likewise, [m].
+        inside_two_sigma: Shares of the ticks from 30 deg on by quantity.
+    """
+
+    axis_angle_error: float
+    axis_angle_error_at_end: float
+    theta_rmse_visible: float
+    theta_rmse_hidden: float
+    L1_error: float
+    L2_error: float
+    inside_two_sigma: dict[str, float]
+
+
+def longest_run(times: Array, flags: Mask) -> float:
+    """The longest time that `flags` (T,) stay true, [s]; a single tick counts one period."""
+    if not flags.any():
+        return 0.0
+    period = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    steps = np.diff(np.concatenate([[0], flags.astype(int), [0]]))
+    lengths = np.flatnonzero(steps == -1) - np.flatnonzero(steps == 1)
+    return float(lengths.max()) * period
+
+
+def aligned_after(times: Array, cosine: Array) -> float:
+    """When |cosine| (T,) comes near zero and stays for a second, since the first time; NaN never.
+
+    A second that the contact breaks off (NaN) does not count as near.
+    """
+    near = np.abs(cosine) < ALIGNED
+    for start in np.flatnonzero(near):
+        following = (times >= times[start]) & (times <= times[start] + 1.0)
+        if near[following].all() and times[-1] >= times[start] + 1.0:
+            return float(times[start] - times[0])
+    return float("nan")
+
+
+def rms(values: Array) -> float:
+    """Root of the mean square of what is known; NaN for nothing."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
+
+
+def mean(values: Array) -> float:
+    """Mean of what is known; NaN for nothing."""
+    known = values[np.isfinite(values)]
+    return float(np.mean(known)) if len(known) else float("nan")
+
+
+def angles_between(a: Array, b: Array) -> Array:
+    """Angles (T,) between unit vectors (T, 3), [rad]; exact for small ones."""
+    return np.asarray(
+        np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1)), dtype=float
+    )
+
+
+def share_inside(errors: Array, covariances: Array) -> float:
+    """Share of errors (T, n) within two deviations, of those that are claimed; NaN for none.
+
+    In n dimensions that is the ellipsoid that holds as much as two deviations of one do; along
+    directions without any variance, such as an axis' own, nothing is asked.
+    """
+    inside = []
+    for error, covariance in zip(errors, covariances, strict=True):
+        if not (np.isfinite(error).all() and np.isfinite(covariance).all()):
+            continue
+        variances, axes = np.linalg.eigh(covariance)
+        spread = variances > 1e-9 * max(variances[-1], 1e-300)
+        squared = np.sum((axes.T @ error)[spread] ** 2 / variances[spread])
+        inside.append(bool(squared <= chi2.ppf(_TWO_SIGMA, int(spread.sum()))))
+    return float(np.mean(inside)) if inside else float("nan")
+
+
+def measure_servoing(truth: TrueFlap, force_desired: float) -> Servoing:
+    """How the fingertip turned the flap.
+
+    Args:
+        truth: Of the episode.
+        force_desired: Normal force that was asked for, [N].
+    """
+    turned = float(np.nanmax(truth.theta, initial=0.0)) if len(truth.theta) else 0.0
+    flipping = np.flatnonzero(truth.flipping)
+    nothing = float("nan")
+    if len(flipping) == 0:
+        return Servoing(
+            turned=turned, longest_loss=nothing, contact_position_rms=nothing,
+            contact_position_offset=nothing, force_rms=nothing, normals_aligned_after=nothing,
+        )  # fmt: skip
+    times = truth.times[flipping]
+    touching = truth.touching[flipping]
+    settled = (times >= times[0] + SETTLING) & touching
+    p_SC = truth.p_SC[flipping][settled][:, [0, 2]]  # Across the pad's normal.
+    centre = p_SC.mean(axis=0) if len(p_SC) else np.full(2, nothing)
+    cosine = np.sum(truth.n_W_contact * truth.n_W, axis=1)[flipping]
+    return Servoing(
+        turned=turned,
+        longest_loss=longest_run(times, ~touching),
+        contact_position_rms=rms(np.linalg.norm(p_SC - centre, axis=1)),
+        contact_position_offset=float(centre[0]),
+        force_rms=rms(truth.force[flipping][settled] - force_desired),
+        normals_aligned_after=aligned_after(times, cosine),
+    )
+
+
+def measure_estimation(truth: TrueFlap, series: FlapSeries) -> Estimation:
+    """How good an estimator is while the robot flips the flap."""
+    count = min(len(truth.times), len(series.times))
+    flipping, theta = truth.flipping[:count], truth.theta[:count]
+    judged = flipping & (theta >= JUDGED_FROM)
+    axis_error = angles_between(series.k_W[:count], truth.k_W[:count])
+    theta_error = series.theta[:count] - theta
+    L1_error, L2_error = (
+        series.L1_W[:count] - truth.L1_W[:count],
+        series.L2_W[:count] - (truth.L2_W[:count]),
+    )
+    seen = series.seen[:count]
+    first = np.flatnonzero(judged)
+    nothing = float("nan")
+    return Estimation(
+        axis_angle_error=float(axis_error[first[0]]) if len(first) else nothing,
+        axis_angle_error_at_end=float(axis_error[first[-1]]) if len(first) else nothing,
+        theta_rmse_visible=rms(theta_error[flipping & seen]),
+        theta_rmse_hidden=rms(theta_error[flipping & ~seen & (theta >= JUDGED_FROM)]),
+        L1_error=mean(np.linalg.norm(L1_error[judged], axis=1)),
+        L2_error=mean(np.linalg.norm(L2_error[judged], axis=1)),
+        inside_two_sigma={
+            "axis": share_inside(
+                np.cross(truth.k_W[:count], np.cross(series.k_W[:count], truth.k_W[:count]))[
+                    judged
+                ],
+                series.k_covariance[:count][judged],
+            ),
+            "theta": share_inside(
+                theta_error[judged, None], series.theta_std[:count][judged, None, None] ** 2
+            ),
+            "L1": share_inside(L1_error[judged], series.L1_covariance[:count][judged]),
+            "L2": share_inside(L2_error[judged], series.L2_covariance[:count][judged]),
+        },
+    )

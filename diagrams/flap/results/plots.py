@@ -1,0 +1,164 @@
+"""Draws an episode of the flap over time, as the paper's Figs. 6 to 11 do."""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from diagrams.drawing import palette
+from diagrams.drawing.plot_style import STYLE, mark_leaving, mark_times, new_figure
+from diagrams.flap.estimator_names import COLORS, LABELS
+from diagrams.flap.results.flap_episode import FlapEpisode
+from maths.arrays import Array, Mask
+
+_XYZ = ("#CC3311", "#228833", "#0077BB")
+_STYLES = {"geometric": "-", "filtered": "--"}
+
+
+def hidden_spans(times: Array, seen: Mask) -> list[tuple[float, float]]:
+    """Starts and ends of the times in which the camera did not see the flap, [s]."""
+    steps = np.diff(np.concatenate([[0], (~seen).astype(int), [0]]))
+    starts, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) - 1
+    return [(float(times[a]), float(times[b])) for a, b in zip(starts, ends, strict=True) if b > a]
+
+
+def draw_servoing(episode: FlapEpisode) -> Figure | None:
+    """Where the contact is on the fingertip, how hard it presses and n · n_f, over time.
+
+    None where the robot never flipped the flap.
+    """
+    truth = episode.truth
+    if not truth.flipping.any():
+        return None
+    desired = episode.record.scenario.control.sequence.force
+    with mpl.rc_context(STYLE):
+        figure = new_figure(9.0, 7.5)
+        position, force, cosine = panels = figure.subplots(3, 1, sharex=True)
+        for axis, name in ((0, "x"), (2, "z")):
+            place = 1e3 * truth.p_SC[:, axis]
+            position.plot(truth.times, place, color=_XYZ[axis], lw=1.3, label=name)
+        position.axhline(0.0, color=palette.TRUTH, lw=0.9)
+        position.set_title("true place of the contact on the fingertip, from the pad's centre [mm]")
+        position.legend(loc="lower right", ncols=2)
+        force.plot(truth.times, truth.force, color="#444444", lw=1.2)
+        force.axhline(desired, color=palette.TRUTH, lw=0.9, ls="--")
+        force.set_title(f"true normal force [N] (dashed: the {desired:.2g} N that are asked for)")
+        product = np.sum(truth.n_W_contact * truth.n_W, axis=1)
+        cosine.plot(truth.times, product, color="#444444", lw=1.2)
+        cosine.axhline(0.0, color=palette.TRUTH, lw=0.9)
+        cosine.set_title("n · n_f of the true normals")
+        cosine.set_ylim(-1.0, 1.0)
+        _limit_to_flipping(position, truth.p_SC[:, [0, 2]][truth.flipping] * 1e3, 1.0)
+        _limit_to_flipping(force, np.append(truth.force[truth.flipping], [0.0, desired]), 0.1)
+        _finish(panels, episode)
+        figure.suptitle(_title(episode), fontsize=9.5)
+    return figure
+
+
+def draw_angle(episode: FlapEpisode) -> Figure | None:
+    """The flap's angle as each estimator believes it, and the true one."""
+    truth = episode.truth
+    if not np.isfinite(truth.theta).any():
+        return None
+    with mpl.rc_context(STYLE):
+        figure = new_figure(9.0, 5.6)
+        angle, error = panels = figure.subplots(
+            2, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2]}
+        )
+        angle.plot(
+            truth.times,
+            np.rad2deg(truth.theta),
+            color=palette.TRUTH,
+            lw=1.2,
+            ls="--",
+            label="truth",
+        )
+        for name, series in episode.series.items():
+            true = np.interp(series.times, truth.times, truth.theta)
+            color, label = COLORS.get(name, palette.QUIET), LABELS.get(name, name)
+            theta, std = np.rad2deg(series.theta), np.rad2deg(series.theta_std)
+            angle.plot(series.times, theta, color=color, lw=1.6, label=label)
+            off = theta - np.rad2deg(true)
+            error.plot(series.times, off, color=color, lw=1.4)
+            error.fill_between(
+                series.times, off - 2 * std, off + 2 * std, color=color, alpha=0.15, lw=0
+            )
+        error.axhline(0.0, color=palette.TRUTH, lw=0.9)
+        angle.set_title("angle of the flap [deg] (shaded: the camera does not see it)")
+        error.set_title("its error [deg] (band: 2σ as claimed)")
+        error.set_ylim(-12.0, 12.0)
+        angle.legend(loc="lower right", ncols=3)
+        _finish(panels, episode)
+        figure.suptitle(_title(episode), fontsize=9.5)
+    return figure
+
+
+def draw_tool(episode: FlapEpisode) -> Figure | None:
+    """k · k_ref and the errors of L1 and L2 of each estimator, over time."""
+    truth = episode.truth
+    if not np.isfinite(truth.theta).any():
+        return None
+    with mpl.rc_context(STYLE):
+        figure = new_figure(9.0, 8.0)
+        panels = figure.subplots(3, 1, sharex=True)
+        for name, series in episode.series.items():
+            count = min(len(series.times), len(truth.times))
+            times, color = series.times[:count], COLORS.get(name, palette.QUIET)
+            product = np.sum(series.k_W[:count] * truth.k_W[:count], axis=1)
+            panels[0].plot(times, product, color=color, lw=1.6, label=LABELS.get(name, name))
+            for axes, error in (
+                (panels[1], series.L1_W[:count] - truth.L1_W[:count]),
+                (panels[2], series.L2_W[:count] - truth.L2_W[:count]),
+            ):
+                _draw_components(axes, times, error, name)
+        panels[0].set_title("k · k_ref")
+        panels[0].set_ylim(0.9, 1.005)
+        panels[0].legend(loc="lower right", ncols=2)
+        for axes, vector in ((panels[1], "L1"), (panels[2], "L2")):
+            axes.set_title(
+                f"error of {vector} [mm] along x (red), y (green), z (blue); dashed: joint filters"
+            )
+            axes.axhline(0.0, color=palette.TRUTH, lw=0.9)
+            axes.set_ylim(-25.0, 25.0)
+        _finish(panels, episode)
+        figure.suptitle(_title(episode), fontsize=9.5)
+    return figure
+
+
+def _draw_components(axes: Axes, times: Array, error: Array, name: str) -> None:
+    for index, color in enumerate(_XYZ):
+        axes.plot(times, 1e3 * error[:, index], color=color, lw=1.2, ls=_STYLES.get(name, ":"))
+
+
+def _limit_to_flipping(axes: Axes, values: Array, least: float) -> None:
+    """Shows the bulk of what is drawn: the first touch must not flatten the rest."""
+    known = values[np.isfinite(values)]
+    if len(known) == 0:
+        return
+    low, high = np.percentile(known, [1.0, 99.0])
+    margin = max(0.3 * (high - low), least)
+    axes.set_ylim(low - margin, high + margin)
+
+
+def _finish(panels: Sequence[Axes], episode: FlapEpisode) -> None:
+    """Marks the time: events, disturbances, and when the camera did not see the flap."""
+    truth = episode.truth
+    panels[-1].set_xlabel("time [s]")
+    panels[-1].set_xlim(0.0, max(episode.record.duration, 1e-3))
+    events = [(event.name, event.time) for event in episode.record.events]
+    spans = [
+        (name, span.start, span.end) for name, span in episode.record.scenario.disturbances.spans()
+    ]
+    for axes in panels:
+        if episode.series and len(truth.times):
+            series = next(iter(episode.series.values()))
+            for start, end in hidden_spans(series.times, series.seen):
+                axes.axvspan(start, end, color="#000000", alpha=0.05, lw=0)
+        mark_leaving(axes)
+        mark_times(axes, events, spans, label=axes is panels[0])
+
+
+def _title(episode: FlapEpisode) -> str:
+    return f"n = 1 episode, seed {episode.record.scenario.seed}"

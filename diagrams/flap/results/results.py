@@ -1,0 +1,108 @@
+"""What an episode of the flap comes to."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from diagrams.drawing.digits import fixed, written
+from diagrams.evaluation.estimates import Row, estimates_table, scalar, vector
+from diagrams.flap.estimator_names import LABELS
+from diagrams.flap.results.flap_episode import FlapEpisode, flap_episode
+from diagrams.flap.results.flap_measures import measure_estimation, measure_servoing
+from diagrams.flap.results.frame_plots import draw_frames
+from diagrams.flap.results.plots import draw_angle, draw_servoing, draw_tool
+from diagrams.flap.results.task import can_be_judged, task_failure
+from diagrams.run.application import Results
+from diagrams.run.record import EpisodeRecord
+
+
+def evaluate(record: EpisodeRecord) -> Results:
+    """Compares an episode's beliefs with the truth."""
+    episode = flap_episode(record)
+    scenario, truth = record.scenario, episode.truth
+    servoing = measure_servoing(truth, scenario.control.sequence.force)
+    judged = can_be_judged(truth)
+    return Results(
+        failure=task_failure(scenario.task, record, servoing) if judged else None,
+        judged=judged,
+        estimates=estimates_table(
+            {
+                name: [(time, _rows(episode, name, k)) for k, time in enumerate(series.times)]
+                for name, series in episode.series.items()
+            }
+        ),
+        summary={
+            "flap": asdict(servoing),
+            "modalities": {
+                name: {"flap": asdict(measure_estimation(truth, series))}
+                for name, series in episode.series.items()
+            },
+        },
+        plots={
+            "servoing.png": partial(draw_servoing, episode),
+            "angle.png": partial(draw_angle, episode),
+            "tool.png": partial(draw_tool, episode),
+            "frames.png": partial(draw_frames, episode),
+        },
+        report=report,
+    )
+
+
+def _rows(episode: FlapEpisode, name: str, k: int) -> list[Row]:
+    series, truth = episode.series[name], episode.truth
+    rows: list[Row] = []
+    if not np.isnan(series.theta[k]):
+        rows.append(scalar("theta", series.theta[k], std=series.theta_std[k], true=truth.theta[k]))
+    for quantity, value, covariance, true in (
+        ("axis", series.k_W, series.k_covariance, truth.k_W),
+        ("L1", series.L1_W, series.L1_covariance, truth.L1_W),
+        ("L2", series.L2_W, series.L2_covariance, truth.L2_W),
+    ):
+        if not np.isnan(value[k]).any():
+            rows += vector(quantity, value[k], covariance[k], true[k])
+    rows.append(scalar("flap_seen", float(series.seen[k])))
+    return rows
+
+
+_LINES: Sequence[tuple[str, str, float, str]] = (
+    ("axis_angle_error", "axis after 30 deg", 180.0 / np.pi, "deg"),
+    ("theta_rmse_visible", "angle, RMS while seen", 180.0 / np.pi, "deg"),
+    ("theta_rmse_hidden", "angle, RMS while hidden", 180.0 / np.pi, "deg"),
+    ("L1_error", "L1, mean error", 1e3, "mm"),
+    ("L2_error", "L2, mean error", 1e3, "mm"),
+)
+
+
+def report(summary: Mapping[str, Any]) -> list[str]:
+    """What the fingertip did and how well the tool is known, in words."""
+    flap = summary["flap"]
+
+    def value(key: str, scale: float, unit: str) -> str:
+        return written(None if flap[key] is None else scale * flap[key], unit)
+
+    lines = [
+        f"Flap turned by {value('turned', 180.0 / np.pi, 'deg')}, at most"
+        f" {value('longest_loss', 1.0, 's')} without contact;",
+        f"contact on the fingertip {value('contact_position_rms', 1e3, 'mm')} RMS about"
+        f" {value('contact_position_offset', 1e3, 'mm')} along x,"
+        f" force {value('force_rms', 1.0, 'N')} RMS off,"
+        f" normals aligned after {value('normals_aligned_after', 1.0, 's')}.",
+        "",
+        "The tool, against the truth:",
+    ]
+    for name, record in summary["modalities"].items():
+        found = record["flap"]
+        parts = [
+            f"{title} {written(None if found[key] is None else scale * found[key], unit)}"
+            for key, title, scale, unit in _LINES
+        ]
+        shares = "/".join(
+            "-" if share is None or np.isnan(share) else fixed(100.0 * share, 0)
+            for share in found["inside_two_sigma"].values()
+        )
+        lines.append(f"  {LABELS.get(name, name)}: " + ", ".join(parts))
+        lines.append(f"    inside 2σ (axis/angle/L1/L2): {shares} % of the ticks")
+    return lines

@@ -1,0 +1,40 @@
+"""What counts as a flipped flap, and why an episode failed."""
+
+import numpy as np
+
+from diagrams.flap.results.flap_episode import TrueFlap
+from diagrams.flap.results.flap_measures import Servoing
+from diagrams.flap.scenario import Scenario, Task
+from diagrams.run.record import EpisodeRecord
+from diagrams.run.recorder import STATUS_PORT
+
+
+def can_be_judged(truth: TrueFlap) -> bool:
+    """Whether a record holds what a verdict needs."""
+    return bool(np.isfinite(truth.theta).any())
+
+
+def task_failure(task: Task, record: EpisodeRecord, servoing: Servoing) -> str | None:
+    """Why the flap was not flipped as it was to be, in one line; None where it was."""
+    turned, asked = np.rad2deg(servoing.turned), np.rad2deg(task.least_angle)
+    status = record.station_values(STATUS_PORT)
+    after = f"; the robot: {status[-1].note}" if status and status[-1].note else ""
+    if np.isnan(servoing.longest_loss):
+        return f"the fingertip never began to turn the flap{after}"
+    if servoing.turned < task.least_angle:
+        return f"the flap was turned by {turned:.1f} deg of the {asked:.3g} deg asked for{after}"
+    if servoing.longest_loss > task.longest_loss:
+        return (
+            f"without contact for {servoing.longest_loss:.2f} s while turning the flap,"
+            f" {task.longest_loss:.3g} s is allowed{after}"
+        )
+    return None
+
+
+def task_in_words(scenario: Scenario) -> str:
+    """What counts as done, with its tolerances."""
+    task = scenario.task
+    return (
+        f"Done: the flap has truly been turned by {np.rad2deg(task.least_angle):.3g} deg or more,"
+        f" never without contact for more than {task.longest_loss:.3g} s."
+    )

@@ -1,0 +1,39 @@
+"""The robots of the flap application: their names and their sensors."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from systems.sensors.joint_encoders import JointEncodersConfig
+from systems.sensors.rgbd_camera import CameraNoiseConfig
+from systems.sensors.robot_mask import RobotMaskConfig
+from systems.sensors.taxels import TaxelsConfig
+
+# Model instances of the scene, and what the ports of the two robots begin with.
+HOLDER_ARM, HOLDER_HAND, FINGER_ARM, FINGERTIP = (
+    "holder_arm",
+    "holder_hand",
+    "finger_arm",
+    "fingertip",
+)
+HOLDER, FINGER, TOOL = "holder", "finger", "tool"
+
+
+def _joint_side_encoders() -> JointEncodersConfig:
+    """The LWR measures its joints behind the gears: what is left is an error of mastering."""
+    return JointEncodersConfig(
+        offset_rotation=float(np.deg2rad(0.05)),
+        offset_translation=0.0005,
+        stretch=5e-5,
+        noise_position=2e-5,
+        noise_velocity=0.002,
+    )
+
+
+@dataclass(kw_only=True)
+class SensorsConfig:
+    camera: CameraNoiseConfig = field(default_factory=CameraNoiseConfig)
+    encoders: JointEncodersConfig = field(default_factory=_joint_side_encoders)
+    taxels: TaxelsConfig = field(default_factory=TaxelsConfig)
+    # The LWR knows its joints well, so that the mask needs no wide margin.
+    robot_mask: RobotMaskConfig = field(default_factory=lambda: RobotMaskConfig(margin=0.015))

@@ -1,0 +1,213 @@
+"""Scenarios of the flap application: an arm holds a tool, a fingertip turns the tool's flap."""
+
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from diagrams.flap.estimator_names import ESTIMATORS
+from diagrams.flap.estimators import PerceptionConfig
+from diagrams.flap.flip_control import FlipControlConfig
+from diagrams.flap.robot_config import SensorsConfig
+from diagrams.run import scenario as base
+from diagrams.run.calibration import CalibrationConfig, realistic_errors
+from diagrams.run.scenario import CameraConfig
+from diagrams.run.yaml_input.schema import ScenarioError, suggestion
+from maths.validation import number, numbers
+from models import SDF_DIR
+from plants.external_forces import ExternalForce
+from plants.scene import PlantConfig
+from plants.tools.wiper import WiperConfig
+from systems.tactile.taxel_layout import PAD_PLACES, TaxelLayout, pad_layout
+
+SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
+
+
+@dataclass(kw_only=True)
+class ToolVariation:
+    """What the seed draws uniformly around the nominal pose and grasp."""
+
+    # Half ranges.
+    position: np.ndarray = numbers(
+        np.array([0.015, 0.015, 0.015]), at_least=0.0, at_most=1.0, unit="m"
+    )
+    # Half ranges of roll, pitch and yaw.
+    angles: np.ndarray = numbers(np.array([3.0, 3.0, 5.0]), at_least=0.0, at_most=90.0, unit="deg")
+    # Half range of how far up or down the handle is held.
+    grip: float = number(0.01, at_least=0.0, at_most=0.1, unit="m")
+    textures: list[str] = field(  # Names to choose from; empty: the model's.
+        default_factory=lambda: ["birch", "carton", "plain_grey", "plain_white", "teal_print"]
+    )
+
+
+@dataclass(kw_only=True)
+class ToolConfig:
+    """The tool that is held, and how."""
+
+    # An SDF or URDF beside the scenario's file, absolute or in models/sdf, with a joint `hinge` and
+    # the frames `handle` and `edge`; empty: a wiper that the seed draws.
+    model: str = ""
+    wiper: WiperConfig = field(default_factory=WiperConfig)
+    # Of the model's frame, in the world.
+    position: np.ndarray = numbers(
+        np.array([0.48, 0.0, 0.55]), at_least=-10.0, at_most=10.0, unit="m"
+    )
+    # Across the held bar, between the pads.
+    thickness: float | None = number(None, above=0.0, at_most=0.04, unit="m")
+    # With which the thumb presses; the two other fingers share it.
+    grip_force: float = number(80.0, above=0.0, at_most=200.0, unit="N")
+    variation: ToolVariation = field(default_factory=ToolVariation)
+
+
+@dataclass(kw_only=True)
+class FingerConfig:
+    """The fingertip, and where a person has put it before the episode begins."""
+
+    # x and z of each taxel, in the fingertip's frame S.
+    taxels: np.ndarray = numbers(
+        PAD_PLACES, at_least=-0.1, at_most=0.1, unit="m", shape=(range(0, 65), 2)
+    )
+    # Of the place of contact from the middle of the flap's free edge, towards the finger's arm.
+    along_edge: float = number(0.055, at_least=-0.5, at_most=0.5, unit="m")
+    # Between the fingertip's surface and the free edge.
+    clearance: float = number(0.03, above=0.0, at_most=0.5, unit="m")
+    # Half range of each coordinate, by hand.
+    placement: float = number(0.002, at_least=0.0, at_most=0.1, unit="m")
+
+    def layout(self) -> TaxelLayout:
+        """The taxels as the robot knows them."""
+        return pad_layout(np.asarray(self.taxels, dtype=float))
+
+
+@dataclass(kw_only=True)
+class Task:
+    """What the robot is to do with the flap, as the truth is asked.
+
+    By how much it turns the flap as it believes is `control.sequence.angle`.
+    """
+
+    # By so much the flap has to be turned, at least.
+    least_angle: float = number(float(np.deg2rad(90.0)), above=0.0, at_most=3.0, unit="rad")
+    # Longest time without contact on the way.
+    longest_loss: float = number(0.5, at_least=0.0, at_most=3600.0, unit="s")
+
+
+@dataclass(kw_only=True)
+class Disturbances(base.Disturbances):
+    """What goes wrong, and when."""
+
+    forces: list[ExternalForce] = field(default_factory=list)  # On the tool, from outside.
+
+    def spans(self) -> list[tuple[str, base.Interval]]:
+        """What goes wrong, in words, and when."""
+        forces = [
+            (
+                f"{np.linalg.norm(force.force):.3g} N on {force.frame}",
+                base.Interval(start=force.start, end=force.end),
+            )
+            for force in self.forces
+        ]
+        return [*super().spans(), *forces]
+
+
+def _plant() -> PlantConfig:
+    return PlantConfig(scene="flap_scene.dmd.yaml", time_step=0.0025)
+
+
+def _camera() -> dict[str, CameraConfig]:
+    position, target = np.array([1.3, 0.0, 0.12]), np.array([0.5, 0.0, 0.55])
+    return {"camera": CameraConfig(position=position, looking_at=target, lamp=1.0)}
+
+
+@dataclass(kw_only=True)
+class Scenario(base.Scenario):
+    """One kind of episode; with a seed, one episode."""
+
+    calibration: CalibrationConfig = field(
+        default_factory=lambda: CalibrationConfig(errors=realistic_errors())
+    )
+    plant: PlantConfig = field(default_factory=_plant)
+    tool: ToolConfig = field(default_factory=ToolConfig)
+    finger: FingerConfig = field(default_factory=FingerConfig)
+    cameras: dict[str, CameraConfig] = field(default_factory=_camera)
+    sensors: SensorsConfig = field(default_factory=SensorsConfig)
+    disturbances: Disturbances = field(default_factory=Disturbances)
+    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
+    control: FlipControlConfig = field(default_factory=FlipControlConfig)
+    task: Task = field(default_factory=Task)
+
+    @property
+    def acting_estimator(self) -> str:
+        """By which estimator the fingertip rolls; the first of `modalities`."""
+        return self.modalities[0]
+
+
+def resolve(scenario: Scenario, path: Path) -> Scenario:
+    """A scenario that was read from a file, checked, its tool's file found.
+
+    Raises:
+        ScenarioError: for values that no episode can have.
+    """
+    if len(scenario.cameras) != 1 or next(iter(scenario.cameras.values())).base_frame != "world":
+        raise ScenarioError(
+            f"{path}: cameras: the flap is tracked through one camera that is fixed to the world"
+        )
+    if not (SDF_DIR / scenario.plant.scene).is_file():
+        raise ScenarioError(
+            f"{path}: plant.scene = '{scenario.plant.scene}': there is no such file in {SDF_DIR}"
+        )
+    known = [file.stem for file in (SDF_DIR / "textures").glob("*.png")]
+    for texture in scenario.tool.variation.textures:
+        if texture not in known:
+            raise ScenarioError(
+                f"{path}: tool.variation.textures: unknown texture '{texture}';"
+                f" {suggestion(texture, known)}"
+            )
+    for name in scenario.modalities:
+        if name not in ESTIMATORS:
+            raise ScenarioError(f"{path}: modalities: {suggestion(name, ESTIMATORS)}")
+    try:
+        scenario.finger.layout()
+    except ValueError as error:
+        raise ScenarioError(f"{path}: finger.taxels: {error}") from None
+    model = _model_file(scenario.tool.model, path) if scenario.tool.model else ""
+    if model and scenario.tool.thickness is None:
+        raise ScenarioError(f"{path}: tool.thickness: a tool of one's own needs it, [m]")
+    return replace(
+        scenario,
+        modalities=scenario.modalities or list(ESTIMATORS),
+        tool=replace(scenario.tool, model=model),
+        sensors=with_tick(scenario.sensors, scenario.network_period, path),
+    )
+
+
+def with_tick(sensors: SensorsConfig, period: float, path: Path) -> SensorsConfig:
+    """Gives every sensor the estimators' tick; it is chosen in one place only.
+
+    Raises:
+        ScenarioError: for a sensor that is given another one.
+    """
+    changed = {}
+    for item in fields(sensors):
+        config = getattr(sensors, item.name)
+        for key in ("tick", "exposure_period"):
+            if not hasattr(config, key):
+                continue
+            usual, value = getattr(type(config)(), key), getattr(config, key)
+            if value not in (usual, period):
+                raise ScenarioError(
+                    f"{path}: sensors.{item.name}.{key} = {value!r} s, but all sensors and"
+                    f" estimators tick at network_period = {period!r} s"
+                )
+            config = replace(config, **{key: period})
+        changed[item.name] = config
+    return replace(sensors, **changed)
+
+
+def _model_file(model: str, path: Path) -> str:
+    candidates = [path.parent / model, SDF_DIR / model]
+    for candidate in candidates:
+        if candidate.is_file():
+            return str(candidate.resolve())
+    places = " or ".join(str(candidate.parent) for candidate in candidates)
+    raise ScenarioError(f"{path}: tool.model = '{model}': there is no such file in {places}")

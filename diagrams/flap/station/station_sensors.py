@@ -1,0 +1,124 @@
+"""The sensors of a station: joints, taxels and the camera."""
+
+from collections.abc import Mapping
+
+from pydrake.multibody.plant import MultibodyPlant
+
+from diagrams.flap.calibration import ROBOTS
+from diagrams.flap.robot_config import (
+    FINGER,
+    FINGER_ARM,
+    FINGERTIP,
+    HOLDER,
+    HOLDER_ARM,
+    HOLDER_HAND,
+)
+from diagrams.flap.station.wiring import StationWiring
+from diagrams.stations.add_arm import add_encoders
+from diagrams.stations.add_cameras import add_cameras, add_robot_masks
+from diagrams.stations.naming import own_seed, prefixed
+from plants.hands.three_finger_hand import JOINTS
+from plants.robots.arm_with_hand import add_robot
+from plants.robots.lwr import ARM_JOINTS
+from systems.sensors.joint_encoders import JointEncoders
+from systems.sensors.robot_mask import MaskedRobot
+from systems.sensors.taxels import TaxelForces, TaxelSensor, draw_places
+from systems.tactile.taxel_layout import TaxelLayout
+
+# By owner: the model instances of arm and hand.
+_MODELS = {HOLDER: (HOLDER_ARM, HOLDER_HAND), FINGER: (FINGER_ARM, FINGERTIP)}
+
+
+def add_joint_sensors(
+    wiring: StationWiring, arms: Mapping[str, MultibodyPlant]
+) -> dict[str, JointEncoders]:
+    """Adds the encoders of both arms; exports `<owner>_joint_state_window`.
+
+    Args:
+        wiring: Of the station.
+        arms: The arms alone, as they are, by their names.
+    """
+    scene, start = wiring.scene, wiring.start
+    return {
+        owner: add_encoders(
+            wiring.builder,
+            scene.plant,
+            scene.model(arm),
+            arms[arm],
+            q,
+            wiring.scenario.sensors.encoders,
+            wiring.scenario.seed,
+            owner,
+        )
+        for (owner, (arm, _)), q in zip(_MODELS.items(), (start.holder, start.finger), strict=True)
+    }
+
+
+def add_taxels(wiring: StationWiring, layout: TaxelLayout) -> TaxelSensor:
+    """Adds the taxels, where the seed has put them on the fingertip; exports `taxel_window`.
+
+    Args:
+        wiring: Of the station.
+        layout: Where the robot believes them to be.
+    """
+    builder, plant = wiring.builder, wiring.scene.plant
+    config, seed = wiring.scenario.sensors.taxels, wiring.scenario.seed
+    places = draw_places(layout.p_ST, config, seed)
+    forces = builder.AddNamedSystem(
+        "taxel_forces",
+        TaxelForces(plant, wiring.fingertip, wiring.skin, places, layout.n_S, config.spread),
+    )
+    builder.Connect(plant.get_contact_results_output_port(), forces.GetInputPort("contact_results"))
+    builder.Connect(plant.get_body_poses_output_port(), forces.GetInputPort("body_poses"))
+    sensor = builder.AddNamedSystem(
+        "taxels", TaxelSensor(config, len(layout.p_ST), own_seed(seed, FINGERTIP))
+    )
+    builder.Connect(forces.get_output_port(), sensor.get_input_port())
+    builder.ExportOutput(sensor.GetOutputPort("taxel_window"), "taxel_window")
+    return sensor
+
+
+def add_vision(wiring: StationWiring, encoders: Mapping[str, JointEncoders]) -> None:
+    """Adds the camera and the mask of both robots in its images.
+
+    Args:
+        wiring: Of the station.
+        encoders: Of the arms, by owner.
+    """
+    builder, scene, sensors = wiring.builder, wiring.scene, wiring.scenario.sensors
+    arms = wiring.calibration.arms
+    add_cameras(
+        builder,
+        scene.plant,
+        scene.scene_graph,
+        wiring.scenario,
+        wiring.calibration,
+        sensors.camera,
+    )
+
+    def build(plant: MultibodyPlant) -> None:
+        for arm, hand in _MODELS.values():
+            add_robot(plant, ROBOTS[arm], arms[arm].X_WBase, arm, hand)
+
+    # The hand keeps hold of the tool: its fingers are where they are, open or closed.
+    closed = {name: (q, q) for name, q in zip(JOINTS, wiring.start.fingers.tolist(), strict=True)}
+    robots = {
+        owner: MaskedRobot(
+            arm=arm,
+            arm_joints=ARM_JOINTS,
+            hand=hand if owner == HOLDER else "",
+            hand_posture=closed if owner == HOLDER else {},
+        )
+        for owner, (arm, hand) in _MODELS.items()
+    }
+    add_robot_masks(
+        builder,
+        build,
+        wiring.calibration.cameras,
+        robots,
+        sensors.robot_mask,
+        {
+            prefixed(owner, "joint_state_measured"): system.GetOutputPort("joint_state_measured")
+            for owner, system in encoders.items()
+        },
+    )

@@ -1,0 +1,78 @@
+"""The tool of a seed: what it is like, where it is held and how."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+
+from diagrams.flap.scenario import Scenario
+from maths.arrays import Array
+from plants.tools.held_tool import check_tool
+from plants.tools.wiper import draw_wiper, wiper_sdf
+from systems.sensors.randomness import make_generator
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToolPlacement:
+    """The tool as it is held at first, and where the finger waits.
+
+    Attributes:
+        model: SDF or URDF file, or the text of an SDF.
+        X_WM: Pose of the model's frame.
+        thickness: Of what the hand holds, [m].
+        texture: In models/sdf/textures.
+        X_HandleE: Pose of the hand's end-effector in the tool's frame `handle`.
+        X_EdgeS: Pose of the fingertip in the tool's frame `edge`, where it waits.
+        X_EdgeTouch: Likewise, once its pad touches the edge.
+    """
+
+    model: Path | str
+    X_WM: RigidTransform
+    thickness: float
+    texture: str
+    X_HandleE: RigidTransform
+    X_EdgeS: RigidTransform
+    X_EdgeTouch: RigidTransform
+
+
+def draw_tool(scenario: Scenario, reach: float) -> ToolPlacement:
+    """The tool of the scenario's seed.
+
+    Args:
+        scenario: With its seed.
+        reach: Of the fingertip's pad from its centre, [m].
+
+    Raises:
+        ValueError: for a tool that has not what it takes, in one line.
+    """
+    tool, finger, vary = scenario.tool, scenario.finger, scenario.tool.variation
+    rng = make_generator(scenario.seed, "tool")
+    half = rng.uniform(-1.0, 1.0, 10)
+    angles = np.deg2rad(vary.angles * half[:3])
+    texture = str(rng.choice(vary.textures)) if vary.textures else ""
+    wiper = draw_wiper(tool.wiper, make_generator(scenario.seed, "wiper"))
+    model: Path | str = Path(tool.model) if tool.model else wiper_sdf(wiper)
+    check_tool(model)
+    placed = finger.placement * half[7:10]
+    p_EdgeTouch = np.array([0.0, finger.along_edge, -reach])
+    p_EdgeS = p_EdgeTouch - [0.0, 0.0, finger.clearance] + placed
+    return ToolPlacement(
+        model=model,
+        X_WM=RigidTransform(RollPitchYaw(angles), tool.position + vary.position * half[3:6]),
+        thickness=wiper.bar if tool.thickness is None else tool.thickness,
+        texture=texture,
+        X_HandleE=RigidTransform(_HAND, np.array([0.0, 0.0, vary.grip * half[6]])),
+        X_EdgeS=RigidTransform(_FINGER, p_EdgeS),
+        X_EdgeTouch=RigidTransform(_FINGER, p_EdgeTouch),
+    )
+
+
+def _rotation(x: Array, y: Array) -> RotationMatrix:
+    return RotationMatrix(np.column_stack([x, y, np.cross(x, y)]))
+
+
+# The hand comes along y of the handle; its fingers are behind the bar, the thumb is before it.
+_HAND = _rotation(np.array([-1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+# The finger lies along the edge, against its y; its pad looks up to the edge.
+_FINGER = _rotation(np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))

@@ -1,0 +1,49 @@
+"""What is true about the flap, as the station gives it. Only the evaluation reads it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from maths.arrays import Array
+from maths.immutable import Immutable
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlapTruth(Immutable):
+    """The hinge, the flap and its contact with the fingertip at one instant.
+
+    Attributes:
+        theta: Position of the hinge, growing as the flap is turned, [rad].
+        k_W: Its axis (3,), a unit vector.
+        p_WK: Point on the axis (3,) that is nearest to the contact, else to the fingertip, [m].
+        n_W: Normal (3,) of the flap's face that is turned to the camera at first.
+        touching: Whether the fingertip touches the flap.
+        p_WC: Centre of pressure of the contact (3,), [m]; NaN without one.
+        p_SC: The same in the fingertip's frame (3,), [m].
+        n_W_contact: Outward normal (3,) of the fingertip, opposite to the mean direction of the
+            pressure; NaN without a contact.
+        force: Normal force, [N]; 0 without a contact.
+    """
+
+    theta: float
+    k_W: Array
+    p_WK: Array
+    n_W: Array
+    touching: bool
+    p_WC: Array
+    p_SC: Array
+    n_W_contact: Array
+    force: float
+
+
+UNKNOWN_FLAP = FlapTruth(
+    theta=float("nan"),
+    k_W=np.full(3, np.nan),
+    p_WK=np.full(3, np.nan),
+    n_W=np.full(3, np.nan),
+    touching=False,
+    p_WC=np.full(3, np.nan),
+    p_SC=np.full(3, np.nan),
+    n_W_contact=np.full(3, np.nan),
+    force=0.0,
+)

@@ -1,0 +1,155 @@
+"""The figures of an episode of the flap."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from diagrams.flap.results.flap_episode import FlapSeries, TrueFlap
+from diagrams.flap.results.flap_measures import (
+    aligned_after,
+    angles_between,
+    longest_run,
+    measure_estimation,
+    measure_servoing,
+    share_inside,
+)
+
+TIMES = np.arange(300) / 15.0
+X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+
+
+def every_tick(vector):
+    return np.tile(vector, (len(TIMES), 1))
+
+
+def true_flap(**changed):
+    """A flap turned by 115 deg in 20 s, touched all the time as asked for."""
+    values = {
+        "times": TIMES,
+        "theta": 0.1 * TIMES,
+        "k_W": every_tick(Y),
+        "p_WK": every_tick([0.5, 0.0, 0.4]),
+        "n_W": every_tick(X),
+        "touching": np.ones(len(TIMES), bool),
+        "p_WC": every_tick([0.5, 0.0, 0.32]),
+        "p_SC": every_tick([0.002, 0.01, 0.0]),
+        "n_W_contact": every_tick(Y),
+        "force": np.full(len(TIMES), 0.5),
+        "p_WE": every_tick([0.5, 0.0, 0.7]),
+        "flipping": np.ones(len(TIMES), bool),
+    }
+    return TrueFlap(**{**values, **changed})
+
+
+def beliefs(truth, **changed):
+    """All that is true, believed to a millimetre and a degree."""
+    n = len(TIMES)
+    values = {
+        "times": TIMES,
+        "k_W": truth.k_W,
+        "k_covariance": np.tile(np.deg2rad(1.0) ** 2 * np.diag([1.0, 0.0, 1.0]), (n, 1, 1)),
+        "theta": truth.theta,
+        "theta_std": np.full(n, np.deg2rad(1.0)),
+        "L1_W": truth.L1_W,
+        "L1_covariance": np.tile(1e-6 * np.eye(3), (n, 1, 1)),
+        "L2_W": truth.L2_W,
+        "L2_covariance": np.tile(1e-6 * np.eye(3), (n, 1, 1)),
+        "seen": np.ones(n, bool),
+    }
+    return FlapSeries(**{**values, **changed})
+
+
+def test_a_contact_that_stays_where_it_is_does_not_oscillate_but_has_an_offset():
+    servoing = measure_servoing(true_flap(), 0.5)
+    assert servoing.contact_position_rms == pytest.approx(0.0)
+    assert servoing.contact_position_offset == pytest.approx(0.002)
+    assert servoing.turned == pytest.approx(0.1 * TIMES[-1])
+
+
+def test_oscillation_is_the_rms_about_the_mean():
+    p_SC = every_tick([0.0, 0.01, 0.0])
+    p_SC[:, 0] = 0.004 + 0.001 * (-1.0) ** np.arange(len(TIMES))
+    servoing = measure_servoing(true_flap(p_SC=p_SC), 0.5)
+    assert servoing.contact_position_rms == pytest.approx(0.001)
+    assert servoing.contact_position_offset == pytest.approx(0.004)
+
+
+def test_force_error_is_that_of_the_force_asked_for():
+    servoing = measure_servoing(true_flap(force=np.full(len(TIMES), 0.62)), 0.5)
+    assert servoing.force_rms == pytest.approx(0.12)
+
+
+def test_a_loss_of_contact_is_as_long_as_its_longest_stretch():
+    touching = np.ones(len(TIMES), bool)
+    touching[20:25] = touching[100:103] = False
+    assert measure_servoing(true_flap(touching=touching), 0.5).longest_loss == pytest.approx(5 / 15)
+    assert longest_run(TIMES, np.zeros(len(TIMES), bool)) == 0.0
+
+
+def test_normals_are_aligned_once_they_stay_so_for_a_second():
+    cosine = np.full(len(TIMES), 0.5)
+    cosine[30:40] = 0.0  # Two thirds of a second.
+    cosine[90:] = 0.05
+    assert aligned_after(TIMES, cosine) == pytest.approx(90 / 15)
+    assert np.isnan(aligned_after(TIMES, np.full(len(TIMES), 0.5)))
+
+
+def test_an_episode_that_never_flips_has_no_figures_of_it():
+    servoing = measure_servoing(true_flap(flipping=np.zeros(len(TIMES), bool)), 0.5)
+    assert np.isnan([servoing.force_rms, servoing.longest_loss]).all()
+
+
+def test_the_axis_is_judged_at_30_deg():
+    truth = true_flap()
+    angle = np.where(truth.theta < np.deg2rad(40.0), np.deg2rad(3.0), 0.0)
+    k_W = np.column_stack([np.sin(angle), np.cos(angle), 0.0 * angle])
+    estimation = measure_estimation(truth, beliefs(truth, k_W=k_W))
+    assert estimation.axis_angle_error == pytest.approx(np.deg2rad(3.0))
+    assert estimation.axis_angle_error_at_end == pytest.approx(0.0, abs=1e-9)
+
+
+def test_errors_of_the_angle_are_told_apart_by_what_the_camera_saw():
+    truth = true_flap()
+    seen = TIMES < 10.0
+    theta = truth.theta + np.where(seen, 0.01, 0.04)
+    estimation = measure_estimation(truth, beliefs(truth, theta=theta, seen=seen))
+    assert estimation.theta_rmse_visible == pytest.approx(0.01)
+    assert estimation.theta_rmse_hidden == pytest.approx(0.04)
+
+
+def test_vectors_are_compared_by_the_length_of_their_error():
+    truth = true_flap()
+    estimation = measure_estimation(
+        truth, beliefs(truth, L1_W=truth.L1_W + np.array([0.003, 0.0, 0.004]))
+    )
+    assert estimation.L1_error == pytest.approx(0.005)
+    assert estimation.L2_error == pytest.approx(0.0)
+    assert estimation.inside_two_sigma["L1"] == 0.0
+    assert estimation.inside_two_sigma["L2"] == 1.0
+
+
+def test_what_is_never_believed_has_no_figures():
+    truth = true_flap()
+    unknown = np.full((len(TIMES), 3), np.nan)
+    estimation = measure_estimation(truth, beliefs(truth, L1_W=unknown, k_W=unknown))
+    assert np.isnan([estimation.L1_error, estimation.axis_angle_error]).all()
+    assert np.isnan(estimation.inside_two_sigma["axis"])
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_gaussian_errors_are_inside_as_often_as_two_deviations_of_one_dimension(n):
+    rng = np.random.default_rng(n)
+    A = rng.normal(size=(n, n))
+    errors = rng.normal(size=(20000, n)) @ A.T
+    covariances = np.tile(A @ A.T, (len(errors), 1, 1))
+    assert_allclose(share_inside(errors, covariances), 0.9545, atol=0.005)
+
+
+def test_a_direction_without_variance_is_not_asked_for():
+    covariance = np.diag([1.0, 0.0, 1.0])
+    assert share_inside(np.array([[0.1, 0.3, 0.1]]), covariance[None]) == 1.0
+
+
+def test_angles_between_vectors_are_exact_for_small_ones():
+    b = np.array([[np.cos(1e-9), np.sin(1e-9), 0.0]])
+    assert_allclose(angles_between(X[None], b), [1e-9])

@@ -1,0 +1,71 @@
+"""The flip's controllers fit together, and with the arm that carries the fingertip."""
+
+import re
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Diagram, System
+
+from diagrams.flap.flip_control import FlipControlConfig, joint_limits, make_flip_control
+from plants.robots.arm_with_hand import make_arm_with_load
+from plants.robots.lwr import LWR_WITH_FINGERTIP
+from systems.arm_pose import ArmPose
+from systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
+from systems.tactile.taxel_layout import fingertip_layout
+
+Q = np.array([-0.22, -0.63, -0.39, 1.6, 1.4, 1.01, -0.83])
+
+
+@pytest.fixture(scope="module")
+def control() -> Diagram:
+    model = make_arm_with_load(LWR_WITH_FINGERTIP, RigidTransform())
+    return make_flip_control(FlipControlConfig(), model, fingertip_layout(), Q)
+
+
+def documented(text: str, kind: str) -> set[str]:
+    block = re.search(rf"\n( +){kind}_ports:\n((?:\1- .*\n)*)", text)
+    assert block is not None
+    return set(re.findall(r"- (\w+)", block.group(2)))
+
+
+def declared(system: System) -> dict[str, set[str]]:
+    inputs = range(system.num_input_ports())
+    outputs = range(system.num_output_ports())
+    return {
+        "input": {system.get_input_port(i).get_name() for i in inputs},
+        "output": {system.get_output_port(i).get_name() for i in outputs},
+    }
+
+
+def test_every_system_has_the_ports_that_it_documents(control: Diagram) -> None:
+    model = make_arm_with_load(LWR_WITH_FINGERTIP, RigidTransform())
+    motion = FingertipMotion(
+        FingertipMotionConfig(),
+        ArmPose(model, np.zeros((6, 6)), np.zeros(7)),
+        fingertip_layout(),
+    )
+    own = [system for system in control.GetSystems() if system.get_name() != "twist_sum"]
+    for system in [*own, motion]:
+        for kind, names in declared(system).items():
+            assert documented(type(system).__doc__ or "", kind) == names, system.get_name()
+    for kind, names in declared(control).items():
+        assert documented(make_flip_control.__doc__ or "", kind) == names
+
+
+def test_it_does_without_what_vision_says(control: Diagram) -> None:
+    context = control.CreateDefaultContext()
+    control.GetInputPort("taxel_measured").FixValue(context, np.zeros(12))
+    state = np.concatenate([Q, np.zeros(7)])
+    control.GetInputPort("joint_state_measured").FixValue(context, state)
+    assert control.GetOutputPort("phase").Eval(context)[0] == 0.0
+    command = control.GetOutputPort("joint_position_commanded").Eval(context)
+    np.testing.assert_allclose(command, Q)
+
+
+def test_the_limits_are_those_of_the_arms_model() -> None:
+    model = make_arm_with_load(LWR_WITH_FINGERTIP, RigidTransform())
+    limits = joint_limits(model)
+    assert np.all(np.isfinite([limits.lower, limits.upper, limits.velocity]))
+    assert np.all(limits.lower < 0.0)
+    assert np.all(limits.velocity > 1.0)

@@ -62,7 +62,7 @@ TOPICS = {
     "cheat_fingertip_pose": Topic(name="/cheat/fingertip_pose"),
 }
 # What control is told of the flap: the station's inputs of these names.
-PERCEIVED = ("flap_angle_latest", "hinge_latest", "tool_latest")
+PERCEIVED = ("flap_angle_latest", "hinge_latest")
 
 
 def make_station(scenario: Scenario, calibration: Calibration) -> Station:
@@ -86,8 +86,7 @@ def close_loop(
     """Lets the fingertip roll by what the acting estimator believes of the flap."""
     estimator = estimators[scenario.acting_estimator]
     for port in PERCEIVED:
-        if station.HasInputPort(port):
-            builder.Connect(estimator.GetOutputPort(port), station.GetInputPort(port))
+        builder.Connect(estimator.GetOutputPort(port), station.GetInputPort(port))
 
 
 APPLICATION = Application(

@@ -32,7 +32,7 @@ from systems.port_values import (
     ToolBelief,
     unseen,
 )
-from systems.tactile.taxel_layout import TaxelLayout, fingertip_layout
+from systems.tactile.taxel_layout import TaxelLayout
 
 ROOT = "/perception"
 _AXIS_LENGTH = 0.3  # [m]
@@ -68,7 +68,8 @@ def add_view(
 ) -> None:
     """Adds a view of what is felt and of what the estimators believe."""
     view = builder.AddNamedSystem(
-        "meshcat_view", MeshcatView(MeshcatViewConfig(), meshcat, list(estimators))
+        "meshcat_view",
+        MeshcatView(MeshcatViewConfig(), meshcat, list(estimators), scenario.finger.layout()),
     )
     builder.Connect(station.GetOutputPort("taxel_measured"), view.GetInputPort("taxel_measured"))
     connect_latest(builder, estimators, view)
@@ -97,15 +98,20 @@ class MeshcatView(LeafSystem):
 
     Args:
         estimators: Names; the last is shown first.
+        layout: Of the taxels.
     """
 
     def __init__(
-        self, config: MeshcatViewConfig, meshcat: Meshcat, estimators: Sequence[str]
+        self,
+        config: MeshcatViewConfig,
+        meshcat: Meshcat,
+        estimators: Sequence[str],
+        layout: TaxelLayout,
     ) -> None:
         super().__init__()
         check(config, "MeshcatView")
         self._config, self._meshcat = config, meshcat
-        self._layout: TaxelLayout = fingertip_layout()
+        self._layout = layout
         meshcat.Delete(ROOT)
         meshcat.SetCameraPose(config.viewpoint, config.looking_at)
         self._taxels = self.DeclareVectorInputPort("taxel_measured", len(self._layout.p_ST))

@@ -43,7 +43,7 @@ class Estimation:
         axis_angle_error: When the flap has truly turned by 30 deg, [rad].
         axis_angle_error_at_end: [rad]
         theta_rmse_visible: While the camera saw the flap, [rad].
-        theta_rmse_hidden: While it did not, [rad].
+        theta_rmse_hidden: While it did not, from 30 deg on, [rad].
         L1_error: Mean length of the error from 30 deg on, [m].
         L2_error: Likewise, [m].
         inside_two_sigma: Shares of the ticks from 30 deg on by quantity.

@@ -159,7 +159,7 @@ class JointFilters:
         for kind in (PRISMATIC, REVOLUTE):
             lever = 1.0 if kind == PRISMATIC else config.radius
             models.P[kind, 1, 1] = (config.speed / lever) ** 2
-            models.process_noise[kind] = max(config.process_noise) / lever**2
+            models.process_noise[kind] = config.unmeasured_process_noise / lever**2
         models.log_evidence[:] = 0.5 * keyframes.log_det[0]
         return JointFiltersState(
             parent_id=parent_id,
@@ -267,7 +267,7 @@ class JointFilters:
         q_covariance = sensitivity.T @ m.covariance[kind, :n, :n] @ sensitivity + m.P[kind]
         q_covariance[0, 0] += state.zero_variance[kind] + variance
         if dt > 1e-9:
-            S = max(self.config.process_noise)
+            S = self.config.unmeasured_process_noise
             if kind == REVOLUTE:
                 S /= self.config.radius**2 + float(m.c[kind] @ m.c[kind])
             configuration, q_covariance = _predicted(configuration, q_covariance, S, dt)
@@ -297,8 +297,8 @@ class JointFilters:
 def _predicted(x: Array, P: Array, S: float, dt: float) -> tuple[Array, Array]:
     """Configuration and rate (2,), and their covariance, a time dt [s] later.
 
-    What is not measured goes on as it went, with the largest density of acceleration S, or has
-    stopped at once: an equal mixture of both.
+    What is not measured goes on as it went, with the density of acceleration S, or has stopped at
+    once: an equal mixture of both.
     """
     F = np.array([[1.0, dt], [0.0, 1.0]])
     goes_on = F @ P @ F.T + S * np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]])

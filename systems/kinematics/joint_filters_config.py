@@ -28,7 +28,10 @@ class JointFiltersConfig:
     followed at once; with white noise it is that under which all keyframes are likeliest.
 
     Attributes:
-        process_noise: Densities S of the child's white acceleration, dv = sqrt(S) dw.
+        process_noise: Densities S of the child's white acceleration, dv = sqrt(S) dw; from a hand
+            that guides slowly to a door that is thrown shut.
+        unmeasured_process_noise: That of a motion of which nothing measured says how jerky it is:
+            the first, and what comes after the last measurement.
         radius: Of the child itself: a revolute joint at a distance d moves it by
             sqrt(radius^2 + d^2) per radian.
         speed: Standard deviation of the child's speed before anything was seen.
@@ -42,12 +45,13 @@ class JointFiltersConfig:
     """
 
     process_noise: list[float] = numbers(
-        [1e-7, 3e-6, 1e-4, 3e-3],
+        [1e-7, 3e-6, 1e-4, 3e-3, 1e-1, 3.0],
         at_least=1e-15,
         at_most=1000.0,
         unit="m^2/s^3",
         shape=(range(1, 17),),
     )
+    unmeasured_process_noise: float = number(3e-3, at_least=1e-15, at_most=1000.0, unit="m^2/s^3")
     radius: float = number(0.3, at_least=1e-6, at_most=100.0, unit="m")
     speed: float = number(0.1, at_least=1e-9, at_most=100.0, unit="m/s")
     axis_distance: float = number(0.6, at_least=1e-6, at_most=1000.0, unit="m")

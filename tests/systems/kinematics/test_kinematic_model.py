@@ -103,7 +103,7 @@ def test_a_joint_that_is_not_measured_any_more_is_claimed_ever_less_surely() -> 
         assert later.configuration_covariance[0, 0] > (0.5 * rate * k / 15.0) ** 2
         variances.append(later.configuration_covariance[0, 0])
     assert np.all(np.diff(variances) > 0.0)
-    least = 0.5 * max(config.filters.process_noise) * (10.0 / 15.0) ** 3 / 3.0
+    least = 0.5 * config.filters.unmeasured_process_noise * (10.0 / 15.0) ** 3 / 3.0
     assert variances[-1] > least
     assert_allclose(later.axis_covariance, model.axis_covariance)
     driver.set(_body(2, 0.02 * 4.0, 0.02))

@@ -7,6 +7,11 @@ approximation. Measurements are averaged into a bounded number of keyframes; whe
 lose what the motion has shown, an old keyframe is marginalised, and leaves a Gaussian prior of the
 parameters and its share of the evidence.
 
+What is claimed of the measurements is a prior. How large their noise is follows from the stream
+itself (`noise_scale`), what does not average out and by what the path is no ideal joint's from the
+evidence (`path_floor`), and a measurement that is far off is an outlier with a probability
+(`outliers`). Where no joint explains the motion, the free walk wins (`free_walk`).
+
 The filters work without Drake:
 
     filters = JointFilters(JointFiltersConfig())
@@ -44,11 +49,19 @@ from systems.kinematics.joint_solver.joint_readout import (
 from systems.kinematics.joint_solver.joint_reference import keep_axes
 from systems.kinematics.joint_solver.joint_solver import Priors
 from systems.kinematics.joint_solver.joint_update import update as update_models
+from systems.kinematics.joint_solver.noise_scale import (
+    UNKNOWN,
+    NoiseScale,
+    initial_noise_scale,
+    observe,
+)
+from systems.kinematics.joint_solver.path_floor import with_likelier_floor
 from systems.kinematics.joint_solver.pose_keyframes import (
     Keyframes,
     append,
     copy_keyframes,
     empty_keyframes,
+    rescale,
 )
 from systems.kinematics.measurement_errors import error_shares, is_correlated, white_equivalent
 from systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
@@ -56,6 +69,8 @@ from systems.port_values import JointBelief, JointModelBelief, JointType, PoseBe
 TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID, JointType.DISCONNECTED)
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
 _RESTART_EVERY = 15  # Updates between fresh starts where the axis is better known than that.
+_RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
+_NO_OUTLIERS = np.zeros(7)
 _NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 
 
@@ -71,6 +86,9 @@ class JointFiltersState(Immutable):
         updates: Measurements seen.
         models: Parameters, configuration and evidence of each model.
         keyframes: The measurements, averaged.
+        noise: By how much the claimed covariances are wrong.
+        scale: (6,) standard deviations of the keyframes by those that were claimed.
+        floor: Index in `path_floor.FLOORS` of what the keyframes have.
         W_zero: See `read_configuration`.
         reference_noise: Covariance (6, 6), in B, of the measured reference.
         offset: Covariance (6, 6), in B, of the poses' constant error since the last reset.
@@ -86,6 +104,9 @@ class JointFiltersState(Immutable):
     updates: int
     models: Models
     keyframes: Keyframes
+    noise: NoiseScale
+    scale: Array
+    floor: int
     W_zero: Array
     reference_noise: Array
     offset: Array
@@ -112,11 +133,18 @@ class JointFilters:
             radius=config.radius,
             axis_distance=config.axis_distance,
             walk_noise=np.repeat([config.walk_rotation**2, config.walk_translation**2], 3),
+            outliers=np.concatenate(
+                [
+                    [config.outliers],
+                    np.repeat([config.outlier_rotation**2, config.outlier_translation**2], 3),
+                ]
+            ),
             coarseness=config.coarseness,
             white_share=1.0,
             correlated_share=0.0,
         )
         self._correlated = is_correlated(config.errors)
+        self._least_scale = 1.0 if self._correlated else 0.0
         p = config.type_priors
         self._log_prior = np.log([p.prismatic, p.revolute, p.rigid, p.disconnected])
 
@@ -134,7 +162,8 @@ class JointFilters:
 
         Args:
             X_PB_reference: Measured (4, 4).
-            covariance: Of that measurement (6, 6), in B; zero where it is exact.
+            covariance: Of that measurement (6, 6), in B; zero where it is exact, infinite on the
+                diagonal where nothing was measured, as a rotation.
             time: Of the reference, [s].
             parent_id: See `JointBelief`.
             child_id: See `JointBelief`.
@@ -143,13 +172,16 @@ class JointFilters:
                 the path; q is still counted from the measured reference.
             delay: For so long the child may have moved before, [s]; q is zero up to that.
         """
-        config = self.config
+        config, covariance = self.config, _finite(covariance)
         keyframes, models = empty_keyframes(config.memory), initial_models(config.memory)
         noise: Array = white_equivalent(covariance, 0.0, config.errors)
         error: Array = np.zeros((6, 6)) if reference_error is None else reference_error
         R = noise + error
         W_zero = np.asarray(np.linalg.inv(R)) if error.any() else np.zeros((6, 6))
-        append(keyframes, np.eye(4), R, time, self._priors.walk_noise)
+        outliers = self._priors.outliers if covariance.any() else _NO_OUTLIERS
+        append(keyframes, np.eye(4), R, time, outliers)
+        scale = initial_noise_scale()
+        observe(scale, np.eye(4), R, time, self._least_scale)
         for kind in range(3):
             n = dimension(kind)
             models.covariance[kind, :6, :6] = R
@@ -169,6 +201,9 @@ class JointFilters:
             updates=0,
             models=models,
             keyframes=keyframes,
+            noise=scale,
+            scale=np.ones(6),
+            floor=0,
             W_zero=W_zero,
             reference_noise=noise,
             offset=np.zeros((6, 6)),
@@ -192,11 +227,17 @@ class JointFilters:
         """
         R = state.reference_noise + offset + reference_error
         keyframes = empty_keyframes(self.config.memory)
-        append(keyframes, np.eye(4), R, float(state.keyframes.time[0]), self._priors.walk_noise)
+        append(keyframes, np.eye(4), R, float(state.keyframes.time[0]), _NO_OUTLIERS)
         models = keep_axes(state.models, self.config.axis_distance)
         W_zero = np.asarray(np.linalg.inv(R))
         return replace(
-            state, time=time, models=models, keyframes=keyframes, W_zero=W_zero, offset=offset
+            state,
+            time=time,
+            models=models,
+            keyframes=keyframes,
+            floor=0,
+            W_zero=W_zero,
+            offset=offset,
         )
 
     def update(
@@ -212,11 +253,12 @@ class JointFilters:
         Args:
             state: The last one; not changed.
             X_PB: Measured (4, 4).
-            covariance: Of the measurement (6, 6), in B.
+            covariance: Of the measurement (6, 6), in B; see `start`.
             time: Of the measurement, [s], not before the last.
             correlated: The part (6, 6) of the covariance whose error is correlated in time, see
                 `BodyMotion`; none if None.
         """
+        covariance = _finite(covariance)
         models = Models(*[x.copy() for x in state.models])
         keyframes = copy_keyframes(state.keyframes)
         dt = time - state.time
@@ -226,9 +268,33 @@ class JointFilters:
             white, rest = error_shares(covariance, R, dt, self.config.errors, correlated)
             priors = priors._replace(white_share=white, correlated_share=rest)
         X_FB = se3.inverse(state.X_PF) @ X_PB
-        update_models(models, keyframes, X_FB, R, time, priors, _wants_restart(state))
+        noise, scale = NoiseScale(*[x.copy() for x in state.noise]), state.scale
+        observe(noise, X_FB, R, time, self._least_scale)
+        wanted = np.repeat(np.sqrt(noise.variance), 3)
+        if np.abs(np.log(wanted / scale)).max() > _RESCALE:
+            rescale(keyframes, wanted / scale, keyframes.floor.copy(), self._priors.outliers)
+            scale = wanted
+        R = R * np.outer(scale, scale)
+        restart = _wants_restart(state)
+        update_models(models, keyframes, X_FB, R, time, priors, self._log_prior, restart)
+        models, keyframes, floor = with_likelier_floor(
+            models,
+            keyframes,
+            state.floor,
+            state.updates + 1,
+            covariance,
+            priors,
+            self._log_prior,
+        )
         return replace(
-            state, time=time, updates=state.updates + 1, models=models, keyframes=keyframes
+            state,
+            time=time,
+            updates=state.updates + 1,
+            models=models,
+            keyframes=keyframes,
+            noise=noise,
+            scale=scale,
+            floor=floor,
         )
 
     def probabilities(self, state: JointFiltersState) -> dict[JointType, float]:
@@ -288,10 +354,19 @@ class JointFilters:
             last = kf.size[0] - 1
             return PoseBelief(
                 X=state.X_PF @ kf.Z[last],
-                covariance=kf.R[last] + np.diag(self._priors.walk_noise) * dt,
+                covariance=kf.R[last] + kf.floor + np.diag(self._priors.walk_noise) * dt,
             )
         X_PB, covariance = predict_pose(TYPES.index(joint_type), state.models, state.X_PF, dt)
         return PoseBelief(X=X_PB, covariance=covariance)
+
+
+def _finite(covariance: Array) -> Array:
+    """The covariance with a large variance where it is infinite, correlated with nothing."""
+    unknown = np.isinf(np.diagonal(covariance))
+    if not unknown.any():
+        return covariance
+    known = np.where(unknown[:, None] | unknown, 0.0, covariance)
+    return np.asarray(known + np.diag(np.where(unknown, UNKNOWN, 0.0)))
 
 
 def _predicted(x: Array, P: Array, S: float, dt: float) -> tuple[Array, Array]:

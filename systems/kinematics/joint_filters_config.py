@@ -36,8 +36,12 @@ class JointFiltersConfig:
             sqrt(radius^2 + d^2) per radian.
         speed: Standard deviation of the child's speed before anything was seen.
         axis_distance: Standard deviation of an axis' position from the body, per direction.
-        walk_translation: Standard deviation of a disconnected body's random walk after one second.
+        walk_translation: Standard deviation of a disconnected body's random walk after one second,
+            of the fastest of several walks.
         walk_rotation: The same in rotation.
+        outliers: Share of the measurements that are outliers; zero for none.
+        outlier_rotation: Standard deviation of what an outlier is off by, per direction.
+        outlier_translation: The same in translation.
         type_priors: Of the four joint types.
         errors: Of the measurements, correlated in time.
         memory: Keyframes kept.
@@ -57,6 +61,9 @@ class JointFiltersConfig:
     axis_distance: float = number(0.6, at_least=1e-6, at_most=1000.0, unit="m")
     walk_translation: float = number(0.1, at_least=1e-9, at_most=100.0, unit="m")
     walk_rotation: float = number(0.3, at_least=1e-9, at_most=100.0, unit="rad")
+    outliers: float = number(0.02, at_least=0.0, at_most=0.5)
+    outlier_rotation: float = number(1.0, at_least=1e-9, at_most=100.0, unit="rad")
+    outlier_translation: float = number(0.3, at_least=1e-9, at_most=100.0, unit="m")
     type_priors: TypePriorsConfig = field(default_factory=TypePriorsConfig)
     errors: MeasurementErrorsConfig = field(default_factory=MeasurementErrorsConfig)
     memory: int = number(24, at_least=FIRST + RECENT + 4, at_most=1000, unit="keyframes")

@@ -25,6 +25,7 @@ from systems.kinematics.joint_solver.joint_geometry import (
     screw_twists,
 )
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
+from systems.kinematics.joint_solver.outliers import blend, weigh_residual
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 
@@ -130,8 +131,10 @@ def _add_keyframes(
     a: Array,
     c: Array,
     q: Array,
-    Z: Array,
-    W: Array,
+    inlier: Array,
+    kf: Keyframes,
+    share: float,
+    temper: float,
     lin: Linear,
 ) -> None:
     """Adds keyframes `first` to `last` - 1; arrays are passed one by one for speed."""
@@ -148,28 +151,49 @@ def _add_keyframes(
     r = J[rows - 1]
     tangent_basis(a, B)
     screw_twists(kind, Y, a, c, B, G)
-    value = 0.0
+    value, spared, blended = 0.0, np.zeros(6), np.empty((1, 6, 6))
     for k in range(first, last):
         child_pose(kind, Y, a, c, q[k], X)
-        relative_log(X, Z[k], r)
+        relative_log(X, kf.Z[k], r)
         if kind != RIGID:
             jacobian(kind, G, q[k], J)
-        _weigh(W, k, rows, J, WJ)
-        value -= 0.5 * _add_normal_equations(W, k, rows - 2, J, WJ, H, h)
+        # Where the newest one is along the path, nothing measured after it says.
+        is_spared = kind != RIGID and k > 0 and k == kf.size[0] - 1 and kf.open[k] > 0.0
+        W, row = kf.W, k
+        if kf.open[k] > 0.0:
+            for i in range(6):
+                spared[i] = J[0, i] if is_spared else 0.0
+            inlier[k], density = weigh_residual(kf, k, r, spared, share, temper)
+            blend(kf, k, inlier[k], blended[0])
+            W, row = blended, 0
+            value += density
+        _weigh(W, row, rows, J, WJ)
+        square = _add_normal_equations(W, row, rows - 2, J, WJ, H, h)
+        value -= 0.0 if kf.open[k] > 0.0 else 0.5 * square
         if kind != RIGID and k > 0:
             alpha, g = _free_configuration(k, extra, J, WJ, beta, H, h)
             alphas[k], gs[k] = alpha, g
-            value += 0.5 * g * g / alpha
+            value += 0.5 * g * g / alpha if not is_spared else 0.0
     lin.value[0] += value
 
 
 @hot
-def add_keyframes(kind: int, m: Models, kf: Keyframes, first: int, last: int, lin: Linear) -> None:
+def add_keyframes(
+    kind: int,
+    m: Models,
+    kf: Keyframes,
+    first: int,
+    last: int,
+    share: float,
+    temper: float,
+    lin: Linear,
+) -> None:
     """Linearises keyframes `first` to `last` - 1 and adds what they say about theta.
 
     Each keyframe's q is left free, except that of keyframe 0, where it is zero.
     """
-    _add_keyframes(kind, first, last, m.Y[kind], m.a[kind], m.c[kind], m.q[kind], kf.Z, kf.W, lin)
+    Y, a, c, q = m.Y[kind], m.a[kind], m.c[kind], m.q[kind]
+    _add_keyframes(kind, first, last, Y, a, c, q, m.inlier[kind], kf, share, temper, lin)
 
 
 @hot
@@ -229,10 +253,12 @@ def _add_prior(kind: int, m: Models, lin: Linear) -> None:
 
 
 @hot
-def linearise(kind: int, m: Models, kf: Keyframes, sigma_c: float, lin: Linear) -> None:
+def linearise(
+    kind: int, m: Models, kf: Keyframes, sigma_c: float, share: float, temper: float, lin: Linear
+) -> None:
     """Fills `lin` with all keyframes and the priors of theta, at the model's theta and q."""
     clear(lin)
-    add_keyframes(kind, m, kf, int(np.int64(0)), kf.size[0], lin)
+    add_keyframes(kind, m, kf, int(np.int64(0)), kf.size[0], share, temper, lin)
     if np.trace(m.prior_information[kind]) > 0.0:
         _add_prior(kind, m, lin)
     if kind == RIGID:

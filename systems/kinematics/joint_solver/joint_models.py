@@ -17,6 +17,8 @@ class Models(NamedTuple):
         a: (3, 3) axis in F.
         c: (3, 3) axis point in F, [m].
         q: (3, K) configuration at each keyframe.
+        inlier: (4, K) probability that a keyframe is no outlier, by each model, the free walk
+            last; of open keyframes.
         signed: (3,) one where the sign of q is decided, else zero.
         prior_information: (3, 12, 12) of marginalised keyframes about (Y, a, c), a and c in three
             dimensions each, relative to where it was linearised.
@@ -36,6 +38,7 @@ class Models(NamedTuple):
     a: Array
     c: Array
     q: Array
+    inlier: Array
     signed: Array
     prior_information: Array
     prior_vector: Array
@@ -62,6 +65,7 @@ def initial_models(capacity: int) -> Models:
         a=axis,
         c=point,
         q=np.zeros((3, capacity)),
+        inlier=np.ones((4, capacity)),
         signed=np.zeros(3),
         prior_information=np.zeros((3, 12, 12)),
         prior_vector=np.zeros((3, 12)),

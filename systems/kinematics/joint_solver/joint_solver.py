@@ -12,6 +12,7 @@ import numpy as np
 from maths import cholesky
 from maths.arrays import Array
 from maths.compiled import hot
+from systems.kinematics.joint_solver.free_walk import free_walk
 from systems.kinematics.joint_solver.joint_chain import Chain, new_chain, run_chain, smooth, solve
 from systems.kinematics.joint_solver.joint_geometry import (
     PRISMATIC,
@@ -40,6 +41,8 @@ class Priors(NamedTuple):
         radius: Lever of a rotation about the child itself, [m].
         axis_distance: Standard deviation from child to axis, per direction, [m].
         walk_noise: Process noise of the free walk (6,) [rad^2/s, m^2/s].
+        outliers: (7,) share of outliers among the measurements, and the variances of what they are
+            off by, [rad^2, m^2].
         coarseness: See `pose_keyframes.choose`.
         white_share: Of each measurement's variance, one for white noise; see `error_shares`.
         correlated_share: Of it, likewise; such an error cannot be told from motion.
@@ -50,6 +53,7 @@ class Priors(NamedTuple):
     radius: float
     axis_distance: float
     walk_noise: Array
+    outliers: Array
     coarseness: float
     white_share: float
     correlated_share: float
@@ -152,7 +156,9 @@ def _move(kind: int, m: Models, priors: Priors, q: Array, step: Array) -> None:
 
 
 @hot
-def solve_moving(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int) -> None:
+def solve_moving(
+    kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int, temper: float
+) -> None:
     """Gauss-Newton with step shortening on theta and all q; stores posterior and evidence.
 
     The last step is not verified by another linearisation, so that it is taken only if its gain is
@@ -165,6 +171,7 @@ def solve_moving(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int
         kf: Keyframes.
         priors: See `Priors`.
         steps: Linearisations at most, two or more.
+        temper: See `weigh_residual`.
     """
     lin = new_linear(kf.time.size)
     best, trial = new_chain(), new_chain()
@@ -172,7 +179,7 @@ def solve_moving(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int
     Y, a, c = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy()
     step, dq = np.zeros(10), np.zeros(kf.time.size)
     for i in range(steps):
-        linearise(kind, m, kf, priors.axis_distance, lin)
+        linearise(kind, m, kf, priors.axis_distance, priors.outliers[0], temper, lin)
         evidence, S, value, gain = _solve_densities(kind, m, kf, priors, lin, best, trial)
         if i < steps - 1 and value < previous:
             share = _SHORTER if i < steps - 2 else 0.0
@@ -204,12 +211,13 @@ def solve_moving(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int
 
 
 @hot
-def solve_still(m: Models, kf: Keyframes, axis_distance: float) -> None:
-    """Solves the rigid model, which is nearly linear, and sums up the free walk's evidence."""
+def solve_still(m: Models, kf: Keyframes, priors: Priors) -> None:
+    """Solves the rigid model, which is nearly linear, and the free walk's evidence."""
+    temper = 1.0
     rigid = int(np.int64(RIGID))  # For a literal, Numba would compile all callees again.
     lin, chain = new_linear(kf.time.size), new_chain()
     for _ in range(2):
-        linearise(rigid, m, kf, axis_distance, lin)
+        linearise(rigid, m, kf, priors.axis_distance, priors.outliers[0], temper, lin)
         for i in range(6):
             chain.h[i] = lin.vector[i]
             for j in range(i + 1):
@@ -220,7 +228,5 @@ def solve_still(m: Models, kf: Keyframes, axis_distance: float) -> None:
         if gain < _CONVERGED:
             break
     cholesky.inverse(chain.H, m.covariance[RIGID], dimension(rigid))
-    walk = 0.5 * kf.log_det[0] + kf.walk[0] + m.marginal_evidence[3]
-    for k in range(kf.size[0] - 1):
-        walk += kf.pair[k, 1]
-    m.log_evidence[3] = walk
+    walk = free_walk(kf, priors.walk_noise, priors.outliers, m.inlier[3])
+    m.log_evidence[3] = walk + kf.walk[0] + m.marginal_evidence[3]

@@ -17,16 +17,17 @@ from systems.kinematics.joint_solver.joint_geometry import (
     dimension,
 )
 from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+from systems.kinematics.joint_solver.outliers import weigh_residual
+from systems.kinematics.joint_solver.pose_keyframes import FIRST, Keyframes
 
 _SIGNIFICANT = 4.0  # Standard deviations of q from zero at which its sign is decided.
 _MOVED = 10.0  # Log evidence over the rigid model's at which its sign is decided, [nat].
 
 
 @hot
-def _twists(kf: Keyframes, xi: Array) -> None:
+def _twists(kf: Keyframes, first: int, xi: Array) -> None:
     for k in range(xi.shape[0]):
-        relative_log(kf.Z[0], kf.Z[k], xi[k])
+        relative_log(kf.Z[first], kf.Z[k], xi[k])
 
 
 def _screw_start(V: Array, axis_distance: float) -> tuple[Array, Array]:
@@ -42,19 +43,66 @@ def _screw_start(V: Array, axis_distance: float) -> tuple[Array, Array]:
     return a, np.cross(a, v) / max(rate, speed / (1.5 * axis_distance))
 
 
-def fresh_start(m: Models, kf: Keyframes, axis_distance: float) -> None:
-    """Starts both moving models, in place, from the principal direction of all twists.
+@hot
+def _typical(kf: Keyframes, share: float) -> int:
+    """Of the oldest keyframes the one that its neighbours agree with best: the first, or, where
+    that is an outlier, another."""
+    best, top = 0, -np.inf
+    r, none = np.empty(6), np.zeros(6)
+    count = min(kf.size[0], FIRST)
+    for i in range(count):
+        if kf.open[0] == 0.0 and i > 0:
+            break
+        total = 0.0
+        for k in range(count):
+            if kf.open[k] > 0.0 and k != i:
+                relative_log(kf.Z[i], kf.Z[k], r)
+                total += weigh_residual(kf, k, r, none, share, 2.0)[1]
+        if total > top + 1.0:
+            best, top = i, total
+    return best
+
+
+def circle_start(m: Models, kf: Keyframes) -> None:
+    """Starts the revolute model, in place, from the circle that passes by all positions.
+
+    Where rotations are hardly known, an axis shows in how the path bends.
+
+    Args:
+        m: Models.
+        kf: Keyframes, at least three.
+    """
+    n = int(kf.size[0])
+    points, weight = kf.Z[:n, :3, 3], kf.R[n - 1, 3, 3] / kf.R[:n, 3, 3]
+    mean = weight @ points / weight.sum()
+    d = points - mean
+    along, across, a = np.linalg.svd(np.sqrt(weight)[:, None] * d)[2]
+    u, v = d @ along, d @ across
+    # |x - c|^2 = r^2 is linear in c and r^2 - |c|^2.
+    rows = np.column_stack([2.0 * u, 2.0 * v, np.ones(n)]) * np.sqrt(weight)[:, None]
+    solution = np.linalg.lstsq(rows, np.sqrt(weight) * (u**2 + v**2), rcond=None)[0]
+    x, y = float(solution[0]), float(solution[1])
+    centre = mean + x * along + y * across
+    m.a[REVOLUTE], m.c[REVOLUTE] = a, centre - a * (a @ centre)
+    angle = np.unwrap(np.arctan2(v - y, u - x)) * np.sign(a @ np.cross(along, across))
+    m.q[REVOLUTE, :n] = angle - angle[0]
+
+
+def fresh_start(m: Models, kf: Keyframes, axis_distance: float, share: float) -> None:
+    """Starts all models, in place, the moving ones from the principal direction of all twists.
 
     Args:
         m: Models.
         kf: Keyframes, at least two.
         axis_distance: See `Priors`; a revolute axis starts no further away than 1.5 times this.
+        share: Prior probability of an outlier.
     """
     n = int(kf.size[0])
     R = np.diagonal(kf.R[n - 1])
     scale = np.sqrt(np.repeat([R[:3].mean(), R[3:].mean()], 3))
     xi = np.empty((n, 6))
-    _twists(kf, xi)
+    first = _typical(kf, share)
+    _twists(kf, first, xi)
     weight = R[3] / kf.R[:n, 3, 3]
     d = (xi - weight @ xi / weight.sum()) / scale
     scatter = (d.T * weight) @ d
@@ -65,7 +113,7 @@ def fresh_start(m: Models, kf: Keyframes, axis_distance: float) -> None:
     m.a[REVOLUTE], m.c[REVOLUTE] = a, c
     unit = np.concatenate([a, np.cross(c, a)]) / scale**2
     m.q[REVOLUTE, :n] = xi @ unit / (unit @ (unit * scale**2))
-    m.Y[:RIGID] = np.eye(4)
+    m.Y[:] = kf.Z[first]
 
 
 def turn(kind: int, m: Models) -> None:

@@ -5,7 +5,8 @@ import numpy as np
 from maths.arrays import Array
 from maths.compiled import hot
 from systems.kinematics.joint_solver import pose_keyframes
-from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE
+from systems.kinematics.joint_solver.free_walk import walk_at_scale
+from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE, RIGID
 from systems.kinematics.joint_solver.joint_linearisation import (
     add_keyframes,
     clear,
@@ -19,11 +20,19 @@ from systems.kinematics.joint_solver.joint_solver import (
     solve_moving,
     solve_still,
 )
-from systems.kinematics.joint_solver.joint_start import decide_sign, fresh_start, turn
+from systems.kinematics.joint_solver.joint_start import (
+    circle_start,
+    decide_sign,
+    fresh_start,
+    turn,
+)
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
-_STEPS = 6  # Most linearisations of one update.
+_STREAK = 3  # Most outliers in a row.
+STEPS = 6  # Most linearisations of one update.
 _FRESH_STEPS = 8  # Most linearisations from a fresh start.
+_TEMPERED_STEPS = 3  # Before them, with residuals that count less.
+_TEMPER = 10.0  # By so much, so that nothing is an outlier only because the start is far off.
 MEMORY = 40.0  # Most log evidence that is kept of past measurements against a model, [nat].
 _MOVING = (PRISMATIC, REVOLUTE)
 
@@ -33,6 +42,9 @@ def _delete_configuration(m: Models, kf: Keyframes, k: int) -> None:
     for kind in range(2):
         for i in range(k, kf.size[0]):
             m.q[kind, i] = m.q[kind, i + 1]
+    for kind in range(4):
+        for i in range(k, kf.size[0]):
+            m.inlier[kind, i] = m.inlier[kind, i + 1]
 
 
 @hot
@@ -48,9 +60,13 @@ def add_measurement(
         k, average = pose_keyframes.choose(kf, priors.coarseness)
         if not average:
             return k
-        pose_keyframes.merge(kf, k, priors.walk_noise)
+        unused = np.ones(kf.time.size)
+        before = walk_at_scale(kf, priors.walk_noise, kf.walk[1], priors.outliers, unused)
+        loss = pose_keyframes.merge(kf, k)
         _delete_configuration(m, kf, k + 1)
-    pose_keyframes.append(kf, X_FB, R, time, priors.walk_noise)
+        after = walk_at_scale(kf, priors.walk_noise, kf.walk[1], priors.outliers, unused)
+        kf.walk[0] += before - after + 0.5 * loss
+    pose_keyframes.append(kf, X_FB, R, time, priors.outliers)
     kf.walk[0] = min(max(kf.walk[0], -MEMORY), MEMORY)
     last, dt = kf.size[0] - 1, time - kf.time[kf.size[0] - 2]
     for kind in range(2):
@@ -61,8 +77,8 @@ def add_measurement(
 def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int) -> None:
     """Solves all four models, linearised at most `steps` times each."""
     for kind in _MOVING:
-        solve_moving(kind, m, kf, priors, steps)
-    solve_still(m, kf, priors.axis_distance)
+        solve_moving(kind, m, kf, priors, steps, 1.0)
+    solve_still(m, kf, priors)
 
 
 def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
@@ -80,40 +96,80 @@ def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
         m.prior_value[kind] += 0.5 * (d @ (m.prior_vector[kind] + gradient))
         m.prior_Y[kind], m.prior_a[kind], m.prior_c[kind] = m.Y[kind], m.a[kind], m.c[kind]
         clear(lin)
-        add_keyframes(kind, m, kf, k, k + 1, lin)
+        add_keyframes(kind, m, kf, k, k + 1, priors.outliers[0], 1.0, lin)
         lower = np.tril(lin.information, -1)
         information = lower + lower.T + np.diag(np.diagonal(lin.information))
         embedding(m.a[kind], T)
         m.prior_information[kind] += T.T @ information @ T
         m.prior_vector[kind] = gradient + T.T @ lin.vector
         m.prior_value[kind] += lin.value[0]
-    pose_keyframes.remove(kf, k, priors.walk_noise)
+    pose_keyframes.remove(kf, k)
     _delete_configuration(m, kf, k)
     solve_all(m, kf, priors, 2)
     m.marginal_evidence[:] += log_evidence - m.log_evidence
     m.marginal_evidence[:] = np.maximum(m.marginal_evidence - m.marginal_evidence.max(), -MEMORY)
 
 
+@hot
+def close_decided(m: Models, kf: Keyframes, log_prior: Array) -> None:
+    """Weighs keyframes that newer ones have decided about, by what all models say of them.
+
+    To a model that the motion has left behind every measurement is an outlier. Of several in a row
+    those that follow from one another, as a free walk's, are none.
+    """
+    p = np.exp(m.log_evidence + log_prior - (m.log_evidence + log_prior).max())
+    p /= p.sum()
+    for k in range(kf.size[0] - pose_keyframes.RECENT + 1):
+        if kf.open[k] > 0.0:
+            inlier = 0.0
+            for kind in range(4):
+                inlier += p[kind] * m.inlier[kind, k]
+            kf.streak[0] = kf.streak[0] + 1.0 if inlier < 0.5 else 0.0
+            if kf.streak[0] > _STREAK:
+                inlier = max(inlier, m.inlier[3, k])
+            pose_keyframes.close(kf, k, inlier)
+
+
 def _copy_model(kind: int, source: Models, target: Models) -> None:
-    names = "Y a c q state covariance gain P process_noise log_evidence"
+    names = "Y a c q inlier state covariance gain P process_noise log_evidence"
     for name in names.split():
         getattr(target, name)[kind] = getattr(source, name)[kind]
 
 
 def restart(m: Models, kf: Keyframes, priors: Priors) -> None:
-    """Takes over the moving models that explain more from a fresh start."""
+    """Takes over the models that explain more from a fresh start."""
     other = Models(*[x.copy() for x in m])
-    fresh_start(other, kf, priors.axis_distance)
+    fresh_start(other, kf, priors.axis_distance, priors.outliers[0])
     for kind in _MOVING:
-        solve_moving(kind, other, kf, priors, _FRESH_STEPS)
+        solve_moving(kind, other, kf, priors, _TEMPERED_STEPS, _TEMPER)
+        solve_moving(kind, other, kf, priors, _FRESH_STEPS, 1.0)
+    solve_still(other, kf, priors)
+    _take_over(m, other, (PRISMATIC, REVOLUTE, RIGID))
+    if kf.size[0] > 3 and m.log_evidence[REVOLUTE] < m.log_evidence.max():
+        circle_start(other, kf)
+        solve_moving(REVOLUTE, other, kf, priors, _TEMPERED_STEPS, _TEMPER)
+        solve_moving(REVOLUTE, other, kf, priors, _FRESH_STEPS, 1.0)
+        _take_over(m, other, (REVOLUTE,))
+
+
+def _take_over(m: Models, other: Models, kinds: tuple[int, ...]) -> None:
+    """Copies the models of `other` that explain more."""
+    for kind in kinds:
         if other.log_evidence[kind] > m.log_evidence[kind] + 0.1:
-            if other.state[kind, 0] * m.state[kind, 0] < 0.0:
+            if kind != RIGID and other.state[kind, 0] * m.state[kind, 0] < 0.0:
                 turn(kind, other)
             _copy_model(kind, other, m)
 
 
 def update(
-    m: Models, kf: Keyframes, X_FB: Array, R: Array, time: float, priors: Priors, young: bool
+    m: Models,
+    kf: Keyframes,
+    X_FB: Array,
+    R: Array,
+    time: float,
+    priors: Priors,
+    log_prior: Array,
+    young: bool,
 ) -> None:
     """Corrects all models with one relative pose.
 
@@ -124,14 +180,16 @@ def update(
         R: Its covariance (6, 6), in B.
         time: [s].
         priors: See `Priors`.
+        log_prior: (4,) log probability of each type before anything was measured.
         young: Whether to try a fresh start beside the last solution.
     """
     k = add_measurement(m, kf, X_FB, R, time, priors, bool(kf.size[0] < kf.time.size))
     if k >= 0:
         marginalise(m, kf, k, priors)
         add_measurement(m, kf, X_FB, R, time, priors, True)
-    solve_all(m, kf, priors, _STEPS)
+    solve_all(m, kf, priors, STEPS)
     if young:
         restart(m, kf, priors)
+    close_decided(m, kf, log_prior)
     for kind in _MOVING:
         decide_sign(kind, m)

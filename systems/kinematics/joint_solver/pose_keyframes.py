@@ -32,12 +32,19 @@ class Keyframes(NamedTuple):
         size: (1,) keyframes in use.
         time: (K,) [s].
         Z: (K, 4, 4) X_FB.
-        R: (K, 6, 6) covariance.
-        W: (K, 6, 6) its inverse.
-        log_det: (K,) log determinant of R.
-        pair: (K, 2) of keyframes k and k + 1: what averaging them loses, and their log density
-            ratio under a free walk.
-        walk: (1,) log density ratio of the free walk over a joint in what has been averaged.
+        R: (K, 6, 6) covariance of its mean's white noise.
+        floor: (6, 6) covariance of what does not average out within a keyframe: errors that depend
+            on the place, and by what the child strays from an ideal joint's path there. All but the
+            reference have it.
+        W: (K, 6, 6) inverse of R and floor together.
+        log_det: (K,) log determinant of both together.
+        open: (K,) one while it is open whether the keyframe is an outlier, else zero.
+        W_out: (K, 6, 6) inverse covariance if it is one; of open keyframes.
+        log_out: (K,) log ratio of the two normalisers.
+        streak: (1,) how many of the latest measurements were outliers one after another.
+        pair: (K,) what averaging keyframes k and k + 1 loses.
+        walk: (2,) log density ratio of the free walk over a joint in what has been averaged, and
+            the likeliest scale of its noise.
         spread: (1,) largest mean squared distance of a keyframe from the mean, in units of R.
     """
 
@@ -45,8 +52,13 @@ class Keyframes(NamedTuple):
     time: Array
     Z: Array
     R: Array
+    floor: Array
     W: Array
     log_det: Array
+    open: Array
+    W_out: Array
+    log_out: Array
+    streak: Array
     pair: Array
     walk: Array
     spread: Array
@@ -59,10 +71,15 @@ def empty_keyframes(capacity: int) -> Keyframes:
         time=np.zeros(capacity),
         Z=np.zeros((capacity, 4, 4)),
         R=np.zeros((capacity, 6, 6)),
+        floor=np.zeros((6, 6)),
         W=np.zeros((capacity, 6, 6)),
         log_det=np.zeros(capacity),
-        pair=np.zeros((capacity, 2)),
-        walk=np.zeros(1),
+        open=np.zeros(capacity),
+        W_out=np.zeros((capacity, 6, 6)),
+        log_out=np.zeros(capacity),
+        streak=np.zeros(1),
+        pair=np.zeros(capacity),
+        walk=np.array([0.0, 1.0]),
         spread=np.zeros(1),
     )
 
@@ -74,37 +91,38 @@ def copy_keyframes(kf: Keyframes) -> Keyframes:
 
 @hot
 def _fill(kf: Keyframes, k: int) -> None:
-    """Completes keyframe k from its covariance."""
-    L = kf.R[k].copy()
+    """Completes keyframe k from its covariance; the reference, keyframe 0, has no floor."""
+    L = kf.R[k] + kf.floor if k > 0 else kf.R[k].copy()
     six = int(np.int64(6))  # For a literal, Numba would compile all callees again.
     kf.log_det[k] = cholesky.factor(L, six)
     cholesky.inverse(L, kf.W[k], six)
 
 
 @hot
-def _pair(kf: Keyframes, k: int, walk_noise: Array) -> None:
-    """Completes the pair of keyframes k and k + 1; `walk_noise` as in `Priors`."""
+def _fill_outlier(kf: Keyframes, k: int, outliers: Array) -> None:
+    """Completes what open keyframe k is if it is an outlier; `outliers` as in `Priors`."""
+    six = int(np.int64(6))
+    L = kf.R[k] + kf.floor if k > 0 else kf.R[k].copy()
+    for i in range(6):
+        L[i, i] += outliers[1 + i]
+    kf.log_out[k] = 0.5 * (kf.log_det[k] - cholesky.factor(L, six))
+    cholesky.inverse(L, kf.W_out[k], six)
+
+
+@hot
+def _pair(kf: Keyframes, k: int) -> None:
+    """Completes the pair of keyframes k and k + 1."""
     if k < 0 or k + 1 >= kf.size[0]:
         return
     six = int(np.int64(6))
-    xi, e = np.empty(6), np.empty(6)
+    xi = np.empty(6)
     relative_log(kf.Z[k], kf.Z[k + 1], xi)
-    C = kf.R[k] + kf.R[k + 1]
-    for walking in range(2):
-        L = C.copy()
-        e[:] = xi
-        if walking:
-            for i in range(6):
-                L[i, i] += walk_noise[i] * (kf.time[k + 1] - kf.time[k])
-        log_det = cholesky.factor(L, six)
-        cholesky.forward(L, e, six)
-        square = 0.0
-        for i in range(6):
-            square += e[i] * e[i]
-        if walking:
-            kf.pair[k, 1] = -0.5 * (square + log_det - kf.log_det[k + 1])
-        else:
-            kf.pair[k, 0] = square
+    L = kf.R[k] + kf.R[k + 1]
+    cholesky.factor(L, six)
+    cholesky.forward(L, xi, six)
+    kf.pair[k] = 0.0
+    for i in range(6):
+        kf.pair[k] += xi[i] * xi[i]
 
 
 @hot
@@ -115,33 +133,79 @@ def _delete(kf: Keyframes, k: int) -> None:
         kf.time[i], kf.log_det[i] = kf.time[i + 1], kf.log_det[i + 1]
         kf.Z[i], kf.R[i] = kf.Z[i + 1], kf.R[i + 1]
         kf.W[i], kf.pair[i] = kf.W[i + 1], kf.pair[i + 1]
+        kf.open[i], kf.log_out[i] = kf.open[i + 1], kf.log_out[i + 1]
+        kf.W_out[i] = kf.W_out[i + 1]
     kf.size[0] = n - 1
 
 
 @hot
-def remove(kf: Keyframes, k: int, walk_noise: Array) -> None:
+def remove(kf: Keyframes, k: int) -> None:
     """Removes keyframe k and completes the pair that it leaves."""
     _delete(kf, k)
-    _pair(kf, k - 1, walk_noise)
+    _pair(kf, k - 1)
 
 
 @hot
-def append(kf: Keyframes, X: Array, R: Array, time: float, walk_noise: Array) -> None:
-    """Adds one measurement as a keyframe of its own; there must be room."""
+def append(kf: Keyframes, X: Array, R: Array, time: float, outliers: Array) -> None:
+    """Adds one measurement as a keyframe of its own; there must be room.
+
+    Args:
+        kf: Keyframes.
+        X: Measured X_FB (4, 4).
+        R: Its covariance (6, 6).
+        time: [s].
+        outliers: See `Priors`.
+    """
     k = kf.size[0]
     kf.time[k] = time
     kf.Z[k], kf.R[k] = X, R
     _fill(kf, k)
+    _fill_outlier(kf, k, outliers)
+    kf.open[k] = 1.0 if outliers[0] > 0.0 else 0.0
     kf.size[0] = k + 1
-    _pair(kf, k - 1, walk_noise)
+    _pair(kf, k - 1)
 
 
 @hot
-def merge(kf: Keyframes, k: int, walk_noise: Array) -> None:
-    """Averages keyframes k and k + 1 with scalar weights, which keeps the mean on their screw."""
-    before = kf.pair[k, 1] + (kf.pair[k - 1, 1] if k > 0 else 0.0)
-    before += kf.pair[k + 1, 1] if k + 2 < kf.size[0] else 0.0
-    loss = min(kf.pair[k, 0], _EXCESS)
+def rescale(kf: Keyframes, scale: Array, floor: Array, outliers: Array) -> None:
+    """Multiplies the standard deviations of all keyframes by `scale` (6,), and sets their floor."""
+    kf.floor[:] = floor
+    for k in range(kf.size[0]):
+        for i in range(6):
+            for j in range(6):
+                kf.R[k, i, j] *= scale[i] * scale[j]
+        _fill(kf, k)
+        if kf.open[k] > 0.0:
+            _fill_outlier(kf, k, outliers)
+    for k in range(kf.size[0] - 1):
+        _pair(kf, k)
+
+
+@hot
+def close(kf: Keyframes, k: int, inlier: float) -> None:
+    """Gives keyframe k the weight of a measurement that is none with this probability, for good."""
+    six = int(np.int64(6))
+    kf.open[k] = 0.0
+    if inlier > 1.0 - 1e-9:
+        return
+    L = inlier * kf.W[k] + (1.0 - inlier) * kf.W_out[k]
+    cholesky.factor(L, six)
+    cholesky.inverse(L, kf.R[k], six)
+    if k > 0:
+        kf.R[k] -= kf.floor
+    _fill(kf, k)
+    _pair(kf, k - 1)
+    _pair(kf, k)
+
+
+@hot
+def merge(kf: Keyframes, k: int) -> float:
+    """Averages keyframes k and k + 1 with scalar weights, which keeps the mean on their screw.
+
+    Returns:
+        What that has lost of their likelihood, doubled; no more than noise loses.
+    """
+    loss = min(kf.pair[k], _EXCESS)
     trace_i, trace_j = 0.0, 0.0
     for i in range(6):
         trace_i += kf.R[k, i, i] * kf.W[k + 1, i, i]
@@ -154,11 +218,9 @@ def merge(kf: Keyframes, k: int, walk_noise: Array) -> None:
     kf.time[k] = (1.0 - weight) * kf.time[k] + weight * kf.time[k + 1]
     _delete(kf, k + 1)
     _fill(kf, k)
-    _pair(kf, k - 1, walk_noise)
-    _pair(kf, k, walk_noise)
-    after = kf.pair[k - 1, 1] if k > 0 else 0.0
-    after += kf.pair[k, 1] if k + 1 < kf.size[0] else 0.0
-    kf.walk[0] += before - after + 0.5 * loss
+    _pair(kf, k - 1)
+    _pair(kf, k)
+    return loss
 
 
 @hot
@@ -192,12 +254,12 @@ def choose(kf: Keyframes, coarseness: float) -> tuple[int, bool]:
     """
     best = 1  # Keyframe 0 is the reference.
     for k in range(1, kf.size[0] - RECENT):
-        if kf.pair[k, 0] < kf.pair[best, 0]:
+        if kf.pair[k] < kf.pair[best]:
             best = k
     n = kf.size[0]
     kf.spread[0] = max(kf.spread[0], _spread(kf))
     m = kf.R[n - 1, 0, 0] / kf.R[best, 0, 0] + kf.R[n - 1, 0, 0] / kf.R[best + 1, 0, 0]
-    loss = kf.pair[best, 0]
+    loss = kf.pair[best]
     if loss > 10.0 * _EXCESS and loss / m > coarseness * kf.spread[0]:
         return FIRST, False
     return best, True

@@ -40,7 +40,7 @@ def _problem(kind: int) -> tuple[Models, Keyframes]:
         X = np.empty((4, 4))
         child_pose(kind, m.Y[kind], m.a[kind], m.c[kind], m.q[kind, k], X)
         X = X @ se3.exp(0.01 * rng.normal(size=6))
-        pose_keyframes.append(kf, X, 1e-4 * (A @ A.T + np.eye(6)), TIMES[k], np.ones(6))
+        pose_keyframes.append(kf, X, 1e-4 * (A @ A.T + np.eye(6)), TIMES[k], np.zeros(7))
     return m, kf
 
 
@@ -103,7 +103,7 @@ def test_normal_equations_and_likelihood_are_those_of_the_dense_problem(kind: in
     value = multivariate_normal(cov=C).logpdf(z) - _normaliser(kf)
     H[6:8, 6:8] += np.eye(2) / AXIS_SPREAD**2
     lin, chain = new_linear(K), new_chain()
-    linearise(kind, m, kf, SIGMA_C, lin)
+    linearise(kind, m, kf, SIGMA_C, 0.0, 1.0, lin)
     if kind == REVOLUTE:
         H[8:, 8:] += np.eye(2) / SIGMA_C**2
         B = np.empty((2, 3))
@@ -122,7 +122,7 @@ def test_the_last_configuration_and_its_variance_are_those_of_the_dense_problem(
     n = dimension(kind)
     J, Jq, z, R = _dense(kind, m, kf)
     lin, chain = new_linear(K), new_chain()
-    linearise(kind, m, kf, SIGMA_C, lin)
+    linearise(kind, m, kf, SIGMA_C, 0.0, 1.0, lin)
     run_chain(n, S, SIGMA_V, 1.0, m.q[kind], kf, lin, np.zeros(10), 0, chain)
     prior = _prior_of_q()
     C = R + Jq @ prior @ Jq.T
@@ -141,7 +141,7 @@ def test_densities_are_compared_by_the_newest_keyframes_at_the_moved_joint() -> 
     m, kf = _problem(REVOLUTE)
     J, Jq, z, R = _dense(REVOLUTE, m, kf)
     lin, chain = new_linear(K), new_chain()
-    linearise(REVOLUTE, m, kf, SIGMA_C, lin)
+    linearise(REVOLUTE, m, kf, SIGMA_C, 0.0, 1.0, lin)
     step, since = 2e-3 * np.arange(10.0), K - 3
     found, expected = [], []
     for scale in (1.0, 30.0):
@@ -160,7 +160,7 @@ def test_the_evidence_is_the_integral_over_theta() -> None:
     m, kf = _problem(PRISMATIC)
     J, Jq, z, R = _dense(PRISMATIC, m, kf)
     lin, chain = new_linear(K), new_chain()
-    linearise(PRISMATIC, m, kf, SIGMA_C, lin)
+    linearise(PRISMATIC, m, kf, SIGMA_C, 0.0, 1.0, lin)
     value = run_chain(8, S, SIGMA_V, 1.0, m.q[PRISMATIC], kf, lin, np.zeros(10), 0, chain)
     evidence, _ = solve(8, value, chain)
     spread = 30.0  # All but flat in the pose, as the evidence has it.

@@ -1,0 +1,120 @@
+"""By how much the claimed covariances of a stream of poses are wrong, from the stream itself.
+
+No joint is needed for it: a pose should be where its two neighbours in time say, on the geodesic
+between them, up to the three poses' noise and to what the child has accelerated. The squared
+differences, without those that an outlier explains, are the data of an inverse-gamma posterior of
+the noise's scale; rotation and translation have one each.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from maths import cholesky
+from maths.arrays import Array
+from maths.compiled import hot
+from maths.se3_in_place import perturb, relative_log
+
+UNKNOWN = 1e4  # Variance of what was not measured, [rad^2] or [m^2].
+_PRIOR = 6.0  # Degrees of freedom of the prior, in which the claim is right.
+_MEDIAN = 2.365974  # Of a chi-square of three degrees of freedom.
+_MOST_LIKELY = 11.344867  # Its 99 % quantile, above which a difference is one with an outlier,
+_MEAN_BELOW = 2.894075  # and its mean below that.
+_INDEPENDENT = 0.5  # Share of what neighbouring differences, which have poses in common, tell.
+_MEMORY = 150  # Differences that are remembered.
+_ITERATIONS = 3
+_LEAST, _MOST = 0.05**2, 100.0**2  # Of the scale's square.
+
+
+class NoiseScale(NamedTuple):
+    """Arrays for two kinds of error, rotation and translation.
+
+    Attributes:
+        Z: (2, 4, 4) the last two poses, older first.
+        R: (2, 6, 6) their claimed covariances.
+        time: (2,) [s].
+        seen: (1,) how many poses there were.
+        squares: (2, M) squares of the latest differences, in units of the claimed covariance.
+        known: (2,) how many of them there are.
+        variance: (2,) posterior mean of the scale's square.
+    """
+
+    Z: Array
+    R: Array
+    time: Array
+    seen: Array
+    squares: Array
+    known: Array
+    variance: Array
+
+
+def initial_noise_scale() -> NoiseScale:
+    """Before any measurement."""
+    return NoiseScale(
+        Z=np.zeros((2, 4, 4)),
+        R=np.zeros((2, 6, 6)),
+        time=np.zeros(2),
+        seen=np.zeros(1),
+        squares=np.zeros((2, _MEMORY)),
+        known=np.zeros(2),
+        variance=np.ones(2),
+    )
+
+
+@hot
+def _difference(n: NoiseScale, X: Array, R: Array, time: float, e: Array, C: Array) -> None:
+    """Writes by how far the last pose is off its neighbours' geodesic, and that covariance."""
+    share = (n.time[1] - n.time[0]) / (time - n.time[0])
+    step, between = np.empty(6), np.empty((4, 4))
+    relative_log(n.Z[0], X, step)
+    perturb(n.Z[0], share * step, between)
+    relative_log(between, n.Z[1], e)
+    C[:] = n.R[1] + (1.0 - share) ** 2 * n.R[0] + share**2 * R
+
+
+@hot
+def _fit(n: NoiseScale, i: int, least: float) -> None:
+    """The posterior mean of the scale's square, from all differences that no outlier explains."""
+    count = min(int(n.known[i]), _MEMORY)
+    squares = n.squares[i, :count]
+    variance = float(np.median(squares)) / _MEDIAN
+    for _ in range(_ITERATIONS):
+        total, likely = 0.0, 0
+        for square in squares:
+            if square <= _MOST_LIKELY * variance:
+                total += square
+                likely += 1
+        weight = 3.0 * _INDEPENDENT * likely
+        mean = total / max(likely, 1) / _MEAN_BELOW
+        variance = (_PRIOR + weight * mean) / (_PRIOR + weight)
+    n.variance[i] = min(max(variance, least, _LEAST), _MOST)
+
+
+@hot
+def observe(n: NoiseScale, X: Array, R: Array, time: float, least: float) -> None:
+    """Adds one measured pose, in place.
+
+    Args:
+        n: The scale.
+        X: Measured pose (4, 4).
+        R: Its claimed covariance (6, 6), in B.
+        time: Of the measurement, [s].
+        least: Of the scale's square: one where errors are correlated, which differences hide.
+    """
+    if n.seen[0] >= 2.0 and time > n.time[1] > n.time[0]:
+        e, C = np.empty(6), np.empty((6, 6))
+        _difference(n, X, R, time, e, C)
+        three = int(np.int64(3))  # For a literal, Numba would compile all callees again.
+        for i in range(2):
+            if C[3 * i, 3 * i] >= UNKNOWN:
+                continue
+            L, x = C[3 * i : 3 * i + 3, 3 * i : 3 * i + 3].copy(), e[3 * i : 3 * i + 3].copy()
+            cholesky.factor(L, three)
+            cholesky.forward(L, x, three)
+            square = x[0] ** 2 + x[1] ** 2 + x[2] ** 2
+            n.squares[i, int(n.known[i]) % _MEMORY] = square
+            n.known[i] += 1.0
+            _fit(n, i, least)
+    n.Z[0], n.R[0], n.time[0] = n.Z[1], n.R[1], n.time[1]
+    n.Z[1], n.R[1], n.time[1] = X, R, time
+    n.seen[0] += 1.0

@@ -1,0 +1,66 @@
+"""How much the child strays from an ideal joint's path, from the evidence of all models.
+
+Errors that depend on the place, as a camera's calibration has them, and a path that is not quite
+straight or round do not average out within a keyframe. Their covariance, the keyframes' floor, is
+a multiple of what a measurement claims; of a few multiples the one is kept under which all
+keyframes are likeliest, whatever the type.
+"""
+
+import numpy as np
+
+from maths.arrays import Array
+from systems.kinematics.joint_solver import pose_keyframes
+from systems.kinematics.joint_solver.joint_models import Models
+from systems.kinematics.joint_solver.joint_solver import Priors
+from systems.kinematics.joint_solver.joint_update import STEPS, restart, solve_all
+from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+
+FLOORS = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # Multiples of the claimed standard deviation.
+_EVERY = 4  # Updates between tries of another one.
+_WORTH = 0.5  # Gain in log probability from which another one is taken, [nat].
+
+
+def log_probability(m: Models, kf: Keyframes, log_prior: Array) -> float:
+    """Of all keyframes under their floor, whatever the type."""
+    log_p = m.log_evidence + log_prior
+    top = float(log_p.max())
+    size = int(kf.size[0])
+    return top + float(np.log(np.exp(log_p - top).sum())) - 0.5 * float(kf.log_det[:size].sum())
+
+
+def with_floor(m: Models, kf: Keyframes, floor: Array, priors: Priors) -> tuple[Models, Keyframes]:
+    """Models and keyframes as they would be with another floor (6, 6); nothing is changed."""
+    other, frames = Models(*[x.copy() for x in m]), pose_keyframes.copy_keyframes(kf)
+    pose_keyframes.rescale(frames, np.ones(6), floor, priors.outliers)
+    solve_all(other, frames, priors, STEPS)
+    if other.log_evidence[3] > other.log_evidence[:3].max():
+        restart(other, frames, priors)
+    return other, frames
+
+
+def with_likelier_floor(
+    m: Models,
+    kf: Keyframes,
+    index: int,
+    updates: int,
+    covariance: Array,
+    priors: Priors,
+    log_prior: Array,
+) -> tuple[Models, Keyframes, int]:
+    """The same, or with another floor that has its turn, if that makes everything likelier.
+
+    Args:
+        m: Models; not changed.
+        kf: Keyframes; not changed.
+        index: In `FLOORS`, of the floor that they have.
+        updates: Measurements seen, which say whose turn it is.
+        covariance: That a measurement claims (6, 6).
+        priors: See `Priors`.
+        log_prior: (4,) log probability of each type before anything was measured.
+    """
+    if updates % _EVERY != 0:
+        return m, kf, index
+    other = (index + 1 + updates // _EVERY % (len(FLOORS) - 1)) % len(FLOORS)
+    models, frames = with_floor(m, kf, FLOORS[other] ** 2 * covariance, priors)
+    gain = log_probability(models, frames, log_prior) - log_probability(m, kf, log_prior)
+    return (models, frames, other) if gain > _WORTH else (m, kf, index)

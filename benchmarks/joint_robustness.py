@@ -1,0 +1,174 @@
+"""Joint filters on streams that leave their model: outliers, fast motions, wrong claims, screws.
+
+    python -m benchmarks.joint_robustness --seeds 20
+
+Right: the type at the end. Wrong: streams in which, after the first 2 s, a wrong type was claimed
+with a probability over 0.9. q: root mean square error after 2 s, against that of one raw frame.
+NEES: of q, mean after 2 s, one where claims are honest. Inside: shares of frames after 2 s whose q
+and axis are within two claimed standard deviations. Axis: angle at the end, median. The streams are
+defined in `robustness_streams.py`.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+import typer
+from joblib import Parallel, delayed
+from tqdm import tqdm
+
+from benchmarks.robustness_streams import BALL, FREE, Case, all_cases, simulate_case
+from maths.arrays import Array
+from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from systems.port_values import JointBelief, JointModelBelief, JointType
+
+SETTLING = 2.0  # Before which nothing is counted, [s].
+CERTAIN = 0.9
+GRACE = 3  # Frames for which a body that begins to move may still be taken to rest.
+
+
+@dataclass(kw_only=True)
+class Outcome:
+    """One stream. Arrays are of the frames after `SETTLING`; NaN without a joint.
+
+    Attributes:
+        type: At the end.
+        wrong: Whether a wrong type was ever claimed with certainty.
+        q_error: (N,) [m] along the path.
+        nees: (N,) of q.
+        axis_sigma: (N,) the axis' error in claimed standard deviations, root of NEES over two.
+        axis_error: At the end, [rad].
+        pitch_error: At the end, relative to the true one; NaN of other types.
+        distance_z: Error of the axis' distance at the end, in claimed standard deviations.
+    """
+
+    type: str
+    wrong: bool
+    q_error: Array
+    nees: Array
+    axis_sigma: Array
+    axis_error: float
+    pitch_error: float
+    distance_z: float
+
+
+def _angle(a: Array, b: Array) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def _model(case: Case, belief: JointBelief) -> JointModelBelief | None:
+    if case.joint not in [t.value for t in belief.models] or case.joint in ("rigid",):
+        return None
+    return belief.models[JointType(case.joint)]
+
+
+def evaluate_case(case: Case, seed: int, filters: JointFilters) -> Outcome:
+    """Runs the filters over one stream."""
+    stream = simulate_case(case, seed)
+    state = filters.start(stream.X_PB_measured[0], case.covariance, 0.0)
+    belief, wrong, rows = filters.belief(state), False, []
+    model = None
+    lever = case.radius if case.joint in ("revolute", "screw") else 1.0
+    for k in range(1, stream.times.size):
+        t = float(stream.times[k])
+        state = filters.update(state, stream.X_PB_measured[k], case.covariance, t)
+        if t < SETTLING:
+            continue
+        belief = filters.belief(state)
+        moved = abs(stream.configuration[: k + 1]).max() > 0.0
+        free = case.joint in (FREE, BALL)
+        just = abs(stream.configuration[: max(1, k - GRACE)]).max() == 0.0 and not free
+        accepted = (*case.accepted, "rigid") if just else case.accepted
+        certain = belief.probabilities[belief.type] > CERTAIN
+        wrong |= certain and belief.type.value not in accepted
+        model = _model(case, belief)
+        if model is None or not moved:
+            continue
+        a = model.axis_P
+        forwards = 1.0 if a @ stream.axis_P > 0.0 else -1.0
+        e = forwards * model.configuration[0] - stream.configuration[k]
+        variance = model.axis_covariance
+        sideways = forwards * stream.axis_P - a * (forwards * stream.axis_P @ a)
+        square = sideways @ np.linalg.pinv(variance, rcond=1e-9) @ sideways
+        rows.append((lever * abs(e), e**2 / model.configuration_covariance[0, 0], square / 2.0))
+    errors = np.array(rows).reshape(-1, 3)
+    axis, pitch, distance = np.nan, np.nan, np.nan
+    if model is not None:
+        axis = _angle(model.axis_P, stream.axis_P)
+        axis = min(axis, np.pi - axis)
+        if case.joint == "revolute":
+            d = model.p_PA - stream.X_PB[0, :3, 3]
+            u = d / np.linalg.norm(d)
+            off = np.linalg.norm(d) - case.radius
+            distance = off / np.sqrt(u @ model.p_PA_covariance @ u)
+        if case.joint == "screw":
+            pitch = abs(model.pitch - case.pitch) / case.pitch
+    return Outcome(
+        type=belief.type.value,
+        wrong=wrong,
+        q_error=errors[:, 0],
+        nees=errors[:, 1],
+        axis_sigma=np.sqrt(errors[:, 2]),
+        axis_error=axis,
+        pitch_error=pitch,
+        distance_z=distance,
+    )
+
+
+def table_row(case: Case, outcomes: list[Outcome]) -> str:
+    """One line of the table."""
+    right = sum(o.type in case.accepted for o in outcomes)
+    n = len(outcomes)
+    cells = [case.name, f"{right}/{n}", f"{sum(o.wrong for o in outcomes)}"]
+    q = np.concatenate([o.q_error for o in outcomes])
+    if q.size:
+        nees = np.concatenate([o.nees for o in outcomes])
+        sigma = np.concatenate([o.axis_sigma for o in outcomes])
+        cells += [
+            f"{np.sqrt(np.mean(q**2)) / case.translation_noise:.2f}",
+            f"{nees.mean():.2g}",
+            f"{100 * np.mean(nees < 4.0):.0f} %",
+            f"{100 * np.mean(sigma < 2.0):.0f} %",
+            f"{np.rad2deg(np.median([o.axis_error for o in outcomes])):.2g}",
+        ]
+    else:
+        cells += ["-"] * 5
+    pitch = np.median([o.pitch_error for o in outcomes])
+    cells.append("-" if np.isnan(pitch) else f"{100 * pitch:.1f} %")
+    z = np.array([o.distance_z for o in outcomes])
+    cells.append("-" if np.isnan(z).all() else f"{100 * np.mean(np.abs(z) < 2.0):.0f} %")
+    types = [o.type for o in outcomes if o.type not in case.accepted]
+    cells.append(", ".join(f"{types.count(t)} {t}" for t in sorted(set(types))))
+    return "| " + " | ".join(cells) + " |"
+
+
+HEADER = (
+    "| case | right type | wrong | q / raw | NEES q | q inside | axis inside | axis deg "
+    "| pitch off | distance inside | else |"
+)
+
+
+def main(
+    seeds: Annotated[int, typer.Option(min=1, help="Streams of each kind.")] = 20,
+    first_seed: Annotated[int, typer.Option(help="The first seed.")] = 0,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
+    cases: Annotated[str, typer.Option(help="Only those whose name has this in it.")] = "",
+) -> None:
+    """Prints the table, one line per case."""
+    filters = JointFilters(JointFiltersConfig())
+    chosen = [case for case in all_cases() if cases in case.name]
+    tasks = [(i, s) for i in range(len(chosen)) for s in range(first_seed, first_seed + seeds)]
+
+    def one(i: int, seed: int) -> Outcome:
+        return evaluate_case([c for c in all_cases() if cases in c.name][i], seed, filters)
+
+    results = Parallel(n_jobs=jobs, return_as="generator")(delayed(one)(i, s) for i, s in tasks)
+    outcomes = list(tqdm(results, total=len(tasks), unit="stream", disable=None))
+    print(HEADER)
+    print("|---" * 11 + "|")
+    for i, case in enumerate(chosen):
+        print(table_row(case, outcomes[i * seeds : (i + 1) * seeds]))
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,220 @@
+"""Synthetic streams of a body's pose that leave the model which the joint filters assume.
+
+The scene is that of `joint_streams`: the parent P is the sensor, the child starts 0.8 to 1.2 m from
+it in a random direction, the axis is random. What differs from stream to stream is the motion, the
+share of outliers, and by how much the claimed covariance is wrong.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from benchmarks.joint_streams import RATE
+from maths import se3
+from maths.arrays import Array
+
+Motion = Callable[[Array], Array]
+FREE, BALL = "free", "ball"  # Motions that no joint with one degree of freedom explains.
+OUTLIER_TRANSLATION = 0.05  # Length of an outlier's displacement, [m].
+OUTLIER_ROTATION = np.deg2rad(20.0)
+
+
+@dataclass(kw_only=True)
+class Case:
+    """One kind of stream.
+
+    Attributes:
+        name: As the table calls it.
+        joint: Type that moves the child, a value of `JointType`, or `FREE` or `BALL`.
+        accepted: Types that are right at the end.
+        motion: Configuration [m or rad] over time [s], zero at zero.
+        duration: [s].
+        radius: From the axis to the body, [m].
+        pitch: Of a screw, [m/rad].
+        translation_noise: One standard deviation per direction, [m].
+        rotation_noise: The same, [rad].
+        claimed: Standard deviation that is claimed, as a multiple of the true one.
+        outliers: Share of the frames that are off by 5 cm and 20 deg in a random direction.
+    """
+
+    name: str
+    joint: str
+    accepted: tuple[str, ...]
+    motion: Motion
+    duration: float = 10.0
+    radius: float = 0.35
+    pitch: float = 0.0
+    translation_noise: float = 3e-3
+    rotation_noise: float = float(np.deg2rad(1.0))
+    claimed: float = 1.0
+    outliers: float = 0.0
+
+    @property
+    def covariance(self) -> Array:
+        """That is claimed of each frame (6, 6), in B."""
+        scale = np.repeat([self.rotation_noise, self.translation_noise], 3)
+        return np.asarray(np.diag((self.claimed * scale) ** 2))
+
+
+@dataclass(kw_only=True)
+class RobustnessStream:
+    """A stream and its truth, as `joint_streams.Stream`."""
+
+    times: Array
+    X_PB_measured: Array
+    X_PB: Array
+    configuration: Array
+    axis_P: Array
+    p_PA: Array
+
+
+def _unit(rng: np.random.Generator) -> Array:
+    v = rng.normal(size=3)
+    return np.asarray(v / np.linalg.norm(v))
+
+
+def _screw(axis: Array, point: Array, q: float, slide: float) -> Array:
+    """The motion (4, 4) by q [rad] about the axis and by `slide` [m] along it."""
+    X = np.eye(4)
+    X[:3, :3] = Rotation.from_rotvec(axis * q).as_matrix()
+    X[:3, 3] = point - X[:3, :3] @ point + slide * axis
+    return X
+
+
+def _free_poses(case: Case, X0: Array, times: Array, rng: np.random.Generator) -> Array:
+    """A body carried about by hand: turned about changing axes, and moved unless on a ball."""
+    turns, shifts = rng.normal(size=(4, 3)), rng.normal(size=(4, 3))
+    rates, phases = rng.uniform(0.3, 1.0, size=(4, 1)), rng.uniform(0.0, 6.0, size=(4, 1))
+    centre = X0[:3, 3] + case.radius * _unit(rng)
+    poses = []
+    for t in times:
+        swing = np.sin(rates * t + phases) - np.sin(phases)
+        w = (turns * swing * 0.35).sum(axis=0)
+        X = np.eye(4)
+        X[:3, :3] = Rotation.from_rotvec(w).as_matrix()
+        X[:3, 3] = centre - X[:3, :3] @ centre
+        if case.joint == FREE:
+            X[:3, 3] += (shifts * swing * 0.06).sum(axis=0)
+        poses.append(X @ X0)
+    return np.array(poses)
+
+
+def simulate_case(case: Case, seed: int) -> RobustnessStream:
+    """One stream, the same for the same seed."""
+    rng = np.random.default_rng(seed)
+    axis, X0 = _unit(rng), np.eye(4)
+    X0[:3, :3] = Rotation.random(random_state=rng).as_matrix()
+    X0[:3, 3] = rng.uniform(0.8, 1.2) * _unit(rng)
+    normal = np.cross(axis, _unit(rng))
+    p_PA = X0[:3, 3] + case.radius * normal / np.linalg.norm(normal)
+    times = np.arange(round(case.duration * RATE) + 1) / RATE
+    q = case.motion(times)
+    if case.joint in (FREE, BALL):
+        poses = _free_poses(case, X0, times, rng)
+    elif case.joint == "prismatic":
+        poses = np.array([_screw(axis, p_PA, 0.0, x) @ X0 for x in q])
+    else:
+        poses = np.array([_screw(axis, p_PA, x, case.pitch * x) @ X0 for x in q])
+    scale = np.repeat([case.rotation_noise, case.translation_noise], 3)
+    measured = []
+    for X in poses:
+        error = scale * rng.normal(size=6)
+        if rng.random() < case.outliers:
+            error += np.concatenate(
+                [OUTLIER_ROTATION * _unit(rng), OUTLIER_TRANSLATION * _unit(rng)]
+            )
+        measured.append(X @ se3.exp(error))
+    return RobustnessStream(
+        times=times,
+        X_PB_measured=np.array(measured),
+        X_PB=poses,
+        configuration=q,
+        axis_P=axis,
+        p_PA=p_PA,
+    )
+
+
+def _steady(final: float, duration: float) -> Motion:
+    return lambda t: final * t / duration
+
+
+def _sine(amplitude: float, period: float) -> Motion:
+    return lambda t: amplitude * np.sin(2.0 * np.pi * t / period)
+
+
+def _at_once(final: float, start: float, duration: float) -> Motion:
+    return lambda t: final * np.clip((t - start) / duration, 0.0, 1.0)
+
+
+def _still(t: Array) -> Array:
+    return 0.0 * t
+
+
+def _cases_of_table(door: Case, drawer: Case, rigid: Case) -> list[Case]:
+    deg = np.deg2rad
+    moving = [door, drawer]
+    cases = []
+    for share in (0.02, 0.1):
+        cases += [
+            replace(c, name=f"{c.name}, {100 * share:.0f} % outliers", outliers=share)
+            for c in (*moving, rigid)
+        ]
+    cases += [
+        replace(door, name="door, 90 deg in 1 s", motion=_at_once(deg(90), 2.0, 1.0), radius=0.5),
+        replace(drawer, name="drawer, 0.3 m in 0.5 s", motion=_at_once(0.3, 2.0, 0.5)),
+    ]
+    for factor, said in ((1 / 3, "a third"), (3.0, "three times")):
+        cases += [
+            replace(c, name=f"{c.name}, {said} of the noise claimed", claimed=factor)
+            for c in (*moving, rigid)
+        ]
+    screw = replace(door, joint="screw", accepted=("screw",), duration=15.0)
+    cases += [
+        replace(screw, name="screw, 1 cm a turn", pitch=0.01 / (2 * np.pi), motion=_steady(8, 15)),
+        replace(screw, name="screw, 5 cm a radian", pitch=0.05, motion=_steady(2, 15)),
+    ]
+    cases += [
+        replace(rigid, name=f"{joint} motion", joint=joint, accepted=("disconnected", "none"))
+        for joint in (FREE, BALL)
+    ]
+    cases += [
+        replace(door, name=f"door, 30 deg, period {p:g} s", motion=_sine(deg(30), p), duration=16.0)
+        for p in (8.0, 4.0, 2.0)
+    ]
+    cases += [
+        replace(drawer, name="drawer stops at once", motion=_at_once(0.1, 1.0, 5.0)),
+        replace(
+            drawer,
+            name="drawer stops at once, 1 mm",
+            motion=_at_once(0.1, 1.0, 5.0),
+            translation_noise=1e-3,
+            rotation_noise=float(deg(0.3)),
+        ),
+        replace(door, name="wheel, 120 deg/s", motion=_steady(deg(120) * 15, 15), duration=15.0),
+        replace(door, name="wheel, 300 deg/s", motion=_steady(deg(300) * 15, 15), duration=15.0),
+        replace(door, name="hinge at 3 m", motion=_steady(0.15, 20), radius=3.0, duration=20.0),
+        replace(door, name="hinge at 10 m", motion=_steady(0.06, 20), radius=10.0, duration=20.0),
+    ]
+    return cases
+
+
+def all_cases() -> list[Case]:
+    """The cases of the table but for the nine plain streams, which `joint_filters` has."""
+    door = Case(
+        name="door",
+        joint="revolute",
+        accepted=("revolute",),
+        motion=_steady(np.deg2rad(85.0), 15.0),
+        duration=15.0,
+    )
+    drawer = Case(
+        name="drawer",
+        joint="prismatic",
+        accepted=("prismatic",),
+        motion=_steady(0.225, 11.25),
+        duration=11.25,
+    )
+    rigid = Case(name="rigid", joint="rigid", accepted=("rigid",), motion=_still)
+    return [door, drawer, rigid, *_cases_of_table(door, drawer, rigid)]

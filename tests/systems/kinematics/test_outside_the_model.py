@@ -1,0 +1,66 @@
+"""Streams that leave the filters' model: outliers, wrong claims, real tracks, unknown rotations."""
+
+import numpy as np
+import pytest
+
+from benchmarks.joint_robustness import evaluate_case
+from benchmarks.real_tracks import believe, read_tracks, residual
+from benchmarks.robustness_streams import all_cases
+from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+
+CASES = {case.name: case for case in all_cases()}
+TRACKS = {track.name: track for track in read_tracks()}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *[
+            f"{joint}, {share} % outliers"
+            for joint in ("door", "drawer", "rigid")
+            for share in (2, 10)
+        ],
+        *[f"{joint}, a third of the noise claimed" for joint in ("door", "drawer", "rigid")],
+        *[f"{joint}, three times of the noise claimed" for joint in ("door", "drawer", "rigid")],
+        "free motion",
+        "ball motion",
+        "door, 30 deg, period 2 s",
+        "drawer stops at once, 1 mm",
+        "wheel, 120 deg/s",
+    ],
+)
+def test_the_type_is_right_and_the_claims_hold(name: str) -> None:
+    filters = JointFilters(JointFiltersConfig())
+    for seed in range(2):
+        outcome = evaluate_case(CASES[name], seed, filters)
+        assert outcome.type in CASES[name].accepted
+        if outcome.nees.size:
+            assert outcome.nees.mean() < 3.0
+            assert np.mean(outcome.nees < 4.0) > 0.8
+            assert np.mean(outcome.axis_sigma < 2.0) > 0.8
+
+
+def test_a_reference_that_is_an_outlier_is_told_from_the_rest() -> None:
+    """The first frame of this stream is one."""
+    outcome = evaluate_case(CASES["rigid, 2 % outliers"], 3, JointFilters(JointFiltersConfig()))
+    assert outcome.type == "rigid"
+    assert not outcome.wrong
+
+
+@pytest.mark.parametrize("sigma", [3e-3, 1e-2])
+@pytest.mark.parametrize(
+    "name", ["dishwasher_001", "drawer_001", "drawer_003", "left_door_001", "right_door_001"]
+)
+def test_a_real_track_without_rotations_is_understood(name: str, sigma: float) -> None:
+    track = TRACKS[name]
+    belief, inside = believe(track, sigma, JointFilters(JointFiltersConfig()))
+    assert belief.type == track.joint
+    assert residual(track, belief) < 5e-3
+    assert inside > 0.9
+
+
+@pytest.mark.parametrize(("name", "sigma"), [("door", 3e-3), ("door", 1e-2), ("drawer", 3e-3)])
+def test_a_marker_that_is_seen_wrongly_at_times_is_understood(name: str, sigma: float) -> None:
+    track = TRACKS[name]
+    belief, _ = believe(track, sigma, JointFilters(JointFiltersConfig()))
+    assert belief.type == track.joint

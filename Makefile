@@ -57,6 +57,8 @@ recordings: $(INSTALLED)
 bench: $(INSTALLED)
 	$(BIN)/python -m benchmarks.episode
 	$(BIN)/python -m benchmarks.joint_filters $(ARGS)
+	$(BIN)/python -m benchmarks.joint_robustness
+	$(BIN)/python -m benchmarks.real_tracks
 	$(BIN)/python -m benchmarks.evaluation
 
 evaluate: $(INSTALLED)

@@ -110,6 +110,7 @@ class FlipState(Immutable):
         turned: By how much the finger has turned about its own z since the flip began, [rad].
         way: Of the fingertip along its x since then, [m].
         X_WS: Pose at the last update (4, 4); NaN before the first.
+        waits: Whether it stands still, since touch cannot be trusted.
         losses: How often the contact was lost.
         why: Why it failed, in words; empty if it has not.
     """
@@ -127,13 +128,15 @@ class FlipState(Immutable):
     turned: float = 0.0
     way: float = 0.0
     X_WS: Array
+    waits: bool = False
     losses: int = 0
     why: str = ""
 
     @property
     def is_seeking(self) -> bool:
         """Whether the finger moves towards a contact that it does not feel."""
-        return self.phase in (FlipPhase.PRE_CONTACT, FlipPhase.ESTABLISH_CONTACT)
+        seeking = self.phase in (FlipPhase.PRE_CONTACT, FlipPhase.ESTABLISH_CONTACT)
+        return seeking and not self.waits
 
 
 _PAD_NORMAL = np.array([0.0, 1.0, 0.0])
@@ -150,6 +153,7 @@ class Felt:
         contact: `TactileContact`.
         theta: Angle of the flap as it is perceived, [rad]; NaN while unknown.
         hinge: `HingeBelief`; None while unknown.
+        distrust: Why touch cannot tell whether there is a contact; empty while it can.
     """
 
     time: float
@@ -157,6 +161,7 @@ class Felt:
     contact: Any
     theta: float = float("nan")
     hinge: Any = None
+    distrust: str = ""
 
 
 def own_turn(X_WS_before: Array, X_WS: Array) -> float:
@@ -176,7 +181,9 @@ def next_flip_state(state: FlipState, now: Felt, config: FlipSequenceConfig) -> 
     """One step of the sequence."""
     if state.phase in (FlipPhase.DONE, FlipPhase.FAILED):
         return state
-    state = _observe(state, now, config)
+    state = replace(_observe(state, now, config), waits=bool(now.distrust))
+    if state.waits:
+        return _wait(state, now, config)
     sought = float(np.linalg.norm(now.X_WS[:3, 3] - state.p_WS_last))
     if state.phase == FlipPhase.PRE_CONTACT:
         if now.contact.touching:
@@ -202,6 +209,15 @@ def next_flip_state(state: FlipState, now: Felt, config: FlipSequenceConfig) -> 
         return _enter(state, FlipPhase.DONE, now)
     if state.flipped >= config.flip_time:
         return _fail(state, now, "the flap took too long to turn")
+    return state
+
+
+def _wait(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
+    """The state while touch may come back: nothing moves that it would have to stop."""
+    if now.time - max(state.felt_at, state.since) > config.search_time:
+        return _fail(state, now, f"touch cannot be trusted: {now.distrust}")
+    if state.phase == FlipPhase.FLIP:
+        return _enter(state, FlipPhase.ESTABLISH_CONTACT, now)
     return state
 
 

@@ -61,6 +61,7 @@ class FlipSequence(LeafSystem):
         - contact_latest
         - flap_angle_latest
         - hinge_latest
+        - taxel_health_latest
         output_ports:
         - phase
         - feed_forward
@@ -74,6 +75,8 @@ class FlipSequence(LeafSystem):
     - flap_angle_latest: `FlapAngleBelief`. May stay unconnected; then the finger's own turn counts.
     - hinge_latest: `HingeBelief`. May stay unconnected; with it, an edge that is seen to have
       gone is followed.
+    - taxel_health_latest: `StreamHealth` of the taxels; while it has an age, nothing is sought. May
+      stay unconnected.
     - phase: (1,) `FlipPhase`.
     - feed_forward: (1,) speed of the contact along x_S, [m/s].
     - approach_twist_desired: (6,) V_WS_S towards a contact that is not felt, [rad/s, m/s].
@@ -103,6 +106,7 @@ class FlipSequence(LeafSystem):
         self._contact = self.DeclareAbstractInputPort("contact_latest", Value[object]())
         self._angle = self.DeclareAbstractInputPort("flap_angle_latest", Value[object]())
         self._hinge = self.DeclareAbstractInputPort("hinge_latest", Value[object]())
+        self._health = self.DeclareAbstractInputPort("taxel_health_latest", Value[object]())
         on_state = {self.abstract_state_ticket(self.DeclareAbstractState(Value[object](FIRST)))}
         on_time = on_state | {self.time_ticket()}
 
@@ -146,12 +150,14 @@ class FlipSequence(LeafSystem):
 
     def _update(self, context: Context, state: State) -> None:
         angle, hinge = (known_belief(port, context) for port in (self._angle, self._hinge))
+        health: Any = self._health.Eval(context) if self._health.HasValue(context) else None
         now = Felt(
             time=context.get_time(),
             X_WS=self._arm.Evaluate(np.asarray(self._joints.Eval(context))).X_WE,
             contact=self._contact.Eval(context),
             theta=float("nan") if angle is None else angle.theta,
             hinge=hinge,
+            distrust=health.fault if health is not None and health.age > 0.0 else "",
         )
         following = next_flip_state(self._state(context), now, self._config)
         state.get_mutable_abstract_state(0).set_value(following)

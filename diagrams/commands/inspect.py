@@ -35,8 +35,8 @@ def inspect_command(
     with one_line_errors():
         from diagrams.applications import load_scenario
         from diagrams.crossmodal.inspection.inspection import inspected
-        from diagrams.crossmodal.own_object import OwnObject
         from diagrams.run.folder.run_folder import write_atomically
+        from diagrams.run.own_object import OwnObject
         from diagrams.run.yaml_input.schema import ScenarioError
 
         path = out or Path(f"{model.stem}.png")

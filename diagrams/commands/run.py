@@ -42,7 +42,9 @@ def run_command(
     own_object: Annotated[
         Path | None,
         typer.Option(
-            "--object", metavar="FILE", help="Any SDF or URDF, in place of the scenario's object."
+            "--object",
+            metavar="FILE",
+            help="Any SDF or URDF, in place of the scenario's object or tool.",
         ),
     ] = None,
     grasp_frame: Annotated[
@@ -130,19 +132,14 @@ def _own_object(
 ) -> list[str]:
     """The assignments that put a user's object in place of the scenario's."""
     from diagrams.applications import load_scenario
-    from diagrams.crossmodal.own_object import (
-        OwnObject,
-        own_object_assignments,
-        refuse_without_object,
-    )
-    from diagrams.crossmodal.scenario import Scenario
+    from diagrams.run.own_object import OwnObject, refuse_without_object
     from diagrams.run.yaml_input.schema import ScenarioError
 
     if model is None:
         refuse_without_object(**options)
         return []
-    _, base = load_scenario(scenario, assignments, units_known=False)
-    if not isinstance(base, Scenario):
+    application, base = load_scenario(scenario, assignments, units_known=False)
+    if application.own_object is None:
         raise ScenarioError(f"--object {model}: '{scenario}' has no object to be replaced")
     own = OwnObject(
         model=model,
@@ -152,7 +149,7 @@ def _own_object(
         pose=options["object_pose"],
         scale=float(options["scale"] or 1.0),
     )
-    return own_object_assignments(base, scenario, own, assignments)
+    return list(application.own_object(base, scenario, own, assignments))
 
 
 def _simulate(

@@ -14,7 +14,7 @@ from diagrams.crossmodal.calibration import make_calibration
 from diagrams.crossmodal.estimators import FELT_STREAMS, SEEN_STREAMS, make_network
 from diagrams.crossmodal.meshcat_view import add_view
 from diagrams.crossmodal.modalities import COLORS, LABELS
-from diagrams.crossmodal.own_object import identity, keep_files
+from diagrams.crossmodal.own_object import identity, keep_files, own_object_assignments
 from diagrams.crossmodal.results.grasp_episode import GRASP_QUANTITIES
 from diagrams.crossmodal.results.metrics import CAMPAIGN_PLOTS, METRICS, OVERVIEW
 from diagrams.crossmodal.results.results import evaluate
@@ -132,6 +132,7 @@ APPLICATION = Application(
     units=units,
     task_in_words=task_in_words,
     view=add_view,
+    own_object=own_object_assignments,
     keep_files=keep_files,
     identity=identity,
     labels=LABELS,

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,35 +15,13 @@ from diagrams.crossmodal.objects.object_import import (
 )
 from diagrams.crossmodal.objects.object_model import ObjectModel, read_object_model
 from diagrams.crossmodal.scenario import Scenario, object_model_file
+from diagrams.run.own_object import OwnObject
 from diagrams.run.yaml_input.schema import ScenarioError
 from plants.object_import import MODEL_FILE
 from plants.scene import has_model
 
 _ABOVE_FLOOR = 0.002  # So that nothing begins inside of it, [m].
 MODEL_FOLDER = "model"  # Of a run, for the copies of imported models.
-
-
-@dataclass(kw_only=True)
-class OwnObject:
-    """What the command line says about an object of the user's own.
-
-    Attributes:
-        model: SDF or URDF file.
-        grasp_frame: Frame or link of it, x out of the object, y along the bar.
-        joint: The joint to explore; empty for the nearest one above the grasped link.
-        pull_direction: In the grasped frame, as `x,y,z`; empty for x.
-        pose: Of the model's frame in the world, as `x,y,z,roll,pitch,yaw`, [m, rad], with every
-            seed; empty puts the grasped frame where the handle of the scenario's own object is, or
-            as much above as keeps the object out of the table; a free object stands on the table.
-        scale: Of all lengths in the file: 0.001 for a model in millimetres.
-    """
-
-    model: Path
-    grasp_frame: str
-    joint: str = ""
-    pull_direction: str = ""
-    pose: str = ""
-    scale: float = 1.0
 
 
 def own_object_assignments(
@@ -162,16 +140,6 @@ def _task_assignments(
             stacklevel=3,
         )
     return lines
-
-
-def refuse_without_object(**options: str) -> None:
-    """Raises a ScenarioError for options that say something about no object."""
-    for name, value in options.items():
-        if value:
-            raise ScenarioError(
-                f"--{name.replace('_', '-')} {value}: is about the object that --object FILE names;"
-                f" in a scenario it is a key below object"
-            )
 
 
 def _numbers(option: str, text: str, count: int) -> list[float]:

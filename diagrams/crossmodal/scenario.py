@@ -12,6 +12,7 @@ from diagrams.crossmodal.objects.object_import import check_grasp, check_pull, i
 from diagrams.crossmodal.objects.object_model import read_object_model
 from diagrams.crossmodal.robot_config import HAND, ControlConfig, SensorsConfig
 from diagrams.run import scenario as base
+from diagrams.run.common_tick import SENSOR_TICKS, with_common_tick
 from diagrams.run.scenario import CameraConfig
 from diagrams.run.yaml_input.schema import ScenarioError, suggestion
 from maths.validation import number, numbers
@@ -164,15 +165,18 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
         modalities=sorted(scenario.modalities, key=lambda name: [*MODALITIES, name].index(name)),
     )
     _check(scenario, source)
-    scenario = replace(
+    period = scenario.network_period
+    return replace(
         scenario,
         objects={
             name: _resolve_object(thing, f"objects.{name}", path)
             for name, thing in scenario.objects.items()
         },
+        perception=with_common_tick(
+            scenario.perception, ("period",), period, f"{source}: perception"
+        ),
+        sensors=with_common_tick(scenario.sensors, SENSOR_TICKS, period, f"{source}: sensors"),
     )
-    _spread_network_period(scenario, source)
-    return scenario
 
 
 def object_model_file(thing: ObjectConfig) -> Path:
@@ -243,23 +247,6 @@ def _resolve_object(thing: ObjectConfig, key: str, path: Path) -> ObjectConfig:
     yaw = float(np.rad2deg(np.deg2rad(thing.yaw) - heading))
     upright = replace(thing, yaw=yaw, roll=0.0, pitch=0.0, place_handle=False)
     return replace(upright, position=thing.position - upright.pose().rotation() @ p_OH)
-
-
-def _spread_network_period(scenario: Scenario, source: str) -> None:
-    """Gives every filter and sensor window the network's tick; it is chosen in one place only."""
-    perception, sensors = scenario.perception, scenario.sensors
-    candidates = [(f"perception.{name}", part, "period") for name, part in vars(perception).items()]
-    candidates += [(f"sensors.{name}", part, "tick") for name, part in vars(sensors).items()]
-    candidates.append(("sensors.camera", sensors.camera, "exposure_period"))
-    places = [place for place in candidates if hasattr(place[1], place[2])]
-    for path, config, key in places:
-        value, usual = getattr(config, key), getattr(type(config)(), key)
-        if value not in (usual, scenario.network_period):
-            raise ScenarioError(
-                f"{source}: {path}.{key} = {value!r} s, but the whole network ticks at"
-                f" network_period = {scenario.network_period!r} s"
-            )
-        setattr(config, key, scenario.network_period)
 
 
 def _model_file(model: str, key: str, scenario_path: Path) -> Path:

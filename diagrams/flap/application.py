@@ -15,6 +15,7 @@ from diagrams.flap.estimator_names import COLORS, LABELS
 from diagrams.flap.estimators import JOINT_STREAMS, SEEN_STREAMS, TAXELS, make_estimator
 from diagrams.flap.experiments import EXPERIMENTS
 from diagrams.flap.meshcat_view import add_view
+from diagrams.flap.own_tool import identity, keep_files, own_tool_assignments
 from diagrams.flap.results.metrics import METRICS, OVERVIEW
 from diagrams.flap.results.results import evaluate
 from diagrams.flap.results.task import task_in_words
@@ -106,6 +107,9 @@ APPLICATION = Application(
     evaluate=evaluate,
     task_in_words=task_in_words,
     view=add_view,
+    own_object=own_tool_assignments,
+    keep_files=keep_files,
+    identity=identity,
     labels=LABELS,
     colors=COLORS,
     metrics=METRICS,

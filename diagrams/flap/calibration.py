@@ -16,7 +16,7 @@ _JOINT_OFFSET = np.deg2rad(0.05)
 
 
 def make_calibration(scenario: Scenario) -> Calibration:
-    """Camera and arms as the scenario places them, and how well that is taken to be known."""
+    """Camera and arms as scenario and seed place them, and how well that is taken to be known."""
     believed, arms = scenario.calibration.believed, {}
     for name, robot in ROBOTS.items():
         X_WBase = nominal_pose(scenario.plant.scene, "base", name)
@@ -27,6 +27,7 @@ def make_calibration(scenario: Scenario) -> Calibration:
             joint_offset_std=np.full(len(ARM_JOINTS), _JOINT_OFFSET),
         )
     cameras = {
-        name: calibrated(config.camera(), believed) for name, config in scenario.cameras.items()
+        name: calibrated(config.camera(), believed)
+        for name, config in scenario.drawn_cameras().items()
     }
     return Calibration(cameras=cameras, arms=arms)

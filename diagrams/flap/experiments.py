@@ -30,5 +30,12 @@ _ALL = (
         references=_REFERENCES,
         without=("theta_rmse_hidden",),
     ),
+    Experiment(
+        scenario="flap-jerked",
+        description="the same, and the flap is jerked away by 3 cm on the way",
+        references=_REFERENCES | {"contact_reestablished": Reference(goal="18/20")},
+        without=("theta_rmse_hidden",),
+        notes=("Done here: the contact may be lost for up to 15 s.",),
+    ),
 )
 EXPERIMENTS = {experiment.scenario: experiment for experiment in _ALL}

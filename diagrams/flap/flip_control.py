@@ -84,6 +84,8 @@ def make_flip_control(
     contact = taxels.GetOutputPort("contact_latest")
     for system in (sequence, tactile, visual):
         builder.Connect(contact, system.GetInputPort("contact_latest"))
+    health = taxels.GetOutputPort("health_latest")
+    builder.Connect(health, sequence.GetInputPort("taxel_health_latest"))
     for source, name, target in (
         (sequence, "tactile_projector", tactile),
         (sequence, "visual_projector", visual),
@@ -115,7 +117,7 @@ def make_flip_control(
         builder.ExportOutput(system.GetOutputPort(name), name)
     builder.ExportOutput(sequence.GetOutputPort("failure"), "failure")
     builder.ExportOutput(contact, "contact_latest")
-    builder.ExportOutput(taxels.GetOutputPort("health_latest"), "taxel_health_latest")
+    builder.ExportOutput(health, "taxel_health_latest")
     diagram = builder.Build()
     diagram.set_name("flip_control")
     return diagram

@@ -1,23 +1,28 @@
 """Scenarios of the flap application: an arm holds a tool, a fingertip turns the tool's flap."""
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from diagrams.flap.drawn_camera import CameraVariation, draw_camera_config
 from diagrams.flap.estimator_names import ESTIMATORS
 from diagrams.flap.estimators import PerceptionConfig
 from diagrams.flap.flip_control import FlipControlConfig
 from diagrams.flap.robot_config import SensorsConfig
 from diagrams.run import scenario as base
 from diagrams.run.calibration import CalibrationConfig, realistic_errors
+from diagrams.run.common_tick import SENSOR_TICKS, with_common_tick
 from diagrams.run.scenario import CameraConfig
-from diagrams.run.yaml_input.schema import ScenarioError, suggestion
+from diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 from maths.validation import number, numbers
 from models import SDF_DIR
 from plants.external_forces import ExternalForce
 from plants.scene import PlantConfig
+from plants.tools.flap_jerk import FlapJerk
+from plants.tools.held_tool import check_tool
 from plants.tools.wiper import WiperConfig
+from systems.sensors.taxels import TaxelFault
 from systems.tactile.taxel_layout import PAD_PLACES, TaxelLayout, pad_layout
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
@@ -97,6 +102,8 @@ class Disturbances(base.Disturbances):
     """What goes wrong, and when."""
 
     forces: list[ExternalForce] = field(default_factory=list)  # On the tool, from outside.
+    jerks: list[FlapJerk] = field(default_factory=list)  # Of the flap, by its free edge.
+    taxels: list[TaxelFault] = field(default_factory=list)  # Of single taxels.
 
     def spans(self) -> list[tuple[str, base.Interval]]:
         """What goes wrong, in words, and when."""
@@ -107,7 +114,21 @@ class Disturbances(base.Disturbances):
             )
             for force in self.forces
         ]
-        return [*super().spans(), *forces]
+        jerks = [
+            (
+                f"flap jerked by {1e3 * jerk.way:.3g} mm",
+                base.Interval(start=jerk.start, end=jerk.end),
+            )
+            for jerk in self.jerks
+        ]
+        taxels = [
+            (
+                f"taxel {fault.taxel} reads {fault.reading:g} N",
+                base.Interval(start=fault.start, end=fault.end),
+            )
+            for fault in self.taxels
+        ]
+        return [*super().spans(), *forces, *jerks, *taxels]
 
 
 def _plant() -> PlantConfig:
@@ -130,11 +151,19 @@ class Scenario(base.Scenario):
     tool: ToolConfig = field(default_factory=ToolConfig)
     finger: FingerConfig = field(default_factory=FingerConfig)
     cameras: dict[str, CameraConfig] = field(default_factory=_camera)
+    camera_variation: CameraVariation = field(default_factory=CameraVariation)
     sensors: SensorsConfig = field(default_factory=SensorsConfig)
     disturbances: Disturbances = field(default_factory=Disturbances)
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     control: FlipControlConfig = field(default_factory=FlipControlConfig)
     task: Task = field(default_factory=Task)
+
+    def drawn_cameras(self) -> dict[str, CameraConfig]:
+        """The cameras of the seed."""
+        return {
+            name: draw_camera_config(name, camera, self.camera_variation, self.seed)
+            for name, camera in self.cameras.items()
+        }
 
     @property
     def acting_estimator(self) -> str:
@@ -171,37 +200,26 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
     except ValueError as error:
         raise ScenarioError(f"{path}: finger.taxels: {error}") from None
     model = _model_file(scenario.tool.model, path) if scenario.tool.model else ""
-    if model and scenario.tool.thickness is None:
-        raise ScenarioError(f"{path}: tool.thickness: a tool of one's own needs it, [m]")
+    if model:
+        try:
+            check_tool(Path(model))
+        except (ValueError, RuntimeError) as error:
+            raise ScenarioError(f"{path}: tool.model: {one_line(error)}") from None
+        if scenario.tool.thickness is None:
+            raise ScenarioError(
+                f"{path}: tool.thickness: a tool of one's own needs it, [m]; of the bar at its"
+                " frame 'handle', between the pads"
+            )
+    period = scenario.network_period
     return replace(
         scenario,
         modalities=scenario.modalities or list(ESTIMATORS),
         tool=replace(scenario.tool, model=model),
-        sensors=with_tick(scenario.sensors, scenario.network_period, path),
+        perception=with_common_tick(
+            scenario.perception, ("period",), period, f"{path}: perception"
+        ),
+        sensors=with_common_tick(scenario.sensors, SENSOR_TICKS, period, f"{path}: sensors"),
     )
-
-
-def with_tick(sensors: SensorsConfig, period: float, path: Path) -> SensorsConfig:
-    """Gives every sensor the estimators' tick; it is chosen in one place only.
-
-    Raises:
-        ScenarioError: for a sensor that is given another one.
-    """
-    changed = {}
-    for item in fields(sensors):
-        config = getattr(sensors, item.name)
-        for key in ("tick", "exposure_period"):
-            if not hasattr(config, key):
-                continue
-            usual, value = getattr(type(config)(), key), getattr(config, key)
-            if value not in (usual, period):
-                raise ScenarioError(
-                    f"{path}: sensors.{item.name}.{key} = {value!r} s, but all sensors and"
-                    f" estimators tick at network_period = {period!r} s"
-                )
-            config = replace(config, **{key: period})
-        changed[item.name] = config
-    return replace(sensors, **changed)
 
 
 def _model_file(model: str, path: Path) -> str:

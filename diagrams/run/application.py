@@ -14,6 +14,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
 from diagrams.run.calibration import Calibration
 from diagrams.run.experiment import CampaignPlot, Column, Experiment, Metric
+from diagrams.run.own_object import OwnObject
 from diagrams.run.record import EpisodeRecord, Event, Quantity
 from diagrams.run.scenario import Scenario
 from diagrams.run.sensor_streams.codecs import Topic
@@ -135,6 +136,9 @@ class Application:
         evaluate: From what was recorded to what is shown of it.
         close_loop: Lets the station act by what its estimators say: connects them.
         view: Adds systems that draw into Meshcat what is believed.
+        own_object: The assignments `key.path=value` that put an object of the user's own in place
+            of a scenario's. Given: the scenario, its name or file, the object and the user's own
+            assignments. None where there is nothing to be replaced.
         keep_files: What a scenario needs and what does not come with the program, for a run's
             folder: the scenario that names it there, relative to the folder, and by their places
             in it the files to be copied.
@@ -169,6 +173,7 @@ class Application:
     view: "Callable[[DiagramBuilder, Any, Meshcat, System, Mapping[str, System]], None] | None" = (
         None
     )
+    own_object: Callable[[Any, str, OwnObject, Sequence[str]], Sequence[str]] | None = None
     keep_files: Callable[[Any], tuple[Any, Mapping[str, Path]]] = _keep_nothing
     identity: Callable[[Any], Any] = _as_it_is
     units: Callable[[Any], Mapping[str, str]] = _no_units

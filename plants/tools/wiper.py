@@ -12,6 +12,7 @@ HINGE, HANDLE_FRAME, EDGE_FRAME, FLAP = "hinge", "handle", "edge", "flap"
 _DENSITY = 1200.0  # Of the plastic that all but the rail is made of, [kg/m^3].
 _RAIL_MASS = 0.12  # Of the flap's metal rail, which lies along the hinge, [kg].
 _RAIL_RADIUS = 0.006  # [m]
+_BAR_END = 0.08  # Of the handle's bar above the place where it is held, [m].
 _PLATE = 0.004  # Thickness of the bracket's plate, [m].
 _UPPER_STOP, _LOWER_STOP = 2.6, -0.35  # Of the hinge, [rad].
 # The hinge's friction is a drive that brakes with the friction's torque at most. At this damping a
@@ -48,6 +49,8 @@ class WiperConfig:
     )
     # Of the handle's square bar.
     bar: np.ndarray = numbers(np.array([0.018, 0.024]), at_least=0.01, at_most=0.04, unit="m")
+    # Of the place where the handle is held above the hinge.
+    grip_height: np.ndarray = numbers(np.array([0.15, 0.19]), at_least=0.1, at_most=0.5, unit="m")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +65,7 @@ class Wiper:
     imbalance: float
     damping: float
     bar: float
+    grip_height: float
 
 
 def draw_wiper(config: WiperConfig, rng: np.random.Generator) -> Wiper:
@@ -81,7 +85,7 @@ def draw_wiper(config: WiperConfig, rng: np.random.Generator) -> Wiper:
     return Wiper(**drawn)
 
 
-def wiper_sdf(wiper: Wiper, bar_length: float = 0.25, grip_height: float = 0.17) -> str:
+def wiper_sdf(wiper: Wiper) -> str:
     """The model of a wiper, as SDF.
 
     Its frame has its origin in the middle of the hinge, x towards the side that is seen, y against
@@ -91,10 +95,9 @@ def wiper_sdf(wiper: Wiper, bar_length: float = 0.25, grip_height: float = 0.17)
 
     Args:
         wiper: Its numbers.
-        bar_length: Of the handle, [m].
-        grip_height: Of the frame `handle` above the hinge, [m].
     """
     w = wiper
+    bar_length = w.grip_height + _BAR_END
     bar_x = -0.5 * w.bar - _PLATE
     gap = _RAIL_RADIUS
     plate_height = w.flap_length - gap
@@ -137,7 +140,7 @@ def wiper_sdf(wiper: Wiper, bar_length: float = 0.25, grip_height: float = 0.17)
       <drake:controller_gains p="0" d="{_BRAKE:g}"/>
     </joint>
     <frame name="{HANDLE_FRAME}" attached_to="body">
-      <pose>{bar_x:.6g} 0 {grip_height:.6g} 0 0 0</pose></frame>
+      <pose>{bar_x:.6g} 0 {w.grip_height:.6g} 0 0 0</pose></frame>
     <frame name="{EDGE_FRAME}" attached_to="{FLAP}">
       <pose>{w.hinge_offset:.6g} 0 {-w.flap_length:.6g} 0 0 0</pose></frame>
   </model>

@@ -127,18 +127,26 @@ def predict(
 
 
 def correct(
-    state: FlapAngleState, k: Array, plane: FlapPlane, config: FlapAngleConfig
+    state: FlapAngleState, k: Array, plane: FlapPlane, touching: bool, config: FlapAngleConfig
 ) -> FlapAngleState:
-    """Correction by the angle of the plane's normal about k; either face may be seen."""
+    """Correction by the angle of the plane's normal about k; either face may be seen.
+
+    What is far off counts for less, but of a flap that nobody touches: somebody has moved it.
+    """
     assert state.n0_W is not None
     H = np.array([[1.0, 0.0, 1.0]])
     apart = angle_about(k, state.n0_W, plane.n_W) - float(state.x[0] + state.x[2])
     apart -= np.pi * np.round(apart / np.pi)  # The back is the front turned by half a turn.
     along = np.cross(k, plane.n_W)
     R = float(along @ plane.covariance[:3, :3] @ along)
-    S = float((H @ state.P @ H.T)[0, 0]) + R
-    R += max(0.0, apart**2 / config.gate**2 - S)
-    dx, P = joseph_update(state.P, H, np.array([[R]]), np.array([apart]))
+    P = state.P.copy()
+    S = float((H @ P @ H.T)[0, 0]) + R
+    beyond = max(0.0, apart**2 / config.gate**2 - S)
+    if touching:
+        R += beyond
+    elif beyond > 0.0:
+        P[0, 0] += apart**2
+    dx, P = joseph_update(P, H, np.array([[R]]), np.array([apart]))
     return replace(state, x=state.x + dx, P=P, measured=True)
 
 
@@ -218,7 +226,7 @@ def update_angle(
     if plane.seen:
         state = see_first(state, plane, config)
         if state.k_W is not None:
-            state = correct(state, state.k_W, plane, config)
+            state = correct(state, state.k_W, plane, touching, config)
     return with_normal(state, plane)
 
 

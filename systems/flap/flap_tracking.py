@@ -108,9 +108,10 @@ def choose_flap(
 ) -> PlaneFit | str:
     """The flap among the tool's flat parts, or why it is not known.
 
-    Of two parts it is the one that is seen ahead of the pad, which pushes the flap's edge. A single
-    one is the flap if it faces elsewhere than what was seen at rest; else both parts are parallel
-    still, and what lies ahead of the pad is the flap.
+    Of two parts it is the one that is seen ahead of the pad, which pushes the flap's edge; while
+    nothing is touched the flap may be anywhere, and it is the one that faces elsewhere than what
+    was seen at rest. A single one is the flap if it does; else both parts are parallel still, and
+    what lies ahead of the pad is the flap.
     """
     if not parts.fits:
         return "no flat surface"
@@ -119,13 +120,15 @@ def choose_flap(
     R = camera.X_WC[:3, :3]
     p_CQ = R.T @ (track.p_WC - camera.X_WC[:3, 3])
     near = ahead(parts.image, p_CQ, R.T @ track.y_W, config.region.flap_length)
-    if len(parts.fits) == 2:
+    rest = None if track.rest_W is None else -R.T @ track.rest_W
+    if len(parts.fits) == 2 and (touched or rest is None):
         seen = [int(np.sum(fit.pixels & near)) for fit in parts.fits]
         return parts.fits[int(np.argmax(seen))] if max(seen) > 0 else "hidden by the finger"
-    (fit,) = parts.fits
-    rest = None if track.rest_W is None else -R.T @ track.rest_W
-    if rest is not None and angle_between(fit.m_C, rest) > config.least_angle:
-        return fit
+    fit = parts.fits[0]
+    if rest is not None:
+        fit = max(parts.fits, key=lambda fit: angle_between(fit.m_C, rest))
+        if angle_between(fit.m_C, rest) > config.least_angle:
+            return fit
     if not touched:
         return "one surface only"
     return _ahead_of_pad(parts, fit, near, config) or "too few points"
@@ -148,9 +151,17 @@ def _ahead_of_pad(
 
 
 def describe(
-    fit: PlaneFit, parts: Parts, camera: DepthCamera, p_WC: Array, config: FlapTrackingConfig
+    fit: PlaneFit, parts: Parts, camera: DepthCamera, p_WC: Array | None, config: FlapTrackingConfig
 ) -> FlapPlane:
-    """The flap's plane in the world, or why the image does not show it well enough."""
+    """The flap's plane in the world, or why the image does not show it well enough.
+
+    Args:
+        fit: The plane in the camera's frame.
+        parts: Among which it was found.
+        camera: As it is believed to be.
+        p_WC: Where the flap is touched (3,), [m]; None while it is not.
+        config: See there.
+    """
     noise = plane_covariance(parts.image, fit, parts.sigma, config.sensor.correlation)
     n_W, d, covariance = world_plane(fit, noise, camera.X_WC)
     p_CF = parts.image.points(fit.pixels).mean(axis=0)
@@ -160,7 +171,7 @@ def describe(
         return unseen("grazing view")
     if np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]) > config.largest_error:
         return unseen("its direction is not certain")
-    if abs(n_W @ p_WC - d) > config.region.contact_distance:
+    if p_WC is not None and abs(n_W @ p_WC - d) > config.region.contact_distance:
         return unseen("it is not where the finger touches")
     J = plane_jacobian(n_W, d, p_WF)
     return FlapPlane(
@@ -214,8 +225,8 @@ def track_flap(
     flap = choose_flap(parts, track, touched, camera, config)
     if isinstance(flap, str):
         return replace(track, plane=unseen(flap))
-    assert track.p_WC is not None
-    return replace(track, plane=describe(flap, parts, camera, track.p_WC, config))
+    p_WC = track.p_WC if touched else None
+    return replace(track, plane=describe(flap, parts, camera, p_WC, config))
 
 
 class FlapTracker(RecursiveFilter):

@@ -1,6 +1,7 @@
 """The taxels of a tactile fingertip: normal forces from the pressure on its skin."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import GeometryId
@@ -21,11 +22,12 @@ _EDGE = 2.5
 
 @dataclass(kw_only=True)
 class TaxelFault:
-    """A taxel that reads one value for ever, whatever is pressed on it."""
+    """A taxel that reads one value for a time, whatever is pressed on it."""
 
     taxel: int = number(0, at_least=0, at_most=1000)
     reading: float = number(0.0, at_least=0.0, at_most=1000.0, unit="N")  # 0 for a dead one.
     start: float = number(0.0, at_least=0.0, at_most=86400.0, unit="s")
+    end: float = number(float("inf"), above=0.0, at_most=86400.0, unit="s", infinite=True)
 
 
 @dataclass(kw_only=True)
@@ -39,7 +41,6 @@ class TaxelsConfig:
     threshold: float = number(0.03, at_least=0.0, at_most=100.0, unit="N")
     # Of all taxels together on the fingertip, along each axis; standard deviation over episodes.
     place: float = number(0.0005, at_least=0.0, at_most=0.1, unit="m")
-    faults: list[TaxelFault] = field(default_factory=list)
 
 
 def felt_shares(p_SQ: Array, p_ST: Array, spread: float) -> Array:
@@ -213,27 +214,31 @@ class TaxelSensor(SampledSensor):
         config: Of the sensor.
         taxels: How many there are.
         seed: Of the noise.
+        faults: Of single taxels.
 
     Raises:
         ValueError: for impossible values and for a fault of a taxel that is not there.
     """
 
-    def __init__(self, config: TaxelsConfig, taxels: int, seed: int) -> None:
+    def __init__(
+        self, config: TaxelsConfig, taxels: int, seed: int, faults: Sequence[TaxelFault] = ()
+    ) -> None:
         c, name = config, "TaxelSensor"
         check(c, name)
         require(c.period <= c.tick, name, c, "tick", ">= period")
-        for fault in c.faults:
+        for fault in faults:
+            check(fault, name)
             require(fault.taxel < taxels, name, fault, "taxel", f"< {taxels}, their number")
         super().__init__("taxel_forces", "taxel", taxels, c.period, c.tick)
-        self._config = c
+        self._config, self._faults = c, list(faults)
         self._noise = WhiteNoise(seed, "TaxelSensor noise", taxels)
 
     def measure(self, value: Array, index: int) -> Array:
         c = self._config
         sample = value + c.noise * self._noise(index)
         sample = np.where(sample < c.threshold, 0.0, sample)
-        for fault in c.faults:
-            if index * c.period >= fault.start:
+        for fault in self._faults:
+            if fault.start <= index * c.period < fault.end:
                 sample[fault.taxel] = fault.reading
         return np.asarray(sample)
 

@@ -40,6 +40,10 @@ class FingertipMotionConfig:
     process_noise: float = number(0.003, at_least=1e-9, at_most=100.0, unit="m/s^1.5")
     # Velocity of a contact that has just begun, 1 sigma per axis.
     first_velocity: float = number(0.02, at_least=1e-6, at_most=10.0, unit="m/s")
+    # By so much a sample of the taxels may be stamped ahead of the tick.
+    newest: float = number(0.005, at_least=0.0, at_most=3600.0, unit="s")
+    # Age of their last sample that is a fault.
+    stale_after: float = number(0.15, at_least=1e-3, at_most=3600.0, unit="s")
     features: ContactFeaturesConfig = field(default_factory=ContactFeaturesConfig)
 
 
@@ -112,11 +116,34 @@ def with_point(belief: FingertipContact, white_S: Array) -> FingertipContact:
 
 @dataclass(frozen=True, kw_only=True)
 class FingertipState(Immutable):
-    """The posterior, the taxels and the contact point's track, None without a contact."""
+    """What is remembered between two ticks.
+
+    Attributes:
+        belief: The posterior.
+        taxels: Up to their last sample.
+        health: Of the taxels.
+        track: Of the contact point; None without a contact.
+    """
 
     belief: FingertipContact
     taxels: TaxelState
+    health: StreamHealth
     track: PointTrack | None
+
+
+def new_samples(window: SampleWindow, last: float, now: float, newest: float) -> SampleWindow:
+    """The samples that are later than the `last` one and not stamped ahead of `now`, [s]."""
+    new = (window.times > last) & (window.times <= now + newest)
+    return replace(window, times=window.times[new], values=window.values[new])
+
+
+def health_of(taxels: TaxelState, now: float, stale_after: float) -> StreamHealth:
+    """Of the taxels' stream: silence first, then what is wrong with single ones."""
+    silence = now - max(taxels.time, 0.0)
+    if silence > stale_after:
+        return StreamHealth(age=silence, fault="no samples")
+    health = taxels.health
+    return replace(health, age=max(silence, health.age))
 
 
 class FingertipMotion(RecursiveFilter):
@@ -174,21 +201,26 @@ class FingertipMotion(RecursiveFilter):
         count = len(layout.p_ST)
         self._taxels = self._declare_value_input("taxel_window", _no_samples(count))
         initial = FingertipState(
-            belief=UNKNOWN_FINGERTIP, taxels=unheard_taxels(layout), track=None
+            belief=UNKNOWN_FINGERTIP,
+            taxels=unheard_taxels(layout),
+            health=StreamHealth(),
+            track=None,
         )
         self._declare_recursion(initial, self._calc_motion, config.period)
         self._declare_estimated("fingertip_contact_estimated", lambda state: state.belief)
         self._declare_latest("fingertip_contact_latest", lambda state: state.belief)
-        self._declare_latest("health_latest", lambda state: StreamHealth(fault=state.taxels.fault))
+        self._declare_latest("health_latest", lambda state: state.health)
 
     def _calc_motion(self, context: Context, state: FingertipState) -> FingertipState:
         joints: SampleWindow = self._read(self._joints, context)
-        window: SampleWindow = self._read(self._taxels, context)
+        config, time = self._config, context.get_time()
+        window = new_samples(
+            self._read(self._taxels, context), state.taxels.time, time, config.newest
+        )
         taxels, contact, white_S = self._feel(state.taxels, window)
-        time = context.get_time()
+        state = replace(state, taxels=taxels, health=health_of(taxels, time, config.stale_after))
         if joints.times.size == 0:
-            return FingertipState(belief=UNKNOWN_FINGERTIP, taxels=taxels, track=state.track)
-        config = self._config
+            return replace(state, belief=UNKNOWN_FINGERTIP)
         q, variance = joints_at(
             joints.times - time, joints.values, config.position_noise, config.velocity_noise
         )
@@ -201,7 +233,7 @@ class FingertipMotion(RecursiveFilter):
             contact=contact,
         )
         if not contact.touching:
-            return FingertipState(belief=belief, taxels=taxels, track=None)
+            return replace(state, belief=belief, track=None)
         belief = with_point(belief, white_S)
         R = belief.p_WC_white_covariance
         track = (
@@ -210,7 +242,7 @@ class FingertipMotion(RecursiveFilter):
             else follow(state.track, time, belief.p_WC, R, self._config.process_noise)
         )
         belief = replace(belief, v_WC=track.mean[3:], v_WC_covariance=track.covariance[3:, 3:])
-        return FingertipState(belief=belief, taxels=taxels, track=track)
+        return replace(state, belief=belief, track=track)
 
     def _feel(
         self, taxels: TaxelState, window: SampleWindow

@@ -17,6 +17,9 @@ from systems.tactile.contact_features import (
 )
 from systems.tactile.taxel_layout import TaxelLayout
 
+_PLAIN = 3.0  # A force that is no noise, as a multiple of the least that counts.
+_KEPT = 0.8  # Share of their force that the others keep while one falls silent.
+
 
 @dataclass(frozen=True, kw_only=True)
 class TaxelState(Immutable):
@@ -29,6 +32,9 @@ class TaxelState(Immutable):
         dead: Which were silent where they must not be, and have not been pressed since (T,).
         usable: Which taxels work (T,).
         contact: What they felt last.
+        time: Of that sample, [s]; minus infinity before the first.
+        p_SC: Where the last contact was (3,), [m]; NaN before the first.
+        trusted_at: When it could last be told whether there is a contact, [s].
     """
 
     forces: Array
@@ -37,12 +43,16 @@ class TaxelState(Immutable):
     dead: Mask
     usable: Mask
     contact: TactileContact
+    time: float
+    p_SC: Array
+    trusted_at: float
 
     @property
-    def fault(self) -> str:
-        """What is wrong with the taxels, in words; empty while nothing is."""
+    def health(self) -> StreamHealth:
+        """What is wrong with the taxels, and since when no contact could be told, [s]."""
         left_out = ", ".join(str(index) for index in np.flatnonzero(~self.usable))
-        return f"dead or stuck taxels: {left_out}" if left_out else ""
+        fault = f"dead or stuck taxels: {left_out}" if left_out else ""
+        return StreamHealth(age=max(self.time - self.trusted_at, 0.0), fault=fault)
 
 
 def unheard_taxels(layout: TaxelLayout) -> TaxelState:
@@ -55,6 +65,9 @@ def unheard_taxels(layout: TaxelLayout) -> TaxelState:
         dead=np.zeros(count, bool),
         usable=np.ones(count, bool),
         contact=NO_CONTACT,
+        time=-np.inf,
+        p_SC=np.full(3, np.nan),
+        trusted_at=0.0,
     )
 
 
@@ -65,6 +78,28 @@ def must_be_pressed(
     if not contact.force > config.firm_force:
         return np.zeros(len(layout.p_ST), bool)
     return np.asarray(np.linalg.norm(layout.p_ST - contact.p_SC, axis=1) < config.near)
+
+
+def fell_silent(before: TaxelState, forces: Array, config: ContactFeaturesConfig) -> Mask:
+    """Which taxels (T,) feel nothing from one sample to the next, while the others feel on.
+
+    What goes away from all of them has gone; what goes away from one is the taxel's own fault.
+    """
+    pressed = before.usable & (before.forces > _PLAIN * config.least_force)
+    silent = pressed & (np.abs(forces) <= config.least_force)
+    others = pressed & ~silent
+    kept = np.sum(forces[others]) > _KEPT * np.sum(before.forces[others])
+    return silent & bool(others.sum() >= silent.sum() and kept)
+
+
+def can_feel(usable: Mask, p_SC: Array, layout: TaxelLayout, config: ContactFeaturesConfig) -> bool:
+    """Whether most taxels around the last contact (3,) work, so that its end can be told.
+
+    Before the first contact, whether most taxels do.
+    """
+    around = np.linalg.norm(layout.p_ST - p_SC, axis=1) < config.near
+    concerned = usable[around] if around.any() else usable
+    return bool(2 * concerned.sum() > len(concerned))
 
 
 def next_taxel_state(
@@ -92,16 +127,22 @@ def next_taxel_state(
     stuck = pressed & (time - same_since > config.stuck_after)
     excused = pressed | ~must_be_pressed(state.contact, layout, config)
     alive_at = np.where(excused, time, state.alive_at)
-    dead = ~pressed & (state.dead | (time - alive_at > config.dead_after))
+    silent = state.dead | (time - alive_at > config.dead_after)
+    dead = ~pressed & (silent | fell_silent(state, forces, config))
     usable = np.isfinite(forces) & ~stuck & ~dead
-    touching = state.contact.touching
+    contact = contact_of_taxels(forces, state.contact.touching, usable, layout, config)
+    p_SC = contact.p_SC if contact.touching else state.p_SC
+    trusted = contact.touching or can_feel(usable, p_SC, layout, config)
     return TaxelState(
         forces=forces.copy(),
         same_since=same_since,
         alive_at=alive_at,
         dead=dead,
         usable=usable,
-        contact=contact_of_taxels(forces, touching, usable, layout, config),
+        contact=contact,
+        time=time,
+        p_SC=p_SC,
+        trusted_at=time if trusted else state.trusted_at,
     )
 
 
@@ -121,7 +162,8 @@ class TaxelMonitor(RecursiveFilter):
     - `taxel_measured`: (T,) the taxels' forces, [N].
     - `contact_estimated`: `TactileContact` of this instant; it may be read between ticks.
     - `contact_latest`: `TactileContact` of the last tick, from the state alone.
-    - `health_latest`: `StreamHealth`; its fault names the taxels that are left out.
+    - `health_latest`: `StreamHealth`; its fault names the taxels that are left out, its age is
+      how long it cannot be told whether there is a contact.
 
     Frames: S fingertip.
 
@@ -147,7 +189,7 @@ class TaxelMonitor(RecursiveFilter):
         self._declare_recursion(unheard_taxels(layout), self._feel, period)
         self._declare_estimated("contact_estimated", lambda state: state.contact)
         self._declare_latest("contact_latest", lambda state: state.contact)
-        self._declare_latest("health_latest", lambda state: StreamHealth(fault=state.fault))
+        self._declare_latest("health_latest", lambda state: state.health)
 
     def _feel(self, context: Context, state: Any) -> TaxelState:
         forces = np.asarray(self._taxels.Eval(context))

@@ -14,8 +14,9 @@ from diagrams.crossmodal.objects.object_import import (
     pull_error,
 )
 from diagrams.crossmodal.objects.object_model import read_object_model
-from diagrams.crossmodal.own_object import OwnObject, own_object_assignments
+from diagrams.crossmodal.own_object import own_object_assignments
 from diagrams.crossmodal.scenario import Scenario
+from diagrams.run.own_object import OwnObject
 from diagrams.run.yaml_input.schema import ScenarioError
 from plants.object_import.inspection import inspect_model
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from diagrams.evaluation.metric_table import mean_share, median_and_range
+from diagrams.evaluation.metric_table import count, mean_share, median_and_range
 from diagrams.run.experiment import Column, Metric
 
 
@@ -33,6 +33,14 @@ def _of_estimator(key: str, unit: str, title: str) -> Metric:
 METRICS = (
     _of_episode("turned", "rad", "flap turned by"),
     _of_episode("longest_loss", "s", "longest loss of contact"),
+    Metric(
+        name="contact_reestablished",
+        value=_flap("contact_reestablished"),
+        by_estimator=False,
+        title="contact that was jerked away re-established",
+        cell=lambda values, unit: count(values),
+    ),
+    _of_episode("reestablished_after", "s", "re-established after"),
     _of_episode("contact_position_rms", "m", "contact position, RMS about its mean"),
     _of_episode("contact_position_offset", "m", "its mean, from the pad's centre along x"),
     _of_episode("force_rms", "N", "contact force error, RMS"),

@@ -9,11 +9,18 @@ import numpy as np
 
 from diagrams.drawing.digits import fixed, written
 from diagrams.evaluation.estimates import Row, estimates_table, scalar, vector
+from diagrams.evaluation.stream_faults import (
+    fault_events,
+    fault_lines,
+    fault_spans,
+    health_rows,
+)
 from diagrams.flap.estimator_names import LABELS
 from diagrams.flap.results.flap_episode import FlapEpisode, flap_episode
 from diagrams.flap.results.flap_measures import measure_estimation, measure_servoing
 from diagrams.flap.results.frame_plots import draw_frames
 from diagrams.flap.results.plots import draw_angle, draw_servoing, draw_tool
+from diagrams.flap.results.recovery import summarise_recoveries
 from diagrams.flap.results.task import can_be_judged, task_failure
 from diagrams.run.application import Results
 from diagrams.run.record import EpisodeRecord
@@ -25,6 +32,7 @@ def evaluate(record: EpisodeRecord) -> Results:
     scenario, truth = record.scenario, episode.truth
     servoing = measure_servoing(truth, scenario.control.sequence.force)
     judged = can_be_judged(truth)
+    faults = fault_spans(record)
     return Results(
         failure=task_failure(scenario.task, record, servoing) if judged else None,
         judged=judged,
@@ -34,8 +42,10 @@ def evaluate(record: EpisodeRecord) -> Results:
                 for name, series in episode.series.items()
             }
         ),
+        events=fault_events(faults),
         summary={
-            "flap": asdict(servoing),
+            "flap": asdict(servoing) | summarise_recoveries(truth, scenario.disturbances.jerks),
+            "stream_faults": [asdict(fault) for fault in faults],
             "modalities": {
                 name: {"flap": asdict(measure_estimation(truth, series))}
                 for name, series in episode.series.items()
@@ -64,7 +74,7 @@ def _rows(episode: FlapEpisode, name: str, k: int) -> list[Row]:
         if not np.isnan(value[k]).any():
             rows += vector(quantity, value[k], covariance[k], true[k])
     rows.append(scalar("flap_seen", float(series.seen[k])))
-    return rows
+    return rows + health_rows(episode.record.estimators[name].ticks[k])
 
 
 _LINES: Sequence[tuple[str, str, float, str]] = (
@@ -74,6 +84,19 @@ _LINES: Sequence[tuple[str, str, float, str]] = (
     ("L1_error", "L1, mean error", 1e3, "mm"),
     ("L2_error", "L2, mean error", 1e3, "mm"),
 )
+
+
+def _recovery_line(jerk: Mapping[str, Any]) -> str:
+    """What a jerk of the flap came to, in words."""
+    way, after = jerk["way"], jerk["reestablished_after"]
+    moved = f"Jerked by {written(None if way is None else 1e3 * way, 'mm')}"
+    if not jerk["contact_lost"]:
+        what = "the contact was kept"
+    elif after is None or np.isnan(after):
+        what = "the contact was lost and not found again"
+    else:
+        what = f"the contact was lost and found again after {written(after, 's')}"
+    return f"{moved} at {jerk['start']:.1f} s: {what}."
 
 
 def report(summary: Mapping[str, Any]) -> list[str]:
@@ -90,6 +113,7 @@ def report(summary: Mapping[str, Any]) -> list[str]:
         f" {value('contact_position_offset', 1e3, 'mm')} along x,"
         f" force {value('force_rms', 1.0, 'N')} RMS off,"
         f" normals aligned after {value('normals_aligned_after', 1.0, 's')}.",
+        *(_recovery_line(jerk) for jerk in flap.get("jerks", [])),
         "",
         "The tool, against the truth:",
     ]
@@ -105,4 +129,6 @@ def report(summary: Mapping[str, Any]) -> list[str]:
         )
         lines.append(f"  {LABELS.get(name, name)}: " + ", ".join(parts))
         lines.append(f"    inside 2σ (axis/angle/L1/L2): {shares} % of the ticks")
+    if faults := fault_lines(summary["stream_faults"]):
+        lines += ["", "Streams that were not trusted:"] + [f"  {line}" for line in faults]
     return lines

@@ -18,7 +18,8 @@ def task_failure(task: Task, record: EpisodeRecord, servoing: Servoing) -> str |
     """Why the flap was not flipped as it was to be, in one line; None where it was."""
     turned, asked = np.rad2deg(servoing.turned), np.rad2deg(task.least_angle)
     status = record.station_values(STATUS_PORT)
-    after = f"; the robot: {status[-1].note}" if status and status[-1].note else ""
+    note = status[-1].note if status else ""
+    after = f"; the robot: {note}" if note else ""
     if np.isnan(servoing.longest_loss):
         return f"the fingertip never began to turn the flap{after}"
     if servoing.turned < task.least_angle:
@@ -28,6 +29,8 @@ def task_failure(task: Task, record: EpisodeRecord, servoing: Servoing) -> str |
             f"without contact for {servoing.longest_loss:.2f} s while turning the flap,"
             f" {task.longest_loss:.3g} s is allowed{after}"
         )
+    if note:
+        return f"the robot gave up: {note}"
     return None
 
 

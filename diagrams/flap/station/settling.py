@@ -18,6 +18,7 @@ from maths.arrays import Array
 from plants.hands.three_finger_hand import closed_posture, grip_torques
 from plants.robots.inverse_kinematics import inverse_kinematics
 from plants.scene import ManipulationScene, ObjectPlacement, add_manipulation_scene
+from plants.tools.held_tool import make_touchable
 from plants.tools.wiper import EDGE_FRAME, HANDLE_FRAME, HINGE
 
 # Elbows up and outward, all joints far from their limits.
@@ -63,7 +64,7 @@ def add_scene(
     """
     robots = [(HOLDER_ARM, HOLDER_HAND), (FINGER_ARM, FINGERTIP)]
     placement = ObjectPlacement(model=tool.model, X_WO=tool.X_WM, free=True, texture=tool.texture)
-    return add_manipulation_scene(
+    scene = add_manipulation_scene(
         builder,
         scenario.plant,
         {TOOL: placement},
@@ -71,6 +72,8 @@ def add_scene(
         bases,
         weightless=[name for robot in robots for name in robot],
     )
+    make_touchable(scene.plant, scene.scene_graph, scene.model(TOOL))
+    return scene
 
 
 def settled_start(

@@ -6,7 +6,9 @@ through ports named `cheat_...`, for evaluation.
 
 from dataclasses import dataclass
 
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+import numpy as np
+from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
 from diagrams.flap.calibration import ROBOTS
 from diagrams.flap.robot_config import FINGER, HOLDER_HAND, TOOL
@@ -22,8 +24,11 @@ from diagrams.stations.true_pose import add_true_pose
 from plants.external_forces import ExternalForces
 from plants.robots.arm_with_hand import make_arm_with_load
 from plants.scene import ManipulationScene
+from plants.tools.flap_jerk import FlapJerks
 from plants.tools.wiper import EDGE_FRAME
 from systems.tactile.taxel_layout import SEMI_AXES
+
+_VIEWS = 9  # Angles of the flap at which a camera is asked whether it sees it.
 
 
 @dataclass(kw_only=True)
@@ -61,8 +66,7 @@ def make_flap_station(scenario: Scenario, calibration: Calibration) -> FlapStati
         calibration: What the robots believe of themselves.
 
     Raises:
-        ValueError: for impossible values, for a tool without hinge, handle or edge, and for one
-            out of reach or out of a camera's sight.
+        ValueError: for impossible values, and for a tool out of reach or out of a camera's sight.
     """
     errors, seed = scenario.calibration.errors, scenario.seed
     bases = {
@@ -90,26 +94,53 @@ def make_flap_station(scenario: Scenario, calibration: Calibration) -> FlapStati
 
 
 def _check_sight(wiring: StationWiring) -> None:
-    """Refuses a camera in whose image the flap is not."""
-    p_WEdge = wiring.scene.pose(EDGE_FRAME, TOOL).translation()
+    """Refuses a camera that never sees the flap, or only edge-on, on all of its way."""
+    plant, tool = wiring.scene.plant, wiring.scene.model(TOOL)
+    hinge, context = wiring.hinge, plant.CreateDefaultContext()
+    edge = plant.GetFrameByName(EDGE_FRAME, tool)
+    last = min(hinge.position_upper_limit(), wiring.scenario.control.sequence.angle)
+    grazing = np.cos(wiring.scenario.perception.tracker.largest_incidence)
+    poses = []
+    for angle in np.linspace(0.0, last, _VIEWS):
+        hinge.set_angle(context, angle)
+        p_WJ = hinge.frame_on_child().CalcPoseInWorld(context).translation()
+        X_WEdge = edge.CalcPoseInWorld(context).GetAsMatrix4()
+        poses.append((0.5 * (p_WJ + X_WEdge[:3, 3]), X_WEdge[:3, 0]))
     for name, camera in wiring.calibration.cameras.items():
-        ((u, v),) = camera.project(p_WEdge)
-        seen = 0.0 <= u < camera.intrinsics.width and 0.0 <= v < camera.intrinsics.height
-        if not seen:  # Behind the camera, u and v are NaN.
-            raise ValueError(
-                f"cameras.{name}: the flap at {p_WEdge.round(2).tolist()} m is not in its image"
-            )
+        why = f"the flap at {poses[0][0].round(2).tolist()} m is not in its image"
+        for p_WF, n_W in poses:
+            ((u, v),) = camera.project(p_WF)
+            if not (0.0 <= u < camera.intrinsics.width and 0.0 <= v < camera.intrinsics.height):
+                continue  # Behind the camera, u and v are NaN.
+            ray = p_WF - camera.X_PC.translation()
+            if abs(n_W @ ray) > grazing * np.linalg.norm(ray):
+                break
+            why = "it sees the flap edge-on only, however far that is turned"
+        else:
+            raise ValueError(f"cameras.{name}: {why}")
 
 
 def _add_outside(wiring: StationWiring) -> None:
     """Adds what disturbs the tool, and the truth for the evaluation."""
     builder, scene = wiring.builder, wiring.scene
-    plant = scene.plant
-    if wiring.scenario.disturbances.forces:
-        forces = ExternalForces(plant, wiring.scenario.disturbances.forces)
-        builder.AddNamedSystem("external_forces", forces)
-        builder.Connect(plant.get_body_poses_output_port(), forces.get_input_port())
-        builder.Connect(forces.get_output_port(), plant.get_applied_spatial_force_input_port())
+    plant, tool = scene.plant, scene.model(TOOL)
+    disturbances = wiring.scenario.disturbances
+    hands: list[System] = []
+    if disturbances.jerks:
+        edge = plant.GetFrameByName(EDGE_FRAME, tool)
+        jerks = FlapJerks(plant, wiring.hinge, edge, disturbances.jerks)
+        hands.append(builder.AddNamedSystem("flap_jerks", jerks))
+        builder.Connect(plant.get_state_output_port(tool), jerks.GetInputPort("tool_state"))
+    if disturbances.forces:
+        forces = ExternalForces(plant, disturbances.forces)
+        hands.append(builder.AddNamedSystem("external_forces", forces))
+    if hands:
+        total = ExternallyAppliedSpatialForceMultiplexer(len(hands))
+        builder.AddNamedSystem("outside_forces", total)
+        for index, hand in enumerate(hands):
+            builder.Connect(plant.get_body_poses_output_port(), hand.GetInputPort("body_poses"))
+            builder.Connect(hand.get_output_port(), total.get_input_port(index))
+        builder.Connect(total.get_output_port(), plant.get_applied_spatial_force_input_port())
     add_flap_truth(wiring)
     end_effector = plant.GetFrameByName("end_effector", scene.model(HOLDER_HAND))
     add_true_pose(builder, plant, end_effector, "end_effector")

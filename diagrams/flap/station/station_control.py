@@ -2,7 +2,7 @@
 
 import numpy as np
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import InputPort
+from pydrake.systems.framework import InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
 from diagrams.flap.flip_control import make_flip_control
@@ -13,7 +13,6 @@ from diagrams.run.recorder import STATUS_PORT
 from diagrams.stations.naming import prefixed
 from maths.arrays import Array
 from systems.sensors.joint_encoders import JointEncoders
-from systems.sensors.taxels import TaxelSensor
 
 
 def add_drives(wiring: StationWiring) -> dict[str, InputPort]:
@@ -38,7 +37,7 @@ def add_flip_control(
     wiring: StationWiring,
     drive: InputPort,
     encoders: JointEncoders,
-    taxels: TaxelSensor,
+    taxels: OutputPort,
 ) -> None:
     """Adds what moves the fingertip; exports `task_status`.
 
@@ -49,7 +48,7 @@ def add_flip_control(
         wiring: Of the station.
         drive: Where the finger's joint positions are commanded.
         encoders: Of the finger's arm.
-        taxels: Of the fingertip.
+        taxels: `taxel_measured` of the fingertip.
     """
     builder, scenario, start = wiring.builder, wiring.scenario, wiring.start.finger
     as_read = encoders.measure(np.append(start, np.zeros(len(start))), 0)[: len(start)]
@@ -62,8 +61,8 @@ def add_flip_control(
         encoders.GetOutputPort("joint_state_measured"),
         control.GetInputPort("joint_state_measured"),
     )
-    builder.Connect(taxels.GetOutputPort("taxel_measured"), control.GetInputPort("taxel_measured"))
-    builder.ExportOutput(taxels.GetOutputPort("taxel_measured"), "taxel_measured")
+    builder.Connect(taxels, control.GetInputPort("taxel_measured"))
+    builder.ExportOutput(taxels, "taxel_measured")
     builder.Connect(control.GetOutputPort("joint_position_commanded"), drive)
     for port in ("flap_angle_latest", "hinge_latest"):
         builder.ExportInput(control.GetInputPort(port), port)

@@ -1,8 +1,10 @@
 """The sensors of a station: joints, taxels and the camera."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import OutputPort
 
 from diagrams.flap.calibration import ROBOTS
 from diagrams.flap.robot_config import (
@@ -14,6 +16,7 @@ from diagrams.flap.robot_config import (
     HOLDER_HAND,
 )
 from diagrams.flap.station.wiring import StationWiring
+from diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from diagrams.stations.add_arm import add_encoders
 from diagrams.stations.add_cameras import add_cameras, add_robot_masks
 from diagrams.stations.naming import own_seed, prefixed
@@ -54,12 +57,16 @@ def add_joint_sensors(
     }
 
 
-def add_taxels(wiring: StationWiring, layout: TaxelLayout) -> TaxelSensor:
+def add_taxels(wiring: StationWiring, layout: TaxelLayout) -> OutputPort:
     """Adds the taxels, where the seed has put them on the fingertip; exports `taxel_window`.
 
     Args:
         wiring: Of the station.
         layout: Where the robot believes them to be.
+
+    Returns:
+        `taxel_measured` as control hears it: a fault of the stream `taxel_window` is one of the
+        skin's cable, which control depends on, too.
     """
     builder, plant = wiring.builder, wiring.scene.plant
     config, seed = wiring.scenario.sensors.taxels, wiring.scenario.seed
@@ -71,11 +78,22 @@ def add_taxels(wiring: StationWiring, layout: TaxelLayout) -> TaxelSensor:
     builder.Connect(plant.get_contact_results_output_port(), forces.GetInputPort("contact_results"))
     builder.Connect(plant.get_body_poses_output_port(), forces.GetInputPort("body_poses"))
     sensor = builder.AddNamedSystem(
-        "taxels", TaxelSensor(config, len(layout.p_ST), own_seed(seed, FINGERTIP))
+        "taxels",
+        TaxelSensor(
+            config,
+            len(layout.p_ST),
+            own_seed(seed, FINGERTIP),
+            wiring.scenario.disturbances.taxels,
+        ),
     )
     builder.Connect(forces.get_output_port(), sensor.get_input_port())
     builder.ExportOutput(sensor.GetOutputPort("taxel_window"), "taxel_window")
-    return sensor
+    faults = [
+        replace(fault, stream="taxel_measured")
+        for fault in wiring.scenario.disturbances.faults
+        if fault.stream == "taxel_window" and fault.kind != "clock_jump"
+    ]
+    return add_stream_faults(builder, sensor, faults, config.period, seed)("taxel_measured")
 
 
 def add_vision(wiring: StationWiring, encoders: Mapping[str, JointEncoders]) -> None:
@@ -91,7 +109,7 @@ def add_vision(wiring: StationWiring, encoders: Mapping[str, JointEncoders]) -> 
         builder,
         scene.plant,
         scene.scene_graph,
-        wiring.scenario,
+        replace(wiring.scenario, cameras=wiring.scenario.drawn_cameras()),
         wiring.calibration,
         sensors.camera,
     )

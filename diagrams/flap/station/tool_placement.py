@@ -8,7 +8,6 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from diagrams.flap.scenario import Scenario
 from maths.arrays import Array
-from plants.tools.held_tool import check_tool
 from plants.tools.wiper import draw_wiper, wiper_sdf
 from systems.sensors.randomness import make_generator
 
@@ -42,9 +41,6 @@ def draw_tool(scenario: Scenario, reach: float) -> ToolPlacement:
     Args:
         scenario: With its seed.
         reach: Of the fingertip's pad from its centre, [m].
-
-    Raises:
-        ValueError: for a tool that has not what it takes, in one line.
     """
     tool, finger, vary = scenario.tool, scenario.finger, scenario.tool.variation
     rng = make_generator(scenario.seed, "tool")
@@ -53,7 +49,6 @@ def draw_tool(scenario: Scenario, reach: float) -> ToolPlacement:
     texture = str(rng.choice(vary.textures)) if vary.textures else ""
     wiper = draw_wiper(tool.wiper, make_generator(scenario.seed, "wiper"))
     model: Path | str = Path(tool.model) if tool.model else wiper_sdf(wiper)
-    check_tool(model)
     placed = finger.placement * half[7:10]
     p_EdgeTouch = np.array([0.0, finger.along_edge, -reach])
     p_EdgeS = p_EdgeTouch - [0.0, 0.0, finger.clearance] + placed

@@ -59,12 +59,21 @@ class Episode:
         self.time = 0.0
         self.X_WS = X_START.copy()
 
-    def go(self, seconds: float, contact=NO_CONTACT, theta=np.nan, hinge=None, step=None):  # type: ignore[no-untyped-def]
+    def go(  # type: ignore[no-untyped-def]
+        self, seconds, contact=NO_CONTACT, theta=np.nan, hinge=None, step=None, distrust=""
+    ):
         for _ in range(round(seconds / CONFIG.period)):
             self.time += CONFIG.period
             if step is not None:
                 self.X_WS = self.X_WS @ se3.exp(CONFIG.period * np.asarray(step, float))
-            now = Felt(time=self.time, X_WS=self.X_WS, contact=contact, theta=theta, hinge=hinge)
+            now = Felt(
+                time=self.time,
+                X_WS=self.X_WS,
+                contact=contact,
+                theta=theta,
+                hinge=hinge,
+                distrust=distrust,
+            )
             self.state = next_flip_state(self.state, now, CONFIG)
         return self
 
@@ -183,6 +192,24 @@ def test_an_edge_that_is_seen_to_have_gone_is_followed_to_before_it() -> None:
     assert episode.state.phase == FlipPhase.ESTABLISH_CONTACT
     V = approach_twist(episode.state, False, CONFIG)
     assert_allclose(V, [0, 0, 0, 0, CONFIG.search_speed, 0])
+
+
+def test_a_finger_that_cannot_trust_its_touch_stands_still_and_goes_on_once_it_can() -> None:
+    episode = Episode().flipping().go(2.0, distrust="dead taxels")
+    assert episode.state.phase == FlipPhase.ESTABLISH_CONTACT
+    assert_allclose(approach_twist(episode.state, False, CONFIG), 0.0)
+    assert feed_forward(episode.state, episode.time, CONFIG) == 0.0
+    episode.go(CONFIG.settle_time + 0.03, touching())
+    assert episode.state.phase == FlipPhase.FLIP
+    assert episode.state.losses == 0
+
+
+@pytest.mark.parametrize("first", ["approach", "flip"])
+def test_touch_that_stays_away_is_told_in_one_line(first: str) -> None:
+    episode = Episode() if first == "approach" else Episode().flipping()
+    episode.go(CONFIG.search_time + 0.5, distrust="dead taxels: 0, 3")
+    assert episode.state.phase == FlipPhase.FAILED
+    assert episode.state.why == "touch cannot be trusted: dead taxels: 0, 3"
 
 
 def test_the_turn_about_the_hinge_keeps_its_distance_and_goes_with_the_flap() -> None:

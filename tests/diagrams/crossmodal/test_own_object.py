@@ -16,7 +16,7 @@ from diagrams.applications import load_scenario
 from diagrams.crossmodal.application import APPLICATION
 from diagrams.crossmodal.objects.object_import import ObjectWarning, check_pull
 from diagrams.crossmodal.objects.object_model import read_object_model
-from diagrams.crossmodal.own_object import OwnObject, keep_files, own_object_assignments
+from diagrams.crossmodal.own_object import keep_files, own_object_assignments
 from diagrams.crossmodal.scenario import Scenario, object_model_file
 from diagrams.crossmodal.station.overlaps import overlaps
 from diagrams.crossmodal.station.settling import settling
@@ -28,6 +28,7 @@ from diagrams.crossmodal.station.station import (
 from diagrams.run.episode import StationWarning, build_station
 from diagrams.run.folder.fingerprint import scenario_hash
 from diagrams.run.folder.run_folder import write_run, write_scenario
+from diagrams.run.own_object import OwnObject
 from diagrams.run.yaml_input.schema import ScenarioError
 from models import MODELS_DIR
 

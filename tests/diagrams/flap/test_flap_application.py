@@ -19,7 +19,7 @@ from diagrams.run.record import EpisodeRecord
 from diagrams.run.replay import replay
 from diagrams.stations.truth_paths import truth_paths, truth_references
 
-ESTIMATES = {"axis", "theta", "L1", "L2", "flap_seen"}
+ESTIMATES = {"axis", "theta", "L1", "L2", "flap_seen", "stream_age", "stream_fault"}
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from diagrams.run.yaml_input.schema import ScenarioError
 Load = Callable[..., Scenario]
 
 
-@pytest.mark.parametrize("name", ["flap", "flap-visible"])
+@pytest.mark.parametrize("name", ["flap", "flap-visible", "flap-jerked"])
 def test_the_scenarios_come_with_the_errors_of_a_careful_laboratory(load: Load, name: str) -> None:
     errors = load(name).calibration.errors
     assert_allclose(errors.camera_translation, 0.005)
@@ -22,7 +22,10 @@ def test_the_scenarios_come_with_the_errors_of_a_careful_laboratory(load: Load, 
 
 
 def test_all_sensors_tick_with_the_estimators(load: Load) -> None:
-    sensors = load("flap", "network_period=0.05").sensors
+    scenario = load("flap", "network_period=0.05")
+    sensors, perception = scenario.sensors, scenario.perception
+    assert perception.tracker.period == perception.windows.period == 0.05
+    assert perception.fingertip.period == perception.joint.period == 0.05
     assert sensors.taxels.tick == sensors.encoders.tick == sensors.camera.exposure_period == 0.05
 
 
@@ -31,7 +34,7 @@ def test_all_sensors_tick_with_the_estimators(load: Load) -> None:
     [
         ("sensors.taxels.tick=0.5", "sensors.taxels.tick = 0.5 s, but all sensors"),
         ("tool.model=none.sdf", "tool.model = 'none.sdf': there is no such file"),
-        ("tool.model=tripod.sdf", "tool.thickness: a tool of one's own needs it"),
+        ("tool.model=tripod.sdf", "tripod.sdf: need a revolute joint named 'hinge', found none"),
         ("tool.variation.textures=[tartan]", "unknown texture 'tartan'"),
         ("plant.scene=none.yaml", "plant.scene = 'none.yaml'"),
         ("finger.taxels=[[0, 0], [0.003, 0], [0, 0.003]]", "3 taxels, need at least 4"),
@@ -48,14 +51,30 @@ def test_what_is_impossible_is_refused_in_one_line(load: Load, override: str, me
     assert "\n" not in str(error.value)
 
 
-def test_the_robots_believe_what_the_scenario_says_whatever_the_seed(load: Load) -> None:
+def test_the_robots_know_where_their_arms_stand_whatever_the_seed(load: Load) -> None:
     one, other = make_calibration(load("flap")), make_calibration(load("flap", "seed=7"))
     assert list(one.arms) == ["holder_arm", "finger_arm"]
     for name, y in (("holder_arm", -0.45), ("finger_arm", 0.55)):
         assert_allclose(one.arms[name].X_WBase.translation(), [0.0, y, 0.0])
         assert one.arms[name].X_WBase.IsExactlyEqualTo(other.arms[name].X_WBase)
         assert one.arms[name].model.num_positions() == 7
-    assert one.camera.X_PC.IsExactlyEqualTo(other.camera.X_PC)
+
+
+def test_the_seed_draws_where_the_camera_is_and_the_robot_knows_it(load: Load) -> None:
+    scenario = load("flap")
+    (camera,) = scenario.cameras.values()
+    vary, places = scenario.camera_variation, []
+    for seed in range(20):
+        seeded = load("flap", f"seed={seed}")
+        (drawn,) = seeded.drawn_cameras().values()
+        assert np.all(np.abs(drawn.position - camera.position) <= vary.position)
+        assert np.all(np.abs(drawn.looking_at - camera.looking_at) <= vary.looking_at)
+        assert abs(drawn.lamp / camera.lamp - 1.0) <= vary.lamp
+        believed = make_calibration(seeded).camera.X_PC.translation()
+        assert_allclose(believed, drawn.position)
+        places.append(drawn.position)
+    assert np.all(np.ptp(places, axis=0) > 1.2 * vary.position)
+    assert_allclose(load("flap", "seed=3").drawn_cameras()["camera"].position, places[3])
 
 
 def test_the_arms_truly_stand_somewhere_else_each(load: Load) -> None:

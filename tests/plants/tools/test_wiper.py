@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -8,13 +6,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from plants.parsing import add_model, make_parser
-from plants.tools.held_tool import check_tool
 from plants.tools.wiper import Wiper, WiperConfig, draw_wiper, wiper_sdf
-
-BODY = '<link name="body"/><link name="flap"/>'
-JOINT = """<joint name="{name}" type="{type}"><parent>body</parent><child>flap</child>
-<axis><xyz>0 1 0</xyz></axis></joint>"""
-FRAMES = '<frame name="handle" attached_to="body"/><frame name="edge" attached_to="flap"/>'
 
 
 def wiper(seed: int = 0) -> Wiper:
@@ -28,10 +20,6 @@ def fixed(model: Wiper, time_step: float = 0.0) -> MultibodyPlant:
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("body", tool))
     plant.Finalize()
     return plant
-
-
-def model(content: str) -> str:
-    return f'<sdf version="1.9"><model name="tool">{content}</model></sdf>'
 
 
 def test_every_number_is_drawn_between_its_ends() -> None:
@@ -109,33 +97,3 @@ def _braked(numbers: Wiper) -> tuple[MultibodyPlant, Simulator]:
     plant.GetJointByName("hinge").set_angle(context, np.pi / 2)
     plant.get_desired_state_input_port(tool).FixValue(context, [0.0, 0.0])
     return plant, simulator
-
-
-def test_a_wiper_is_a_tool() -> None:
-    check_tool(wiper_sdf(wiper()))
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (BODY + FRAMES, "need a revolute joint named 'hinge', found none"),
-        (BODY + JOINT.format(name="hinge", type="prismatic") + FRAMES, "'hinge' is prismatic"),
-        (
-            BODY + JOINT.format(name="hinge", type="revolute"),
-            "need a frame named 'handle', found none",
-        ),
-        (
-            BODY + JOINT.format(name="hinge", type="revolute") + FRAMES.partition("/>")[0] + "/>",
-            "need a frame named 'edge', found none",
-        ),
-    ],
-)
-def test_a_tool_that_lacks_something_is_refused_in_one_line(
-    content: str, message: str, tmp_path: Path
-) -> None:
-    file = tmp_path / "tool.sdf"
-    file.write_text(model(content), encoding="utf-8")
-    with pytest.raises(ValueError, match=message) as error:
-        check_tool(file)
-    assert str(error.value).startswith(str(file))
-    assert "\n" not in str(error.value)

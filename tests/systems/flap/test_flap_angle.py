@@ -89,7 +89,7 @@ def test_either_face_corrects_the_angle(theta: float) -> None:
     plane = lab.plane(theta)
     assert (plane.n_W @ lab.tool.frame(theta)[:, 1] > 0.0) == (theta < 1.0)
     near = replace(state, x=np.array([theta + 0.1, 0.0, 0.0]), P=np.diag([0.02, 1e-6, 1e-6]))
-    after = correct(near, lab.tool.k_W, plane, CONFIG)
+    after = correct(near, lab.tool.k_W, plane, True, CONFIG)
     assert after.x[0] == pytest.approx(theta, abs=0.03)
     assert after.P[0, 0] < 0.1 * near.P[0, 0]
     assert after.measured
@@ -100,8 +100,17 @@ def test_a_measurement_far_out_counts_for_less() -> None:
     plane = lab.plane(0.5)
     sure = replace(state, x=np.zeros(3), P=np.diag([1e-4, 1e-6, 1e-6]))
     unsure = replace(sure, P=np.diag([1.0, 1e-6, 1e-6]))
-    assert correct(sure, lab.tool.k_W, plane, CONFIG).x[0] < 0.1
-    assert correct(unsure, lab.tool.k_W, plane, CONFIG).x[0] == pytest.approx(0.5, abs=0.03)
+    assert correct(sure, lab.tool.k_W, plane, True, CONFIG).x[0] < 0.1
+    assert correct(unsure, lab.tool.k_W, plane, True, CONFIG).x[0] == pytest.approx(0.5, abs=0.03)
+
+
+def test_a_flap_that_somebody_moves_is_followed_at_once_if_nobody_touches_it() -> None:
+    lab, state = _seen_state()
+    sure = replace(state, x=np.zeros(3), P=np.diag([1e-4, 1e-6, 1e-6]))
+    moved = correct(sure, lab.tool.k_W, lab.plane(0.7), False, CONFIG)
+    assert moved.x[0] == pytest.approx(0.7, abs=0.03)
+    assert np.sqrt(moved.P[0, 0]) < 0.05
+    assert abs(moved.x[1]) < 1e-6
 
 
 def test_in_a_blackout_of_nine_seconds_the_angle_is_as_wrong_as_it_says() -> None:

@@ -90,6 +90,15 @@ def test_one_surface_that_nobody_touches_is_not_the_flap() -> None:
     assert np.isnan(plane.n_W).all()
 
 
+@pytest.mark.parametrize("degrees", [20.0, 110.0])
+def test_a_flap_that_was_swung_away_from_the_finger_is_seen_where_it_is(degrees: float) -> None:
+    tracker = Tracker()
+    tracker(40.0)
+    plane = tracker(degrees, touching=False).plane
+    assert plane.seen, plane.why
+    assert np.linalg.norm(tracker.error(degrees)[:3]) < 0.06
+
+
 def test_a_flap_that_is_edge_on_is_not_seen_and_then_shows_its_back() -> None:
     tracker = Tracker(edge_on=np.deg2rad(62.0))
     assert tracker(30.0).plane.seen

@@ -141,17 +141,17 @@ def test_noise_is_white_and_weak_readings_are_nothing() -> None:
 
 
 def test_a_dead_and_a_stuck_taxel_read_one_value_from_their_start_on() -> None:
-    faults = [TaxelFault(taxel=3, start=1.0), TaxelFault(taxel=8, reading=0.2)]
-    sensor = TaxelSensor(TaxelsConfig(faults=faults, noise=0.0), 12, seed=0)
-    before, after = sensor.measure(np.ones(12), 99), sensor.measure(np.ones(12), 100)
+    faults = [TaxelFault(taxel=3, start=1.0, end=2.0), TaxelFault(taxel=8, reading=0.2)]
+    sensor = TaxelSensor(TaxelsConfig(noise=0.0), 12, seed=0, faults=faults)
+    before, during, after = (sensor.measure(np.ones(12), k) for k in (99, 100, 200))
     assert_allclose(before[[3, 8, 0]], [1.0, 0.2, 1.0])
-    assert_allclose(after[[3, 8, 0]], [0.0, 0.2, 1.0])
+    assert_allclose(during[[3, 8, 0]], [0.0, 0.2, 1.0])
+    assert_allclose(after[[3, 8, 0]], [1.0, 0.2, 1.0])
 
 
 def test_a_fault_of_a_taxel_that_is_not_there_is_refused() -> None:
-    config = TaxelsConfig(faults=[TaxelFault(taxel=12)])
     with pytest.raises(ValueError, match=r"taxel = 12, need < 12"):
-        TaxelSensor(config, 12, seed=0)
+        TaxelSensor(TaxelsConfig(), 12, seed=0, faults=[TaxelFault(taxel=12)])
 
 
 def test_all_taxels_are_off_their_places_by_the_same() -> None:

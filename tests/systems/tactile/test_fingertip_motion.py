@@ -19,9 +19,12 @@ from systems.tactile.fingertip_motion import (
     FingertipMotion,
     FingertipMotionConfig,
     follow,
+    health_of,
+    new_samples,
     start_track,
 )
 from systems.tactile.taxel_layout import fingertip_layout
+from systems.tactile.taxel_monitor import next_taxel_state, unheard_taxels
 
 Q = np.array([-0.22, -0.63, -0.39, 1.6, 1.4, 1.01, -0.83])
 CONFIG = FingertipMotionConfig()
@@ -131,3 +134,13 @@ def test_without_samples_nothing_is_known() -> None:
         system.GetInputPort(name).FixValue(context, AbstractValue.Make(none))
     belief = system.GetOutputPort("fingertip_contact_estimated").Eval(context)
     assert np.all(np.isnan(belief.X_WS))
+
+
+def test_taxels_that_fall_silent_or_repeat_themselves_are_told() -> None:
+    taxels = next_taxel_state(unheard_taxels(LAYOUT), 1.0, PRESSED, LAYOUT, CONFIG.features)
+    assert health_of(taxels, 1.1, 0.15).fault == ""
+    silent = health_of(taxels, 1.3, 0.15)
+    assert silent.fault == "no samples"
+    assert abs(silent.age - 0.3) < 1e-9
+    window = SampleWindow(times=np.array([0.9, 1.0, 1.01, 9.0]), values=np.zeros((4, 12)))
+    assert_allclose(new_samples(window, taxels.time, 1.02, CONFIG.newest).times, [1.01])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from systems.port_values import StreamHealth
 from systems.tactile.contact_features import ContactFeaturesConfig
 from systems.tactile.taxel_layout import fingertip_layout
 from systems.tactile.taxel_monitor import (
@@ -31,13 +32,13 @@ def feel(seconds: float, broken: dict[int, float], start: TaxelState | None = No
 def test_taxels_that_work_are_all_used() -> None:
     state = feel(2.0, {})
     assert state.usable.all()
-    assert state.fault == ""
+    assert state.health.fault == ""
 
 
 def test_a_taxel_that_reads_the_same_for_long_is_left_out() -> None:
     state = feel(0.5, {5: 0.3})
     assert np.flatnonzero(~state.usable).tolist() == [5]
-    assert state.fault == "dead or stuck taxels: 5"
+    assert state.health.fault == "dead or stuck taxels: 5"
     assert abs(state.contact.p_SC[0]) < 1e-3
 
 
@@ -53,8 +54,48 @@ def test_a_silent_taxel_under_the_contact_is_left_out() -> None:
     assert not state.usable[11]
 
 
+def test_a_taxel_that_falls_silent_alone_is_dead_and_all_together_have_lost_the_contact() -> None:
+    state = feel(0.5, {})
+    one = np.where(np.arange(12) == 11, 0.0, state.forces)
+    after = next_taxel_state(state, 0.5, one, LAYOUT, CONFIG)
+    assert np.flatnonzero(~after.usable).tolist() == [11]
+    still = next_taxel_state(after, 0.51, one + 0.001 * PRESSED, LAYOUT, CONFIG)
+    assert np.flatnonzero(~still.usable).tolist() == [11]
+    assert next_taxel_state(still, 0.52, PRESSED, LAYOUT, CONFIG).usable.all()
+    gone = next_taxel_state(state, 0.5, np.zeros(12), LAYOUT, CONFIG)
+    assert gone.usable.all()
+    fading = np.where(np.arange(12) == 11, 0.0, 0.5 * state.forces)
+    assert next_taxel_state(state, 0.5, fading, LAYOUT, CONFIG).usable.all()
+
+
 def test_a_taxel_that_comes_back_is_used_again() -> None:
     assert feel(0.5, {}, start=feel(0.5, {5: 0.3})).usable.all()
+
+
+def test_one_dead_taxel_leaves_the_skin_its_feeling() -> None:
+    assert feel(1.0, {11: 0.0, 5: 0.3}).health.age == 0.0
+
+
+def test_a_skin_whose_readings_stand_still_cannot_tell_that_a_contact_ended() -> None:
+    """The contact is gone 0.1 s after its taxels froze, and nothing says whether that is true."""
+    state = feel(0.5, {})
+    frozen = state.forces.copy()
+    for k in range(1, 101):
+        state = next_taxel_state(state, 0.49 + 0.01 * k, frozen, LAYOUT, CONFIG)
+    assert not state.contact.touching
+    assert state.health.age == pytest.approx(1.0 - CONFIG.stuck_after, abs=0.03)
+    assert state.health.fault.startswith("dead or stuck taxels: 0, 3")
+    alive = next_taxel_state(state, 1.5, PRESSED + 0.001, LAYOUT, CONFIG)
+    assert alive.contact.touching
+    assert alive.health.age == 0.0
+
+
+def test_a_contact_that_ends_is_believed() -> None:
+    state = feel(0.5, {})
+    for k in range(50):
+        state = next_taxel_state(state, 0.5 + 0.01 * k, np.zeros(12), LAYOUT, CONFIG)
+    assert not state.contact.touching
+    assert state.health == StreamHealth()
 
 
 def test_a_reading_that_is_no_number_is_left_out_at_once() -> None:

@@ -1,7 +1,6 @@
 """The station of the flap application: what is true in it, and what leaves it."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -143,6 +142,21 @@ def test_a_camera_that_does_not_see_the_flap_is_refused(load: Load) -> None:
     for target in ("[0.5, 0.0, 3.0]", "[3.0, 0.0, 0.12]"):
         with pytest.raises(ValueError, match=r"^cameras.camera: the flap at .* is not in its"):
             make(load("flap", f"cameras.camera.looking_at={target}"))
+    beside = "cameras.camera.position=[0.48, 2.5, 0.55]"
+    with pytest.raises(ValueError, match=r"^cameras.camera: it sees the flap edge-on only"):
+        make(load("flap", beside))
+
+
+def test_a_fault_of_the_taxels_cable_is_heard_by_control_too(load: Load) -> None:
+    faults = "disturbances.faults=[{stream: taxel_window, kind: nan, start: 0.05}]"
+    station = make(load("flap", faults))
+    simulator = Simulator(station.diagram)
+    station.SetInitialState(simulator.get_mutable_context())
+    simulator.Initialize()
+    assert np.isfinite(output(station, simulator.get_context(), "taxel_measured")).all()
+    simulator.AdvanceTo(0.1)
+    assert np.isnan(output(station, simulator.get_context(), "taxel_measured")).all()
+    assert np.isfinite(output(station, simulator.get_context(), "taxel_window").values).all()
 
 
 def test_the_seed_draws_the_tool_and_how_it_is_held(load: Load) -> None:
@@ -153,14 +167,3 @@ def test_the_seed_draws_the_tool_and_how_it_is_held(load: Load) -> None:
     scenario = load("flap")
     off = first.X_WM.translation() - scenario.tool.position
     assert np.all(np.abs(off) <= scenario.tool.variation.position)
-
-
-def test_a_tool_without_a_hinge_is_refused(load: Load, tmp_path: Path) -> None:
-    file = tmp_path / "stick.sdf"
-    file.write_text(
-        '<sdf version="1.9"><model name="stick"><link name="stick"/></model></sdf>',
-        encoding="utf-8",
-    )
-    scenario = load("flap", f"tool.model={file}", "tool.thickness=0.02")
-    with pytest.raises(ValueError, match="need a revolute joint named 'hinge'"):
-        draw_tool(scenario, REACH)

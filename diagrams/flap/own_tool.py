@@ -1,0 +1,85 @@
+"""Tools that do not come with the program: on the command line, and in a run's folder."""
+
+import hashlib
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from diagrams.flap.scenario import Scenario
+from diagrams.run.own_object import OwnObject
+from diagrams.run.yaml_input.schema import ScenarioError
+from models import SDF_DIR
+
+MODEL_FOLDER = "model"  # Of a run, for the copy of the tool.
+_FILES = re.compile(r"<uri>\s*([^<]+?)\s*</uri>|filename=\"([^\"]+)\"|<\w+_map>\s*([^<]+?)\s*</")
+
+
+def own_tool_assignments(
+    base: Scenario, source: str, own: OwnObject, assignments: Sequence[str] = ()
+) -> list[str]:
+    """The assignments `key.path=value` that put a user's tool in place of the drawn wiper.
+
+    Raises:
+        ScenarioError: for what a tool does not have.
+    """
+    for option, value in (
+        ("grasp-frame", own.grasp_frame),
+        ("joint", own.joint),
+        ("pull-direction", own.pull_direction),
+        ("object-pose", own.pose),
+        ("scale", "" if own.scale == 1.0 else own.scale),
+    ):
+        if value:
+            raise ScenarioError(
+                f"--{option} {value}: '{source}' holds a tool by its frame 'handle' and turns its"
+                " joint 'hinge' by its frame 'edge'; name them so in its file"
+            )
+    if not own.model.is_file():
+        raise ScenarioError(f"--object {own.model}: there is no such file")
+    return [f"tool.model={own.model.resolve()}"]
+
+
+def tool_files(model: Path) -> list[Path]:
+    """The model's file and those that it names, beside it or below.
+
+    Raises:
+        ScenarioError: for one that is elsewhere, which a run's folder could not hold.
+    """
+    found = [model]
+    for groups in _FILES.findall(model.read_text(encoding="utf-8", errors="replace")):
+        name = "".join(groups)
+        if name.startswith("package://crossmodal/"):
+            continue
+        path = (model.parent / name).resolve()
+        if not (path.is_file() and path.is_relative_to(model.parent.resolve())):
+            raise ScenarioError(f"{model}: names '{name}', which does not lie beside it")
+        found.append(path)
+    return list(dict.fromkeys(found))
+
+
+def _is_own(model: str) -> bool:
+    return bool(model) and not Path(model).is_relative_to(SDF_DIR)
+
+
+def keep_files(scenario: Scenario) -> tuple[Scenario, dict[str, Path]]:
+    """The scenario with its own tool below `model` of a run's folder, and the tool's files."""
+    if not _is_own(scenario.tool.model):
+        return scenario, {}
+    model = Path(scenario.tool.model)
+    files = {
+        f"{MODEL_FOLDER}/{path.relative_to(model.parent.resolve()).as_posix()}": path
+        for path in tool_files(model)
+    }
+    tool = replace(scenario.tool, model=f"{MODEL_FOLDER}/{model.name}")
+    return replace(scenario, tool=tool), files
+
+
+def identity(scenario: Scenario) -> Scenario:
+    """Of a tool it matters what it is, not where its file lies."""
+    if not _is_own(scenario.tool.model):
+        return scenario
+    digest = hashlib.sha256()
+    for path in tool_files(Path(scenario.tool.model)):
+        digest.update(path.read_bytes())
+    return replace(scenario, tool=replace(scenario.tool, model=digest.hexdigest()[:16]))

@@ -1,0 +1,71 @@
+"""Whether a contact that was provoked to be lost came back, and when."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from diagrams.flap.results.flap_episode import TrueFlap
+from plants.tools.flap_jerk import FlapJerk
+
+KEPT = 1.0  # A contact that lasts so long has come back, [s].
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recovery:
+    """What became of the contact after one jerk of the flap.
+
+    Attributes:
+        start: Of the jerk, [s].
+        way: Of the contact's place on the flap in it, as it truly came about, [m]; NaN where it
+            was not touched before.
+        contact_lost: Whether the contact broke off.
+        reestablished_after: Since the jerk began, until a contact that lasted; 0 where none was
+            lost, NaN where it did not come back, [s].
+    """
+
+    start: float
+    way: float
+    contact_lost: bool
+    reestablished_after: float
+
+
+def recovery(truth: TrueFlap, jerk: FlapJerk) -> Recovery | None:
+    """The recovery after a jerk; None where the episode was over before."""
+    times = truth.times
+    after = np.flatnonzero(times > jerk.start)
+    if len(after) == 0:
+        return None
+    index = int(after[0])
+    before, end = max(index - 1, 0), min(int(np.searchsorted(times, jerk.end)), len(times) - 1)
+    lever = float(np.linalg.norm(truth.L2_W[before]))
+    way = lever * float(truth.theta[end] - truth.theta[before])
+    lost = np.flatnonzero(~truth.touching[index:])
+    back = float("nan")
+    for k in range(index + int(lost[0]), len(times)) if len(lost) else ():
+        kept = (times >= times[k]) & (times <= times[k] + KEPT)
+        if truth.touching[kept].all() and times[-1] >= times[k] + KEPT:
+            back = float(times[k] - jerk.start)
+            break
+    return Recovery(
+        start=jerk.start,
+        way=way,
+        contact_lost=len(lost) > 0,
+        reestablished_after=back if len(lost) else 0.0,
+    )
+
+
+def summarise_recoveries(truth: TrueFlap, jerks: Sequence[FlapJerk]) -> dict[str, Any]:
+    """What the jerks of an episode came to, for its summary; nothing where there were none."""
+    found = [recovery(truth, jerk) for jerk in jerks]
+    seen = [item for item in found if item is not None]
+    if not jerks:
+        return {}
+    times = [item.reestablished_after for item in seen]
+    back = len(seen) == len(jerks) and bool(np.isfinite(times).all())
+    return {
+        "contact_reestablished": back,
+        "reestablished_after": max(times) if back else float("nan"),
+        "jerks": [asdict(item) for item in seen],
+    }

@@ -15,7 +15,7 @@ from maths.validation import check, number, require
 
 # A hand that leads the flap: its stiffness and damping about the hinge, [N m/rad], [N m s/rad]. A
 # flap weighs so little that more damping would not be stable with a plant's steps of 2.5 ms.
-_STIFFNESS, _DAMPING = 2.0, 0.06
+_STIFFNESS, _DAMPING = 12.0, 0.06
 _PERIOD = 0.01  # At which the hand notes where it takes the flap, [s].
 
 

@@ -36,6 +36,11 @@ def next_on_arc(hinge: Any, X_WS_seat: Array, turn: float, X_WS: Array, step: fl
     return turned + float(np.clip(turn - turned, -step, step))
 
 
+def probe_offset(count: int, step: float) -> float:
+    """By how much beside the expected place to seek next: 0, one step on, one back, two on."""
+    return (count + 1) // 2 * (step if count % 2 else -step)
+
+
 def backed_off(X_WS: Array, distance: float) -> Array:
     """A pose (4, 4) so far along its own -y, [m]."""
     back = X_WS.copy()

@@ -11,6 +11,7 @@ from controllers.servoing.contact_search import (
     hinge_shift,
     is_there,
     next_on_arc,
+    probe_offset,
     turned_about,
 )
 from maths.arrays import Array
@@ -57,7 +58,12 @@ class FlipSequenceConfig:
     search_speed: float = number(0.008, above=0.0, at_most=1.0, unit="m/s")
     # Way and time after which it is lost for good.
     search_way: float = number(0.05, above=0.0, at_most=1.0, unit="m")
-    search_time: float = number(20.0, above=0.0, at_most=3600.0, unit="s")
+    search_time: float = number(40.0, above=0.0, at_most=3600.0, unit="s")
+    # An edge that is not felt so far behind where it should be is sought beside it, on its arc in
+    # steps to both sides in turns, and so often.
+    probe_depth: float = number(0.01, above=0.0, at_most=1.0, unit="m")
+    probe_step: float = number(0.012, above=0.0, at_most=1.0, unit="m")
+    probes: int = number(6, at_least=0, at_most=100)
     # A flap whose edge is seen to have gone so far is followed: to so far before the edge.
     edge_shift: float = number(0.005, above=0.0, at_most=1.0, unit="m")
     clearance: float = number(0.015, above=0.0, at_most=1.0, unit="m")
@@ -106,6 +112,8 @@ class FlipState(Immutable):
         seat: How finger and flap fit together; None before a contact was good for long.
         candidate: What becomes that if the contact stays good; None while it is not.
         X_WS_goal: Where it waits before an edge that has gone (4, 4); None while it does not.
+        reached: Turn of the flap since `seat` with which the finger has gone, [rad].
+        probe: How many places beside the expected one the edge has been sought at.
         flipped: Time since the flip began without the pauses, [s].
         turned: By how much the finger has turned about its own z since the flip began, [rad].
         way: Of the fingertip along its x since then, [m].
@@ -124,6 +132,8 @@ class FlipState(Immutable):
     seat: Seat | None = None
     candidate: Seat | None = None
     X_WS_goal: Array | None = None
+    reached: float = 0.0
+    probe: int = 0
     flipped: float = 0.0
     turned: float = 0.0
     way: float = 0.0
@@ -195,8 +205,9 @@ def next_flip_state(state: FlipState, now: Felt, config: FlipSequenceConfig) -> 
         if state.phase == FlipPhase.FLIP:
             lost = replace(state, losses=state.losses + 1)
             return _enter(lost, FlipPhase.ESTABLISH_CONTACT, now)
-        if sought > config.search_way or now.time - state.felt_at > config.search_time:
-            return _fail(state, now, "the contact is lost")
+        over = now.time - state.felt_at > config.search_time or state.probe > config.probes
+        if over or sought > config.search_way:
+            return _fail(state, now, "the contact was lost and the edge is not found again")
         return follow_edge(replace(state, since=now.time), now, config)
     if state.phase == FlipPhase.ESTABLISH_CONTACT:
         settled = now.time - state.good_since >= config.settle_time
@@ -222,22 +233,30 @@ def _wait(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
 
 
 def follow_edge(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
-    """The state with the goal before an edge that is seen to have gone, until it is reached."""
+    """The state with the goal before an edge that has gone, until it is reached.
+
+    Where it has gone is seen, or else tried: an edge that is not felt where it should be is sought
+    beside that place.
+    """
     seat = state.seat
     if seat is None or now.hinge is None or not np.isfinite(now.theta - seat.theta):
         return state
-    turn = now.theta - seat.theta
-    X_WS_edge = turned_about(now.hinge, turn, seat.X_WS)
-    goal = backed_off(X_WS_edge, config.clearance)
-    if hinge_shift(now.hinge, turn, seat.X_WS[:3, 3]) <= config.edge_shift:
-        return replace(state, X_WS_goal=None)
-    if not is_there(now.X_WS, goal, config.arrival_distance, config.arrival_angle):
-        angle = next_on_arc(now.hinge, seat.X_WS, turn, now.X_WS, config.arc_step)
-        goal = backed_off(turned_about(now.hinge, angle, seat.X_WS), config.clearance)
-        p_WS = now.X_WS[:3, 3]
-        return replace(state, X_WS_goal=goal, p_WS_last=p_WS, n_S=_PAD_NORMAL)
-    here = Seat(time=now.time, X_WS=X_WS_edge, theta=now.theta)
-    return replace(state, X_WS_goal=None, seat=here)
+    p_WS = now.X_WS[:3, 3]
+    lever = hinge_shift(now.hinge, 1.0, seat.X_WS[:3, 3])
+    turn = now.theta - seat.theta + probe_offset(state.probe, config.probe_step / lever)
+    if lever * abs(turn - state.reached) <= config.edge_shift:
+        backed = config.clearance if state.reached != 0.0 else 0.0
+        passed = float(np.linalg.norm(p_WS - state.p_WS_last)) > backed + config.probe_depth
+        return replace(state, X_WS_goal=None, probe=state.probe + passed)
+    goal = backed_off(turned_about(now.hinge, turn, seat.X_WS), config.clearance)
+    if is_there(now.X_WS, goal, config.arrival_distance, config.arrival_angle):
+        return replace(state, X_WS_goal=None, reached=turn, p_WS_last=p_WS)
+    # It first draws back, then goes along the arc.
+    is_outside = hinge_shift(now.hinge, 1.0, p_WS) > lever + 0.5 * config.clearance
+    step = config.arc_step if is_outside else 0.0
+    angle = next_on_arc(now.hinge, seat.X_WS, turn, now.X_WS, step)
+    goal = backed_off(turned_about(now.hinge, angle, seat.X_WS), config.clearance)
+    return replace(state, X_WS_goal=goal, p_WS_last=p_WS, n_S=_PAD_NORMAL)
 
 
 def _fit(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
@@ -251,7 +270,7 @@ def _fit(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
         return replace(state, candidate=here)
     if now.time - candidate.time < config.settle_time:
         return state
-    return replace(state, seat=candidate, candidate=here)
+    return replace(state, seat=candidate, reached=0.0, candidate=here)
 
 
 def _observe(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
@@ -266,6 +285,7 @@ def _observe(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipSta
             n_S=now.contact.n_S,
             p_WS_last=now.X_WS[:3, 3],
             X_WS_goal=None,
+            probe=0,
             good_since=min(state.good_since, now.time) if good else np.inf,
         )
         state = _fit(state, now, config) if good else replace(state, candidate=None)

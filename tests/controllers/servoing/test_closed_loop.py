@@ -62,3 +62,22 @@ def test_a_flap_that_is_jerked_away_by_3_cm_is_caught_again() -> None:
     assert 1.0 < lost[-1] - lost[0] < 5.0
     assert outcome.phases[-1] == FlipPhase.DONE
     assert outcome.of("force")[-1] == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize("rate", [1.5, -1.5])
+def test_a_flap_that_nobody_sees_go_is_sought_on_its_arc(rate: float) -> None:
+    trial = Trial(
+        control=until(0.6),
+        vision=True,
+        hinge_known=True,
+        swing=(4.0, 4.2, rate),
+        blind_from=3.9,
+    )
+    outcome = simulate(trial, 32.0)
+    before, after = np.interp([3.9, 4.5], outcome.times, outcome.theta)
+    assert trial.length * abs(after - before) > 0.02
+    contact = outcome.of("force") > 0.2
+    lost = ~contact & (outcome.times > 4.0)
+    back = np.flatnonzero(contact & (outcome.times > outcome.times[lost][0]))[0]
+    assert 4.0 < outcome.times[back] - 4.0 < 25.0
+    assert contact[back : back + 100].mean() > 0.95

@@ -164,7 +164,7 @@ def test_a_short_gap_is_no_loss() -> None:
 def test_a_contact_that_is_not_found_again_is_lost_for_good() -> None:
     episode = Episode().flipping().go(2.0, step=[0, 0, 0, 0, 0.05, 0])
     assert episode.state.phase == FlipPhase.FAILED
-    assert episode.state.why == "the contact is lost"
+    assert "the edge is not found again" in episode.state.why
     assert_allclose(tactile_projector(episode.state.phase, CONFIG), 0.0)
 
 
@@ -210,6 +210,23 @@ def test_touch_that_stays_away_is_told_in_one_line(first: str) -> None:
     episode.go(CONFIG.search_time + 0.5, distrust="dead taxels: 0, 3")
     assert episode.state.phase == FlipPhase.FAILED
     assert episode.state.why == "touch cannot be trusted: dead taxels: 0, 3"
+
+
+def test_an_edge_that_is_not_where_it_should_be_is_sought_on_both_sides_and_given_up() -> None:
+    """Steps of the same length on the arc, further out each time, always from outside."""
+    episode = Episode().go(1.0).go(0.8, touching(), theta=0.2, hinge=HINGE)
+    places, probe = [], 0
+    for _ in range(8000):
+        V = approach_twist(episode.state, False, CONFIG)
+        episode.go(0.01, theta=0.2, hinge=HINGE, step=V)
+        assert np.linalg.norm(episode.X_WS[:3, 3]) > 0.095 - CONFIG.probe_depth - 0.004
+        if episode.state.probe > probe:
+            probe = episode.state.probe
+            places.append(own_turn(X_START, episode.X_WS) * 0.095 / CONFIG.probe_step)
+        if episode.state.phase == FlipPhase.FAILED:
+            break
+    assert_allclose(places, [0, 1, -1, 2, -2, 3, -3], atol=0.2)
+    assert "the edge is not found again" in episode.state.why
 
 
 def test_the_turn_about_the_hinge_keeps_its_distance_and_goes_with_the_flap() -> None:

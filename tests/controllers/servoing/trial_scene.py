@@ -53,6 +53,7 @@ class Trial:
     hinge_known: bool = False
     known_from: float = -1.0  # Angle of the flap above which either is, [rad].
     vision_bias: float = 0.0  # [rad]
+    blind_from: float = np.inf  # From then on the last angle is believed, [s].
     friction: float = 0.7
     coulomb: float = 0.008  # Of the hinge, [N m].
     thickness: float = 0.006  # Of the flap, [m].
@@ -243,6 +244,10 @@ class Sensors(LeafSystem):
 
     def _calc_angle(self, context: Context, output: Value) -> None:
         theta, rate = self._theta(context)
+        spread = 1e-4
+        if context.get_time() > self._trial.blind_from:
+            spread = 1.0
+            theta = next(seen for time, _, seen, _ in self.log if time >= self._trial.blind_from)
         seen = theta + self._trial.vision_bias
         output.set_value(
             FlapAngleBelief(
@@ -251,7 +256,7 @@ class Sensors(LeafSystem):
                 variance=1e-4,
                 rate=rate,
                 n_W=np.array([np.cos(seen), 0.0, np.sin(seen)]),
-                n_covariance=1e-4 * np.eye(3),
+                n_covariance=spread * np.eye(3),
             )
         )
 

@@ -3,19 +3,10 @@
 import numpy as np
 
 from controllers.arm.impedance import DesiredMotion, ImpedanceGains
+from controllers.arm.minimum_jerk import minimum_jerk
 from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
 from maths import se3
 from maths.arrays import Array
-
-
-def minimum_jerk(s: float) -> tuple[float, float, float]:
-    """Position, velocity and acceleration of the minimum-jerk blend at s in [0, 1]."""
-    s = min(max(s, 0.0), 1.0)
-    return (
-        s**3 * (10 - 15 * s + 6 * s**2),
-        s**2 * (30 - 60 * s + 30 * s**2),
-        s * (60 - 180 * s + 120 * s**2),
-    )
 
 
 def unit(direction: Array, name: str) -> Array:

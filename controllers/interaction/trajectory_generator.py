@@ -8,15 +8,13 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
 from controllers.arm.impedance import DesiredMotion, ImpedanceGains
 from controllers.arm.kinematics import ArmModel
-from controllers.interaction.grasp_motion import minimum_jerk
+from controllers.arm.minimum_jerk import PEAK_RATE, minimum_jerk
 from controllers.interaction.joint_memory import is_revolute
 from controllers.interaction.phases import Phase, is_held
 from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
 from maths.validation import check, number
-
-_PEAK = 1.875  # Largest rate of the minimum-jerk blend.
 
 
 @dataclass(kw_only=True)
@@ -68,7 +66,7 @@ class Plan(Immutable):
 
 def plan_duration(q: float, hand_rate: float, speed: float) -> float:
     """How long the way from q to zero takes, [s], if the hand moves at `speed` [m/s] at most."""
-    return max(_PEAK * abs(q) * hand_rate / speed, 0.5)
+    return max(PEAK_RATE * abs(q) * hand_rate / speed, 0.5)
 
 
 def path_gains(S_E: Array, config: TrajectoryGeneratorConfig) -> ImpedanceGains:

@@ -19,6 +19,7 @@ from maths.immutable import Immutable
 from maths.validation import number, numbers
 
 _SWITCH: Any = {"at_least": 0.0, "at_most": 1.0}
+_PATIENCE = 3.0  # Times as long as a retreat takes it may last.
 
 
 class FlipPhase(IntEnum):
@@ -27,8 +28,9 @@ class FlipPhase(IntEnum):
     PRE_CONTACT = 0
     ESTABLISH_CONTACT = 1
     FLIP = 2
-    DONE = 3
-    FAILED = 4
+    RETREAT = 3
+    DONE = 4
+    FAILED = 5
 
 
 @dataclass(kw_only=True)
@@ -73,6 +75,9 @@ class FlipSequenceConfig:
     # How near the finger gets to where it waits before the edge.
     arrival_distance: float = number(0.002, above=0.0, at_most=0.1, unit="m")
     arrival_angle: float = number(0.03, above=0.0, at_most=1.0, unit="rad")
+    # Once the flap is turned, the finger backs off along its own -y.
+    retreat_speed: float = number(0.04, above=0.0, at_most=1.0, unit="m/s")
+    retreat_way: float = number(0.08, above=0.0, at_most=1.0, unit="m")
     # Diagonals of the projectors, ones and zeros: w_x, w_y, w_z, v_x, v_y, v_z. Touch holds the
     # force and rolls the pad flat onto the edge's line, about x; during the flip it also keeps the
     # edge from sliding off along x. The roll about z is vision's and the arc's: on an edge that is
@@ -191,10 +196,13 @@ def next_flip_state(state: FlipState, now: Felt, config: FlipSequenceConfig) -> 
     """One step of the sequence."""
     if state.phase in (FlipPhase.DONE, FlipPhase.FAILED):
         return state
-    state = replace(_observe(state, now, config), waits=bool(now.distrust))
+    state = _observe(state, now, config)
+    sought = float(np.linalg.norm(now.X_WS[:3, 3] - state.p_WS_last))
+    if state.phase == FlipPhase.RETREAT:
+        return _retreat(state, now, sought, config)
+    state = replace(state, waits=bool(now.distrust))
     if state.waits:
         return _wait(state, now, config)
-    sought = float(np.linalg.norm(now.X_WS[:3, 3] - state.p_WS_last))
     if state.phase == FlipPhase.PRE_CONTACT:
         if now.contact.touching:
             return _enter(state, FlipPhase.ESTABLISH_CONTACT, now)
@@ -217,7 +225,7 @@ def next_flip_state(state: FlipState, now: Felt, config: FlipSequenceConfig) -> 
     turned = now.theta if np.isfinite(now.theta) else state.turned
     there = turned >= config.angle and now.contact.touching
     if there or state.way >= config.way:
-        return _enter(state, FlipPhase.DONE, now)
+        return _enter(state, FlipPhase.RETREAT, now)
     if state.flipped >= config.flip_time:
         return _fail(state, now, "the flap took too long to turn")
     return state
@@ -229,6 +237,15 @@ def _wait(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
         return _fail(state, now, f"touch cannot be trusted: {now.distrust}")
     if state.phase == FlipPhase.FLIP:
         return _enter(state, FlipPhase.ESTABLISH_CONTACT, now)
+    return state
+
+
+def _retreat(state: FlipState, now: Felt, distance: float, config: FlipSequenceConfig) -> FlipState:
+    """Done once the finger is so far [m] from where it last touched."""
+    if distance >= config.retreat_way:
+        return _enter(state, FlipPhase.DONE, now)
+    if now.time - state.since > _PATIENCE * config.retreat_way / config.retreat_speed:
+        return _fail(state, now, "the finger does not get away from the flap")
     return state
 
 

@@ -1,4 +1,4 @@
-"""The sequence of flipping a flap: approach its edge, establish contact, flip, done."""
+"""The sequence of flipping a flap: approach its edge, establish contact, flip, retreat, done."""
 
 from collections.abc import Callable
 from typing import Any
@@ -32,7 +32,12 @@ def feed_forward(state: FlipState, time: float, config: FlipSequenceConfig) -> f
 
 
 def approach_twist(state: FlipState, touching: bool, config: FlipSequenceConfig) -> Array:
-    """V_WS_S (6,) while the finger seeks a contact, along its last normal or after the edge."""
+    """V_WS_S (6,) while the finger seeks a contact, along its last normal or after the edge.
+
+    Away from the flap once it is turned.
+    """
+    if state.phase == FlipPhase.RETREAT:
+        return np.array([0.0, 0.0, 0.0, 0.0, -config.retreat_speed, 0.0])
     if touching or not state.is_seeking:
         return np.zeros(6)
     if state.X_WS_goal is not None:
@@ -44,7 +49,7 @@ def approach_twist(state: FlipState, touching: bool, config: FlipSequenceConfig)
 
 def tactile_projector(phase: FlipPhase, config: FlipSequenceConfig) -> Array:
     """Diagonal (6,) of P_tact in a phase."""
-    if phase == FlipPhase.FAILED:
+    if phase >= FlipPhase.RETREAT:
         return np.zeros(6)
     flipping = phase == FlipPhase.FLIP
     return np.array(config.tactile_flip if flipping else config.tactile_establish)
@@ -79,7 +84,8 @@ class FlipSequence(LeafSystem):
       stay unconnected.
     - phase: (1,) `FlipPhase`.
     - feed_forward: (1,) speed of the contact along x_S, [m/s].
-    - approach_twist_desired: (6,) V_WS_S towards a contact that is not felt, [rad/s, m/s].
+    - approach_twist_desired: (6,) V_WS_S towards a contact that is not felt, or in the end away
+      from it, [rad/s, m/s].
     - tactile_projector: (6,) diagonal of P_tact: w_x, w_y, w_z, v_x, v_y, v_z.
     - visual_projector: (6,) of P_vis.
     - failure: str, why it failed; empty if it has not.

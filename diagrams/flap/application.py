@@ -7,6 +7,7 @@ via visuo-tactile based robotic interactive manipulation, IROS 2018.
 
 from collections.abc import Mapping
 
+import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
@@ -46,8 +47,10 @@ QUANTITIES = (
         for stream in (*SEEN_STREAMS, *JOINT_STREAMS, TAXELS)
     ),
 )
-TRUTH_QUANTITIES = (
+STATION_QUANTITIES = (
+    Quantity(port="tip_estimated", model=np.full(3, np.nan)),
     Quantity(port="cheat_flap", model=UNKNOWN_FLAP),
+    Quantity(port="cheat_edge_pose", model=RigidTransform()),
     Quantity(port="cheat_end_effector_pose", model=RigidTransform()),
     Quantity(port="cheat_fingertip_pose", model=RigidTransform()),
 )
@@ -58,12 +61,14 @@ TOPICS = {
     "color_measured": Topic(name="/camera/color/image_raw"),
     "depth_measured": Topic(name="/camera/depth/image_raw"),
     "robot_mask": Topic(name="/camera/robot_mask"),
+    "tip_estimated": Topic(name="/holder/tip"),
     "cheat_flap": Topic(name="/cheat/flap"),
+    "cheat_edge_pose": Topic(name="/cheat/edge_pose"),
     "cheat_end_effector_pose": Topic(name="/cheat/end_effector_pose"),
     "cheat_fingertip_pose": Topic(name="/cheat/fingertip_pose"),
 }
 # What control is told of the flap: the station's inputs of these names.
-PERCEIVED = ("flap_angle_latest", "hinge_latest")
+PERCEIVED = ("flap_angle_latest", "hinge_latest", "tool_latest")
 
 
 def make_station(scenario: Scenario, calibration: Calibration) -> Station:
@@ -84,7 +89,7 @@ def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, D
 def close_loop(
     builder: DiagramBuilder, scenario: Scenario, station: System, estimators: Mapping[str, System]
 ) -> None:
-    """Lets the fingertip roll by what the acting estimator believes of the flap."""
+    """Lets both arms act by what the acting estimator believes of flap and tool."""
     estimator = estimators[scenario.acting_estimator]
     for port in PERCEIVED:
         builder.Connect(estimator.GetOutputPort(port), station.GetInputPort(port))
@@ -101,7 +106,7 @@ APPLICATION = Application(
     make_estimators=make_estimators,
     close_loop=close_loop,
     quantities=QUANTITIES,
-    station_quantities=TRUTH_QUANTITIES,
+    station_quantities=STATION_QUANTITIES,
     pictures=("color_measured",),
     topics=TOPICS,
     evaluate=evaluate,

@@ -13,6 +13,7 @@ _REFERENCES = {
     "theta_rmse_hidden": Reference(paper="plots only", goal="5 deg"),
     "L1_error": Reference(paper="10 to 20 mm", goal="8 mm"),
     "L2_error": Reference(paper="10 to 20 mm", goal="8 mm"),
+    "tip_line_rms": Reference(paper="not done", goal="10 mm"),
     "axis_inside_two_sigma": Reference(goal="85 %"),
     "theta_inside_two_sigma": Reference(goal="85 %"),
     "L1_inside_two_sigma": Reference(goal="85 %"),

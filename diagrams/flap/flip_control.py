@@ -10,6 +10,7 @@ from controllers.arm.kinematics import ArmModel
 from controllers.servoing.flip_decisions import FlipSequenceConfig
 from controllers.servoing.flip_sequence import FlipSequence
 from controllers.servoing.tactile_servoing import TactileServoing, TactileServoingConfig
+from controllers.servoing.tool_line_decisions import ToolLineConfig
 from controllers.servoing.twist_to_joints import JointLimits, TwistToJoints, TwistToJointsConfig
 from controllers.servoing.visual_servoing import VisualServoing, VisualServoingConfig
 from maths.arrays import Array
@@ -25,6 +26,9 @@ class FlipControlConfig:
     tactile: TactileServoingConfig = field(default_factory=TactileServoingConfig)
     visual: VisualServoingConfig = field(default_factory=VisualServoingConfig)
     joints: TwistToJointsConfig = field(default_factory=TwistToJointsConfig)
+    # What the arm that holds the tool does with it then.
+    line: ToolLineConfig = field(default_factory=ToolLineConfig)
+    holder_joints: TwistToJointsConfig = field(default_factory=TwistToJointsConfig)
 
 
 def joint_limits(model: MultibodyPlant) -> JointLimits:

@@ -1,52 +1,85 @@
-"""What the robot does with the flap, in the words of the task."""
+"""What the robot does with the flap and the tool, in the words of the task."""
 
 from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, LeafSystem
 
 from controllers.servoing.flip_decisions import FlipPhase
+from controllers.servoing.tool_line_decisions import LinePhase
 from diagrams.run.record import TaskStatus
 
-FLIPPING = "flipping"
-_STATUS = {
+FLIPPING, TO_TABLE, ON_LINE, DONE = "flipping", "to the table", "line on the table", "done"
+_FLIP = {
     FlipPhase.PRE_CONTACT: TaskStatus(phase="approaching"),
     FlipPhase.ESTABLISH_CONTACT: TaskStatus(phase="touching"),
     FlipPhase.FLIP: TaskStatus(phase=FLIPPING),
-    FlipPhase.DONE: TaskStatus(phase="done", done=True),
+    FlipPhase.RETREAT: TaskStatus(phase="retreating"),
+}
+_LINE = {
+    LinePhase.WAIT: TaskStatus(phase="flap turned"),
+    LinePhase.APPROACH: TaskStatus(phase=TO_TABLE),
+    LinePhase.LOWER: TaskStatus(phase=TO_TABLE),
+    LinePhase.LINE: TaskStatus(phase=ON_LINE),
+    LinePhase.DONE: TaskStatus(phase=DONE, done=True),
 }
 
 
-def flip_status(phase: FlipPhase, failure: str) -> TaskStatus:
-    """What a phase of the control means to the task."""
-    if phase == FlipPhase.FAILED:
+def flip_status(flip: FlipPhase, flip_failure: str, line: LinePhase, failure: str) -> TaskStatus:
+    """What the phases of both arms mean to the task.
+
+    Args:
+        flip: What the finger does.
+        flip_failure: Why it failed; empty if it has not.
+        line: What the arm with the tool does.
+        failure: Why it does not follow the line; empty if it does.
+    """
+    if flip == FlipPhase.FAILED:
+        return TaskStatus(phase="stopped", done=True, note=flip_failure)
+    if flip != FlipPhase.DONE:
+        return _FLIP[flip]
+    if line == LinePhase.FAILED:
         return TaskStatus(phase="stopped", done=True, note=failure)
-    return _STATUS[phase]
+    return _LINE[line]
 
 
 class FlipStatus(LeafSystem):
-    """Says in the words of the task what the flip sequence does.
+    """Says in the words of the task what finger and tool do.
 
     .. pydrake_system::
 
         name: FlipStatus
         input_ports:
-        - phase
-        - failure
+        - flip_phase
+        - flip_failure
+        - line_phase
+        - line_failure
         output_ports:
         - task_status
 
-    - phase: (1,) `FlipPhase`.
-    - failure: str, why it failed; empty if it has not.
+    - flip_phase: (1,) `FlipPhase`.
+    - flip_failure: str, why it failed; empty if it has not.
+    - line_phase: (1,) `LinePhase`.
+    - line_failure: str, likewise.
     - task_status: `TaskStatus`.
     """
 
     def __init__(self) -> None:
         super().__init__()
-        self._phase = self.DeclareVectorInputPort("phase", 1)
-        self._failure = self.DeclareAbstractInputPort("failure", AbstractValue.Make(""))
+        self._flip, self._line = (
+            (
+                self.DeclareVectorInputPort(f"{name}_phase", 1),
+                self.DeclareAbstractInputPort(f"{name}_failure", AbstractValue.Make("")),
+            )
+            for name in ("flip", "line")
+        )
         self.DeclareAbstractOutputPort(
             "task_status", lambda: Value[object](TaskStatus()), self._calc_status
         )
 
     def _calc_status(self, context: Context, output: Value) -> None:
-        phase = FlipPhase(int(self._phase.Eval(context)[0]))
-        output.set_value(flip_status(phase, self._failure.Eval(context)))
+        flip, flip_failure = (port.Eval(context) for port in self._flip)
+        line, line_failure = (port.Eval(context) for port in self._line)
+        output.set_value(
+            flip_status(
+                FlipPhase(int(flip[0])), flip_failure, LinePhase(int(line[0])), line_failure
+            )
+        )

@@ -37,12 +37,16 @@ from systems.tactile.taxel_layout import TaxelLayout
 ROOT = "/perception"
 _AXIS_LENGTH = 0.3  # [m]
 _L1, _L2, _PLANE = "#228833", "#EE7733", "#66CCEE"
+_LINE, _TIP = "#EEEEEE", "#CCBB44"
+_BEADS, _SPACING = 150, 0.006  # Of the tip's path, and the way between two of them, [m].
 _LEGEND: list[Entry] = [
     ("dot", "#CC3311", "taxel, the redder the harder it is pressed"),
     ("bar", _PLANE, "plane of the flap as the camera sees it"),
     ("bar", COLORS["filtered"], "hinge axis k"),
     ("bar", _L1, "L1: end-effector to hinge"),
     ("bar", _L2, "L2: contact to hinge"),
+    ("bar", _LINE, "line that the tip is to follow"),
+    ("dot", _TIP, "where the arm believes the tip has been"),
 ]
 
 
@@ -69,14 +73,24 @@ def add_view(
     """Adds a view of what is felt and of what the estimators believe."""
     view = builder.AddNamedSystem(
         "meshcat_view",
-        MeshcatView(MeshcatViewConfig(), meshcat, list(estimators), scenario.finger.layout()),
+        MeshcatView(
+            MeshcatViewConfig(),
+            meshcat,
+            list(estimators),
+            scenario.finger.layout(),
+            (scenario.control.line.start, scenario.control.line.end),
+        ),
     )
-    builder.Connect(station.GetOutputPort("taxel_measured"), view.GetInputPort("taxel_measured"))
+    for port in ("taxel_measured", "tip_estimated"):
+        builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
     connect_latest(builder, estimators, view)
 
 
 class MeshcatView(LeafSystem):
-    """Draws taxels, the flap's plane, the hinge's axis and the vectors L1 and L2 into Meshcat.
+    """Draws taxels, the flap's plane, hinge, L1 and L2, and the tip on its line into Meshcat.
+
+    Plane, hinge, L1 and L2 are those of a tool that is held still: they vanish once the tool has
+    become a link of the arm.
 
     What has been drawn is kept outside the Context, so one view serves one simulation.
 
@@ -85,11 +99,13 @@ class MeshcatView(LeafSystem):
         name: MeshcatView
         input_ports:
         - taxel_measured
+        - tip_estimated
         - <estimator>_tool_latest
         - <estimator>_flap_plane_latest
         - <estimator>_fingertip_contact_latest
 
     - `taxel_measured`: forces (taxels,), [N].
+    - `tip_estimated`: p_WT of the tool's tip (3,), [m]; NaN before the arm has the tool as a link.
     - `<estimator>_tool_latest`: `ToolBelief`.
     - `<estimator>_flap_plane_latest`: `FlapPlane`.
     - `<estimator>_fingertip_contact_latest`: `FingertipContact`; its pose places the taxels.
@@ -99,6 +115,7 @@ class MeshcatView(LeafSystem):
     Args:
         estimators: Names; the last is shown first.
         layout: Of the taxels.
+        line: Ends of the line that the tip is to follow, (3,) each, [m].
     """
 
     def __init__(
@@ -107,6 +124,7 @@ class MeshcatView(LeafSystem):
         meshcat: Meshcat,
         estimators: Sequence[str],
         layout: TaxelLayout,
+        line: tuple[Array, Array],
     ) -> None:
         super().__init__()
         check(config, "MeshcatView")
@@ -114,6 +132,8 @@ class MeshcatView(LeafSystem):
         self._layout = layout
         meshcat.Delete(ROOT)
         meshcat.SetCameraPose(config.viewpoint, config.looking_at)
+        self._beads: list[Array] = []  # Where the path's first ones lie.
+        self._tip = self.DeclareVectorInputPort("tip_estimated", 3)
         self._taxels = self.DeclareVectorInputPort("taxel_measured", len(self._layout.p_ST))
         models = {
             "tool": UNKNOWN_TOOL,
@@ -131,6 +151,7 @@ class MeshcatView(LeafSystem):
         }
         for index in range(len(self._layout.p_ST)):
             meshcat.SetObject(f"{ROOT}/taxels/{index}", Sphere(0.0018), Rgba(0.3, 0.3, 0.3, 1.0))
+        self._make_line(*line)
         for name in estimators:
             self._make_layer(name, visible=name == list(estimators)[-1])
         shown = LABELS.get(estimators[-1], estimators[-1]) if estimators else ""
@@ -148,9 +169,31 @@ class MeshcatView(LeafSystem):
         self._meshcat.SetObject(f"{path}/plane", Box(0.2, 0.1, 0.001), plane)
         self._meshcat.SetProperty(path, "visible", visible)
 
+    def _make_line(self, p_WA: Array, p_WB: Array) -> None:
+        self._meshcat.SetObject(
+            f"{ROOT}/line/bar", Cylinder(0.0015, 1.0), Rgba(*palette.rgb(_LINE))
+        )
+        self._place_bar(0.0, f"{ROOT}/line", p_WA, p_WB)
+        for index in range(_BEADS):
+            path = f"{ROOT}/tip/{index}"
+            self._meshcat.SetObject(path, Sphere(0.0025), Rgba(*palette.rgb(_TIP)))
+            self._meshcat.SetProperty(path, "visible", False, 0.0)
+
+    def _draw_tip(self, time: float, p_WT: Array) -> None:
+        """Puts the next bead of the tip's path where the tip is, if it has come far enough."""
+        count = len(self._beads)
+        far = count == 0 or np.linalg.norm(p_WT - self._beads[-1]) >= _SPACING
+        if count < _BEADS and far and np.isfinite(p_WT).all():
+            self._beads.append(p_WT.copy())
+            self._meshcat.SetTransform(f"{ROOT}/tip/{count}", RigidTransform(p_WT), time)
+            self._meshcat.SetProperty(f"{ROOT}/tip/{count}", "visible", True, time)
+
     def _draw(self, context: Context) -> None:
         time = context.get_time()
         drawn = False
+        p_WT = np.asarray(self._tip.Eval(context))
+        held_still = not np.isfinite(p_WT).all()
+        self._draw_tip(time, p_WT)
         for name, ports in self._ports.items():
             values = {
                 port: found.Eval(context)
@@ -161,8 +204,9 @@ class MeshcatView(LeafSystem):
             if not drawn and np.isfinite(fingertip.X_WS).all():
                 self._draw_taxels(time, np.asarray(self._taxels.Eval(context)), fingertip)
                 drawn = True
-            self._draw_tool(time, f"{ROOT}/{name}", values.get("tool", UNKNOWN_TOOL))
-            self._draw_plane(time, f"{ROOT}/{name}/plane", values.get("flap_plane", unseen("")))
+            tool, plane = values.get("tool", UNKNOWN_TOOL), values.get("flap_plane", unseen(""))
+            self._draw_tool(time, f"{ROOT}/{name}", tool if held_still else UNKNOWN_TOOL)
+            self._draw_plane(time, f"{ROOT}/{name}/plane", plane if held_still else unseen(""))
 
     def _draw_taxels(self, time: float, forces: Array, fingertip: FingertipContact) -> None:
         R, p = fingertip.X_WS[:3, :3], fingertip.X_WS[:3, 3]

@@ -167,7 +167,7 @@ class Scenario(base.Scenario):
 
     @property
     def acting_estimator(self) -> str:
-        """By which estimator the fingertip rolls; the first of `modalities`."""
+        """By which estimator both arms act; the first of `modalities`."""
         return self.modalities[0]
 
 

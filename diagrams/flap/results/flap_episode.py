@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.flap.flip_status import FLIPPING
+from diagrams.flap.flip_status import FLIPPING, TO_TABLE
+from diagrams.flap.results.tip_line import TipLine, tip_line
 from diagrams.flap.truth import UNKNOWN_FLAP, FlapTruth
 from diagrams.run.record import EpisodeRecord, Tick
+from diagrams.run.recorder import STATUS_PORT
 from maths.arrays import Array, Mask
 from systems.port_values import UNKNOWN_TOOL, ToolBelief, unseen
 
@@ -61,6 +63,9 @@ class TrueFlap:
 class FlapSeries:
     """What one estimator believes at the ticks (T); NaN where nothing is.
 
+    The series ends when the arm begins to move the tool: what is believed in the world's frame is
+    of a tool that is held still.
+
     Attributes:
         times: [s]
         k_W: Axis (T, 3).
@@ -88,20 +93,36 @@ class FlapSeries:
 
 @dataclass(frozen=True, kw_only=True)
 class FlapEpisode:
-    """An episode's record, its truth and its series by estimator."""
+    """An episode's record, its truth, its series by estimator, and the tip on its line.
+
+    Attributes:
+        moved_at: When the arm began to move the tool, [s]; None if it did not.
+    """
 
     record: EpisodeRecord
     truth: TrueFlap
     series: dict[str, FlapSeries]
+    line: TipLine
+    moved_at: float | None = None
 
 
 def flap_episode(record: EpisodeRecord) -> FlapEpisode:
     """The arrays of a record."""
+    count = _held_still(record)
+    moved_at = record.station[count].time if count < len(record.station) else None
     return FlapEpisode(
         record=record,
         truth=_truth(record),
-        series={name: _series(found.ticks) for name, found in record.estimators.items()},
+        series={name: _series(found.ticks[:count]) for name, found in record.estimators.items()},
+        line=tip_line(record),
+        moved_at=moved_at,
     )
+
+
+def _held_still(record: EpisodeRecord) -> int:
+    """The number of ticks before the arm begins to move the tool."""
+    phases = [status.phase for status in record.station_values(STATUS_PORT)]
+    return phases.index(TO_TABLE) if TO_TABLE in phases else len(record.station)
 
 
 def _stack(values: Sequence[Any], read: Callable[[Any], Any], *shape: int) -> Array:
@@ -118,7 +139,7 @@ def _truth(record: EpisodeRecord) -> TrueFlap:
         else np.full(3, np.nan)
         for tick in ticks
     ]
-    status = [tick.values.get("task_status") for tick in ticks]
+    status = [tick.values.get(STATUS_PORT) for tick in ticks]
     theta = _stack(flaps, lambda flap: flap.theta)
     return TrueFlap(
         times=np.array([tick.time for tick in ticks]),

@@ -19,7 +19,7 @@ class Servoing:
     """How the fingertip turned the flap; NaN for what did not come about.
 
     Attributes:
-        turned: Largest angle, [rad].
+        turned: Largest angle until the flipping ended, [rad].
         longest_loss: Longest time without contact while flipping, [s].
         contact_position_rms: Of the contact on the fingertip about its mean, after settling, [m].
         contact_position_offset: That mean's distance from the centre of the pad along x, [m].
@@ -124,8 +124,9 @@ def measure_servoing(truth: TrueFlap, force_desired: float) -> Servoing:
         truth: Of the episode.
         force_desired: Normal force that was asked for, [N].
     """
-    turned = float(np.nanmax(truth.theta, initial=0.0)) if len(truth.theta) else 0.0
     flipping = np.flatnonzero(truth.flipping)
+    theta = truth.theta[: flipping[-1] + 1] if len(flipping) else truth.theta
+    turned = float(np.nanmax(theta, initial=0.0)) if len(theta) else 0.0
     nothing = float("nan")
     if len(flipping) == 0:
         return Servoing(

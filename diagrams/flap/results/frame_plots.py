@@ -30,13 +30,15 @@ def chosen(pictures: list[Picture], count: int) -> list[Picture]:
 def draw_frames(episode: FlapEpisode) -> Figure | None:
     """Images with the believed axis, the flap's normal and the contact; None without images.
 
-    The beliefs are those of the first estimator, by which the fingertip rolls.
+    The beliefs are those of the first estimator, by which both arms act. Once the tool is moved,
+    the line and the tip take their place.
     """
     record = episode.record
     pictures = chosen(record.pictures, _COLUMNS * _ROWS)
     if not pictures or not record.estimators:
         return None
     name, estimator = next(iter(record.estimators.items()))
+    moved = episode.moved_at
     with mpl.rc_context({**STYLE, "axes.grid": False}):
         figure = new_figure(12.0, 6.6)
         all_axes = np.atleast_1d(figure.subplots(_ROWS, _COLUMNS)).ravel()
@@ -45,17 +47,30 @@ def draw_frames(episode: FlapEpisode) -> Figure | None:
         for axes, picture in zip(all_axes, pictures, strict=False):
             axes.imshow(picture.color)
             axes.set_title(f"{picture.time:.1f} s")
-            if estimator.ticks:
+            if moved and picture.time >= moved:
+                _draw_line(axes, episode, picture.time, record.calibration.camera)
+            elif estimator.ticks:
                 tick = min(estimator.ticks, key=lambda found: abs(found.time - picture.time))
                 _draw_beliefs(axes, tick, record.calibration.camera, COLORS.get(name, "white"))
             axes.set_xlim(0, picture.color.shape[1])
             axes.set_ylim(picture.color.shape[0], 0)
         figure.suptitle(
             f"seed {record.scenario.seed}; as believed by {LABELS.get(name, name)}: axis of the"
-            " hinge (thick), normal of the flap where it is seen (light), contact (dot)",
+            " hinge (thick), normal of the flap where it is seen (light), contact (dot); then the"
+            " line on the table and the tip (dot)",
             fontsize=9.5,
         )
     return figure
+
+
+def _draw_line(axes: Axes, episode: FlapEpisode, time: float, camera: Camera) -> None:
+    line = episode.line
+    u, v = camera.project(np.vstack([line.start, line.end])).T
+    axes.plot(u, v, color="white", lw=1.6)
+    index = int(np.argmin(np.abs(line.times - time)))
+    if np.isfinite(line.p_WT_estimated[index]).all():
+        (pixel,) = camera.project(line.p_WT_estimated[index][None])
+        axes.plot(*pixel, "o", color=_CONTACT, mec="white", ms=6)
 
 
 def _draw_beliefs(axes: Axes, tick: Tick, camera: Camera, color: str) -> None:

@@ -51,6 +51,7 @@ METRICS = (
     _of_estimator("theta_rmse_hidden", "rad", "θ error while it is not, RMS"),
     _of_estimator("L1_error", "m", "L1, mean error"),
     _of_estimator("L2_error", "m", "L2, mean error"),
+    _of_estimator("tip_line_rms", "m", "tip from its line on the table, RMS"),
     *(
         Metric(
             name=f"{key}_inside_two_sigma",

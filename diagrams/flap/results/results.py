@@ -19,9 +19,10 @@ from diagrams.flap.estimator_names import LABELS
 from diagrams.flap.results.flap_episode import FlapEpisode, flap_episode
 from diagrams.flap.results.flap_measures import measure_estimation, measure_servoing
 from diagrams.flap.results.frame_plots import draw_frames
+from diagrams.flap.results.line_plots import draw_line
 from diagrams.flap.results.plots import draw_angle, draw_servoing, draw_tool
 from diagrams.flap.results.recovery import summarise_recoveries
-from diagrams.flap.results.task import can_be_judged, task_failure
+from diagrams.flap.results.task import can_be_judged, line_note, task_failure
 from diagrams.run.application import Results
 from diagrams.run.record import EpisodeRecord
 
@@ -44,10 +45,20 @@ def evaluate(record: EpisodeRecord) -> Results:
         ),
         events=fault_events(faults),
         summary={
-            "flap": asdict(servoing) | summarise_recoveries(truth, scenario.disturbances.jerks),
+            "flap": {
+                **asdict(servoing),
+                **summarise_recoveries(truth, scenario.disturbances.jerks),
+                "tip_line_rms": episode.line.rms(episode.line.p_WT),
+                "line_note": line_note(record),
+            },
             "stream_faults": [asdict(fault) for fault in faults],
             "modalities": {
-                name: {"flap": asdict(measure_estimation(truth, series))}
+                name: {
+                    "flap": {
+                        **asdict(measure_estimation(truth, series)),
+                        "tip_line_rms": episode.line.rms(episode.line.p_WT_of[name]),
+                    }
+                }
                 for name, series in episode.series.items()
             },
         },
@@ -55,6 +66,7 @@ def evaluate(record: EpisodeRecord) -> Results:
             "servoing.png": partial(draw_servoing, episode),
             "angle.png": partial(draw_angle, episode),
             "tool.png": partial(draw_tool, episode),
+            "line.png": partial(draw_line, episode),
             "frames.png": partial(draw_frames, episode),
         },
         report=report,
@@ -83,6 +95,7 @@ _LINES: Sequence[tuple[str, str, float, str]] = (
     ("theta_rmse_hidden", "angle, RMS while hidden", 180.0 / np.pi, "deg"),
     ("L1_error", "L1, mean error", 1e3, "mm"),
     ("L2_error", "L2, mean error", 1e3, "mm"),
+    ("tip_line_rms", "tip from its line, RMS", 1e3, "mm"),
 )
 
 
@@ -129,6 +142,8 @@ def report(summary: Mapping[str, Any]) -> list[str]:
         )
         lines.append(f"  {LABELS.get(name, name)}: " + ", ".join(parts))
         lines.append(f"    inside 2σ (axis/angle/L1/L2): {shares} % of the ticks")
+    if flap["line_note"]:
+        lines.append(f"No line: {flap['line_note']}.")
     if faults := fault_lines(summary["stream_faults"]):
         lines += ["", "Streams that were not trusted:"] + [f"  {line}" for line in faults]
     return lines

@@ -4,6 +4,7 @@ import numpy as np
 
 from diagrams.flap.results.flap_episode import TrueFlap
 from diagrams.flap.results.flap_measures import Servoing
+from diagrams.flap.results.tip_line import line_finished
 from diagrams.flap.scenario import Scenario, Task
 from diagrams.run.record import EpisodeRecord
 from diagrams.run.recorder import STATUS_PORT
@@ -34,10 +35,19 @@ def task_failure(task: Task, record: EpisodeRecord, servoing: Servoing) -> str |
     return None
 
 
+def line_note(record: EpisodeRecord) -> str:
+    """Why the tip did not follow its line to the end, in one line; empty where it did."""
+    status = record.station_values(STATUS_PORT)
+    if not status or line_finished(record):
+        return ""
+    return status[-1].note or "the episode ended before the tip had come to the line's end"
+
+
 def task_in_words(scenario: Scenario) -> str:
     """What counts as done, with its tolerances."""
     task = scenario.task
     return (
         f"Done: the flap has truly been turned by {np.rad2deg(task.least_angle):.3g} deg or more,"
-        f" never without contact for more than {task.longest_loss:.3g} s."
+        f" never without contact for more than {task.longest_loss:.3g} s. The line on the table"
+        " that follows is a figure of its own."
     )

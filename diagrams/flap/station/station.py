@@ -11,11 +11,16 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
 from diagrams.flap.calibration import ROBOTS
-from diagrams.flap.robot_config import FINGER, HOLDER_HAND, TOOL
+from diagrams.flap.robot_config import FINGER, HOLDER, HOLDER_HAND, TOOL
 from diagrams.flap.scenario import Scenario
 from diagrams.flap.station.flap_truth import add_flap_truth
 from diagrams.flap.station.settling import Start, add_scene, settled_start
-from diagrams.flap.station.station_control import add_drives, add_flip_control, hold_still
+from diagrams.flap.station.station_control import (
+    add_drives,
+    add_flip_control,
+    add_line_control,
+    hold_still,
+)
 from diagrams.flap.station.station_sensors import add_joint_sensors, add_taxels, add_vision
 from diagrams.flap.station.tool_placement import draw_tool
 from diagrams.flap.station.wiring import StationWiring
@@ -56,9 +61,9 @@ def make_flap_station(scenario: Scenario, calibration: Calibration) -> FlapStati
 
     Output ports of its Diagram: `color_measured`, `depth_measured`, `robot_mask`,
     `holder_joint_state_window`, `finger_joint_state_window`, `taxel_window`, `taxel_measured`,
-    `task_status`, `cheat_flap`, `cheat_end_effector_pose` (of the holder),
-    `cheat_fingertip_pose`, `cheat_query_object`.
-    Input ports, which may stay unconnected: `flap_angle_latest`, `hinge_latest`.
+    `tip_estimated`, `task_status`, `cheat_flap`, `cheat_edge_pose` (of the tool's frame `edge`),
+    `cheat_end_effector_pose` (of the holder), `cheat_fingertip_pose`, `cheat_query_object`.
+    Input ports, which may stay unconnected: `flap_angle_latest`, `hinge_latest`, `tool_latest`.
 
     Args:
         scenario: With its seed, by which the tool and how it is held, the noise of all sensors,
@@ -84,10 +89,11 @@ def make_flap_station(scenario: Scenario, calibration: Calibration) -> FlapStati
     )
     _check_sight(wiring)
     drives = add_drives(wiring)
-    hold_still(wiring, drives)
+    hold_still(wiring)
     encoders = add_joint_sensors(wiring, arms)
     taxels = add_taxels(wiring, scenario.finger.layout())
-    add_flip_control(wiring, drives[FINGER], encoders[FINGER], taxels)
+    flip = add_flip_control(wiring, drives[FINGER], encoders[FINGER], taxels)
+    add_line_control(wiring, drives[HOLDER], encoders[HOLDER], flip)
     add_vision(wiring, encoders)
     _add_outside(wiring)
     return FlapStation(diagram=builder.Build(), scene=wiring.scene, start=wiring.start)
@@ -145,4 +151,5 @@ def _add_outside(wiring: StationWiring) -> None:
     end_effector = plant.GetFrameByName("end_effector", scene.model(HOLDER_HAND))
     add_true_pose(builder, plant, end_effector, "end_effector")
     add_true_pose(builder, plant, wiring.fingertip, "fingertip")
+    add_true_pose(builder, plant, plant.GetFrameByName(EDGE_FRAME, scene.model(TOOL)), "edge")
     builder.ExportOutput(scene.scene_graph.get_query_output_port(), "cheat_query_object")

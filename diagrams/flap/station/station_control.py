@@ -2,11 +2,12 @@
 
 import numpy as np
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import InputPort, OutputPort
+from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
 from diagrams.flap.flip_control import make_flip_control
 from diagrams.flap.flip_status import FlipStatus
+from diagrams.flap.line_control import make_line_control
 from diagrams.flap.robot_config import FINGER, FINGER_ARM, HOLDER, HOLDER_ARM, HOLDER_HAND, TOOL
 from diagrams.flap.station.wiring import StationWiring
 from diagrams.run.recorder import STATUS_PORT
@@ -38,8 +39,8 @@ def add_flip_control(
     drive: InputPort,
     encoders: JointEncoders,
     taxels: OutputPort,
-) -> None:
-    """Adds what moves the fingertip; exports `task_status`.
+) -> Diagram:
+    """Adds what moves the fingertip.
 
     Inputs `flap_angle_latest` and `hinge_latest` of the station say what is perceived; they may
     stay unconnected.
@@ -50,33 +51,76 @@ def add_flip_control(
         encoders: Of the finger's arm.
         taxels: `taxel_measured` of the fingertip.
     """
-    builder, scenario, start = wiring.builder, wiring.scenario, wiring.start.finger
-    as_read = encoders.measure(np.append(start, np.zeros(len(start))), 0)[: len(start)]
-    model = wiring.calibration.arms[FINGER_ARM].model
+    builder, scenario = wiring.builder, wiring.scenario
     control = builder.AddNamedSystem(
         "flip_control",
-        make_flip_control(scenario.control, model, scenario.finger.layout(), as_read),
+        make_flip_control(
+            scenario.control,
+            wiring.calibration.arms[FINGER_ARM].model,
+            scenario.finger.layout(),
+            _as_read(encoders, wiring.start.finger),
+        ),
     )
+    _drive(builder, encoders, control, drive)
+    builder.Connect(taxels, control.GetInputPort("taxel_measured"))
+    builder.ExportOutput(taxels, "taxel_measured")
+    for port in ("flap_angle_latest", "hinge_latest"):
+        builder.ExportInput(control.GetInputPort(port), port)
+    return control
+
+
+def add_line_control(
+    wiring: StationWiring, drive: InputPort, encoders: JointEncoders, flip: Diagram
+) -> None:
+    """Adds what moves the held tool; exports `tip_estimated` and `task_status`.
+
+    The station's input `tool_latest` says what is perceived of it; it may stay unconnected.
+
+    Args:
+        wiring: Of the station.
+        drive: Where the joint positions of the arm with the tool are commanded.
+        encoders: Of that arm.
+        flip: What moves the fingertip.
+    """
+    builder = wiring.builder
+    line = builder.AddNamedSystem(
+        "line_control",
+        make_line_control(
+            wiring.scenario.control,
+            wiring.calibration.arms[HOLDER_ARM].model,
+            _as_read(encoders, wiring.start.holder),
+        ),
+    )
+    _drive(builder, encoders, line, drive)
+    builder.Connect(flip.GetOutputPort("phase"), line.GetInputPort("flip_phase"))
+    builder.ExportInput(line.GetInputPort("tool_latest"), "tool_latest")
+    builder.ExportOutput(line.GetOutputPort("tip_estimated"), "tip_estimated")
+    status = builder.AddNamedSystem("task_status", FlipStatus())
+    for name, control in (("flip", flip), ("line", line)):
+        for port in ("phase", "failure"):
+            builder.Connect(control.GetOutputPort(port), status.GetInputPort(f"{name}_{port}"))
+    builder.ExportOutput(status.get_output_port(), STATUS_PORT)
+
+
+def _as_read(encoders: JointEncoders, q: Array) -> Array:
+    """What an arm's encoders make of its joint positions (n,), [rad]."""
+    return encoders.measure(np.append(q, np.zeros(len(q))), 0)[: len(q)]
+
+
+def _drive(
+    builder: DiagramBuilder, encoders: JointEncoders, control: Diagram, drive: InputPort
+) -> None:
+    """Lets a control read an arm's joints and command its drives."""
     builder.Connect(
         encoders.GetOutputPort("joint_state_measured"),
         control.GetInputPort("joint_state_measured"),
     )
-    builder.Connect(taxels, control.GetInputPort("taxel_measured"))
-    builder.ExportOutput(taxels, "taxel_measured")
     builder.Connect(control.GetOutputPort("joint_position_commanded"), drive)
-    for port in ("flap_angle_latest", "hinge_latest"):
-        builder.ExportInput(control.GetInputPort(port), port)
-    status = builder.AddNamedSystem("task_status", FlipStatus())
-    for port in ("phase", "failure"):
-        builder.Connect(control.GetOutputPort(port), status.GetInputPort(port))
-    builder.ExportOutput(status.get_output_port(), STATUS_PORT)
 
 
-def hold_still(wiring: StationWiring, drives: dict[str, InputPort]) -> None:
-    """Commands the holding arm, its hand and the hinge's brake to stay as they are."""
-    builder, scene, start = wiring.builder, wiring.scene, wiring.start
-    holder = builder.AddNamedSystem("holder_posture", ConstantVectorSource(start.holder))
-    builder.Connect(holder.get_output_port(), drives[HOLDER])
+def hold_still(wiring: StationWiring) -> None:
+    """Commands the hand around the tool and the hinge's brake to stay as they are."""
+    scene, start = wiring.scene, wiring.start
     _command(wiring, scene.model(HOLDER_HAND), "hand_posture", start.hand)
     brakes = scene.plant.get_desired_state_input_port(scene.model(TOOL)).size() // 2
     _command(wiring, scene.model(TOOL), "hinge_brake", np.zeros(brakes))

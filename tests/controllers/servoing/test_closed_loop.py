@@ -37,7 +37,7 @@ def misalignment(outcome: Outcome) -> np.ndarray:
 
 def test_touch_and_the_arc_turn_the_flap_blindly() -> None:
     outcome = simulate(Trial(control=until(0.35)), 20.0)
-    assert outcome.phases[-1] == FlipPhase.DONE
+    assert outcome.phases[-1] == FlipPhase.RETREAT
     assert outcome.theta[-1] == pytest.approx(0.35, abs=0.05)
     check_contact(outcome, settled(outcome))
 
@@ -47,7 +47,7 @@ def test_vision_rolls_a_misplaced_finger_into_the_flaps_direction() -> None:
         control=until(0.35), vision=True, hinge_known=True, roll=np.deg2rad(8.0), misplaced=1e-3
     )
     outcome = simulate(trial, 20.0)
-    assert outcome.phases[-1] == FlipPhase.DONE
+    assert outcome.phases[-1] == FlipPhase.RETREAT
     assert outcome.theta[-1] == pytest.approx(0.35, abs=0.03)
     assert abs(misalignment(outcome)[-1]) < np.deg2rad(1.0)
     assert np.all(outcome.of("force")[settled(outcome)] > 0.0)
@@ -60,7 +60,7 @@ def test_a_flap_that_is_jerked_away_by_3_cm_is_caught_again() -> None:
     jerked = np.interp(2.5, outcome.times, outcome.theta)
     assert trial.length * jerked > 0.03
     assert 1.0 < lost[-1] - lost[0] < 5.0
-    assert outcome.phases[-1] == FlipPhase.DONE
+    assert outcome.phases[-1] == FlipPhase.RETREAT
     assert outcome.of("force")[-1] == pytest.approx(0.5, abs=0.1)
 
 

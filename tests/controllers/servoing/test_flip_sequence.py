@@ -91,7 +91,39 @@ def test_the_phases_follow_each_other() -> None:
     episode.go(0.1, touching(), theta=CONFIG.angle - 0.01)
     assert episode.state.phase == FlipPhase.FLIP
     episode.go(0.02, touching(), theta=CONFIG.angle + 0.01)
+    assert episode.state.phase == FlipPhase.RETREAT
+
+
+def turned() -> Episode:
+    return Episode().flipping().go(0.02, touching(), theta=CONFIG.angle + 0.01)
+
+
+def test_once_the_flap_is_turned_the_finger_backs_off_and_is_done() -> None:
+    episode = turned()
+    V = approach_twist(episode.state, True, CONFIG)
+    assert_allclose(V, [0, 0, 0, 0, -CONFIG.retreat_speed, 0])
+    assert_allclose(tactile_projector(episode.state.phase, CONFIG), 0.0)
+    time = CONFIG.retreat_way / CONFIG.retreat_speed
+    episode.go(time - 0.05, step=V)
+    assert episode.state.phase == FlipPhase.RETREAT
+    episode.go(0.1, step=V)
     assert episode.state.phase == FlipPhase.DONE
+    assert_allclose(approach_twist(episode.state, False, CONFIG), 0.0)
+
+
+def test_the_retreat_counts_from_where_the_flap_was_last_touched() -> None:
+    episode = turned()
+    V = approach_twist(episode.state, True, CONFIG)
+    time = CONFIG.retreat_way / CONFIG.retreat_speed
+    episode.go(0.5, touching(), step=V).go(time - 0.05, step=V)
+    assert episode.state.phase == FlipPhase.RETREAT
+    assert episode.go(0.1, step=V).state.phase == FlipPhase.DONE
+
+
+def test_a_finger_that_does_not_get_away_has_failed_and_says_so() -> None:
+    episode = turned().go(10.0, touching())
+    assert episode.state.phase == FlipPhase.FAILED
+    assert "does not get away" in episode.state.why
 
 
 def test_a_contact_that_does_not_settle_is_taken_after_a_while() -> None:
@@ -105,13 +137,13 @@ def test_without_an_angle_the_fingers_own_turn_counts() -> None:
     rate = np.array([0.0, 0.0, 0.5, 0.0, 0.0, 0.0])
     episode.go(CONFIG.angle / 0.5 - 0.1, touching(), step=rate)
     assert episode.state.phase == FlipPhase.FLIP
-    assert episode.go(0.2, touching(), step=rate).state.phase == FlipPhase.DONE
+    assert episode.go(0.2, touching(), step=rate).state.phase == FlipPhase.RETREAT
 
 
 def test_the_flip_ends_when_the_way_is_used_up() -> None:
     episode = Episode().flipping()
     episode.go(CONFIG.way / 0.1 + 0.1, touching(), theta=0.1, step=[0, 0, 0, 0.1, 0, 0])
-    assert episode.state.phase == FlipPhase.DONE
+    assert episode.state.phase == FlipPhase.RETREAT
 
 
 def test_noise_of_the_pose_is_no_way() -> None:

@@ -118,5 +118,8 @@ def test_the_estimators_can_be_wired_apart_from_the_station(scenario) -> None:
 def test_the_view_has_as_many_taxels_as_the_fingertip() -> None:
     taxels = "[[0.003, 0.0035], [-0.003, 0.0035], [0.003, -0.0035], [-0.003, -0.0035]]"
     _, few = load_scenario("flap", [f"finger.taxels={taxels}"])
-    view = MeshcatView(MeshcatViewConfig(), start_meshcat("localhost"), [], few.finger.layout())
+    line = np.zeros(3), np.ones(3)
+    view = MeshcatView(
+        MeshcatViewConfig(), start_meshcat("localhost"), [], few.finger.layout(), line
+    )
     assert view.GetInputPort("taxel_measured").size() == 4

@@ -124,6 +124,7 @@ def test_the_truth_leaves_the_station_through_cheat_ports_only(station: FlapStat
         "finger_joint_state_window",
         "taxel_window",
         "taxel_measured",
+        "tip_estimated",
         "task_status",
     }
     assert measured <= ports

@@ -1,0 +1,116 @@
+"""How the tip of the tool followed its line on the table, and the figure of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagrams.flap.flip_status import DONE, FLIPPING, ON_LINE
+from diagrams.run.record import EpisodeRecord, Tick
+from diagrams.run.recorder import STATUS_PORT
+from maths.arrays import Array, Mask
+
+
+@dataclass(frozen=True, kw_only=True)
+class TipLine:
+    """The tip at the ticks (T); NaN where it is not known.
+
+    The true tip is the point of the flap in which the finger touched it at last while it flipped
+    it: the point that the robot takes as the tip, where it truly is.
+
+    Attributes:
+        times: [s]
+        p_WT: True tip (T, 3), [m].
+        p_WT_estimated: As the robot believes it to be (T, 3), [m].
+        p_WT_of: By estimator, where the true tip would have been had the arm moved the tip that
+            this one believed in (T, 3), [m]. The acting one's is the true tip itself; the others'
+            is displaced by what the two beliefs differ.
+        on_line: Whether the arm moves the tip along the line.
+        finished: Whether it came to the line's end.
+        start: Of the line (3,), in the world, [m].
+        end: Likewise.
+    """
+
+    times: Array
+    p_WT: Array
+    p_WT_estimated: Array
+    p_WT_of: Mapping[str, Array]
+    on_line: Mask
+    finished: bool
+    start: Array
+    end: Array
+
+    def offsets(self, p_WT: Array) -> tuple[Array, Array]:
+        """Ways along the line (T,) and offsets from it (T, 3) of points (T, 3), [m]."""
+        along = (self.end - self.start) / np.linalg.norm(self.end - self.start)
+        way = (p_WT - self.start) @ along
+        return way, p_WT - self.start - way[:, None] * along
+
+    def rms(self, p_WT: Array) -> float:
+        """RMS distance from the line while on it, [m]; NaN unless the line was finished."""
+        if not self.finished:
+            return float("nan")
+        _, offset = self.offsets(p_WT[self.on_line])
+        return float(np.sqrt(np.mean(np.sum(offset**2, axis=1))))
+
+
+def tip_line(record: EpisodeRecord) -> TipLine:
+    """The tip in an episode."""
+    ticks, config = record.station, record.scenario.control.line
+    phases = [_phase(tick) for tick in ticks]
+    touch = last_touch(ticks)
+    poses = record.station_values("cheat_edge_pose")
+    p_WT = np.full((len(ticks), 3), np.nan)
+    if touch is not None and len(poses) == len(ticks):
+        p_FT = poses[touch].inverse() @ ticks[touch].values["cheat_flap"].p_WC
+        p_WT = np.array([pose @ p_FT for pose in poses])
+    estimated = [tick.values.get("tip_estimated", np.full(3, np.nan)) for tick in ticks]
+    return TipLine(
+        times=np.array([tick.time for tick in ticks]),
+        p_WT=p_WT,
+        p_WT_estimated=np.array(estimated).reshape(-1, 3),
+        p_WT_of=_as_if(record, p_WT, touch),
+        on_line=np.array([phase == ON_LINE for phase in phases], dtype=bool),
+        finished=line_finished(record) and ON_LINE in phases,
+        start=np.asarray(config.start, dtype=float),
+        end=np.asarray(config.end, dtype=float),
+    )
+
+
+def line_finished(record: EpisodeRecord) -> bool:
+    """Whether the tip came to the line's end, as the robot says."""
+    return DONE in [event.name for event in record.events]
+
+
+def _phase(tick: Tick) -> str:
+    status = tick.values.get(STATUS_PORT)
+    return "" if status is None else str(status.phase)
+
+
+def last_touch(ticks: list[Tick]) -> int | None:
+    """Index of the last tick at which the finger touched the flap and flipped it."""
+    for index in range(len(ticks) - 1, -1, -1):
+        if _phase(ticks[index]) == FLIPPING and ticks[index].values["cheat_flap"].touching:
+            return index
+    return None
+
+
+def _as_if(record: EpisodeRecord, p_WT: Array, touch: int | None) -> dict[str, Array]:
+    """The true tip by estimator, had the arm acted by that one."""
+    tips = {}
+    for name, found in record.estimators.items():
+        tool = None if touch is None else found.ticks[min(touch + 1, len(found.ticks) - 1)]
+        tool = None if tool is None else tool.values.get("tool_latest")
+        tips[name] = np.full(3, np.nan) if tool is None else (tool.X_EK @ tool.X_KT)[:3, 3]
+    acting = tips.get(record.scenario.acting_estimator, np.full(3, np.nan))
+    R_WE = [
+        tick.values["cheat_end_effector_pose"].rotation().matrix()
+        if "cheat_end_effector_pose" in tick.values
+        else np.full((3, 3), np.nan)
+        for tick in record.station
+    ]
+    rotations = np.array(R_WE).reshape(-1, 3, 3)
+    return {
+        name: p_WT if name == record.scenario.acting_estimator else p_WT + rotations @ (acting - p)
+        for name, p in tips.items()
+    }

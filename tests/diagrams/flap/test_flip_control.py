@@ -5,11 +5,14 @@ import re
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, System
 
 from diagrams.flap.flip_control import FlipControlConfig, joint_limits, make_flip_control
+from diagrams.flap.flip_status import FlipStatus
+from diagrams.flap.line_control import make_line_control
 from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.lwr import LWR_WITH_FINGERTIP
+from plants.robots.lwr import LWR_WITH_FINGERTIP, LWR_WITH_THREE_FINGERS
 from systems.arm_pose import ArmPose
 from systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
 from systems.tactile.taxel_layout import fingertip_layout
@@ -21,6 +24,12 @@ Q = np.array([-0.22, -0.63, -0.39, 1.6, 1.4, 1.01, -0.83])
 def control() -> Diagram:
     model = make_arm_with_load(LWR_WITH_FINGERTIP, RigidTransform())
     return make_flip_control(FlipControlConfig(), model, fingertip_layout(), Q)
+
+
+@pytest.fixture(scope="module")
+def line_control() -> Diagram:
+    model = make_arm_with_load(LWR_WITH_THREE_FINGERS, RigidTransform())
+    return make_line_control(FlipControlConfig(), model, Q)
 
 
 def documented(text: str, kind: str) -> set[str]:
@@ -38,7 +47,9 @@ def declared(system: System) -> dict[str, set[str]]:
     }
 
 
-def test_every_system_has_the_ports_that_it_documents(control: Diagram) -> None:
+def test_every_system_has_the_ports_that_it_documents(
+    control: Diagram, line_control: Diagram
+) -> None:
     model = make_arm_with_load(LWR_WITH_FINGERTIP, RigidTransform())
     motion = FingertipMotion(
         FingertipMotionConfig(),
@@ -46,11 +57,12 @@ def test_every_system_has_the_ports_that_it_documents(control: Diagram) -> None:
         fingertip_layout(),
     )
     own = [system for system in control.GetSystems() if system.get_name() != "twist_sum"]
-    for system in [*own, motion]:
+    for system in [*own, *line_control.GetSystems(), motion, FlipStatus()]:
         for kind, names in declared(system).items():
             assert documented(type(system).__doc__ or "", kind) == names, system.get_name()
-    for kind, names in declared(control).items():
-        assert documented(make_flip_control.__doc__ or "", kind) == names
+    for make, diagram in ((make_flip_control, control), (make_line_control, line_control)):
+        for kind, names in declared(diagram).items():
+            assert documented(make.__doc__ or "", kind) == names
 
 
 def test_it_does_without_what_vision_says(control: Diagram) -> None:
@@ -61,6 +73,18 @@ def test_it_does_without_what_vision_says(control: Diagram) -> None:
     assert control.GetOutputPort("phase").Eval(context)[0] == 0.0
     command = control.GetOutputPort("joint_position_commanded").Eval(context)
     np.testing.assert_allclose(command, Q)
+
+
+def test_the_arm_with_the_tool_stays_while_nothing_is_believed_of_it(line_control: Diagram) -> None:
+    context = line_control.CreateDefaultContext()
+    line_control.GetInputPort("flip_phase").FixValue(context, [0.0])
+    state = np.concatenate([Q, np.zeros(7)])
+    line_control.GetInputPort("joint_state_measured").FixValue(context, state)
+    simulator = Simulator(line_control, context)
+    simulator.Initialize()
+    simulator.AdvanceTo(0.1)
+    command = line_control.GetOutputPort("joint_position_commanded").Eval(context)
+    np.testing.assert_allclose(command, Q, atol=1e-9)
 
 
 def test_the_limits_are_those_of_the_arms_model() -> None:

@@ -75,9 +75,12 @@ class FlipSequenceConfig:
     # How near the finger gets to where it waits before the edge.
     arrival_distance: float = number(0.002, above=0.0, at_most=0.1, unit="m")
     arrival_angle: float = number(0.03, above=0.0, at_most=1.0, unit="rad")
-    # Once the flap is turned, the finger backs off along its own -y.
-    retreat_speed: float = number(0.04, above=0.0, at_most=1.0, unit="m/s")
-    retreat_way: float = number(0.08, above=0.0, at_most=1.0, unit="m")
+    # Once the flap is turned, the finger goes so far in its own frame: off the edge, and along
+    # itself towards its arm, which straightens if it only backs off.
+    retreat: np.ndarray = numbers(
+        np.array([0.0, -0.04, -0.10]), at_least=-1.0, at_most=1.0, unit="m"
+    )
+    retreat_speed: float = number(0.06, above=0.0, at_most=1.0, unit="m/s")
     # Diagonals of the projectors, ones and zeros: w_x, w_y, w_z, v_x, v_y, v_z. Touch holds the
     # force and rolls the pad flat onto the edge's line, about x; during the flip it also keeps the
     # edge from sliding off along x. The roll about z is vision's and the arc's: on an edge that is
@@ -242,9 +245,10 @@ def _wait(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
 
 def _retreat(state: FlipState, now: Felt, distance: float, config: FlipSequenceConfig) -> FlipState:
     """Done once the finger is so far [m] from where it last touched."""
-    if distance >= config.retreat_way:
+    way = float(np.linalg.norm(config.retreat))
+    if distance >= way:
         return _enter(state, FlipPhase.DONE, now)
-    if now.time - state.since > _PATIENCE * config.retreat_way / config.retreat_speed:
+    if now.time - state.since > _PATIENCE * way / config.retreat_speed:
         return _fail(state, now, "the finger does not get away from the flap")
     return state
 

@@ -19,7 +19,7 @@ from controllers.servoing.flip_decisions import (
     next_flip_state,
 )
 from maths.arrays import Array
-from maths.validation import check
+from maths.validation import check, require
 
 _ARRIVAL_TIME = 0.5  # Time constant with which the finger arrives at a goal, [s].
 
@@ -37,7 +37,8 @@ def approach_twist(state: FlipState, touching: bool, config: FlipSequenceConfig)
     Away from the flap once it is turned.
     """
     if state.phase == FlipPhase.RETREAT:
-        return np.array([0.0, 0.0, 0.0, 0.0, -config.retreat_speed, 0.0])
+        direction = config.retreat / np.linalg.norm(config.retreat)
+        return np.concatenate([np.zeros(3), config.retreat_speed * direction])
     if touching or not state.is_seeking:
         return np.zeros(6)
     if state.X_WS_goal is not None:
@@ -107,6 +108,7 @@ class FlipSequence(LeafSystem):
     def __init__(self, config: FlipSequenceConfig, arm: ArmModel) -> None:
         super().__init__()
         check(config, "FlipSequence")
+        require(bool(np.any(config.retreat)), "FlipSequence", config, "retreat", "not all zero")
         self._config, self._arm = config, arm
         self._joints = self.DeclareVectorInputPort("joint_state_measured", 2 * arm.num_joints)
         self._contact = self.DeclareAbstractInputPort("contact_latest", Value[object]())

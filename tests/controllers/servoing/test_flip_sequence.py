@@ -101,9 +101,11 @@ def turned() -> Episode:
 def test_once_the_flap_is_turned_the_finger_backs_off_and_is_done() -> None:
     episode = turned()
     V = approach_twist(episode.state, True, CONFIG)
-    assert_allclose(V, [0, 0, 0, 0, -CONFIG.retreat_speed, 0])
+    assert np.linalg.norm(V) == pytest.approx(CONFIG.retreat_speed)
+    assert_allclose(np.cross(V[3:], CONFIG.retreat), 0.0, atol=1e-12)
+    assert V[4] < 0.0
     assert_allclose(tactile_projector(episode.state.phase, CONFIG), 0.0)
-    time = CONFIG.retreat_way / CONFIG.retreat_speed
+    time = np.linalg.norm(CONFIG.retreat) / CONFIG.retreat_speed
     episode.go(time - 0.05, step=V)
     assert episode.state.phase == FlipPhase.RETREAT
     episode.go(0.1, step=V)
@@ -114,7 +116,7 @@ def test_once_the_flap_is_turned_the_finger_backs_off_and_is_done() -> None:
 def test_the_retreat_counts_from_where_the_flap_was_last_touched() -> None:
     episode = turned()
     V = approach_twist(episode.state, True, CONFIG)
-    time = CONFIG.retreat_way / CONFIG.retreat_speed
+    time = np.linalg.norm(CONFIG.retreat) / CONFIG.retreat_speed
     episode.go(0.5, touching(), step=V).go(time - 0.05, step=V)
     assert episode.state.phase == FlipPhase.RETREAT
     assert episode.go(0.1, step=V).state.phase == FlipPhase.DONE

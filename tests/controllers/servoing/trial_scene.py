@@ -19,6 +19,7 @@ from pydrake.multibody.tree import FixedOffsetFrame, PdControllerGains
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem, State
 
+from controllers.servoing.flip_decisions import FlipPhase
 from diagrams.flap.flip_control import FlipControlConfig, make_flip_control
 from maths.arrays import Array
 from systems.port_values import FlapAngleBelief, HingeBelief
@@ -353,8 +354,8 @@ class Outcome:
         return np.array([getattr(touch, name) for touch in self.touches])
 
 
-def simulate(trial: Trial, seconds: float, done_after: float = 0.3) -> Outcome:
-    """The trial until the sequence is over, or for so many seconds."""
+def simulate(trial: Trial, seconds: float) -> Outcome:
+    """The trial until the flap is turned or the flip has failed, or for so many seconds."""
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlant(
         MultibodyPlantConfig(
@@ -395,14 +396,12 @@ def simulate(trial: Trial, seconds: float, done_after: float = 0.3) -> Outcome:
     phases: list[float] = []
     phase = control.GetOutputPort("phase")
     simulator.Initialize()
-    over = np.inf
-    while simulator.get_context().get_time() < min(seconds, over + done_after) - 1e-9:
+    while simulator.get_context().get_time() < seconds - 1e-9:
         context = control.GetMyContextFromRoot(simulator.get_context())
-        value = float(phase.Eval(context)[0])
-        if value >= 3.0:
-            over = min(over, simulator.get_context().get_time())
-        phases.append(value)
+        phases.append(float(phase.Eval(context)[0]))
         simulator.AdvanceTo(round(simulator.get_context().get_time() + 0.01, 6))
+        if phases[-1] >= FlipPhase.RETREAT:
+            break
     context = control.GetMyContextFromRoot(simulator.get_context())
     count = min(len(phases), len(sensors.log))
     times, poses, theta, touches = zip(*sensors.log[:count], strict=True)

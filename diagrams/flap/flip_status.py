@@ -15,7 +15,7 @@ _FLIP = {
     FlipPhase.RETREAT: TaskStatus(phase="retreating"),
 }
 _LINE = {
-    LinePhase.WAIT: TaskStatus(phase="flap turned"),
+    LinePhase.WAIT: _FLIP[FlipPhase.RETREAT],
     LinePhase.APPROACH: TaskStatus(phase=TO_TABLE),
     LinePhase.LOWER: TaskStatus(phase=TO_TABLE),
     LinePhase.LINE: TaskStatus(phase=ON_LINE),

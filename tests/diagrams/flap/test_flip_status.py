@@ -22,7 +22,7 @@ def test_only_the_last_phases_end_the_episode():
 def test_each_phase_has_its_name():
     assert flip_status(FlipPhase.FLIP, "", LinePhase.WAIT, "").phase == FLIPPING
     names = [flip_status(FlipPhase.DONE, "", line, "").phase for line in LinePhase]
-    assert names == ["flap turned", TO_TABLE, TO_TABLE, ON_LINE, DONE, "stopped"]
+    assert names == ["retreating", TO_TABLE, TO_TABLE, ON_LINE, DONE, "stopped"]
 
 
 def test_a_line_that_is_not_begun_is_told_once_the_finger_is_away():

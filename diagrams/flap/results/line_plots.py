@@ -19,6 +19,7 @@ def draw_line(episode: FlapEpisode) -> Figure | None:
     along = (line.end - line.start) / np.linalg.norm(line.end - line.start)
     aside = np.cross([0.0, 0.0, 1.0], along)
     aside = aside / max(float(np.linalg.norm(aside)), 1e-9)
+    others = [(name, line.p_WT_of(name)) for name in line.link_error_of if name != acting]
     paths = [
         ("true tip", line.p_WT, palette.TRUTH, "-", 2.0),
         (
@@ -30,8 +31,7 @@ def draw_line(episode: FlapEpisode) -> Figure | None:
         ),
         *(
             (f"true tip, had it acted by {LABELS.get(name, name)}", p, COLORS.get(name), "--", 1.2)
-            for name, p in line.p_WT_of.items()
-            if name != acting
+            for name, p in others
         ),
     ]
     with mpl.rc_context(STYLE):

@@ -52,6 +52,7 @@ METRICS = (
     _of_estimator("L1_error", "m", "L1, mean error"),
     _of_estimator("L2_error", "m", "L2, mean error"),
     _of_estimator("tip_line_rms", "m", "tip from its line on the table, RMS"),
+    _of_estimator("tip_link_rms", "m", "the same, were the arm's own pose known exactly"),
     *(
         Metric(
             name=f"{key}_inside_two_sigma",

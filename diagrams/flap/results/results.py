@@ -56,7 +56,8 @@ def evaluate(record: EpisodeRecord) -> Results:
                 name: {
                     "flap": {
                         **asdict(measure_estimation(truth, series)),
-                        "tip_line_rms": episode.line.rms(episode.line.p_WT_of[name]),
+                        "tip_line_rms": episode.line.rms(episode.line.p_WT_of(name)),
+                        "tip_link_rms": episode.line.link_rms(name),
                     }
                 }
                 for name, series in episode.series.items()
@@ -96,6 +97,7 @@ _LINES: Sequence[tuple[str, str, float, str]] = (
     ("L1_error", "L1, mean error", 1e3, "mm"),
     ("L2_error", "L2, mean error", 1e3, "mm"),
     ("tip_line_rms", "tip from its line, RMS", 1e3, "mm"),
+    ("tip_link_rms", "of that by the tool alone", 1e3, "mm"),
 )
 
 

@@ -22,9 +22,9 @@ class TipLine:
         times: [s]
         p_WT: True tip (T, 3), [m].
         p_WT_estimated: As the robot believes it to be (T, 3), [m].
-        p_WT_of: By estimator, where the true tip would have been had the arm moved the tip that
-            this one believed in (T, 3), [m]. The acting one's is the true tip itself; the others'
-            is displaced by what the two beliefs differ.
+        link_error_of: By estimator, from where its tool puts the tip, as a link of the true
+            end-effector, to the true tip (T, 3), in the world, [m].
+        acting: By which estimator the arm moved.
         on_line: Whether the arm moves the tip along the line.
         finished: Whether it came to the line's end.
         start: Of the line (3,), in the world, [m].
@@ -34,11 +34,20 @@ class TipLine:
     times: Array
     p_WT: Array
     p_WT_estimated: Array
-    p_WT_of: Mapping[str, Array]
+    link_error_of: Mapping[str, Array]
+    acting: str
     on_line: Mask
     finished: bool
     start: Array
     end: Array
+
+    def p_WT_of(self, name: str) -> Array:
+        """Where the true tip would have been had the arm acted by an estimator (T, 3), [m].
+
+        For the acting one that is the true tip; for another it is displaced by what the two
+        beliefs differ, as if the table were not there.
+        """
+        return self.p_WT + self.link_error_of[name] - self.link_error_of[self.acting]
 
     def offsets(self, p_WT: Array) -> tuple[Array, Array]:
         """Ways along the line (T,) and offsets from it (T, 3) of points (T, 3), [m]."""
@@ -52,6 +61,10 @@ class TipLine:
             return float("nan")
         _, offset = self.offsets(p_WT[self.on_line])
         return float(np.sqrt(np.mean(np.sum(offset**2, axis=1))))
+
+    def link_rms(self, name: str) -> float:
+        """The same of an estimator's link alone: without what the arm itself is off by, [m]."""
+        return self.rms(self.start + self.link_error_of[name])
 
 
 def tip_line(record: EpisodeRecord) -> TipLine:
@@ -69,7 +82,8 @@ def tip_line(record: EpisodeRecord) -> TipLine:
         times=np.array([tick.time for tick in ticks]),
         p_WT=p_WT,
         p_WT_estimated=np.array(estimated).reshape(-1, 3),
-        p_WT_of=_as_if(record, p_WT, touch),
+        link_error_of=_link_errors(record, p_WT, touch),
+        acting=record.scenario.acting_estimator,
         on_line=np.array([phase == ON_LINE for phase in phases], dtype=bool),
         finished=line_finished(record) and ON_LINE in phases,
         start=np.asarray(config.start, dtype=float),
@@ -95,22 +109,16 @@ def last_touch(ticks: list[Tick]) -> int | None:
     return None
 
 
-def _as_if(record: EpisodeRecord, p_WT: Array, touch: int | None) -> dict[str, Array]:
-    """The true tip by estimator, had the arm acted by that one."""
-    tips = {}
+def _link_errors(record: EpisodeRecord, p_WT: Array, touch: int | None) -> dict[str, Array]:
+    """See `TipLine.link_error_of`."""
+    poses = record.station_values("cheat_end_effector_pose")
+    errors = {}
     for name, found in record.estimators.items():
-        tool = None if touch is None else found.ticks[min(touch + 1, len(found.ticks) - 1)]
-        tool = None if tool is None else tool.values.get("tool_latest")
-        tips[name] = np.full(3, np.nan) if tool is None else (tool.X_EK @ tool.X_KT)[:3, 3]
-    acting = tips.get(record.scenario.acting_estimator, np.full(3, np.nan))
-    R_WE = [
-        tick.values["cheat_end_effector_pose"].rotation().matrix()
-        if "cheat_end_effector_pose" in tick.values
-        else np.full((3, 3), np.nan)
-        for tick in record.station
-    ]
-    rotations = np.array(R_WE).reshape(-1, 3, 3)
-    return {
-        name: p_WT if name == record.scenario.acting_estimator else p_WT + rotations @ (acting - p)
-        for name, p in tips.items()
-    }
+        errors[name] = np.full(p_WT.shape, np.nan)
+        if touch is None or len(poses) != len(p_WT):
+            continue
+        tool = found.ticks[min(touch + 1, len(found.ticks) - 1)].values.get("tool_latest")
+        if tool is not None:
+            p_ET = (tool.X_EK @ tool.X_KT)[:3, 3]
+            errors[name] = p_WT - np.array([X_WE @ p_ET for X_WE in poses])
+    return errors

@@ -17,6 +17,10 @@ OFF = np.array([0.0, 0.003, -0.004])  # Of the true tip from the line.
 R_WE = RigidTransform(AngleAxis(0.7, np.array([0.0, 1.0, 0.0])), np.zeros(3))
 
 
+P_ET = np.array([0.1, 0.0, 0.2])  # As the acting estimator has it.
+LINK = np.array([0.0, 0.0, 0.002])  # From where that puts the tip, in the world.
+
+
 def station_tick(time, phase, p_WT, touching=False):
     """The flap so that its point T is at p_WT, turned a little more with time."""
     R = RigidTransform(AngleAxis(0.1 * time, np.array([0.0, 1.0, 0.0])), np.zeros(3)).rotation()
@@ -28,7 +32,7 @@ def station_tick(time, phase, p_WT, touching=False):
             "task_status": TaskStatus(phase=phase),
             "cheat_flap": contact,
             "cheat_edge_pose": X_WF,
-            "cheat_end_effector_pose": R_WE,
+            "cheat_end_effector_pose": RigidTransform(R_WE.rotation(), p_WT - LINK - R_WE @ P_ET),
             "tip_estimated": p_WT - OFF,
         },
     )
@@ -53,8 +57,8 @@ def record(last=DONE):
             ticks=[Tick(time=t.time, values={"tool_latest": tool}) for t in station]
         )
 
-    # The other estimator takes the tip to be 3 mm against y of E: it would have moved it 3 mm on.
-    other = np.array([0.1, 0.003, 0.2])
+    # The other estimator takes the tip to be 3 mm along y of E and so would have put it 3 mm short.
+    other = P_ET + np.array([0.0, 0.003, 0.0])
     return EpisodeRecord(
         scenario=SimpleNamespace(
             acting_estimator="geometric",
@@ -63,7 +67,7 @@ def record(last=DONE):
         calibration=None,
         station=station,
         estimators={
-            "geometric": believes(np.array([0.1, 0.0, 0.2])),
+            "geometric": believes(P_ET),
             "filtered": believes(other),
         },
         duration=15.0,
@@ -84,14 +88,21 @@ def test_the_figure_is_the_distance_of_the_point_that_was_touched_from_the_line(
 
 def test_the_other_estimator_is_judged_by_where_its_tip_would_have_been():
     line = tip_line(record())
-    assert line.rms(line.p_WT_of["geometric"]) == pytest.approx(0.005)
-    assert line.rms(line.p_WT_of["filtered"]) == pytest.approx(0.004)
+    assert line.rms(line.p_WT_of("geometric")) == pytest.approx(0.005)
+    assert line.rms(line.p_WT_of("filtered")) == pytest.approx(0.004)
+
+
+def test_the_error_of_the_link_leaves_out_that_of_the_arm():
+    line = tip_line(record())
+    assert line.link_rms("geometric") == pytest.approx(0.002)
+    assert line.link_rms("filtered") == pytest.approx(np.hypot(0.002, 0.003))
 
 
 def test_a_line_that_was_not_finished_has_no_figure():
     line = tip_line(record(last="stopped"))
     assert np.isnan(line.rms(line.p_WT))
-    assert np.isnan(line.rms(line.p_WT_of["filtered"]))
+    assert np.isnan(line.rms(line.p_WT_of("filtered")))
+    assert np.isnan(line.link_rms("geometric"))
 
 
 def test_without_a_flip_there_is_no_tip():

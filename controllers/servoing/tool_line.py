@@ -20,13 +20,20 @@ from maths.arrays import Array
 from maths.validation import check, require
 
 
-def tip_twist(X_WE: Array, X_ET: Array, way: Way, time: float, gain: float) -> Array:
+def tip_twist(X_WT: Array, X_ET: Array, way: Way, time: float, gain: float) -> Array:
     """V_WE_E (6,) that takes the tip along its way, [rad/s, m/s].
 
     The way's own velocity plus `gain` [1/s] times what is left to where the tip should be.
+
+    Args:
+        X_WT: Where the tip is (4, 4).
+        X_ET: The tool as a link of the arm (4, 4).
+        way: Of the tip.
+        time: [s]
+        gain: [1/s]
     """
     X_WT_desired, V_WT_T = way.at(time)
-    left = se3.log(se3.inverse(X_WE @ X_ET) @ X_WT_desired)
+    left = se3.log(se3.inverse(X_WT) @ X_WT_desired)
     V_T = V_WT_T + gain * left
     R_ET = X_ET[:3, :3]
     return from_contact(np.concatenate([R_ET @ V_T[:3], R_ET @ V_T[3:]]), X_ET[:3, 3])
@@ -43,6 +50,8 @@ class ToolLine(LeafSystem):
 
     The line is one of the world, that is, of the table: a robot that believes its base to be
     elsewhere than it is misses the line by that, too. A line in the base's frame would hide it.
+    Where the estimators take the arm to be displaced, L1 begins at another place than the arm's
+    kinematics puts E at; the difference is taken off for good.
 
     .. pydrake_system::
 
@@ -115,14 +124,14 @@ class ToolLine(LeafSystem):
     def _calc_twist(self, context: Context, output: BasicVector) -> None:
         state, V_WE_E = self._state(context), np.zeros(6)
         if state.way is not None and state.X_ET is not None:
-            V_WE_E = tip_twist(
-                self._X_WE(context), state.X_ET, state.way, context.get_time(), self._config.gain
-            )
+            X_WT = state.tip(self._X_WE(context))
+            V_WE_E = tip_twist(X_WT, state.X_ET, state.way, context.get_time(), self._config.gain)
         output.SetFromVector(V_WE_E)
 
     def _calc_tip(self, context: Context, output: BasicVector) -> None:
-        X_ET = self._state(context).X_ET
-        p_WT = np.full(3, np.nan) if X_ET is None else (self._X_WE(context) @ X_ET)[:3, 3]
+        state = self._state(context)
+        known = state.X_ET is not None
+        p_WT = state.tip(self._X_WE(context))[:3, 3] if known else np.full(3, np.nan)
         output.SetFromVector(p_WT)
 
     def _update(self, context: Context, state: State) -> None:

@@ -1,6 +1,6 @@
 """How the tip of a held tool comes to a line and follows it, and when that is not begun."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any, NamedTuple
 
@@ -93,14 +93,24 @@ class LineState(Immutable):
     Attributes:
         phase: What is done.
         X_ET: The tool as a link of the arm (4, 4); None before the flap is turned.
+        displacement: Of E as the arm's kinematics has it from where the estimators take it to be,
+            in the world (3,), [m].
         way: Of the tip in this phase; None before it moves.
         why: Why it was not begun or has failed, in words; empty if neither.
     """
 
     phase: LinePhase = LinePhase.WAIT
     X_ET: Array | None = None
+    displacement: Array = field(default_factory=lambda: np.zeros(3))
     way: Way | None = None
     why: str = ""
+
+    def tip(self, X_WE: Array) -> Array:
+        """X_WT (4, 4) of a tool that is known, of E as measured (4, 4)."""
+        assert self.X_ET is not None
+        X_WT: Array = X_WE @ self.X_ET
+        X_WT[:3, 3] -= self.displacement
+        return X_WT
 
 
 def unusable(tool: Any, largest_deviation: float) -> str:
@@ -110,7 +120,9 @@ def unusable(tool: Any, largest_deviation: float) -> str:
         tool: None for a belief that nobody gives.
         largest_deviation: Of L1 or L2 in any direction, as claimed, [m].
     """
-    if tool is None or not tool.hinge.known or not np.isfinite(tool.X_EK @ tool.X_KT).all():
+    if tool is None or not tool.hinge.known:
+        return "the tool is not known"
+    if not (np.isfinite(tool.X_EK @ tool.X_KT).all() and np.isfinite(tool.L1_W).all()):
         return "the tool is not known"
     for name, covariance in (("L1", tool.L1_covariance), ("L2", tool.L2_covariance)):
         deviation = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
@@ -160,8 +172,9 @@ def next_line_state(
         if why:
             why = f"the line on the table is not begun: {why}"
             return replace(state, phase=LinePhase.FAILED, why=why)
-        return replace(state, X_ET=tool.X_EK @ tool.X_KT)
-    X_WT = X_WE @ state.X_ET
+        p_WE = tool.hinge.p_WK - tool.L1_W
+        return replace(state, X_ET=tool.X_EK @ tool.X_KT, displacement=X_WE[:3, 3] - p_WE)
+    X_WT = state.tip(X_WE)
     if state.way is None:
         if flip != FlipPhase.DONE:
             return state

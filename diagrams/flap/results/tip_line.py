@@ -9,6 +9,7 @@ from diagrams.flap.flip_status import DONE, FLIPPING, ON_LINE
 from diagrams.run.record import EpisodeRecord, Tick
 from diagrams.run.recorder import STATUS_PORT
 from maths.arrays import Array, Mask
+from systems.port_values import UNKNOWN_TOOL, ToolBelief
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,6 +25,7 @@ class TipLine:
         p_WT_estimated: As the robot believes it to be (T, 3), [m].
         link_error_of: By estimator, from where its tool puts the tip, as a link of the true
             end-effector, to the true tip (T, 3), in the world, [m].
+        p_WE_of: By estimator, where it takes the end-effector to be at the end of the flip (3,).
         acting: By which estimator the arm moved.
         on_line: Whether the arm moves the tip along the line.
         finished: Whether it came to the line's end.
@@ -35,6 +37,7 @@ class TipLine:
     p_WT: Array
     p_WT_estimated: Array
     link_error_of: Mapping[str, Array]
+    p_WE_of: Mapping[str, Array]
     acting: str
     on_line: Mask
     finished: bool
@@ -47,7 +50,8 @@ class TipLine:
         For the acting one that is the true tip; for another it is displaced by what the two
         beliefs differ, as if the table were not there.
         """
-        return self.p_WT + self.link_error_of[name] - self.link_error_of[self.acting]
+        by_link = self.link_error_of[name] - self.link_error_of[self.acting]
+        return self.p_WT + by_link + self.p_WE_of[self.acting] - self.p_WE_of[name]
 
     def offsets(self, p_WT: Array) -> tuple[Array, Array]:
         """Ways along the line (T,) and offsets from it (T, 3) of points (T, 3), [m]."""
@@ -78,11 +82,16 @@ def tip_line(record: EpisodeRecord) -> TipLine:
         p_FT = poses[touch].inverse() @ ticks[touch].values["cheat_flap"].p_WC
         p_WT = np.array([pose @ p_FT for pose in poses])
     estimated = [tick.values.get("tip_estimated", np.full(3, np.nan)) for tick in ticks]
+    tools = {
+        name: UNKNOWN_TOOL if touch is None else _tool_after(found.ticks, touch)
+        for name, found in record.estimators.items()
+    }
     return TipLine(
         times=np.array([tick.time for tick in ticks]),
         p_WT=p_WT,
         p_WT_estimated=np.array(estimated).reshape(-1, 3),
-        link_error_of=_link_errors(record, p_WT, touch),
+        link_error_of=_link_errors(record, p_WT, tools),
+        p_WE_of={name: tool.hinge.p_WK - tool.L1_W for name, tool in tools.items()},
         acting=record.scenario.acting_estimator,
         on_line=np.array([phase == ON_LINE for phase in phases], dtype=bool),
         finished=line_finished(record) and ON_LINE in phases,
@@ -109,16 +118,21 @@ def last_touch(ticks: list[Tick]) -> int | None:
     return None
 
 
-def _link_errors(record: EpisodeRecord, p_WT: Array, touch: int | None) -> dict[str, Array]:
+def _tool_after(ticks: list[Tick], touch: int) -> ToolBelief:
+    """The tool as it is believed when the finger has touched at last."""
+    tool: ToolBelief = ticks[min(touch + 1, len(ticks) - 1)].values.get("tool_latest", UNKNOWN_TOOL)
+    return tool
+
+
+def _link_errors(
+    record: EpisodeRecord, p_WT: Array, tools: Mapping[str, ToolBelief]
+) -> dict[str, Array]:
     """See `TipLine.link_error_of`."""
     poses = record.station_values("cheat_end_effector_pose")
-    errors = {}
-    for name, found in record.estimators.items():
-        errors[name] = np.full(p_WT.shape, np.nan)
-        if touch is None or len(poses) != len(p_WT):
-            continue
-        tool = found.ticks[min(touch + 1, len(found.ticks) - 1)].values.get("tool_latest")
-        if tool is not None:
-            p_ET = (tool.X_EK @ tool.X_KT)[:3, 3]
-            errors[name] = p_WT - np.array([X_WE @ p_ET for X_WE in poses])
-    return errors
+    if len(poses) != len(p_WT):
+        return {name: np.full(p_WT.shape, np.nan) for name in tools}
+    p_ET = {name: (tool.X_EK @ tool.X_KT)[:3, 3] for name, tool in tools.items()}
+    return {
+        name: p_WT - np.array([X_WE @ p for X_WE in poses]).reshape(-1, 3)
+        for name, p in p_ET.items()
+    }

@@ -65,6 +65,7 @@ def tool(deviation: float = 0.003) -> ToolBelief:
     return replace(
         UNKNOWN_TOOL,
         hinge=hinge,
+        L1_W=X_WK[:3, 3] - X_WE[:3, 3],
         L1_covariance=covariance,
         L2_covariance=covariance,
         X_EK=se3.inverse(X_WE) @ X_WK,
@@ -124,9 +125,19 @@ def test_the_tool_is_the_one_at_the_end_of_the_flip() -> None:
     assert_allclose(episode.state.X_ET, tool().X_EK @ tool().X_KT)
 
 
+def test_an_arm_that_the_estimators_take_to_be_displaced_puts_the_tip_elsewhere_by_that() -> None:
+    off = np.array([0.003, -0.002, 0.005])
+    displaced = replace(tool(), L1_W=tool().L1_W + off)
+    state = Episode().go(0.1, FlipPhase.RETREAT, displaced).state
+    X_WE = arm().Evaluate(STILL).X_WE
+    assert_allclose(state.displacement, off, atol=1e-12)
+    assert_allclose(state.tip(X_WE)[:3, 3], (X_WE @ state.X_ET)[:3, 3] - off)
+
+
 def test_a_flip_that_failed_leads_to_no_line() -> None:
     episode = Episode().go(0.1, FlipPhase.FLIP, tool()).go(1.0, FlipPhase.FAILED, tool())
-    assert episode.state == LineState()
+    assert episode.state.X_ET is None
+    assert episode.state.phase == LinePhase.WAIT
 
 
 @pytest.mark.parametrize(
@@ -196,11 +207,11 @@ def test_the_arms_twist_moves_the_tip_by_the_ways() -> None:
     X_end = X_WT @ se3.exp(np.array([0.2, 0.4, -0.1, 0.05, 0.02, -0.03]))
     way = Way(0.0, 1.0, X_WT, X_end)
     step = 1e-6
-    V = tip_twist(way.at(0.4)[0] @ se3.inverse(X_ET), X_ET, way, 0.4, 2.0)
+    V = tip_twist(way.at(0.4)[0], X_ET, way, 0.4, 2.0)
     moved = way.at(0.4)[0] @ se3.inverse(X_ET) @ se3.exp(step * V) @ X_ET
     assert_allclose(moved, way.at(0.4 + step)[0], atol=1e-9)
     off = se3.exp(np.array([0.0, 0.0, 0.0, 0.001, 0.0, 0.0]))
-    back = tip_twist(X_WT @ off @ se3.inverse(X_ET), X_ET, way, 0.0, 2.0)
+    back = tip_twist(X_WT @ off, X_ET, way, 0.0, 2.0)
     R_TE = X_ET[:3, :3].T
     assert_allclose(R_TE @ (back[3:] + np.cross(back[:3], X_ET[:3, 3])), [-0.002, 0, 0], atol=1e-9)
 

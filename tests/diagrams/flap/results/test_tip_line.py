@@ -18,6 +18,7 @@ R_WE = RigidTransform(AngleAxis(0.7, np.array([0.0, 1.0, 0.0])), np.zeros(3))
 
 
 P_ET = np.array([0.1, 0.0, 0.2])  # As the acting estimator has it.
+L1 = np.array([0.0, 0.0, -0.2])
 LINK = np.array([0.0, 0.0, 0.002])  # From where that puts the tip, in the world.
 
 
@@ -38,7 +39,7 @@ def station_tick(time, phase, p_WT, touching=False):
     )
 
 
-def record(last=DONE):
+def record(last=DONE, higher=0.0):
     station = [
         station_tick(k, FLIPPING, np.array([0.5, 0.0, 0.6]), touching=True) for k in range(3)
     ]
@@ -49,10 +50,11 @@ def record(last=DONE):
     ]
     station.append(station_tick(15, last, END + np.array([0.0, 0.2, 0.0])))
 
-    def believes(p_ET):
+    def believes(p_ET, L1_W):
         X_EK = np.eye(4)
         X_EK[:3, 3] = p_ET
-        tool = SimpleNamespace(X_EK=X_EK, X_KT=np.eye(4))
+        hinge = SimpleNamespace(p_WK=np.array([0.5, 0.0, 0.55]))
+        tool = SimpleNamespace(hinge=hinge, L1_W=L1_W, X_EK=X_EK, X_KT=np.eye(4))
         return EstimatorRecord(
             ticks=[Tick(time=t.time, values={"tool_latest": tool}) for t in station]
         )
@@ -67,8 +69,8 @@ def record(last=DONE):
         calibration=None,
         station=station,
         estimators={
-            "geometric": believes(P_ET),
-            "filtered": believes(other),
+            "geometric": believes(P_ET, L1),
+            "filtered": believes(other, L1 + np.array([0.0, 0.0, higher])),
         },
         duration=15.0,
         wall_time=1.0,
@@ -90,6 +92,15 @@ def test_the_other_estimator_is_judged_by_where_its_tip_would_have_been():
     line = tip_line(record())
     assert line.rms(line.p_WT_of("geometric")) == pytest.approx(0.005)
     assert line.rms(line.p_WT_of("filtered")) == pytest.approx(0.004)
+
+
+def test_an_estimator_that_has_the_arm_elsewhere_would_have_put_the_tip_there_by_that():
+    """It takes the arm to be 1 mm lower than the acting one does, and so would go 1 mm up."""
+    line = tip_line(record(higher=0.001))
+    p_WT = line.p_WT_of("filtered")[line.on_line]
+    np.testing.assert_allclose(
+        line.offsets(p_WT)[1], np.tile([0.0, 0.0, -0.003], (11, 1)), atol=1e-9
+    )
 
 
 def test_the_error_of_the_link_leaves_out_that_of_the_arm():

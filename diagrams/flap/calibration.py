@@ -2,14 +2,12 @@
 
 import numpy as np
 
-from diagrams.flap.robot_config import FINGER_ARM, HOLDER_ARM
+from diagrams.flap.robot_config import ROBOTS
 from diagrams.flap.scenario import Scenario
 from diagrams.run.calibration import ArmCalibration, Calibration, calibrated, pose_covariance
 from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.lwr import ARM_JOINTS, LWR_WITH_FINGERTIP, LWR_WITH_THREE_FINGERS
+from plants.robots.lwr import ARM_JOINTS
 from plants.scene import nominal_pose
-
-ROBOTS = {HOLDER_ARM: LWR_WITH_THREE_FINGERS, FINGER_ARM: LWR_WITH_FINGERTIP}
 
 # What is left of an encoder's offset behind the gears once the joints are mastered, [rad].
 _JOINT_OFFSET = np.deg2rad(0.05)

@@ -5,20 +5,27 @@ from dataclasses import dataclass, field
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from diagrams.flap.estimator_names import ESTIMATORS
-from diagrams.flap.robot_config import FINGER_ARM, HOLDER_ARM
+from diagrams.flap.robot_config import FINGER, FINGER_ARM, HOLDER, HOLDER_ARM
+from diagrams.flap.robot_view import make_robot_view
 from diagrams.run.calibration import Calibration
 from systems.arm_pose import ArmPose
-from systems.flap.depth_camera import DepthCamera
+from systems.depth_camera import DepthCamera
 from systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
 from systems.flap.flap_joint import FlapJoint, FlapJointConfig
 from systems.flap.flap_tracking import FlapTracker
 from systems.flap.flap_tracking_config import FlapTrackingConfig
 from systems.flap.hinge_estimator import HingeEstimator, HingeEstimatorConfig
+from systems.flap.hinge_limits import HingeLimitsConfig
 from systems.flap.tool_kinematics import ToolKinematics, ToolKinematicsConfig
 from systems.monitoring.angles import AnglesByRates, AnglesConfig
 from systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig
 from systems.monitoring.window_monitor import WindowMonitor, WindowMonitorConfig
 from systems.proprioception.end_effector_pose import EndEffectorPose, EndEffectorPoseConfig
+from systems.registration.arm_registration import (
+    ArmRegistration,
+    ArmRegistrationConfig,
+    CalibratedArm,
+)
 from systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
 from systems.tactile.taxel_layout import TaxelLayout
 
@@ -45,7 +52,9 @@ class PerceptionConfig:
     images: ImageMonitorConfig = field(default_factory=ImageMonitorConfig)
     end_effector: EndEffectorPoseConfig = field(default_factory=EndEffectorPoseConfig)
     fingertip: FingertipMotionConfig = field(default_factory=FingertipMotionConfig)
+    registration: ArmRegistrationConfig = field(default_factory=ArmRegistrationConfig)
     tracker: FlapTrackingConfig = field(default_factory=FlapTrackingConfig)
+    limits: HingeLimitsConfig = field(default_factory=HingeLimitsConfig)
     hinge: HingeEstimatorConfig = field(default_factory=HingeEstimatorConfig)
     angle: FlapAngleConfig = field(default_factory=FlapAngleConfig)
     joint: FlapJointConfig = field(default_factory=FlapJointConfig)
@@ -53,13 +62,22 @@ class PerceptionConfig:
 
 
 def believed_camera(calibration: Calibration) -> DepthCamera:
-    """The depth camera as the robot believes it to be."""
+    """The depth camera as the robot believes it to be.
+
+    A shift of the depth image against the colour image, whose intrinsics are known, is a rotation
+    of the depth camera.
+    """
     camera = calibration.camera
+    intrinsics, covariance = camera.intrinsics, camera.pose_covariance.copy()
+    covariance[0, 0] += (camera.registration_std / intrinsics.focal_y) ** 2
+    covariance[1, 1] += (camera.registration_std / intrinsics.focal_x) ** 2
     return DepthCamera(
-        intrinsics=camera.intrinsics,
+        intrinsics=intrinsics,
         X_WC=camera.X_PC.GetAsMatrix4(),
-        pose_covariance=camera.pose_covariance,
+        pose_covariance=covariance,
         depth_scale_std=camera.depth_scale_std,
+        focal_length_std=camera.focal_length_std,
+        latency_std=camera.latency_std,
     )
 
 
@@ -90,18 +108,21 @@ def make_estimator(
     builder = DiagramBuilder()
     camera = believed_camera(calibration)
     tracker = builder.AddNamedSystem("flap_tracker", FlapTracker(config.tracker, camera))
-    fingertip, holder = _add_arms(builder, config, calibration, layout)
-    _add_images(builder, config, calibration, tracker)
+    registration = _add_registration(builder, config, calibration, camera)
+    fingertip, holder = _add_arms(builder, config, calibration, layout, registration)
+    _add_images(builder, config, calibration, tracker, registration)
     tool = builder.AddNamedSystem("tool_kinematics", ToolKinematics(config.tool))
     if name == "geometric":
-        hinge = builder.AddNamedSystem("hinge", HingeEstimator(config.hinge, camera))
-        angle = builder.AddNamedSystem("flap_angle", FlapAngleFilter(config.angle))
+        hinge = builder.AddNamedSystem("hinge", HingeEstimator(config.hinge, config.limits))
+        angle = builder.AddNamedSystem("flap_angle", FlapAngleFilter(config.angle, camera))
         _wire(builder, hinge, "hinge_estimated", angle, tool)
     else:
-        hinge = angle = builder.AddNamedSystem("flap_joint", FlapJoint(config.joint, camera))
+        joint = FlapJoint(config.joint, camera, config.limits)
+        hinge = angle = builder.AddNamedSystem("flap_joint", joint)
         _wire(builder, hinge, "hinge_estimated", tool)
     _wire(builder, angle, "flap_angle_estimated", tool)
     planes = (hinge,) if hinge is angle else (hinge, angle)
+    _wire(builder, registration, "displacements_estimated", hinge)
     _wire(builder, tracker, "flap_plane_estimated", *planes)
     _wire(builder, fingertip, "fingertip_contact_estimated", tracker, *planes, tool)
     _wire(builder, holder, "end_effector_estimated", tracker, tool)
@@ -118,11 +139,30 @@ def make_estimator(
     return diagram
 
 
+def _add_registration(
+    builder: DiagramBuilder, config: PerceptionConfig, calibration: Calibration, camera: DepthCamera
+) -> System:
+    """What compares camera and arms."""
+    arms = {}
+    for owner, name in ((HOLDER, HOLDER_ARM), (FINGER, FINGER_ARM)):
+        arm = calibration.arms[name]
+        arms[owner] = CalibratedArm(
+            X_WBase=arm.X_WBase.GetAsMatrix4(),
+            base_covariance=arm.covariance,
+            joint_offset_std=arm.joint_offset_std,
+        )
+    return builder.AddNamedSystem(
+        "arm_registration",
+        ArmRegistration(config.registration, make_robot_view(calibration), camera, arms),
+    )
+
+
 def _add_arms(
     builder: DiagramBuilder,
     config: PerceptionConfig,
     calibration: Calibration,
     layout: TaxelLayout,
+    registration: System,
 ) -> tuple[System, System]:
     """The fingertip with its contact, and the end-effector that holds the tool."""
     finger_arm, holder_arm = (arm_pose(calibration, name) for name in (FINGER_ARM, HOLDER_ARM))
@@ -143,6 +183,9 @@ def _add_arms(
         )
         builder.ExportInput(monitor.GetInputPort("window"), f"{stream}_window")
         builder.Connect(monitor.GetOutputPort("window_checked"), reader)
+        builder.Connect(
+            monitor.GetOutputPort("window_checked"), registration.GetInputPort(f"{stream}_window")
+        )
         builder.ExportOutput(monitor.GetOutputPort("health_latest"), f"{stream}_health_latest")
     builder.ExportInput(fingertip.GetInputPort("taxel_window"), f"{TAXELS}_window")
     builder.ExportOutput(fingertip.GetOutputPort("health_latest"), f"{TAXELS}_health_latest")
@@ -150,9 +193,13 @@ def _add_arms(
 
 
 def _add_images(
-    builder: DiagramBuilder, config: PerceptionConfig, calibration: Calibration, tracker: System
+    builder: DiagramBuilder,
+    config: PerceptionConfig,
+    calibration: Calibration,
+    tracker: System,
+    registration: System,
 ) -> None:
-    """The camera's images, checked, for the tracker."""
+    """The camera's images, checked, for those who look at them."""
     intrinsics = calibration.camera.intrinsics
     monitor = builder.AddNamedSystem(
         "image_monitor", ImageMonitor(config.images, intrinsics.width, intrinsics.height)
@@ -162,7 +209,10 @@ def _add_images(
         builder.ExportOutput(
             monitor.GetOutputPort(f"{stream}_health_latest"), f"{stream}_health_latest"
         )
-    builder.Connect(monitor.GetOutputPort("depth_checked"), tracker.GetInputPort("depth_measured"))
+    for reader in (tracker, registration):
+        builder.Connect(
+            monitor.GetOutputPort("depth_checked"), reader.GetInputPort("depth_measured")
+        )
     mask = builder.ExportInput(tracker.GetInputPort("robot_mask"), "robot_mask")
     builder.ConnectInput(mask, monitor.GetInputPort("robot_mask"))
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from plants.robots.lwr import LWR_WITH_FINGERTIP, LWR_WITH_THREE_FINGERS
 from systems.sensors.joint_encoders import JointEncodersConfig
 from systems.sensors.rgbd_camera import CameraNoiseConfig
 from systems.sensors.robot_mask import RobotMaskConfig
@@ -17,6 +18,7 @@ HOLDER_ARM, HOLDER_HAND, FINGER_ARM, FINGERTIP = (
     "fingertip",
 )
 HOLDER, FINGER, TOOL = "holder", "finger", "tool"
+ROBOTS = {HOLDER_ARM: LWR_WITH_THREE_FINGERS, FINGER_ARM: LWR_WITH_FINGERTIP}
 
 
 def _joint_side_encoders() -> JointEncodersConfig:

@@ -9,6 +9,7 @@ from maths.arrays import Array
 from maths.gaussian import joseph_update
 from maths.immutable import Immutable
 from maths.validation import check, number
+from systems.depth_camera import DepthCamera, angle_variance
 from systems.flap.flap_lever import lever
 from systems.port_values import (
     UNKNOWN_ANGLE,
@@ -43,8 +44,6 @@ class FlapAngleConfig:
     free_rate: float = number(0.1, at_least=0.0, at_most=100.0, unit="rad/s")
     # Below this angle the flap is where it was touched first.
     at_rest: float = number(0.01, at_least=0.0, at_most=1.0, unit="rad")
-    # Error that all angles of the camera share: latency, focal length, faces that are not flat.
-    common_error: float = number(0.008, at_least=0.0, at_most=1.0, unit="rad")
     # Innovation in standard deviations from which a measurement counts for less.
     gate: float = number(3.0, above=0.0, at_most=100.0)
 
@@ -208,7 +207,7 @@ def update_angle(
     if not state.touched:
         if not touching:
             return state
-        P = np.diag([0.0, config.lever_error**2, 0.0])
+        P = np.diag([config.slip**2 * dt, config.lever_error**2, 0.0])
         state = replace(state, touched=True, P=P)
     elif touching:
         rate, variance, share = contact_rate(hinge, contact, state.n_W, config)
@@ -230,31 +229,27 @@ def update_angle(
     return with_normal(state, plane)
 
 
-def read_angle(state: FlapAngleState, config: FlapAngleConfig) -> FlapAngleBelief:
+def read_angle(state: FlapAngleState, camera: DepthCamera) -> FlapAngleBelief:
     """What is believed of the angle."""
     if not state.touched or state.n_W is None or state.n_covariance is None:
         return UNKNOWN_ANGLE
-    common = config.common_error**2
-    along = np.eye(3) - np.outer(state.n_W, state.n_W)
-    if state.k_W is not None:
-        along = along - np.outer(state.k_W, state.k_W)
+    n, n0, k = state.n_W, state.n0_W, state.k_W
+    along = np.eye(3) - np.outer(n, n)
+    common = 0.0
+    if n0 is not None:
+        axis = np.cross(n0, n) if k is None else k
+        common = angle_variance(camera, axis, n0, n, state.rate)
+    if k is not None:
+        along = along - np.outer(k, k)
     return FlapAngleBelief(
         known=True,
         theta=float(state.x[0]),
         variance=float(state.P[0, 0]) + common,
         rate=state.rate,
-        n_W=state.n_W,
+        n_W=n,
         n_covariance=state.n_covariance + common * along,
         measured=state.measured,
     )
-
-
-def predicted_angle(state: FlapAngleState, config: FlapAngleConfig) -> FlapAngleBelief:
-    """What is believed of the next tick, by the last rate."""
-    if not state.touched:
-        return UNKNOWN_ANGLE
-    ahead = predict(state, state.rate, 0.0, config.period, config)
-    return read_angle(with_normal(ahead, unseen("not yet")), config)
 
 
 class FlapAngleFilter(RecursiveFilter):
@@ -279,23 +274,22 @@ class FlapAngleFilter(RecursiveFilter):
         output_ports:
         - flap_angle_estimated
         - flap_angle_latest
-        - flap_angle_predicted
 
     - `flap_plane_estimated`: `FlapPlane` of this tick, in W.
     - `fingertip_contact_estimated`: `FingertipContact`.
     - `hinge_estimated`: `HingeBelief` of this tick, in W.
     - `flap_angle_estimated`: `FlapAngleBelief` of this tick.
     - `flap_angle_latest`: the one of the last tick, from the state.
-    - `flap_angle_predicted`: the one of the next tick, from the state.
 
     Source: the paper on visuo-tactile servoing of articulated tools, equations 4 to 6 (Q. Li et
     al.); the gain, which is tuned there, follows from the covariances here.
 
     Args:
         config: See `FlapAngleConfig`.
+        camera: Whose planes these are, with its calibration's errors.
     """
 
-    def __init__(self, config: FlapAngleConfig) -> None:
+    def __init__(self, config: FlapAngleConfig, camera: DepthCamera) -> None:
         super().__init__()
         check(config, "FlapAngleFilter")
         self._config = config
@@ -303,9 +297,8 @@ class FlapAngleFilter(RecursiveFilter):
         self._contact = self._declare_value_input("fingertip_contact_estimated", UNKNOWN_FINGERTIP)
         self._hinge = self._declare_value_input("hinge_estimated", UNKNOWN_HINGE)
         self._declare_recursion(UNTOUCHED, self._calc_state, config.period)
-        self._declare_estimated("flap_angle_estimated", lambda s: read_angle(s, config))
-        self._declare_latest("flap_angle_latest", lambda s: read_angle(s, config))
-        self._declare_latest("flap_angle_predicted", lambda s: predicted_angle(s, config))
+        self._declare_estimated("flap_angle_estimated", lambda s: read_angle(s, camera))
+        self._declare_latest("flap_angle_latest", lambda s: read_angle(s, camera))
 
     def _calc_state(self, context: Context, state: FlapAngleState) -> FlapAngleState:
         return update_angle(

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from maths.arrays import Array
-from systems.port_values import FingertipContact, HingeBelief
+from systems.port_values import FingertipContact, HingeBelief, displacement_at
 
 
 class Lever(NamedTuple):
@@ -45,7 +45,9 @@ def place_error(contact: FingertipContact) -> Array:
 def lever(hinge: HingeBelief, contact: FingertipContact) -> Lever:
     """The lever of a known hinge and a felt contact."""
     across = np.eye(3) - np.outer(hinge.k_W, hinge.k_W)
-    u = across @ (contact.p_WC - hinge.touch_offset - hinge.p_WK)
-    p_p, p_o = hinge.covariance[3:, 3:], hinge.touch_covariance[3:6]
-    covariance = p_p + p_o + p_o.T + hinge.touch_covariance[6:] + place_error(contact)
+    J = displacement_at(contact.p_WC, hinge.p_WQ)
+    u = across @ (contact.p_WC - J @ hinge.displacements[:6] - hinge.p_WK)
+    with_p = J @ hinge.displacement_covariance[3:6, :6].T
+    displaced = J @ hinge.displacement_covariance[6:12, :6] @ J.T
+    covariance = hinge.covariance[3:, 3:] + with_p + with_p.T + displaced + place_error(contact)
     return Lever(u, across @ covariance @ across)

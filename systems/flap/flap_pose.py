@@ -21,7 +21,8 @@ class FlapPose(NamedTuple):
         X_WB: (4, 4).
         covariance: (6, 6), in B, rotation first.
         correlated: Its part (6, 6) that stays for seconds: the contact wanders on the flap, and
-            the rotation about the normal follows from the first normal, which errs for good.
+            the rotation about the normal follows from the first normal, which errs for good, and
+            a normal has a lasting error of its own.
     """
 
     X_WB: Array
@@ -42,6 +43,7 @@ def flap_pose(
     n0_W: Array,
     n_W: Array,
     n_covariance: Array,
+    lasting: Array,
     contact: FingertipContact,
     walk: Array,
     twist: float,
@@ -51,7 +53,8 @@ def flap_pose(
     Args:
         n0_W: The front's normal (3,) when the flap was touched first.
         n_W: That at this tick (3,).
-        n_covariance: (3, 3); wide where it was not seen.
+        n_covariance: (3, 3), new at every tick; wide where it was not seen.
+        lasting: (3, 3), the part of its error that stays for seconds.
         contact: Where the flap is touched.
         walk: Covariance (3, 3) of where on the flap that is, in W, [m^2].
         twist: Standard deviation of the rotation about the normal, [rad].
@@ -61,11 +64,12 @@ def flap_pose(
     X[:3, :3], X[:3, 3] = R, contact.p_WC
     S = se3.skew(n_W)  # dn = omega x n, so that omega = n x dn but for the part about n.
     about_n = twist**2 * np.outer(n_W, n_W)
-    rotation = S @ n_covariance @ S.T + about_n
+    stays = S @ lasting @ S.T + about_n
+    rotation = S @ n_covariance @ S.T + stays
     white = contact.p_WC_white_covariance + walk
     zero = np.zeros((3, 3))
     return FlapPose(
         X,
         np.block([[R.T @ rotation @ R, zero], [zero, R.T @ white @ R]]),
-        np.block([[R.T @ about_n @ R, zero], [zero, R.T @ walk @ R]]),
+        np.block([[R.T @ stays @ R, zero], [zero, R.T @ walk @ R]]),
     )

@@ -9,7 +9,7 @@ from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U
 
 from maths.arrays import Array, Mask
 from maths.immutable import Immutable
-from systems.flap.depth_camera import DepthCamera, displacement_covariance, plane_jacobian
+from systems.depth_camera import DepthCamera, plane_jacobian, seen_covariance
 from systems.flap.flap_tracking_config import FlapTrackingConfig, check_flap_tracking
 from systems.flap.local_planes import InverseDepth, inverse_depth
 from systems.flap.plane_fit import PlaneFit, plane_covariance, refine_plane, world_plane
@@ -179,7 +179,7 @@ def describe(
         n_W=n_W,
         d=d,
         covariance=covariance,
-        common_covariance=J @ displacement_covariance(camera, p_WF) @ J.T,
+        common_covariance=J @ seen_covariance(camera, p_WF) @ J.T,
         p_WF=p_WF,
         points=fit.size,
     )

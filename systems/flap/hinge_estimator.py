@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydrake.systems.framework import Context
 
-from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
 from maths.validation import check, number
 from maths.vectors import tangent_basis
-from systems.flap.depth_camera import DepthCamera, displacement_covariance
+from systems.flap.displacements import CAMERA, FINGER, NAMES, holder_given_others
 from systems.flap.hinge_geometry import (
     AXIS,
+    DISPLACEMENTS,
     POINT,
     SIZE,
     TOUCH,
@@ -22,13 +22,16 @@ from systems.flap.hinge_geometry import (
     front_normal,
 )
 from systems.flap.hinge_keyframes import Keyframe, StackedKeyframes, append, begin, stack
-from systems.flap.hinge_solver import HingePriors, make_priors, solve
+from systems.flap.hinge_limits import HingeLimitsConfig, is_believed
+from systems.flap.hinge_solver import make_priors, solve
 from systems.port_values import (
     UNKNOWN_FINGERTIP,
     UNKNOWN_HINGE,
+    DisplacementBelief,
     FingertipContact,
     FlapPlane,
     HingeBelief,
+    unknown_displacements,
     unseen,
 )
 from systems.recursive_filter import RecursiveFilter
@@ -56,12 +59,6 @@ class HingeEstimatorConfig:
     plane_direction: float = number(1e-3, at_least=1e-6, at_most=1.0, unit="rad")
     # The same of its distance.
     plane_distance: float = number(3e-4, at_least=1e-6, at_most=1.0, unit="m")
-    # Turn below which nothing is believed.
-    least_turn: float = number(0.12, above=0.0, at_most=3.0, unit="rad")
-    # Largest standard deviation of an axis that is believed.
-    largest_direction: float = number(0.15, above=0.0, at_most=1.0, unit="rad")
-    # Likewise of where it is.
-    largest_distance: float = number(0.025, above=0.0, at_most=1.0, unit="m")
     # Most Gauss-Newton steps per tick.
     rounds: int = number(2, at_least=1, at_most=100)
 
@@ -72,25 +69,15 @@ class HingeState(Immutable):
 
     Attributes:
         keyframes: What was measured.
-        priors: None before the first contact.
+        p_WQ: The first contact (3,), [m]; None before.
         model: The solution; None before there is one.
         belief: What is told of it.
     """
 
     keyframes: tuple[Keyframe, ...] = ()
-    priors: HingePriors | None = None
+    p_WQ: Array | None = None
     model: HingeModel | None = None
     belief: HingeBelief = UNKNOWN_HINGE
-
-
-def common_displacement(contact: FingertipContact, p_WQ: Array) -> Array:
-    """Covariance (6, 6) of how the arm's constant error displaces what is touched, about Q."""
-    R = contact.X_WS[:3, :3]
-    J = np.zeros((6, 6))
-    J[:3, :3] = R
-    J[3:, :3] = -se3.skew(p_WQ - contact.X_WS[:3, 3]) @ R
-    J[3:, 3:] = R
-    return np.asarray(J @ (contact.covariance - contact.white_covariance) @ J.T)
 
 
 def face_of(model: HingeModel | None, plane: FlapPlane, p_WC: Array, p_WQ: Array) -> int:
@@ -102,24 +89,38 @@ def face_of(model: HingeModel | None, plane: FlapPlane, p_WC: Array, p_WQ: Array
     return 1 if plane.n_W @ front_normal(model, p_WC, p_WQ) > 0.0 else -1
 
 
-def read_hinge(model: HingeModel, covariance: Array, p_WC: Array, p_WQ: Array) -> HingeBelief:
-    """What is believed of the axis, near the contact p_WC (3,) that was measured last."""
-    k = model.k_W
+def read_hinge(
+    model: HingeModel, covariance: Array, p_WC: Array, displacements: DisplacementBelief
+) -> HingeBelief:
+    """What is believed of the axis, near the contact p_WC (3,) that was measured last.
+
+    Args:
+        model: The solution.
+        covariance: (21, 21) of it.
+        p_WC: See there.
+        displacements: What was known of them before, about the model's Q.
+    """
+    k, p_WQ = model.k_W, displacements.p_WQ
     offset = displacement(model.touch, p_WC, p_WQ)
     along = float(k @ (p_WC - offset - model.p_W))
-    J = np.zeros((9, SIZE))
+    m, G, rest = holder_given_others(displacements)
+    J = np.zeros((18, SIZE))
     J[:3, AXIS] = tangent_basis(k)
     J[3:6, POINT] = np.eye(3) - np.outer(k, k)
     J[3:6, AXIS] = along * tangent_basis(k)
-    J[6:, TOUCH] = np.hstack([-se3.skew(p_WC - p_WQ), np.eye(3)])
+    J[6:12, TOUCH] = np.eye(6)
+    J[12:, DISPLACEMENTS] = G
     joint = J @ covariance @ J.T
+    joint[12:, 12:] += rest
+    holder = m + G @ np.concatenate([model.camera, model.touch])
     return HingeBelief(
         known=True,
         k_W=k,
         p_WK=model.p_W + k * along,
         covariance=joint[:6, :6],
-        touch_offset=offset,
-        touch_covariance=joint[:, 6:],
+        p_WQ=p_WQ,
+        displacements=np.concatenate([model.touch, holder]),
+        displacement_covariance=joint[:, 6:],
     )
 
 
@@ -135,39 +136,32 @@ def update_hinge(
     state: HingeState,
     contact: FingertipContact,
     plane: FlapPlane,
-    camera: DepthCamera,
+    displacements: DisplacementBelief,
     config: HingeEstimatorConfig,
+    limits: HingeLimitsConfig,
 ) -> HingeState:
     """The state after one tick; without a contact it stays, for the tool may have been moved."""
-    if not contact.contact.touching:
+    if not (contact.contact.touching and displacements.known):
         return state
-    priors = state.priors
-    if priors is None:
-        Q = contact.p_WC
-        priors = make_priors(
-            Q,
-            config.tool_size,
-            config.offset,
-            (config.walk_along, config.walk_across),
-            displacement_covariance(camera, Q),
-            common_displacement(contact, Q),
-        )
-    face = face_of(state.model, plane, contact.p_WC, priors.p_WQ)
+    p_WQ = contact.p_WC if state.p_WQ is None else state.p_WQ
+    displacements = displacements.about(p_WQ)
+    face = face_of(state.model, plane, contact.p_WC, p_WQ)
     tick = begin(contact, plane, face)
     keyframes = append(state.keyframes, tick, config.spacing, config.memory)
-    state = replace(state, keyframes=keyframes, priors=priors)
+    state = replace(state, keyframes=keyframes, p_WQ=p_WQ)
     frames = stack(keyframes, (config.plane_direction, config.plane_distance))
     model = state.model
+    before = displacements.of(CAMERA, FINGER)
     if model is None:
-        if turn(frames) < config.least_turn:
+        if turn(frames) < limits.least_turn:
             return state
-        model = first_model(frames, config.tool_size)
+        model = first_model(frames, config.tool_size, before[0])
+    walk = config.walk_along, config.walk_across
+    priors = make_priors(p_WQ, config.tool_size, config.offset, walk, before)
     rounds = config.rounds if state.model is not None else 10 * config.rounds
     model, covariance = solve(model, frames, priors, rounds)
-    belief = read_hinge(model, covariance, contact.p_WC, priors.p_WQ)
-    axis, point = np.linalg.eigvalsh(belief.covariance[:3, :3]), belief.covariance[3:, 3:]
-    known = axis[-1] < config.largest_direction**2
-    known &= np.linalg.eigvalsh(point)[-1] < config.largest_distance**2
+    belief = read_hinge(model, covariance, contact.p_WC, displacements)
+    known = is_believed(belief.covariance[:3, :3], belief.covariance[3:, 3:], limits)
     return replace(state, model=model, belief=belief if known else UNKNOWN_HINGE)
 
 
@@ -176,8 +170,8 @@ class HingeEstimator(RecursiveFilter):
 
     Each tick solves for all that is unknown and constant: the axis, how far the faces lie off it,
     where on the flap the finger touches, and by how much camera and finger arm are displaced by
-    their calibrations. See `hinge_geometry`. What was measured is averaged into keyframes; of
-    these a window is kept.
+    their calibrations, of which the registration is the prior. See `hinge_geometry`. What was
+    measured is averaged into keyframes; of these a window is kept.
 
     .. pydrake_system::
 
@@ -185,12 +179,14 @@ class HingeEstimator(RecursiveFilter):
         input_ports:
         - flap_plane_estimated
         - fingertip_contact_estimated
+        - displacements_estimated
         output_ports:
         - hinge_estimated
         - hinge_latest
 
     - `flap_plane_estimated`: `FlapPlane` of this tick, in W.
     - `fingertip_contact_estimated`: `FingertipContact`.
+    - `displacements_estimated`: `DisplacementBelief` of camera, holder and finger.
     - `hinge_estimated`: `HingeBelief` of this tick, in W.
     - `hinge_latest`: the one of the last tick, from the state.
 
@@ -199,16 +195,21 @@ class HingeEstimator(RecursiveFilter):
 
     Args:
         config: See `HingeEstimatorConfig`.
-        camera: Whose planes these are, with its calibration's covariances.
+        limits: Of what is believed.
     """
 
-    def __init__(self, config: HingeEstimatorConfig, camera: DepthCamera) -> None:
+    def __init__(
+        self, config: HingeEstimatorConfig, limits: HingeLimitsConfig | None = None
+    ) -> None:
         super().__init__()
         check(config, "HingeEstimator")
-        self._config = config
-        self._camera = camera
+        self._config, self._limits = config, limits or HingeLimitsConfig()
+        check(self._limits, "HingeEstimator")
         self._plane = self._declare_value_input("flap_plane_estimated", unseen("none yet"))
         self._contact = self._declare_value_input("fingertip_contact_estimated", UNKNOWN_FINGERTIP)
+        self._displacements = self._declare_value_input(
+            "displacements_estimated", unknown_displacements(NAMES)
+        )
         self._declare_recursion(HingeState(), self._calc_state, config.period)
         self._declare_estimated("hinge_estimated", lambda state: state.belief)
         self._declare_latest("hinge_latest", lambda state: state.belief)
@@ -218,6 +219,7 @@ class HingeEstimator(RecursiveFilter):
             state,
             self._read(self._contact, context),
             self._read(self._plane, context),
-            self._camera,
+            self._read(self._displacements, context),
             self._config,
+            self._limits,
         )

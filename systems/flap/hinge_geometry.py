@@ -27,6 +27,7 @@ from systems.flap.hinge_keyframes import StackedKeyframes
 AXIS, POINT, OFFSETS, CONTACT, CAMERA, TOUCH = (
     slice(0, 2), slice(2, 5), slice(5, 7), slice(7, 9), slice(9, 15), slice(15, 21),
 )  # fmt: skip
+DISPLACEMENTS = slice(9, 21)  # The camera's and the finger's.
 SIZE = 21
 ROWS = 5  # Residuals of a keyframe: k · n, n · p + h - d, n_f · u - b, t · u - a, circle.
 
@@ -160,20 +161,23 @@ def front_normal(model: HingeModel, p_WC: Array, p_WQ: Array) -> Array:
     return np.asarray(n / np.linalg.norm(n))
 
 
-def first_model(frames: StackedKeyframes, spread: float) -> HingeModel:
+def first_model(frames: StackedKeyframes, spread: float, displacements: Array) -> HingeModel:
     """A model to begin with, from planes of the front and the first contact.
 
     Args:
         frames: At least two that show the front, turned by some degrees.
         spread: Standard deviation of the axis' distance from the first contact, [m].
+        displacements: What is taken for those of camera and finger (12,).
     """
     front = frames.face > 0.0
-    n, d = frames.n_W[front], frames.d[front]
+    n, d, c = frames.n_W[front], frames.d[front], frames.p_WC[0]
     k = np.cross(n[0], n[-1])
     k /= np.linalg.norm(k)
-    c = frames.p_WC[0]
-    A = np.vstack([n, np.eye(3) * 0.003 / spread])
-    p = c + np.linalg.lstsq(A, np.append(d - n @ c, np.zeros(3)), rcond=None)[0]
+    # How far the first contact is off each plane, in standard deviations.
+    by_plane = np.append(c, -1.0)
+    std = np.sqrt(by_plane @ frames.covariance[front][:, :4, :4] @ by_plane)
+    A = np.vstack([n / std[:, None], np.eye(3) / spread])
+    p = c + np.linalg.lstsq(A, np.append((d - n @ c) / std, np.zeros(3)), rcond=None)[0]
     u = c - p
     contact = np.array([np.cross(n[0], k) @ u, n[0] @ u])
-    return HingeModel(k, p, np.zeros(2), contact, np.zeros(6), np.zeros(6))
+    return HingeModel(k, p, np.zeros(2), contact, displacements[:6], displacements[6:])

@@ -8,6 +8,7 @@ from maths.arrays import Array
 from systems.flap.hinge_geometry import (
     CAMERA,
     CONTACT,
+    DISPLACEMENTS,
     OFFSETS,
     POINT,
     ROWS,
@@ -28,7 +29,8 @@ class HingePriors(NamedTuple):
     Attributes:
         p_WQ: Point (3,) about which the displacements are, the first contact, [m].
         information: (21, 21), of the unknowns.
-        mean: Of the contact's (a, b), (2,), [m]; all else is zero, the point on the axis at Q.
+        mean: (21,); zero but for the contact's place and the displacements, the point on the axis
+            relative to Q.
         walk: Standard deviations of how the contact wanders along t and along n, [m].
     """
 
@@ -43,8 +45,7 @@ def make_priors(
     tool_size: float,
     offset: float,
     walk: tuple[float, float],
-    camera: Array,
-    touch: Array,
+    displacements: tuple[Array, Array],
 ) -> HingePriors:
     """Priors.
 
@@ -53,25 +54,26 @@ def make_priors(
         tool_size: Standard deviation of the axis' distance from it, [m].
         offset: Of the faces and of the contact from the axis, along the normal, [m].
         walk: See `HingePriors`.
-        camera: Covariance (6, 6) of the camera's displacement about Q.
-        touch: Covariance (6, 6) of the finger's.
+        displacements: Mean (12,) and covariance (12, 12) of the camera's and the finger's about Q.
     """
+    mean, covariance = displacements
     information = np.zeros((SIZE, SIZE))
     information[POINT, POINT] = np.eye(3) / tool_size**2
     information[OFFSETS, OFFSETS] = np.eye(2) / offset**2
     information[CONTACT, CONTACT] = np.diag([tool_size**-2, offset**-2])
-    floor = np.diag(np.repeat([1e-5, 1e-5], 3) ** 2)
-    information[CAMERA, CAMERA] = np.linalg.inv(camera + floor)
-    information[TOUCH, TOUCH] = np.linalg.inv(touch + floor)
-    return HingePriors(p_WQ, information, np.array([tool_size, 0.0]), walk)
+    information[DISPLACEMENTS, DISPLACEMENTS] = np.linalg.inv(covariance + 1e-10 * np.eye(12))
+    means = np.zeros(SIZE)
+    means[CONTACT] = tool_size, 0.0
+    means[DISPLACEMENTS] = mean
+    return HingePriors(p_WQ, information, means, walk)
 
 
 def _deviation(model: HingeModel, priors: HingePriors) -> Array:
     """The unknowns (21,) minus their prior means."""
     x = np.zeros(SIZE)
     x[POINT], x[OFFSETS] = model.p_W - priors.p_WQ, model.offsets
-    x[CONTACT], x[CAMERA], x[TOUCH] = model.contact - priors.mean, model.camera, model.touch
-    return x
+    x[CONTACT], x[CAMERA], x[TOUCH] = model.contact, model.camera, model.touch
+    return x - priors.mean
 
 
 def _whitened(

@@ -9,7 +9,7 @@ from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
 from maths.validation import check
-from systems.flap.flap_lever import lever
+from systems.flap.flap_lever import lever, place_error
 from systems.port_values import (
     UNKNOWN_ANGLE,
     UNKNOWN_END_EFFECTOR,
@@ -21,6 +21,7 @@ from systems.port_values import (
     FlapAngleBelief,
     HingeBelief,
     ToolBelief,
+    displacement_at,
 )
 from systems.recursive_filter import RecursiveFilter
 from systems.ticks import tick_period
@@ -55,13 +56,15 @@ def tool_link(
 ) -> ToolBelief:
     """The tool's links, of a known hinge, a known angle and a felt contact."""
     arm = lever(hinge, contact)
-    k = hinge.k_W
+    k, R_WE, p_WE = hinge.k_W, end_effector.X[:3, :3], end_effector.X[:3, 3]
+    at_E = displacement_at(p_WE, hinge.p_WQ)
+    L1 = hinge.p_WK - (p_WE - at_E @ hinge.displacements[6:])
     # The nearest point on the axis to a contact that is displaced along it is displaced as far.
-    along = float(k @ contact.p_WC_covariance @ k)
-    R_WE = end_effector.X[:3, :3]
-    L1 = hinge.p_WK - end_effector.X[:3, 3]
-    L1_covariance = hinge.covariance[3:, 3:] + along * np.outer(k, k)
-    L1_covariance = L1_covariance + R_WE @ end_effector.covariance[3:6, 3:6] @ R_WE.T
+    along = -np.outer(k, k) @ displacement_at(contact.p_WC, hinge.p_WQ)
+    J = np.hstack([np.eye(3), along, at_E])
+    L1_covariance = J @ hinge.joint_covariance[3:, 3:] @ J.T
+    L1_covariance = L1_covariance + float(k @ place_error(contact) @ k) * np.outer(k, k)
+    L1_covariance = L1_covariance + R_WE @ end_effector.white_covariance[3:6, 3:6] @ R_WE.T
     turn = se3.so3_exp(np.array([0.0, 0.0, angle.theta]))
     x_K = se3.so3_exp(-angle.theta * k) @ arm.u_W / arm.length
     R_WK = np.column_stack([x_K, np.cross(k, x_K), k])
@@ -97,8 +100,8 @@ class ToolKinematics(RecursiveFilter):
     - `hinge_estimated`: `HingeBelief` of this tick, in W.
     - `flap_angle_estimated`: `FlapAngleBelief` of this tick.
     - `fingertip_contact_estimated`: `FingertipContact`.
-    - `end_effector_estimated`: `EndEffectorBelief` of the arm that holds the tool, its calibration
-      in the covariance.
+    - `end_effector_estimated`: `EndEffectorBelief` of the arm that holds the tool; by how much its
+      calibration displaces it is said by the hinge's displacements.
     - `tool_estimated`: `ToolBelief` of this tick.
     - `tool_latest`: the one of the last tick, from the state.
 

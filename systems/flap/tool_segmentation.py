@@ -12,6 +12,7 @@ from systems.flap.normal_histogram import cluster_normals
 from systems.flap.plane_fit import PlaneFit, fit_plane, refine_plane
 
 _ROUNDS = 4  # Of fitting two planes, each to its own side.
+_CLEAR_ROUNDS = 2  # Of fitting both where they are apart.
 _BORDER = 5  # Side of the square by which a part is eroded, [px].
 
 
@@ -106,7 +107,11 @@ def _fit_parts(
 def _fit_two(
     image: InverseDepth, pair: list[PlaneFit], seeds: list[Mask], limit: Array, least: int
 ) -> list[PlaneFit]:
-    """Both planes, each of the connected pixels on its side; one where the other has too few."""
+    """Both planes, each of the connected pixels on its side; one where the other has too few.
+
+    Near the line in which both meet a pixel's depth does not say whose it is, and whoever takes it
+    is tilted: in the end only pixels count at which the planes are apart.
+    """
     for _ in range(_ROUNDS):
         refined = [
             refine_plane(image, fit, side, limit, least, rounds=1)
@@ -116,12 +121,27 @@ def _fit_two(
         if len(found) < 2:
             return found
         pair = found
-    inner = [
-        refine_plane(image, fit, interior(fit.pixels, seed), limit, least)
-        for fit, seed in zip(pair, seeds, strict=True)
-    ]
-    both = [fit for fit in inner if fit is not None]
-    return both if len(both) == 2 else pair[:1]
+    for _ in range(_CLEAR_ROUNDS):
+        clear = _apart(image, pair, limit)
+        inner = [
+            refine_plane(image, fit, interior(fit.pixels & clear, seed & clear), limit, least)
+            for fit, seed in zip(pair, seeds, strict=True)
+        ]
+        both = [fit for fit in inner if fit is not None]
+        if len(both) < 2:
+            return pair[:1]
+        pair = [
+            refine_plane(image, fit, side, limit, least, rounds=1) or fit
+            for fit, side in zip(both, _sides(image, both, seeds), strict=True)
+        ]
+    return both
+
+
+def _apart(image: InverseDepth, pair: list[PlaneFit], limit: Array) -> Mask:
+    """Where (h, w) two planes differ by more than `limit` (h, w), [1/m]."""
+    difference = pair[0].m_C - pair[1].m_C
+    apart = difference[0] * image.x + difference[1] * image.y + difference[2]
+    return np.asarray(np.abs(apart) > limit)
 
 
 def interior(pixels: Mask, seed: Mask) -> Mask:

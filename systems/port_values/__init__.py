@@ -48,6 +48,11 @@ from systems.port_values.motions import (
     MotionBelief,
     PoseBelief,
 )
+from systems.port_values.registration import (
+    DisplacementBelief,
+    displacement_at,
+    unknown_displacements,
+)
 from systems.port_values.samples import SampleWindow
 from systems.port_values.streams import HEALTHY, StreamHealth
 from systems.port_values.tactile import (
@@ -74,6 +79,7 @@ __all__ = [
     "BodyMotions",
     "BodyPrediction",
     "BodyPredictions",
+    "DisplacementBelief",
     "EndEffectorBelief",
     "FeatureBelief",
     "FingertipContact",
@@ -96,6 +102,8 @@ __all__ = [
     "StreamHealth",
     "TactileContact",
     "ToolBelief",
+    "displacement_at",
     "no_features",
+    "unknown_displacements",
     "unseen",
 ]

@@ -43,18 +43,26 @@ class HingeBelief:
         k_W: Direction (3,), a unit vector; the flap is turned in the positive sense.
         p_WK: Point on the axis (3,), the nearest to the contact, [m].
         covariance: (6, 6) of (k_W, p_WK), [rad, m]; rank 4, across the axis.
-        touch_offset: By how much the finger's calibration displaces what is touched at the contact
-            (3,), as far as that is known: measured minus true, [m].
-        touch_covariance: (9, 3) of (k_W, p_WK, touch_offset) with touch_offset: an axis that is
-            known by touch errs as touch does.
+        p_WQ: About which the displacements are (3,), [m].
+        displacements: By how much the calibrations displace what the finger says and then what
+            the holder says, (omega, delta) each, (12,): measured minus true, [rad, m].
+        displacement_covariance: (18, 12) of (k_W, p_WK, displacements) with the displacements: an
+            axis that is known by touch errs as touch does.
     """
 
     known: bool
     k_W: Array
     p_WK: Array
     covariance: Array
-    touch_offset: Array = field(default_factory=lambda: np.zeros(3))
-    touch_covariance: Array = field(default_factory=lambda: np.zeros((9, 3)))
+    p_WQ: Array = field(default_factory=lambda: np.zeros(3))
+    displacements: Array = field(default_factory=lambda: np.zeros(12))
+    displacement_covariance: Array = field(default_factory=lambda: np.zeros((18, 12)))
+
+    @property
+    def joint_covariance(self) -> Array:
+        """(18, 18) of (k_W, p_WK, displacements)."""
+        C = self.displacement_covariance
+        return np.block([[self.covariance, C[:6]], [C[:6].T, C[6:]]])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,8 +134,9 @@ UNKNOWN_HINGE = HingeBelief(
     k_W=np.full(3, np.nan),
     p_WK=np.full(3, np.nan),
     covariance=np.full((6, 6), np.nan),
-    touch_offset=np.full(3, np.nan),
-    touch_covariance=np.full((9, 3), np.nan),
+    p_WQ=np.full(3, np.nan),
+    displacements=np.full(12, np.nan),
+    displacement_covariance=np.full((18, 12), np.nan),
 )
 UNKNOWN_ANGLE = FlapAngleBelief(
     known=False,

@@ -25,7 +25,8 @@ from systems.tactile.contact_features import (
     contact_of_taxels,
     lasting_covariance,
 )
-from systems.tactile.taxel_layout import TaxelLayout
+from systems.tactile.skin import indentation
+from systems.tactile.taxel_layout import TaxelLayout, surface_normals
 from systems.tactile.taxel_monitor import TaxelState, next_taxel_state, unheard_taxels
 from systems.ticks import tick_period
 
@@ -44,6 +45,10 @@ class FingertipMotionConfig:
     newest: float = number(0.005, at_least=0.0, at_most=3600.0, unit="s")
     # Age of their last sample that is a fault.
     stale_after: float = number(0.15, at_least=1e-3, at_most=3600.0, unit="s")
+    # Young's modulus of the skin, as of soft silicone.
+    skin_modulus: float = number(3e5, at_least=1e3, at_most=1e12, unit="Pa")
+    # Standard deviation of how deep it is pressed in, as a share of that.
+    indentation_error: float = number(0.5, at_least=0.0, at_most=10.0)
     features: ContactFeaturesConfig = field(default_factory=ContactFeaturesConfig)
 
 
@@ -151,9 +156,9 @@ class FingertipMotion(RecursiveFilter):
 
     The pose follows from the joints by the arm's own model. Its error has two parts: the encoders'
     noise through the Jacobian, new at every tick, and the error of the arm's base and of the
-    joints' zeros, which stays. The contact is what the mean of the window's taxel samples says. The
-    contact point's velocity comes from a Kalman filter on its positions; the positions themselves
-    are given as each tick measures them.
+    joints' zeros, which stays. The contact is what the mean of the window's taxel samples says, as
+    deep as its force presses the skin in. The contact point's velocity comes from a Kalman filter
+    on its positions; the positions themselves are given as each tick measures them.
 
     .. pydrake_system::
 
@@ -257,8 +262,22 @@ class FingertipMotion(RecursiveFilter):
             contact = contact_of_taxels(mean, True, taxels.usable, layout, features, count)
         if not contact.touching:
             return taxels, NO_CONTACT, NO_CONTACT.covariance
-        lasting = lasting_covariance(contact.p_SC, taxels.usable, layout, features)
-        return taxels, contact, contact.covariance - lasting
+        white = contact.covariance - lasting_covariance(
+            contact.p_SC, taxels.usable, layout, features
+        )
+        return taxels, self._pressed_in(contact), white
+
+    def _pressed_in(self, contact: TactileContact) -> TactileContact:
+        """The contact where the skin is, which gives way to what it touches."""
+        config, semi_axes = self._config, self._layout.semi_axes
+        n_S = surface_normals(contact.p_SC, semi_axes)
+        depth = indentation(contact.force, config.skin_modulus, semi_axes)
+        error = config.indentation_error * depth
+        return replace(
+            contact,
+            p_SC=contact.p_SC - depth * n_S,
+            covariance=contact.covariance + error**2 * np.outer(n_S, n_S),
+        )
 
 
 def _no_samples(size: int) -> SampleWindow:

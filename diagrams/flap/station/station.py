@@ -10,8 +10,7 @@ import numpy as np
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
-from diagrams.flap.calibration import ROBOTS
-from diagrams.flap.robot_config import FINGER, HOLDER, HOLDER_HAND, TOOL
+from diagrams.flap.robot_config import FINGER, HOLDER, HOLDER_HAND, ROBOTS, TOOL
 from diagrams.flap.scenario import Scenario
 from diagrams.flap.station.flap_truth import add_flap_truth
 from diagrams.flap.station.settling import Start, add_scene, settled_start

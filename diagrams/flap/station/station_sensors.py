@@ -6,7 +6,6 @@ from dataclasses import replace
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import OutputPort
 
-from diagrams.flap.calibration import ROBOTS
 from diagrams.flap.robot_config import (
     FINGER,
     FINGER_ARM,
@@ -14,6 +13,7 @@ from diagrams.flap.robot_config import (
     HOLDER,
     HOLDER_ARM,
     HOLDER_HAND,
+    ROBOTS,
 )
 from diagrams.flap.station.wiring import StationWiring
 from diagrams.run.sensor_streams.stream_faults import add_stream_faults

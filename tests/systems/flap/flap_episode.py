@@ -17,16 +17,24 @@ from maths.vectors import tangent_basis
 from systems.flap.flap_angle import UNTOUCHED, FlapAngleConfig, read_angle, update_angle
 from systems.flap.flap_joint import (
     FlapJointConfig,
+    FlapJointModel,
     FlapJointState,
     read_joint_angle,
     read_joint_hinge,
     update_joint,
 )
 from systems.flap.hinge_estimator import HingeEstimatorConfig, HingeState, update_hinge
+from systems.flap.hinge_limits import HingeLimitsConfig
 from systems.flap.tool_kinematics import tool_link
-from systems.kinematics.joint_filters import JointFilters
-from systems.port_values import FingertipContact, FlapAngleBelief, FlapPlane, HingeBelief
+from systems.port_values import (
+    DisplacementBelief,
+    FingertipContact,
+    FlapAngleBelief,
+    FlapPlane,
+    HingeBelief,
+)
 
+LIMITS = HingeLimitsConfig()
 DEGREES = {"axis": 2, "point": 2, "theta": 1, "normal": 2, "L1": 3, "L2": 2}
 
 
@@ -63,8 +71,8 @@ class Episode:
 class Geometric:
     """The geometric estimators, by their pure functions."""
 
-    def __init__(self, lab: Laboratory) -> None:
-        self._lab = lab
+    def __init__(self, lab: Laboratory, displacements: DisplacementBelief) -> None:
+        self._lab, self._displacements = lab, displacements
         self._hinge, self._angle = HingeState(), UNTOUCHED
         self._hinge_config, self._angle_config = HingeEstimatorConfig(), FlapAngleConfig()
 
@@ -72,36 +80,36 @@ class Geometric:
         self, plane: FlapPlane, contact: FingertipContact, time: float
     ) -> tuple[HingeBelief, FlapAngleBelief]:
         del time
-        config, camera = self._hinge_config, self._lab.camera
-        self._hinge = update_hinge(self._hinge, contact, plane, camera, config)
+        self._hinge = update_hinge(
+            self._hinge, contact, plane, self._displacements, self._hinge_config, LIMITS
+        )
         belief = self._hinge.belief
         self._angle = update_angle(self._angle, plane, contact, belief, self._angle_config)
-        return belief, read_angle(self._angle, self._angle_config)
+        return belief, read_angle(self._angle, self._lab.camera)
 
 
 class Filtered:
     """The joint filters, likewise."""
 
-    def __init__(self, lab: Laboratory) -> None:
-        self._lab, self._state, self._config = lab, FlapJointState(), FlapJointConfig()
-        self._filters = JointFilters(self._config.filters)
+    def __init__(self, lab: Laboratory, displacements: DisplacementBelief) -> None:
+        self._state, self._displacements = FlapJointState(), displacements
+        self._model = FlapJointModel(FlapJointConfig(), LIMITS, lab.camera)
 
     def __call__(
         self, plane: FlapPlane, contact: FingertipContact, time: float
     ) -> tuple[HingeBelief, FlapAngleBelief]:
-        camera = self._lab.camera
         self._state = update_joint(
-            self._state, plane, contact, time, self._filters, camera, self._config
+            self._state, plane, contact, self._displacements, time, self._model
         )
-        return (
-            read_joint_hinge(self._state, self._config),
-            read_joint_angle(self._state, self._config),
-        )
+        return read_joint_hinge(self._state, LIMITS), read_joint_angle(self._state, self._model)
 
 
-def run(lab: Laboratory, filtered: bool = False, duration: float = 29.5) -> Episode:
+def run(
+    lab: Laboratory, filtered: bool = False, duration: float = 29.5, registered: bool = False
+) -> Episode:
     """An episode: two seconds of rest, then the turn."""
-    estimate = Filtered(lab) if filtered else Geometric(lab)
+    displacements = lab.displacements(registered)
+    estimate = Filtered(lab, displacements) if filtered else Geometric(lab, displacements)
     episode, end_effector = Episode(), lab.end_effector()
     for i in range(round(duration / PERIOD)):
         t = i * PERIOD

@@ -5,15 +5,22 @@ bracket plate of 120 x 60 mm above it faces the camera. Everything is in closed 
 image is drawn by intersecting rays with rectangles.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from maths import se3
 from maths.arrays import Array
 from maths.pinhole import Intrinsics
-from systems.flap.depth_camera import DepthCamera, displacement_covariance, plane_jacobian
+from systems.depth_camera import (
+    DepthCamera,
+    displacement_covariance,
+    plane_jacobian,
+    seen_covariance,
+)
+from systems.flap.displacements import CAMERA, FINGER, HOLDER, NAMES
 from systems.port_values import (
+    DisplacementBelief,
     EndEffectorBelief,
     FingertipContact,
     FlapPlane,
@@ -217,7 +224,7 @@ class Laboratory:
         J_seen[:3] = X[:3, :3] @ J[:3]
         J_seen[3] = J_seen[:3].T @ seen_p + np.array([0.0, 0.0, 1.0])
         common = plane_jacobian(seen_n, float(seen_n @ seen_p), seen_p)
-        common = common @ displacement_covariance(self.camera, seen_p) @ common.T
+        common = common @ seen_covariance(self.camera, seen_p) @ common.T
         return FlapPlane(
             seen=True, n_W=seen_n, d=float(seen_n @ seen_p),
             covariance=J_seen @ np.diag(std**2) @ J_seen.T,
@@ -258,6 +265,39 @@ class Laboratory:
             p_WC_covariance=common[3:, 3:] + noise + np.eye(3) * e.taxels**2,
             p_WC_white_covariance=noise, v_WC=velocity, v_WC_covariance=np.eye(3) * white_v**2,
         )  # fmt: skip
+
+    def displacements(self, registered: bool = False) -> DisplacementBelief:
+        """What is known of them: as declared, or once camera and arms were registered.
+
+        The registration says by how much each arm is displaced against the camera, within 0.5 mm
+        and 0.1 deg.
+        """
+        e, p_WQ = self.errors, P_WE
+        covariance, true = np.zeros((18, 18)), np.zeros(18)
+        belief = DisplacementBelief(names=NAMES, p_WQ=p_WQ, mean=true, covariance=covariance)
+        arm = _spread(e.arm_rotation, e.arm_translation)
+        blocks = {CAMERA: seen_covariance(self.camera, p_WQ)}
+        moved = {CAMERA: self.X_WC @ se3.inverse(self.X_WC_true)}
+        for name, base, error in (
+            (HOLDER, HOLDER_BASE, self._holder), (FINGER, FINGER_BASE, self._finger),
+        ):  # fmt: skip
+            X_WBase = pose(np.eye(3), base)
+            blocks[name] = displacement_covariance(X_WBase, arm, p_WQ)
+            moved[name] = X_WBase @ se3.inverse(error) @ se3.inverse(X_WBase)
+        for name in NAMES:
+            part, X = belief.part(name), moved[name]
+            covariance[part, part] = blocks[name]
+            true[part] = np.append(se3.so3_log(X[:3, :3]), X[:3, :3] @ p_WQ + X[:3, 3] - p_WQ)
+        true[3:6] += (self.depth_scale - 1.0) * (p_WQ - self.X_WC[:3, 3])
+        if not registered:
+            return replace(belief, mean=np.zeros(18))
+        H = np.hstack([np.tile(-np.eye(6), (2, 1)), np.eye(12)])
+        R = np.diag(np.tile(np.repeat([np.deg2rad(0.1), 5e-4], 3), 2) ** 2)
+        noise = np.random.default_rng(17).multivariate_normal(np.zeros(12), R)
+        K = covariance @ H.T @ np.linalg.inv(H @ covariance @ H.T + R)
+        return replace(
+            belief, mean=K @ (H @ true + noise), covariance=covariance - K @ H @ covariance
+        )
 
     def end_effector(self) -> EndEffectorBelief:
         """The holder's end-effector; P_WE is the true one."""

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from flap_episode import DEGREES, Episode, run
+from flap_episode import DEGREES, LIMITS, Episode, run
 from numpy.testing import assert_allclose
 from synthetic_flap import PERIOD, Laboratory
 
 from maths.consistency import chi_square_bounds
-from systems.flap.flap_joint import FlapJointConfig, FlapJointState, update_joint
+from systems.flap.flap_joint import FlapJointConfig, FlapJointModel, FlapJointState, update_joint
 from systems.flap.flap_pose import flap_pose, least_rotation
-from systems.kinematics.joint_filters import JointFilters
 from systems.port_values import UNKNOWN_FINGERTIP
 
 
@@ -34,8 +33,9 @@ def test_a_plane_gives_two_rotations_and_a_contact_three_positions() -> None:
     plane, contact = lab.plane(0.5), lab.contact(0.5, 0.08)
     n0 = lab.tool.frame(0.0)[:, 1]
     walk = 1e-6 * np.eye(3)
+    lasting = 1e-6 * np.eye(3)
     X, covariance, correlated = flap_pose(
-        n0, plane.n_W, plane.covariance[:3, :3], contact, walk, 0.5
+        n0, plane.n_W, plane.covariance[:3, :3], lasting, contact, walk, 0.5
     )
     assert_allclose(X[:3, :3] @ n0, plane.n_W, atol=1e-9)
     assert_allclose(X[:3, 3], contact.p_WC)
@@ -63,12 +63,11 @@ def test_the_joint_is_found(episodes: list[Episode]) -> None:
 
 
 def test_without_a_contact_the_filters_are_not_fed() -> None:
-    lab, config = Laboratory(0), FlapJointConfig()
-    filters, state = JointFilters(config.filters), FlapJointState()
+    lab, state = Laboratory(0), FlapJointState()
+    model, known = FlapJointModel(FlapJointConfig(), LIMITS, lab.camera), lab.displacements()
     for i in range(5):
-        state = update_joint(
-            state, lab.plane(0.0), lab.contact(0.0, 0.0), i * PERIOD, filters, lab.camera, config
-        )
-    after = update_joint(state, lab.plane(0.0), UNKNOWN_FINGERTIP, 1.0, filters, lab.camera, config)
+        contact = lab.contact(0.0, 0.0)
+        state = update_joint(state, lab.plane(0.0), contact, known, i * PERIOD, model)
+    after = update_joint(state, lab.plane(0.0), UNKNOWN_FINGERTIP, known, 1.0, model)
     assert after.filters is state.filters
     assert not after.measured

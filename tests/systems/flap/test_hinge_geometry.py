@@ -115,9 +115,9 @@ def test_the_contact_alone_tells_the_fronts_normal() -> None:
 
 
 def _solved(stacked: StackedKeyframes) -> tuple[HingeModel, Array]:
-    tiny = 1e-10 * np.eye(6)
-    priors = make_priors(Q, 0.2, 0.05, (1e-3, 1e-3), tiny, tiny)
-    return solve(first_model(stacked, 0.2), stacked, priors, 40)
+    none = np.zeros(12), 1e-10 * np.eye(12)
+    priors = make_priors(Q, 0.2, 0.05, (1e-3, 1e-3), none)
+    return solve(first_model(stacked, 0.2, none[0]), stacked, priors, 40)
 
 
 @pytest.mark.parametrize("turn", [0.35, 0.7, 2.1])
@@ -146,8 +146,8 @@ def test_a_hinge_behind_the_surface_is_found_where_intersections_are_not() -> No
 
 
 def test_the_axis_points_so_that_the_turn_is_positive() -> None:
-    forth = first_model(frames(np.linspace(0.0, 0.6, 5)), 0.2)
-    back = first_model(frames(np.linspace(0.6, 0.0, 5)), 0.2)
+    forth = first_model(frames(np.linspace(0.0, 0.6, 5)), 0.2, np.zeros(12))
+    back = first_model(frames(np.linspace(0.6, 0.0, 5)), 0.2, np.zeros(12))
     assert forth.k_W @ TOOL.k_W > 0.99
     assert back.k_W @ TOOL.k_W < -0.99
 
@@ -156,9 +156,10 @@ def test_a_constant_displacement_of_touch_is_told_from_the_hinges_place() -> Non
     offset = np.array([0.006, 0.0, -0.004])
     stacked = frames(TURN)
     stacked = replace(stacked, p_WC=stacked.p_WC + offset)
-    camera, touch = 1e-10 * np.eye(6), np.diag(np.repeat([1e-6, 0.01], 3) ** 2)
-    priors = make_priors(Q, 0.2, 0.05, (1e-4, 1e-4), camera, touch)
-    model, covariance = solve(first_model(stacked, 0.2), stacked, priors, 40)
+    spread = np.diag(np.repeat([1e-5, 1e-5, 1e-6, 0.01], 3) ** 2)
+    priors = make_priors(Q, 0.2, 0.05, (1e-4, 1e-4), (np.zeros(12), spread))
+    first = first_model(stacked, 0.2, np.zeros(12))
+    model, covariance = solve(first, stacked, priors, 40)
     found = displacement(model.touch, Q, Q)
     across = tangent_basis(TOOL.k_W).T
     assert_allclose(across @ found, across @ offset, atol=5e-4)

@@ -1,8 +1,10 @@
 """The tool as a link: composition and covariances."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.testing import assert_allclose
-from synthetic_flap import Laboratory, pose
+from synthetic_flap import Laboratory
 
 from maths import se3
 from systems.flap.flap_lever import lever, place_error
@@ -14,7 +16,11 @@ THETA = 0.8
 CONTACT = LAB.contact(THETA, 0.08)
 
 
-def _hinge(touch_covariance: np.ndarray | None = None) -> HingeBelief:
+OFFSET = np.array([0.001, 0.0, 0.002])
+HOLDER = np.array([0.004, -0.003, 0.001])
+
+
+def _hinge(displacement_covariance: np.ndarray | None = None) -> HingeBelief:
     k = LAB.tool.k_W
     p = LAB.tool.p_WK + k * (k @ (CONTACT.p_WC - LAB.tool.p_WK))
     across = np.eye(3) - np.outer(k, k)
@@ -22,8 +28,11 @@ def _hinge(touch_covariance: np.ndarray | None = None) -> HingeBelief:
     covariance[3:, 3:] = 0.004**2 * across
     return HingeBelief(
         known=True, k_W=k, p_WK=p, covariance=covariance,
-        touch_offset=np.array([0.001, 0.0, 0.002]),
-        touch_covariance=np.zeros((9, 3)) if touch_covariance is None else touch_covariance,
+        p_WQ=CONTACT.p_WC,
+        displacements=np.concatenate([np.zeros(3), OFFSET, np.zeros(3), HOLDER]),
+        displacement_covariance=(
+            np.zeros((18, 12)) if displacement_covariance is None else displacement_covariance
+        ),
     )  # fmt: skip
 
 
@@ -43,7 +52,8 @@ def test_the_links_lead_from_the_end_effector_to_the_contact() -> None:
     X_WT = X_WE @ tool.X_EK @ tool.X_KT
     assert_allclose(X_WT[:3, 3], X_WE[:3, 3] + tool.L1_W - tool.L2_W, atol=1e-12)
     across = np.eye(3) - np.outer(LAB.tool.k_W, LAB.tool.k_W)
-    touched = CONTACT.p_WC - _hinge().touch_offset
+    # Where the holder's arm says it is, which is itself displaced.
+    touched = CONTACT.p_WC - OFFSET + HOLDER
     assert_allclose(across @ X_WT[:3, 3], across @ touched, atol=1e-12)
     for X in (tool.X_EK, tool.X_KT, X_WT):
         assert_allclose(X[:3, :3] @ X[:3, :3].T, np.eye(3), atol=1e-12)
@@ -61,15 +71,17 @@ def test_the_hinges_frame_does_not_turn_with_the_flap() -> None:
 def test_the_lever_does_not_suffer_from_what_displaces_axis_and_contact_together() -> None:
     C = 0.005**2 * np.eye(3)
     across = np.eye(3) - np.outer(LAB.tool.k_W, LAB.tool.k_W)
-    by_touch = np.vstack([np.zeros((3, 3)), -across @ C, C])
+    by_touch = np.zeros((18, 12))
+    by_touch[3:6, 3:6], by_touch[9:12, 3:6] = -across @ C, C
     alone = _hinge(by_touch)
     covariance = np.zeros((6, 6))
     covariance[3:, 3:] = across @ C @ across + 1e-8 * across
-    arm = lever(HingeBelief(**{**vars(alone), "covariance": covariance}), CONTACT)
+    arm = lever(replace(alone, covariance=covariance), CONTACT)
     assert np.sqrt(arm.length_variance) < 0.001
     # With an axis that is known otherwise, the contact's displacement counts.
-    independent = np.vstack([np.zeros((6, 3)), C])
-    other = lever(HingeBelief(**{**vars(alone), "touch_covariance": independent}), CONTACT)
+    independent = by_touch.copy()
+    independent[3:6] = 0.0
+    other = lever(replace(alone, displacement_covariance=independent), CONTACT)
     assert np.sqrt(other.length_variance) > 0.005
 
 
@@ -78,10 +90,19 @@ def test_what_is_left_of_a_contacts_error_is_its_place_on_the_fingertip() -> Non
     assert_allclose(values, 0.0005**2 + 0.0002**2, rtol=1e-6)
 
 
-def test_the_first_link_has_the_holders_calibration_in_it() -> None:
-    tool, E = _tool(), LAB.end_effector()
+def test_the_first_link_is_as_sure_as_hinge_and_holder_are_against_each_other() -> None:
+    C = 0.005**2 * np.eye(3)
+
+    def claimed(with_hinge: float) -> np.ndarray:
+        P = np.zeros((18, 12))
+        P[15:, 9:], P[3:6, 9:] = C, with_hinge * C
+        hinge = replace(_hinge(P), covariance=np.diag(np.append(np.zeros(3), np.diag(C))))
+        return tool_link(hinge, _angle(), CONTACT, LAB.end_effector()).L1_covariance
+
+    k, E = LAB.tool.k_W, LAB.end_effector()
     R = E.X[:3, :3]
-    holder = R @ E.covariance[3:6, 3:6] @ R.T
-    rest = tool.L1_covariance - holder
-    assert np.all(np.linalg.eigvalsh(rest) > -1e-12)
-    assert pose(R, E.X[:3, 3])[0, 3] == E.X[0, 3]
+    rest = float(k @ place_error(CONTACT) @ k) * np.outer(k, k)
+    rest = rest + R @ E.white_covariance[3:6, 3:6] @ R.T
+    assert_allclose(claimed(0.0), 2.0 * C + rest, atol=1e-12)
+    # An axis that the camera sees where it sees the holder errs as the holder's place does.
+    assert_allclose(claimed(-1.0), rest, atol=1e-12)

@@ -1,0 +1,35 @@
+"""The two robots as their camera should see them."""
+
+from pydrake.multibody.plant import MultibodyPlant
+
+from diagrams.flap.robot_config import (
+    FINGER,
+    FINGER_ARM,
+    FINGERTIP,
+    HOLDER,
+    HOLDER_ARM,
+    HOLDER_HAND,
+    ROBOTS,
+)
+from diagrams.run.calibration import Calibration
+from plants.camera_view import renderer_intrinsics
+from plants.robots.arm_with_hand import add_robot
+from plants.robots.lwr import ARM_JOINTS
+from systems.registration.robot_view import ArmChain, RobotView
+
+CHAINS = {
+    HOLDER: ArmChain(HOLDER_ARM, ARM_JOINTS, HOLDER_HAND),
+    FINGER: ArmChain(FINGER_ARM, ARM_JOINTS, FINGERTIP),
+}
+
+
+def make_robot_view(calibration: Calibration) -> RobotView:
+    """Renders both robots where they believe to stand, from where they believe the camera."""
+
+    def build(plant: MultibodyPlant) -> None:
+        for chain in CHAINS.values():
+            X_WBase = calibration.arms[chain.model].X_WBase
+            add_robot(plant, ROBOTS[chain.model], X_WBase, chain.model, chain.hand)
+
+    camera = calibration.camera
+    return RobotView(build, renderer_intrinsics(camera.intrinsics), camera.X_PC, CHAINS)

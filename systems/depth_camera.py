@@ -1,0 +1,98 @@
+"""What a robot believes of its depth camera."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from maths import se3
+from maths.arrays import Array
+from maths.pinhole import Intrinsics
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthCamera:
+    """A calibrated depth camera in the world.
+
+    Attributes:
+        intrinsics: Of the depth image.
+        X_WC: Its pose (4, 4); x right, y down, z forward.
+        pose_covariance: (6, 6) of xi in X_WC exp(xi), rotation first, [rad, m].
+        depth_scale_std: Standard deviation of all depths' error, as a share of them.
+        focal_length_std: Likewise of the focal length.
+        latency_std: Of by how much later than at its stamp an image shows the world, [s].
+    """
+
+    intrinsics: Intrinsics
+    X_WC: Array
+    pose_covariance: Array
+    depth_scale_std: float = 0.0
+    focal_length_std: float = 0.0
+    latency_std: float = 0.0
+
+
+def displacement_covariance(X_WF: Array, covariance: Array, p_WQ: Array) -> Array:
+    """Covariance (6, 6) of how a frame's error displaces what is said by it, about a point Q.
+
+    What is near Q is displaced by delta + omega x (p - p_WQ); (omega, delta) in W.
+
+    Args:
+        X_WF: The frame (4, 4).
+        covariance: (6, 6) of xi in X_WF exp(xi), rotation first, [rad, m].
+        p_WQ: (3,), [m].
+    """
+    R = X_WF[:3, :3]
+    J = np.zeros((6, 6))
+    J[:3, :3] = R
+    J[3:, :3] = -se3.skew(p_WQ - X_WF[:3, 3]) @ R
+    J[3:, 3:] = R
+    return np.asarray(J @ covariance @ J.T)
+
+
+def seen_covariance(camera: DepthCamera, p_WQ: Array) -> Array:
+    """Covariance (6, 6) of how the camera's error displaces what it sees about a point Q (3,)."""
+    covariance = displacement_covariance(camera.X_WC, camera.pose_covariance, p_WQ)
+    ray = p_WQ - camera.X_WC[:3, 3]
+    covariance[3:, 3:] += camera.depth_scale_std**2 * np.outer(ray, ray)
+    return covariance
+
+
+def plane_jacobian(n_W: Array, d: float, p_WQ: Array) -> Array:
+    """How (n_W, d) of a plane (4,) change with the displacement (6,) about Q: (4, 6)."""
+    J = np.zeros((4, 6))
+    J[:3, :3] = -se3.skew(n_W)
+    J[3, :3] = np.cross(n_W, p_WQ)
+    J[3, 3:] = n_W
+    return J
+
+
+def focal_tilt(camera: DepthCamera, n_W: Array) -> Array:
+    """How a seen normal (3,) changes with the focal length's error, as a share of it: (3,).
+
+    Points move away from the optical axis z with (I - z z^T), so that n changes by its negative.
+    """
+    z = camera.X_WC[:3, 2]
+    return np.asarray((z @ n_W) * (z - n_W * (n_W @ z)))
+
+
+def tilt_covariance(camera: DepthCamera, n0_W: Array, n_W: Array) -> Array:
+    """Covariance (3, 3) of how the focal length's error tilts n (3,) other than n0 (3,)."""
+    tilt = camera.focal_length_std * (focal_tilt(camera, n_W) - focal_tilt(camera, n0_W))
+    return np.outer(tilt, tilt)
+
+
+def angle_variance(camera: DepthCamera, k_W: Array, n0_W: Array, n_W: Array, rate: float) -> float:
+    """Variance of an angle about k between two seen normals by what all images share, [rad^2].
+
+    The camera's pose turns both normals alike; its focal length tilts them, its latency shows the
+    second one as it was.
+
+    Args:
+        camera: With its standard deviations.
+        k_W: Axis (3,).
+        n0_W: Normal (3,) at the angle zero.
+        n_W: Normal (3,) now.
+        rate: Of the angle, [rad/s].
+    """
+    tilt = float(np.cross(k_W, n_W) @ focal_tilt(camera, n_W))
+    tilt -= float(np.cross(k_W, n0_W) @ focal_tilt(camera, n0_W))
+    return (camera.focal_length_std * tilt) ** 2 + (camera.latency_std * rate) ** 2

@@ -1,0 +1,348 @@
+"""By how much a camera and the arms that it sees are displaced against each other."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from pydrake.systems.framework import Context
+from pydrake.systems.sensors import ImageDepth32F
+
+from maths.arrays import Array
+from maths.immutable import Immutable
+from maths.validation import check, number
+from systems.arm_pose import joints_at, offset_variances
+from systems.depth_camera import DepthCamera, displacement_covariance
+from systems.port_values import (
+    DisplacementBelief,
+    SampleWindow,
+    displacement_at,
+    unknown_displacements,
+)
+from systems.recursive_filter import RecursiveFilter
+from systems.registration.registration_solver import (
+    FOCAL,
+    SCALE,
+    Matches,
+    Unknowns,
+    body_weights,
+    displacement_rows,
+    distortion,
+    match,
+    place_unknowns,
+    robust_weights,
+    surface,
+)
+from systems.registration.robot_view import Joints, RobotView
+from systems.ticks import tick_period
+
+CAMERA = "camera"
+_MEDIAN_TO_SIGMA = 1.4826  # Of a normal distribution's absolute values.
+
+
+@dataclass(kw_only=True)
+class ArmRegistrationConfig:
+    """Configuration of `ArmRegistration`."""
+
+    period: float = tick_period()
+    # Between two images that are looked at.
+    interval: float = number(1.0, at_least=0.0, at_most=3600.0, unit="s")
+    # Gauss-Newton steps for the first image; later ones need one.
+    rounds: int = number(4, at_least=1, at_most=100)
+    # By how much a link's surface lies off its model: uniform within 0.5 mm, ISO 2768-1 medium.
+    surface: float = number(3e-4, at_least=1e-6, at_most=0.1, unit="m")
+    # Depth noise before any residual was seen.
+    first_noise: float = number(3e-3, at_least=1e-6, at_most=0.1, unit="m")
+    # Side of the square over which neighbours share their noise.
+    correlation: int = number(9, at_least=1, at_most=99, unit="px")
+    # Largest second difference of a rendered surface's depth; more is an edge.
+    bend: float = number(2e-3, at_least=1e-6, at_most=1.0, unit="m")
+    # Deviations of what is expected, beyond which something else is seen.
+    gate: float = number(3.0, above=0.0, at_most=100.0)
+    # Points that an image has to show.
+    least_points: int = number(100, at_least=10, at_most=10**6)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibratedArm:
+    """What is known beforehand of an arm.
+
+    Attributes:
+        X_WBase: Where its base is believed to be (4, 4).
+        base_covariance: (6, 6) of xi in X_WBase exp(xi), rotation first, [rad, m].
+        joint_offset_std: Of each joint's zero (n,), [rad].
+    """
+
+    X_WBase: Array
+    base_covariance: Array
+    joint_offset_std: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegistrationState(Immutable):
+    """What is known at one tick.
+
+    Attributes:
+        p_WQ: About which the displacements are (3,), [m]; None before the arms were heard.
+        images: How many were looked at.
+        time: Of the last, [s].
+        noise: Standard deviation of a residual, [m].
+        information: Mean over the images (D, D).
+        moment: Likewise (D,).
+        mean: Of the unknowns (D,).
+        covariance: (D, D).
+        belief: What is told of it.
+    """
+
+    p_WQ: Array | None = None
+    images: int = 0
+    time: float = -np.inf
+    noise: float = 0.0
+    information: Array
+    moment: Array
+    mean: Array
+    covariance: Array
+    belief: DisplacementBelief
+
+
+class ArmRegistration(RecursiveFilter):
+    """Finds by how much camera and arms are displaced, where the camera sees the arms.
+
+    At the measured joints the robot's own model says where its links' surfaces are; the depth
+    image says where they are seen. A robust point-to-plane fit of all images compares both: the
+    calibrations' declared errors are its prior, so that what no surface shows stays as uncertain
+    as it was. Images in which an arm moves by more than the links' tolerance within the camera's
+    latency are left out.
+
+    .. pydrake_system::
+
+        name: ArmRegistration
+        input_ports:
+        - depth_measured
+        - <arm>_joint_state_window
+        output_ports:
+        - displacements_estimated
+        - displacements_latest
+
+    - `depth_measured`: `ImageDepth32F`, [m]; 0, NaN or inf is no return.
+    - `<arm>_joint_state_window`: for each arm `SampleWindow` of (2 n,) positions [rad], velocities
+      [rad/s].
+    - `displacements_estimated`: `DisplacementBelief` of the camera and the arms at this tick, about
+      where the first arm's end-effector was at first.
+    - `displacements_latest`: the one of the last tick, from the state.
+
+    Source: of the point-to-plane fit with projective association, G. Blais and M. Levine,
+    "Registering multiview range data to create 3D computer objects", PAMI 1995; of the calibration
+    by it, T. Schmidt, R. Newcombe and D. Fox, "DART: Dense articulated real-time tracking",
+    RSS 2014.
+
+    Args:
+        config: See `ArmRegistrationConfig`.
+        view: Renders the robot's own model from the camera's believed pose.
+        camera: What is known of it beforehand.
+        arms: Likewise, by their names in the view.
+
+    Raises:
+        ValueError: for an impossible config value.
+    """
+
+    def __init__(
+        self,
+        config: ArmRegistrationConfig,
+        view: RobotView,
+        camera: DepthCamera,
+        arms: Mapping[str, CalibratedArm],
+    ) -> None:
+        super().__init__()
+        check(config, "ArmRegistration")
+        self._config, self._view, self._camera = config, view, camera
+        self._arms = dict(arms)
+        counts = {name: len(arm.joint_offset_std) for name, arm in arms.items()}
+        self._unknowns = place_unknowns(counts)
+        size = self._unknowns.size
+        image = ImageDepth32F(camera.intrinsics.width, camera.intrinsics.height)
+        self._depth = self._declare_value_input("depth_measured", image)
+        self._windows = {
+            name: self._declare_value_input(
+                f"{name}_joint_state_window",
+                SampleWindow(times=np.zeros(0), values=np.zeros((0, 2 * n))),
+            )
+            for name, n in counts.items()
+        }
+        initial = RegistrationState(
+            noise=config.first_noise,
+            information=np.zeros((size, size)),
+            moment=np.zeros(size),
+            mean=np.zeros(size),
+            covariance=np.zeros((size, size)),
+            belief=unknown_displacements((CAMERA, *arms)),
+        )
+        self._declare_recursion(initial, self._calc_state, config.period)
+        self._declare_estimated("displacements_estimated", lambda state: state.belief)
+        self._declare_latest("displacements_latest", lambda state: state.belief)
+
+    def _calc_state(self, context: Context, state: RegistrationState) -> RegistrationState:
+        time = context.get_time()
+        windows = {name: self._read(port, context) for name, port in self._windows.items()}
+        if any(len(window.times) == 0 for window in windows.values()):
+            return state
+        if state.p_WQ is not None and time - state.time < self._config.interval:
+            return state
+        q = {
+            name: joints_at(window.times - time, window.values, 0.0, 0.0)[0]
+            for name, window in windows.items()
+        }
+        joints = self._view.Pose(q)
+        if state.p_WQ is None:
+            state = self._start(state, joints)
+        if self._is_still(windows, joints):
+            depth = self._read(self._depth, context).data[:, :, 0]
+            state = self._look(state, q, joints, depth, time)
+        return state
+
+    def _is_still(self, windows: Mapping[str, SampleWindow], joints: Mapping[str, Joints]) -> bool:
+        for name, window in windows.items():
+            jacobian = joints[name].jacobian
+            rates = window.values.mean(axis=0)[jacobian.shape[1] :]
+            moved = self._camera.latency_std * np.linalg.norm(jacobian[3:] @ rates)
+            if moved > self._config.surface or np.any(offset_variances(window) > 0.0):
+                return False
+        return True
+
+    def _start(self, state: RegistrationState, joints: Mapping[str, Joints]) -> RegistrationState:
+        p_WQ = next(iter(joints.values())).p_WE
+        covariance = prior_covariance(self._unknowns, p_WQ, self._camera, self._arms)
+        state = replace(state, p_WQ=p_WQ, covariance=covariance)
+        return replace(state, belief=self._tell(state, joints))
+
+    def _look(
+        self,
+        state: RegistrationState,
+        q: Mapping[str, Array],
+        joints: Mapping[str, Joints],
+        depth: Array,
+        time: float,
+    ) -> RegistrationState:
+        config, view = self._config, self._view
+        assert state.p_WQ is not None
+        image = view.Render(q)
+        points = surface(image, view.X_WC, config.bend)
+        own = np.any([view.bodies(name) for name in self._arms], axis=0)[points.body]
+        points = type(points)(*[values[own] for values in points])
+        rows = displacement_rows(points, view, joints, self._unknowns, state.p_WQ)
+        prior = np.linalg.inv(
+            prior_covariance(self._unknowns, state.p_WQ, self._camera, self._arms)
+        )
+        before = state
+        for _ in range(config.rounds if state.images == 0 else 1):
+            seen = match(
+                points, rows, state.mean, depth, self._camera.intrinsics.vector(), view.X_WC
+            )
+            seen = gated(seen, state, config.gate)
+            if len(seen.residual) < config.least_points:
+                return replace(before, time=time)
+            state = fit(
+                before,
+                state,
+                seen,
+                np.asarray(prior, dtype=float),
+                config,
+                image.depth.shape,
+                depth.shape,
+            )
+        state = replace(state, images=before.images + 1, time=time)
+        return replace(state, belief=self._tell(state, joints))
+
+    def _tell(self, state: RegistrationState, joints: Mapping[str, Joints]) -> DisplacementBelief:
+        assert state.p_WQ is not None
+        J = readout(self._unknowns, state.p_WQ, self._view.X_WC, joints)
+        return replace(
+            state.belief,
+            p_WQ=state.p_WQ,
+            mean=J @ state.mean,
+            covariance=J @ state.covariance @ J.T,
+        )
+
+
+def gated(seen: Matches, state: RegistrationState, gate: float) -> Matches:
+    """The matches whose residuals are within `gate` deviations of what is expected."""
+    spread = np.einsum("nd,de,ne->n", seen.A, state.covariance, seen.A) + state.noise**2
+    near = (seen.residual - seen.A @ state.mean) ** 2 < gate**2 * spread
+    return Matches(seen.residual[near], seen.A[near], seen.body[near])
+
+
+def fit(
+    before: RegistrationState,
+    state: RegistrationState,
+    seen: Matches,
+    prior: Array,
+    config: ArmRegistrationConfig,
+    rendered: tuple[int, ...],
+    measured: tuple[int, ...],
+) -> RegistrationState:
+    """The state after a step with the matches of one image.
+
+    Args:
+        before: After the last image.
+        state: The linearisation.
+        seen: Matches.
+        prior: Information (D, D).
+        config: See there.
+        rendered: Shape of the image whose pixels are matched.
+        measured: Shape of the depth image.
+    """
+    e = seen.residual - seen.A @ state.mean
+    noise = _MEDIAN_TO_SIGMA * float(np.median(np.abs(e)))
+    images = before.images + 1
+    share = measured[0] * measured[1] / (rendered[0] * rendered[1]) / config.correlation**2
+    weights = body_weights(
+        seen.body, robust_weights(e, noise), noise**2 / images, config.surface, min(share, 1.0)
+    )
+    weighted = seen.A * weights[:, None]
+    information = before.information + (weighted.T @ seen.A - before.information) / images
+    moment = before.moment + (weighted.T @ seen.residual - before.moment) / images
+    covariance = np.linalg.inv(prior + information)
+    covariance = 0.5 * (covariance + covariance.T)
+    return replace(
+        state,
+        noise=noise,
+        information=information,
+        moment=moment,
+        mean=covariance @ moment,
+        covariance=covariance,
+    )
+
+
+def prior_covariance(
+    unknowns: Unknowns,
+    p_WQ: Array,
+    camera: DepthCamera,
+    arms: Mapping[str, CalibratedArm],
+) -> Array:
+    """(D, D), what the calibrations say of the unknowns."""
+    P = np.zeros((unknowns.size, unknowns.size))
+    P[:6, :6] = displacement_covariance(camera.X_WC, camera.pose_covariance, p_WQ)
+    P[SCALE, SCALE] = camera.depth_scale_std**2
+    P[FOCAL, FOCAL] = camera.focal_length_std**2
+    for name, part in unknowns.arms.items():
+        arm, base = arms[name], slice(part.start, part.start + 6)
+        P[base, base] = displacement_covariance(arm.X_WBase, arm.base_covariance, p_WQ)
+        zeros = np.arange(base.stop, part.stop)
+        P[zeros, zeros] = arm.joint_offset_std**2
+    # What is said to be perfect may be off by nothing that is ever measured.
+    return P + 1e-12 * np.eye(unknowns.size)
+
+
+def readout(unknowns: Unknowns, p_WQ: Array, X_WC: Array, joints: Mapping[str, Joints]) -> Array:
+    """(6 K, D): displacements near Q, of what the camera sees and of the end-effectors' bodies."""
+    J = np.zeros((6 * (1 + len(unknowns.arms)), unknowns.size))
+    J[:6, :6] = np.eye(6)
+    J[3:6, SCALE : FOCAL + 1] = distortion(X_WC, p_WQ)
+    for k, (name, part) in enumerate(unknowns.arms.items(), start=1):
+        rows = slice(6 * k, 6 * k + 6)
+        J[rows, part.start : part.start + 6] = np.eye(6)
+        at_E = joints[name].jacobian
+        J[rows, part.start + 6 : part.stop] = at_E
+        J[rows.start + 3 : rows.stop, part.start + 6 : part.stop] = (
+            displacement_at(p_WQ, joints[name].p_WE) @ at_E
+        )
+    return J

@@ -1,0 +1,248 @@
+"""What a camera should see of a robot, by the robot's model of itself at given joints."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.geometry import (
+    ClippingRange,
+    ColorRenderCamera,
+    DepthRange,
+    DepthRenderCamera,
+    MakeRenderEngineVtk,
+    RenderCameraCore,
+    RenderEngineVtkParams,
+    SceneGraph,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame, JacobianWrtVariable
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.rendering import MultibodyPositionToGeometryPose
+from pydrake.systems.sensors import CameraInfo, RgbdSensor
+
+from maths.arrays import Array, Mask
+
+Labels = npt.NDArray[np.int16]
+
+_RENDERER = "surface"
+
+
+class ArmChain(NamedTuple):
+    """An arm by the names in the robot's model.
+
+    Attributes:
+        model: Model instance.
+        joints: Names of its joints, in the order of its encoders.
+        hand: Model instance of what it carries.
+        end_effector: Name of the frame E in the hand's model.
+    """
+
+    model: str
+    joints: Sequence[str]
+    hand: str
+    end_effector: str = "end_effector"
+
+
+class RobotImage(NamedTuple):
+    """A rendered image of the robot.
+
+    Attributes:
+        depth: (h, w), inf where the robot is not, [m].
+        body: Index of the body that is seen (h, w).
+        rays_C: (h, w, 3) with z = 1, of the pixels' centres.
+    """
+
+    depth: Array
+    body: Labels
+    rays_C: Array
+
+
+class Joints(NamedTuple):
+    """Where the joints of an arm are, and what they move.
+
+    Attributes:
+        p_WE: Of the end-effector (3,), [m].
+        jacobian: (6, n), rotation first: velocity of E's body at E, in W.
+    """
+
+    p_WE: Array
+    jacobian: Array
+
+    def displacements(self, p_W: Array) -> Array:
+        """Of points (N, 3) fixed to E's body, per radian of each joint (N, 3, n), [m]."""
+        omega, v = self.jacobian[:3], self.jacobian[3:]
+        arm = np.cross(omega.T[None], (p_W - self.p_WE)[:, None]).transpose(0, 2, 1)
+        return np.asarray(v + arm)
+
+
+class RobotView:
+    """Renders the robot's own model, with nothing else in the scene.
+
+    It holds no state between two calls. A body that other joints move than an arm's, as those of
+    a gripper, is not the arm's: nothing says where these are.
+
+    Args:
+        build_robot: Adds the robots to a plant, fixed in the world where they believe to stand.
+        full: The camera's intrinsics as a renderer takes them.
+        X_WC: The camera's believed pose; x right, y down, z forward.
+        arms: By name.
+        reduction: The image is smaller by this factor, which divides width and height.
+        depth_range: Nearest and farthest surface, [m].
+
+    Raises:
+        ValueError: for a factor that does not divide the image's size.
+    """
+
+    def __init__(
+        self,
+        build_robot: Callable[[MultibodyPlant], object],
+        full: CameraInfo,
+        X_WC: RigidTransform,
+        arms: Mapping[str, ArmChain],
+        reduction: int = 4,
+        depth_range: tuple[float, float] = (0.2, 4.0),
+    ) -> None:
+        if full.width() % reduction or full.height() % reduction:
+            raise ValueError(
+                f"RobotView: reduction = {reduction} does not divide the image,"
+                f" {full.width()} x {full.height()} px"
+            )
+        builder = DiagramBuilder()
+        scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
+        plant = MultibodyPlant(time_step=0.0)
+        plant.RegisterAsSourceForSceneGraph(scene_graph)
+        build_robot(plant)
+        if not plant.is_finalized():
+            plant.Finalize()
+        scene_graph.AddRenderer(_RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams()))
+        to_pose = builder.AddNamedSystem("to_pose", MultibodyPositionToGeometryPose(plant))
+        source = scene_graph.get_source_pose_port(plant.get_source_id())
+        builder.Connect(to_pose.get_output_port(), source)
+        builder.ExportInput(to_pose.get_input_port(), "positions")
+        camera = CameraInfo(
+            full.width() // reduction,
+            full.height() // reduction,
+            full.focal_x() / reduction,
+            full.focal_y() / reduction,
+            full.center_x() / reduction,
+            full.center_y() / reduction,
+        )
+        near, far = depth_range
+        core = RenderCameraCore(
+            _RENDERER, camera, ClippingRange(0.5 * near, 1.1 * far), RigidTransform()
+        )
+        sensor = builder.AddNamedSystem(
+            "camera",
+            RgbdSensor(
+                scene_graph.world_frame_id(),
+                X_WC,
+                ColorRenderCamera(core, False),
+                DepthRenderCamera(core, DepthRange(near, far)),
+            ),
+        )
+        builder.Connect(scene_graph.get_query_output_port(), sensor.query_object_input_port())
+        self._plant, self._sensor, self._diagram = plant, sensor, builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self._plant_context = plant.CreateDefaultContext()
+        self._rays = _pixel_rays(camera)
+        self._chains = {name: _chain(plant, arm) for name, arm in arms.items()}
+        self.X_WC = X_WC.GetAsMatrix4()
+
+    @property
+    def num_bodies(self) -> int:
+        """Of the robot's model."""
+        return int(self._plant.num_bodies())
+
+    def bodies(self, arm: str) -> Mask:
+        """Which bodies (num_bodies,) are an arm's."""
+        return self._chains[arm].bodies
+
+    def carried(self, arm: str) -> Mask:
+        """Which bodies are carried by which of an arm's joints (num_bodies, n)."""
+        return self._chains[arm].carried
+
+    def Pose(self, joints: Mapping[str, Array]) -> dict[str, Joints]:
+        """End-effectors and Jacobians.
+
+        Args:
+            joints: Positions (n,) of each arm, [rad].
+        """
+        plant, context = self._plant, self._plant_context
+        self._set(joints)
+        poses = {}
+        for name, chain in self._chains.items():
+            J = plant.CalcJacobianSpatialVelocity(
+                context,
+                JacobianWrtVariable.kV,
+                chain.frame,
+                np.zeros(3),
+                plant.world_frame(),
+                plant.world_frame(),
+            )
+            p_WE = chain.frame.CalcPoseInWorld(context).translation()
+            poses[name] = Joints(p_WE, np.asarray(J)[:, chain.velocities])
+        return poses
+
+    def Render(self, joints: Mapping[str, Array]) -> RobotImage:
+        """What the camera should see; joints of the hands are at zero.
+
+        Args:
+            joints: Positions (n,) of each arm, [rad].
+        """
+        self._set(joints)
+        positions = self._plant.GetPositions(self._plant_context)
+        self._diagram.GetInputPort("positions").FixValue(self._context, positions)
+        context = self._sensor.GetMyContextFromRoot(self._context)
+        depth = self._sensor.depth_image_32F_output_port().Eval(context).data[:, :, 0]
+        body = self._sensor.label_image_output_port().Eval(context).data[:, :, 0]
+        return RobotImage(depth.astype(float), body.copy(), self._rays)
+
+    def _set(self, joints: Mapping[str, Array]) -> None:
+        positions = np.zeros(self._plant.num_positions())
+        for name, chain in self._chains.items():
+            positions[chain.positions] = joints[name]
+        self._plant.SetPositions(self._plant_context, positions)
+
+
+class _Chain(NamedTuple):
+    frame: Frame
+    positions: list[int]
+    velocities: list[int]
+    bodies: Mask
+    carried: Mask
+
+
+def _chain(plant: MultibodyPlant, arm: ArmChain) -> _Chain:
+    instance = plant.GetModelInstanceByName(arm.model)
+    hand = plant.GetModelInstanceByName(arm.hand)
+    joints = [plant.GetJointByName(name, instance) for name in arm.joints]
+    bodies = np.zeros(plant.num_bodies(), dtype=bool)
+    for model in (instance, hand):
+        bodies[[int(body) for body in plant.GetBodyIndices(model)]] = True
+    carried = np.zeros((plant.num_bodies(), len(joints)), dtype=bool)
+    own = {joint.index(): k for k, joint in enumerate(joints)}
+    for index in plant.GetJointIndices():
+        if plant.get_joint(index).num_velocities() == 0:
+            continue
+        moved = [int(body) for body in plant.GetBodiesKinematicallyAffectedBy([index])]
+        if index in own:
+            carried[moved, own[index]] = True
+        else:
+            bodies[moved] = False
+    return _Chain(
+        frame=plant.GetFrameByName(arm.end_effector, hand),
+        positions=[joint.position_start() for joint in joints],
+        velocities=[joint.velocity_start() for joint in joints],
+        bodies=bodies,
+        carried=carried,
+    )
+
+
+def _pixel_rays(camera: CameraInfo) -> Array:
+    """Rays (h, w, 3) through the pixels' centres, which lie at halves for a renderer."""
+    u, v = np.meshgrid(np.arange(camera.width()) + 0.5, np.arange(camera.height()) + 0.5)
+    x = (u - camera.center_x()) / camera.focal_x()
+    y = (v - camera.center_y()) / camera.focal_y()
+    return np.dstack([x, y, np.ones_like(x)])

@@ -60,7 +60,7 @@ class FlapJointConfig:
     # Images whose average is the reference, from the first touch on.
     reference_images: int = number(15, at_least=1, at_most=1000)
     # Path of the contact after which no more of them are waited for.
-    at_rest: float = number(0.0005, at_least=0.0, at_most=1.0, unit="m")
+    at_rest: float = number(0.002, at_least=0.0, at_most=1.0, unit="m")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,18 +201,25 @@ def _add_reference(
     return replace(state, filters=start, n0_W=n, n0_noise=noise, model=model.now(start, time))
 
 
-def reference_variance(state: FlapJointState, k: Array, p_PA: Array, at_rest: float) -> float:
-    """Variance of the angle that the filters count from, [rad^2].
+def angle_at_reference(
+    state: FlapJointState, k: Array, p_PA: Array, config: FlapJointConfig
+) -> tuple[float, float]:
+    """How far the flap was turned in the mean of the reference's images, and its variance.
 
-    The contact may have moved by `at_rest` [m] while the reference was seen, which was evenly
-    turned then, and what was seen had its noise.
+    The contact has moved since it began, and wandered meanwhile; of the angle that the filters
+    count from there, the reference's noise is an error, too.
     """
     reference = state.reference
     assert reference is not None
     u = reference.p_WC - p_PA
     u = u - k * (k @ u)
+    along = np.cross(k, u) / (u @ u)
     along_0 = np.cross(k, state.n0_W)
-    return float(along_0 @ state.n0_noise @ along_0) + at_rest**2 / 12.0 / float(u @ u)
+    time = 0.5 * reference.ticks * config.period / config.filters.errors.declared_time
+    wandered = 2.0 * config.walk**2 * (1.0 - np.exp(-time))
+    moved = reference.p_WC_covariance + wandered * np.eye(3)
+    variance = float(along @ moved @ along + along_0 @ state.n0_noise @ along_0)
+    return float(along @ (reference.p_WC - reference.p_WC0)), variance
 
 
 def _turned(k: Array, covariance: Array) -> Array:
@@ -275,7 +282,8 @@ def read_joint_angle(state: FlapJointState, model: FlapJointModel) -> FlapAngleB
         spread = variance + float(along_0 @ n0_covariance @ along_0)
         lean = m.axis_covariance + _turned(k, camera)
         covariance = spread * np.outer(along, along) + float(n @ lean @ n) * np.outer(k, k)
-        variance += reference_variance(state, k, m.p_PA, model.config.at_rest)
+        first, first_variance = angle_at_reference(state, k, m.p_PA, model.config)
+        angle, variance = angle + first, variance + first_variance
     return FlapAngleBelief(
         known=True,
         theta=float(angle),

@@ -13,7 +13,13 @@ from systems.depth_camera import DepthCamera, plane_jacobian, seen_covariance
 from systems.flap.flap_tracking_config import FlapTrackingConfig, check_flap_tracking
 from systems.flap.local_planes import InverseDepth, inverse_depth
 from systems.flap.plane_fit import PlaneFit, plane_covariance, refine_plane, world_plane
-from systems.flap.tool_segmentation import Parts, angle_between, interior, segment
+from systems.flap.tool_segmentation import (
+    Parts,
+    angle_between,
+    interior,
+    measured_scale,
+    segment,
+)
 from systems.port_values import (
     UNKNOWN_END_EFFECTOR,
     UNKNOWN_FINGERTIP,
@@ -35,12 +41,17 @@ class FlapTrack(Immutable):
             None before.
         p_WC: Where the flap was touched last (3,), [m]; None before.
         y_W: Where the pad pointed then (3,).
+        noise_scale: How much larger the depth's noise is than the config's sensor says, as the
+            planes' residuals have shown; None before there was one.
+        images: That have shown it.
     """
 
     plane: FlapPlane
     rest_W: Array | None = None
     p_WC: Array | None = None
     y_W: Array | None = None
+    noise_scale: float | None = None
+    images: int = 0
 
 
 def crop(
@@ -189,6 +200,15 @@ def _unit(v: Array) -> Array:
     return np.asarray(v / np.linalg.norm(v))
 
 
+def with_noise(track: FlapTrack, scale: float, memory: int) -> FlapTrack:
+    """The track with one more image's noise, if that has shown any, averaged over `memory`."""
+    if not np.isfinite(scale):
+        return track
+    images = min(track.images + 1, memory)
+    before = 0.0 if track.noise_scale is None else track.noise_scale
+    return replace(track, images=images, noise_scale=before + (scale - before) / images)
+
+
 def track_flap(
     track: FlapTrack,
     depth: Array,
@@ -219,7 +239,10 @@ def track_flap(
     image = crop(depth, excluded, camera, centre, radius)
     if image is None:
         return replace(track, plane=unseen("the camera does not look there"))
-    parts = segment(image, camera.intrinsics.focal_x, config)
+    sensor = config.sensor
+    scale = sensor.first_scale if track.noise_scale is None else track.noise_scale
+    parts = segment(image, camera.intrinsics.focal_x, config, scale)
+    track = with_noise(track, measured_scale(parts, sensor), sensor.images)
     if track.rest_W is None and len(parts.fits) == 1:
         track = replace(track, rest_W=-camera.X_WC[:3, :3] @ _unit(parts.fits[0].m_C))
     flap = choose_flap(parts, track, touched, camera, config)

@@ -10,14 +10,19 @@ from systems.ticks import tick_period
 
 @dataclass(kw_only=True)
 class DepthSensorConfig:
-    """What is believed of a pixel's noise: noise + noise_growth (z - noise_range)^2."""
+    """What is believed of a pixel's noise, until planes have shown it: growth z^2.
 
-    # Standard deviation at `noise_range`.
-    noise: float = number(1.2e-3, at_least=1e-6, at_most=1.0, unit="m")
-    # Growth with the square of the distance from there.
-    noise_growth: float = number(1.9e-3, at_least=0.0, at_most=1.0, unit="1/m")
-    # Distance of the least noise.
-    noise_range: float = number(0.4, at_least=0.0, at_most=100.0, unit="m")
+    Sources: of the growth, K. Khoshelham and S. Oude Elberink, "Accuracy and resolution of Kinect
+    depth data for indoor mapping applications", Sensors 2012, equation 12; of the square, K.
+    Konolige and P. Mihelich, "Technical description of Kinect calibration".
+    """
+
+    # Standard deviation of the depth over its square.
+    growth: float = number(1.4e-3, at_least=1e-6, at_most=1.0, unit="1/m")
+    # By how much the first images' noise may exceed that.
+    first_scale: float = number(2.0, at_least=0.1, at_most=100.0)
+    # Images over which the residuals of planes are averaged.
+    images: int = number(30, at_least=1, at_most=10**6)
     # Side of the square over which neighbours share their noise.
     correlation: int = number(9, at_least=1, at_most=99, unit="px")
 

@@ -13,6 +13,8 @@ from systems.flap.plane_fit import PlaneFit, fit_plane, refine_plane
 
 _ROUNDS = 4  # Of fitting two planes, each to its own side.
 _CLEAR_ROUNDS = 2  # Of fitting both where they are apart.
+_GAPS = np.ones((21, 21), np.uint8)  # Between a part's pixels, which are its own, [px].
+_MEDIAN_TO_SIGMA = 1.4826  # Of a normal distribution's absolute values.
 _BORDER = 5  # Side of the square by which a part is eroded, [px].
 
 
@@ -30,14 +32,33 @@ class Parts(NamedTuple):
     sigma: Array
 
 
-def inverse_depth_sigma(image: InverseDepth, sensor: DepthSensorConfig) -> Array:
-    """Standard deviation (h, w) of one pixel's inverse depth, [1/m]."""
-    z = np.divide(1.0, image.w, out=np.ones_like(image.w), where=image.valid)
-    sigma_z = sensor.noise + sensor.noise_growth * (z - sensor.noise_range) ** 2
-    return np.asarray(sigma_z * image.w**2)
+def inverse_depth_sigma(image: InverseDepth, sensor: DepthSensorConfig, scale: float) -> Array:
+    """Standard deviation (h, w) of one pixel's inverse depth, [1/m].
+
+    That of a depth, growth z^2, is one of the inverse depth that is the same at all depths.
+    """
+    return np.full_like(image.w, scale * sensor.growth)
 
 
-def segment(image: InverseDepth, focal: float, config: FlapTrackingConfig) -> Parts:
+def measured_scale(parts: Parts, sensor: DepthSensorConfig) -> float:
+    """How much larger the noise is than `sensor` says, by the planes' residuals; NaN without one.
+
+    The median of all residuals between a part's pixels: what a gate has cut off is among them.
+    """
+    image, residuals = parts.image, []
+    for fit in parts.fits:
+        part = cv2.morphologyEx(fit.pixels.astype(np.uint8), cv2.MORPH_CLOSE, _GAPS) > 0
+        part &= image.valid
+        e = image.w[part] - fit.m_C[0] * image.x[part] - fit.m_C[1] * image.y[part] - fit.m_C[2]
+        residuals.append(np.abs(e))
+    if not residuals:
+        return float("nan")
+    return _MEDIAN_TO_SIGMA * float(np.median(np.concatenate(residuals))) / sensor.growth
+
+
+def segment(
+    image: InverseDepth, focal: float, config: FlapTrackingConfig, noise_scale: float
+) -> Parts:
     """The flat parts in a region.
 
     The normals' histogram says how many there are, and where each of them is; then each plane is
@@ -48,8 +69,9 @@ def segment(image: InverseDepth, focal: float, config: FlapTrackingConfig) -> Pa
         image: The region, with nothing valid but what may be the tool.
         focal: [px]
         config: See there.
+        noise_scale: How much larger the noise is than `config.sensor` says.
     """
-    sigma = inverse_depth_sigma(image, config.sensor)
+    sigma = inverse_depth_sigma(image, config.sensor, noise_scale)
     nothing = Parts([], image, sigma)
     if int(image.valid.sum()) < config.least_points:
         return nothing

@@ -45,7 +45,7 @@ class ArmRegistrationConfig:
 
     period: float = tick_period()
     # Between two images that are looked at.
-    interval: float = number(1.0, at_least=0.0, at_most=3600.0, unit="s")
+    interval: float = number(2.0, at_least=0.0, at_most=3600.0, unit="s")
     # Gauss-Newton steps for the first image; later ones need one.
     rounds: int = number(4, at_least=1, at_most=100)
     # By how much a link's surface lies off its model: uniform within 0.5 mm, ISO 2768-1 medium.
@@ -55,7 +55,7 @@ class ArmRegistrationConfig:
     # Side of the square over which neighbours share their noise.
     correlation: int = number(9, at_least=1, at_most=99, unit="px")
     # Largest second difference of a rendered surface's depth; more is an edge.
-    bend: float = number(2e-3, at_least=1e-6, at_most=1.0, unit="m")
+    bend: float = number(5e-4, at_least=1e-6, at_most=1.0, unit="m")
     # Deviations of what is expected, beyond which something else is seen.
     gate: float = number(3.0, above=0.0, at_most=100.0)
     # Points that an image has to show.

@@ -20,7 +20,7 @@ from maths.pinhole import project
 from systems.registration.robot_view import Joints, RobotImage, RobotView
 
 SCALE, FOCAL, FIRST_ARM = 6, 7, 8  # Places among the unknowns; before them the camera's (6,).
-_LARGEST_INCIDENCE = 0.35  # Cosine of the angle to the ray, below which a surface grazes it.
+_LEAST_COSINE = 0.2  # Between ray and normal, below which a surface is only grazed.
 
 
 class Surface(NamedTuple):
@@ -104,7 +104,7 @@ def surface(image: RobotImage, X_WC: Array, bend: float) -> Surface:
     normals = np.cross(down[inner], across[inner])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     cosine = -np.sum(normals * points, axis=1) / np.linalg.norm(points, axis=1)
-    faces = cosine > _LARGEST_INCIDENCE
+    faces = cosine > _LEAST_COSINE
     R = X_WC[:3, :3]
     return Surface(
         points[faces] @ R.T + X_WC[:3, 3], normals[faces] @ R.T, body[1:-1, 1:-1][inner][faces]

@@ -101,7 +101,7 @@ class RobotView:
         full: CameraInfo,
         X_WC: RigidTransform,
         arms: Mapping[str, ArmChain],
-        reduction: int = 4,
+        reduction: int = 2,
         depth_range: tuple[float, float] = (0.2, 4.0),
     ) -> None:
         if full.width() % reduction or full.height() % reduction:

@@ -98,7 +98,7 @@ def make_system(**changes: float) -> ArmRegistration:
         )
         for name, p in BASES.items()
     }  # fmt: skip
-    config = ArmRegistrationConfig(correlation=1, **changes)
+    config = ArmRegistrationConfig(correlation=1, bend=2e-3, **changes)
     return ArmRegistration(config, believed_view(), camera, arms)
 
 

@@ -14,11 +14,10 @@ from controllers.servoing.contact_search import (
     probe_offset,
     turned_about,
 )
+from controllers.servoing.flip_config import FlipSequenceConfig
 from maths.arrays import Array
 from maths.immutable import Immutable
-from maths.validation import number, numbers
 
-_SWITCH: Any = {"at_least": 0.0, "at_most": 1.0}
 _PATIENCE = 3.0  # Times as long as a retreat takes it may last.
 
 
@@ -31,63 +30,6 @@ class FlipPhase(IntEnum):
     RETREAT = 3
     DONE = 4
     FAILED = 5
-
-
-@dataclass(kw_only=True)
-class FlipSequenceConfig:
-    period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")
-    # Speed at which the finger first approaches the flap's edge, and longest way.
-    approach_speed: float = number(0.008, above=0.0, at_most=1.0, unit="m/s")
-    approach_way: float = number(0.06, above=0.0, at_most=1.0, unit="m")
-    # Contact that is established: what its force and place may be off by, and for how long.
-    force: float = number(0.5, above=0.0, at_most=100.0, unit="N")
-    force_tolerance: float = number(0.1, above=0.0, at_most=100.0, unit="N")
-    position_tolerance: float = number(0.004, above=0.0, at_most=0.1, unit="m")
-    settle_time: float = number(0.3, at_least=0.0, at_most=60.0, unit="s")
-    # Time after which a contact that has not settled is taken as it is.
-    establish_time: float = number(4.0, above=0.0, at_most=3600.0, unit="s")
-    # Speed of the contact along x_S, and the time in which it begins.
-    feed_speed: float = number(0.007, above=0.0, at_most=1.0, unit="m/s")
-    ramp_time: float = number(0.5, at_least=1e-3, at_most=60.0, unit="s")
-    # Angle by which the flap is to be turned.
-    angle: float = number(2.0, above=0.0, at_most=3.0, unit="rad")
-    # Way of the contact, and time, after which the flip ends at the latest.
-    way: float = number(0.25, above=0.0, at_most=2.0, unit="m")
-    flip_time: float = number(60.0, above=0.0, at_most=3600.0, unit="s")
-    # A contact is lost once nothing has been felt for so long.
-    lost_time: float = number(0.05, at_least=0.0, at_most=10.0, unit="s")
-    # Speed at which a lost contact is sought along its last normal.
-    search_speed: float = number(0.008, above=0.0, at_most=1.0, unit="m/s")
-    # Way and time after which it is lost for good.
-    search_way: float = number(0.05, above=0.0, at_most=1.0, unit="m")
-    search_time: float = number(40.0, above=0.0, at_most=3600.0, unit="s")
-    # An edge that is not felt so far behind where it should be is sought beside it, on its arc in
-    # steps to both sides in turns, and so often.
-    probe_depth: float = number(0.01, above=0.0, at_most=1.0, unit="m")
-    probe_step: float = number(0.012, above=0.0, at_most=1.0, unit="m")
-    probes: int = number(6, at_least=0, at_most=100)
-    # A flap whose edge is seen to have gone so far is followed: to so far before the edge.
-    edge_shift: float = number(0.005, above=0.0, at_most=1.0, unit="m")
-    clearance: float = number(0.015, above=0.0, at_most=1.0, unit="m")
-    follow_speed: float = number(0.03, above=0.0, at_most=1.0, unit="m/s")
-    # On its way it is so far ahead on the arc of the edge at most.
-    arc_step: float = number(0.25, above=0.0, at_most=1.6, unit="rad")
-    # How near the finger gets to where it waits before the edge.
-    arrival_distance: float = number(0.002, above=0.0, at_most=0.1, unit="m")
-    arrival_angle: float = number(0.03, above=0.0, at_most=1.0, unit="rad")
-    # Once the flap is turned, the finger goes so far in its own frame: off the edge, and along
-    # itself towards its arm, which straightens if it only backs off.
-    retreat: np.ndarray = numbers(
-        np.array([0.0, -0.04, -0.10]), at_least=-1.0, at_most=1.0, unit="m"
-    )
-    retreat_speed: float = number(0.06, above=0.0, at_most=1.0, unit="m/s")
-    # Diagonals of the projectors, ones and zeros: w_x, w_y, w_z, v_x, v_y, v_z. Touch holds the
-    # force and rolls the pad flat onto the edge's line, about x; during the flip it also keeps the
-    # edge from sliding off along x. The roll about z is vision's and the arc's: on an edge that is
-    # as thick as the pad's contact is wide, an offset along x may be either of roll and place.
-    tactile_establish: list[float] = numbers([1.0, 0.0, 0.0, 0.0, 1.0, 0.0], **_SWITCH)
-    tactile_flip: list[float] = numbers([1.0, 0.0, 0.0, 1.0, 1.0, 0.0], **_SWITCH)
-    visual_flip: list[float] = numbers([1.0, 1.0, 1.0, 1.0, 1.0, 1.0], **_SWITCH)
 
 
 @dataclass(frozen=True, kw_only=True)

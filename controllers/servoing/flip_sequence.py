@@ -10,11 +10,11 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 from controllers.arm.kinematics import ArmModel
 from controllers.servoing.beliefs import known_belief
 from controllers.servoing.contact_search import twist_towards
+from controllers.servoing.flip_config import FlipSequenceConfig
 from controllers.servoing.flip_decisions import (
     FIRST,
     Felt,
     FlipPhase,
-    FlipSequenceConfig,
     FlipState,
     next_flip_state,
 )

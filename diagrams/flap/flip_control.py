@@ -7,7 +7,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Adder
 
 from controllers.arm.kinematics import ArmModel
-from controllers.servoing.flip_decisions import FlipSequenceConfig
+from controllers.servoing.flip_config import FlipSequenceConfig
 from controllers.servoing.flip_sequence import FlipSequence
 from controllers.servoing.tactile_servoing import TactileServoing, TactileServoingConfig
 from controllers.servoing.tool_line_decisions import ToolLineConfig

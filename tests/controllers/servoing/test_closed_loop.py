@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from trial_scene import Outcome, Trial, simulate
 
-from controllers.servoing.flip_decisions import FlipPhase, FlipSequenceConfig
+from controllers.servoing.flip_config import FlipSequenceConfig
+from controllers.servoing.flip_decisions import FlipPhase
 from diagrams.flap.flip_control import FlipControlConfig
 
 SETTLED = 1.0  # After the flip has begun, [s].

@@ -11,11 +11,11 @@ from pydrake.systems.analysis import Simulator
 
 from controllers.arm.kinematics import ArmModel
 from controllers.servoing.contact_search import turned_about, twist_towards
+from controllers.servoing.flip_config import FlipSequenceConfig
 from controllers.servoing.flip_decisions import (
     FIRST,
     Felt,
     FlipPhase,
-    FlipSequenceConfig,
     FlipState,
     next_flip_state,
     own_turn,
@@ -120,6 +120,14 @@ def test_the_retreat_counts_from_where_the_flap_was_last_touched() -> None:
     episode.go(0.5, touching(), step=V).go(time - 0.05, step=V)
     assert episode.state.phase == FlipPhase.RETREAT
     assert episode.go(0.1, step=V).state.phase == FlipPhase.DONE
+
+
+def test_the_retreat_needs_no_touch_that_can_be_trusted() -> None:
+    episode = turned()
+    V = approach_twist(episode.state, True, CONFIG)
+    time = np.linalg.norm(CONFIG.retreat) / CONFIG.retreat_speed
+    episode.go(time + 0.05, step=V, distrust="dead taxels: 0, 3")
+    assert episode.state.phase == FlipPhase.DONE
 
 
 def test_a_finger_that_does_not_get_away_has_failed_and_says_so() -> None:

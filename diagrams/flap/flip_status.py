@@ -7,12 +7,13 @@ from controllers.servoing.flip_decisions import FlipPhase
 from controllers.servoing.tool_line_decisions import LinePhase
 from diagrams.run.record import TaskStatus
 
-FLIPPING, TO_TABLE, ON_LINE, DONE = "flipping", "to the table", "line on the table", "done"
+FLIPPING, RETREATING, DONE = "flipping", "retreating", "done"
+TO_TABLE, ON_LINE = "to the table", "line on the table"
 _FLIP = {
     FlipPhase.PRE_CONTACT: TaskStatus(phase="approaching"),
     FlipPhase.ESTABLISH_CONTACT: TaskStatus(phase="touching"),
     FlipPhase.FLIP: TaskStatus(phase=FLIPPING),
-    FlipPhase.RETREAT: TaskStatus(phase="retreating"),
+    FlipPhase.RETREAT: TaskStatus(phase=RETREATING),
 }
 _LINE = {
     LinePhase.WAIT: _FLIP[FlipPhase.RETREAT],

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.flap.flip_status import FLIPPING, TO_TABLE
+from diagrams.flap.flip_status import FLIPPING, RETREATING, TO_TABLE
 from diagrams.flap.results.tip_line import TipLine, tip_line
 from diagrams.flap.truth import UNKNOWN_FLAP, FlapTruth
 from diagrams.run.record import EpisodeRecord, Tick
@@ -33,6 +33,7 @@ class TrueFlap:
         p_WE: End-effector (T, 3) of the arm that holds the tool, [m].
         flipping: Whether the robot turns the flap, from when it began to when it ended; it may
             have lost the contact in between.
+        retreated_at: When the finger began to leave the flap for good, [s]; infinite if it did not.
     """
 
     times: Array
@@ -47,6 +48,7 @@ class TrueFlap:
     force: Array
     p_WE: Array
     flipping: Mask
+    retreated_at: float = np.inf
 
     @property
     def L1_W(self) -> Array:
@@ -140,6 +142,9 @@ def _truth(record: EpisodeRecord) -> TrueFlap:
         for tick in ticks
     ]
     status = [tick.values.get(STATUS_PORT) for tick in ticks]
+    leaving = (
+        tick.time for tick, s in zip(ticks, status, strict=True) if s and s.phase == RETREATING
+    )
     theta = _stack(flaps, lambda flap: flap.theta)
     return TrueFlap(
         times=np.array([tick.time for tick in ticks]),
@@ -154,6 +159,7 @@ def _truth(record: EpisodeRecord) -> TrueFlap:
         force=_stack(flaps, lambda flap: flap.force),
         p_WE=_stack(p_WE, lambda p: p, 3),
         flipping=_from_first_to_last([s is not None and s.phase == FLIPPING for s in status]),
+        retreated_at=next(leaving, np.inf),
     )
 
 

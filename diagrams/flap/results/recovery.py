@@ -20,7 +20,7 @@ class Recovery:
         start: Of the jerk, [s].
         way: Of the contact's place on the flap in it, as it truly came about, [m]; NaN where it
             was not touched before.
-        contact_lost: Whether the contact broke off.
+        contact_lost: Whether the contact broke off before the finger left the flap for good.
         reestablished_after: Since the jerk began, until a contact that lasted; 0 where none was
             lost, NaN where it did not come back, [s].
     """
@@ -32,8 +32,8 @@ class Recovery:
 
 
 def recovery(truth: TrueFlap, jerk: FlapJerk) -> Recovery | None:
-    """The recovery after a jerk; None where the episode was over before."""
-    times = truth.times
+    """The recovery after a jerk; None where the flip was over before."""
+    times = truth.times[truth.times < truth.retreated_at]
     after = np.flatnonzero(times > jerk.start)
     if len(after) == 0:
         return None
@@ -41,11 +41,11 @@ def recovery(truth: TrueFlap, jerk: FlapJerk) -> Recovery | None:
     before, end = max(index - 1, 0), min(int(np.searchsorted(times, jerk.end)), len(times) - 1)
     lever = float(np.linalg.norm(truth.L2_W[before]))
     way = lever * float(truth.theta[end] - truth.theta[before])
-    lost = np.flatnonzero(~truth.touching[index:])
+    lost = np.flatnonzero(~truth.touching[index : len(times)])
     back = float("nan")
     for k in range(index + int(lost[0]), len(times)) if len(lost) else ():
         kept = (times >= times[k]) & (times <= times[k] + KEPT)
-        if truth.touching[kept].all() and times[-1] >= times[k] + KEPT:
+        if truth.touching[: len(times)][kept].all() and times[-1] >= times[k] + KEPT:
             back = float(times[k] - jerk.start)
             break
     return Recovery(

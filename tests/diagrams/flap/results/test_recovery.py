@@ -1,5 +1,7 @@
 """Whether a contact that was jerked away came back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,16 @@ def test_a_contact_that_was_kept_was_not_lost() -> None:
     assert found is not None
     assert not found.contact_lost
     assert found.reestablished_after == 0.0
+
+
+def test_a_finger_that_retreats_has_not_lost_the_contact() -> None:
+    truth = replace(touched_but((15.0, 30.0)), retreated_at=15.0)
+    found = recovery(truth, JERK)
+    assert found is not None
+    assert not found.contact_lost
+    lost = replace(touched_but((5.2, 14.5), (15.0, 30.0)), retreated_at=15.0)
+    assert np.isnan(recovery(lost, JERK).reestablished_after)
+    assert recovery(truth, FlapJerk(start=16.0, end=16.3)) is None
 
 
 def test_an_episode_that_ends_before_the_jerk_shows_nothing() -> None:

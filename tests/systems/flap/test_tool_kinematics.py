@@ -6,6 +6,8 @@ import numpy as np
 from numpy.testing import assert_allclose
 from synthetic_flap import Laboratory
 
+from controllers.servoing.flip_decisions import FlipPhase
+from controllers.servoing.tool_line_decisions import LineState, ToolLineConfig, next_line_state
 from maths import se3
 from systems.flap.flap_lever import lever, place_error
 from systems.flap.tool_kinematics import tool_link
@@ -57,6 +59,15 @@ def test_the_links_lead_from_the_end_effector_to_the_contact() -> None:
     assert_allclose(across @ X_WT[:3, 3], across @ touched, atol=1e-12)
     for X in (tool.X_EK, tool.X_KT, X_WT):
         assert_allclose(X[:3, :3] @ X[:3, :3].T, np.eye(3), atol=1e-12)
+
+
+def test_on_the_line_the_holders_displacement_is_taken_off_once() -> None:
+    X_WE = LAB.end_effector().X
+    state = next_line_state(LineState(), 0.0, X_WE, FlipPhase.RETREAT, _tool(), ToolLineConfig())
+    across = np.eye(3) - np.outer(LAB.tool.k_W, LAB.tool.k_W)
+    touched = CONTACT.p_WC - OFFSET
+    assert_allclose(across @ state.tip(X_WE)[:3, 3], across @ touched, atol=1e-12)
+    assert_allclose(state.displacement, HOLDER, atol=1e-12)
 
 
 def test_the_hinges_frame_does_not_turn_with_the_flap() -> None:

@@ -37,6 +37,7 @@ PRESENTATION = (
     "diagrams/flap/experiments.py",
     "diagrams/flap/meshcat_view.py",
     "diagrams/flap/results/frame_plots.py",
+    "diagrams/flap/results/line_plots.py",
     "diagrams/flap/results/metrics.py",
     "diagrams/flap/results/plots.py",
     "diagrams/joints/joint_drawing.py",

@@ -14,7 +14,7 @@ from maths.se3_in_place import perturb, relative_log
 from systems.kinematics.joint_solver.outliers import blend, inlier_share
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
-_SCALES = (1.0, 0.1, 0.01)  # Of the walk's noise.
+SCALES = (1.0, 0.1, 0.01)  # Of the walk's noise.
 
 
 @hot
@@ -95,7 +95,7 @@ def free_walk(kf: Keyframes, walk_noise: Array, outliers: Array, inlier: Array) 
     """
     total, top = 0.0, -np.inf
     trial = np.ones(inlier.size)
-    for scale in _SCALES:
+    for scale in SCALES:
         value = walk_at_scale(kf, walk_noise, scale, outliers, trial)
         if value > top:
             total = total * np.exp(top - value) + 1.0
@@ -104,4 +104,4 @@ def free_walk(kf: Keyframes, walk_noise: Array, outliers: Array, inlier: Array) 
             inlier[:] = trial
         else:
             total += np.exp(value - top)
-    return top + np.log(total / len(_SCALES))
+    return top + np.log(total / len(SCALES))

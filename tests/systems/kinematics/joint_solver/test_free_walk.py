@@ -43,24 +43,21 @@ def test_the_evidence_is_that_of_the_dense_problem(scale: float) -> None:
     assert_allclose(found, expected - own + 0.5 * kf.log_det[0], rtol=1e-6)
 
 
-def test_a_single_jump_back_and_forth_is_an_outlier_and_a_lasting_one_is_not() -> None:
-    inlier = np.ones(20)
-    for last, outlying in ((11, True), (20, False)):
-        shifts = np.zeros((20, 3))
-        shifts[10:last, 1] = 0.3
-        kf = _keyframes(shifts, OUTLIERS)
-        free_walk.free_walk(kf, WALK, OUTLIERS, inlier)
-        assert (inlier[10] < 0.1) == outlying or not outlying
-        assert inlier[19] > 0.9 if outlying else True
+def test_a_pose_that_jumps_back_and_forth_is_an_outlier() -> None:
+    inlier, shifts = np.ones(20), np.zeros((20, 3))
+    shifts[10, 1] = 0.3
+    free_walk.free_walk(_keyframes(shifts, OUTLIERS), WALK, OUTLIERS, inlier)
+    assert inlier[10] < 0.1
+    assert (np.delete(inlier, 10) > 0.9).all()
 
 
-def test_a_slow_walk_is_told_from_a_fast_one() -> None:
+@pytest.mark.parametrize("scale", free_walk.SCALES)
+def test_the_likeliest_scale_is_that_of_the_walk(scale: float) -> None:
     rng = np.random.default_rng(1)
-    for scale in (1.0, 0.01):
-        steps = np.sqrt(scale * WALK[3] * 0.1) * rng.normal(size=(40, 3))
-        kf = _keyframes(np.cumsum(steps, axis=0))
-        free_walk.free_walk(kf, scale * np.repeat([1e-12, 0.01], 3), NONE, np.ones(40))
-        assert np.isfinite(kf.walk[1])
+    noise = np.repeat([1e-12, 0.01], 3)
+    kf = _keyframes(np.cumsum(np.sqrt(scale * 0.01 * 0.1) * rng.normal(size=(40, 3)), axis=0))
+    free_walk.free_walk(kf, noise, NONE, np.ones(40))
+    assert kf.walk[1] == scale
 
 
 def test_what_averaging_hides_is_remembered() -> None:

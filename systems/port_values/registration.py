@@ -53,8 +53,13 @@ class DisplacementBelief:
 
 
 def displacement_at(p_W: Array, p_WQ: Array) -> Array:
-    """(3, 6): displacement of a point (3,) by (omega, delta) about Q."""
-    return np.hstack([-se3.skew(p_W - p_WQ), np.eye(3)])
+    """(..., 3, 6): displacement of points (..., 3) by (omega, delta) about Q (3,)."""
+    r = np.asarray(p_W) - p_WQ
+    J = np.zeros((*r.shape[:-1], 3, 6))
+    J[..., 0, 1], J[..., 1, 2], J[..., 2, 0] = r[..., 2], r[..., 0], r[..., 1]
+    J[..., 1, 0], J[..., 2, 1], J[..., 0, 2] = -r[..., 2], -r[..., 0], -r[..., 1]
+    J[..., 0, 3] = J[..., 1, 4] = J[..., 2, 5] = 1.0
+    return J
 
 
 def unknown_displacements(names: tuple[str, ...]) -> DisplacementBelief:

@@ -17,6 +17,7 @@ import numpy as np
 
 from maths.arrays import Array
 from maths.pinhole import project
+from systems.port_values import displacement_at
 from systems.registration.robot_view import Joints, RobotImage, RobotView
 
 SCALE, FOCAL, FIRST_ARM = 6, 7, 8  # Places among the unknowns; before them the camera's (6,).
@@ -72,16 +73,6 @@ def place_unknowns(joints: Mapping[str, int]) -> Unknowns:
     return Unknowns(arms, start)
 
 
-def about(p_WQ: Array, p_W: Array) -> Array:
-    """(..., 3, 6): displacement of points (..., 3) by (omega, delta) about Q."""
-    r = np.asarray(p_W) - p_WQ
-    J = np.zeros((*r.shape[:-1], 3, 6))
-    J[..., 0, 1], J[..., 1, 2], J[..., 2, 0] = r[..., 2], r[..., 0], r[..., 1]
-    J[..., 1, 0], J[..., 2, 1], J[..., 0, 2] = -r[..., 2], -r[..., 0], -r[..., 1]
-    J[..., 0, 3] = J[..., 1, 4] = J[..., 2, 5] = 1.0
-    return J
-
-
 def surface(image: RobotImage, X_WC: Array, bend: float) -> Surface:
     """The points of smooth surfaces in a rendered image.
 
@@ -120,11 +111,11 @@ def displacement_rows(
 ) -> Array:
     """(N, 3, D): by how much the camera sees each point beside where its arm says it is."""
     rows = np.zeros((len(points.p_W), 3, unknowns.size))
-    rows[:, :, :6] = about(p_WQ, points.p_W)
+    rows[:, :, :6] = displacement_at(points.p_W, p_WQ)
     rows[:, :, SCALE : FOCAL + 1] = distortion(view.X_WC, points.p_W)
     for name, part in unknowns.arms.items():
         mine = view.bodies(name)[points.body]
-        rows[mine, :, part.start : part.start + 6] = -about(p_WQ, points.p_W[mine])
+        rows[mine, :, part.start : part.start + 6] = -displacement_at(points.p_W[mine], p_WQ)
         carried = view.carried(name)[points.body[mine]]
         zeros = joints[name].displacements(points.p_W[mine]) * carried[:, None, :]
         rows[mine, :, part.start + 6 : part.stop] = -zeros

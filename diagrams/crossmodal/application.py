@@ -11,7 +11,12 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from diagrams.crossmodal.calibration import make_calibration
-from diagrams.crossmodal.estimators import FELT_STREAMS, SEEN_STREAMS, make_network
+from diagrams.crossmodal.estimators import (
+    BODY_MOTIONS,
+    FELT_STREAMS,
+    SEEN_STREAMS,
+    make_network,
+)
 from diagrams.crossmodal.meshcat_view import add_view
 from diagrams.crossmodal.modalities import COLORS, LABELS
 from diagrams.crossmodal.own_object import identity, keep_files, own_object_assignments
@@ -55,6 +60,7 @@ QUANTITIES = (
         model=PoseBelief(X=np.eye(4), covariance=np.eye(6)),
         estimators=_FEELING,
     ),
+    Quantity(port=f"{BODY_MOTIONS}_health_latest", model=StreamHealth()),
     *(
         Quantity(port=f"{stream}_health_latest", model=StreamHealth(), estimators=having)
         for having, streams in ((_SEEING, SEEN_STREAMS), (_FEELING, FELT_STREAMS))

@@ -34,6 +34,7 @@ from systems.vision.features.feature_motion_config import FeatureMotionConfig
 VISION_INPUTS = ("color_measured", "depth_measured", "robot_mask")
 SEEN_STREAMS = ("color", "depth")  # Those that a monitor watches, of the eye and of the body.
 FELT_STREAMS = ("joint_state", "wrench", "pressure")
+BODY_MOTIONS = "body_motions"  # What the joints are made of.
 PROPRIOCEPTION_INPUTS = (
     "joint_state_window",
     "wrench_window",
@@ -167,8 +168,8 @@ def make_network(modality: str, config: PerceptionConfig, calibration: Calibrati
     """The filters of one modality, wired.
 
     Inputs are those of `VISION_INPUTS` and `PROPRIOCEPTION_INPUTS` that the modality uses; outputs
-    are `joints_latest`, `body_motions_latest` and, where they exist, `features_latest`,
-    `grasp_latest`, `hand_bending_latest` and `end_effector_latest`.
+    are `joints_latest`, `body_motions_latest` with its health and, where they exist,
+    `features_latest`, `grasp_latest`, `hand_bending_latest` and `end_effector_latest`.
 
     Args:
         modality: One of `MODALITIES`.
@@ -201,6 +202,7 @@ def make_network(modality: str, config: PerceptionConfig, calibration: Calibrati
         # What hand and eye know together of the interacted body counts, not what the eye knows.
         _wire(builder, body, "body_motions_estimated", model, "body_motions_1")
     _export_outputs(builder, model, "joints_latest", "body_motions_latest")
+    builder.ExportOutput(model.GetOutputPort("health_latest"), f"{BODY_MOTIONS}_health_latest")
     diagram = builder.Build()
     diagram.set_name(modality)
     return diagram

@@ -25,11 +25,17 @@ The filters work without Drake:
 changed in place. `predict` says where a model expects the child next; `rebase` goes on when the
 child's pose has got a constant error.
 
+A measurement that cannot be true, as with NaN, a covariance that is none or a time before the last,
+is skipped: the state stays as it was, and `skipped` of state and belief counts it by its reason.
+Two measurements of one instant are fine unless they are the same. An array of another shape is a
+`ValueError`, and so is a bad first measurement.
+
 Frames: P parent, B child, F the child's measured reference pose. All covariances of poses are right
 perturbations in B, rotation [rad] before translation [m].
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -64,12 +70,20 @@ from systems.kinematics.joint_solver.pose_keyframes import (
     rescale,
 )
 from systems.kinematics.measurement_errors import error_shares, is_correlated, white_equivalent
+from systems.kinematics.pose_checks import (
+    SkipReason,
+    covariance_array,
+    covariance_fault,
+    pose_array,
+    pose_fault,
+)
 from systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
 
 TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID, JointType.DISCONNECTED)
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
 _RESTART_EVERY = 15  # Updates between fresh starts where the axis is better known than that.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
+_SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
 _NO_OUTLIERS = np.zeros(7)
 _NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 
@@ -95,6 +109,7 @@ class JointFiltersState(Immutable):
         zero_variance: (2,) by how far the child may have moved before the reference, for the
             prismatic and the revolute model.
         reset_count: Of parent and child together (`BodyMotion`).
+        skipped: How many measurements were not used, by reason.
     """
 
     parent_id: int
@@ -112,6 +127,7 @@ class JointFiltersState(Immutable):
     offset: Array
     zero_variance: Array
     reset_count: int = 0
+    skipped: Mapping[SkipReason, int] = field(default_factory=dict)
 
 
 class JointFilters:
@@ -127,6 +143,7 @@ class JointFilters:
     def __init__(self, config: JointFiltersConfig, owner: str = "JointFilters") -> None:
         check(config, owner)
         self.config = config
+        self._owner = owner
         self._priors = Priors(
             process_noise=np.array(config.process_noise),
             speed=config.speed,
@@ -171,11 +188,26 @@ class JointFilters:
                 relative to the reference, as from a grip that settles; none if None. It displaces
                 the path; q is still counted from the measured reference.
             delay: For so long the child may have moved before, [s]; q is zero up to that.
+
+        Raises:
+            ValueError: for arrays of other shapes, and where `fault` finds something.
         """
-        config, covariance = self.config, _finite(covariance)
+        owner = f"{self._owner}.start"
+        X_PF = pose_array(X_PB_reference, "X_PB_reference", owner)
+        covariance = covariance_array(covariance, "covariance", owner)
+        error = covariance_array(
+            np.zeros((6, 6)) if reference_error is None else reference_error,
+            "reference_error",
+            owner,
+        )
+        fault = pose_fault(X_PF) or covariance_fault(covariance) or covariance_fault(error)
+        if not (np.isfinite(time) and np.isfinite(delay)):
+            fault = fault or SkipReason.TIME_NOT_FINITE
+        if fault is not None:
+            raise ValueError(f"{owner}: {fault}; start at the first measurement without a fault")
+        config, covariance, error = self.config, _finite(covariance), _finite(error)
         keyframes, models = empty_keyframes(config.memory), initial_models(config.memory)
         noise: Array = white_equivalent(covariance, 0.0, config.errors)
-        error: Array = np.zeros((6, 6)) if reference_error is None else reference_error
         R = noise + error
         W_zero = np.asarray(np.linalg.inv(R)) if error.any() else np.zeros((6, 6))
         outliers = self._priors.outliers if covariance.any() else _NO_OUTLIERS
@@ -196,8 +228,8 @@ class JointFilters:
         return JointFiltersState(
             parent_id=parent_id,
             child_id=child_id,
-            X_PF=np.array(X_PB_reference, dtype=float),
-            time=time,
+            X_PF=X_PF.copy(),
+            time=float(time),
             updates=0,
             models=models,
             keyframes=keyframes,
@@ -224,7 +256,16 @@ class JointFilters:
                 ones has nothing in common with earlier errors.
             offset: Covariance (6, 6), in B, of the constant error that came since the reference.
             reference_error: What counts of that of `start` from now on.
+
+        Raises:
+            ValueError: for arrays of other shapes, and what is no covariance.
         """
+        owner = f"{self._owner}.rebase"
+        offset = covariance_array(offset, "offset", owner)
+        reference_error = covariance_array(reference_error, "reference_error", owner)
+        fault = covariance_fault(offset) or covariance_fault(reference_error)
+        if fault is not None:
+            raise ValueError(f"{owner}: {fault}")
         R = state.reference_noise + offset + reference_error
         keyframes = empty_keyframes(self.config.memory)
         append(keyframes, np.eye(4), R, float(state.keyframes.time[0]), _NO_OUTLIERS)
@@ -257,11 +298,63 @@ class JointFilters:
             time: Of the measurement, [s], not before the last.
             correlated: The part (6, 6) of the covariance whose error is correlated in time, see
                 `BodyMotion`; none if None.
+
+        Returns:
+            The new state; the last one with its `skipped` counted up where `fault` finds something.
+
+        Raises:
+            ValueError: for arrays of other shapes.
         """
+        owner = f"{self._owner}.update"
+        X_PB = pose_array(X_PB, "X_PB", owner)
+        covariance = covariance_array(covariance, "covariance", owner)
+        if correlated is not None:
+            correlated = covariance_array(correlated, "correlated", owner)
+        fault = self.fault(state, X_PB, covariance, time)
+        if fault is None and correlated is not None:
+            fault = covariance_fault(correlated)
+        if fault is not None:
+            return skip(state, fault)
+        try:
+            updated = self._updated(state, X_PB, covariance, float(time), correlated)
+        except np.linalg.LinAlgError:
+            return skip(state, SkipReason.NO_SOLUTION)
+        if not np.isfinite(updated.models.log_evidence).all():
+            return skip(state, SkipReason.NO_SOLUTION)
+        return updated
+
+    @staticmethod
+    def fault(
+        state: JointFiltersState, X_PB: Array, covariance: Array, time: float
+    ) -> SkipReason | None:
+        """Why a measurement would be skipped by `update`; None where it can be true."""
+        fault = pose_fault(X_PB) or covariance_fault(covariance)
+        if fault is not None:
+            return fault
+        if not np.isfinite(time):
+            return SkipReason.TIME_NOT_FINITE
+        if time < state.time:
+            return SkipReason.TIME_BACKWARDS
+        last = state.noise
+        if time == last.time[1]:
+            X_FB = se3.inverse(state.X_PF) @ X_PB
+            if np.abs(X_FB - last.Z[1]).max() < _SAME_POSE:
+                return SkipReason.REPEATED
+        return None
+
+    def _updated(
+        self,
+        state: JointFiltersState,
+        X_PB: Array,
+        covariance: Array,
+        time: float,
+        correlated: Array | None,
+    ) -> JointFiltersState:
         covariance = _finite(covariance)
         models = Models(*[x.copy() for x in state.models])
         keyframes = copy_keyframes(state.keyframes)
         dt = time - state.time
+        correlated = None if correlated is None else _finite(correlated)
         R = white_equivalent(covariance, dt, self.config.errors, correlated)
         priors = self._priors
         if self._correlated:
@@ -323,6 +416,7 @@ class JointFilters:
                 JointType.DISCONNECTED: _still_belief(float(state.models.log_evidence[3])),
             },
             updates=state.updates,
+            skipped=dict(state.skipped),
         )
 
     def _moving_belief(self, state: JointFiltersState, kind: int, dt: float) -> JointModelBelief:
@@ -360,9 +454,15 @@ class JointFilters:
         return PoseBelief(X=X_PB, covariance=covariance)
 
 
+def skip(state: JointFiltersState, reason: SkipReason) -> JointFiltersState:
+    """The same state with one more measurement that was not used."""
+    skipped = {**state.skipped, reason: state.skipped.get(reason, 0) + 1}
+    return replace(state, skipped=skipped)
+
+
 def _finite(covariance: Array) -> Array:
-    """The covariance with a large variance where it is infinite, correlated with nothing."""
-    unknown = np.isinf(np.diagonal(covariance))
+    """The covariance with `UNKNOWN` where a variance is above it, correlated with nothing."""
+    unknown = np.diagonal(covariance) > UNKNOWN
     if not unknown.any():
         return covariance
     known = np.where(unknown[:, None] | unknown, 0.0, covariance)

@@ -6,7 +6,7 @@ began to move it belonged to the environment, so that the child's joint to the e
 joint to the parent too.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,9 +14,11 @@ import numpy as np
 from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
-from systems.kinematics.joint_filters import JointFilters, JointFiltersState
+from systems.kinematics.joint_filters import JointFilters, JointFiltersState, skip
 from systems.kinematics.kinematic_model_config import KinematicModelConfig
+from systems.kinematics.pose_checks import SkipReason, covariance_fault, pose_fault
 from systems.port_values import (
+    HEALTHY,
     HELD_BODY,
     STATIC_BODY,
     BodyMotion,
@@ -27,6 +29,7 @@ from systems.port_values import (
     JointType,
     MotionBelief,
     PoseBelief,
+    StreamHealth,
 )
 
 Pair = tuple[int, int]
@@ -42,6 +45,7 @@ class JointGraphState(Immutable):
         past: Each body's filters with the environment within the transfer window, oldest first.
         unseen: Ticks since each body was measured.
         ticks: Number of this tick, from one on.
+        health: Of the bodies' poses at this tick.
     """
 
     pairs: dict[Pair, JointFiltersState]
@@ -49,25 +53,47 @@ class JointGraphState(Immutable):
     past: dict[int, list[JointFiltersState]]
     unseen: dict[int, int]
     ticks: int
+    health: StreamHealth = HEALTHY
 
 
 EMPTY_GRAPH = JointGraphState(pairs={}, bodies={}, past={}, unseen={}, ticks=0)
 
 
-def merge_bodies(sources: Sequence[BodyMotions]) -> dict[int, BodyMotion]:
-    """Bodies by id; a later source overrides an earlier one.
+def body_fault(body: BodyMotion) -> SkipReason | None:
+    """Why a body's motion cannot be used; None where it can be true."""
+    for X in (body.motion.X, body.X_WB_reference):
+        if fault := pose_fault(X):
+            return fault
+    for P in (
+        body.motion.covariance[:6, :6] - body.offset_covariance,
+        body.correlated_covariance,
+        body.offset_covariance,
+        body.reference_offset_covariance,
+    ):
+        if fault := covariance_fault(np.ascontiguousarray(P)):
+            return fault
+    return None
 
-    A body whose motion is not finite counts as not measured. The held body counts only as the
+
+def merge_bodies(
+    sources: Sequence[BodyMotions],
+) -> tuple[dict[int, BodyMotion], dict[int, SkipReason]]:
+    """Bodies by id, a later source overriding an earlier one, and what was left out of them.
+
+    A body with a fault counts as not measured by that source. The held body counts only as the
     `HeldBody` of the hand: vision has it where the hand expects it, also after a lost grip.
     """
-    return {
-        body.body_id: body
-        for source in sources
-        for body in source.bodies
-        if (body.body_id != HELD_BODY or isinstance(body, HeldBody))
-        and np.isfinite(body.motion.X).all()
-        and np.isfinite(body.motion.covariance).all()
-    }
+    found: dict[int, BodyMotion] = {}
+    faults: dict[int, SkipReason] = {}
+    for source in sources:
+        for body in source.bodies:
+            if body.body_id == HELD_BODY and not isinstance(body, HeldBody):
+                continue
+            if fault := body_fault(body):
+                faults[body.body_id] = fault
+            else:
+                found[body.body_id] = body
+    return found, faults
 
 
 def wanted_pairs(body_ids: Sequence[int], max_pairs: int) -> list[Pair]:
@@ -167,8 +193,11 @@ def _update_pair(
     bodies: dict[int, BodyMotion],
     filters: JointFilters,
     config: KinematicModelConfig,
-) -> JointFiltersState:
-    """The filters of one pair after this tick's measurement, where needed started or rebased."""
+) -> JointFiltersState | None:
+    """The filters of one pair after this tick's measurement, where needed started or rebased.
+
+    None where the measurement is too bad to start with.
+    """
     time = (graph.ticks + 1) * config.period
     pose, correlated, X_PB_reference = measured_pose(pair, bodies)
     reset_count = sum(bodies[i].reset_count for i in pair if i != STATIC_BODY)
@@ -176,6 +205,8 @@ def _update_pair(
     if state is None and pair[0] != STATIC_BODY:
         state = transferred(pair, bodies, graph.past.get(pair[1], []), time)
     if state is None:
+        if pose_fault(pose.X) or pose_fault(X_PB_reference):
+            return None
         age, delay = config.reference_age, 0.0
         if pair[1] == HELD_BODY and pair[1] not in graph.bodies:
             # The body in the hand is first measured at its reference. Closing the hand may have
@@ -196,6 +227,7 @@ def update_graph(
     bodies: dict[int, BodyMotion],
     filters: JointFilters,
     config: KinematicModelConfig,
+    faults: Mapping[int, SkipReason] | None = None,
 ) -> JointGraphState:
     """The graph one tick later.
 
@@ -204,7 +236,9 @@ def update_graph(
         bodies: Measured at this tick, by id.
         filters: Shared by all pairs.
         config: See `KinematicModelConfig`.
+        faults: Of bodies that were left out, by id.
     """
+    faults = faults or {}
     time = (graph.ticks + 1) * config.period
     resting = resting_parents(graph, bodies, config)
     present = {**resting, **bodies}
@@ -213,9 +247,14 @@ def update_graph(
     pairs: dict[Pair, JointFiltersState] = {}
     for pair in sorted(measured | set(graph.pairs)):
         if pair in measured:
-            pairs[pair] = _update_pair(pair, graph, present, filters, config)
-        elif time - graph.pairs[pair].time <= config.patience:
-            pairs[pair] = graph.pairs[pair]
+            state = _update_pair(pair, graph, present, filters, config)
+        else:
+            state = graph.pairs[pair]
+            state = state if time - state.time <= config.patience else None
+        if state is not None:
+            for body_id in set(pair) & set(faults):
+                state = skip(state, faults[body_id])
+            pairs[pair] = state
     window = max(1, round(config.transfer_window / config.period))
     past = {
         child: [*graph.past.get(child, []), state][-window:]
@@ -230,7 +269,29 @@ def update_graph(
         past=past,
         unseen=unseen,
         ticks=graph.ticks + 1,
+        health=_health(faults, graph, pairs, unseen, config.period),
     )
+
+
+def _health(
+    faults: Mapping[int, SkipReason],
+    graph: JointGraphState,
+    pairs: dict[Pair, JointFiltersState],
+    unseen: dict[int, int],
+    period: float,
+) -> StreamHealth:
+    """Of the bodies' poses: the faults of this tick, and since when the worst body is without."""
+    found = [f"body {body_id}: {faults[body_id]}" for body_id in sorted(faults)]
+    for pair, state in pairs.items():
+        before = graph.pairs[pair].skipped if pair in graph.pairs else {}
+        known = {faults[body_id] for body_id in pair if body_id in faults}
+        found += [
+            f"body {pair[1]} on {pair[0]}: {reason}"
+            for reason, count in state.skipped.items()
+            if count > before.get(reason, 0) and reason not in known
+        ]
+    ages = [period * unseen.get(body_id, 0) for body_id in faults]
+    return StreamHealth(age=max(ages, default=0.0), fault="; ".join(found))
 
 
 def known_bodies(graph: JointGraphState) -> BodyMotions:

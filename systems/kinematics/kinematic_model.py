@@ -50,6 +50,7 @@ class KinematicModel(RecursiveFilter):
         - joints_latest
         - body_motions_latest
         - bodies_predicted
+        - health_latest
 
     - `body_motions`, `body_motions_1`, ...: `BodyMotions` of this tick in W; a later port overrides
       a body id of an earlier one. An unconnected port counts as empty.
@@ -59,6 +60,9 @@ class KinematicModel(RecursiveFilter):
       not measured any more stays, as it was, for as long as its joints do.
     - `bodies_predicted`: `BodyPredictions` X_WB at the next tick, from the state: by every joint
       type that is probable enough, each child's likeliest first.
+    - `health_latest`: `StreamHealth` of the bodies' motions, from the state: its fault names the
+      bodies that were left out at the last tick, and why. How many measurements of a pair were is
+      in its `JointBelief`.
 
     Frames: W world, P parent, B child, F the child's measured reference pose.
 
@@ -85,10 +89,12 @@ class KinematicModel(RecursiveFilter):
         self._declare_latest("joints_latest", self._beliefs)
         self._declare_latest("body_motions_latest", known_bodies)
         self._declare_latest("bodies_predicted", predict)
+        self._declare_latest("health_latest", lambda graph: graph.health)
 
     def _calc_graph(self, context: Context, graph: JointGraphState) -> JointGraphState:
         sources = [self._read(port, context) for port in self._bodies if port.HasValue(context)]
-        return update_graph(graph, merge_bodies(sources), self._filters, self._config)
+        bodies, faults = merge_bodies(sources)
+        return update_graph(graph, bodies, self._filters, self._config, faults)
 
     def _beliefs(self, graph: JointGraphState) -> JointBeliefs:
         now = graph.ticks * self._config.period

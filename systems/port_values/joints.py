@@ -1,5 +1,6 @@
 """Joints between bodies: type, parameters and configuration."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -48,6 +49,7 @@ class JointBelief:
         probabilities: Of each type, summing to one.
         models: Each type's parameters and configuration.
         updates: Measurements seen.
+        skipped: How many others were not used, by reason.
     """
 
     parent_id: int
@@ -55,6 +57,7 @@ class JointBelief:
     probabilities: dict[JointType, float]
     models: dict[JointType, JointModelBelief]
     updates: int
+    skipped: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def type(self) -> JointType:

@@ -1,6 +1,7 @@
 """The system through its ports, in a context and in a diagram with a loop."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from systems.kinematics.joint_graph import merge_bodies, relative_pose, wanted_p
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from systems.port_values import (
+    HEALTHY,
     HELD_BODY,
     BodyMotion,
     BodyMotions,
@@ -27,6 +29,7 @@ from systems.port_values import (
     JointType,
     MotionBelief,
     PoseBelief,
+    StreamHealth,
 )
 
 REFERENCE_ERROR = np.diag(np.repeat([2.5e-3, 3.6e-5], 3))
@@ -58,8 +61,9 @@ def _body(body_id: int, x: float, V: float = 0.0, seed: int | None = None) -> Bo
 def test_what_the_eye_takes_for_the_held_body_is_none() -> None:
     held = _body(HELD_BODY, 0.1)
     seen = BodyMotion(**{name: getattr(held, name) for name in BodyMotion.__dataclass_fields__})
-    assert merge_bodies([BodyMotions(bodies=[seen])]) == {}
-    assert merge_bodies([BodyMotions(bodies=[seen]), BodyMotions(bodies=[held])]) == {1: held}
+    assert merge_bodies([BodyMotions(bodies=[seen])]) == ({}, {})
+    bodies, _ = merge_bodies([BodyMotions(bodies=[seen]), BodyMotions(bodies=[held])])
+    assert bodies == {1: held}
 
 
 class Driver:
@@ -83,6 +87,10 @@ class Driver:
     def joints(self, role: str = "latest") -> JointBeliefs:
         joints: JointBeliefs = self.model.GetOutputPort(f"joints_{role}").Eval(self.context)
         return joints
+
+    def health(self) -> StreamHealth:
+        health: StreamHealth = self.model.GetOutputPort("health_latest").Eval(self.context)
+        return health
 
     def pairs(self) -> list[tuple[int, int]]:
         return [(j.parent_id, j.child_id) for j in self.joints().joints]
@@ -202,9 +210,10 @@ def test_predictions_and_latest_depend_on_the_state_alone() -> None:
                 "joints_latest",
                 "body_motions_latest",
                 "bodies_predicted",
+                "health_latest",
             )
         ]
-        assert through == [True, False, False, False]
+        assert through == [True, False, False, False, False]
 
 
 def test_a_later_port_overrides_a_body_and_an_unconnected_one_is_empty() -> None:
@@ -218,13 +227,63 @@ def test_a_later_port_overrides_a_body_and_an_unconnected_one_is_empty() -> None
     assert_allclose(x[1], 1.0, atol=0.05)
 
 
-def test_a_body_that_is_not_finite_counts_as_not_measured() -> None:
+def _broken(body: BodyMotion, **changes: object) -> BodyMotion:
+    motion = {name: changes.pop(name) for name in ("X", "covariance") if name in changes}
+    return replace(body, motion=replace(body.motion, **motion), **changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"X": np.full((4, 4), np.nan)}, "pose not finite"),
+        ({"X": np.diag([1.0, 1.0, -1.0, 1.0])}, "no rotation"),
+        ({"covariance": np.full((12, 12), np.nan)}, "covariance not finite"),
+        ({"covariance": -COVARIANCE}, "covariance not positive semi-definite"),
+        ({"covariance": COVARIANCE + np.eye(12, k=1)}, "covariance not symmetric"),
+        ({"offset_covariance": 2.0 * COVARIANCE[:6, :6]}, "covariance not positive semi-definite"),
+        ({"X_WB_reference": np.zeros((4, 4))}, "no rotation"),
+    ],
+)
+def test_a_body_that_cannot_be_true_is_left_out_with_a_count_and_a_reason(
+    changes: dict[str, object], reason: str
+) -> None:
     driver = Driver(KinematicModel(KinematicModelConfig()))
-    broken = _body(2, 0.0)
-    broken.motion.X = np.full((4, 4), np.nan)
-    driver.set(broken)
+    driver.set(_broken(_body(2, 0.0), **changes))
     driver.tick()
     assert driver.joints().joints == []
+    _slide(driver, 2)
+    before = driver.joints().joints[0]
+    assert driver.health() == HEALTHY
+    for ticks in (1, 2):
+        driver.set(_broken(_body(2, 0.1), **changes), _body(3, 0.0))
+        driver.tick()
+        assert driver.health().fault == f"body 2: {reason}"
+        assert_allclose(driver.health().age, ticks / 15.0)
+        joint = driver.joints().joints[0]
+        assert joint.skipped == {reason: ticks}
+        assert (joint.updates, joint.probabilities) == (before.updates, before.probabilities)
+    driver.set(_body(2, 0.062))
+    driver.tick()
+    joint = driver.joints().joints[0]
+    assert driver.health() == HEALTHY
+    assert (joint.updates, joint.type, joint.skipped) == (46, JointType.PRISMATIC, {reason: 2})
+
+
+def test_a_broken_source_does_not_override_a_good_one() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig(), inputs=2))
+    driver.set(_body(2, 0.0), port=0)
+    driver.set(_broken(_body(2, 0.0), X=np.full((4, 4), np.nan)), port=1)
+    driver.tick()
+    assert [joint.updates for joint in driver.joints().joints] == [1]
+    assert driver.health().fault == "body 2: pose not finite"
+    assert driver.health().age == 0.0
+
+
+def test_two_bodies_too_far_apart_for_a_pair_are_no_pair() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig()))
+    driver.set(_body(2, 9e5), _body(3, -9e5))
+    driver.tick()
+    assert driver.pairs() == [(0, 2), (0, 3)]
 
 
 def test_pairs_come_with_bodies_and_go_some_time_after_them() -> None:

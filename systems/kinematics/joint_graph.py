@@ -1,9 +1,8 @@
-"""Which pairs of bodies have joint filters, and what each pair measures and predicts.
+"""Bodies and the joint filters of their pairs over time, and what each joint predicts.
 
-Frames: W world, P parent, B child, F the child's measured reference pose. A pair is (parent id,
-child id); the parent is `STATIC_BODY` or the body with the higher id, the younger one. Until that
-began to move it belonged to the environment, so that the child's joint to the environment was its
-joint to the parent too.
+Frames: W world, P parent, B child, F the child's measured reference pose. Until a parent began to
+move it belonged to the environment, so that the child's joint to the environment was its joint to
+the parent too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,9 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from maths import se3
-from maths.arrays import Array
 from maths.immutable import Immutable
 from systems.kinematics.joint_filters import JointFilters, JointFiltersState, skip
+from systems.kinematics.joint_pairs import (
+    Pair,
+    constant_error,
+    due_pairs,
+    measured_pose,
+    possible_pairs,
+)
 from systems.kinematics.kinematic_model_config import KinematicModelConfig
 from systems.kinematics.pose_checks import SkipReason, covariance_fault, pose_fault
 from systems.port_values import (
@@ -31,8 +36,6 @@ from systems.port_values import (
     PoseBelief,
     StreamHealth,
 )
-
-Pair = tuple[int, int]
 
 
 @dataclass(kw_only=True)
@@ -94,53 +97,6 @@ def merge_bodies(
             else:
                 found[body.body_id] = body
     return found, faults
-
-
-def wanted_pairs(body_ids: Sequence[int], max_pairs: int) -> list[Pair]:
-    """Every body with the static environment first, then the moving bodies with each other."""
-    ids = sorted(body_ids)
-    pairs = [(STATIC_BODY, child) for child in ids]
-    pairs += [(parent, child) for i, child in enumerate(ids) for parent in ids[i + 1 :]]
-    return pairs[:max_pairs]
-
-
-def relative_pose(parent: PoseBelief, child: PoseBelief) -> PoseBelief:
-    """X_PB of two independent poses in W."""
-    X_PB = se3.inverse(parent.X) @ child.X
-    Ad = se3.adjoint(se3.inverse(X_PB))
-    return PoseBelief(X=X_PB, covariance=child.covariance + Ad @ parent.covariance @ Ad.T)
-
-
-def _pose(body: BodyMotion) -> PoseBelief:
-    """X_WB without the error that has been constant in B since the body's last reset."""
-    covariance = body.motion.covariance[:6, :6] - body.offset_covariance
-    return PoseBelief(X=body.motion.X, covariance=covariance)
-
-
-def measured_pose(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[PoseBelief, Array, Array]:
-    """X_PB of a pair now, the correlated part of its covariance (6, 6), X_PB at the reference."""
-    child = bodies[pair[1]]
-    if pair[0] == STATIC_BODY:
-        return _pose(child), child.correlated_covariance, child.X_WB_reference
-    parent = bodies[pair[0]]
-    X_PB_reference = se3.inverse(parent.X_WB_reference) @ child.X_WB_reference
-    pose = relative_pose(_pose(parent), _pose(child))
-    Ad = se3.adjoint(se3.inverse(pose.X))
-    correlated = child.correlated_covariance + Ad @ parent.correlated_covariance @ Ad.T
-    return pose, correlated, X_PB_reference
-
-
-def constant_error(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[Array, Array]:
-    """Covariances (6, 6), in B, of X_PB's error since the last reset and of its reference's."""
-    child = bodies[pair[1]]
-    if pair[0] == STATIC_BODY:
-        return child.offset_covariance, child.reference_offset_covariance
-    parent = bodies[pair[0]]
-    Ad = se3.adjoint(se3.inverse(child.motion.X) @ parent.motion.X)
-    return (
-        child.offset_covariance + Ad @ parent.offset_covariance @ Ad.T,
-        child.reference_offset_covariance + Ad @ parent.reference_offset_covariance @ Ad.T,
-    )
 
 
 def transferred(
@@ -242,15 +198,20 @@ def update_graph(
     time = (graph.ticks + 1) * config.period
     resting = resting_parents(graph, bodies, config)
     present = {**resting, **bodies}
-    measured = set(wanted_pairs(list(bodies), config.max_pairs))
-    measured |= {pair for pair in graph.pairs if pair[0] in resting and pair[1] in bodies}
+    possible = [
+        pair
+        for pair in possible_pairs(bodies, resting)
+        if pair[0] not in resting or pair in graph.pairs
+    ]
+    due = due_pairs(possible, present, graph.pairs, config.max_pairs)
     pairs: dict[Pair, JointFiltersState] = {}
-    for pair in sorted(measured | set(graph.pairs)):
-        if pair in measured:
+    for pair in sorted({*possible, *graph.pairs}):
+        if pair in due:
             state = _update_pair(pair, graph, present, filters, config)
         else:
             state = graph.pairs[pair]
-            state = state if time - state.time <= config.patience else None
+            is_kept = pair in possible or time - state.time <= config.patience
+            state = state if is_kept else None
         if state is not None:
             for body_id in set(pair) & set(faults):
                 state = skip(state, faults[body_id])

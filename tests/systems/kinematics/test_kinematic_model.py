@@ -15,7 +15,8 @@ from maths import se3
 from maths.consistency import chi_square_bounds
 from maths.gaussian import nees
 from systems.kinematics.joint_filters import JointFiltersConfig
-from systems.kinematics.joint_graph import merge_bodies, relative_pose, wanted_pairs
+from systems.kinematics.joint_graph import merge_bodies
+from systems.kinematics.joint_pairs import possible_pairs, relative_pose
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from systems.port_values import (
@@ -302,13 +303,44 @@ def test_pairs_come_with_bodies_and_go_some_time_after_them() -> None:
     assert [j.updates for j in driver.joints().joints] == [1, 6, 1]
 
 
-def test_the_number_of_pairs_is_capped_and_the_environment_comes_first() -> None:
-    assert wanted_pairs([4, 1, 3], 4) == [(0, 1), (0, 3), (0, 4), (3, 1)]
-    assert wanted_pairs([7], 4) == [(0, 7)]
-    driver = Driver(KinematicModel(KinematicModelConfig(max_pairs=2)))
-    driver.set(*(_body(i, 0.0) for i in (1, 2, 3)))
+def test_pairs_of_moving_bodies_take_turns_and_none_is_left_out() -> None:
+    assert possible_pairs([4, 1, 3], []) == [(0, 1), (0, 3), (0, 4), (3, 1), (4, 1), (4, 3)]
+    assert possible_pairs([3], [7]) == [(0, 3), (7, 3)]
+    driver = Driver(KinematicModel(KinematicModelConfig(max_pairs=6)))
+    driver.set(*(_body(i, 0.0) for i in (1, 2, 3, 4)))
     driver.tick()
-    assert driver.pairs() == [(0, 1), (0, 2)]
+    pairs = [(0, 1), (0, 2), (0, 3), (0, 4), (2, 1), (3, 1), (3, 2), (4, 1), (4, 2), (4, 3)]
+    assert driver.pairs() == pairs
+    before = _updates(driver)
+    for tick in range(1, 4):
+        driver.tick()
+        after = _updates(driver)
+        assert sum(after.values()) == sum(before.values()) + 6
+        assert all(after[0, i] == tick + 1 for i in (1, 2, 3, 4))
+        if tick == 1:  # The nearest first.
+            turned = [pair for pair in pairs if pair[0] and after[pair] > before[pair]]
+            assert [parent - child for parent, child in turned] == [1, 1]
+        before = after
+    assert {n for (parent, _), n in before.items() if parent} == {2}
+
+
+def _updates(driver: Driver) -> dict[tuple[int, int], int]:
+    return {(j.parent_id, j.child_id): j.updates for j in driver.joints().joints}
+
+
+def test_pairs_that_take_turns_find_the_same_joints() -> None:
+    types = []
+    for max_pairs in (1, 36):
+        driver = Driver(KinematicModel(KinematicModelConfig(max_pairs=max_pairs)))
+        for k in range(1, 91):
+            x = 0.02 * k / 15.0
+            moves = {2: x, 3: x, 4: 0.0}
+            driver.set(*(_body(i, q, seed=1000 * i + k) for i, q in moves.items()))
+            driver.tick()
+        types.append({(j.parent_id, j.child_id): j.type for j in driver.joints().joints})
+    assert types[0] == types[1]
+    assert types[0][3, 2] == JointType.RIGID
+    assert types[0][4, 3] == JointType.PRISMATIC
 
 
 def test_two_bodies_that_move_as_one_are_rigidly_connected() -> None:

@@ -1,0 +1,95 @@
+"""Pairs of bodies: which there are, whose turn it is, and what a pair measures.
+
+Frames: W world, P parent, B child. A pair is (parent id, child id); the parent is `STATIC_BODY` or
+the body with the higher id, the younger one.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from maths import se3
+from maths.arrays import Array
+from systems.kinematics.joint_filters import JointFiltersState
+from systems.port_values import STATIC_BODY, BodyMotion, PoseBelief
+
+Pair = tuple[int, int]
+
+
+def possible_pairs(measured: Iterable[int], resting: Iterable[int]) -> list[Pair]:
+    """Every measured body with the static environment, and with each younger body.
+
+    Args:
+        measured: Ids of bodies.
+        resting: Ids of parents that are not measured any more and taken to rest.
+    """
+    children = sorted(measured)
+    parents = sorted({*children, *resting})
+    younger = [(parent, child) for child in children for parent in parents if parent > child]
+    return [(STATIC_BODY, child) for child in children] + younger
+
+
+def due_pairs(
+    pairs: Sequence[Pair],
+    bodies: Mapping[int, BodyMotion],
+    filters: Mapping[Pair, JointFiltersState],
+    max_pairs: int,
+) -> set[Pair]:
+    """The pairs to update at this tick, so that its time grows with the bodies, not their pairs.
+
+    A body's joint to the environment is updated at every tick, and so is a pair that is new. The
+    other pairs take turns, those first that have waited longest, and of those the nearest.
+
+    Args:
+        pairs: The possible ones.
+        bodies: By id.
+        filters: Of the pairs that are followed already.
+        max_pairs: Most pairs in a tick; at least one pair of moving bodies has its turn.
+    """
+    due = {pair for pair in pairs if pair[0] == STATIC_BODY or pair not in filters}
+    waiting = [pair for pair in pairs if pair not in due]
+
+    def turn(pair: Pair) -> tuple[float, float, Pair]:
+        p_WP, p_WB = (bodies[i].motion.X[:3, 3] for i in pair)
+        return filters[pair].time, float(np.linalg.norm(p_WB - p_WP)), pair
+
+    return due.union(sorted(waiting, key=turn)[: max(1, max_pairs - len(due))])
+
+
+def relative_pose(parent: PoseBelief, child: PoseBelief) -> PoseBelief:
+    """X_PB of two independent poses in W."""
+    X_PB = se3.inverse(parent.X) @ child.X
+    Ad = se3.adjoint(se3.inverse(X_PB))
+    return PoseBelief(X=X_PB, covariance=child.covariance + Ad @ parent.covariance @ Ad.T)
+
+
+def _pose(body: BodyMotion) -> PoseBelief:
+    """X_WB without the error that has been constant in B since the body's last reset."""
+    covariance = body.motion.covariance[:6, :6] - body.offset_covariance
+    return PoseBelief(X=body.motion.X, covariance=covariance)
+
+
+def measured_pose(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[PoseBelief, Array, Array]:
+    """X_PB of a pair now, the correlated part of its covariance (6, 6), X_PB at the reference."""
+    child = bodies[pair[1]]
+    if pair[0] == STATIC_BODY:
+        return _pose(child), child.correlated_covariance, child.X_WB_reference
+    parent = bodies[pair[0]]
+    X_PB_reference = se3.inverse(parent.X_WB_reference) @ child.X_WB_reference
+    pose = relative_pose(_pose(parent), _pose(child))
+    Ad = se3.adjoint(se3.inverse(pose.X))
+    correlated = child.correlated_covariance + Ad @ parent.correlated_covariance @ Ad.T
+    return pose, correlated, X_PB_reference
+
+
+def constant_error(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[Array, Array]:
+    """Covariances (6, 6), in B, of X_PB's error since the last reset and of its reference's."""
+    child = bodies[pair[1]]
+    if pair[0] == STATIC_BODY:
+        return child.offset_covariance, child.reference_offset_covariance
+    parent = bodies[pair[0]]
+    Ad = se3.adjoint(se3.inverse(child.motion.X) @ parent.motion.X)
+    return (
+        child.offset_covariance + Ad @ parent.offset_covariance @ Ad.T,
+        child.reference_offset_covariance + Ad @ parent.reference_offset_covariance @ Ad.T,
+    )

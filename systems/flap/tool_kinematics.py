@@ -1,6 +1,6 @@
 """The held tool as a link of the arm that holds it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydrake.systems.framework import Context
@@ -80,10 +80,46 @@ def tool_link(
     )
 
 
+def turned_tool(tool: ToolBelief, angle: FlapAngleBelief) -> ToolBelief:
+    """The tool once its flap is turned to another angle and nobody feels where it is.
+
+    Where on the flap it was touched last is as certain as it was, but turns with the flap.
+    """
+    k = tool.hinge.k_W
+    R = se3.so3_exp((angle.theta - tool.angle.theta) * k)
+    L2 = R @ tool.L2_W
+    along = np.cross(k, L2)
+    more = max(0.0, angle.variance - tool.angle.variance)
+    turn = se3.so3_exp(np.array([0.0, 0.0, angle.theta]))
+    return replace(
+        tool,
+        angle=angle,
+        L2_W=L2,
+        L2_covariance=R @ tool.L2_covariance @ R.T + more * np.outer(along, along),
+        X_KT=pose(turn, turn @ np.array([np.linalg.norm(L2), 0.0, 0.0])),
+    )
+
+
+def update_tool(
+    tool: ToolBelief,
+    hinge: HingeBelief,
+    angle: FlapAngleBelief,
+    contact: FingertipContact,
+    end_effector: EndEffectorBelief,
+) -> ToolBelief:
+    """The tool after one tick."""
+    if not angle.known:
+        return tool
+    if hinge.known and contact.contact.touching:
+        return tool_link(hinge, angle, contact, end_effector)
+    return turned_tool(tool, angle) if tool.hinge.known else tool
+
+
 class ToolKinematics(RecursiveFilter):
     """The tool's links: L1 from the end-effector to the hinge, L2 from the contact to the hinge.
 
-    Without a contact, a hinge or an angle the last tool stays.
+    Without a contact the last tool stays, but for its angle and what turns with it. Without a hinge
+    or an angle all of it stays.
 
     .. pydrake_system::
 
@@ -127,10 +163,12 @@ class ToolKinematics(RecursiveFilter):
         self._declare_latest("tool_latest", lambda state: state.tool)
 
     def _calc_state(self, context: Context, state: ToolState) -> ToolState:
-        hinge: HingeBelief = self._read(self._hinge, context)
-        angle: FlapAngleBelief = self._read(self._angle, context)
-        contact: FingertipContact = self._read(self._contact, context)
-        if not (hinge.known and angle.known and contact.contact.touching):
-            return state
-        end_effector = self._read(self._end_effector, context)
-        return ToolState(tool=tool_link(hinge, angle, contact, end_effector))
+        return ToolState(
+            tool=update_tool(
+                state.tool,
+                self._read(self._hinge, context),
+                self._read(self._angle, context),
+                self._read(self._contact, context),
+                self._read(self._end_effector, context),
+            )
+        )

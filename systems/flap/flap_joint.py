@@ -12,7 +12,7 @@ from maths.validation import check, number
 from systems.depth_camera import DepthCamera, angle_variance, tilt_covariance
 from systems.flap.displacements import CAMERA, FINGER, HOLDER, NAMES
 from systems.flap.flap_angle import turned_normal
-from systems.flap.flap_pose import flap_pose
+from systems.flap.flap_pose import flap_pose, without_position
 from systems.flap.hinge_keyframes import Keyframe, begin, merge
 from systems.flap.hinge_limits import HingeLimitsConfig, is_believed
 from systems.kinematics.joint_filters import JointFilters, JointFiltersState
@@ -150,28 +150,34 @@ def update_joint(
     time: float,
     model: FlapJointModel,
 ) -> FlapJointState:
-    """The state after one tick."""
-    if not (contact.contact.touching and displacements.known):
-        m = None if state.filters is None else model.now(state.filters, time)
-        return replace(state, model=m, measured=False)
-    config = model.config
+    """The state after one tick.
+
+    A flap that nobody touches turns as it is seen, and its pose has no position; unseen, its angle
+    is predicted.
+    """
+    config, touching = model.config, contact.contact.touching
+    unmeasured = None if state.filters is None else model.now(state.filters, time)
+    if not displacements.known or not (touching or (plane.seen and state.filters is not None)):
+        return replace(state, model=unmeasured, measured=False)
     if state.displacements is None:
         state = replace(state, displacements=displacements.about(contact.p_WC))
     assert state.displacements is not None
     plane, contact = corrected(plane, contact, state.displacements)
-    state = replace(state, p_WC=contact.p_WC, measured=plane.seen)
+    state = replace(state, p_WC=contact.p_WC if touching else state.p_WC, measured=plane.seen)
     if state.filters is None or state.model is None:
         return _add_reference(state, plane, contact, time, model) if plane.seen else state
     n = expected_normal(state, state.model, model)
     n_covariance = config.unseen_normal**2 * np.eye(3)
+    lasting = config.flatness**2 * np.eye(3)
     if plane.seen:
         n = plane.n_W if plane.n_W @ n > 0.0 else -plane.n_W
         n_covariance = plane.covariance[:3, :3]
-    walk = config.walk**2 * np.eye(3)
-    lasting = config.flatness**2 * np.eye(3)
-    if plane.seen:
         lasting += tilt_covariance(model.camera, state.n0_W, n)
+    walk = config.walk**2 * np.eye(3)
+    contact = replace(contact, p_WC=state.p_WC)
     pose = flap_pose(state.n0_W, n, n_covariance, lasting, contact, walk, config.twist)
+    if not touching:
+        pose = without_position(pose)
     after = model.filters.update(state.filters, pose.X_WB, pose.covariance, time, pose.correlated)
     m = model.now(after, time)
     sign = 1.0 if m.configuration[0] >= 0.0 else -1.0

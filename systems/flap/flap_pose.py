@@ -73,3 +73,11 @@ def flap_pose(
         np.block([[R.T @ rotation @ R, zero], [zero, R.T @ white @ R]]),
         np.block([[R.T @ stays @ R, zero], [zero, R.T @ walk @ R]]),
     )
+
+
+def without_position(pose: FlapPose) -> FlapPose:
+    """The pose of a flap that is seen but not touched: its position's variance is infinite."""
+    covariance, correlated = np.diag(np.full(6, np.inf)), np.zeros((6, 6))
+    covariance[:3, :3] = pose.covariance[:3, :3]
+    correlated[:3, :3] = pose.correlated[:3, :3]
+    return FlapPose(pose.X_WB, covariance, correlated)

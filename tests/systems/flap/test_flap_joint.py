@@ -7,9 +7,15 @@ from numpy.testing import assert_allclose
 from synthetic_flap import PERIOD, Laboratory
 
 from maths.consistency import chi_square_bounds
-from systems.flap.flap_joint import FlapJointConfig, FlapJointModel, FlapJointState, update_joint
-from systems.flap.flap_pose import flap_pose, least_rotation
-from systems.port_values import UNKNOWN_FINGERTIP
+from systems.flap.flap_joint import (
+    FlapJointConfig,
+    FlapJointModel,
+    FlapJointState,
+    read_joint_angle,
+    update_joint,
+)
+from systems.flap.flap_pose import flap_pose, least_rotation, without_position
+from systems.port_values import UNKNOWN_FINGERTIP, unseen
 
 
 @pytest.fixture(scope="module")
@@ -62,12 +68,49 @@ def test_the_joint_is_found(episodes: list[Episode]) -> None:
     assert np.median([episode.rms("theta", False) for episode in episodes]) < np.deg2rad(2.0)
 
 
-def test_without_a_contact_the_filters_are_not_fed() -> None:
-    lab, state = Laboratory(0), FlapJointState()
+def _jerked(seed: int, seen: bool) -> tuple[float, list[float], list[float]]:
+    """Of a flap that is let go at 29 deg and jerked by 20 deg: how far it is off, before and after.
+
+    Returns the last error [rad], its squares over the variances since it was let go, and the
+    variances.
+    """
+    lab, state = Laboratory(seed), FlapJointState()
     model, known = FlapJointModel(FlapJointConfig(), LIMITS, lab.camera), lab.displacements()
-    for i in range(5):
-        contact = lab.contact(0.0, 0.0)
-        state = update_joint(state, lab.plane(0.0), contact, known, i * PERIOD, model)
-    after = update_joint(state, lab.plane(0.0), UNKNOWN_FINGERTIP, known, 1.0, model)
-    assert after.filters is state.filters
-    assert not after.measured
+    error, squares, variances = np.nan, [], []
+    for i in range(round(10.0 / PERIOD)):
+        t = i * PERIOD
+        touching = t < 8.3
+        theta = lab.theta(t) if touching else lab.theta(8.3) + np.deg2rad(20.0)
+        contact = lab.contact(theta, 0.08) if touching else UNKNOWN_FINGERTIP
+        plane = lab.plane(theta, hidden=0.0) if touching or seen else unseen("dark")
+        state = update_joint(state, plane, contact, known, t, model)
+        if not touching:
+            angle = read_joint_angle(state, model)
+            assert angle.measured == seen
+            error = angle.theta - theta
+            squares.append(error**2 / angle.variance)
+            variances.append(angle.variance)
+    return error, squares, variances
+
+
+def test_a_flap_that_nobody_touches_is_followed_where_it_is_seen() -> None:
+    ends = [_jerked(seed, seen=True) for seed in range(8)]
+    assert max(abs(error) for error, _, _ in ends) < np.deg2rad(3.0)
+    assert sum(squares[-1] for _, squares, _ in ends) < chi_square_bounds(8, 0.999)[1]
+
+
+def test_a_flap_that_nobody_touches_or_sees_is_ever_less_certain() -> None:
+    for seed in range(2):
+        _, squares, variances = _jerked(seed, seen=False)
+        assert np.all(np.diff(variances) > 0.0)
+        assert squares[-1] < chi_square_bounds(1, 0.999)[1]
+
+
+def test_a_pose_without_a_position_has_the_rotation_alone() -> None:
+    lab = Laboratory(0)
+    n, lasting = lab.tool.frame(0.0)[:, 1], 1e-6 * np.eye(3)
+    touched = flap_pose(n, n, lasting, lasting, lab.contact(0.0, 0.0), lasting, 0.5)
+    pose = without_position(touched)
+    assert_allclose(pose.covariance[:3, :3], touched.covariance[:3, :3])
+    assert np.all(np.isinf(np.diag(pose.covariance)[3:]))
+    assert np.all(pose.correlated[3:] == 0.0)

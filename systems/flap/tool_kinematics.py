@@ -8,7 +8,7 @@ from pydrake.systems.framework import Context
 from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
-from maths.validation import check
+from maths.validation import check, number
 from systems.flap.flap_lever import lever, place_error
 from systems.port_values import (
     UNKNOWN_ANGLE,
@@ -32,13 +32,23 @@ class ToolKinematicsConfig:
     """Configuration of `ToolKinematics`."""
 
     period: float = tick_period()
+    # Rotation of the holder since the last contact from which on the tool is carried elsewhere.
+    carried: float = number(0.01, above=0.0, at_most=10.0, unit="rad")
 
 
 @dataclass(frozen=True, kw_only=True)
 class ToolState(Immutable):
-    """The last tool that was known."""
+    """What is known at one tick.
+
+    Attributes:
+        tool: The last tool that was known.
+        X_WE: Where the holder was at the last contact (4, 4); None before.
+        carried: Whether it has carried the tool away since.
+    """
 
     tool: ToolBelief = UNKNOWN_TOOL
+    X_WE: Array | None = None
+    carried: bool = False
 
 
 def pose(R: Array, p: Array) -> Array:
@@ -101,25 +111,35 @@ def turned_tool(tool: ToolBelief, angle: FlapAngleBelief) -> ToolBelief:
 
 
 def update_tool(
-    tool: ToolBelief,
+    state: ToolState,
     hinge: HingeBelief,
     angle: FlapAngleBelief,
     contact: FingertipContact,
     end_effector: EndEffectorBelief,
-) -> ToolBelief:
-    """The tool after one tick."""
+    config: ToolKinematicsConfig,
+) -> ToolState:
+    """The state after one tick.
+
+    Axis and angle are those of a tool that stands in the world: of one that is carried the last
+    tool stays as it was, until it is touched again.
+    """
     if not angle.known:
-        return tool
+        return state
     if hinge.known and contact.contact.touching:
-        return tool_link(hinge, angle, contact, end_effector)
-    return turned_tool(tool, angle) if tool.hinge.known else tool
+        return ToolState(tool=tool_link(hinge, angle, contact, end_effector), X_WE=end_effector.X)
+    if state.X_WE is None or state.carried:
+        return state
+    turn = se3.so3_log(state.X_WE[:3, :3].T @ end_effector.X[:3, :3])
+    if np.linalg.norm(turn) > config.carried:
+        return replace(state, carried=True)
+    return replace(state, tool=turned_tool(state.tool, angle))
 
 
 class ToolKinematics(RecursiveFilter):
     """The tool's links: L1 from the end-effector to the hinge, L2 from the contact to the hinge.
 
     Without a contact the last tool stays, but for its angle and what turns with it. Without a hinge
-    or an angle all of it stays.
+    or an angle, and while the holder carries it, all of it stays.
 
     .. pydrake_system::
 
@@ -152,6 +172,7 @@ class ToolKinematics(RecursiveFilter):
     def __init__(self, config: ToolKinematicsConfig) -> None:
         super().__init__()
         check(config, "ToolKinematics")
+        self._config = config
         self._hinge = self._declare_value_input("hinge_estimated", UNKNOWN_HINGE)
         self._angle = self._declare_value_input("flap_angle_estimated", UNKNOWN_ANGLE)
         self._contact = self._declare_value_input("fingertip_contact_estimated", UNKNOWN_FINGERTIP)
@@ -163,12 +184,11 @@ class ToolKinematics(RecursiveFilter):
         self._declare_latest("tool_latest", lambda state: state.tool)
 
     def _calc_state(self, context: Context, state: ToolState) -> ToolState:
-        return ToolState(
-            tool=update_tool(
-                state.tool,
-                self._read(self._hinge, context),
-                self._read(self._angle, context),
-                self._read(self._contact, context),
-                self._read(self._end_effector, context),
-            )
+        return update_tool(
+            state,
+            self._read(self._hinge, context),
+            self._read(self._angle, context),
+            self._read(self._contact, context),
+            self._read(self._end_effector, context),
+            self._config,
         )

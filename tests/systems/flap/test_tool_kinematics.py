@@ -10,8 +10,13 @@ from controllers.servoing.flip_decisions import FlipPhase
 from controllers.servoing.tool_line_decisions import LineState, ToolLineConfig, next_line_state
 from maths import se3
 from systems.flap.flap_lever import lever, place_error
-from systems.flap.tool_kinematics import tool_link
-from systems.port_values import FlapAngleBelief, HingeBelief, ToolBelief
+from systems.flap.tool_kinematics import (
+    ToolKinematicsConfig,
+    ToolState,
+    tool_link,
+    update_tool,
+)
+from systems.port_values import UNKNOWN_FINGERTIP, FlapAngleBelief, HingeBelief, ToolBelief
 
 LAB = Laboratory(1)
 THETA = 0.8
@@ -117,3 +122,43 @@ def test_the_first_link_is_as_sure_as_hinge_and_holder_are_against_each_other() 
     assert_allclose(claimed(0.0), 2.0 * C + rest, atol=1e-12)
     # An axis that the camera sees where it sees the holder errs as the holder's place does.
     assert_allclose(claimed(-1.0), rest, atol=1e-12)
+
+
+def _untouched(state: ToolState, angle: FlapAngleBelief, X_EE: np.ndarray) -> ToolState:
+    hand = LAB.end_effector()
+    moved = replace(hand, X=hand.X @ X_EE)
+    config = ToolKinematicsConfig()
+    return update_tool(state, _hinge(), angle, UNKNOWN_FINGERTIP, moved, config)
+
+
+def _touched() -> ToolState:
+    return update_tool(
+        ToolState(), _hinge(), _angle(), CONTACT, LAB.end_effector(), ToolKinematicsConfig()
+    )
+
+
+def test_a_flap_that_nobody_touches_turns_in_the_tool_as_it_is_seen() -> None:
+    turned = replace(_angle(), theta=THETA + 0.3, variance=4e-4)
+    before, after = _touched().tool, _untouched(_touched(), turned, np.eye(4)).tool
+    k = LAB.tool.k_W
+    assert_allclose(after.L2_W, se3.so3_exp(0.3 * k) @ before.L2_W, atol=1e-12)
+    along = np.cross(k, after.L2_W)
+    more = along @ (after.L2_covariance - se3.so3_exp(0.3 * k) @ before.L2_covariance
+                    @ se3.so3_exp(-0.3 * k)) @ along / (along @ along) ** 2  # fmt: skip
+    assert_allclose(more, 3e-4)
+    X_WK = LAB.end_effector().X @ after.X_EK
+    tip = (X_WK @ after.X_KT)[:3, 3] - X_WK[:3, 3]
+    assert_allclose(tip, -after.L2_W, atol=1e-12)
+
+
+def test_a_tool_that_is_carried_stays_as_it_was_until_it_is_touched() -> None:
+    state, turned = _touched(), replace(_angle(), theta=THETA + 0.3)
+    shifted = np.eye(4)
+    shifted[:3, 3] = 0.005
+    assert _untouched(state, turned, shifted).tool.angle.theta == turned.theta
+    carried = np.eye(4)
+    carried[:3, :3] = se3.so3_exp(np.array([0.0, 0.02, 0.0]))
+    away = _untouched(state, turned, carried)
+    assert away.tool is state.tool
+    assert _untouched(away, turned, np.eye(4)).tool is state.tool
+    assert not _touched().carried

@@ -416,7 +416,7 @@ class JointFilters:
                 JointType.DISCONNECTED: _still_belief(float(state.models.log_evidence[3])),
             },
             updates=state.updates,
-            skipped=dict(state.skipped),
+            skipped={str(reason): count for reason, count in state.skipped.items()},
         )
 
     def _moving_belief(self, state: JointFiltersState, kind: int, dt: float) -> JointModelBelief:

@@ -1,6 +1,7 @@
 """The joint of an episode as rows of the table of estimates and as a part of the summary."""
 
 import math
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,7 @@ def joint_rows(tick: Tick, series: JointSeries, k: int, truth: Truth) -> list[Ro
     - `axis` (x, y, z) in the world, turned to the side of the true axis; `point` (x, y, z), [m],
       on a revolute axis, with the nearest true point;
     - `type_probability` (one component per joint type);
+    - `joint_fit` (components as `JointFit` has them, and `skipped`, how many measurements were);
     - `body_position` (x, y, z), [m], and `body_rotation`, a rotation vector since the reference.
     """
     joint = series.joints[k]
@@ -54,6 +56,7 @@ def _belief_rows(joint: JointBelief, series: JointSeries, k: int, truth: Truth) 
         known = truth.joint_type is not None
         is_true = float(joint_type == truth.joint_type) if known else math.nan
         rows.append(scalar("type_probability", probability, str(joint_type), true=is_true))
+    rows += _fit_rows(joint)
     if not np.isnan(series.configuration[k]):
         std, true = series.configuration_std[k], series.opening[k]
         rows.append(scalar("configuration", series.configuration[k], std=std, true=true))
@@ -70,6 +73,17 @@ def _belief_rows(joint: JointBelief, series: JointSeries, k: int, truth: Truth) 
         nearest = truth.point_W + truth.axis_W * float(offset @ truth.axis_W)
         rows += vector("point", model.p_PA, model.p_PA_covariance, nearest)
     return rows
+
+
+def _fit_rows(joint: JointBelief) -> list[Row]:
+    if joint.fit is None:
+        return []
+    numbers = {**asdict(joint.fit), "skipped": sum(joint.skipped.values())}
+    low, high = numbers.pop("bounds")
+    rotation, translation = numbers.pop("noise_scale")
+    numbers |= {"chi_square_low": low, "chi_square_high": high}
+    numbers |= {"noise_scale_rotation": rotation, "noise_scale_translation": translation}
+    return [scalar("joint_fit", float(value), name) for name, value in numbers.items()]
 
 
 def _body_rows(body: BodyMotion, time: float, truth: Truth) -> list[Row]:
@@ -123,6 +137,8 @@ def summarise_joint(
         "configuration_rms_moving": rms_while_moving(series, truth),
         "configuration_inside_two_sigma": None,
         "axis_inside_two_sigma": None,
+        "fit": None,
+        "skipped": {},
     }
     turn = turning_point(truth, exploration_end)
     if turn is not None:
@@ -147,6 +163,8 @@ def summarise_joint(
         "axis_angle_std": float(series.axis_std[last]),
         "axis_distance_error": float(series.distance_error[last]),
         "seen_until": float(series.times[last]),
+        "fit": None if joint.fit is None else asdict(joint.fit),
+        "skipped": {str(reason): count for reason, count in joint.skipped.items()},
     }
     if series.times[-1] - series.times[last] <= _STILL_SEEN:
         inside = inside_claim(series, last)

@@ -44,6 +44,7 @@ from maths.arrays import Array
 from maths.gaussian import symmetric
 from maths.immutable import Immutable
 from maths.validation import check
+from systems.kinematics.goodness_of_fit import reduced_chi_square
 from systems.kinematics.joint_filters_config import JointFiltersConfig
 from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE, dimension
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
@@ -61,7 +62,7 @@ from systems.kinematics.joint_solver.noise_scale import (
     initial_noise_scale,
     observe,
 )
-from systems.kinematics.joint_solver.path_floor import with_likelier_floor
+from systems.kinematics.joint_solver.path_floor import FLOORS, with_likelier_floor
 from systems.kinematics.joint_solver.pose_keyframes import (
     Keyframes,
     append,
@@ -77,7 +78,7 @@ from systems.kinematics.pose_checks import (
     pose_array,
     pose_fault,
 )
-from systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
+from systems.port_values import JointBelief, JointFit, JointModelBelief, JointType, PoseBelief
 
 TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID, JointType.DISCONNECTED)
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
@@ -110,6 +111,7 @@ class JointFiltersState(Immutable):
             prismatic and the revolute model.
         reset_count: Of parent and child together (`BodyMotion`).
         skipped: How many measurements were not used, by reason.
+        outliers: How many were used and are outliers, as expected.
     """
 
     parent_id: int
@@ -128,6 +130,7 @@ class JointFiltersState(Immutable):
     zero_variance: Array
     reset_count: int = 0
     skipped: Mapping[SkipReason, int] = field(default_factory=dict)
+    outliers: float = 0.0
 
 
 class JointFilters:
@@ -369,7 +372,7 @@ class JointFilters:
             scale = wanted
         R = R * np.outer(scale, scale)
         restart = _wants_restart(state)
-        update_models(models, keyframes, X_FB, R, time, priors, self._log_prior, restart)
+        outliers = update_models(models, keyframes, X_FB, R, time, priors, self._log_prior, restart)
         models, keyframes, floor = with_likelier_floor(
             models,
             keyframes,
@@ -388,6 +391,7 @@ class JointFilters:
             noise=noise,
             scale=scale,
             floor=floor,
+            outliers=state.outliers + outliers,
         )
 
     def probabilities(self, state: JointFiltersState) -> dict[JointType, float]:
@@ -417,6 +421,21 @@ class JointFilters:
             },
             updates=state.updates,
             skipped={str(reason): count for reason, count in state.skipped.items()},
+            fit=self._fit(state),
+        )
+
+    def _fit(self, state: JointFiltersState) -> JointFit:
+        kind = int(np.argmax(state.models.log_evidence + self._log_prior))
+        value, bounds, degrees = reduced_chi_square(
+            kind, state.models, state.keyframes, state.noise
+        )
+        return JointFit(
+            reduced_chi_square=value,
+            bounds=bounds,
+            degrees=degrees,
+            outlier_share=state.outliers / max(state.updates, 1),
+            noise_scale=(float(state.scale[0]), float(state.scale[3])),
+            path_floor=FLOORS[state.floor],
         )
 
     def _moving_belief(self, state: JointFiltersState, kind: int, dt: float) -> JointModelBelief:

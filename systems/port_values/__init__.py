@@ -40,7 +40,13 @@ from systems.port_values.grasp import (
     SlipBelief,
 )
 from systems.port_values.images import StampedImage
-from systems.port_values.joints import JointBelief, JointBeliefs, JointModelBelief, JointType
+from systems.port_values.joints import (
+    JointBelief,
+    JointBeliefs,
+    JointFit,
+    JointModelBelief,
+    JointType,
+)
 from systems.port_values.motions import (
     NO_POSE,
     UNKNOWN_END_EFFECTOR,
@@ -92,6 +98,7 @@ __all__ = [
     "HingeBelief",
     "JointBelief",
     "JointBeliefs",
+    "JointFit",
     "JointModelBelief",
     "JointType",
     "MotionBelief",

@@ -39,6 +39,27 @@ class JointModelBelief:
     configuration_covariance: Array
 
 
+@dataclass(frozen=True, kw_only=True)
+class JointFit:
+    """How well the likeliest type explains what was measured, and what that has taken.
+
+    Attributes:
+        reduced_chi_square: Of the measurements off the type's path; NaN for a disconnected body.
+        bounds: Inside which that is in 95 % of all cases if the type is right.
+        degrees: Of freedom of chi-square.
+        outlier_share: Of the measurements.
+        noise_scale: Factors on the claimed standard deviations of rotation and translation.
+        path_floor: Error that does not average out, as a multiple of the claimed deviations.
+    """
+
+    reduced_chi_square: float
+    bounds: tuple[float, float]
+    degrees: int
+    outlier_share: float
+    noise_scale: tuple[float, float]
+    path_floor: float
+
+
 @dataclass(kw_only=True)
 class JointBelief:
     """The belief about the joint between two bodies.
@@ -50,6 +71,7 @@ class JointBelief:
         models: Each type's parameters and configuration.
         updates: Measurements seen.
         skipped: How many others were not used, by reason.
+        fit: Of the most probable type; None where nobody has looked.
     """
 
     parent_id: int
@@ -58,6 +80,7 @@ class JointBelief:
     models: dict[JointType, JointModelBelief]
     updates: int
     skipped: Mapping[str, int] = field(default_factory=dict)
+    fit: JointFit | None = None
 
     @property
     def type(self) -> JointType:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from diagrams.crossmodal.modalities import LABELS
-from diagrams.crossmodal.results.report import describe_configuration
+from diagrams.crossmodal.results.report import describe_configuration, describe_fit
 from diagrams.drawing.plot_style import STYLE, new_figure
 from diagrams.joints.joint_drawing import draw_joint, joint_color
 from diagrams.joints.joint_episode import JointEpisode
@@ -111,6 +111,8 @@ def _caption(when: str, joint: JointBelief | None, truth: Truth) -> str:
     belief = describe_configuration(joint, truth.axis_W)
     if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
         belief = f"{joint.type}, configuration {belief}"
+        if fit := describe_fit(joint):
+            belief += f"\n{fit.removeprefix('; ')}"
     return f"{when}\n{belief}"
 
 

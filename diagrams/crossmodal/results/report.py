@@ -49,6 +49,21 @@ def written_configuration(
     return written(scaled, unit, spread=scale * spread, beside=scale * beside)
 
 
+def describe_fit(joint: JointBelief) -> str:
+    """How well a joint explains what was measured, and how much was not used; begins with '; '."""
+    text, fit = "", joint.fit
+    if fit is not None and math.isfinite(fit.reduced_chi_square):
+        low, high = fit.bounds
+        chi_square = fixed(fit.reduced_chi_square, 2)
+        text += f"; fit {chi_square} ({fixed(low, 2)} to {fixed(high, 2)} is usual)"
+    if fit is not None and fit.outlier_share >= 0.005:
+        text += f", {fixed(100.0 * fit.outlier_share, 0)} % outliers"
+    if joint.skipped:
+        reasons = ", ".join(f"{count} {reason}" for reason, count in joint.skipped.items())
+        text += f"; not used: {reasons}"
+    return text
+
+
 def perceived(episode: JointEpisode) -> list[str]:
     """One sentence per modality: type, axis and configuration, each with its uncertainty."""
     lines = []
@@ -67,6 +82,7 @@ def perceived(episode: JointEpisode) -> list[str]:
             text += f", axis ({components}) ± {spread}"
             q, std = float(series.configuration[last]), float(series.configuration_std[last])
             text += f", configuration {written_configuration(q, joint.type, spread=std)}"
+        text += describe_fit(joint)
         if last is not None and episode.record.duration - series.times[last] > 0.5:
             text += f"; last seen at {series.times[last]:.1f} s"
         lines.append(label + text)

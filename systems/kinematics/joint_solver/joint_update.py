@@ -111,14 +111,17 @@ def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
 
 
 @hot
-def close_decided(m: Models, kf: Keyframes, log_prior: Array) -> None:
+def close_decided(m: Models, kf: Keyframes, log_prior: Array) -> float:
     """Weighs keyframes that newer ones have decided about, by what all models say of them.
+
+    Returns how many of them are outliers, as expected.
 
     To a model that the motion has left behind every measurement is an outlier. Of several in a row
     those that follow from one another, as a free walk's, are none.
     """
     p = np.exp(m.log_evidence + log_prior - (m.log_evidence + log_prior).max())
     p /= p.sum()
+    outliers = 0.0
     for k in range(kf.size[0] - pose_keyframes.RECENT + 1):
         if kf.open[k] > 0.0:
             inlier = 0.0
@@ -128,6 +131,8 @@ def close_decided(m: Models, kf: Keyframes, log_prior: Array) -> None:
             if kf.streak[0] > _STREAK:
                 inlier = max(inlier, m.inlier[3, k])
             pose_keyframes.close(kf, k, inlier)
+            outliers += 1.0 - inlier
+    return outliers
 
 
 def _copy_model(kind: int, source: Models, target: Models) -> None:
@@ -170,8 +175,8 @@ def update(
     priors: Priors,
     log_prior: Array,
     young: bool,
-) -> None:
-    """Corrects all models with one relative pose.
+) -> float:
+    """Corrects all models with one relative pose; returns how many outliers that has decided.
 
     Args:
         m: Models.
@@ -190,6 +195,7 @@ def update(
     solve_all(m, kf, priors, STEPS)
     if young:
         restart(m, kf, priors)
-    close_decided(m, kf, log_prior)
+    outliers = close_decided(m, kf, log_prior)
     for kind in _MOVING:
         decide_sign(kind, m)
+    return outliers

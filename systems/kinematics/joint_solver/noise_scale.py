@@ -90,6 +90,12 @@ def _fit(n: NoiseScale, i: int, least: float) -> None:
     n.variance[i] = min(max(variance, least, _LEAST), _MOST)
 
 
+def degrees_of_freedom(n: NoiseScale) -> float:
+    """Of the scale's posterior, that of rotation or translation which is better known."""
+    known = min(float(n.known.max()), _MEMORY)
+    return _PRIOR + 3.0 * _INDEPENDENT * known
+
+
 @hot
 def observe(n: NoiseScale, X: Array, R: Array, time: float, least: float) -> None:
     """Adds one measured pose, in place.

@@ -1,0 +1,67 @@
+"""How well a type explains the keyframes: chi-square of what is off its path, compiled."""
+
+import numpy as np
+
+from maths.arrays import Array
+from maths.compiled import hot
+from maths.se3_in_place import relative_log
+from maths.tangent_plane import tangent_basis
+from systems.kinematics.joint_solver.joint_geometry import (
+    RIGID,
+    child_pose,
+    dimension,
+    jacobian,
+    screw_twists,
+)
+from systems.kinematics.joint_solver.joint_models import Models
+from systems.kinematics.joint_solver.outliers import blend
+from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+
+_MEASURED = 1e3  # Variance above which a direction was not measured, [rad^2] or [m^2].
+
+
+@hot
+def _square(W: Array, r: Array, along: Array) -> float:
+    """r^T W r without its part along a direction (6,), or zero."""
+    rr, rs, ss = 0.0, 0.0, 0.0
+    for i in range(6):
+        for j in range(6):
+            rr += r[i] * W[i, j] * r[j]
+            rs += r[i] * W[i, j] * along[j]
+            ss += along[i] * W[i, j] * along[j]
+    return rr - rs * rs / ss if ss > 0.0 else rr
+
+
+@hot
+def off_path(kind: int, m: Models, kf: Keyframes) -> tuple[float, int]:
+    """Chi-square of the keyframes' distances from a joint's path, and its degrees of freedom.
+
+    Where along the path a keyframe is, is free. An outlier counts as little as it did in the fit.
+
+    Args:
+        kind: `PRISMATIC`, `REVOLUTE` or `RIGID`.
+        m: Models.
+        kf: Keyframes.
+    """
+    Y, a, c, q = m.Y[kind], m.a[kind], m.c[kind], m.q[kind]
+    X, G, J, B = np.empty((4, 4)), np.empty((5, 6)), np.zeros((5, 6)), np.empty((2, 3))
+    W, r, along = np.empty((6, 6)), np.empty(6), np.zeros(6)
+    tangent_basis(a, B)
+    screw_twists(kind, Y, a, c, B, G)
+    chi_square, degrees, measured = 0.0, 0, 0
+    for k in range(kf.size[0]):
+        child_pose(kind, Y, a, c, q[k], X)
+        relative_log(X, kf.Z[k], r)
+        if kind != RIGID and k > 0:
+            jacobian(kind, G, q[k], J)
+            along[:] = J[0]
+            degrees -= 1
+        W[:] = kf.W[k]
+        if kf.open[k] > 0.0:
+            blend(kf, k, m.inlier[kind, k], W)
+        chi_square += _square(W, r, along)
+        measured = 0
+        for i in range(6):
+            measured += 1 if kf.R[k, i, i] < _MEASURED else 0
+        degrees += measured
+    return chi_square, degrees - (dimension(kind) - 6 + measured)

@@ -1,0 +1,68 @@
+"""The goodness of fit: inside its bounds where the type is right, beyond where it is not."""
+
+import numpy as np
+import pytest
+from synthetic_motion import RATE, Scene, filter_states, simulate, to_and_fro
+
+from maths import se3
+from systems.kinematics.goodness_of_fit import reduced_chi_square
+from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, RIGID
+from systems.port_values import JointType
+
+
+@pytest.mark.parametrize("joint", [JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID])
+def test_the_right_type_fits(joint: JointType) -> None:
+    motion = {"motion": lambda t: 0.0 * t} if joint == JointType.RIGID else {}
+    scene = Scene(joint=joint, seconds=8.0, **motion)
+    inside = []
+    for seed in range(2):
+        filters, states = filter_states(scene, simulate(scene, seed))
+        for state in states[60::20]:
+            fit = filters.belief(state).fit
+            assert fit is not None
+            low, high = fit.bounds
+            assert low < 1.0 < high
+            inside.append(0.8 * low < fit.reduced_chi_square < 1.2 * high)
+            assert fit.outlier_share < 0.05
+    assert np.mean(inside) > 0.8
+
+
+def test_a_wrong_type_does_not_fit() -> None:
+    """What a slide or rest makes of a hinge is far off the measured poses."""
+    scene = Scene(joint=JointType.REVOLUTE, motion=to_and_fro, seconds=5.0)
+    _, states = filter_states(scene, simulate(scene, 0))
+    s = states[-1]
+    for kind in (PRISMATIC, RIGID):
+        value, (_, high), _ = reduced_chi_square(kind, s.models, s.keyframes, s.noise)
+        assert value > 3.0 * high
+
+
+def test_chi_square_of_a_body_at_rest_is_that_of_its_mean_pose() -> None:
+    """Closed form of small errors without outliers: residuals from the weighted mean."""
+    rng, sigma = np.random.default_rng(1), 1e-3
+    filters = JointFilters(JointFiltersConfig(outliers=0.0))
+    state = filters.start(np.eye(4), sigma**2 * np.eye(6), 0.0)
+    for k in range(1, 12):
+        X = se3.exp(sigma * rng.normal(size=6))
+        state = filters.update(state, X, sigma**2 * np.eye(6), k / RATE)
+    kf = state.keyframes
+    n = int(kf.size[0])
+    xi, W = np.array([se3.log(X) for X in kf.Z[:n]]), kf.W[:n]
+    mean = np.linalg.solve(W.sum(axis=0), np.einsum("kij,kj->i", W, xi))
+    square = np.einsum("ki,kij,kj->", xi - mean, W, xi - mean)
+    value, _, degrees = reduced_chi_square(RIGID, state.models, kf, state.noise)
+    assert degrees == 6 * (n - 1)
+    np.testing.assert_allclose(value * degrees, square, rtol=1e-2)
+
+
+def test_outliers_are_counted() -> None:
+    scene = Scene(joint=JointType.PRISMATIC, seconds=6.0)
+    run = simulate(scene, 3)
+    bad = range(20, 80, 12)
+    for k in bad:
+        run.measured[k] = run.measured[k] @ se3.exp(np.array([0.3, 0, 0, 0, 0.05, 0]))
+    filters, states = filter_states(scene, run)
+    fit = filters.belief(states[-1]).fit
+    assert fit is not None
+    np.testing.assert_allclose(fit.outlier_share * states[-1].updates, len(bad), atol=1.0)

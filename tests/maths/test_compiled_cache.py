@@ -1,6 +1,7 @@
 """Compiled code is read from the disk, but not when anything that it was made from has changed."""
 
 import importlib
+import os
 import pkgutil
 import shutil
 import subprocess
@@ -50,7 +51,9 @@ def _checkout(folder: Path) -> Path:
 
 def _run(folder: Path, script: str = PRINT) -> str:
     command = [sys.executable, "-c", script]
-    found = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    # The cache is looked for beside the sources, wherever the caller's own is.
+    env = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    found = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=True)
     return found.stdout.strip()
 
 

@@ -5,10 +5,11 @@ All pairs at every tick, and in turns, side by side: machines differ, ratios les
     python -m benchmarks.many_bodies --bodies 8
 """
 
-import argparse
 import time
+from typing import Annotated
 
 import numpy as np
+import typer
 from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
 
@@ -69,7 +70,11 @@ class Case:
         self.read.append(time.perf_counter() - updated)
 
 
-def measure(bodies: int, ticks: int, seed: int) -> None:
+def main(
+    bodies: Annotated[int, typer.Option(min=1, max=13, help="Moving bodies.")] = 8,
+    ticks: Annotated[int, typer.Option(min=1, help="Ticks that count.")] = 60,
+    seed: Annotated[int, typer.Option(help="Of the measurements' noise.")] = 0,
+) -> None:
     """Prints the table."""
     rng = np.random.default_rng(seed)
     turns = KinematicModelConfig().max_pairs
@@ -93,15 +98,5 @@ def measure(bodies: int, ticks: int, seed: int) -> None:
         print(f"| {name} | {1e3 * update:.1f} | {update / unit:.2f} | {1e3 * read:.1f} |")
 
 
-def main() -> None:
-    """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("--bodies", type=int, default=8, help="moving bodies (8)")
-    parser.add_argument("--ticks", type=int, default=60, help="ticks that count (60)")
-    parser.add_argument("--seed", type=int, default=0)
-    args = parser.parse_args()
-    measure(args.bodies, args.ticks, args.seed)
-
-
 if __name__ == "__main__":
-    main()
+    typer.run(main)

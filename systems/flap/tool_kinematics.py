@@ -42,11 +42,13 @@ class ToolState(Immutable):
 
     Attributes:
         tool: The last tool that was known.
-        X_WE: Where the holder was at the last contact (4, 4); None before.
+        touched: The tool at the last contact.
+        X_WE: Where the holder was then (4, 4); None before.
         carried: Whether it has carried the tool away since.
     """
 
     tool: ToolBelief = UNKNOWN_TOOL
+    touched: ToolBelief = UNKNOWN_TOOL
     X_WE: Array | None = None
     carried: bool = False
 
@@ -126,13 +128,14 @@ def update_tool(
     if not angle.known:
         return state
     if hinge.known and contact.contact.touching:
-        return ToolState(tool=tool_link(hinge, angle, contact, end_effector), X_WE=end_effector.X)
+        tool = tool_link(hinge, angle, contact, end_effector)
+        return ToolState(tool=tool, touched=tool, X_WE=end_effector.X)
     if state.X_WE is None or state.carried:
         return state
     turn = se3.so3_log(state.X_WE[:3, :3].T @ end_effector.X[:3, :3])
     if np.linalg.norm(turn) > config.carried:
         return replace(state, carried=True)
-    return replace(state, tool=turned_tool(state.tool, angle))
+    return replace(state, tool=turned_tool(state.touched, angle))
 
 
 class ToolKinematics(RecursiveFilter):

@@ -162,3 +162,10 @@ def test_a_tool_that_is_carried_stays_as_it_was_until_it_is_touched() -> None:
     assert away.tool is state.tool
     assert _untouched(away, turned, np.eye(4)).tool is state.tool
     assert not _touched().carried
+
+
+def test_what_an_angle_has_been_unsure_of_is_forgotten_once_it_is_known() -> None:
+    state, angle = _touched(), _angle()
+    for variance in (4e-4, 1e-4, 9e-4, 1e-4):
+        state = _untouched(state, replace(angle, variance=variance), np.eye(4))
+    assert_allclose(state.tool.L2_covariance, _touched().tool.L2_covariance, atol=1e-15)

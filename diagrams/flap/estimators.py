@@ -11,7 +11,8 @@ from diagrams.run.calibration import Calibration
 from systems.arm_pose import ArmPose
 from systems.depth_camera import DepthCamera
 from systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
-from systems.flap.flap_joint import FlapJoint, FlapJointConfig
+from systems.flap.flap_joint import FlapJoint
+from systems.flap.flap_joint_model import FlapJointConfig
 from systems.flap.flap_tracking import FlapTracker
 from systems.flap.flap_tracking_config import FlapTrackingConfig
 from systems.flap.hinge_estimator import HingeEstimator, HingeEstimatorConfig
@@ -21,11 +22,8 @@ from systems.monitoring.angles import AnglesByRates, AnglesConfig
 from systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig
 from systems.monitoring.window_monitor import WindowMonitor, WindowMonitorConfig
 from systems.proprioception.end_effector_pose import EndEffectorPose, EndEffectorPoseConfig
-from systems.registration.arm_registration import (
-    ArmRegistration,
-    ArmRegistrationConfig,
-    CalibratedArm,
-)
+from systems.registration.arm_registration import ArmRegistration, ArmRegistrationConfig
+from systems.registration.registration_prior import CalibratedArm
 from systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
 from systems.tactile.taxel_layout import TaxelLayout
 

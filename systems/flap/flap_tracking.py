@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U
@@ -10,8 +9,8 @@ from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U
 from maths.arrays import Array, Mask
 from maths.immutable import Immutable
 from systems.depth_camera import DepthCamera, plane_jacobian, seen_covariance
+from systems.flap.flap_region import ahead, crop
 from systems.flap.flap_tracking_config import FlapTrackingConfig, check_flap_tracking
-from systems.flap.local_planes import InverseDepth, inverse_depth
 from systems.flap.plane_fit import PlaneFit, plane_covariance, refine_plane, world_plane
 from systems.flap.tool_segmentation import (
     Parts,
@@ -52,66 +51,6 @@ class FlapTrack(Immutable):
     y_W: Array | None = None
     noise_scale: float | None = None
     images: int = 0
-
-
-def crop(
-    depth: Array, excluded: Array | None, camera: DepthCamera, p_WQ: Array, radius: float
-) -> InverseDepth | None:
-    """What lies in the ball of `radius` [m] about Q; None where the image does not show it."""
-    X_WC, intrinsics = camera.X_WC, camera.intrinsics.vector()
-    p_CQ = X_WC[:3, :3].T @ (p_WQ - X_WC[:3, 3])
-    nearest = p_CQ[2] - radius
-    if not nearest > 0.0:
-        return None
-    centre = p_CQ[:2] / p_CQ[2] * intrinsics[:2] + intrinsics[2:]
-    half = intrinsics[:2] * radius / p_CQ[2]
-    height, width = depth.shape
-    (left, top), (right, bottom) = centre - half, centre + half + 1.0
-    columns = np.clip([left, right], 0, width).astype(int)
-    rows = np.clip([top, bottom], 0, height).astype(int)
-    if columns[1] - columns[0] < 2 or rows[1] - rows[0] < 2:
-        return None
-    box = int(rows[0]), int(rows[1]), int(columns[0]), int(columns[1])
-    image = inverse_depth(depth, intrinsics, box, excluded)
-    return image._replace(valid=image.valid & within(image, p_CQ, radius))
-
-
-def within(image: InverseDepth, p_CQ: Array, radius: float) -> Mask:
-    """The valid pixels (h, w) that show something within `radius` [m] of Q (3,)."""
-    return np.asarray(_within(image.w, image.valid, image.x, image.y, p_CQ, radius))
-
-
-@numba.njit(cache=True)
-def _within(w: Array, valid: Mask, x: Array, y: Array, p_CQ: Array, radius: float) -> Mask:
-    inside = np.zeros_like(valid)
-    for row in range(w.shape[0]):
-        for column in range(w.shape[1]):
-            if valid[row, column]:
-                z = 1.0 / w[row, column]
-                a, b = x[row, column] * z - p_CQ[0], y[row, column] * z - p_CQ[1]
-                inside[row, column] = a * a + b * b + (z - p_CQ[2]) ** 2 < radius * radius
-    return inside
-
-
-def ahead(image: InverseDepth, p_CQ: Array, direction_C: Array, length: float) -> Mask:
-    """The valid pixels (h, w) that show what lies up to `length` [m] beyond Q in a direction."""
-    return np.asarray(_ahead(image.w, image.valid, image.x, image.y, p_CQ, direction_C, length))
-
-
-@numba.njit(cache=True)
-def _ahead(
-    w: Array, valid: Mask, x: Array, y: Array, p_CQ: Array, direction_C: Array, length: float
-) -> Mask:
-    inside = np.zeros_like(valid)
-    for row in range(w.shape[0]):
-        for column in range(w.shape[1]):
-            if valid[row, column]:
-                z = 1.0 / w[row, column]
-                along = (x[row, column] * z - p_CQ[0]) * direction_C[0]
-                along += (y[row, column] * z - p_CQ[1]) * direction_C[1]
-                along += (z - p_CQ[2]) * direction_C[2]
-                inside[row, column] = 0.0 < along < length
-    return inside
 
 
 def choose_flap(

@@ -11,22 +11,18 @@ from maths.arrays import Array
 from maths.immutable import Immutable
 from maths.validation import check, number
 from systems.arm_pose import joints_at, offset_variances
-from systems.depth_camera import DepthCamera, displacement_covariance
+from systems.depth_camera import DepthCamera
 from systems.port_values import (
     DisplacementBelief,
     SampleWindow,
-    displacement_at,
     unknown_displacements,
 )
 from systems.recursive_filter import RecursiveFilter
+from systems.registration.registration_prior import CalibratedArm, prior_covariance, readout
 from systems.registration.registration_solver import (
-    FOCAL,
-    SCALE,
     Matches,
-    Unknowns,
     body_weights,
     displacement_rows,
-    distortion,
     match,
     place_unknowns,
     robust_weights,
@@ -60,21 +56,6 @@ class ArmRegistrationConfig:
     gate: float = number(3.0, above=0.0, at_most=100.0)
     # Points that an image has to show.
     least_points: int = number(100, at_least=10, at_most=10**6)
-
-
-@dataclass(frozen=True, kw_only=True)
-class CalibratedArm:
-    """What is known beforehand of an arm.
-
-    Attributes:
-        X_WBase: Where its base is believed to be (4, 4).
-        base_covariance: (6, 6) of xi in X_WBase exp(xi), rotation first, [rad, m].
-        joint_offset_std: Of each joint's zero (n,), [rad].
-    """
-
-    X_WBase: Array
-    base_covariance: Array
-    joint_offset_std: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -310,39 +291,3 @@ def fit(
         mean=covariance @ moment,
         covariance=covariance,
     )
-
-
-def prior_covariance(
-    unknowns: Unknowns,
-    p_WQ: Array,
-    camera: DepthCamera,
-    arms: Mapping[str, CalibratedArm],
-) -> Array:
-    """(D, D), what the calibrations say of the unknowns."""
-    P = np.zeros((unknowns.size, unknowns.size))
-    P[:6, :6] = displacement_covariance(camera.X_WC, camera.pose_covariance, p_WQ)
-    P[SCALE, SCALE] = camera.depth_scale_std**2
-    P[FOCAL, FOCAL] = camera.focal_length_std**2
-    for name, part in unknowns.arms.items():
-        arm, base = arms[name], slice(part.start, part.start + 6)
-        P[base, base] = displacement_covariance(arm.X_WBase, arm.base_covariance, p_WQ)
-        zeros = np.arange(base.stop, part.stop)
-        P[zeros, zeros] = arm.joint_offset_std**2
-    # What is said to be perfect may be off by nothing that is ever measured.
-    return P + 1e-12 * np.eye(unknowns.size)
-
-
-def readout(unknowns: Unknowns, p_WQ: Array, X_WC: Array, joints: Mapping[str, Joints]) -> Array:
-    """(6 K, D): displacements near Q, of what the camera sees and of the end-effectors' bodies."""
-    J = np.zeros((6 * (1 + len(unknowns.arms)), unknowns.size))
-    J[:6, :6] = np.eye(6)
-    J[3:6, SCALE : FOCAL + 1] = distortion(X_WC, p_WQ)
-    for k, (name, part) in enumerate(unknowns.arms.items(), start=1):
-        rows = slice(6 * k, 6 * k + 6)
-        J[rows, part.start : part.start + 6] = np.eye(6)
-        at_E = joints[name].jacobian
-        J[rows, part.start + 6 : part.stop] = at_E
-        J[rows.start + 3 : rows.stop, part.start + 6 : part.stop] = (
-            displacement_at(p_WQ, joints[name].p_WE) @ at_E
-        )
-    return J

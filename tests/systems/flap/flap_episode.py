@@ -15,14 +15,9 @@ from maths.arrays import Array
 from maths.gaussian import nees
 from maths.vectors import tangent_basis
 from systems.flap.flap_angle import UNTOUCHED, FlapAngleConfig, read_angle, update_angle
-from systems.flap.flap_joint import (
-    FlapJointConfig,
-    FlapJointModel,
-    FlapJointState,
-    read_joint_angle,
-    read_joint_hinge,
-    update_joint,
-)
+from systems.flap.flap_joint import update_joint
+from systems.flap.flap_joint_model import FlapJointConfig, FlapJointModel, FlapJointState
+from systems.flap.flap_joint_readout import read_joint_angle, read_joint_hinge
 from systems.flap.hinge_estimator import HingeEstimatorConfig, HingeState, update_hinge
 from systems.flap.hinge_limits import HingeLimitsConfig
 from systems.flap.tool_kinematics import tool_link

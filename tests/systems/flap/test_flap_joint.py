@@ -7,13 +7,9 @@ from numpy.testing import assert_allclose
 from synthetic_flap import PERIOD, Laboratory
 
 from maths.consistency import chi_square_bounds
-from systems.flap.flap_joint import (
-    FlapJointConfig,
-    FlapJointModel,
-    FlapJointState,
-    read_joint_angle,
-    update_joint,
-)
+from systems.flap.flap_joint import update_joint
+from systems.flap.flap_joint_model import FlapJointConfig, FlapJointModel, FlapJointState
+from systems.flap.flap_joint_readout import read_joint_angle
 from systems.flap.flap_pose import flap_pose, least_rotation, without_position
 from systems.port_values import UNKNOWN_FINGERTIP, unseen
 

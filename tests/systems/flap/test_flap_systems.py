@@ -11,7 +11,8 @@ from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U
 from synthetic_flap import PERIOD, Errors, Laboratory, ideal_depth, measured_depth
 
 from systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
-from systems.flap.flap_joint import FlapJoint, FlapJointConfig
+from systems.flap.flap_joint import FlapJoint
+from systems.flap.flap_joint_model import FlapJointConfig
 from systems.flap.flap_tracking import FlapTracker
 from systems.flap.flap_tracking_config import FlapTrackingConfig
 from systems.flap.hinge_estimator import HingeEstimator, HingeEstimatorConfig

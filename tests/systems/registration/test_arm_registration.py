@@ -17,11 +17,8 @@ from maths.arrays import Array
 from maths.pinhole import Intrinsics
 from systems.depth_camera import DepthCamera
 from systems.port_values import DisplacementBelief, SampleWindow, displacement_at
-from systems.registration.arm_registration import (
-    ArmRegistration,
-    ArmRegistrationConfig,
-    CalibratedArm,
-)
+from systems.registration.arm_registration import ArmRegistration, ArmRegistrationConfig
+from systems.registration.registration_prior import CalibratedArm
 from systems.registration.registration_solver import body_weights, distortion
 from systems.registration.robot_view import ArmChain, RobotView
 

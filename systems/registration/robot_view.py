@@ -5,28 +5,15 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.geometry import (
-    ClippingRange,
-    ColorRenderCamera,
-    DepthRange,
-    DepthRenderCamera,
-    MakeRenderEngineVtk,
-    RenderCameraCore,
-    RenderEngineVtkParams,
-    SceneGraph,
-)
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.rendering import MultibodyPositionToGeometryPose
-from pydrake.systems.sensors import CameraInfo, RgbdSensor
+from pydrake.systems.sensors import CameraInfo
 
 from maths.arrays import Array, Mask
+from systems.sensors.robot_camera import RobotCamera
 
 Labels = npt.NDArray[np.int16]
-
-_RENDERER = "surface"
 
 
 class ArmChain(NamedTuple):
@@ -109,18 +96,6 @@ class RobotView:
                 f"RobotView: reduction = {reduction} does not divide the image,"
                 f" {full.width()} x {full.height()} px"
             )
-        builder = DiagramBuilder()
-        scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
-        plant = MultibodyPlant(time_step=0.0)
-        plant.RegisterAsSourceForSceneGraph(scene_graph)
-        build_robot(plant)
-        if not plant.is_finalized():
-            plant.Finalize()
-        scene_graph.AddRenderer(_RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams()))
-        to_pose = builder.AddNamedSystem("to_pose", MultibodyPositionToGeometryPose(plant))
-        source = scene_graph.get_source_pose_port(plant.get_source_id())
-        builder.Connect(to_pose.get_output_port(), source)
-        builder.ExportInput(to_pose.get_input_port(), "positions")
         camera = CameraInfo(
             full.width() // reduction,
             full.height() // reduction,
@@ -129,22 +104,9 @@ class RobotView:
             full.center_x() / reduction,
             full.center_y() / reduction,
         )
-        near, far = depth_range
-        core = RenderCameraCore(
-            _RENDERER, camera, ClippingRange(0.5 * near, 1.1 * far), RigidTransform()
-        )
-        sensor = builder.AddNamedSystem(
-            "camera",
-            RgbdSensor(
-                scene_graph.world_frame_id(),
-                X_WC,
-                ColorRenderCamera(core, False),
-                DepthRenderCamera(core, DepthRange(near, far)),
-            ),
-        )
-        builder.Connect(scene_graph.get_query_output_port(), sensor.query_object_input_port())
-        self._plant, self._sensor, self._diagram = plant, sensor, builder.Build()
-        self._context = self._diagram.CreateDefaultContext()
+        self._camera = RobotCamera(build_robot, camera, X_WC, depth_range)
+        plant = self._plant = self._camera.plant
+        self._context = self._camera.CreateDefaultContext()
         self._plant_context = plant.CreateDefaultContext()
         self._rays = _pixel_rays(camera)
         self._chains = {name: _chain(plant, arm) for name, arm in arms.items()}
@@ -193,10 +155,11 @@ class RobotView:
         """
         self._set(joints)
         positions = self._plant.GetPositions(self._plant_context)
-        self._diagram.GetInputPort("positions").FixValue(self._context, positions)
-        context = self._sensor.GetMyContextFromRoot(self._context)
-        depth = self._sensor.depth_image_32F_output_port().Eval(context).data[:, :, 0]
-        body = self._sensor.label_image_output_port().Eval(context).data[:, :, 0]
+        self._camera.GetInputPort("positions").FixValue(self._context, positions)
+        depth, body = (
+            self._camera.GetOutputPort(name).Eval(self._context).data[:, :, 0]
+            for name in ("depth_image", "label_image")
+        )
         return RobotImage(depth.astype(float), body.copy(), self._rays)
 
     def _set(self, joints: Mapping[str, Array]) -> None:

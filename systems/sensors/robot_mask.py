@@ -7,30 +7,16 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import AbstractValue, Value
-from pydrake.geometry import (
-    ClippingRange,
-    ColorRenderCamera,
-    DepthRange,
-    DepthRenderCamera,
-    MakeRenderEngineVtk,
-    RenderCameraCore,
-    RenderEngineVtkParams,
-    SceneGraph,
-)
 from pydrake.math import RigidTransform
-from pydrake.multibody.parsing import GetScopedFrameByName
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
-from pydrake.systems.rendering import MultibodyPositionToGeometryPose
-from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U, RgbdSensor
+from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U
 
 from maths.arrays import Array, Ids
 from maths.validation import check, number, require
+from systems.sensors.robot_camera import RobotCamera
 
 Grey = npt.NDArray[np.uint8]
-
-_RENDERER = "silhouette"
 
 
 @dataclass(kw_only=True)
@@ -189,9 +175,8 @@ class SilhouetteMask(LeafSystem):
 class RobotMask(Diagram):
     """Renders the robot's model of itself, at the measured joints, from the camera's pose.
 
-    It holds a scene of its own with nothing but the robot, rendered at a reduced size, so that no
-    true pose of anything can leak into the mask. A camera on a link moves with the model's link.
-    The joints are measured with an offset, hence the margin. Rendered only when read.
+    What it renders, at a reduced size, is a `RobotCamera`. The joints are measured with an offset,
+    hence the margin. Rendered only when read.
 
     .. pydrake_system::
 
@@ -239,29 +224,15 @@ class RobotMask(Diagram):
         require(c.range_min < c.range_max, name, c, "range_max", "> range_min")
 
         builder = DiagramBuilder()
-        scene_graph = SceneGraph()
-        plant = MultibodyPlant(time_step=0.0)
-        plant.RegisterAsSourceForSceneGraph(scene_graph)
-        build_robot(plant)
-        if not plant.is_finalized():
-            plant.Finalize()
-        self._plant = plant  # MultibodyPositionToGeometryPose refers to it.
-        scene_graph.AddRenderer(_RENDERER, MakeRenderEngineVtk(RenderEngineVtkParams()))
-        builder.AddNamedSystem("scene_graph", scene_graph)
-
-        posture = builder.AddNamedSystem("posture", _posture(plant, robots))
-        to_pose = builder.AddNamedSystem("to_pose", MultibodyPositionToGeometryPose(plant))
         reduced = reduced_intrinsics(intrinsics, c.reduction)
-        base = GetScopedFrameByName(plant, base_frame)
-        camera = builder.AddNamedSystem("camera", _make_camera(c, plant, reduced, base, X_PC))
-        mask = builder.AddNamedSystem("mask", SilhouetteMask(c, reduced))
-
-        builder.Connect(posture.get_output_port(), to_pose.get_input_port())
-        builder.Connect(
-            to_pose.get_output_port(), scene_graph.get_source_pose_port(plant.get_source_id())
+        camera = builder.AddNamedSystem(
+            "camera",
+            RobotCamera(build_robot, reduced, X_PC, (c.range_min, c.range_max), base_frame),
         )
-        builder.Connect(scene_graph.get_query_output_port(), camera.query_object_input_port())
-        builder.Connect(camera.depth_image_32F_output_port(), mask.get_input_port())
+        posture = builder.AddNamedSystem("posture", _posture(camera.plant, robots))
+        mask = builder.AddNamedSystem("mask", SilhouetteMask(c, reduced))
+        builder.Connect(posture.get_output_port(), camera.GetInputPort("positions"))
+        builder.Connect(camera.GetOutputPort("depth_image"), mask.get_input_port())
         for index in range(posture.num_input_ports()):
             port = posture.get_input_port(index)
             builder.ExportInput(port, port.get_name())
@@ -283,20 +254,3 @@ def _posture(plant: MultibodyPlant, robots: Mapping[str, MaskedRobot]) -> RobotP
         postures = np.array(list(robot.hand_posture.values())).reshape(-1, 2)
         q_open[hands[name]], q_closed[hands[name]] = postures.T
     return RobotPosture(arms, hands, q_open, q_closed)
-
-
-def _make_camera(
-    config: RobotMaskConfig,
-    plant: MultibodyPlant,
-    intrinsics: CameraInfo,
-    base: Frame,
-    X_PC: RigidTransform,
-) -> RgbdSensor:
-    clipping = ClippingRange(0.5 * config.range_min, 1.1 * config.range_max)
-    core = RenderCameraCore(_RENDERER, intrinsics, clipping, RigidTransform())
-    return RgbdSensor(
-        parent_id=plant.GetBodyFrameIdOrThrow(base.body().index()),
-        X_PB=base.GetFixedPoseInBodyFrame() @ X_PC,
-        color_camera=ColorRenderCamera(core, False),
-        depth_camera=DepthRenderCamera(core, DepthRange(config.range_min, config.range_max)),
-    )

@@ -64,6 +64,7 @@ def update_joint(
     plane, contact = corrected(plane, contact, state.displacements)
     state = replace(state, p_WC=contact.p_WC if touching else state.p_WC, measured=plane.seen)
     if state.filters is None or state.model is None:
+        state = replace(state, moved=state.moved + contact.v_WC * config.period)
         return _add_reference(state, plane, contact, time, model) if plane.seen else state
     n = expected_normal(state, state.model, model)
     n_covariance = config.unseen_normal**2 * np.eye(3)
@@ -94,14 +95,15 @@ def _add_reference(
     config = model.config
     tick = begin(contact, plane, 1)
     reference = tick if state.reference is None else merge(state.reference, tick)
-    state = replace(state, reference=reference, n_W=reference.n_W)
-    moved = float(np.linalg.norm(contact.p_WC - reference.p_WC0))
+    mean = state.reference_moved + (state.moved - state.reference_moved) / reference.ticks
+    state = replace(state, reference=reference, n_W=reference.n_W, reference_moved=mean)
+    moved = float(np.linalg.norm(state.moved))
     if reference.ticks < config.reference_images and moved < config.at_rest:
         return state
     n, noise = reference.n_W, reference.plane_covariance[:3, :3] / reference.ticks
-    mean = replace(contact, p_WC=reference.p_WC)
+    contact = replace(contact, p_WC=reference.p_WC)
     walk, lasting = config.walk**2 * np.eye(3), config.flatness**2 * np.eye(3)
-    pose = flap_pose(n, n, noise, lasting, mean, walk, config.twist)
+    pose = flap_pose(n, n, noise, lasting, contact, walk, config.twist)
     start = model.filters.start(pose.X_WB, pose.covariance, time)
     return replace(state, filters=start, n0_W=n, n0_noise=noise, model=model.now(start, time))
 

@@ -56,6 +56,8 @@ class FlapJointState(Immutable):
         displacements: Of camera, holder and finger about the first contact, as they were known
             then, by which all is corrected; None before.
         reference: What was seen and touched at first; None before.
+        moved: How far what is touched has moved since (3,), while the reference grows, [m].
+        reference_moved: Mean of that over the reference (3,), [m].
         filters: None before the reference is complete.
         n_W: Normal (3,) of the front that was seen last.
         n0_W: Normal (3,) of the front at the reference.
@@ -68,6 +70,8 @@ class FlapJointState(Immutable):
 
     displacements: DisplacementBelief | None = None
     reference: Keyframe | None = None
+    moved: Array = field(default_factory=lambda: np.zeros(3))
+    reference_moved: Array = field(default_factory=lambda: np.zeros(3))
     filters: JointFiltersState | None = None
     n_W: Array = field(default_factory=lambda: np.full(3, np.nan))
     n0_W: Array = field(default_factory=lambda: np.full(3, np.nan))

@@ -27,8 +27,9 @@ def angle_at_reference(
 ) -> tuple[float, float]:
     """How far the flap was turned in the mean of the reference's images, and its variance.
 
-    The contact has moved since it began, and wandered meanwhile; of the angle that the filters
-    count from there, the reference's noise is an error, too.
+    What is touched has moved since it was touched first, and the finger may have slipped on it
+    meanwhile. Of the angle that the filters count from there, the reference's noise is an error,
+    too.
     """
     reference = state.reference
     assert reference is not None
@@ -37,10 +38,10 @@ def angle_at_reference(
     along = np.cross(k, u) / (u @ u)
     along_0 = np.cross(k, state.n0_W)
     time = 0.5 * reference.ticks * config.period / config.filters.errors.declared_time
-    wandered = 2.0 * config.walk**2 * (1.0 - np.exp(-time))
-    moved = reference.p_WC_covariance + wandered * np.eye(3)
-    variance = float(along @ moved @ along + along_0 @ state.n0_noise @ along_0)
-    return float(along @ (reference.p_WC - reference.p_WC0)), variance
+    slip = 2.0 * config.walk**2 * (1.0 - np.exp(-time))
+    noise = reference.p_WC_covariance / reference.ticks + slip * np.eye(3)
+    variance = float(along @ noise @ along + along_0 @ state.n0_noise @ along_0)
+    return float(along @ state.reference_moved), variance
 
 
 def _turned(k: Array, covariance: Array) -> Array:

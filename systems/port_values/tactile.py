@@ -60,7 +60,7 @@ class FingertipContact:
         p_WC: Where that is (3,), [m]; NaN without a contact, as all below.
         p_WC_covariance: (3, 3), [m^2].
         p_WC_white_covariance: Its part that is new at every tick.
-        v_WC: Velocity of the contact point (3,), smoothed, [m/s].
+        v_WC: Velocity of the fingertip's own point there (3,), mean of the last tick, [m/s].
         v_WC_covariance: (3, 3), [m^2/s^2].
     """
 

@@ -1,4 +1,4 @@
-"""Where the fingertip is, what it feels and how the point that it touches moves."""
+"""Where the fingertip is, what it feels and how its point that touches moves."""
 
 from dataclasses import dataclass, field, replace
 
@@ -37,9 +37,7 @@ class FingertipMotionConfig:
     # Standard deviation of one encoder sample, and of a velocity sample.
     position_noise: float = number(1e-4, at_least=1e-9, at_most=1.0, unit="rad")
     velocity_noise: float = number(5e-3, at_least=1e-9, at_most=100.0, unit="rad/s")
-    # White acceleration that drives the velocity of the contact point.
-    process_noise: float = number(0.003, at_least=1e-9, at_most=100.0, unit="m/s^1.5")
-    # Velocity of a contact that has just begun, 1 sigma per axis.
+    # Velocity of what is touched in the tick in which a contact begins, 1 sigma per axis.
     first_velocity: float = number(0.02, at_least=1e-6, at_most=10.0, unit="m/s")
     # By so much a sample of the taxels may be stamped ahead of the tick.
     newest: float = number(0.005, at_least=0.0, at_most=3600.0, unit="s")
@@ -50,50 +48,6 @@ class FingertipMotionConfig:
     # Standard deviation of how deep it is pressed in, as a share of that.
     indentation_error: float = number(0.5, at_least=0.0, at_most=10.0)
     features: ContactFeaturesConfig = field(default_factory=ContactFeaturesConfig)
-
-
-@dataclass(frozen=True, kw_only=True)
-class PointTrack(Immutable):
-    """The contact point's position and velocity.
-
-    Attributes:
-        time: [s]
-        mean: p_WC and v_WC (6,), [m, m/s].
-        covariance: (6, 6) without the errors of p_WC that last.
-    """
-
-    time: float
-    mean: Array
-    covariance: Array
-
-
-def start_track(time: float, p_WC: Array, R: Array, config: FingertipMotionConfig) -> PointTrack:
-    """The track of a contact that begins at `p_WC` (3,), known to R (3, 3)."""
-    covariance = np.zeros((6, 6))
-    covariance[:3, :3] = R
-    covariance[3:, 3:] = config.first_velocity**2 * np.eye(3)
-    return PointTrack(time=time, mean=np.concatenate([p_WC, np.zeros(3)]), covariance=covariance)
-
-
-def follow(track: PointTrack, time: float, p_WC: Array, R: Array, density: float) -> PointTrack:
-    """The track after one more measurement `p_WC` (3,) with covariance R (3, 3).
-
-    A Kalman filter with constant velocity, driven by white acceleration of root density `density`,
-    [m/s^1.5].
-    """
-    dt = time - track.time
-    F = np.kron([[1.0, dt], [0.0, 1.0]], np.eye(3))
-    unit = np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]])
-    P = F @ track.covariance @ F.T + density**2 * np.kron(unit, np.eye(3))
-    mean = F @ track.mean
-    K = np.linalg.solve(P[:3, :3] + R, P[:3]).T
-    remainder = np.eye(6) - K @ np.eye(3, 6)
-    posterior = remainder @ P @ remainder.T + K @ R @ K.T
-    return PointTrack(
-        time=time,
-        mean=mean + K @ (p_WC - mean[:3]),
-        covariance=0.5 * (posterior + posterior.T),
-    )
 
 
 def point_jacobian(X_WS: Array, p_SC: Array) -> Array:
@@ -119,6 +73,30 @@ def with_point(belief: FingertipContact, white_S: Array) -> FingertipContact:
     )
 
 
+def with_velocity(
+    belief: FingertipContact, last: FingertipContact, config: FingertipMotionConfig
+) -> FingertipContact:
+    """The belief with the velocity of the fingertip's point that touches, of a tick's two poses.
+
+    A contact that begins moves nobody knows how.
+
+    Args:
+        belief: With the contact in the world.
+        last: One tick before.
+        config: See there.
+    """
+    if not last.contact.touching:
+        v_covariance = config.first_velocity**2 * np.eye(3)
+        return replace(belief, v_WC=np.zeros(3), v_WC_covariance=v_covariance)
+    p_SC, dt = belief.contact.p_SC, config.period
+    moved, covariance = np.zeros(3), np.zeros((3, 3))
+    for sign, tick in ((1.0, belief), (-1.0, last)):
+        J = point_jacobian(tick.X_WS, p_SC)
+        moved += sign * (tick.X_WS[:3, 3] + tick.X_WS[:3, :3] @ p_SC)
+        covariance += J @ tick.white_covariance @ J.T
+    return replace(belief, v_WC=moved / dt, v_WC_covariance=covariance / dt**2)
+
+
 @dataclass(frozen=True, kw_only=True)
 class FingertipState(Immutable):
     """What is remembered between two ticks.
@@ -127,13 +105,11 @@ class FingertipState(Immutable):
         belief: The posterior.
         taxels: Up to their last sample.
         health: Of the taxels.
-        track: Of the contact point; None without a contact.
     """
 
     belief: FingertipContact
     taxels: TaxelState
     health: StreamHealth
-    track: PointTrack | None
 
 
 def new_samples(window: SampleWindow, last: float, now: float, newest: float) -> SampleWindow:
@@ -152,13 +128,14 @@ def health_of(taxels: TaxelState, now: float, stale_after: float) -> StreamHealt
 
 
 class FingertipMotion(RecursiveFilter):
-    """Where the fingertip and its contact are in the world, and how the contact point moves.
+    """Where the fingertip and its contact are in the world, and how what it touches moves.
 
     The pose follows from the joints by the arm's own model. Its error has two parts: the encoders'
     noise through the Jacobian, new at every tick, and the error of the arm's base and of the
     joints' zeros, which stays. The contact is what the mean of the window's taxel samples says, as
-    deep as its force presses the skin in. The contact point's velocity comes from a Kalman filter
-    on its positions; the positions themselves are given as each tick measures them.
+    deep as its force presses the skin in. What is touched sticks to the skin: its velocity is that
+    of the fingertip's own point there, for where the taxels find the contact may jump while nothing
+    moves.
 
     .. pydrake_system::
 
@@ -209,7 +186,6 @@ class FingertipMotion(RecursiveFilter):
             belief=UNKNOWN_FINGERTIP,
             taxels=unheard_taxels(layout),
             health=StreamHealth(),
-            track=None,
         )
         self._declare_recursion(initial, self._calc_motion, config.period)
         self._declare_estimated("fingertip_contact_estimated", lambda state: state.belief)
@@ -237,17 +213,9 @@ class FingertipMotion(RecursiveFilter):
             white_covariance=white,
             contact=contact,
         )
-        if not contact.touching:
-            return replace(state, belief=belief, track=None)
-        belief = with_point(belief, white_S)
-        R = belief.p_WC_white_covariance
-        track = (
-            start_track(time, belief.p_WC, R, self._config)
-            if state.track is None
-            else follow(state.track, time, belief.p_WC, R, self._config.process_noise)
-        )
-        belief = replace(belief, v_WC=track.mean[3:], v_WC_covariance=track.covariance[3:, 3:])
-        return replace(state, belief=belief, track=track)
+        if contact.touching:
+            belief = with_velocity(with_point(belief, white_S), state.belief, config)
+        return replace(state, belief=belief)
 
     def _feel(
         self, taxels: TaxelState, window: SampleWindow

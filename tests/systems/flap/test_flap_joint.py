@@ -1,5 +1,7 @@
 """The flap by joint filters."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from flap_episode import DEGREES, LIMITS, Episode, run
@@ -62,6 +64,23 @@ def test_the_joint_is_found(episodes: list[Episode]) -> None:
     assert np.median([episode.error["L2"][-1] for episode in episodes]) < 0.003
     assert np.median([episode.rms("theta", True) for episode in episodes]) < np.deg2rad(1.0)
     assert np.median([episode.rms("theta", False) for episode in episodes]) < np.deg2rad(2.0)
+
+
+def test_a_first_touch_that_is_felt_beside_the_contact_does_not_turn_the_flap() -> None:
+    """One tick after the first, the taxels find the contact 2 mm farther on: nothing has moved."""
+    ends = []
+    for offset in (0.0, 0.002):
+        lab, state = Laboratory(0), FlapJointState()
+        model, known = FlapJointModel(FlapJointConfig(), LIMITS, lab.camera), lab.displacements()
+        for i in range(round(8.0 / PERIOD)):
+            theta = lab.theta(i * PERIOD)
+            contact = lab.contact(theta, 0.08 if theta > 0.0 else 0.0)
+            if i == 0:
+                moved = contact.p_WC + offset * lab.tool.frame(0.0)[:, 1]
+                contact = replace(contact, p_WC=moved)
+            state = update_joint(state, lab.plane(theta), contact, known, i * PERIOD, model)
+        ends.append(read_joint_angle(state, model).theta)
+    assert abs(ends[1] - ends[0]) < np.deg2rad(0.2)
 
 
 def _jerked(seed: int, seen: bool) -> tuple[float, list[float], list[float]]:

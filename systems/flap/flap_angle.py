@@ -11,6 +11,7 @@ from maths.immutable import Immutable
 from maths.validation import check, number
 from systems.depth_camera import DepthCamera, angle_variance
 from systems.flap.flap_lever import lever
+from systems.flap.flap_normals import angle_about, turned_normal
 from systems.port_values import (
     UNKNOWN_ANGLE,
     UNKNOWN_FINGERTIP,
@@ -83,18 +84,6 @@ class FlapAngleState(Immutable):
 
 
 UNTOUCHED = FlapAngleState(x=np.zeros(3), P=np.zeros((3, 3)))
-
-
-def turned_normal(k: Array, n0: Array, angle: float) -> Array:
-    """The normal (3,) turned by an angle about k, without its part along k (Rodrigues)."""
-    n = n0 - k * (k @ n0)
-    n = n / np.linalg.norm(n)
-    return np.asarray(n * np.cos(angle) + np.cross(k, n) * np.sin(angle))
-
-
-def angle_about(k: Array, n0: Array, n: Array) -> float:
-    """Angle from n0 to n (3,) about k, within ±pi, [rad]."""
-    return float(np.arctan2(k @ np.cross(n0, n), n0 @ n - (k @ n0) * (k @ n)))
 
 
 def contact_rate(

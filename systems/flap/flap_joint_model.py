@@ -8,7 +8,7 @@ from maths.arrays import Array
 from maths.immutable import Immutable
 from maths.validation import check, number
 from systems.depth_camera import DepthCamera
-from systems.flap.flap_angle import turned_normal
+from systems.flap.flap_normals import turned_normal
 from systems.flap.hinge_keyframes import Keyframe
 from systems.flap.hinge_limits import HingeLimitsConfig
 from systems.kinematics.joint_filters import JointFilters, JointFiltersState

@@ -15,14 +15,13 @@ from systems.flap.flap_angle import (
     UNTOUCHED,
     FlapAngleConfig,
     FlapAngleState,
-    angle_about,
     contact_rate,
     correct,
     predict,
     read_angle,
-    turned_normal,
     update_angle,
 )
+from systems.flap.flap_normals import angle_about, turned_normal
 from systems.port_values import UNKNOWN_FINGERTIP, UNKNOWN_HINGE, HingeBelief, unseen
 
 CONFIG = FlapAngleConfig()

@@ -56,6 +56,8 @@ recordings: $(INSTALLED)
 
 bench: $(INSTALLED)
 	$(BIN)/python -m benchmarks.episode
+	$(BIN)/python -m benchmarks.episode --scenario flap
+	$(BIN)/python -m benchmarks.servoing
 	$(BIN)/python -m benchmarks.joint_filters $(ARGS)
 	$(BIN)/python -m benchmarks.joint_robustness
 	$(BIN)/python -m benchmarks.real_tracks

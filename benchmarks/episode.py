@@ -101,9 +101,7 @@ def report(
     parts: dict[str, list[float]], exploring: float, factor: float, modalities: list[str]
 ) -> None:
     print(f"\nReal-time factor of the whole episode: {factor:.2f}\n")
-    print(
-        "| while the robot moves what it perceives | median [ms] | p95 [ms] | wall per simulated second [s] |"
-    )
+    print("| while the robot moves something | median [ms] | p95 [ms] | per simulated second [s] |")
     print("|---|---|---|---|")
     for name, values in parts.items():
         ms = 1e3 * np.array(values)

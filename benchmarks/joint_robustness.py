@@ -6,8 +6,8 @@ Right: the type at the end. Wrong: streams in which, after the first 2 s, a wron
 with a probability over 0.9; a body that begins to move may be taken to rest for three frames. q:
 root mean square error after 2 s, against that of one raw frame. NEES: of q, mean after 2 s, one
 where claims are honest. Inside: shares of frames after 2 s whose q and axis are within two claimed
-standard deviations. Axis: angle at the end, median. The streams are defined in
-`robustness_streams.py`.
+standard deviations. Axis: angle at the end, median. Pitch: error at the end, median, and within two
+claimed standard deviations. The streams are defined in `robustness_streams.py`.
 """
 
 from dataclasses import dataclass
@@ -40,6 +40,8 @@ class Outcome:
         axis_sigma: (N,) the axis' error in claimed standard deviations, root of NEES over two.
         axis_error: At the end, [rad].
         distance_z: Error of the axis' distance at the end, in claimed standard deviations.
+        pitch_error: Of a screw at the end, as a share of its pitch.
+        pitch_z: The same in claimed standard deviations.
     """
 
     type: str
@@ -49,6 +51,8 @@ class Outcome:
     axis_sigma: Array
     axis_error: float
     distance_z: float
+    pitch_error: float
+    pitch_z: float
 
 
 def _angle(a: Array, b: Array) -> float:
@@ -67,7 +71,7 @@ def evaluate_case(case: Case, seed: int, filters: JointFilters) -> Outcome:
     state = filters.start(stream.X_PB_measured[0], case.covariance, 0.0)
     belief, wrong, rows = filters.belief(state), False, []
     model = None
-    lever = case.radius if case.joint == "revolute" else 1.0
+    lever = case.radius if case.joint in ("revolute", "screw") else 1.0
     for k in range(1, stream.times.size):
         t = float(stream.times[k])
         state = filters.update(state, stream.X_PB_measured[k], case.covariance, t)
@@ -91,15 +95,18 @@ def evaluate_case(case: Case, seed: int, filters: JointFilters) -> Outcome:
         square = sideways @ np.linalg.pinv(variance, rcond=1e-9) @ sideways
         rows.append((lever * abs(e), e**2 / model.configuration_covariance[0, 0], square / 2.0))
     errors = np.array(rows).reshape(-1, 3)
-    axis, distance = np.nan, np.nan
+    axis, distance, pitch, pitch_z = np.nan, np.nan, np.nan, np.nan
     if model is not None:
         axis = _angle(model.axis_P, stream.axis_P)
         axis = min(axis, np.pi - axis)
-        if case.joint == "revolute":
+        if case.joint in ("revolute", "screw"):
             d = model.p_PA - stream.X_PB[0, :3, 3]
             u = d / np.linalg.norm(d)
             off = np.linalg.norm(d) - case.radius
             distance = off / np.sqrt(u @ model.p_PA_covariance @ u)
+        if case.joint == "screw":
+            pitch = abs(model.pitch - case.pitch) / case.pitch
+            pitch_z = (model.pitch - case.pitch) / np.sqrt(model.pitch_variance)
     return Outcome(
         type=belief.type.value,
         wrong=wrong,
@@ -108,6 +115,8 @@ def evaluate_case(case: Case, seed: int, filters: JointFilters) -> Outcome:
         axis_sigma=np.sqrt(errors[:, 2]),
         axis_error=axis,
         distance_z=distance,
+        pitch_error=pitch,
+        pitch_z=pitch_z,
     )
 
 
@@ -131,6 +140,9 @@ def table_row(case: Case, outcomes: list[Outcome]) -> str:
         cells += ["-"] * 5
     z = np.array([o.distance_z for o in outcomes])
     cells.append("-" if np.isnan(z).all() else f"{100 * np.mean(np.abs(z) < 2.0):.0f} %")
+    pitch, z = np.array([[o.pitch_error, o.pitch_z] for o in outcomes]).T
+    inside = f"{100 * np.median(pitch):.1f} %, {100 * np.mean(np.abs(z) < 2.0):.0f} %"
+    cells.append("-" if np.isnan(pitch).all() else inside)
     types = [o.type for o in outcomes if o.type not in case.accepted]
     cells.append(", ".join(f"{types.count(t)} {t}" for t in sorted(set(types))))
     return "| " + " | ".join(cells) + " |"
@@ -138,7 +150,7 @@ def table_row(case: Case, outcomes: list[Outcome]) -> str:
 
 HEADER = (
     "| case | right type | wrong | q / raw | NEES q | q inside | axis inside | axis deg "
-    "| distance inside | else |"
+    "| distance inside | pitch, inside | else |"
 )
 
 
@@ -159,7 +171,7 @@ def main(
     results = Parallel(n_jobs=jobs, return_as="generator")(delayed(one)(i, s) for i, s in tasks)
     outcomes = list(tqdm(results, total=len(tasks), unit="stream", disable=None))
     print(HEADER)
-    print("|---" * 10 + "|")
+    print("|---" * 11 + "|")
     for i, case in enumerate(chosen):
         print(table_row(case, outcomes[i * seeds : (i + 1) * seeds]))
 

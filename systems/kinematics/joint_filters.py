@@ -1,4 +1,4 @@
-"""The four joint models of one pair of bodies: prismatic, revolute, rigid and disconnected.
+"""The joint models of one pair of bodies: prismatic, revolute, screw, rigid and disconnected.
 
 A smoother over pose keyframes rather than a plain recursive filter. Each update finds, for every
 model, the maximum a posteriori estimate of the joint's parameters and of its configurations at all
@@ -46,8 +46,18 @@ from maths.immutable import Immutable
 from maths.validation import check
 from systems.kinematics.goodness_of_fit import reduced_chi_square
 from systems.kinematics.joint_filters_config import JointFiltersConfig
-from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE, dimension
+from systems.kinematics.joint_solver.joint_geometry import (
+    JOINTS,
+    MOVING,
+    PRISMATIC,
+    RIGID,
+    SCREW,
+    WALK,
+    dimension,
+    turns,
+)
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
+from systems.kinematics.joint_solver.joint_pitch import WIDEST, pitch_posterior
 from systems.kinematics.joint_solver.joint_readout import (
     predict_pose,
     read_axis,
@@ -80,9 +90,16 @@ from systems.kinematics.pose_checks import (
 )
 from systems.port_values import JointBelief, JointFit, JointModelBelief, JointType, PoseBelief
 
-TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID, JointType.DISCONNECTED)
+TYPES = (
+    JointType.PRISMATIC,
+    JointType.REVOLUTE,
+    JointType.SCREW,
+    JointType.RIGID,
+    JointType.DISCONNECTED,
+)
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
 _RESTART_EVERY = 15  # Updates between fresh starts where the axis is better known than that.
+_SCREW_EVERY = 3  # Updates between two turns of the screw, see `joint_update.solve_all`.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
 _SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
 _NO_OUTLIERS = np.zeros(7)
@@ -107,8 +124,8 @@ class JointFiltersState(Immutable):
         W_zero: See `read_configuration`.
         reference_noise: Covariance (6, 6), in B, of the measured reference.
         offset: Covariance (6, 6), in B, of the poses' constant error since the last reset.
-        zero_variance: (2,) by how far the child may have moved before the reference, for the
-            prismatic and the revolute model.
+        zero_variance: (4,) by how far the child may have moved before the reference, by each model
+            of a joint.
         reset_count: Of parent and child together (`BodyMotion`).
         skipped: How many measurements were not used, by reason.
         outliers: How many were used and are outliers, as expected.
@@ -166,7 +183,7 @@ class JointFilters:
         self._correlated = is_correlated(config.errors)
         self._least_scale = 1.0 if self._correlated else 0.0
         p = config.type_priors
-        self._log_prior = np.log([p.prismatic, p.revolute, p.rigid, p.disconnected])
+        self._log_prior = np.log([p.prismatic, p.revolute, p.screw, p.rigid, p.disconnected])
 
     def start(
         self,
@@ -217,13 +234,12 @@ class JointFilters:
         append(keyframes, np.eye(4), R, time, outliers)
         scale = initial_noise_scale()
         observe(scale, np.eye(4), R, time, self._least_scale)
-        for kind in range(3):
+        spread = np.array([AXIS_SPREAD] * 2 + [config.axis_distance] * 2 + [WIDEST])
+        for kind in range(JOINTS):
             n = dimension(kind)
             models.covariance[kind, :6, :6] = R
-            models.covariance[kind, 6:n, 6:n] = np.diag(
-                [AXIS_SPREAD**2] * 2 + [config.axis_distance**2] * 2
-            )[: n - 6, : n - 6]
-        for kind in (PRISMATIC, REVOLUTE):
+            models.covariance[kind, 6:n, 6:n] = np.diag(spread[: n - 6] ** 2)
+        for kind in MOVING:
             lever = 1.0 if kind == PRISMATIC else config.radius
             models.P[kind, 1, 1] = (config.speed / lever) ** 2
             models.process_noise[kind] = config.unmeasured_process_noise / lever**2
@@ -242,7 +258,7 @@ class JointFilters:
             W_zero=W_zero,
             reference_noise=noise,
             offset=np.zeros((6, 6)),
-            zero_variance=models.P[:2, 1, 1] * delay**2,
+            zero_variance=models.P[:, 1, 1] * delay**2,
         )
 
     def rebase(
@@ -371,8 +387,10 @@ class JointFilters:
             rescale(keyframes, wanted / scale, keyframes.floor.copy(), self._priors.outliers)
             scale = wanted
         R = R * np.outer(scale, scale)
-        restart = _wants_restart(state)
-        outliers = update_models(models, keyframes, X_FB, R, time, priors, self._log_prior, restart)
+        restart, screw = _wants_restart(state), state.updates % _SCREW_EVERY == 0
+        outliers = update_models(
+            models, keyframes, X_FB, R, time, priors, self._log_prior, restart, screw
+        )
         models, keyframes, floor = with_likelier_floor(
             models,
             keyframes,
@@ -414,10 +432,11 @@ class JointFilters:
             child_id=state.child_id,
             probabilities=self.probabilities(state),
             models={
-                JointType.PRISMATIC: self._moving_belief(state, PRISMATIC, dt),
-                JointType.REVOLUTE: self._moving_belief(state, REVOLUTE, dt),
-                JointType.RIGID: _still_belief(float(state.models.log_evidence[2])),
-                JointType.DISCONNECTED: _still_belief(float(state.models.log_evidence[3])),
+                **{TYPES[kind]: self._moving_belief(state, kind, dt) for kind in MOVING},
+                **{
+                    TYPES[kind]: _still_belief(float(state.models.log_evidence[kind]))
+                    for kind in (RIGID, WALK)
+                },
             },
             updates=state.updates,
             skipped={str(reason): count for reason, count in state.skipped.items()},
@@ -447,9 +466,12 @@ class JointFilters:
         q_covariance[0, 0] += state.zero_variance[kind] + variance
         if dt > 1e-9:
             S = self.config.unmeasured_process_noise
-            if kind == REVOLUTE:
-                S /= self.config.radius**2 + float(m.c[kind] @ m.c[kind])
+            if turns(kind):
+                S /= self.config.radius**2 + float(m.c[kind] @ m.c[kind]) + m.pitch[kind] ** 2
             configuration, q_covariance = _predicted(configuration, q_covariance, S, dt)
+        pitch, pitch_variance = np.nan, np.nan
+        if kind == SCREW:
+            pitch, pitch_variance = pitch_posterior(m.pitch[kind], m.covariance[kind, 10, 10])
         return JointModelBelief(
             log_evidence=float(state.models.log_evidence[kind]),
             axis_P=vectors[0],
@@ -458,6 +480,8 @@ class JointFilters:
             p_PA_covariance=point,
             configuration=configuration,
             configuration_covariance=symmetric(q_covariance),
+            pitch=pitch,
+            pitch_variance=pitch_variance,
         )
 
     def predict(self, state: JointFiltersState, joint_type: JointType, dt: float) -> PoseBelief:

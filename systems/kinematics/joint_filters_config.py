@@ -13,6 +13,7 @@ class TypePriorsConfig:
 
     prismatic: float = number(0.2, above=0.0, at_most=1000.0)
     revolute: float = number(0.2, above=0.0, at_most=1000.0)
+    screw: float = number(0.02, above=0.0, at_most=1000.0)
     rigid: float = number(0.4, above=0.0, at_most=1000.0)
     disconnected: float = number(0.2, above=0.0, at_most=1000.0)
 
@@ -42,7 +43,7 @@ class JointFiltersConfig:
         outliers: Share of the measurements that are outliers; zero for none.
         outlier_rotation: Standard deviation of what an outlier is off by, per direction.
         outlier_translation: The same in translation.
-        type_priors: Of the four joint types.
+        type_priors: Of the joint types.
         errors: Of the measurements, correlated in time.
         memory: Keyframes kept.
         coarseness: Share of the motion's mean square that one keyframe may span.

@@ -4,12 +4,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+import numpy as np
+
 from maths.arrays import Array
 
 
 class JointType(StrEnum):
     PRISMATIC = "prismatic"
     REVOLUTE = "revolute"
+    SCREW = "screw"
     RIGID = "rigid"
     DISCONNECTED = "disconnected"
 
@@ -24,10 +27,12 @@ class JointModelBelief:
         log_evidence: Log likelihood of the recent measurements under this type.
         axis_P: Unit axis (3,) in the parent's frame.
         axis_covariance: (3, 3), rank 2, of the unit axis, [rad^2].
-        p_PA: The point (3,) of a revolute axis nearest to the child at the reference, [m].
+        p_PA: The point (3,) of a revolute or screw axis nearest to the child at the reference, [m].
         p_PA_covariance: (3, 3), [m^2].
         configuration: (q, qdot), [m or rad, per s]; q is zero at the reference.
         configuration_covariance: (2, 2).
+        pitch: By how much a screw moves along its axis, [m/rad].
+        pitch_variance: [m^2/rad^2].
     """
 
     log_evidence: float
@@ -37,6 +42,8 @@ class JointModelBelief:
     p_PA_covariance: Array
     configuration: Array
     configuration_covariance: Array
+    pitch: float = np.nan
+    pitch_variance: float = np.nan
 
 
 @dataclass(frozen=True, kw_only=True)

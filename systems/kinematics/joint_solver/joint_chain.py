@@ -15,6 +15,7 @@ import numpy as np
 from maths import cholesky
 from maths.arrays import Array
 from maths.compiled import hot
+from systems.kinematics.joint_solver.joint_geometry import PARAMETERS
 from systems.kinematics.joint_solver.joint_linearisation import Linear
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
@@ -22,13 +23,15 @@ from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 class Chain(NamedTuple):
     """The filtered configuration: mean m + M dtheta and covariance P, at the newest keyframe.
 
+    N are the parameters of the largest model.
+
     Attributes:
         m: (2,) q and its rate.
-        M: (2, 10) sensitivity to theta.
+        M: (2, N) sensitivity to theta.
         P: (3,) variance of q, covariance, variance of its rate, given theta.
-        H: (10, 10) information about theta, all q marginalised; its factor after `solve`.
-        h: (10,) information vector.
-        step: (10,) dtheta.
+        H: (N, N) information about theta, all q marginalised; its factor after `solve`.
+        h: (N,) information vector.
+        step: (N,) dtheta.
     """
 
     m: Array
@@ -43,11 +46,11 @@ class Chain(NamedTuple):
 def new_chain() -> Chain:
     return Chain(
         np.zeros(2),
-        np.zeros((2, 10)),
+        np.zeros((2, PARAMETERS)),
         np.zeros(3),
-        np.zeros((10, 10)),
-        np.zeros(10),
-        np.zeros(10),
+        np.zeros((PARAMETERS, PARAMETERS)),
+        np.zeros(PARAMETERS),
+        np.zeros(PARAMETERS),
     )
 
 
@@ -76,14 +79,14 @@ def run_chain(
         q: Where each keyframe was linearised (K,).
         kf: Keyframes.
         lin: They, linearised.
-        step: (10,) see above.
+        step: (N,) see above.
         since: See above.
         chain: Result.
     """
     m, M, H, h = chain.m, chain.M, chain.H, chain.h
     m[:] = 0.0
     M[:] = 0.0
-    e_theta = np.empty(10)
+    e_theta = np.empty(PARAMETERS)
     for i in range(n):
         h[i] = lin.vector[i]
         for j in range(i + 1):

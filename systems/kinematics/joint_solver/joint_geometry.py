@@ -1,13 +1,14 @@
 """The geometry of a joint in F, the child's measured reference frame, compiled.
 
-A joint with parameters (Y, a, c) moves the child along one screw:
+A joint with parameters (Y, a, c, h) moves the child along one screw:
 
     X_FB(q) = E(q) Y,  E(q) = translation by a q (prismatic), or rotation by q about the axis
-                       through c along a (revolute), or identity (rigid)
+                       through c along a, and translation by a h q (screw; revolute, where the
+                       pitch h is zero), or identity (rigid)
 
-with Y = X_FB(0) the true reference pose (6 dimensions), a the unit axis (2) and c the axis point
-nearest to Fo (2, in the plane normal to a). Tangent coordinates are in this order: Y's right
-perturbation, then a and c along the same two unit vectors normal to a.
+with Y = X_FB(0) the true reference pose (6 dimensions), a the unit axis (2), c the axis point
+nearest to Fo (2, in the plane normal to a) and h the pitch [m/rad] (1). Tangent coordinates are in
+this order: Y's right perturbation, then a and c along the same two unit vectors normal to a, and h.
 """
 
 import numpy as np
@@ -17,13 +18,27 @@ from maths.compiled import hot
 from maths.se3_in_place import perturb
 from maths.tangent_plane import tangent_basis
 
-PRISMATIC, REVOLUTE, RIGID = 0, 1, 2
+PRISMATIC, REVOLUTE, SCREW, RIGID = 0, 1, 2, 3
+MOVING = (PRISMATIC, REVOLUTE, SCREW)
+JOINTS = 4  # Models of a joint; after them comes the free walk.
+WALK = JOINTS
+PARAMETERS = 11  # Of the model that has most.
 
 
 @hot
 def dimension(kind: int) -> int:
     """The number of parameters of a model."""
-    return 8 if kind == PRISMATIC else (10 if kind == REVOLUTE else 6)
+    if kind == PRISMATIC:
+        return 8
+    if kind == REVOLUTE:
+        return 10
+    return PARAMETERS if kind == SCREW else 6
+
+
+@hot
+def turns(kind: int) -> bool:
+    """Whether the child turns about an axis that has a place."""
+    return kind in (REVOLUTE, SCREW)
 
 
 @hot
@@ -43,10 +58,10 @@ def _into_body(Y: Array, w: Array, v: Array, out: Array) -> None:
 
 
 @hot
-def child_pose(kind: int, Y: Array, a: Array, c: Array, q: float, X: Array) -> None:
+def child_pose(kind: int, Y: Array, a: Array, c: Array, pitch: float, q: float, X: Array) -> None:
     """Writes X_FB(q) = E(q) Y (4, 4) into `X`."""
-    cosine, sine = (np.cos(q), np.sin(q)) if kind == REVOLUTE else (1.0, 0.0)
-    slide = q if kind == PRISMATIC else 0.0
+    cosine, sine = (np.cos(q), np.sin(q)) if turns(kind) else (1.0, 0.0)
+    slide = q if kind == PRISMATIC else pitch * q
     for j in range(4):
         # Rodrigues' formula on each column; the last one is a point, which turns about c.
         o = 1.0 if j == 3 else 0.0
@@ -59,11 +74,12 @@ def child_pose(kind: int, Y: Array, a: Array, c: Array, q: float, X: Array) -> N
 
 
 @hot
-def screw_twists(kind: int, Y: Array, a: Array, c: Array, B: Array, G: Array) -> None:
-    """Writes five constant twists (5, 6) in the child, of which all Jacobians are combinations.
+def screw_twists(kind: int, Y: Array, a: Array, c: Array, pitch: float, B: Array, G: Array) -> None:
+    """Writes six constant twists (6, 6) in the child, of which all Jacobians are combinations.
 
     Row 0 is the child's twist per unit of q. Rows 1 and 2 are rotations through c along the basis
-    vectors B (2, 3) normal to the axis, rows 3 and 4 translations along them.
+    vectors B (2, 3) normal to the axis, rows 3 and 4 translations along them, row 5 one along the
+    axis.
     """
     w, v = np.zeros(3), np.zeros(3)
     for i in range(2):
@@ -71,19 +87,24 @@ def screw_twists(kind: int, Y: Array, a: Array, c: Array, B: Array, G: Array) ->
     for i in range(2):
         v[0], v[1], v[2] = _cross(c, B[i])
         _into_body(Y, B[i], v, G[1 + i])
+    _into_body(Y, w, a, G[5])
     if kind == PRISMATIC:
-        _into_body(Y, w, a, G[0])
+        G[0] = G[5]
     else:
         v[0], v[1], v[2] = _cross(c, a)
+        for i in range(3):
+            v[i] += pitch * a[i]
         _into_body(Y, a, v, G[0])
 
 
 @hot
-def jacobian(kind: int, G: Array, q: float, J: Array) -> None:
-    """Writes the child's twists per unit of q (row 0) and of (a, c) (rows 1 to 4) into `J` (5, 6).
+def jacobian(kind: int, G: Array, pitch: float, q: float, J: Array) -> None:
+    """Writes the child's twists per unit of q (row 0) and of (a, c, h) (rows 1 to 5) into `J`.
 
     `G` is from `screw_twists`; the tangent coordinates of a and c belong to its basis. Tilting a
-    revolute axis by e moves the child, already at q, by a rotation of sin q e - (1 - cos q) a x e.
+    screw's axis by e moves the child, already at q, by a rotation of sin q e - (1 - cos q) a x e
+    and a translation of h q (cos q e - sin q a x e). `J` is (6, 6); rows that a model lacks are
+    left as they are.
     """
     if kind == PRISMATIC:
         for i in range(6):
@@ -94,24 +115,31 @@ def jacobian(kind: int, G: Array, q: float, J: Array) -> None:
         J[0, i] = G[0, i]
         J[1, i], J[2, i] = s * G[1, i] - d * G[2, i], s * G[2, i] + d * G[1, i]
         J[3, i], J[4, i] = -d * G[3, i] - s * G[4, i], -d * G[4, i] + s * G[3, i]
+    if kind == SCREW:
+        slide, cosine = pitch * q, 1.0 - d
+        for i in range(6):
+            J[1, i] += slide * (cosine * G[3, i] - s * G[4, i])
+            J[2, i] += slide * (cosine * G[4, i] + s * G[3, i])
+            J[5, i] = q * G[5, i]
 
 
 @hot
-def retract(kind: int, Y: Array, a: Array, c: Array, step: Array) -> None:
-    """Moves (Y, a, c) by `step` in their tangent space, in place."""
+def retract(kind: int, Y: Array, a: Array, c: Array, pitch: float, step: Array) -> float:
+    """Moves (Y, a, c) by `step` in their tangent space, in place; returns the pitch moved by it."""
     perturb(Y, step, Y)
     if kind == RIGID:
-        return
+        return pitch
     B = np.empty((2, 3))
     tangent_basis(a, B)
     norm = np.sqrt(step[6] ** 2 + step[7] ** 2)
     s, cosine = (np.sin(norm) / norm, np.cos(norm)) if norm > 1e-9 else (1.0, 1.0)
     for i in range(3):
         a[i] = cosine * a[i] + s * (step[6] * B[0, i] + step[7] * B[1, i])
-        if kind == REVOLUTE:
+        if turns(kind):
             c[i] += step[8] * B[0, i] + step[9] * B[1, i]
     length = np.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2)
     along = (a[0] * c[0] + a[1] * c[1] + a[2] * c[2]) / length**2
     for i in range(3):
         c[i] -= along * a[i]
         a[i] /= length
+    return pitch + step[10] if kind == SCREW else pitch

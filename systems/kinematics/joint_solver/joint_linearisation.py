@@ -1,8 +1,8 @@
 """Keyframes of relative poses linearised about one joint, compiled.
 
-The parameters theta = (Y, a, c) and their tangent space are those of `joint_geometry`. A keyframe's
-residual is log(X_FB(q)^-1 Z) in B. Its q is left free, so that what remains speaks about theta
-alone, and what it says about q is kept beside it for the chain of all q (`joint_chain`).
+The parameters theta = (Y, a, c, h) and their tangent space are those of `joint_geometry`. A
+keyframe's residual is log(X_FB(q)^-1 Z) in B. Its q is left free, so that what remains speaks about
+theta alone, and what it says about q is kept beside it for the chain of all q (`joint_chain`).
 
 Keyframes are linearised anew at each call; only those that were marginalised keep the point of
 their linearisation.
@@ -17,14 +17,17 @@ from maths.compiled import hot
 from maths.se3_in_place import relative_log
 from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver.joint_geometry import (
-    REVOLUTE,
+    PARAMETERS,
     RIGID,
+    SCREW,
     child_pose,
     dimension,
     jacobian,
     screw_twists,
+    turns,
 )
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
+from systems.kinematics.joint_solver.joint_pitch import WIDEST
 from systems.kinematics.joint_solver.outliers import blend, weigh_residual
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
@@ -32,12 +35,14 @@ from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 class Linear(NamedTuple):
     """The keyframes linearised at one theta and q.
 
+    N are the parameters of the largest model.
+
     Attributes:
         alpha: (K,) information about q in each keyframe.
         g: (K,) its information vector, relative to the q of linearisation.
-        beta: (K, 10) its coupling with theta.
-        information: (10, 10) about theta, lower triangle.
-        vector: (10,) its information vector.
+        beta: (K, N) its coupling with theta.
+        information: (N, N) about theta, lower triangle.
+        vector: (N,) its information vector.
         value: (1,) log likelihood at the linearisation, each keyframe's own normaliser left out.
     """
 
@@ -55,9 +60,9 @@ def new_linear(capacity: int) -> Linear:
     return Linear(
         np.zeros(capacity),
         np.zeros(capacity),
-        np.zeros((capacity, 10)),
-        np.zeros((10, 10)),
-        np.zeros(10),
+        np.zeros((capacity, PARAMETERS)),
+        np.zeros((PARAMETERS, PARAMETERS)),
+        np.zeros(PARAMETERS),
         np.zeros(1),
     )
 
@@ -77,9 +82,9 @@ def _weigh(W: Array, k: int, rows: int, J: Array, WJ: Array) -> None:
 def _add_normal_equations(
     W: Array, k: int, extra: int, J: Array, WJ: Array, H: Array, h: Array
 ) -> float:
-    """Adds keyframe k's to H (10, 10), lower triangle, and h (10,); returns r^T W r.
+    """Adds keyframe k's to H, lower triangle, and h; returns r^T W r.
 
-    J holds the twist per unit of q, those per parameter of axis and point, and the residual r.
+    J holds the twist per unit of q, those per parameter of the screw, and the residual r.
     """
     r = 1 + extra
     for i in range(6):
@@ -130,6 +135,7 @@ def _add_keyframes(
     Y: Array,
     a: Array,
     c: Array,
+    pitch: float,
     q: Array,
     inlier: Array,
     kf: Keyframes,
@@ -141,22 +147,22 @@ def _add_keyframes(
     extra = dimension(kind) - 6
     rows = 2 + extra if kind != RIGID else 1
     J, WJ, G, X, B = (
+        np.empty((7, 6)),
+        np.empty((7, 6)),
         np.empty((6, 6)),
-        np.empty((6, 6)),
-        np.empty((5, 6)),
         np.empty((4, 4)),
         np.empty((2, 3)),
     )
     H, h, beta, alphas, gs = lin.information, lin.vector, lin.beta, lin.alpha, lin.g
     r = J[rows - 1]
     tangent_basis(a, B)
-    screw_twists(kind, Y, a, c, B, G)
+    screw_twists(kind, Y, a, c, pitch, B, G)
     value, spared, blended = 0.0, np.zeros(6), np.empty((1, 6, 6))
     for k in range(first, last):
-        child_pose(kind, Y, a, c, q[k], X)
+        child_pose(kind, Y, a, c, pitch, q[k], X)
         relative_log(X, kf.Z[k], r)
         if kind != RIGID:
-            jacobian(kind, G, q[k], J)
+            jacobian(kind, G, pitch, q[k], J)
         # Where the newest one is along the path, nothing measured after it says.
         is_spared = kind != RIGID and k > 0 and k == kf.size[0] - 1 and kf.open[k] > 0.0
         W, row = kf.W, k
@@ -192,8 +198,9 @@ def add_keyframes(
 
     Each keyframe's q is left free, except that of keyframe 0, where it is zero.
     """
-    Y, a, c, q = m.Y[kind], m.a[kind], m.c[kind], m.q[kind]
-    _add_keyframes(kind, first, last, Y, a, c, q, m.inlier[kind], kf, share, temper, lin)
+    Y, a, c, pitch = m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind]
+    q, inlier = m.q[kind], m.inlier[kind]
+    _add_keyframes(kind, first, last, Y, a, c, pitch, q, inlier, kf, share, temper, lin)
 
 
 @hot
@@ -206,16 +213,17 @@ def clear(lin: Linear) -> None:
 
 @hot
 def prior_offset(kind: int, m: Models, d: Array) -> None:
-    """Writes (Y, a, c) relative to where the prior was linearised into `d` (12,)."""
+    """Writes (Y, a, c, pitch) relative to where the prior was linearised into `d` (N + 2,)."""
     relative_log(m.prior_Y[kind], m.Y[kind], d)
     for i in range(3):
         d[6 + i] = m.a[kind, i] - m.prior_a[kind, i]
         d[9 + i] = m.c[kind, i] - m.prior_c[kind, i]
+    d[12] = m.pitch[kind] - m.prior_pitch[kind]
 
 
 @hot
 def embedding(a: Array, T: Array) -> None:
-    """Writes the tangent vectors of (Y, a, c) as rows of twelve components into `T` (10, 12)."""
+    """Writes the tangent vectors of (Y, a, c, pitch) as rows into `T` (N, N + 2)."""
     B = np.empty((2, 3))
     tangent_basis(a, B)
     T[:] = 0.0
@@ -225,30 +233,32 @@ def embedding(a: Array, T: Array) -> None:
         for k in range(3):
             T[6 + i, 6 + k] = B[i, k]
             T[8 + i, 9 + k] = B[i, k]
+    T[10, 12] = 1.0
 
 
 @hot
 def _add_prior(kind: int, m: Models, lin: Linear) -> None:
     """Adds the prior that marginalised keyframes have left."""
-    d, T = np.empty(12), np.empty((10, 12))
+    size = PARAMETERS + 2
+    d, T = np.empty(size), np.empty((PARAMETERS, size))
     prior_offset(kind, m, d)
     embedding(m.a[kind], T)
     n = dimension(kind)
-    gradient, columns = np.empty(12), np.empty((10, 12))
+    gradient, columns = np.empty(size), np.empty((PARAMETERS, size))
     lin.value[0] += m.prior_value[kind]
-    for i in range(12):
+    for i in range(size):
         gradient[i] = m.prior_vector[kind, i]
-        for j in range(12):
+        for j in range(size):
             gradient[i] -= m.prior_information[kind, i, j] * d[j]
         lin.value[0] += 0.5 * d[i] * (m.prior_vector[kind, i] + gradient[i])
     for i in range(n):
-        for j in range(12):
+        for j in range(size):
             lin.vector[i] += T[i, j] * gradient[j]
             columns[i, j] = 0.0
-            for k in range(12):
+            for k in range(size):
                 columns[i, j] += T[i, k] * m.prior_information[kind, k, j]
         for j in range(i + 1):
-            for k in range(12):
+            for k in range(size):
                 lin.information[i, j] += columns[i, k] * T[j, k]
 
 
@@ -265,7 +275,7 @@ def linearise(
         return
     for i in range(2):
         lin.information[6 + i, 6 + i] += 1.0 / AXIS_SPREAD**2
-    if kind == REVOLUTE:
+    if turns(kind):
         B, c = np.empty((2, 3)), m.c[kind]
         tangent_basis(m.a[kind], B)
         for i in range(2):
@@ -274,3 +284,7 @@ def linearise(
             lin.information[8 + i, 8 + i] += 1.0 / sigma_c**2
             lin.value[0] -= 0.5 * (along / sigma_c) ** 2
         lin.value[0] -= 2.0 * np.log(sigma_c)
+    if kind == SCREW:
+        lin.vector[10] -= m.pitch[kind] / WIDEST**2
+        lin.information[10, 10] += 1.0 / WIDEST**2
+        lin.value[0] -= 0.5 * (m.pitch[kind] / WIDEST) ** 2 + np.log(WIDEST)

@@ -10,12 +10,12 @@ from maths.compiled import hot
 from maths.se3_in_place import relative_log
 from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver.joint_geometry import (
-    REVOLUTE,
     RIGID,
     child_pose,
     dimension,
     jacobian,
     screw_twists,
+    turns,
 )
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
 
@@ -40,11 +40,11 @@ def _zero(kind: int, m: Models, W: Array, k: Array) -> float:
 
     Writes into `k` (6,) by how much less that is per error of Y.
     """
-    B, G, J = np.empty((2, 3)), np.empty((5, 6)), np.empty((5, 6))
+    B, G, J = np.empty((2, 3)), np.empty((6, 6)), np.empty((6, 6))
     r, q = np.empty(6), 0.0
     tangent_basis(m.a[kind], B)
-    screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], B, G)
-    jacobian(kind, G, q, J)
+    screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], B, G)
+    jacobian(kind, G, m.pitch[kind], q, J)
     relative_log(m.Y[kind], np.eye(4), r)
     for i in range(6):
         k[i] = 0.0
@@ -66,7 +66,7 @@ def read_configuration(
     """Configuration and rate since the reference, (2,), and their derivatives by theta (n, 2).
 
     Args:
-        kind: `PRISMATIC` or `REVOLUTE`.
+        kind: One of `MOVING`.
         m: Models.
         W_zero: Zero (6, 6), or the metric in which the point of the path that is nearest to the
             measured reference has q = 0.
@@ -96,7 +96,7 @@ def read_axis(
     The covariances are those of a mixture: if the rigid model is true, the axis may be any.
 
     Args:
-        kind: `PRISMATIC` or `REVOLUTE`.
+        kind: One of `MOVING`.
         m: Models.
         X_PF: Measured reference pose (4, 4).
         axis_distance: See `Priors`.
@@ -114,7 +114,7 @@ def read_axis(
         for k in range(2):
             T[2 + k, i] = X_PF[i, 0] * B[k, 0] + X_PF[i, 1] * B[k, 1] + X_PF[i, 2] * B[k, 2]
     _projected(T[2:], m.covariance[kind], 6, axis)
-    if kind == REVOLUTE:
+    if turns(kind):
         for i in range(3):
             vectors[1, i] = X_PF[i, 3] + (X_PF[i, 0] * c[0] + X_PF[i, 1] * c[1] + X_PF[i, 2] * c[2])
             for k in range(2):  # The point nearest to Fo slides along an axis that tilts.
@@ -138,14 +138,14 @@ def predict_pose(kind: int, m: Models, X_PF: Array, dt: float) -> tuple[Array, A
     for i in range(6):
         J[i, i] = 1.0
     q = m.state[kind, 0] + dt * m.state[kind, 1]
-    child_pose(kind, m.Y[kind], m.a[kind], m.c[kind], q, X)
+    child_pose(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], q, X)
     variance = 0.0
-    G, rows = np.zeros((5, 6)), np.zeros((5, 6))
+    G, rows = np.zeros((6, 6)), np.zeros((6, 6))
     if kind != RIGID:
         B = np.empty((2, 3))
         tangent_basis(m.a[kind], B)
-        screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], B, G)
-        jacobian(kind, G, q, rows)
+        screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], B, G)
+        jacobian(kind, G, m.pitch[kind], q, rows)
         J[6:] = rows[1 : n - 5]
         for i in range(n):
             J[i] += rows[0] * (m.gain[kind, 0, i] + dt * m.gain[kind, 1, i])

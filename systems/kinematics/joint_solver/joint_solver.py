@@ -15,14 +15,18 @@ from maths.compiled import hot
 from systems.kinematics.joint_solver.free_walk import free_walk
 from systems.kinematics.joint_solver.joint_chain import Chain, new_chain, run_chain, smooth, solve
 from systems.kinematics.joint_solver.joint_geometry import (
+    PARAMETERS,
     PRISMATIC,
-    REVOLUTE,
     RIGID,
+    SCREW,
+    WALK,
     dimension,
     retract,
+    turns,
 )
 from systems.kinematics.joint_solver.joint_linearisation import Linear, linearise, new_linear
 from systems.kinematics.joint_solver.joint_models import Models
+from systems.kinematics.joint_solver.joint_pitch import pitch_evidence
 from systems.kinematics.joint_solver.pose_keyframes import RECENT, Keyframes
 
 _CONVERGED = 0.1  # Gain in log likelihood below which no further step is made, [nat].
@@ -65,7 +69,7 @@ def _lever(kind: int, m: Models, priors: Priors) -> float:
     if kind == PRISMATIC:
         return 1.0
     c = m.c[kind]
-    return np.sqrt(priors.radius**2 + c[0] ** 2 + c[1] ** 2 + c[2] ** 2)
+    return np.sqrt(priors.radius**2 + c[0] ** 2 + c[1] ** 2 + c[2] ** 2 + m.pitch[kind] ** 2)
 
 
 @hot
@@ -77,7 +81,7 @@ def _solve_densities(
     Returns:
         Log evidence with the density marginalised, the best density S, its log likelihood and gain.
     """
-    n, lever, still = dimension(kind), _lever(kind, m, priors), np.zeros(10)
+    n, lever, still = dimension(kind), _lever(kind, m, priors), np.zeros(PARAMETERS)
     total, top, best_S, best_value, best_gain = 0.0, -np.inf, 0.0, 0.0, 0.0
     for density in priors.process_noise:
         S = density / lever**2
@@ -131,13 +135,13 @@ def _store(kind: int, m: Models, chain: Chain) -> None:
 
 
 @hot
-def _trusted(kind: int, c: Array, step: Array) -> float:
+def _trusted(kind: int, c: Array, pitch: float, step: Array) -> float:
     """The share of a step within which the linearisation can be trusted."""
     tilt = np.sqrt(step[6] ** 2 + step[7] ** 2)
     share = 1.0 if tilt < _TILT else _TILT / tilt
-    if kind == REVOLUTE:
-        shift = np.sqrt(step[8] ** 2 + step[9] ** 2)
-        limit = _SHIFT * (0.3 + np.sqrt(c[0] ** 2 + c[1] ** 2 + c[2] ** 2))
+    if turns(kind):
+        shift = np.sqrt(step[8] ** 2 + step[9] ** 2 + step[10] ** 2)
+        limit = _SHIFT * (0.3 + np.sqrt(c[0] ** 2 + c[1] ** 2 + c[2] ** 2 + pitch**2))
         share = min(share, 1.0 if shift < limit else limit / shift)
     return share
 
@@ -149,7 +153,7 @@ def _move(kind: int, m: Models, priors: Priors, q: Array, step: Array) -> None:
     The change of m.q is scaled by the lever, so that a path keeps its length if the axis recedes.
     """
     lever = _lever(kind, m, priors)
-    retract(kind, m.Y[kind], m.a[kind], m.c[kind], step)
+    m.pitch[kind] = retract(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], step)
     share = lever / _lever(kind, m, priors)
     for i in range(q.size):
         m.q[kind, i] = q[i] + share * (m.q[kind, i] - q[i])
@@ -166,7 +170,7 @@ def solve_moving(
     far and lose much.
 
     Args:
-        kind: `PRISMATIC` or `REVOLUTE`.
+        kind: One of `MOVING`.
         m: Models.
         kf: Keyframes.
         priors: See `Priors`.
@@ -176,22 +180,23 @@ def solve_moving(
     lin = new_linear(kf.time.size)
     best, trial = new_chain(), new_chain()
     previous, q_previous = -np.inf, m.q[kind].copy()
-    Y, a, c = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy()
-    step, dq = np.zeros(10), np.zeros(kf.time.size)
+    Y, a, c, pitch = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy(), m.pitch[kind]
+    step, dq = np.zeros(PARAMETERS), np.zeros(kf.time.size)
     for i in range(steps):
         linearise(kind, m, kf, priors.axis_distance, priors.outliers[0], temper, lin)
         evidence, S, value, gain = _solve_densities(kind, m, kf, priors, lin, best, trial)
         if i < steps - 1 and value < previous:
             share = _SHORTER if i < steps - 2 else 0.0
             step *= share
-            m.Y[kind], m.a[kind], m.c[kind] = Y, a, c
+            m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind] = Y, a, c, pitch
             m.q[kind] = q_previous + share * dq
             _move(kind, m, priors, q_previous, step)
             continue
         previous = value
         Y[:], a[:], c[:], q_previous[:] = m.Y[kind], m.a[kind], m.c[kind], m.q[kind]
+        pitch = m.pitch[kind]
         last = i >= steps - 2 or gain < _CONVERGED
-        best.step[:] *= _trusted(kind, m.c[kind], best.step)
+        best.step[:] *= _trusted(kind, m.c[kind], pitch, best.step)
         if last and gain >= _CONVERGED:
             best.step[:] = 0.0
         step[:] = best.step
@@ -206,6 +211,8 @@ def solve_moving(
         evidence -= max(gain - _PROMISED, 0.0)
         m.log_evidence[kind], m.process_noise[kind] = evidence + m.marginal_evidence[kind], S
         _store(kind, m, best)
+        if kind == SCREW:
+            m.log_evidence[kind] += pitch_evidence(m.pitch[kind], m.covariance[kind, 10, 10])
         if last:
             break
 
@@ -223,10 +230,10 @@ def solve_still(m: Models, kf: Keyframes, priors: Priors) -> None:
             for j in range(i + 1):
                 chain.H[i, j] = lin.information[i, j]
         evidence, gain = solve(dimension(rigid), lin.value[0], chain)
-        retract(rigid, m.Y[RIGID], m.a[RIGID], m.c[RIGID], chain.step)
+        retract(rigid, m.Y[RIGID], m.a[RIGID], m.c[RIGID], m.pitch[RIGID], chain.step)
         m.log_evidence[RIGID] = evidence + m.marginal_evidence[RIGID]
         if gain < _CONVERGED:
             break
     cholesky.inverse(chain.H, m.covariance[RIGID], dimension(rigid))
-    walk = free_walk(kf, priors.walk_noise, priors.outliers, m.inlier[3])
-    m.log_evidence[3] = walk + kf.walk[0] + m.marginal_evidence[3]
+    walk = free_walk(kf, priors.walk_noise, priors.outliers, m.inlier[WALK])
+    m.log_evidence[WALK] = walk + kf.walk[0] + m.marginal_evidence[WALK]

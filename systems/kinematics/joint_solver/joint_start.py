@@ -14,9 +14,11 @@ from systems.kinematics.joint_solver.joint_geometry import (
     PRISMATIC,
     REVOLUTE,
     RIGID,
+    SCREW,
     dimension,
 )
 from systems.kinematics.joint_solver.joint_models import Models
+from systems.kinematics.joint_solver.joint_pitch import WIDEST
 from systems.kinematics.joint_solver.outliers import weigh_residual
 from systems.kinematics.joint_solver.pose_keyframes import FIRST, Keyframes
 
@@ -30,7 +32,7 @@ def _twists(kf: Keyframes, first: int, xi: Array) -> None:
         relative_log(kf.Z[first], kf.Z[k], xi[k])
 
 
-def _screw_start(V: Array, axis_distance: float) -> tuple[Array, Array]:
+def _revolute_start(V: Array, axis_distance: float) -> tuple[Array, Array]:
     """The axis (3,) and its point (3,) of a body that moves along the twist V (6,) at Fo."""
     w, v = V[:3], V[3:]
     speed, rate = float(np.linalg.norm(v)), float(np.linalg.norm(w))
@@ -41,6 +43,18 @@ def _screw_start(V: Array, axis_distance: float) -> tuple[Array, Array]:
         w, rate = normal_basis(v / speed)[0], 1.0
     a = w / np.linalg.norm(w)
     return a, np.cross(a, v) / max(rate, speed / (1.5 * axis_distance))
+
+
+def _screw_start(V: Array) -> tuple[Array, Array, float]:
+    """The axis (3,), its point (3,) and the pitch of a body that moves along V (6,) at Fo.
+
+    The body moves by no more than a metre per radian.
+    """
+    w, v = V[:3], V[3:]
+    rate = float(np.linalg.norm(w))
+    a = w / rate if rate > 1e-9 else normal_basis(v / np.linalg.norm(v))[0]
+    square = max(float(w @ w), float(v @ v))
+    return a, np.cross(w, v) / square, float(w @ v) / square
 
 
 @hot
@@ -109,11 +123,35 @@ def fresh_start(m: Models, kf: Keyframes, axis_distance: float, share: float) ->
     a = np.linalg.eigh(scatter[3:, 3:])[1][:, 2]
     m.a[PRISMATIC], m.c[PRISMATIC] = a, 0.0
     m.q[PRISMATIC, :n] = xi[:, 3:] @ a
-    a, c = _screw_start(np.linalg.eigh(scatter)[1][:, 5] * scale, axis_distance)
-    m.a[REVOLUTE], m.c[REVOLUTE] = a, c
-    unit = np.concatenate([a, np.cross(c, a)]) / scale**2
-    m.q[REVOLUTE, :n] = xi @ unit / (unit @ (unit * scale**2))
+    principal = np.linalg.eigh(scatter)[1][:, 5] * scale
+    m.a[REVOLUTE], m.c[REVOLUTE] = _revolute_start(principal, axis_distance)
+    m.a[SCREW], m.c[SCREW], m.pitch[SCREW] = _screw_start(principal)
+    for kind in (REVOLUTE, SCREW):
+        a, c = m.a[kind], m.c[kind]
+        unit = np.concatenate([a, np.cross(c, a) + m.pitch[kind] * a]) / scale**2
+        m.q[kind, :n] = xi @ unit / (unit @ (unit * scale**2))
     m.Y[:] = kf.Z[first]
+
+
+def copy_model(kind: int, source: Models, into: int, target: Models) -> None:
+    """Copies what the keyframes in memory say of one model to another one, or to other models."""
+    names = "Y a c pitch q inlier state covariance gain P process_noise log_evidence"
+    for name in names.split():
+        getattr(target, name)[into] = getattr(source, name)[kind]
+
+
+def start_from_revolute(m: Models, kf: Keyframes) -> None:
+    """Starts the screw, in place, from the revolute model and what the path climbs along its axis.
+
+    So it knows the turns, which no twist between two poses shows.
+    """
+    n = int(kf.size[0])
+    copy_model(REVOLUTE, m, SCREW, m)
+    m.signed[SCREW] = m.signed[REVOLUTE]
+    q, weight = m.q[REVOLUTE, :n], 1.0 / kf.R[:n, 3, 3]
+    climbed = (kf.Z[:n, :3, 3] - m.Y[REVOLUTE, :3, 3]) @ m.a[REVOLUTE]
+    m.pitch[SCREW] = (weight * q) @ climbed / max(float((weight * q) @ q), 1e-12)
+    m.pitch[SCREW] = np.clip(m.pitch[SCREW], -WIDEST, WIDEST)
 
 
 def turn(kind: int, m: Models) -> None:

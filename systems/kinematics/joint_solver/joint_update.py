@@ -6,7 +6,16 @@ from maths.arrays import Array
 from maths.compiled import hot
 from systems.kinematics.joint_solver import pose_keyframes
 from systems.kinematics.joint_solver.free_walk import walk_at_scale
-from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE, RIGID
+from systems.kinematics.joint_solver.joint_geometry import (
+    JOINTS,
+    MOVING,
+    PARAMETERS,
+    PRISMATIC,
+    REVOLUTE,
+    RIGID,
+    SCREW,
+    WALK,
+)
 from systems.kinematics.joint_solver.joint_linearisation import (
     add_keyframes,
     clear,
@@ -22,8 +31,10 @@ from systems.kinematics.joint_solver.joint_solver import (
 )
 from systems.kinematics.joint_solver.joint_start import (
     circle_start,
+    copy_model,
     decide_sign,
     fresh_start,
+    start_from_revolute,
     turn,
 )
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
@@ -34,15 +45,14 @@ _FRESH_STEPS = 8  # Most linearisations from a fresh start.
 _TEMPERED_STEPS = 3  # Before them, with residuals that count less.
 _TEMPER = 10.0  # By so much, so that nothing is an outlier only because the start is far off.
 MEMORY = 40.0  # Most log evidence that is kept of past measurements against a model, [nat].
-_MOVING = (PRISMATIC, REVOLUTE)
 
 
 @hot
 def _delete_configuration(m: Models, kf: Keyframes, k: int) -> None:
-    for kind in range(2):
+    for kind in MOVING:
         for i in range(k, kf.size[0]):
             m.q[kind, i] = m.q[kind, i + 1]
-    for kind in range(4):
+    for kind in range(JOINTS + 1):
         for i in range(k, kf.size[0]):
             m.inlier[kind, i] = m.inlier[kind, i + 1]
 
@@ -69,16 +79,45 @@ def add_measurement(
     pose_keyframes.append(kf, X_FB, R, time, priors.outliers)
     kf.walk[0] = min(max(kf.walk[0], -MEMORY), MEMORY)
     last, dt = kf.size[0] - 1, time - kf.time[kf.size[0] - 2]
-    for kind in range(2):
+    for kind in MOVING:
         m.q[kind, last] = m.state[kind, 0] + dt * m.state[kind, 1]
     return -1
 
 
-def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int) -> None:
-    """Solves all four models, linearised at most `steps` times each."""
-    for kind in _MOVING:
+def _turns_are_seen(kf: Keyframes) -> bool:
+    """Whether rotations are measured, to within a radian.
+
+    By positions alone a helix and a tilted circle differ by less than a real hinge strays, so that
+    nothing is said of a pitch then.
+    """
+    return bool(kf.R[kf.size[0] - 1, 0, 0] < 1.0)
+
+
+def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, screw: bool) -> None:
+    """Solves all models, linearised at most `steps` times each.
+
+    Args:
+        m: Models.
+        kf: Keyframes.
+        priors: See `Priors`.
+        steps: See above.
+        screw: Whether the screw's turn has come. While another model explains more, it is solved
+            only then; between its turns what it explains more or less than the revolute model,
+            which is its limit of no pitch, stays the same.
+    """
+    ratio = m.log_evidence[SCREW] - m.log_evidence[REVOLUTE]
+    leads = m.log_evidence[SCREW] > np.delete(m.log_evidence, SCREW).max()
+    for kind in (PRISMATIC, REVOLUTE):
         solve_moving(kind, m, kf, priors, steps, 1.0)
     solve_still(m, kf, priors)
+    if (screw or leads) and _turns_are_seen(kf):
+        if ratio < 0.0:
+            start_from_revolute(m, kf)
+        solve_moving(SCREW, m, kf, priors, steps, 1.0)
+    else:
+        m.log_evidence[SCREW] = m.log_evidence[REVOLUTE] + ratio
+        m.inlier[SCREW] = m.inlier[REVOLUTE]
+        m.state[SCREW, 0] = m.q[SCREW, kf.size[0] - 1]
 
 
 def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
@@ -88,13 +127,15 @@ def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
     and after it says is lost.
     """
     log_evidence = m.log_evidence.copy()
-    d, T, lin = np.empty(12), np.empty((10, 12)), new_linear(kf.time.size)
-    for kind in range(3):
+    size = PARAMETERS + 2
+    d, T, lin = np.empty(size), np.empty((PARAMETERS, size)), new_linear(kf.time.size)
+    for kind in range(JOINTS):
         m.signed[kind] = 1.0
         prior_offset(kind, m, d)
         gradient = m.prior_vector[kind] - m.prior_information[kind] @ d
         m.prior_value[kind] += 0.5 * (d @ (m.prior_vector[kind] + gradient))
         m.prior_Y[kind], m.prior_a[kind], m.prior_c[kind] = m.Y[kind], m.a[kind], m.c[kind]
+        m.prior_pitch[kind] = m.pitch[kind]
         clear(lin)
         add_keyframes(kind, m, kf, k, k + 1, priors.outliers[0], 1.0, lin)
         lower = np.tril(lin.information, -1)
@@ -105,7 +146,7 @@ def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
         m.prior_value[kind] += lin.value[0]
     pose_keyframes.remove(kf, k)
     _delete_configuration(m, kf, k)
-    solve_all(m, kf, priors, 2)
+    solve_all(m, kf, priors, 2, True)
     m.marginal_evidence[:] += log_evidence - m.log_evidence
     m.marginal_evidence[:] = np.maximum(m.marginal_evidence - m.marginal_evidence.max(), -MEMORY)
 
@@ -125,36 +166,35 @@ def close_decided(m: Models, kf: Keyframes, log_prior: Array) -> float:
     for k in range(kf.size[0] - pose_keyframes.RECENT + 1):
         if kf.open[k] > 0.0:
             inlier = 0.0
-            for kind in range(4):
+            for kind in range(JOINTS + 1):
                 inlier += p[kind] * m.inlier[kind, k]
             kf.streak[0] = kf.streak[0] + 1.0 if inlier < 0.5 else 0.0
             if kf.streak[0] > _STREAK:
-                inlier = max(inlier, m.inlier[3, k])
+                inlier = max(inlier, m.inlier[WALK, k])
             pose_keyframes.close(kf, k, inlier)
             outliers += 1.0 - inlier
     return outliers
 
 
-def _copy_model(kind: int, source: Models, target: Models) -> None:
-    names = "Y a c q inlier state covariance gain P process_noise log_evidence"
-    for name in names.split():
-        getattr(target, name)[kind] = getattr(source, name)[kind]
-
-
-def restart(m: Models, kf: Keyframes, priors: Priors) -> None:
-    """Takes over the models that explain more from a fresh start."""
+def restart(m: Models, kf: Keyframes, priors: Priors, screw: bool) -> None:
+    """Takes over the models that explain more from a fresh start; see `solve_all`."""
     other = Models(*[x.copy() for x in m])
     fresh_start(other, kf, priors.axis_distance, priors.outliers[0])
-    for kind in _MOVING:
+    ratio = m.log_evidence[SCREW] - m.log_evidence[REVOLUTE]
+    screw = screw and _turns_are_seen(kf)
+    moving = MOVING if screw else (PRISMATIC, REVOLUTE)
+    for kind in moving:
         solve_moving(kind, other, kf, priors, _TEMPERED_STEPS, _TEMPER)
         solve_moving(kind, other, kf, priors, _FRESH_STEPS, 1.0)
     solve_still(other, kf, priors)
-    _take_over(m, other, (PRISMATIC, REVOLUTE, RIGID))
+    _take_over(m, other, (*moving, RIGID))
     if kf.size[0] > 3 and m.log_evidence[REVOLUTE] < m.log_evidence.max():
         circle_start(other, kf)
         solve_moving(REVOLUTE, other, kf, priors, _TEMPERED_STEPS, _TEMPER)
         solve_moving(REVOLUTE, other, kf, priors, _FRESH_STEPS, 1.0)
         _take_over(m, other, (REVOLUTE,))
+    if not screw and ratio <= 0.0:  # The limit that it starts from is likelier now.
+        m.log_evidence[SCREW] = m.log_evidence[REVOLUTE] + ratio
 
 
 def _take_over(m: Models, other: Models, kinds: tuple[int, ...]) -> None:
@@ -163,7 +203,7 @@ def _take_over(m: Models, other: Models, kinds: tuple[int, ...]) -> None:
         if other.log_evidence[kind] > m.log_evidence[kind] + 0.1:
             if kind != RIGID and other.state[kind, 0] * m.state[kind, 0] < 0.0:
                 turn(kind, other)
-            _copy_model(kind, other, m)
+            copy_model(kind, other, kind, m)
 
 
 def update(
@@ -175,6 +215,7 @@ def update(
     priors: Priors,
     log_prior: Array,
     young: bool,
+    screw: bool,
 ) -> float:
     """Corrects all models with one relative pose; returns how many outliers that has decided.
 
@@ -185,17 +226,18 @@ def update(
         R: Its covariance (6, 6), in B.
         time: [s].
         priors: See `Priors`.
-        log_prior: (4,) log probability of each type before anything was measured.
+        log_prior: (5,) log probability of each type before anything was measured.
         young: Whether to try a fresh start beside the last solution.
+        screw: See `solve_all`.
     """
     k = add_measurement(m, kf, X_FB, R, time, priors, bool(kf.size[0] < kf.time.size))
     if k >= 0:
         marginalise(m, kf, k, priors)
         add_measurement(m, kf, X_FB, R, time, priors, True)
-    solve_all(m, kf, priors, STEPS)
+    solve_all(m, kf, priors, STEPS, screw)
     if young:
-        restart(m, kf, priors)
+        restart(m, kf, priors, screw)
     outliers = close_decided(m, kf, log_prior)
-    for kind in _MOVING:
+    for kind in MOVING:
         decide_sign(kind, m)
     return outliers

@@ -10,6 +10,7 @@ import numpy as np
 
 from maths.arrays import Array
 from systems.kinematics.joint_solver import pose_keyframes
+from systems.kinematics.joint_solver.joint_geometry import WALK
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.joint_solver import Priors
 from systems.kinematics.joint_solver.joint_update import STEPS, restart, solve_all
@@ -32,9 +33,9 @@ def with_floor(m: Models, kf: Keyframes, floor: Array, priors: Priors) -> tuple[
     """Models and keyframes as they would be with another floor (6, 6); nothing is changed."""
     other, frames = Models(*[x.copy() for x in m]), pose_keyframes.copy_keyframes(kf)
     pose_keyframes.rescale(frames, np.ones(6), floor, priors.outliers)
-    solve_all(other, frames, priors, STEPS)
-    if other.log_evidence[3] > other.log_evidence[:3].max():
-        restart(other, frames, priors)
+    solve_all(other, frames, priors, STEPS, False)
+    if other.log_evidence[WALK] > other.log_evidence[:WALK].max():
+        restart(other, frames, priors, True)
     return other, frames
 
 
@@ -56,7 +57,7 @@ def with_likelier_floor(
         updates: Measurements seen, which say whose turn it is.
         covariance: That a measurement claims (6, 6).
         priors: See `Priors`.
-        log_prior: (4,) log probability of each type before anything was measured.
+        log_prior: (5,) log probability of each type before anything was measured.
     """
     if updates % _EVERY != 0:
         return m, kf, index

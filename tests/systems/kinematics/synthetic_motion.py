@@ -38,6 +38,7 @@ class Scene:
     Attributes:
         joint: Rigid and disconnected stand still.
         radius: From the axis to the child, [m].
+        pitch: Of a screw, [m/rad].
         distance: From Po to the child, [m].
         motion: Path over time, [m].
         seconds: Duration.
@@ -48,6 +49,7 @@ class Scene:
 
     joint: JointType
     radius: float = 0.35
+    pitch: float = 0.02
     distance: float = 1.0
     motion: Motion = steady
     seconds: float = 10.0
@@ -107,9 +109,10 @@ def simulate(scene: Scene, seed: int) -> Run:
     times = np.arange(round(scene.seconds * RATE) + 1) / RATE
     q = scene.motion(times)
     twist = np.concatenate([np.zeros(3), axis])
-    if scene.joint == JointType.REVOLUTE:
+    if scene.joint in (JointType.REVOLUTE, JointType.SCREW):
         q = q / max(scene.radius, 0.2)
-        twist = np.concatenate([axis, np.cross(point, axis)])
+        climb = scene.pitch * axis if scene.joint == JointType.SCREW else np.zeros(3)
+        twist = np.concatenate([axis, np.cross(point, axis) + climb])
     X = np.array([se3.exp(x * twist) @ X0 for x in q])
     noise = _noise(scene, times.size, rng)
     measured = np.array([a @ se3.exp(n) for a, n in zip(X, noise, strict=True)])

@@ -40,6 +40,18 @@ def test_the_type_is_right_and_the_claims_hold(name: str) -> None:
             assert np.mean(outcome.axis_sigma < 2.0) > 0.8
 
 
+@pytest.mark.parametrize("name", ["screw, 1 cm a turn", "screw, 5 cm a radian"])
+def test_a_screw_is_told_from_a_hinge_and_its_pitch_is_found(name: str) -> None:
+    filters = JointFilters(JointFiltersConfig())
+    outcomes = [evaluate_case(CASES[name], seed, filters) for seed in range(3)]
+    for outcome in outcomes:
+        assert outcome.type == "screw"
+        assert outcome.nees.mean() < 3.0
+        assert np.mean(outcome.axis_sigma < 2.0) > 0.8
+        assert abs(outcome.pitch_z) < 4.0
+    assert np.median([outcome.pitch_error for outcome in outcomes]) < 0.1
+
+
 def test_a_reference_that_is_an_outlier_is_told_from_the_rest() -> None:
     """The first frame of this stream is one."""
     outcome = evaluate_case(CASES["rigid, 2 % outliers"], 3, JointFilters(JointFiltersConfig()))

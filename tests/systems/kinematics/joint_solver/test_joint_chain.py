@@ -10,14 +10,18 @@ from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver import pose_keyframes
 from systems.kinematics.joint_solver.joint_chain import new_chain, run_chain, smooth, solve
 from systems.kinematics.joint_solver.joint_geometry import (
+    PARAMETERS,
     PRISMATIC,
     REVOLUTE,
+    SCREW,
     child_pose,
     dimension,
     retract,
+    turns,
 )
 from systems.kinematics.joint_solver.joint_linearisation import linearise, new_linear
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
+from systems.kinematics.joint_solver.joint_pitch import WIDEST
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 K = 7
@@ -30,15 +34,17 @@ def _problem(kind: int) -> tuple[Models, Keyframes]:
     m, kf = initial_models(K), pose_keyframes.empty_keyframes(K)
     a = rng.normal(size=3)
     m.a[kind] = a / np.linalg.norm(a)
-    if kind == REVOLUTE:
+    if turns(kind):
         c = rng.normal(size=3)
         m.c[kind] = c - m.a[kind] * (m.a[kind] @ c)
+    if kind == SCREW:
+        m.pitch[kind] = 0.03
     m.Y[kind] = se3.exp(1e-3 * rng.normal(size=6))
     m.q[kind, 1:] = np.cumsum(0.1 * rng.uniform(size=K - 1))
     for k in range(K):
         A = rng.normal(size=(6, 6))
         X = np.empty((4, 4))
-        child_pose(kind, m.Y[kind], m.a[kind], m.c[kind], m.q[kind, k], X)
+        child_pose(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], m.q[kind, k], X)
         X = X @ se3.exp(0.01 * rng.normal(size=6))
         pose_keyframes.append(kf, X, 1e-4 * (A @ A.T + np.eye(6)), TIMES[k], np.zeros(7))
     return m, kf
@@ -53,23 +59,26 @@ def _prior_of_q(density: float = S) -> np.ndarray:
 def _jacobian(kind: int, m: Models) -> tuple[np.ndarray, np.ndarray]:
     """Columns per parameter (6K, n) and per q (6K, K), by finite differences of the poses."""
 
-    def poses(Y: np.ndarray, a: np.ndarray, c: np.ndarray, q: np.ndarray) -> list[np.ndarray]:
+    def poses(
+        Y: np.ndarray, a: np.ndarray, c: np.ndarray, pitch: float, q: np.ndarray
+    ) -> list[np.ndarray]:
         result = [np.empty((4, 4)) for _ in range(K)]
         for k in range(K):
-            child_pose(kind, Y, a, c, q[k], result[k])
+            child_pose(kind, Y, a, c, pitch, q[k], result[k])
         return result
 
-    base = poses(m.Y[kind], m.a[kind], m.c[kind], m.q[kind])
+    base = poses(m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], m.q[kind])
     h, n = 1e-6, dimension(kind)
     J, Jq = np.zeros((6 * K, n)), np.zeros((6 * K, K))
     for i in range(n):
-        step = np.zeros(10)
+        step = np.zeros(PARAMETERS)
         step[i] = h
         Y, a, c = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy()
-        retract(kind, Y, a, c, step)
-        for k, X in enumerate(poses(Y, a, c, m.q[kind])):
+        pitch = retract(kind, Y, a, c, m.pitch[kind], step)
+        for k, X in enumerate(poses(Y, a, c, pitch, m.q[kind])):
             J[6 * k : 6 * k + 6, i] = se3.log(se3.inverse(base[k]) @ X) / h
-    for k, X in enumerate(poses(m.Y[kind], m.a[kind], m.c[kind], m.q[kind] + h)):
+    moved = poses(m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], m.q[kind] + h)
+    for k, X in enumerate(moved):
         Jq[6 * k : 6 * k + 6, k] = se3.log(se3.inverse(base[k]) @ X) / h
     Jq[:, 0] = 0.0  # At the reference q is zero by definition.
     return J, Jq
@@ -82,7 +91,7 @@ def _dense(
     J, Jq = _jacobian(kind, m)
     R, z, X = np.zeros((6 * K, 6 * K)), np.zeros(6 * K), np.empty((4, 4))
     for k in range(K):
-        child_pose(kind, m.Y[kind], m.a[kind], m.c[kind], m.q[kind, k], X)
+        child_pose(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], m.q[kind, k], X)
         z[6 * k : 6 * k + 6] = se3.log(se3.inverse(X) @ kf.Z[k])
         R[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = kf.R[k]
     return J, Jq, z + Jq @ m.q[kind], R
@@ -93,7 +102,7 @@ def _normaliser(kf: Keyframes) -> float:
     return float(-0.5 * np.sum(kf.log_det) - 3.0 * K * np.log(2.0 * np.pi))
 
 
-@pytest.mark.parametrize("kind", [PRISMATIC, REVOLUTE])
+@pytest.mark.parametrize("kind", [PRISMATIC, REVOLUTE, SCREW])
 def test_normal_equations_and_likelihood_are_those_of_the_dense_problem(kind: int) -> None:
     m, kf = _problem(kind)
     J, Jq, z, R = _dense(kind, m, kf)
@@ -104,26 +113,30 @@ def test_normal_equations_and_likelihood_are_those_of_the_dense_problem(kind: in
     H[6:8, 6:8] += np.eye(2) / AXIS_SPREAD**2
     lin, chain = new_linear(K), new_chain()
     linearise(kind, m, kf, SIGMA_C, 0.0, 1.0, lin)
-    if kind == REVOLUTE:
-        H[8:, 8:] += np.eye(2) / SIGMA_C**2
+    if turns(kind):
+        H[8:10, 8:10] += np.eye(2) / SIGMA_C**2
         B = np.empty((2, 3))
         tangent_basis(m.a[kind], B)
-        h[8:] -= B @ m.c[kind] / SIGMA_C**2
+        h[8:10] -= B @ m.c[kind] / SIGMA_C**2
         value -= 0.5 * m.c[kind] @ m.c[kind] / SIGMA_C**2 + 2.0 * np.log(SIGMA_C)
-    found = run_chain(n, S, SIGMA_V, 1.0, m.q[kind], kf, lin, np.zeros(10), 0, chain)
+    if kind == SCREW:
+        H[10, 10] += 1.0 / WIDEST**2
+        h[10] -= m.pitch[kind] / WIDEST**2
+        value -= 0.5 * m.pitch[kind] ** 2 / WIDEST**2 + np.log(WIDEST)
+    found = run_chain(n, S, SIGMA_V, 1.0, m.q[kind], kf, lin, np.zeros(PARAMETERS), 0, chain)
     assert_allclose(found, value, rtol=1e-5)
     assert_allclose(chain.h[:n], h, rtol=1e-4, atol=1e-4 * np.abs(h).max())
     assert_allclose(np.tril(chain.H[:n, :n]), np.tril(H), rtol=1e-4, atol=1e-5 * np.abs(H).max())
 
 
-@pytest.mark.parametrize("kind", [PRISMATIC, REVOLUTE])
+@pytest.mark.parametrize("kind", [PRISMATIC, REVOLUTE, SCREW])
 def test_the_last_configuration_and_its_variance_are_those_of_the_dense_problem(kind: int) -> None:
     m, kf = _problem(kind)
     n = dimension(kind)
     J, Jq, z, R = _dense(kind, m, kf)
     lin, chain = new_linear(K), new_chain()
     linearise(kind, m, kf, SIGMA_C, 0.0, 1.0, lin)
-    run_chain(n, S, SIGMA_V, 1.0, m.q[kind], kf, lin, np.zeros(10), 0, chain)
+    run_chain(n, S, SIGMA_V, 1.0, m.q[kind], kf, lin, np.zeros(PARAMETERS), 0, chain)
     prior = _prior_of_q()
     C = R + Jq @ prior @ Jq.T
     gain = prior @ Jq.T @ np.linalg.inv(C)
@@ -131,7 +144,7 @@ def test_the_last_configuration_and_its_variance_are_those_of_the_dense_problem(
     assert_allclose(chain.m[0], (gain @ z)[-1], rtol=1e-5)
     assert_allclose(chain.P[0], posterior[-1, -1], rtol=1e-5)
     assert_allclose(chain.M[0, :n], -(gain @ J)[-1], atol=1e-5)
-    q, step = np.empty(K), 1e-3 * np.arange(10.0)
+    q, step = np.empty(K), 1e-3 * np.arange(float(PARAMETERS))
     smooth(n, S, SIGMA_V, m.q[kind], kf, lin, step, q)
     assert_allclose(q, gain @ (z - J @ step[:n]), atol=1e-6)
 
@@ -142,14 +155,14 @@ def test_densities_are_compared_by_the_newest_keyframes_at_the_moved_joint() -> 
     J, Jq, z, R = _dense(REVOLUTE, m, kf)
     lin, chain = new_linear(K), new_chain()
     linearise(REVOLUTE, m, kf, SIGMA_C, 0.0, 1.0, lin)
-    step, since = 2e-3 * np.arange(10.0), K - 3
+    step, since = 2e-3 * np.arange(float(PARAMETERS)), K - 3
     found, expected = [], []
     for scale in (1.0, 30.0):
         found.append(
             run_chain(10, scale * S, SIGMA_V, 1.0, m.q[REVOLUTE], kf, lin, step, since, chain)
         )
         C = R + Jq @ _prior_of_q(scale * S) @ Jq.T
-        before, e = 6 * since, z - J @ step
+        before, e = 6 * since, z - J @ step[:10]
         whole = multivariate_normal(cov=C).logpdf(e)
         expected.append(whole - multivariate_normal(cov=C[:before, :before]).logpdf(e[:before]))
     assert_allclose(found[1] - found[0], expected[1] - expected[0], rtol=1e-3)
@@ -161,7 +174,7 @@ def test_the_evidence_is_the_integral_over_theta() -> None:
     J, Jq, z, R = _dense(PRISMATIC, m, kf)
     lin, chain = new_linear(K), new_chain()
     linearise(PRISMATIC, m, kf, SIGMA_C, 0.0, 1.0, lin)
-    value = run_chain(8, S, SIGMA_V, 1.0, m.q[PRISMATIC], kf, lin, np.zeros(10), 0, chain)
+    value = run_chain(8, S, SIGMA_V, 1.0, m.q[PRISMATIC], kf, lin, np.zeros(PARAMETERS), 0, chain)
     evidence, _ = solve(8, value, chain)
     spread = 30.0  # All but flat in the pose, as the evidence has it.
     prior = np.diag([spread**2] * 6 + [AXIS_SPREAD**2] * 2)

@@ -1,0 +1,32 @@
+"""The mixture of pitches against integrals over the pitch."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.stats import norm
+
+from systems.kinematics.joint_solver.joint_pitch import (
+    PITCHES,
+    WIDEST,
+    pitch_evidence,
+    pitch_posterior,
+)
+
+PITCH = np.linspace(-1.0, 1.0, 2_000_001)
+
+
+@pytest.mark.parametrize(("pitch", "sigma"), [(0.0, 1e-3), (2e-3, 1e-3), (-0.05, 0.004), (0, 0.2)])
+def test_evidence_and_posterior_are_those_of_the_mixture(pitch: float, sigma: float) -> None:
+    likelihood = norm.pdf(PITCH, pitch, sigma)
+    mixture = np.mean([norm.pdf(PITCH, 0.0, scale) for scale in PITCHES], axis=0)
+    widest = norm.pdf(PITCH, 0.0, WIDEST)
+    # What the solution with the widest prior says.
+    variance = 1.0 / (1.0 / sigma**2 + 1.0 / WIDEST**2)
+    mean = variance * pitch / sigma**2
+    expected = np.log(np.sum(likelihood * mixture) / np.sum(likelihood * widest))
+    assert_allclose(pitch_evidence(mean, variance), expected, atol=1e-6)
+    p = likelihood * mixture / np.sum(likelihood * mixture)
+    expected_mean = np.sum(p * PITCH)
+    found = pitch_posterior(mean, variance)
+    assert_allclose(found[0], expected_mean, atol=1e-8)
+    assert_allclose(found[1], np.sum(p * (PITCH - expected_mean) ** 2), rtol=1e-4)

@@ -24,7 +24,13 @@ from diagrams.drawing.dots import set_dots
 from diagrams.drawing.legend import Entry, show_legend
 from diagrams.drawing.text_board import text_board
 from diagrams.drawing.textures import textured_boxes
-from diagrams.joints.joint_drawing import JointSketch, perpendicular_axes, sketch_joint
+from diagrams.joints.joint_drawing import (
+    BAR_LENGTH,
+    JointSketch,
+    helix_along,
+    perpendicular_axes,
+    sketch_joint,
+)
 from diagrams.joints.joint_metrics import joint_now
 from diagrams.joints.joint_palette import JOINT, body_color, body_label
 from diagrams.joints.joint_truth import UNKNOWN_JOINT
@@ -50,6 +56,7 @@ _LEGEND: list[Entry] = [
     *(("dot", body_color(body), body_label(body)) for body in (STATIC_BODY, HELD_BODY, 2, 3)),
     ("bar", JOINT[JointType.PRISMATIC], "prismatic joint, its direction within 2σ"),
     ("bar", JOINT[JointType.REVOLUTE], "revolute joint, its axis within 2σ"),
+    ("bar", JOINT[JointType.SCREW], "screw, its axis within 2σ"),
     ("line", palette.PLAN, "planned way of the hand"),
 ]
 
@@ -300,7 +307,10 @@ class _Layer:
             cone = f"{path}/direction_{side}"
             self._meshcat.SetObject(f"{cone}/cone", MeshcatCone(1.0, 1.0, 1.0), clear)
             self._meshcat.SetTransform(cone, RigidTransform(RotationMatrix.MakeXRotation(turn)))
-        if kind == JointType.REVOLUTE:
+        if kind == JointType.SCREW:
+            thread = helix_along(np.array([0.0, 0.0, BAR_LENGTH]))
+            self._meshcat.SetLine(f"{path}/helix", thread.T, 3.0, solid)
+        if kind != JointType.PRISMATIC:
             self._meshcat.SetObject(f"{path}/position", Cylinder(1.0, 1.0), clear)
         else:
             self._meshcat.SetObject(f"{path}/tip/cone", MeshcatCone(0.045, 0.02, 0.02), solid)
@@ -318,7 +328,7 @@ class _Layer:
         for side in ("ahead", "behind"):
             cone = f"{path}/direction_{side}/cone"
             self._meshcat.SetProperty(cone, "scale", [spread, spread, half], time)
-        if sketch.type == JointType.REVOLUTE:
+        if sketch.type != JointType.PRISMATIC:
             radius = max(sketch.radius, 1e-4)
             self._meshcat.SetProperty(
                 f"{path}/position", "scale", [radius, radius, sketch.length], time

@@ -3,7 +3,7 @@
 A prismatic joint is a green bar along its axis above the body, where no hand hides it (its axis has
 no place), with a cone on either side whose half angle is two standard deviations of the axis. A
 revolute one is a red bar on its axis, with a tube of two standard deviations of its position, which
-opens by those of its direction.
+opens by those of its direction. A screw is a purple bar likewise, with a helix about it.
 """
 
 from dataclasses import dataclass
@@ -17,9 +17,11 @@ from scipy.spatial import ConvexHull, QhullError
 from diagrams.joints.joint_palette import JOINT
 from diagrams.run.calibration import Camera
 from maths.arrays import Array
+from systems.kinematics.held_joint import MOVING_TYPES
 from systems.port_values import BodyMotion, JointBelief, JointType
 
 BAR_LENGTH = 0.3  # [m]
+HELIX_RADIUS = 0.025  # [m]
 BAR_HEIGHT = 0.2  # Of a prismatic joint's bar above the body, [m].
 _LARGEST_ANGLE = np.deg2rad(60.0)  # A cone wider than this says no more.
 _LARGEST_RADIUS = 0.15  # [m]
@@ -30,7 +32,7 @@ class JointSketch:
     """A joint as a bar with its uncertainty.
 
     Attributes:
-        type: Prismatic or revolute.
+        type: Prismatic, revolute or screw.
         center_W: Middle (3,) of the bar, [m].
         direction_W: Unit vector (3,) along it, to growing configuration.
         length: Of the bar, [m].
@@ -52,13 +54,13 @@ def joint_color(joint_type: JointType) -> str:
 
 def sketch_joint(joint: JointBelief, body: BodyMotion | None) -> JointSketch | None:
     """The drawing of a joint to the environment; None for a rigid or disconnected body."""
-    if joint.type not in (JointType.PRISMATIC, JointType.REVOLUTE):
+    if joint.type not in MOVING_TYPES:
         return None
     model = joint.model
     sign = -1.0 if model.configuration[0] < 0.0 else 1.0
     deviation = 2.0 * np.sqrt(max(float(np.linalg.eigvalsh(model.axis_covariance)[-1]), 0.0))
     radius = 0.0
-    if joint.type == JointType.REVOLUTE:
+    if joint.type != JointType.PRISMATIC:
         center = np.asarray(model.p_PA, dtype=float)
         variance = float(np.linalg.eigvalsh(model.p_PA_covariance)[-1])
         radius = min(2.0 * float(np.sqrt(max(variance, 0.0))), _LARGEST_RADIUS)
@@ -100,6 +102,15 @@ def uncertainty_outline(sketch: JointSketch, side: float, points: int = 32) -> A
     return np.vstack([near, far])
 
 
+def helix_along(bar: Array, turns: int = 3, points: int = 73) -> Array:
+    """Points (points, 3) of a thread about a bar (3,) centred at zero; its pitch says nothing."""
+    u, v = perpendicular_axes(bar / np.linalg.norm(bar))
+    along = np.linspace(-0.5, 0.5, points)
+    turn = 2.0 * np.pi * turns * along
+    ring = np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v
+    return np.asarray(along[:, None] * bar + HELIX_RADIUS * ring)
+
+
 def draw_joint(axes: Axes, joint: JointBelief, body: BodyMotion | None, camera: Camera) -> bool:
     """Draws a joint into a camera image; says whether its middle is in there."""
     sketch = sketch_joint(joint, body)
@@ -116,6 +127,9 @@ def draw_joint(axes: Axes, joint: JointBelief, body: BodyMotion | None, camera: 
         return False
     outline_effect = [path_effects.withStroke(linewidth=6.5, foreground="white")]
     axes.plot(*ends.T, color=color, lw=4.5, solid_capstyle="butt", path_effects=outline_effect)
+    if sketch.type == JointType.SCREW:
+        thread = sketch.center_W + helix_along(sketch.length * sketch.direction_W)
+        axes.plot(*camera.project(thread).T, color=color, lw=2.0)
     if sketch.type == JointType.PRISMATIC:
         axes.annotate(
             "",

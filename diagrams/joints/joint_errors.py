@@ -13,7 +13,11 @@ from diagrams.run.folder.run_folder import ESTIMATES_FILE
 from maths.arrays import Array
 
 _QUANTITIES = ("configuration", "axis", "type_probability")
-_UNIT = {"prismatic": (1000.0, "mm"), "revolute": (180.0 / math.pi, "deg")}
+_UNIT = {
+    "prismatic": (1000.0, "mm"),
+    "revolute": (180.0 / math.pi, "deg"),
+    "screw": (180.0 / math.pi, "deg"),
+}
 
 
 @dataclass(kw_only=True)

@@ -27,8 +27,8 @@ from systems.port_values import (
 )
 
 # Travel from which an object counts as moved, [m or rad], and speed of a moving one, [per s].
-MOTION_START = {JointType.PRISMATIC: 0.005, JointType.REVOLUTE: 0.015}
-MOVING_SPEED = {JointType.PRISMATIC: 0.002, JointType.REVOLUTE: 0.006}
+MOTION_START = {JointType.PRISMATIC: 0.005, JointType.REVOLUTE: 0.015, JointType.SCREW: 0.015}
+MOVING_SPEED = {JointType.PRISMATIC: 0.002, JointType.REVOLUTE: 0.006, JointType.SCREW: 0.006}
 
 
 def axis_sign(axis: Array, axis_true: Array) -> float:
@@ -260,7 +260,7 @@ def _compare(
             np.array([error]), np.array([[variance]])
         )
         compared["axis_nees"] = axis_nees(sign * model.axis_P, model.axis_covariance, truth.axis_W)
-        if truth.joint_type == JointType.REVOLUTE:
+        if truth.joint_type != JointType.PRISMATIC:
             compared["distance_error"] = axis_distance_error(
                 model.p_PA, truth.point_W, truth.axis_W
             )

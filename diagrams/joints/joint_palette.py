@@ -8,6 +8,7 @@ from systems.port_values import HELD_BODY, STATIC_BODY, JointType
 JOINT = {
     JointType.PRISMATIC: "#228833",
     JointType.REVOLUTE: "#CC3311",
+    JointType.SCREW: "#AA3377",
     JointType.RIGID: "#8C8C8C",
     JointType.DISCONNECTED: "#BBBBBB",
 }

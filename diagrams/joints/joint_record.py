@@ -23,6 +23,7 @@ from diagrams.joints.joint_truth import Truth
 from diagrams.run.record import Tick
 from maths import se3
 from maths.consistency import share_inside
+from systems.kinematics.held_joint import MOVING_TYPES
 from systems.port_values import BodyMotion, JointBelief, JointType
 
 _STILL_SEEN = 0.5  # An estimator that lost the joint longer ago claims nothing at the end, [s].
@@ -35,7 +36,8 @@ def joint_rows(tick: Tick, series: JointSeries, k: int, truth: Truth) -> list[Ro
 
     - `configuration` [m or rad], since the grasp, and `configuration_rate` [per s];
     - `axis` (x, y, z) in the world, turned to the side of the true axis; `point` (x, y, z), [m],
-      on a revolute axis, with the nearest true point;
+      on the axis of a revolute joint or a screw, with the nearest true point;
+    - `pitch` of a screw, [m/rad];
     - `type_probability` (one component per joint type);
     - `joint_fit` (components as `JointFit` has them, and `skipped`, how many measurements were);
     - `body_position` (x, y, z), [m], and `body_rotation`, a rotation vector since the reference.
@@ -60,7 +62,7 @@ def _belief_rows(joint: JointBelief, series: JointSeries, k: int, truth: Truth) 
     if not np.isnan(series.configuration[k]):
         std, true = series.configuration_std[k], series.opening[k]
         rows.append(scalar("configuration", series.configuration[k], std=std, true=true))
-    if joint.type not in (JointType.PRISMATIC, JointType.REVOLUTE):
+    if joint.type not in MOVING_TYPES:
         return rows
     model = joint.model
     sign = axis_sign(model.axis_P, truth.axis_W)
@@ -68,10 +70,13 @@ def _belief_rows(joint: JointBelief, series: JointSeries, k: int, truth: Truth) 
     rate = sign * float(model.configuration[1])
     rows.append(scalar("configuration_rate", rate, std=rate_std))
     rows += vector("axis", sign * model.axis_P, model.axis_covariance, truth.axis_W)
-    if joint.type == JointType.REVOLUTE:
+    if joint.type != JointType.PRISMATIC:
         offset = model.p_PA - truth.point_W
         nearest = truth.point_W + truth.axis_W * float(offset @ truth.axis_W)
         rows += vector("point", model.p_PA, model.p_PA_covariance, nearest)
+    if joint.type == JointType.SCREW:
+        pitch_std = float(np.sqrt(model.pitch_variance))
+        rows.append(scalar("pitch", model.pitch, std=pitch_std, true=truth.pitch))
     return rows
 
 
@@ -129,6 +134,10 @@ def summarise_joint(
         "axis_angle_error": None,
         "axis_angle_std": None,
         "axis_distance_error": None,
+        "pitch_true": None if math.isnan(truth.pitch) else truth.pitch,
+        "pitch": None,
+        "pitch_std": None,
+        "pitch_error": None,
         "type_settled_at": type_settled_at(series, truth),
         "seen_until": None,
         "consistency": _consistency(series, truth),
@@ -169,9 +178,14 @@ def summarise_joint(
     if series.times[-1] - series.times[last] <= _STILL_SEEN:
         inside = inside_claim(series, last)
         summary["configuration_inside_two_sigma"], summary["axis_inside_two_sigma"] = inside
-    if joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
+    if joint.type in MOVING_TYPES:
         axis = joint.model.axis_P
         summary["axis_estimated"] = (axis_sign(axis, truth.axis_W) * axis).tolist()
+    if joint.type == JointType.SCREW:
+        summary["pitch"] = float(joint.model.pitch)
+        summary["pitch_std"] = float(np.sqrt(joint.model.pitch_variance))
+        if not math.isnan(truth.pitch):
+            summary["pitch_error"] = float(joint.model.pitch) - truth.pitch
     return summary
 
 

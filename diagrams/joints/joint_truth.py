@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
+from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint, ScrewJoint
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from diagrams.run.record import EpisodeRecord, Quantity
@@ -21,11 +21,12 @@ class JointTruth(Immutable):
 
     Attributes:
         name: In the object's model.
-        type: Prismatic or revolute; empty where nothing is known.
+        type: Prismatic, revolute or screw; empty where nothing is known.
         axis_W: Unit axis (3,), the direction of growing q.
         point_W: A point (3,) on the axis, [m].
         parent_moves: Whether the joint's parent can move too; axis and point are those before
             anything moved.
+        pitch: Of a screw, [m/rad]; else NaN.
     """
 
     name: str
@@ -33,6 +34,7 @@ class JointTruth(Immutable):
     axis_W: Array
     point_W: Array
     parent_moves: bool
+    pitch: float = np.nan
 
 
 UNKNOWN_JOINT = JointTruth(
@@ -52,21 +54,29 @@ def joint_constants(plant: MultibodyPlant, joint: Joint) -> JointTruth:
     """The constants of a joint of a plant at its default state.
 
     Raises:
-        ValueError: if it is neither prismatic nor revolute.
+        ValueError: if it is neither prismatic, revolute nor a screw.
     """
-    X_WJ = joint.frame_on_parent().CalcPoseInWorld(plant.CreateDefaultContext())
+    context, pitch = plant.CreateDefaultContext(), np.nan
+    X_WJ = joint.frame_on_parent().CalcPoseInWorld(context)
     if isinstance(joint, PrismaticJoint):
         kind, axis_J = JointType.PRISMATIC, joint.translation_axis()
     elif isinstance(joint, RevoluteJoint):
         kind, axis_J = JointType.REVOLUTE, joint.revolute_axis()
+    elif isinstance(joint, ScrewJoint):
+        # pydrake does not bind the axis; the pitch is the translation per turn.
+        joint.set_angular_velocity(context, 1.0)
+        V_WB = joint.child_body().EvalSpatialVelocityInWorld(context)
+        kind, axis_J = JointType.SCREW, X_WJ.rotation().inverse() @ V_WB.rotational()
+        pitch = joint.screw_pitch() / (2.0 * np.pi)
     else:
-        raise ValueError(f"joint '{joint.name()}' is neither prismatic nor revolute")
+        raise ValueError(f"joint '{joint.name()}' is neither prismatic, revolute nor a screw")
     return JointTruth(
         name=joint.name(),
         type=str(kind),
         axis_W=np.asarray(X_WJ.rotation() @ axis_J, dtype=float),
         point_W=np.asarray(X_WJ.translation(), dtype=float),
         parent_moves=not plant.IsAnchored(joint.parent_body()),
+        pitch=pitch,
     )
 
 
@@ -121,7 +131,7 @@ class Truth:
 
     Attributes:
         joint_name: Its name in the object's model.
-        joint_type: Prismatic or revolute; None where nothing is known.
+        joint_type: Prismatic, revolute or screw; None where nothing is known.
         axis_W: Unit axis (3,), the direction of growing q.
         point_W: A point (3,) on the axis, [m].
         times: Instants of the network's ticks (T,), [s].
@@ -131,6 +141,7 @@ class Truth:
         regrasp_times: When it was closed again after a lost grasp, [s]; then they count from there.
         parent_moves: Whether the joint's parent can move too; axis and point are those before
             anything moved.
+        pitch: Of a screw, [m/rad]; else NaN.
     """
 
     joint_name: str
@@ -142,6 +153,7 @@ class Truth:
     X_WB: Array
     grasp_time: float
     parent_moves: bool = False
+    pitch: float = np.nan
     regrasp_times: list[float] = field(default_factory=list)
 
     def last_grasp(self, time: float) -> float:
@@ -184,4 +196,5 @@ def truth_of(record: EpisodeRecord) -> Truth:
         grasp_time=grasps[0] if grasps else float("nan"),
         regrasp_times=grasps[1:],
         parent_moves=constants.parent_moves,
+        pitch=constants.pitch,
     )

@@ -23,7 +23,7 @@ from systems.port_values import (
     PoseBelief,
 )
 
-MOVING_TYPES = (JointType.PRISMATIC, JointType.REVOLUTE)
+MOVING_TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.SCREW)
 
 
 @dataclass(kw_only=True)
@@ -42,7 +42,8 @@ def screw(joint_type: JointType, model: JointModelBelief) -> Array:
     """Unit twist S_P (6,) at Po of the child per unit of q, in the parent's frame P."""
     if joint_type == JointType.PRISMATIC:
         return np.concatenate([np.zeros(3), model.axis_P])
-    return np.concatenate([model.axis_P, np.cross(model.p_PA, model.axis_P)])
+    climb = model.pitch * model.axis_P if joint_type == JointType.SCREW else np.zeros(3)
+    return np.concatenate([model.axis_P, np.cross(model.p_PA, model.axis_P) + climb])
 
 
 def is_likely(joint: JointBelief, config: HeldJointConfig) -> bool:

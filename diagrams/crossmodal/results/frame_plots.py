@@ -17,6 +17,7 @@ from diagrams.joints.joint_metrics import bodies_of, joint_now, joints_of, motio
 from diagrams.joints.joint_palette import body_color, body_label
 from diagrams.joints.joint_truth import Truth
 from diagrams.run.record import Picture, Tick
+from systems.kinematics.held_joint import MOVING_TYPES
 from systems.port_values import (
     STATIC_BODY,
     BodyMotions,
@@ -98,7 +99,7 @@ def _draw_frame(
         colors = [body_color(owner) for owner in owners]
         axes.scatter(u, v, s=9, c=colors, edgecolors="#202020", linewidths=0.35)
     joint = joint_now(joints_of(tick), bodies_now, episode.truth.parent_moves)
-    if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
+    if joint is not None and joint.type in MOVING_TYPES:
         body = bodies_now.find(joint.child_id)
         if draw_joint(axes, joint, body, episode.record.calibration.camera):
             joints.add(joint.type)
@@ -109,7 +110,7 @@ def _draw_frame(
 
 def _caption(when: str, joint: JointBelief | None, truth: Truth) -> str:
     belief = describe_configuration(joint, truth.axis_W)
-    if joint is not None and joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
+    if joint is not None and joint.type in MOVING_TYPES:
         belief = f"{joint.type}, configuration {belief}"
         if fit := describe_fit(joint):
             belief += f"\n{fit.removeprefix('; ')}"

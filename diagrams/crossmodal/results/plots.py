@@ -17,7 +17,11 @@ from diagrams.joints.joint_metrics import JointSeries, last_seen, motion_start
 from maths.arrays import Array
 from systems.port_values import JointType
 
-_UNIT = {JointType.PRISMATIC: (1000.0, "mm"), JointType.REVOLUTE: (180.0 / np.pi, "deg")}
+_UNIT = {
+    JointType.PRISMATIC: (1000.0, "mm"),
+    JointType.REVOLUTE: (180.0 / np.pi, "deg"),
+    JointType.SCREW: (180.0 / np.pi, "deg"),
+}
 # The cross-modal curve is wide and lies below the others, so that none hides another.
 _LINE: dict[str, Any] = {
     "vision": {"lw": 1.5, "zorder": 3},

@@ -15,6 +15,7 @@ from diagrams.evaluation.stream_faults import fault_lines
 from diagrams.joints.joint_episode import JointEpisode
 from diagrams.joints.joint_metrics import axis_sign, last_seen
 from maths.arrays import Array
+from systems.kinematics.held_joint import MOVING_TYPES
 from systems.port_values import JointBelief, JointType
 
 
@@ -22,7 +23,7 @@ def describe_configuration(joint: JointBelief | None, axis_true: Array | None = 
     """The configuration that a joint belief stands for, with its deviation, in cm or deg."""
     if joint is None:
         return "no joint seen"
-    if joint.type not in (JointType.PRISMATIC, JointType.REVOLUTE):
+    if joint.type not in MOVING_TYPES:
         return str(joint.type)
     model = joint.model
     sign = 1.0 if axis_true is None else axis_sign(model.axis_P, axis_true)
@@ -43,7 +44,7 @@ def written_configuration(
         spread: Its standard deviation.
         beside: What it stands next to, which says how many digits it gets.
     """
-    prismatic = joint_type != JointType.REVOLUTE
+    prismatic = joint_type not in (JointType.REVOLUTE, JointType.SCREW)
     scale, unit = (100.0, "cm") if prismatic else (180.0 / math.pi, "deg")
     scaled = None if value is None else scale * value
     return written(scaled, unit, spread=scale * spread, beside=scale * beside)
@@ -75,13 +76,17 @@ def perceived(episode: JointEpisode) -> list[str]:
             lines.append(f"{label}no joint seen")
             continue
         text = f"{joint.type} (p = {joint.probabilities[joint.type]:.3f})"
-        if joint.type in (JointType.PRISMATIC, JointType.REVOLUTE):
+        if joint.type in MOVING_TYPES:
             axis = axis_sign(joint.model.axis_P, episode.truth.axis_W) * joint.model.axis_P
             components = ", ".join(fixed(component, 3, signed=True) for component in axis)
             spread = written(float(np.rad2deg(series.axis_std[last])), "deg")
             text += f", axis ({components}) ± {spread}"
             q, std = float(series.configuration[last]), float(series.configuration_std[last])
             text += f", configuration {written_configuration(q, joint.type, spread=std)}"
+        if joint.type == JointType.SCREW:
+            pitch_std = float(np.sqrt(joint.model.pitch_variance))
+            climb = written(1e3 * joint.model.pitch, "mm/rad", spread=1e3 * pitch_std)
+            text += f", pitch {climb}"
         text += describe_fit(joint)
         if last is not None and episode.record.duration - series.times[last] > 0.5:
             text += f"; last seen at {series.times[last]:.1f} s"
@@ -131,7 +136,7 @@ def comparison(summary: Mapping[str, Any]) -> list[str]:
             [_milliseconds(summary["modalities"][name]["tick"]["median"]) for name in joints],
         ),
     ]
-    if kind == JointType.REVOLUTE:
+    if kind in (JointType.REVOLUTE, JointType.SCREW):
         rows.insert(5, row("axis distance error", cells("axis_distance_error", 1000.0, "mm")))
     return align(rows)
 

@@ -5,7 +5,9 @@ from numpy.testing import assert_allclose
 from synthetic_episode import joint_belief, synthetic_episode
 
 from diagrams.joints.joint_drawing import (
+    HELIX_RADIUS,
     draw_joint,
+    helix_along,
     perpendicular_axes,
     sketch_joint,
     uncertainty_outline,
@@ -46,6 +48,13 @@ def test_bodies_that_do_not_move_have_no_sketch() -> None:
     for joint_type in (JointType.RIGID, JointType.DISCONNECTED):
         belief = joint_belief(joint_type, np.array([0.0, 0, 1]), 0.5, 0.01, 0.05)
         assert sketch_joint(belief, None) is None
+
+
+def test_a_thread_runs_about_its_bar_from_end_to_end() -> None:
+    bar = np.array([0.3, 0.0, 0.0])
+    thread = helix_along(bar)
+    assert_allclose(thread[[0, -1], 0], [-0.15, 0.15])
+    assert_allclose(np.linalg.norm(thread[:, 1:], axis=1), HELIX_RADIUS)
 
 
 @pytest.mark.parametrize("direction", np.eye(3))

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Joint
+from pydrake.multibody.tree import FixedOffsetFrame, Joint, ScrewJoint, SpatialInertia, UnitInertia
 from synthetic_episode import GRASP_TIME, empty_episode, synthetic_episode, without_truth
 
 from diagrams.joints.joint_truth import ObjectTruth, joint_constants, truth_of
@@ -39,6 +39,23 @@ def test_the_constants_are_axis_and_place_of_the_joint_in_the_world() -> None:
     assert_allclose(body.EvalPoseInWorld(context) @ p_BA, constants.point_W, atol=1e-12)
 
 
+def test_a_screw_has_the_axis_and_the_climb_per_radian_of_its_motion() -> None:
+    plant = MultibodyPlant(0.0)
+    body = plant.AddRigidBody("seat", SpatialInertia(1.0, np.zeros(3), UnitInertia(0.1, 0.1, 0.1)))
+    X_WJ = RigidTransform(RollPitchYaw(0.3, -0.4, 0.5), [0.1, 0.2, 0.3])
+    thread = plant.AddFrame(FixedOffsetFrame("thread", plant.world_frame(), X_WJ))
+    rod = plant.AddFrame(FixedOffsetFrame("rod", body.body_frame(), RigidTransform([0.2, 0, 0])))
+    joint = plant.AddJoint(ScrewJoint("screw", thread, rod, [0.6, 0.0, 0.8], 0.05, 0.0))
+    plant.Finalize()
+    constants = joint_constants(plant, joint)
+    assert constants.type == "screw"
+    context = plant.CreateDefaultContext()
+    p_BA = body.EvalPoseInWorld(context).inverse() @ constants.point_W
+    plant.SetPositions(context, [1.5])
+    moved = body.EvalPoseInWorld(context) @ p_BA - constants.point_W
+    assert_allclose(moved, 1.5 * constants.pitch * constants.axis_W, atol=1e-12)
+
+
 def test_a_growing_position_moves_the_body_along_the_axis() -> None:
     plant, joint = placed("chest_drawer.sdf", "slide")
     axis = joint_constants(plant, joint).axis_W
@@ -62,7 +79,7 @@ def test_a_joint_of_another_type_is_refused() -> None:
     plant, joint = placed("chest_drawer.sdf", "slide")
     welds = [plant.get_joint(index) for index in plant.GetJointIndices()]
     (weld,) = (other for other in welds if other.name() != joint.name())
-    with pytest.raises(ValueError, match="neither prismatic nor revolute"):
+    with pytest.raises(ValueError, match="neither prismatic, revolute nor a screw"):
         joint_constants(plant, weld)
 
 

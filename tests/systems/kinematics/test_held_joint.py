@@ -13,6 +13,7 @@ from systems.kinematics.held_joint import (
     HeldJointConfig,
     choose_joint,
     end_effector_screw,
+    screw,
 )
 from systems.port_values import (
     HELD_BODY,
@@ -158,3 +159,10 @@ def test_a_hand_that_turns_on_the_bar_need_not_turn_with_the_door() -> None:
     assert_allclose(V_W[:3], 0.0, atol=1e-12)
     assert_allclose(V_W[3:], hinge[3:] + np.cross(hinge[:3], point_W), atol=1e-12)
     assert_allclose(end_effector_screw(hinge, X_WE, X_EH, np.zeros((6, 6))), hinge, atol=1e-12)
+
+
+def test_a_screw_climbs_by_its_pitch_along_the_axis() -> None:
+    belief = joint(JointType.REVOLUTE, 0.1)
+    model = replace(belief.models[JointType.REVOLUTE], pitch=0.05)
+    hinge, climbing = screw(JointType.REVOLUTE, model), screw(JointType.SCREW, model)
+    assert_allclose(climbing - hinge, [0.0, 0.0, 0.0, *(0.05 * model.axis_P)], atol=1e-15)

@@ -21,7 +21,7 @@ def keep_axes(old: Models, axis_distance: float) -> Models:
         axis_distance: See `Priors`.
     """
     new = initial_models(old.q.shape[1])
-    for name in ("covariance", "signed", "process_noise"):
+    for name in ("covariance", "signed", "process_noise", "log_evidence"):
         getattr(new, name)[:] = getattr(old, name)
     for name in ("Y", "a", "c", "pitch"):
         getattr(new, name)[:] = getattr(old, name)

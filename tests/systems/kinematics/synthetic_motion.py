@@ -49,7 +49,7 @@ class Scene:
 
     joint: JointType
     radius: float = 0.35
-    pitch: float = 0.02
+    pitch: float = 0.1
     distance: float = 1.0
     motion: Motion = steady
     seconds: float = 10.0

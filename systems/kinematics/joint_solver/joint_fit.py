@@ -39,21 +39,21 @@ def off_path(kind: int, m: Models, kf: Keyframes) -> tuple[float, int]:
     Where along the path a keyframe is, is free. An outlier counts as little as it did in the fit.
 
     Args:
-        kind: `PRISMATIC`, `REVOLUTE` or `RIGID`.
+        kind: `PRISMATIC`, `REVOLUTE`, `SCREW` or `RIGID`.
         m: Models.
         kf: Keyframes.
     """
-    Y, a, c, q = m.Y[kind], m.a[kind], m.c[kind], m.q[kind]
-    X, G, J, B = np.empty((4, 4)), np.empty((5, 6)), np.zeros((5, 6)), np.empty((2, 3))
+    Y, a, c, h, q = m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], m.q[kind]
+    X, G, J, B = np.empty((4, 4)), np.empty((6, 6)), np.zeros((6, 6)), np.empty((2, 3))
     W, r, along = np.empty((6, 6)), np.empty(6), np.zeros(6)
     tangent_basis(a, B)
-    screw_twists(kind, Y, a, c, B, G)
+    screw_twists(kind, Y, a, c, h, B, G)
     chi_square, degrees, measured = 0.0, 0, 0
     for k in range(kf.size[0]):
-        child_pose(kind, Y, a, c, q[k], X)
+        child_pose(kind, Y, a, c, h, q[k], X)
         relative_log(X, kf.Z[k], r)
         if kind != RIGID and k > 0:
-            jacobian(kind, G, q[k], J)
+            jacobian(kind, G, h, q[k], J)
             along[:] = J[0]
             degrees -= 1
         W[:] = kf.W[k]

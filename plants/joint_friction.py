@@ -2,9 +2,38 @@
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.multibody.tree import Joint, ModelInstanceIndex, PdControllerGains
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import ConstantVectorSource
 
 from maths.arrays import Array
+
+_CREEP = 0.001  # Speed below which a joint that holds a load creeps, [m/s] or [rad/s].
+
+
+def add_holding_friction(plant: MultibodyPlant, joint: Joint, friction: float) -> None:
+    """Gives a joint of one degree of freedom friction that holds a load, before `Finalize`.
+
+    It is a motor that wants to stand still, with a limited effort: -clip(F v / v_s, -F, F). Drake's
+    solver finds it together with the velocity after the step, so that it is stable at any step;
+    `JointFriction` takes the velocity before the step, and where the load is all on the joint and
+    its inertia small, it rattles and lets the load down.
+
+    Args:
+        friction: F, [N] or [N m].
+    """
+    motor = plant.AddJointActuator(f"{joint.name()}_friction", joint, friction)
+    motor.set_controller_gains(PdControllerGains(p=0.0, d=friction / _CREEP))
+
+
+def connect_holding_friction(
+    builder: DiagramBuilder, plant: MultibodyPlant, instance: ModelInstanceIndex
+) -> None:
+    """Tells the motors of `add_holding_friction` in a model to stand still, after `Finalize`."""
+    states = 2 * plant.num_actuated_dofs(instance)
+    if states:
+        still = builder.AddSystem(ConstantVectorSource(np.zeros(states)))
+        builder.Connect(still.get_output_port(), plant.get_desired_state_input_port(instance))
 
 
 class JointFriction(LeafSystem):

@@ -21,12 +21,13 @@ from pydrake.multibody.parsing import (
     ProcessModelDirectives,
 )
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
-from pydrake.multibody.tree import Joint, ModelInstanceIndex
+from pydrake.multibody.tree import Joint, ModelInstanceIndex, ScrewJoint
 from pydrake.systems.framework import DiagramBuilder
 
 from maths.arrays import Array
 from maths.validation import check, number
 from models import SDF_DIR
+from plants.joint_friction import add_holding_friction, connect_holding_friction
 from plants.parsing import add_model, find_model, make_parser
 
 
@@ -65,7 +66,8 @@ class ManipulationScene:
         plant: With robots, furniture and objects.
         scene_graph: Its geometry.
         objects: Model instance of each placed object, by its name.
-        friction: Coulomb friction of each velocity of the plant (nv,), [N] or [N m].
+        friction: Coulomb friction of each velocity of the plant (nv,), [N] or [N m]; zero for a
+            screw, which has its own in the plant.
     """
 
     plant: MultibodyPlant
@@ -123,6 +125,10 @@ def add_manipulation_scene(
     instances = {
         name: _place(plant, parser, name, placement) for name, placement in objects.items()
     }
+    for name, placement in objects.items():
+        for joint in map(plant.get_joint, plant.GetJointIndices(instances[name])):
+            if isinstance(joint, ScrewJoint) and placement.friction > 0.0:
+                add_holding_friction(plant, joint, placement.friction)
     for name in weightless:
         plant.set_gravity_enabled(find_model(plant, name), False)
     plant.Finalize()
@@ -132,7 +138,10 @@ def add_manipulation_scene(
     for name, placement in objects.items():
         if placement.texture:
             _set_texture(plant, scene_graph, instances[name], placement.texture)
+        connect_holding_friction(builder, plant, instances[name])
         for joint in object_joints(plant, instances[name]):
+            if isinstance(joint, ScrewJoint):
+                continue  # Its motor is its friction.
             start = joint.velocity_start()
             friction[start : start + joint.num_velocities()] = placement.friction
     return ManipulationScene(

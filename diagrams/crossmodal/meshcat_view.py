@@ -17,7 +17,7 @@ from pydrake.systems.framework import (
 )
 
 from diagrams.crossmodal.modalities import LABELS
-from diagrams.crossmodal.results.report import describe_configuration
+from diagrams.crossmodal.results.report import describe_configuration, describe_pitch
 from diagrams.crossmodal.scenario import Scenario
 from diagrams.drawing import palette
 from diagrams.drawing.dots import set_dots
@@ -293,7 +293,8 @@ class _Layer:
         if sketch is None or joint is None:
             return
         self._place_joint(time, sketch)
-        self._write_text(time, f"{sketch.type} {describe_configuration(joint)}", sketch)
+        words = f"{sketch.type} {describe_configuration(joint)}{describe_pitch(joint)}"
+        self._write_text(time, words, sketch)
 
     def _joint_path(self, kind: JointType) -> str:
         return f"{self._path}/joint/{kind}"

@@ -97,7 +97,7 @@ def own_object_assignments(
 
 def _to_joint(at_base: ObjectModel, facts: ObjectModel) -> float:
     """From the unit of a scenario's own joint to that of another object's joint, at the handle."""
-    if at_base.joint_type == facts.joint_type:
+    if at_base.unit == facts.unit:
         return 1.0
     return 1.0 / facts.lever if facts.lever else at_base.lever or 1.0
 
@@ -116,7 +116,7 @@ def _task_assignments(
     What the scenario asks of a joint that slides is, of one that turns, that way of the handle, and
     the other way round. What the user has given is in the unit of the object's joint.
     """
-    differs, to_joint = at_base.joint_type != facts.joint_type, _to_joint(at_base, facts)
+    differs, to_joint = at_base.unit != facts.unit, _to_joint(at_base, facts)
     old_unit, unit = at_base.unit, facts.unit
     most = 0.9 * max(abs(facts.lower), abs(facts.upper))
     lines, said = [], []

@@ -23,6 +23,7 @@ READABLE = {
     "rad": (180.0 / math.pi, "deg"),
     "m/s": (1000.0, "mm/s"),
     "rad/s": (180.0 / math.pi, "deg/s"),
+    "m/rad": (1000.0, "mm/rad"),
     "s": (1.0, "s"),
     "B": (1e-9, "GB"),
     "N": (1.0, "N"),

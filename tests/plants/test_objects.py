@@ -9,6 +9,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ScrewJoint
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
@@ -29,6 +30,7 @@ OBJECTS = {
     "sliding_door.sdf": "slide",
     "tripod.sdf": "pan",
     "cardboard_box.sdf": "hinge",
+    "fly_press.sdf": "spindle",
 }
 
 
@@ -60,7 +62,8 @@ def test_the_closed_joint_is_at_a_limit_or_between_and_the_handle_moves_with_it(
     handle = plant.GetFrameByName("handle")
     assert handle.body().index() == moved.child_body().index()
     lower, upper = moved.position_lower_limits()[0], moved.position_upper_limits()[0]
-    assert lower <= 0.0 < upper < np.inf
+    assert lower <= 0.0 < upper
+    assert upper < np.inf or isinstance(moved, ScrewJoint)  # To which Drake gives no limits.
     start = handle.CalcPoseInWorld(context).translation()
     moved_by = 0.05
     q = plant.GetPositions(context)
@@ -106,6 +109,40 @@ def test_the_sliding_panel_slows_down_by_friction_and_damping() -> None:
     expected = (0.5 + 4.0 / damping) * np.exp(-damping / mass * 0.15) - 4.0 / damping
     assert 0.05 < expected < 0.45
     assert_allclose(slide.get_translation_rate(released.context), expected, rtol=0.03)
+
+
+def test_the_weight_of_the_press_hardly_turns_its_screw() -> None:
+    """The torque of the weight, m g h / (2 pi), is held at a creep of F w / w_s."""
+    released = Released("fly_press.sdf", RigidTransform([0.9, 0, 0.7]), friction=1.5)
+    plant = released.scene.plant
+    spindle, head = plant.GetJointByName("spindle"), plant.GetBodyByName("head")
+    pitch = spindle.screw_pitch() / (2.0 * np.pi)
+    assert_allclose(pitch, 0.08 / (2.0 * np.pi))
+    released.simulator.AdvanceTo(1.0)
+    creep = spindle.get_angular_velocity(released.context)
+    weight = head.default_mass() * 9.81
+    assert_allclose(creep, weight * pitch / (1.5 / 0.001 + spindle.default_damping()), rtol=1e-6)
+
+
+def test_the_turning_press_goes_down_by_its_pitch_and_slows_down_by_friction_and_damping() -> None:
+    """I (w' - w) / dt = m g h - F - b w', h the pitch per radian, m h^2 in the inertia I."""
+    released = Released("fly_press.sdf", RigidTransform([0.9, 0, 0.7]), friction=1.5)
+    plant = released.scene.plant
+    spindle, head = plant.GetJointByName("spindle"), plant.GetBodyByName("head")
+    start = head.EvalPoseInWorld(released.context).translation()
+    pitch, damping = spindle.screw_pitch() / (2.0 * np.pi), spindle.default_damping()
+    spindle.set_angular_velocity(released.context, 20.0)
+    steps, step = 5, PlantConfig().time_step
+    released.simulator.AdvanceTo(steps * step)
+    mass = head.default_mass()
+    inertia = head.default_rotational_inertia().CopyToFullMatrix3()[2, 2] + mass * pitch**2
+    expected, held = 20.0, 1.5 - mass * 9.81 * pitch
+    for _ in range(steps):
+        expected = (expected - held * step / inertia) / (1.0 + damping * step / inertia)
+    assert 1.0 < expected < 10.0
+    assert_allclose(spindle.get_angular_velocity(released.context), expected, rtol=1e-3)
+    way = head.EvalPoseInWorld(released.context).translation() - start
+    assert_allclose(way[2], -pitch * spindle.get_rotation(released.context), atol=1e-9)
 
 
 def test_the_free_carton_slides_on_the_table_as_far_as_its_feet_let_it() -> None:

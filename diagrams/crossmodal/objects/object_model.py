@@ -14,6 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 from plants.parsing import make_parser
+from systems.kinematics.held_joint import MOVING_TYPES
 from systems.port_values import JointType
 
 
@@ -22,14 +23,15 @@ class ObjectModel:
     """What a model alone says about the explored joint and the handle.
 
     Attributes:
-        joint_type: Prismatic or revolute.
+        joint_type: Prismatic, revolute or screw.
         lower: Least position of the joint, [m or rad].
         upper: Its largest.
         X_OH: Pose of the handle's frame in the model's, all joints at zero.
-        lever: Distance of the handle from a revolute joint's axis, [m]; 0 for a prismatic one.
+        lever: Distance of the handle from the axis that the joint turns about, [m]; 0 for a
+            prismatic one.
         way_H: Unit vector (3,) in the handle's frame: where the handle goes from zero towards the
             joint's farther limit; zero for one on a revolute joint's axis.
-        two_ways: Whether both limits are equally far.
+        two_ways: Whether both limits are equally far, or there are none.
         bottom: Height of its lowest point that can be touched in the model's frame, [m].
     """
 
@@ -63,9 +65,9 @@ def read_object_model(model: Path, *, joint: str, frame: str, source: str) -> Ob
             f" {suggestion(frame, frames)}"
         )
     kind = plant.GetJointByName(joint, instance).type_name()
-    if kind not in (JointType.PRISMATIC, JointType.REVOLUTE):
+    if kind not in MOVING_TYPES:
         raise ScenarioError(
-            f"{source}.joint: '{joint}' is a {kind} joint; allowed: prismatic, revolute"
+            f"{source}.joint: '{joint}' is a {kind} joint; allowed: {', '.join(MOVING_TYPES)}"
         )
     return _facts(plant, scene_graph, instance, joint, frame)
 
@@ -95,14 +97,15 @@ def _facts(
     joint = plant.GetJointByName(joint_name, instance)
     handle = plant.GetFrameByName(frame, instance)
     X_OH = handle.CalcPose(context, plant.GetFrameByName("__model__", instance))
-    X_JH = handle.CalcPose(context, joint.frame_on_parent())
-    lever = 0.0
-    if joint.type_name() == JointType.REVOLUTE:
-        way_J = np.cross(joint.revolute_axis(), X_JH.translation())
-        lever = float(np.linalg.norm(way_J))
-        way_J = way_J / lever if lever > 1e-6 else np.zeros(3)
-    else:
-        way_J = joint.translation_axis()
+    parent = joint.frame_on_parent()
+    plant.SetVelocities(context, np.eye(plant.num_velocities())[joint.velocity_start()])
+    V_JH_H = handle.CalcSpatialVelocity(context, parent, handle)  # Per unit of q.
+    way, lever = V_JH_H.translational(), 0.0
+    turn = np.linalg.norm(V_JH_H.rotational())
+    if turn > 0.0:
+        lever = float(np.linalg.norm(np.cross(V_JH_H.rotational() / turn, way)))
+    rate = float(np.linalg.norm(way))
+    way_H = way / rate if rate > 1e-6 else np.zeros(3)
     lower, upper = (
         float(limits[0])
         for limits in (joint.position_lower_limits(), joint.position_upper_limits())
@@ -113,7 +116,7 @@ def _facts(
         upper=upper,
         X_OH=X_OH,
         lever=lever,
-        way_H=X_JH.rotation().inverse() @ way_J * (1.0 if upper >= -lower else -1.0),
+        way_H=way_H * (1.0 if upper >= -lower else -1.0),
         two_ways=upper == -lower,
         bottom=_bottom(plant, scene_graph, instance),
     )

@@ -9,7 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from diagrams.crossmodal.modalities import LABELS
-from diagrams.crossmodal.results.report import describe_configuration, describe_fit
+from diagrams.crossmodal.results.report import (
+    describe_configuration,
+    describe_fit,
+    describe_pitch,
+)
 from diagrams.drawing.plot_style import STYLE, new_figure
 from diagrams.joints.joint_drawing import draw_joint, joint_color
 from diagrams.joints.joint_episode import JointEpisode
@@ -112,6 +116,8 @@ def _caption(when: str, joint: JointBelief | None, truth: Truth) -> str:
     belief = describe_configuration(joint, truth.axis_W)
     if joint is not None and joint.type in MOVING_TYPES:
         belief = f"{joint.type}, configuration {belief}"
+        if pitch := describe_pitch(joint):
+            belief += f"\n{pitch.removeprefix(', ')}"
         if fit := describe_fit(joint):
             belief += f"\n{fit.removeprefix('; ')}"
     return f"{when}\n{belief}"

@@ -17,6 +17,7 @@ from diagrams.evaluation.metric_table import (
 )
 from diagrams.joints.joint_errors import error_panels, read_errors
 from diagrams.run.experiment import CampaignPlot, Column, Metric
+from systems.kinematics.held_joint import MOVING_TYPES
 
 
 def _joint(record: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -25,18 +26,28 @@ def _joint(record: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _unit(record: Mapping[str, Any]) -> str:
-    return "rad" if _joint(record)["type_true"] == "revolute" else "m"
+    return "rad" if _joint(record)["type_true"] in ("revolute", "screw") else "m"
 
 
 def _unit_of_episode(summary: Mapping[str, Any]) -> str:
     return next((_unit(record) for record in summary["modalities"].values()), "")
 
 
-def _is_revolute(record: Mapping[str, Any]) -> Any:
+def _axis_distance(record: Mapping[str, Any]) -> Any:
     joint = _joint(record)
-    if joint["type_true"] != "revolute":
-        raise KeyError("only a revolute joint's axis has a place")
+    if joint["type_true"] not in ("revolute", "screw"):
+        raise KeyError("a prismatic joint's axis has no place")
     return joint["axis_distance_error"]
+
+
+def _of_screw(key: str, **shown: Any) -> Metric:
+    def value(record: Mapping[str, Any]) -> Any:
+        joint = _joint(record)
+        if joint["type_true"] != "screw":
+            raise KeyError("only a screw has a pitch")
+        return joint[key]
+
+    return Metric(name=key, value=value, unit="m/rad", cell=median_and_range, **shown)
 
 
 def _of_joint(key: str, **shown: Any) -> Metric:
@@ -63,7 +74,7 @@ METRICS = (
     _of_phase("exploitation", "error", title="exploitation error", cell=mean_and_deviation),
     Metric(
         name="joint_found",
-        value=lambda record: _joint(record)["type_estimated"] in ("prismatic", "revolute"),
+        value=lambda record: _joint(record)["type_estimated"] in MOVING_TYPES,
         title="joint found",
         cell=lambda v, _: count(v),
     ),
@@ -135,11 +146,13 @@ METRICS = (
     ),
     Metric(
         name="axis_distance_error",
-        value=_is_revolute,
+        value=_axis_distance,
         unit="m",
         title="axis distance error",
         cell=median_and_range,
     ),
+    _of_screw("pitch_error", title="pitch error at the end"),
+    _of_screw("pitch_std", title="pitch's claimed deviation at the end"),
     _of_joint(
         "type_settled_at",
         unit="s",

@@ -50,6 +50,14 @@ def written_configuration(
     return written(scaled, unit, spread=scale * spread, beside=scale * beside)
 
 
+def describe_pitch(joint: JointBelief) -> str:
+    """A screw's pitch with its deviation, begins with ', '; nothing for other types."""
+    if joint.type != JointType.SCREW:
+        return ""
+    std = float(np.sqrt(joint.model.pitch_variance))
+    return f", pitch {written(1e3 * joint.model.pitch, 'mm/rad', spread=1e3 * std)}"
+
+
 def describe_fit(joint: JointBelief) -> str:
     """How well a joint explains what was measured, and how much was not used; begins with '; '."""
     text, fit = "", joint.fit
@@ -83,10 +91,7 @@ def perceived(episode: JointEpisode) -> list[str]:
             text += f", axis ({components}) ± {spread}"
             q, std = float(series.configuration[last]), float(series.configuration_std[last])
             text += f", configuration {written_configuration(q, joint.type, spread=std)}"
-        if joint.type == JointType.SCREW:
-            pitch_std = float(np.sqrt(joint.model.pitch_variance))
-            climb = written(1e3 * joint.model.pitch, "mm/rad", spread=1e3 * pitch_std)
-            text += f", pitch {climb}"
+        text += describe_pitch(joint)
         text += describe_fit(joint)
         if last is not None and episode.record.duration - series.times[last] > 0.5:
             text += f"; last seen at {series.times[last]:.1f} s"
@@ -138,6 +143,9 @@ def comparison(summary: Mapping[str, Any]) -> list[str]:
     ]
     if kind in (JointType.REVOLUTE, JointType.SCREW):
         rows.insert(5, row("axis distance error", cells("axis_distance_error", 1000.0, "mm")))
+    if kind == JointType.SCREW:
+        truth = written(1000.0 * first["pitch_true"], "mm/rad", significant=3)
+        rows.insert(6, row("pitch", cells("pitch", 1000.0, "mm/rad"), truth))
     return align(rows)
 
 

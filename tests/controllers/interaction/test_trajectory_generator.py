@@ -62,6 +62,21 @@ def test_a_revolute_joint_makes_a_circle_that_ends_at_the_start() -> None:
     assert_allclose(configurations[-1], 0.0, atol=1e-4)
 
 
+def test_a_screw_makes_a_helix_that_ends_at_the_start() -> None:
+    """While the hand turns by a radian about the axis, it climbs by the pitch along it."""
+    point, q_0, pitch = np.array([0.5, -0.2, 0.0]), 0.9, 0.02
+    screw_W = about_vertical(point) + np.array([0, 0, 0, 0, 0, pitch])
+    X_0 = se3.exp(np.array([0.3, -0.2, 0.5, 0.9, -0.5, 0.8]))
+    plans, configurations = follow(screw_W, q_0, X_0)
+    p_WE = np.array([plan.motion.X_WE[:3, 3] for plan in plans])
+    radius = np.hypot(*(X_0[:2, 3] - point[:2]))
+    assert_allclose(np.hypot(*(p_WE[:, :2] - point[:2]).T), radius, rtol=1e-9)
+    turned = np.unwrap(np.arctan2(*(p_WE[:, :2] - point[:2]).T[::-1]))
+    assert_allclose(p_WE[:, 2] - p_WE[0, 2], pitch * (turned - turned[0]), atol=1e-12)
+    assert_allclose(p_WE[-1, 2] - X_0[2, 3], -pitch * q_0, atol=1e-5)
+    assert_allclose(configurations[-1], 0.0, atol=1e-4)
+
+
 def test_the_commanded_velocity_is_the_derivative_of_the_commanded_pose() -> None:
     X_0 = se3.exp(np.array([0.3, -0.2, 0.5, 0.9, -0.5, 0.8]))
     plans, _ = follow(about_vertical(np.array([0.5, -0.2, 0.0])), 0.7, X_0)

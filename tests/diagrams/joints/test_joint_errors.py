@@ -18,7 +18,7 @@ def errors_of(record: EpisodeRecord) -> dict:
     return errors_over_time(APPLICATION.evaluate(record).estimates)
 
 
-@pytest.mark.parametrize("kind", [JointType.PRISMATIC, JointType.REVOLUTE])
+@pytest.mark.parametrize("kind", [JointType.PRISMATIC, JointType.REVOLUTE, JointType.SCREW])
 def test_errors_over_time_are_those_of_the_episode(kind: JointType) -> None:
     record = synthetic_episode(kind, seed=1)
     errors = errors_of(record)
@@ -31,7 +31,8 @@ def test_errors_over_time_are_those_of_the_episode(kind: JointType) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "unit"), [(JointType.PRISMATIC, "mm"), (JointType.REVOLUTE, "deg")]
+    ("kind", "unit"),
+    [(JointType.PRISMATIC, "mm"), (JointType.REVOLUTE, "deg"), (JointType.SCREW, "deg")],
 )
 def test_panels_are_in_units_for_people_and_in_the_order_asked_for(
     kind: JointType, unit: str

@@ -50,7 +50,7 @@ def joint(
         configuration=np.array([q, 0.0]),
         configuration_covariance=np.eye(2) * 1e-6,
     )
-    rest = (1.0 - probability) / 3
+    rest = (1.0 - probability) / (len(JointType) - 1)
     probabilities = {other: probability if other == kind else rest for other in JointType}
     return JointBelief(
         parent_id=parent,

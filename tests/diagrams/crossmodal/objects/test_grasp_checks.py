@@ -80,7 +80,7 @@ def test_a_bar_that_the_hand_does_not_hold_is_warned_of(
 
 def test_of_the_programs_own_handles_nothing_is_said() -> None:
     # The edge of the box's lid has the lid behind it, and is held by its rounded rim.
-    for name in ("drawer", "cupboard-door", "glass-door", "sliding-door", "tripod"):
+    for name in ("drawer", "cupboard-door", "glass-door", "sliding-door", "tripod", "press"):
         thing = load_scenario(name)[1].object
         assert model_warnings(object_model_file(thing), thing.handle_frame, "") == []
 

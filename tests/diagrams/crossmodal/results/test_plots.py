@@ -28,7 +28,7 @@ def texts(figure: Figure | None) -> str:
     return "\n".join(text.get_text() for text in figure.findobj(lambda a: hasattr(a, "get_text")))
 
 
-@pytest.mark.parametrize("joint_type", [JointType.PRISMATIC, JointType.REVOLUTE])
+@pytest.mark.parametrize("joint_type", [JointType.PRISMATIC, JointType.REVOLUTE, JointType.SCREW])
 def test_all_figures_are_drawn(joint_type: JointType, tmp_path: Path) -> None:
     one = episode(joint_type)
     for draw in (draw_errors, draw_configurations, draw_frames):
@@ -37,6 +37,11 @@ def test_all_figures_are_drawn(joint_type: JointType, tmp_path: Path) -> None:
         path = tmp_path / "figure.partial"
         save(figure, path)
         assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_frames_say_the_pitch_of_a_screw_and_of_nothing_else() -> None:
+    assert "pitch 13.08 ± 0.65 mm/rad" in texts(draw_frames(episode(JointType.SCREW)))
+    assert "pitch" not in texts(draw_frames(episode(JointType.REVOLUTE)))
 
 
 def test_the_error_plot_shows_every_modality_the_events_and_the_unit() -> None:
@@ -91,7 +96,7 @@ def test_without_the_truth_there_are_no_errors_to_draw_but_there_is_what_was_see
     assert "prismatic" in texts(draw_frames(one))
 
 
-@pytest.mark.parametrize("joint_type", [JointType.PRISMATIC, JointType.REVOLUTE])
+@pytest.mark.parametrize("joint_type", [JointType.PRISMATIC, JointType.REVOLUTE, JointType.SCREW])
 def test_a_joint_that_goes_to_negative_q_is_in_the_frame(joint_type: JointType) -> None:
     figure = draw_configurations(joint_episode(synthetic_episode(joint_type, opens_to=-1.0)))
     assert figure is not None

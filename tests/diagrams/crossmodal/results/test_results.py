@@ -6,12 +6,13 @@ import re
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from synthetic_episode import empty_episode, synthetic_episode, without_truth
+from synthetic_episode import PITCH, empty_episode, synthetic_episode, without_truth
 
 from diagrams.crossmodal.application import APPLICATION
 from diagrams.crossmodal.results.report import final_beliefs
 from diagrams.crossmodal.results.results import evaluate
 from diagrams.evaluation.estimates import COLUMNS
+from diagrams.evaluation.metric_table import tidy_metrics
 from diagrams.joints.joint_episode import joint_episode
 from diagrams.joints.joint_record import summarise_joint
 from diagrams.run.folder.run_folder import summarise
@@ -138,6 +139,42 @@ def test_the_report_says_what_the_tables_of_a_campaign_say() -> None:
     titles = {metric.name: metric.title for metric in APPLICATION.metrics}
     for name in ("configuration_error", "axis_angle_error", "axis_distance_error"):
         assert f"\n  {titles[name].removesuffix(' at the end')} " in text
+
+
+def test_a_screws_pitch_is_in_summary_table_report_and_metrics() -> None:
+    record = synthetic_episode(JointType.SCREW)
+    results = evaluate(record)
+    summary = summarise(APPLICATION, record, results)
+    joint = summary["modalities"]["crossmodal"]["joints"][0]
+    assert joint["type_true"] == joint["type_estimated"] == "screw"
+    assert_allclose([joint["pitch_true"], joint["pitch"]], [PITCH, 1.03 * PITCH])
+    assert_allclose([joint["pitch_error"], joint["pitch_std"]], [0.03 * PITCH, 0.0515 * PITCH])
+    rows = results.estimates[results.estimates.quantity == "pitch"]
+    last = rows[rows.modality == "crossmodal"].iloc[-1]
+    assert_allclose([last.estimate, last["std"], last.truth], [1.03 * PITCH, 0.0515 * PITCH, PITCH])
+    text = "\n".join(results.report(summary))
+    assert "pitch 13.08 ± 0.65 mm/rad" in text
+    (row,) = (line for line in text.splitlines() if line.startswith("  pitch "))
+    assert row.split()[-2:] == ["12.7", "mm/rad"]
+    table = tidy_metrics(APPLICATION, "press", [summary])
+    errors = table[(table.metric == "pitch_error") & (table.modality == "crossmodal")]
+    assert_allclose(errors.value, 0.03 * PITCH)
+    assert set(errors.unit) == {"m/rad"}
+    units = table[table.metric.isin(["configuration_error", "axis_distance_error"])]
+    assert set(zip(units.metric, units.unit, strict=True)) == {
+        ("configuration_error", "rad"),
+        ("axis_distance_error", "m"),
+    }
+
+
+def test_what_does_not_screw_has_no_pitch() -> None:
+    record = synthetic_episode(JointType.REVOLUTE)
+    results = evaluate(record)
+    summary = summarise(APPLICATION, record, results)
+    assert summary["modalities"]["crossmodal"]["joints"][0]["pitch"] is None
+    assert "pitch" not in "\n".join(results.report(summary))
+    table = tidy_metrics(APPLICATION, "door", [summary])
+    assert not table.metric.str.startswith("pitch").any()
 
 
 def test_errors_have_two_digits_and_estimates_those_of_the_finest_claim() -> None:

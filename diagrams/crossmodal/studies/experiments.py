@@ -134,5 +134,11 @@ _ALL = (
         exploitation=Reference(paper="18 ± 16 mm", goal="10 mm"),
         notes=(_PLAIN,),
     ),
+    Experiment(
+        scenario="press",
+        description="the screw of a fly press is turned by 60 deg and back",
+        references={"tick_median": _COMMON["tick_median"]},
+        notes=(_AFTER_A_RETURN, "The paper has no screw."),
+    ),
 )
 EXPERIMENTS = {experiment.scenario: experiment for experiment in _ALL}

@@ -309,7 +309,10 @@ def _pose() -> Codec:
 
 
 def _fields(kind: type) -> Codec:
-    """A dataclass of numbers, texts and arrays as JSON, in which a number keeps all its digits."""
+    """A dataclass of numbers, texts and arrays as JSON, in which a number keeps all its digits.
+
+    A field that has a default may be missing: it is younger than the recording.
+    """
 
     def encode(value: Any, now: int) -> list[Stamped]:
         fields = {
@@ -320,7 +323,11 @@ def _fields(kind: type) -> Codec:
 
     def decode(messages: Sequence[Stamped]) -> Any:
         fields = json.loads(messages[-1][1].data)
-        names = [field.name for field in dataclasses.fields(kind)]
+        names = [
+            field.name
+            for field in dataclasses.fields(kind)
+            if field.name in fields or field.default is dataclasses.MISSING
+        ]
         _require(list(fields) == names, f"fields {', '.join(fields)}", ", ".join(names))
         return kind(
             **{

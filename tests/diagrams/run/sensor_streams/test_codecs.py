@@ -1,6 +1,8 @@
 """What a codec encodes it decodes, exactly."""
 
-from dataclasses import dataclass, fields
+import json
+from dataclasses import dataclass, fields, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -156,6 +158,23 @@ def test_a_dataclass_keeps_every_field_with_its_type(tmp_path: Any) -> None:
 )  # fmt: skip
 def test_the_values_of_our_own_stations_survive(value: Any, tmp_path: Any) -> None:
     assert_same_fields(round_trip(value, tmp_path), value)
+
+
+def test_a_field_with_a_default_may_be_younger_than_the_recording_and_no_other() -> None:
+    codec = codec_for(UNKNOWN_JOINT)
+    ((stamp, content),) = codec.encode(replace(UNKNOWN_JOINT, name="slide", pitch=0.1), 0)
+
+    def without(*names: str) -> list[tuple[int, Any]]:
+        kept = json.loads(content["data"])
+        data = json.dumps({key: item for key, item in kept.items() if key not in names})
+        return [(stamp, SimpleNamespace(data=data))]
+
+    assert codec.decode(without()).pitch == 0.1
+    older = codec.decode(without("pitch"))
+    assert older.name == "slide"
+    assert np.isnan(older.pitch)
+    with pytest.raises(ValueError, match="type, axis_W, point_W, parent_moves, pitch, but name"):
+        codec.decode(without("name"))
 
 
 def test_the_last_of_several_messages_counts_but_for_windows() -> None:

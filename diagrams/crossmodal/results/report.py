@@ -1,7 +1,7 @@
 """Says in words and in a small table what was perceived and how good it was."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -144,9 +144,19 @@ def comparison(summary: Mapping[str, Any]) -> list[str]:
     if kind in (JointType.REVOLUTE, JointType.SCREW):
         rows.insert(5, row("axis distance error", cells("axis_distance_error", 1000.0, "mm")))
     if kind == JointType.SCREW:
-        truth = written(1000.0 * first["pitch_true"], "mm/rad", significant=3)
-        rows.insert(6, row("pitch", cells("pitch", 1000.0, "mm/rad"), truth))
+        rows.insert(6, _pitch_row(joints.values()))
     return align(rows)
+
+
+def _pitch_row(joints: Collection[Mapping[str, Any]]) -> list[str]:
+    finest = min((joint["pitch_std"] for joint in joints if joint["pitch_std"]), default=math.nan)
+
+    def cell(pitch: float | None) -> str:
+        value = None if pitch is None else 1000.0 * pitch
+        return written(value, "mm/rad", beside=1000.0 * finest, significant=3)
+
+    pitches = [joint["pitch"] for joint in joints]
+    return ["pitch", *map(cell, pitches), cell(next(iter(joints))["pitch_true"])]
 
 
 def _milliseconds(seconds: float | None) -> str:

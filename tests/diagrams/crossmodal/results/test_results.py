@@ -155,7 +155,7 @@ def test_a_screws_pitch_is_in_summary_table_report_and_metrics() -> None:
     text = "\n".join(results.report(summary))
     assert "pitch 13.08 ± 0.65 mm/rad" in text
     (row,) = (line for line in text.splitlines() if line.startswith("  pitch "))
-    assert row.split()[-2:] == ["12.7", "mm/rad"]
+    assert row.split()[-4:] == ["13.08", "mm/rad", "12.70", "mm/rad"]
     table = tidy_metrics(APPLICATION, "press", [summary])
     errors = table[(table.metric == "pitch_error") & (table.modality == "crossmodal")]
     assert_allclose(errors.value, 0.03 * PITCH)

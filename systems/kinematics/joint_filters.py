@@ -34,34 +34,28 @@ Frames: P parent, B child, F the child's measured reference pose. All covariance
 perturbations in B, rotation [rad] before translation [m].
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from maths import se3
 from maths.arrays import Array
-from maths.gaussian import symmetric
-from maths.immutable import Immutable
 from maths.validation import check
-from systems.kinematics.goodness_of_fit import reduced_chi_square
 from systems.kinematics.joint_filters_config import JointFiltersConfig
+from systems.kinematics.joint_filters_readout import read_fit, read_joint, still_joint
+from systems.kinematics.joint_filters_state import TYPES, JointFiltersState, skip
 from systems.kinematics.joint_solver.joint_geometry import (
     JOINTS,
     MOVING,
     PRISMATIC,
     RIGID,
-    SCREW,
     WALK,
     dimension,
-    turns,
 )
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
-from systems.kinematics.joint_solver.joint_pitch import WIDEST, pitch_posterior
+from systems.kinematics.joint_solver.joint_pitch import WIDEST
 from systems.kinematics.joint_solver.joint_readout import (
     predict_pose,
-    read_axis,
-    read_configuration,
 )
 from systems.kinematics.joint_solver.joint_reference import keep_axes
 from systems.kinematics.joint_solver.joint_solver import Priors
@@ -72,9 +66,8 @@ from systems.kinematics.joint_solver.noise_scale import (
     initial_noise_scale,
     observe,
 )
-from systems.kinematics.joint_solver.path_floor import FLOORS, with_likelier_floor
+from systems.kinematics.joint_solver.path_floor import with_likelier_floor
 from systems.kinematics.joint_solver.pose_keyframes import (
-    Keyframes,
     append,
     copy_keyframes,
     empty_keyframes,
@@ -87,67 +80,16 @@ from systems.kinematics.pose_checks import (
     covariance_fault,
     pose_array,
     pose_fault,
+    time_fault,
 )
-from systems.port_values import JointBelief, JointFit, JointModelBelief, JointType, PoseBelief
+from systems.port_values import JointBelief, JointType, PoseBelief
 
-TYPES = (
-    JointType.PRISMATIC,
-    JointType.REVOLUTE,
-    JointType.SCREW,
-    JointType.RIGID,
-    JointType.DISCONNECTED,
-)
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
 _RESTART_EVERY = 15  # Updates between fresh starts where the axis is better known than that.
 _SCREW_EVERY = 3  # Updates between two turns of the screw, see `joint_update.solve_all`.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
 _SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
 _NO_OUTLIERS = np.zeros(7)
-_NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
-
-
-@dataclass(kw_only=True)
-class JointFiltersState(Immutable):
-    """What the filters of one pair know at one measurement.
-
-    Attributes:
-        parent_id: See `JointBelief`.
-        child_id: See `JointBelief`.
-        X_PF: Measured reference pose (4, 4).
-        time: Of the last measurement, [s].
-        updates: Measurements seen.
-        models: Parameters, configuration and evidence of each model.
-        keyframes: The measurements, averaged.
-        noise: By how much the claimed covariances are wrong.
-        scale: (6,) standard deviations of the keyframes by those that were claimed.
-        floor: Index in `path_floor.FLOORS` of what the keyframes have.
-        W_zero: See `read_configuration`.
-        reference_noise: Covariance (6, 6), in B, of the measured reference.
-        offset: Covariance (6, 6), in B, of the poses' constant error since the last reset.
-        zero_variance: (4,) by how far the child may have moved before the reference, by each model
-            of a joint.
-        reset_count: Of parent and child together (`BodyMotion`).
-        skipped: How many measurements were not used, by reason.
-        outliers: How many were used and are outliers, as expected.
-    """
-
-    parent_id: int
-    child_id: int
-    X_PF: Array
-    time: float
-    updates: int
-    models: Models
-    keyframes: Keyframes
-    noise: NoiseScale
-    scale: Array
-    floor: int
-    W_zero: Array
-    reference_noise: Array
-    offset: Array
-    zero_variance: Array
-    reset_count: int = 0
-    skipped: Mapping[SkipReason, int] = field(default_factory=dict)
-    outliers: float = 0.0
 
 
 class JointFilters:
@@ -210,7 +152,7 @@ class JointFilters:
             delay: For so long the child may have moved before, [s]; q is zero up to that.
 
         Raises:
-            ValueError: for arrays of other shapes, and where `fault` finds something.
+            ValueError: for arrays of other shapes, and for what cannot be true.
         """
         owner = f"{self._owner}.start"
         X_PF = pose_array(X_PB_reference, "X_PB_reference", owner)
@@ -319,7 +261,7 @@ class JointFilters:
                 `BodyMotion`; none if None.
 
         Returns:
-            The new state; the last one with its `skipped` counted up where `fault` finds something.
+            The new state; the last one with its `skipped` counted up for what cannot be true.
 
         Raises:
             ValueError: for arrays of other shapes.
@@ -329,9 +271,14 @@ class JointFilters:
         covariance = covariance_array(covariance, "covariance", owner)
         if correlated is not None:
             correlated = covariance_array(correlated, "correlated", owner)
-        fault = self.fault(state, X_PB, covariance, time)
-        if fault is None and correlated is not None:
-            fault = covariance_fault(correlated)
+        fault = (
+            pose_fault(X_PB)
+            or covariance_fault(covariance)
+            or time_fault(time, state.time)
+            or (None if correlated is None else covariance_fault(correlated))
+        )
+        if fault is None and _is_repeated(state, X_PB, time):
+            fault = SkipReason.REPEATED
         if fault is not None:
             return skip(state, fault)
         try:
@@ -341,25 +288,6 @@ class JointFilters:
         if not np.isfinite(updated.models.log_evidence).all():
             return skip(state, SkipReason.NO_SOLUTION)
         return updated
-
-    @staticmethod
-    def fault(
-        state: JointFiltersState, X_PB: Array, covariance: Array, time: float
-    ) -> SkipReason | None:
-        """Why a measurement would be skipped by `update`; None where it can be true."""
-        fault = pose_fault(X_PB) or covariance_fault(covariance)
-        if fault is not None:
-            return fault
-        if not np.isfinite(time):
-            return SkipReason.TIME_NOT_FINITE
-        if time < state.time:
-            return SkipReason.TIME_BACKWARDS
-        last = state.noise
-        if time == last.time[1]:
-            X_FB = se3.inverse(state.X_PF) @ X_PB
-            if np.abs(X_FB - last.Z[1]).max() < _SAME_POSE:
-                return SkipReason.REPEATED
-        return None
 
     def _updated(
         self,
@@ -427,61 +355,21 @@ class JointFilters:
                 measurement, that of the last measurement.
         """
         dt = 0.0 if time is None else max(0.0, time - state.time)
+        likeliest = int(np.argmax(state.models.log_evidence + self._log_prior))
         return JointBelief(
             parent_id=state.parent_id,
             child_id=state.child_id,
             probabilities=self.probabilities(state),
             models={
-                **{TYPES[kind]: self._moving_belief(state, kind, dt) for kind in MOVING},
+                **{TYPES[kind]: read_joint(state, kind, dt, self.config) for kind in MOVING},
                 **{
-                    TYPES[kind]: _still_belief(float(state.models.log_evidence[kind]))
+                    TYPES[kind]: still_joint(float(state.models.log_evidence[kind]))
                     for kind in (RIGID, WALK)
                 },
             },
             updates=state.updates,
             skipped={str(reason): count for reason, count in state.skipped.items()},
-            fit=self._fit(state),
-        )
-
-    def _fit(self, state: JointFiltersState) -> JointFit:
-        kind = int(np.argmax(state.models.log_evidence + self._log_prior))
-        value, bounds, degrees = reduced_chi_square(
-            kind, state.models, state.keyframes, state.noise
-        )
-        return JointFit(
-            reduced_chi_square=value,
-            bounds=bounds,
-            degrees=degrees,
-            outlier_share=state.outliers / max(state.updates, 1),
-            noise_scale=(float(state.scale[0]), float(state.scale[3])),
-            path_floor=FLOORS[state.floor],
-        )
-
-    def _moving_belief(self, state: JointFiltersState, kind: int, dt: float) -> JointModelBelief:
-        m, n = state.models, dimension(kind)
-        vectors, axis, point = read_axis(kind, m, state.X_PF, self.config.axis_distance)
-        displaced = state.reference_noise + state.offset
-        configuration, sensitivity, variance = read_configuration(kind, m, state.W_zero, displaced)
-        q_covariance = sensitivity.T @ m.covariance[kind, :n, :n] @ sensitivity + m.P[kind]
-        q_covariance[0, 0] += state.zero_variance[kind] + variance
-        if dt > 1e-9:
-            S = self.config.unmeasured_process_noise
-            if turns(kind):
-                S /= self.config.radius**2 + float(m.c[kind] @ m.c[kind]) + m.pitch[kind] ** 2
-            configuration, q_covariance = _predicted(configuration, q_covariance, S, dt)
-        pitch, pitch_variance = np.nan, np.nan
-        if kind == SCREW:
-            pitch, pitch_variance = pitch_posterior(m.pitch[kind], m.covariance[kind, 10, 10])
-        return JointModelBelief(
-            log_evidence=float(state.models.log_evidence[kind]),
-            axis_P=vectors[0],
-            axis_covariance=axis,
-            p_PA=vectors[1],
-            p_PA_covariance=point,
-            configuration=configuration,
-            configuration_covariance=symmetric(q_covariance),
-            pitch=pitch,
-            pitch_variance=pitch_variance,
+            fit=read_fit(state, likeliest),
         )
 
     def predict(self, state: JointFiltersState, joint_type: JointType, dt: float) -> PoseBelief:
@@ -497,10 +385,12 @@ class JointFilters:
         return PoseBelief(X=X_PB, covariance=covariance)
 
 
-def skip(state: JointFiltersState, reason: SkipReason) -> JointFiltersState:
-    """The same state with one more measurement that was not used."""
-    skipped = {**state.skipped, reason: state.skipped.get(reason, 0) + 1}
-    return replace(state, skipped=skipped)
+def _is_repeated(state: JointFiltersState, X_PB: Array, time: float) -> bool:
+    """Whether a measurement is the last one, sent twice."""
+    last = state.noise
+    if time != last.time[1]:
+        return False
+    return bool(np.abs(se3.inverse(state.X_PF) @ X_PB - last.Z[1]).max() < _SAME_POSE)
 
 
 def _finite(covariance: Array) -> Array:
@@ -512,19 +402,6 @@ def _finite(covariance: Array) -> Array:
     return np.asarray(known + np.diag(np.where(unknown, UNKNOWN, 0.0)))
 
 
-def _predicted(x: Array, P: Array, S: float, dt: float) -> tuple[Array, Array]:
-    """Configuration and rate (2,), and their covariance, a time dt [s] later.
-
-    What is not measured goes on as it went, with the density of acceleration S, or has stopped at
-    once: an equal mixture of both.
-    """
-    F = np.array([[1.0, dt], [0.0, 1.0]])
-    goes_on = F @ P @ F.T + S * np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]])
-    stopped, rests = np.array([x[0], 0.0]), np.diag([P[0, 0], 0.0])
-    apart = F @ x - stopped
-    return stopped + 0.5 * apart, 0.5 * (goes_on + rests) + 0.25 * np.outer(apart, apart)
-
-
 def _wants_restart(state: JointFiltersState) -> bool:
     """Whether the moving models may sit in a wrong minimum, which a fresh start would leave."""
     m = state.models
@@ -532,15 +409,3 @@ def _wants_restart(state: JointFiltersState) -> bool:
         return False
     unknown = m.covariance[PRISMATIC, 6, 6] + m.covariance[PRISMATIC, 7, 7] > _WELL_KNOWN**2
     return bool(unknown) or state.updates % _RESTART_EVERY == 0
-
-
-def _still_belief(log_evidence: float) -> JointModelBelief:
-    return JointModelBelief(
-        log_evidence=log_evidence,
-        axis_P=_NO_VECTOR,
-        axis_covariance=_NO_MATRIX,
-        p_PA=_NO_VECTOR,
-        p_PA_covariance=_NO_MATRIX,
-        configuration=_NO_VECTOR[:2],
-        configuration_covariance=_NO_MATRIX[:2, :2],
-    )

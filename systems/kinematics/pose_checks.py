@@ -131,3 +131,10 @@ def covariance_fault(P: Array) -> SkipReason | None:
     """
     fault = _covariance_fault(P)
     return None if fault < 0 else _REASONS[fault]
+
+
+def time_fault(time: float, last: float) -> SkipReason | None:
+    """Why a measurement's time [s] cannot be true after the last; None where it can."""
+    if not np.isfinite(time):
+        return SkipReason.TIME_NOT_FINITE
+    return SkipReason.TIME_BACKWARDS if time < last else None

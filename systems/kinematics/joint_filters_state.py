@@ -1,0 +1,76 @@
+"""What the joint filters of one pair of bodies know at one measurement."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from maths.arrays import Array
+from maths.immutable import Immutable
+from systems.kinematics.joint_solver.joint_models import Models
+from systems.kinematics.joint_solver.noise_scale import (
+    NoiseScale,
+)
+from systems.kinematics.joint_solver.pose_keyframes import (
+    Keyframes,
+)
+from systems.kinematics.pose_checks import (
+    SkipReason,
+)
+from systems.port_values import JointType
+
+TYPES = (
+    JointType.PRISMATIC,
+    JointType.REVOLUTE,
+    JointType.SCREW,
+    JointType.RIGID,
+    JointType.DISCONNECTED,
+)
+
+
+@dataclass(kw_only=True)
+class JointFiltersState(Immutable):
+    """What the filters of one pair know at one measurement.
+
+    Attributes:
+        parent_id: See `JointBelief`.
+        child_id: See `JointBelief`.
+        X_PF: Measured reference pose (4, 4).
+        time: Of the last measurement, [s].
+        updates: Measurements seen.
+        models: Parameters, configuration and evidence of each model.
+        keyframes: The measurements, averaged.
+        noise: By how much the claimed covariances are wrong.
+        scale: (6,) standard deviations of the keyframes by those that were claimed.
+        floor: Index in `path_floor.FLOORS` of what the keyframes have.
+        W_zero: See `read_configuration`.
+        reference_noise: Covariance (6, 6), in B, of the measured reference.
+        offset: Covariance (6, 6), in B, of the poses' constant error since the last reset.
+        zero_variance: (4,) by how far the child may have moved before the reference, by each model
+            of a joint.
+        reset_count: Of parent and child together (`BodyMotion`).
+        skipped: How many measurements were not used, by reason.
+        outliers: How many were used and are outliers, as expected.
+    """
+
+    parent_id: int
+    child_id: int
+    X_PF: Array
+    time: float
+    updates: int
+    models: Models
+    keyframes: Keyframes
+    noise: NoiseScale
+    scale: Array
+    floor: int
+    W_zero: Array
+    reference_noise: Array
+    offset: Array
+    zero_variance: Array
+    reset_count: int = 0
+    skipped: Mapping[SkipReason, int] = field(default_factory=dict)
+    outliers: float = 0.0
+
+
+def skip(state: JointFiltersState, reason: SkipReason) -> JointFiltersState:
+    """The same state with one more measurement that was not used."""
+    skipped = {**state.skipped, reason: state.skipped.get(reason, 0) + 1}
+    return replace(state, skipped=skipped)

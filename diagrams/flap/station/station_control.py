@@ -1,14 +1,13 @@
 """How the arms of a station are moved: joint positions that their own drives follow."""
 
 import numpy as np
-from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
 from diagrams.flap.flip_control import make_flip_control
 from diagrams.flap.flip_status import FlipStatus
 from diagrams.flap.line_control import make_line_control
-from diagrams.flap.robot_config import FINGER, FINGER_ARM, HOLDER, HOLDER_ARM, HOLDER_HAND, TOOL
+from diagrams.flap.robot_config import FINGER, FINGER_ARM, HOLDER, HOLDER_ARM, HOLDER_HAND
 from diagrams.flap.station.wiring import StationWiring
 from diagrams.run.recorder import STATUS_PORT
 from diagrams.stations.naming import prefixed
@@ -119,16 +118,10 @@ def _drive(
 
 
 def hold_still(wiring: StationWiring) -> None:
-    """Commands the hand around the tool and the hinge's brake to stay as they are."""
-    scene, start = wiring.scene, wiring.start
-    _command(wiring, scene.model(HOLDER_HAND), "hand_posture", start.hand)
-    brakes = scene.plant.get_desired_state_input_port(scene.model(TOOL)).size() // 2
-    _command(wiring, scene.model(TOOL), "hinge_brake", np.zeros(brakes))
-
-
-def _command(wiring: StationWiring, model: ModelInstanceIndex, name: str, q: Array) -> None:
-    port = wiring.scene.plant.get_desired_state_input_port(model)
+    """Commands the hand around the tool to stay as it is; the scene does so for the tool's hinge."""
+    scene, q = wiring.scene, wiring.start.hand
+    port = scene.plant.get_desired_state_input_port(scene.model(HOLDER_HAND))
     if port.size() > 0:
         source = ConstantVectorSource(np.append(q, np.zeros(len(q))))
         builder = wiring.builder
-        builder.Connect(builder.AddNamedSystem(name, source).get_output_port(), port)
+        builder.Connect(builder.AddNamedSystem("hand_posture", source).get_output_port(), port)

@@ -31,7 +31,7 @@ from diagrams.crossmodal.station.station_control import PERCEIVED_INPUTS
 from diagrams.crossmodal.studies.ablations import ABLATIONS
 from diagrams.crossmodal.studies.experiments import EXPERIMENTS
 from diagrams.crossmodal.task import task_in_words
-from diagrams.joints.joint_truth import TRUTH_QUANTITIES
+from diagrams.joints.joint_truth import MECHANICS_QUANTITY, TRUTH_QUANTITIES
 from diagrams.run.application import Application, Station
 from diagrams.run.calibration import Calibration
 from diagrams.run.record import Quantity
@@ -41,6 +41,7 @@ from systems.port_values import (
     UNKNOWN_END_EFFECTOR,
     BodyMotions,
     JointBeliefs,
+    JointMechanicsBeliefs,
     PoseBelief,
     StreamHealth,
     no_features,
@@ -54,6 +55,7 @@ QUANTITIES = (
     Quantity(port="body_motions_latest", model=BodyMotions()),
     Quantity(port="features_latest", model=no_features(), estimators=_SEEING),
     Quantity(port="grasp_latest", model=initial_grasp(GraspModelConfig()), estimators=_FEELING),
+    Quantity(port="joint_mechanics_latest", model=JointMechanicsBeliefs(), estimators=_FEELING),
     Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR, estimators=_FEELING),
     Quantity(
         port="hand_bending_latest",
@@ -78,6 +80,7 @@ TOPICS = {
     "cheat_configuration": Topic(name="/cheat/configuration"),
     "cheat_body_pose": Topic(name="/cheat/body_pose"),
     "cheat_joint": Topic(name="/cheat/joint"),
+    "cheat_joint_mechanics": Topic(name="/cheat/joint_mechanics"),
     "cheat_hand_pose": Topic(name="/cheat/hand_pose"),
     "cheat_handle_pose": Topic(name="/cheat/handle_pose"),
 }
@@ -131,7 +134,7 @@ APPLICATION = Application(
     make_estimators=make_estimators,
     close_loop=close_loop,
     quantities=QUANTITIES,
-    station_quantities=(*TRUTH_QUANTITIES, *GRASP_QUANTITIES),
+    station_quantities=(*TRUTH_QUANTITIES, MECHANICS_QUANTITY, *GRASP_QUANTITIES),
     pictures=("color_measured",),
     topics=TOPICS,
     evaluate=evaluate,

@@ -9,6 +9,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from diagrams.crossmodal.modalities import MODALITIES
 from diagrams.run.calibration import Calibration
 from systems.kinematics.joint_filters import JointFiltersConfig
+from systems.kinematics.joint_mechanics import JointMechanicsFilter
+from systems.kinematics.joint_mechanics_filters import JointMechanicsConfig
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from systems.monitoring.angles import AnglesByRates, AnglesConfig
@@ -162,6 +164,7 @@ class PerceptionConfig:
     joints_vision: KinematicModelConfig = field(default_factory=joints_from_features)
     joints_proprioception: KinematicModelConfig = field(default_factory=joints_from_the_hand)
     joints_crossmodal: KinematicModelConfig = field(default_factory=joints_from_the_hand)
+    joint_mechanics: JointMechanicsConfig = field(default_factory=JointMechanicsConfig)
 
 
 def make_network(modality: str, config: PerceptionConfig, calibration: Calibration) -> Diagram:
@@ -169,7 +172,8 @@ def make_network(modality: str, config: PerceptionConfig, calibration: Calibrati
 
     Inputs are those of `VISION_INPUTS` and `PROPRIOCEPTION_INPUTS` that the modality uses; outputs
     are `joints_latest`, `body_motions_latest` with its health and, where they exist,
-    `features_latest`, `grasp_latest`, `hand_bending_latest` and `end_effector_latest`.
+    `features_latest`, `grasp_latest`, `hand_bending_latest`, `end_effector_latest` and
+    `joint_mechanics_latest`.
 
     Args:
         modality: One of `MODALITIES`.
@@ -201,6 +205,8 @@ def make_network(modality: str, config: PerceptionConfig, calibration: Calibrati
                 _connect(builder, wire)
         # What hand and eye know together of the interacted body counts, not what the eye knows.
         _wire(builder, body, "body_motions_estimated", model, "body_motions_1")
+    if modality != "vision":
+        _add_joint_mechanics(builder, config, model)
     _export_outputs(builder, model, "joints_latest", "body_motions_latest")
     builder.ExportOutput(model.GetOutputPort("health_latest"), f"{BODY_MOTIONS}_health_latest")
     diagram = builder.Build()
@@ -272,6 +278,21 @@ def _add_proprioception(
     _export_outputs(builder, bending, "hand_bending_latest")
     _export_outputs(builder, grasp, "grasp_latest")
     return body, grasp
+
+
+def _add_joint_mechanics(builder: DiagramBuilder, config: PerceptionConfig, model: System) -> None:
+    """Friction and range of the joint, where there is a wrist that feels; read by nobody."""
+    mechanics = _add(builder, "joint_mechanics", JointMechanicsFilter(config.joint_mechanics))
+    for name, port in (
+        ("end_effector_motion", "end_effector_estimated"),
+        ("hand_bending", "hand_load_estimated"),
+        ("grasp_model", "grasp_latest"),
+    ):
+        _wire(builder, builder.GetSubsystemByName(name), port, mechanics, port)
+    for port in ("joints_estimated", "body_motions_latest"):
+        _wire(builder, model, port, mechanics, port)
+    builder.ConnectInput("interaction_active", mechanics.GetInputPort("interaction_active"))
+    _export_outputs(builder, mechanics, "joint_mechanics_latest")
 
 
 def _add_felt_monitors(

@@ -41,6 +41,28 @@ UNKNOWN_JOINT = JointTruth(
     name="", type="", axis_W=np.full(3, np.nan), point_W=np.full(3, np.nan), parent_moves=False
 )
 
+
+@dataclass(frozen=True, kw_only=True)
+class JointMechanicsTruth(Immutable):
+    """What the explored joint takes to move, and its range.
+
+    Attributes:
+        friction: Coulomb friction, [N or N m]; NaN where nothing is known.
+        damping: Viscous coefficient, [the same per (m or rad)/s].
+        lower: End stop, [m or rad], in the joint's own position.
+        upper: The other.
+    """
+
+    friction: float
+    damping: float
+    lower: float
+    upper: float
+
+
+_NAN = float("nan")
+UNKNOWN_MECHANICS = JointMechanicsTruth(friction=_NAN, damping=_NAN, lower=_NAN, upper=_NAN)
+MECHANICS_QUANTITY = Quantity(port="cheat_joint_mechanics", model=UNKNOWN_MECHANICS)
+
 # What an application's station gives of the truth, and when the hand was closed.
 TRUTH_QUANTITIES = (
     Quantity(port="cheat_joint", model=UNKNOWN_JOINT),
@@ -80,6 +102,16 @@ def joint_constants(plant: MultibodyPlant, joint: Joint) -> JointTruth:
     )
 
 
+def joint_mechanics(joint: Joint, friction: float) -> JointMechanicsTruth:
+    """Of a joint with one degree of freedom, whose Coulomb friction Drake does not know."""
+    return JointMechanicsTruth(
+        friction=friction,
+        damping=float(joint.default_damping_vector()[0]),
+        lower=float(joint.position_lower_limits()[0]),
+        upper=float(joint.position_upper_limits()[0]),
+    )
+
+
 class ObjectTruth(LeafSystem):
     """The explored joint's constants, its true position and the moved body's true pose.
 
@@ -90,16 +122,23 @@ class ObjectTruth(LeafSystem):
         - plant_state
         output_ports:
         - cheat_joint
+        - cheat_joint_mechanics
         - cheat_configuration
         - cheat_body_pose
 
     - plant_state: (nq + nv,).
     - cheat_joint: `JointTruth`.
+    - cheat_joint_mechanics: `JointMechanicsTruth`.
     - cheat_configuration: (1,) [m or rad].
     - cheat_body_pose: `RigidTransform` X_WB of the joint's child.
+
+    Args:
+        plant: The finalized plant.
+        joint: The explored one.
+        friction: Its Coulomb friction, [N or N m].
     """
 
-    def __init__(self, plant: MultibodyPlant, joint: Joint) -> None:
+    def __init__(self, plant: MultibodyPlant, joint: Joint, friction: float = float("nan")) -> None:
         super().__init__()
         self._plant, self._joint = plant, joint
         self._constants = joint_constants(plant, joint)
@@ -109,6 +148,13 @@ class ObjectTruth(LeafSystem):
             "cheat_joint",
             lambda: Value[object](self._constants),
             lambda context, output: output.set_value(self._constants),
+            {self.nothing_ticket()},
+        )
+        mechanics = joint_mechanics(joint, friction)
+        self.DeclareAbstractOutputPort(
+            "cheat_joint_mechanics",
+            lambda: Value[object](mechanics),
+            lambda context, output: output.set_value(mechanics),
             {self.nothing_ticket()},
         )
         self.DeclareVectorOutputPort("cheat_configuration", 1, self._calc_configuration)

@@ -40,6 +40,13 @@ from systems.port_values.grasp import (
     SlipBelief,
 )
 from systems.port_values.images import StampedImage
+from systems.port_values.joint_mechanics import (
+    JointMechanics,
+    JointMechanicsBelief,
+    JointMechanicsBeliefs,
+    LatchBelief,
+    LimitBelief,
+)
 from systems.port_values.joints import (
     JointBelief,
     JointBeliefs,
@@ -99,8 +106,13 @@ __all__ = [
     "JointBelief",
     "JointBeliefs",
     "JointFit",
+    "JointMechanics",
+    "JointMechanicsBelief",
+    "JointMechanicsBeliefs",
     "JointModelBelief",
     "JointType",
+    "LatchBelief",
+    "LimitBelief",
     "MotionBelief",
     "PoseBelief",
     "SampleWindow",

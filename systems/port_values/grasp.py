@@ -1,6 +1,6 @@
 """How the hand holds a body."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
@@ -54,10 +54,12 @@ class HandLoad:
         F_S: Load on the hand without its weight (6,), torque [N m] then force [N], with the
             sensor's bias; NaN where nothing was measured.
         pressures: Of the chambers (chambers,), gauge, [Pa]; NaN likewise.
+        variances: (6,) of what is left in F_S of an offset that was taken out of the samples.
     """
 
     F_S: Array
     pressures: Array
+    variances: Array = field(default_factory=lambda: np.zeros(6))
 
 
 @dataclass(frozen=True, kw_only=True)

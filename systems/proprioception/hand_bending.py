@@ -1,6 +1,6 @@
 """How far the soft hand has bent since it closed, from the wrist's wrench and chamber pressures."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -102,6 +102,7 @@ class BendingState:
         held: Time since the first instant of the grasp, [s].
         mean: (13,); the networks' error and the creep are in units of their standard deviation.
         covariance: (13, 13).
+        load_variances: (6,), see `HandLoad`, of this tick's reading.
     """
 
     reading: Array | None
@@ -110,6 +111,7 @@ class BendingState:
     held: float
     mean: Array
     covariance: Array
+    load_variances: Array = field(default_factory=lambda: np.zeros(6))
 
 
 def start_grasp() -> tuple[Array, Array]:
@@ -159,7 +161,9 @@ def hand_load(state: BendingState) -> HandLoad:
     """What was read at the state's tick."""
     if state.reading is None:
         return UNKNOWN_LOAD
-    return HandLoad(F_S=state.reading[:6], pressures=state.reading[6:])
+    return HandLoad(
+        F_S=state.reading[:6], pressures=state.reading[6:], variances=state.load_variances
+    )
 
 
 class HandBending(RecursiveFilter):
@@ -257,6 +261,8 @@ class HandBending(RecursiveFilter):
 
     def _calc_bending(self, context: Context, state: BendingState) -> BendingState:
         reading = self._average(context)
+        left: SampleWindow = self._read(self._wrench, context)
+        variances = np.broadcast_to(left.variances, 6)
         last = state.last_reading if reading is None else reading
         if self._read(self._active, context)[0] <= 0.5:
             mean, covariance = start_grasp()
@@ -267,6 +273,7 @@ class HandBending(RecursiveFilter):
                 held=0.0,
                 mean=mean,
                 covariance=covariance,
+                load_variances=variances,
             )
         reference, held = state.reference, 0.0
         if reference is None:
@@ -285,6 +292,7 @@ class HandBending(RecursiveFilter):
             held=held,
             mean=mean,
             covariance=covariance,
+            load_variances=variances,
         )
 
     def _reading_noise(self, context: Context) -> Array:

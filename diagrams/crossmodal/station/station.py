@@ -101,8 +101,8 @@ def make_manipulation_station(
 
     Output ports of its Diagram: `color_measured`, `depth_measured`, `robot_mask`,
     `joint_state_window`, `wrench_window`, `pressure_window`, `interaction_active`, `task_status`,
-    `path_planned`, `cheat_joint`, `cheat_configuration`, `cheat_body_pose`,
-    `cheat_hand_pose`, `cheat_handle_pose`, `cheat_query_object`.
+    `path_planned`, `cheat_joint`, `cheat_joint_mechanics`, `cheat_configuration`,
+    `cheat_body_pose`, `cheat_hand_pose`, `cheat_handle_pose`, `cheat_query_object`.
     Input ports, which may stay unconnected: `PERCEIVED_INPUTS`.
 
     Args:
@@ -175,7 +175,8 @@ def _add_object_mechanics(wiring: StationWiring, joint: Joint) -> None:
     builder, scene = wiring.builder, wiring.scene
     plant = scene.plant
     friction = builder.AddNamedSystem("joint_friction", JointFriction(plant, scene.friction))
-    truth = builder.AddNamedSystem("object_truth", ObjectTruth(plant, joint))
+    taken = float(scene.friction[joint.velocity_start()])
+    truth = builder.AddNamedSystem("object_truth", ObjectTruth(plant, joint, taken))
     builder.Connect(plant.get_state_output_port(), friction.get_input_port())
     builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())
     if wiring.scenario.disturbances.forces:
@@ -184,6 +185,6 @@ def _add_object_mechanics(wiring: StationWiring, joint: Joint) -> None:
         builder.Connect(plant.get_body_poses_output_port(), forces.get_input_port())
         builder.Connect(forces.get_output_port(), plant.get_applied_spatial_force_input_port())
     builder.Connect(plant.get_state_output_port(), truth.get_input_port())
-    for name in ("cheat_joint", "cheat_configuration", "cheat_body_pose"):
+    for name in ("cheat_joint", "cheat_joint_mechanics", "cheat_configuration", "cheat_body_pose"):
         builder.ExportOutput(truth.GetOutputPort(name), name)
     builder.ExportOutput(scene.scene_graph.get_query_output_port(), "cheat_query_object")

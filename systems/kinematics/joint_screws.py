@@ -1,0 +1,45 @@
+"""The unit twist of a joint and how uncertain it is; virtual work turns it into a force."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from maths import se3
+from maths.arrays import Array
+from systems.port_values import JointModelBelief, JointType
+
+
+def _prismatic(model: JointModelBelief) -> tuple[Array, Array]:
+    covariance = np.zeros((6, 6))
+    covariance[3:, 3:] = model.axis_covariance
+    return np.concatenate([np.zeros(3), model.axis_P]), covariance
+
+
+def _revolute(model: JointModelBelief) -> tuple[Array, Array]:
+    a, p = model.axis_P, model.p_PA
+    by_axis = np.vstack([np.eye(3), se3.skew(p)])
+    by_point = np.vstack([np.zeros((3, 3)), -se3.skew(a)])
+    covariance = by_axis @ model.axis_covariance @ by_axis.T
+    covariance += by_point @ model.p_PA_covariance @ by_point.T
+    return np.concatenate([a, np.cross(p, a)]), covariance
+
+
+# By type that moves. A helical joint's would be that of a revolute one plus its pitch along a.
+SCREWS: dict[JointType, Callable[[JointModelBelief], tuple[Array, Array]]] = {
+    JointType.PRISMATIC: _prismatic,
+    JointType.REVOLUTE: _revolute,
+}
+
+
+def screw_belief(joint_type: JointType, model: JointModelBelief) -> tuple[Array, Array]:
+    """Unit twist S_P (6,) at Po per unit of q, rotation first, and its covariance (6, 6).
+
+    Axis and point count as independent. The generalised force of a spatial force F_P (6,) at Po,
+    torque first, is S_P · F_P: the moment about a hinge's axis, the force along a slide.
+    """
+    return SCREWS[joint_type](model)
+
+
+def speed_at(S: Array, p: Array) -> float:
+    """How fast the point p (3,) moves per unit of q's rate, [1] or [m]: for a hinge the lever."""
+    return float(np.linalg.norm(S[3:] + np.cross(S[:3], p)))

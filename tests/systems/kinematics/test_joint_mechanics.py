@@ -1,0 +1,259 @@
+"""Friction, end stops and latches from forces that are made up."""
+
+import numpy as np
+import pytest
+from pydrake.common.value import Value
+
+from maths import se3
+from maths.arrays import Array
+from maths.consistency import chi_square_bounds, normalised_squared_error
+from systems.kinematics.joint_mechanics import (
+    HeldJointMechanics,
+    JointMechanicsFilter,
+    hand_force,
+    watch_free_hand,
+)
+from systems.kinematics.joint_mechanics_filters import (
+    HandForce,
+    JointMechanicsConfig,
+    JointMechanicsFilters,
+)
+from systems.kinematics.joint_screws import screw_belief, speed_at
+from systems.port_values import (
+    HELD_BODY,
+    EndEffectorBelief,
+    HandLoad,
+    JointBelief,
+    JointBeliefs,
+    JointMechanicsBelief,
+    JointModelBelief,
+    JointType,
+)
+
+DT = 1.0 / 15.0
+SLIDE, HINGE = JointType.PRISMATIC, JointType.REVOLUTE
+HAND = np.array([0.4, 0.1, 0.2])
+FRICTION, DAMPING = 6.0, 12.0
+
+
+def model_of(joint_type: JointType, q: float, v: float) -> JointModelBelief:
+    axis = np.array([1.0, 0.0, 0.0]) if joint_type == SLIDE else np.array([0.0, 0.0, 1.0])
+    across = np.eye(3) - np.outer(axis, axis)
+    return JointModelBelief(
+        log_evidence=0.0,
+        axis_P=axis,
+        axis_covariance=1e-6 * across,
+        p_PA=np.array([0.0, 0.1, 0.0]),
+        p_PA_covariance=1e-8 * across,
+        configuration=np.array([q, v]),
+        configuration_covariance=np.diag([1e-7, 1e-7]),
+    )
+
+
+def belief_of(joint_type: JointType, q: float, v: float, updates: int) -> JointBelief:
+    return JointBelief(
+        parent_id=0,
+        child_id=HELD_BODY,
+        probabilities={joint_type: 1.0},
+        models={joint_type: model_of(joint_type, q, v)},
+        updates=updates,
+    )
+
+
+def push_along(joint_type: JointType, tau: float) -> Array:
+    """A force (6,) at Po with that generalised force, and one across the joint's motion."""
+    p = HAND
+    # The hinge's lever is 0.4 m, along x.
+    f = {SLIDE: np.array([tau, 1.5, -2.0]), HINGE: np.array([3.0, tau / 0.4, -2.0])}[joint_type]
+    return np.concatenate([np.cross(p, f), f])
+
+
+def perceived(
+    joint_type: JointType, v: Array, tau: Array, config: JointMechanicsConfig | None = None
+) -> JointMechanicsBelief:
+    filters = JointMechanicsFilters(config or JointMechanicsConfig())
+    state, q = filters.start(), 0.0
+    for k, (rate, push) in enumerate(zip(v, tau, strict=True)):
+        q += rate * DT
+        force = HandForce(F_P=push_along(joint_type, push), p_PE=HAND)
+        state = filters.update(state, belief_of(joint_type, q, rate, k), force)
+    return filters.belief(state).models[joint_type]
+
+
+def to_and_fro(rng: np.random.Generator, ticks: int = 240) -> Array:
+    """Speeds of both signs and of several sizes, none of them low."""
+    sizes = np.repeat(rng.uniform(0.03, 0.3, 8), ticks // 8)
+    return sizes * np.repeat([1.0, -1.0] * 4, ticks // 8)
+
+
+def correlated(rng: np.random.Generator, ticks: int, sigma: float, rho: float) -> Array:
+    e = np.zeros(ticks)
+    e[0] = sigma * rng.standard_normal()
+    for k in range(1, ticks):
+        e[k] = rho * e[k - 1] + sigma * np.sqrt(1 - rho**2) * rng.standard_normal()
+    return e
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_virtual_work_of_a_force_is_its_moment_about_a_hinge(side: float) -> None:
+    S, _ = screw_belief(HINGE, model_of(HINGE, 0.0, 0.0))
+    f = np.array([0.0, 5.0 * side, 0.0])
+    np.testing.assert_allclose(S @ np.concatenate([np.cross(HAND, f), f]), 0.4 * 5.0 * side)
+    assert speed_at(S, HAND) == pytest.approx(0.4)
+
+
+def test_a_slide_takes_the_force_along_it_wherever_that_acts() -> None:
+    S, _ = screw_belief(SLIDE, model_of(SLIDE, 0.0, 0.0))
+    f = np.array([-2.0, 7.0, 1.0])
+    for p in (HAND, -HAND, np.zeros(3)):
+        assert S @ np.concatenate([np.cross(p, f), f]) == pytest.approx(-2.0)
+
+
+def test_the_screws_covariance_is_that_of_axis_and_point() -> None:
+    model, rng = model_of(HINGE, 0.0, 0.0), np.random.default_rng(0)
+    _, covariance = screw_belief(HINGE, model)
+    da = 1e-3 * rng.standard_normal((20000, 3)) * [1, 1, 0]
+    dp = 1e-4 * rng.standard_normal((20000, 3)) * [1, 1, 0]
+    a = model.axis_P + da
+    S = np.hstack([a, np.cross(model.p_PA + dp, a)])
+    np.testing.assert_allclose(np.cov(S.T), covariance, atol=3e-8)
+
+
+def test_the_hand_presses_as_much_as_it_is_pressed_but_for_the_sensors_zero() -> None:
+    state = HeldJointMechanics(zero=np.zeros(6), zero_variance=np.ones(6))
+    bias = np.array([0.01, 0.02, 0.03, 0.4, -0.5, 0.6])
+    for k in range(60):
+        reading = bias if k > 5 else bias + 6.0  # The arm starts.
+        state = watch_free_hand(state, HandLoad(F_S=reading, pressures=np.zeros(4)))
+    X = se3.exp(np.array([0.3, -0.2, 0.9, 0.5, 0.1, 0.2]))
+    hand = EndEffectorBelief(
+        X=X, V=np.zeros(6), covariance=np.eye(12), bias_jacobian=1e-6 * np.eye(6)
+    )
+    F_E = np.array([0.1, 0.2, 0.3, 1.0, 2.0, 3.0])
+    load = HandLoad(F_S=F_E + bias, pressures=np.zeros(4))
+    force = hand_force(load, state, hand, np.eye(4))
+    f_W = -X[:3, :3] @ F_E[3:]
+    moment = -X[:3, :3] @ F_E[:3] + np.cross(X[:3, 3], f_W)
+    np.testing.assert_allclose(force.F_P, np.concatenate([moment, f_W]), atol=1e-12)
+    for i in range(6):
+        moved = EndEffectorBelief(
+            X=X @ se3.exp(1e-6 * np.eye(6)[i]), V=hand.V, covariance=hand.covariance,
+            bias_jacobian=hand.bias_jacobian,
+        )  # fmt: skip
+        change = hand_force(load, state, moved, np.eye(4)).F_P - force.F_P
+        np.testing.assert_allclose(np.abs(change), np.abs(force.errors[:, i]), atol=1e-10)
+
+
+@pytest.mark.parametrize("joint_type", [SLIDE, HINGE])
+@pytest.mark.parametrize("rho", [0.0, 0.9])
+def test_friction_is_as_wrong_as_is_claimed(joint_type: JointType, rho: float) -> None:
+    values = []
+    lever = 1.0 if joint_type == SLIDE else 0.4
+    truth = np.array([FRICTION * lever, DAMPING * lever**2])
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        v = to_and_fro(rng) / lever
+        noise = correlated(rng, len(v), 0.3 * lever, rho)
+        tau = truth[0] * np.sign(v) + truth[1] * v + noise
+        found = perceived(joint_type, v, tau)
+        values.append(normalised_squared_error(found.friction - truth, found.friction_covariance))
+    low, high = chi_square_bounds(100, 0.99)
+    assert low <= sum(values) <= high
+
+
+def test_nothing_is_claimed_of_a_joint_that_did_not_move() -> None:
+    config = JointMechanicsConfig()
+    found = perceived(SLIDE, np.zeros(60), np.full(60, 3.0))
+    assert found.samples == 0
+    np.testing.assert_allclose(
+        np.sqrt(np.diag(found.friction_covariance)), [config.friction, config.damping]
+    )
+    assert found.upper.probability < 0.5
+
+
+def test_one_speed_leaves_friction_and_damping_apart() -> None:
+    v = np.full(120, 0.05)
+    found = perceived(SLIDE, v, FRICTION + DAMPING * v + 0.01 * np.sin(np.arange(120.0)))
+    resistance = found.friction @ [1.0, 0.05]
+    assert resistance == pytest.approx(FRICTION + DAMPING * 0.05, abs=0.5)
+    assert found.friction_covariance[1, 1] > 10.0**2
+
+
+def rest_after_motion(pushes: Array, rng: np.random.Generator) -> JointMechanicsBelief:
+    v = np.concatenate([np.full(90, 0.08), np.zeros(len(pushes))])
+    tau = np.concatenate([FRICTION + DAMPING * v[:90], pushes])
+    return perceived(SLIDE, v, tau + correlated(rng, len(v), 0.2, 0.5))
+
+
+def test_an_end_stop_takes_more_than_friction() -> None:
+    q = 90 * 0.08 * DT
+    for seed in range(5):
+        found = rest_after_motion(np.linspace(5.0, 25.0, 40), np.random.default_rng(seed))
+        assert found.upper.probability > 0.95
+        assert abs(found.upper.position - q) < 3.0 * np.sqrt(found.upper.variance)
+        assert found.lower.probability < 0.5
+
+
+def test_an_arm_that_stops_is_no_end_stop() -> None:
+    for seed in range(5):
+        found = rest_after_motion(np.linspace(6.0, 2.0, 40), np.random.default_rng(seed))
+        assert found.upper.probability < 0.25
+        assert found.upper.bound == pytest.approx(90 * 0.08 * DT, abs=1e-6)
+
+
+def test_a_stop_that_gives_way_was_none() -> None:
+    v = np.concatenate([np.full(90, 0.08), np.zeros(40), np.full(60, 0.08)])
+    tau = np.where(v > 0.0, FRICTION + DAMPING * v, 20.0)
+    assert perceived(SLIDE, v, tau).upper.probability < 0.01
+
+
+def test_a_latch_takes_force_before_the_joint_moves() -> None:
+    rise = np.linspace(0.0, 18.0, 45)
+    v = np.concatenate([np.zeros(45), np.full(90, 0.08)])
+    moving = np.full(90, FRICTION + DAMPING * 0.08)
+    latched = perceived(SLIDE, v, np.concatenate([rise, moving]))
+    assert latched.latch.probability > 0.9
+    assert abs(latched.latch.position) < 1e-3
+    assert abs(latched.latch.force - 12.0) < 3.0 * np.sqrt(latched.latch.force_variance) + 1.0
+    free = perceived(SLIDE, v, np.concatenate([np.linspace(0.0, FRICTION, 45), moving]))
+    assert free.latch.probability < 0.1
+
+
+def test_an_axis_that_turns_over_is_the_same_joint() -> None:
+    filters = JointMechanicsFilters(JointMechanicsConfig())
+    beliefs = []
+    for sign in (1.0, -1.0):
+        state, q = filters.start(), 0.0
+        for k in range(90):
+            q += 0.08 * DT
+            turned = sign if k > 40 else 1.0
+            joint = belief_of(SLIDE, turned * q, turned * 0.08, k)
+            joint.models[SLIDE].axis_P[:] *= turned
+            force = HandForce(F_P=push_along(SLIDE, 7.0), p_PE=HAND)
+            state = filters.update(state, joint, force)
+        beliefs.append(filters.belief(state).models[SLIDE])
+    plain, turned = beliefs
+    np.testing.assert_allclose(turned.friction, plain.friction)
+    assert turned.lower.bound == pytest.approx(-plain.upper.bound)
+
+
+def test_a_tick_through_the_ports() -> None:
+    system = JointMechanicsFilter(JointMechanicsConfig())
+    context = system.CreateDefaultContext()
+    hand = EndEffectorBelief(
+        X=np.eye(4), V=np.zeros(6), covariance=np.eye(12), bias_jacobian=np.zeros((6, 6))
+    )
+    load = HandLoad(F_S=np.array([0.0, 0.0, 0.0, -7.0, 0.0, 0.0]), pressures=np.full(4, 1e5))
+    for name, value in (
+        ("joints_estimated", JointBeliefs(joints=[belief_of(SLIDE, 0.1, 0.08, 5)])),
+        ("hand_load_estimated", load),
+        ("end_effector_estimated", hand),
+    ):
+        system.GetInputPort(name).FixValue(context, Value[object](value))
+    system.GetInputPort("interaction_active").FixValue(context, np.ones(1))
+    estimated = system.GetOutputPort("joint_mechanics_estimated").Eval(context)
+    assert estimated.joints[0].models[SLIDE].force == pytest.approx(7.0)
+    assert not system.GetOutputPort("joint_mechanics_latest").Eval(context).joints
+    system.ExecuteForcedEvents(context)
+    latest = system.GetOutputPort("joint_mechanics_latest").Eval(context)
+    assert latest.joints[0].models[SLIDE].force == pytest.approx(7.0)

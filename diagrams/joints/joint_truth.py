@@ -188,6 +188,7 @@ class Truth:
         parent_moves: Whether the joint's parent can move too; axis and point are those before
             anything moved.
         pitch: Of a screw, [m/rad]; else NaN.
+        mechanics: What the joint takes to move, and its range in its own position.
     """
 
     joint_name: str
@@ -201,6 +202,7 @@ class Truth:
     parent_moves: bool = False
     pitch: float = np.nan
     regrasp_times: list[float] = field(default_factory=list)
+    mechanics: JointMechanicsTruth = UNKNOWN_MECHANICS
 
     def last_grasp(self, time: float) -> float:
         """When the hand was last closed before `time`, [s]; else when it was closed first."""
@@ -223,6 +225,7 @@ def truth_of(record: EpisodeRecord) -> Truth:
         (tick.values["cheat_joint"] for tick in ticks if "cheat_joint" in tick.values),
         UNKNOWN_JOINT,
     )
+    mechanics = next(iter(record.station_values(MECHANICS_QUANTITY.port)), UNKNOWN_MECHANICS)
     grasps: list[float] = []
     held = False
     for tick in record.station:
@@ -243,4 +246,5 @@ def truth_of(record: EpisodeRecord) -> Truth:
         regrasp_times=grasps[1:],
         parent_moves=constants.parent_moves,
         pitch=constants.pitch,
+        mechanics=mechanics,
     )

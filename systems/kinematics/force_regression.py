@@ -1,13 +1,19 @@
 """Bayesian regression of the force that a joint takes, with noise of unknown size and memory.
 
-Measured are spatial forces F_k; the generalised force y_k = S · F_k depends on a screw S that is
-itself only believed. With regressors phi_k and constant errors c ~ N(0, I) of what was measured,
+Measured are spatial forces F_k; the force on the joint, y_k = S · F_k, depends on a screw S that is
+itself only believed. With regressors phi_k,
 
-    S · F_k = phi_k · theta + h_k · c + e_k,    e_k = rho e_{k-1} + sqrt(1 - rho^2) sigma white,
+    S · F_k = phi_k · theta + e_k,    e_k = rho e_{k-1} + sqrt(1 - rho^2) sigma white.
 
-the second moments of z_k = (phi_k, F_k, h_k) and of neighbouring ones are sufficient: whatever S is
-believed later, all forces so far count as if it had been known. Size sigma and memory rho of the
-noise are averaged over, on a grid, by their evidence. The error of S is regressed too.
+Second moments of z_k = (phi_k, F_k) and of neighbouring ones are sufficient: whatever S is believed
+later, all forces so far count as if it had been known. Size sigma and memory rho of the noise are
+averaged over, on a grid, by their evidence. For given ones theta is linear in S, so that an error of
+S, which no number of samples averages away, is carried over as it is.
+
+Friction is not the same everywhere, and nothing says that this does not go with the speed by chance.
+So what is measured is theta + delta, where delta has the covariance that one sample in every
+direction of phi would leave whose force is off by a share u of what was measured: however many
+samples there are, they average this not away.
 
 Source: of the regression with known noise, C. M. Bishop, Pattern Recognition and Machine Learning,
 2006, section 3.3.
@@ -20,7 +26,8 @@ import numpy as np
 from maths.arrays import Array
 from maths.immutable import Immutable
 
-MEMORIES = np.array([0.0, 0.5, 0.8, 0.9, 0.95, 0.98])  # rho
+# rho between samples; at 15 Hz from none to some 7 s.
+MEMORIES = np.array([0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,63 +80,71 @@ def observe(moments: ForceMoments, z: Array) -> ForceMoments:
 
 @dataclass(frozen=True, kw_only=True)
 class ForceFit:
-    """theta (p,), its covariance (p, p), and the standard deviation of the noise."""
+    """What the forces so far say.
+
+    Attributes:
+        theta: Mean (p,).
+        spread: Its covariance (p, p) if S were known.
+        by_screw: Change of theta per change of S (p, 6).
+        noise: Standard deviation of what is not explained.
+    """
 
     theta: Array
-    covariance: Array
+    spread: Array
+    by_screw: Array
     noise: float
 
-
-def square_root(P: Array) -> Array:
-    """L with L L^T = P (n, n), which may be singular."""
-    values, vectors = np.linalg.eigh(P)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+    def covariance(self, S_covariance: Array) -> Array:
+        """Of theta (p, p), with that of the screw (6, 6)."""
+        return np.asarray(self.spread + self.by_screw @ S_covariance @ self.by_screw.T)
 
 
 def fit_force(
-    moments: ForceMoments, S: Array, S_covariance: Array, prior: Array, noises: Array
+    moments: ForceMoments, S: Array, prior: Array, noises: Array, unevenness: float
 ) -> ForceFit:
-    """What the forces so far say of theta.
+    """The posterior of theta.
 
     Args:
-        moments: Of z = (phi, F, h).
-        S: The screw (6,) now.
-        S_covariance: (6, 6).
+        moments: Of z = (phi, F).
+        S: The screw (6,) as it is believed now.
         prior: Standard deviations (p,) of theta, whose prior mean is zero.
         noises: Grid (m,) of sigma.
+        unevenness: u.
     """
-    p, size = len(prior), len(moments.first)
-    target = np.zeros(size)
-    target[p : p + 6] = S
-    L = np.zeros((size, size))
-    L[:p, :p] = np.diag(prior)
-    L[p : p + 6, p : p + 6] = -square_root(S_covariance)
-    L[p + 6 :, p + 6 :] = np.eye(size - p - 6)
-    variances = noises**2
-    weights, means, covariances = [], [], []
-    for rho in MEMORIES:
-        share = 1.0 - rho**2
-        G = moments.now - rho * (moments.lag + moments.lag.T) + rho**2 * moments.before
-        G = moments.first + G / share
-        eigenvalues, V = np.linalg.eigh(L.T @ G @ L)
-        eigenvalues = np.maximum(eigenvalues, 0.0)
-        w = V.T @ (L.T @ (G @ target))
-        total = eigenvalues + variances[:, None]
-        squares = (target @ G @ target - np.sum(w**2 / total, axis=1)) / variances
-        log_det = moments.samples * np.log(variances) + moments.pairs * np.log(share)
-        log_det = log_det + np.sum(np.log(total / variances[:, None]), axis=1)
-        weights.append(-0.5 * (squares + log_det))
-        to_theta = L[:p] @ V
-        means.append((w / total) @ to_theta.T)
-        shrunk = variances[:, None] / total
-        covariances.append(np.einsum("ij,mj,kj->mik", to_theta, shrunk, to_theta))
-    log_weight = np.concatenate(weights)
+    p, rho = len(prior), MEMORIES[:, None, None]
+    share, lag = 1.0 - rho**2, moments.lag + moments.lag.T
+    G = moments.first + (moments.now - rho * lag + rho**2 * moments.before) / share
+    P = np.diag(prior**2)
+    precision = np.linalg.inv(P + _delta(moments, S, prior, unevenness))
+    gain = P @ precision
+    # By memory and size of the noise, (r, m, ...): of theta + delta.
+    variance = noises**2
+    information = G[:, None, :p, :] / variance[:, None, None]
+    A = information[..., :p] + precision
+    inverse = np.linalg.inv(A)
+    to_mean = inverse @ information[..., p:]
+    mean = to_mean @ S
+    squares = (S @ G[:, p:, p:] @ S)[:, None] / variance
+    squares = squares - np.sum((information[..., p:] @ S) * mean, axis=-1)
+    log_size = moments.samples * np.log(variance) + moments.pairs * np.log(share[:, :, 0])
+    log_weight = -0.5 * (squares + log_size + np.linalg.slogdet(A)[1])
     weight = np.exp(log_weight - log_weight.max())
     weight = weight / weight.sum()
-    mean = np.concatenate(means)
-    theta = weight @ mean
-    apart = mean - theta
-    covariance = np.einsum("m,mik->ik", weight, np.concatenate(covariances))
-    covariance += np.einsum("m,mi,mk->ik", weight, apart, apart)
-    noise = float(np.sqrt(weight @ np.tile(variances, len(MEMORIES))))
-    return ForceFit(theta=theta, covariance=covariance, noise=noise)
+    total = np.einsum("rm,rmp->p", weight, mean)
+    apart = mean - total
+    spread = np.einsum("rm,rmpq->pq", weight, inverse)
+    spread += np.einsum("rm,rmp,rmq->pq", weight, apart, apart)
+    return ForceFit(
+        theta=gain @ total,
+        spread=P - gain @ P + gain @ spread @ gain.T,
+        by_screw=gain @ np.einsum("rm,rmpj->pj", weight, to_mean),
+        noise=float(np.sqrt(np.sum(weight * variance))),
+    )
+
+
+def _delta(moments: ForceMoments, S: Array, prior: Array, unevenness: float) -> Array:
+    """Covariance (p, p) of delta; zero in directions that no motion has shown."""
+    p, total = len(prior), moments.first + moments.now
+    squares = unevenness**2 * float(S @ total[p:, p:] @ S)
+    scaled = total[:p, :p] * np.outer(prior, prior)
+    return squares * np.outer(prior, prior) * np.linalg.pinv(scaled, rcond=1e-9, hermitian=True)

@@ -74,25 +74,17 @@ def watch_free_hand(state: HeldJointMechanics, load: HandLoad) -> HeldJointMecha
 def hand_force(
     load: HandLoad, state: HeldJointMechanics, hand: EndEffectorBelief, X_WP: Array
 ) -> HandForce:
-    """What the hand does to the body, in P, with its constant errors.
+    """What the hand does to the body, in P.
 
-    The sensor reads what the body does to the hand, and has E's origin and axes. A rotation alpha
-    and a translation beta of E, in E, change a force (m, f) at Eo by (-alpha x m - beta x f,
-    -alpha x f), as seen from where it was.
+    The sensor reads what the body does to the hand, and has E's origin and axes.
     """
-    F_E = -(load.F_S - state.zero)
     X_PE = se3.inverse(X_WP) @ hand.X
     to_P = se3.adjoint(se3.inverse(X_PE)).T
-    m, f = se3.skew(F_E[:3]), se3.skew(F_E[3:])
-    turned = np.block([[m, f], [f, np.zeros((3, 3))]])
-    pose = np.zeros((6, 6))
-    count = min(hand.bias_jacobian.shape[1], 6)
-    pose[:, :count] = hand.bias_jacobian[:, :count]
-    zero = np.diag(np.sqrt(state.zero_variance + load.variances))
     return HandForce(
-        F_P=to_P @ F_E,
-        p_PE=X_PE[:3, 3],
-        errors=to_P @ np.hstack([turned @ pose, zero]),
+        F_P=to_P @ (state.zero - load.F_S),
+        X_PE=X_PE,
+        pose_jacobian=hand.bias_jacobian,
+        zero_covariance=to_P @ np.diag(state.zero_variance + load.variances) @ to_P.T,
         down_P=X_WP[:3, :3].T @ _DOWN_W,
     )
 

@@ -43,3 +43,9 @@ def screw_belief(joint_type: JointType, model: JointModelBelief) -> tuple[Array,
 def speed_at(S: Array, p: Array) -> float:
     """How fast the point p (3,) moves per unit of q's rate, [1] or [m]: for a hinge the lever."""
     return float(np.linalg.norm(S[3:] + np.cross(S[:3], p)))
+
+
+def bracket(V: Array) -> Array:
+    """ad_V (6, 6): the Lie bracket of a twist V (6,), rotation first, with another one."""
+    omega, v = se3.skew(V[:3]), se3.skew(V[3:])
+    return np.block([[omega, np.zeros((3, 3))], [v, omega]])

@@ -1,18 +1,27 @@
-"""End stops and latches of a joint, from how hard it was pushed where it rested."""
+"""What holds a resting joint more firmly than its friction: an end stop, or a latch.
 
+A joint that rests has been pushed as hard as the hand pushed it. A push that friction cannot hold
+says that something else did: an end stop while the joint stays there or turns back, a latch once it
+has given way in the direction of the push.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import expit, logit
-from scipy.stats import exponnorm, norm
 
 from maths.arrays import Array
 from maths.immutable import Immutable
 from systems.port_values import LatchBelief, LimitBelief
 
-_QUANTILES = np.array([0.05, 0.2, 0.4, 0.6, 0.8, 0.95])
-_STRANGE = 1e-3  # Share of the rests under friction alone that are pushed as hard as at a stop.
-_LONGEST = 16  # Rests that are remembered.
+_MOST = 16  # Rests that are remembered.
+NO_LATCH = LatchBelief(
+    probability=0.0,
+    position=float("nan"),
+    variance=float("nan"),
+    force=float("nan"),
+    force_variance=float("nan"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,129 +31,96 @@ class Rest(Immutable):
     Attributes:
         q: Where, [m or rad].
         variance: Of that.
-        push: By direction -1 and 1: (n,) sample z at which the push that way was the hardest.
-        pushed: By direction, how hard it was when it was chosen.
+        pushes: By direction -1 and 1: the hand's spatial force (6,) when it pushed hardest that way.
+        hardest: By direction, the generalised force of that when it was chosen.
         release: Direction in which it moved on; 0 while it has not.
-        peak: (n,) Sample z of the hardest push that way before it moved on.
     """
 
     q: float
     variance: float
-    push: dict[int, Array]
-    pushed: dict[int, float]
+    pushes: dict[int, Array]
+    hardest: dict[int, float]
     release: int = 0
-    peak: Array | None = None
 
 
-def begin_rest(q: float, variance: float, z: Array, tau: float) -> Rest:
-    return Rest(q=q, variance=variance, push={-1: z, 1: z}, pushed={-1: -tau, 1: tau})
+def begin_rest(q: float, variance: float, F: Array, tau: float) -> Rest:
+    return Rest(q=q, variance=variance, pushes={-1: F, 1: F}, hardest={-1: -tau, 1: tau})
 
 
-def continue_rest(rest: Rest, q: float, variance: float, z: Array, tau: float) -> Rest:
+def continue_rest(rest: Rest, q: float, variance: float, F: Array, tau: float) -> Rest:
     """The rest with one more sample; its place is that at which the joint was known best."""
     if variance < rest.variance:
         rest = replace(rest, q=q, variance=variance)
     for way in (-1, 1):
-        if way * tau > rest.pushed[way]:
-            rest = replace(rest, push=rest.push | {way: z}, pushed=rest.pushed | {way: way * tau})
+        if way * tau > rest.hardest[way]:
+            pushes, hardest = rest.pushes | {way: F}, rest.hardest | {way: way * tau}
+            rest = replace(rest, pushes=pushes, hardest=hardest)
     return rest
 
 
 def remember(rests: tuple[Rest, ...], rest: Rest) -> tuple[Rest, ...]:
-    return (*rests, rest)[-_LONGEST:]
+    """The rests with one more; too many lose the one that was pushed least."""
+    rests = (*rests, rest)
+    if len(rests) <= _MOST:
+        return rests
+    least = min(range(len(rests)), key=lambda k: max(rests[k].hardest.values()))
+    return rests[:least] + rests[least + 1 :]
 
 
-def log_exponential(x: float, scale: float, sigma: float) -> float:
-    """Log density at x of an exponential of mean `scale` plus Gaussian noise."""
-    sigma = max(sigma, 1e-9 * scale)
-    return float(exponnorm.logpdf(x, scale / sigma, scale=sigma))
+@dataclass(frozen=True, kw_only=True)
+class Excess:
+    """How far a push was beyond Coulomb friction, its variance, and how surely beyond any."""
+
+    force: float
+    variance: float
+    probability: float
 
 
-def stop_odds(
-    push: float, friction: float, stiction: float, strength: float, sigma: float
-) -> float:
-    """Log likelihood ratio of an end stop against friction that holds a resting joint.
-
-    Friction holds any push up to the static one, so that all up to there are as likely; a stop
-    takes whatever the arm gives.
-
-    Args:
-        push: On the joint, beyond its position's own forces.
-        friction: Coulomb friction.
-        stiction: By how much static friction exceeds it, a share of it: mean of an exponential.
-        strength: Mean push of the arm against a stop.
-        sigma: Of push minus friction.
-    """
-    static = friction * (1.0 - stiction * np.log1p(-_QUANTILES))
-    edges = norm.cdf(push / sigma) - norm.cdf((push - static) / sigma)
-    held = float(np.mean(np.maximum(edges, 0.0) / static))
-    stopped = float(np.exp(log_exponential(push, strength, sigma)))
-    held = (1.0 - _STRANGE) * held + _STRANGE * stopped
-    return float(np.log(max(stopped, 1e-300)) - np.log(max(held, 1e-300)))
-
-
-def latch_odds(
-    excess: float, friction: float, stiction: float, force: float, sigma: float
-) -> float:
-    """Log likelihood ratio of a latch against static friction, for a push that set it moving.
-
-    Args:
-        excess: Of the push over Coulomb friction.
-        friction: Coulomb friction.
-        stiction: Mean share of it by which static friction exceeds it.
-        force: Mean one of latches.
-        sigma: Of the excess.
-    """
-    latched = log_exponential(excess, force, sigma)
-    stuck = log_exponential(excess, stiction * friction, sigma)
-    stuck = float(np.logaddexp(stuck + np.log1p(-_STRANGE), latched + np.log(_STRANGE)))
-    return latched - stuck
+Judge = Callable[[Rest, int], Excess]  # What is to be thought of a rest's push in a direction.
 
 
 def limit_belief(
-    way: int,
-    rests: list[tuple[Rest, float]],
-    bound: tuple[float, float],
-    prior: float,
-    slack: float,
+    way: int, rests: Sequence[Rest], bound: tuple[float, float], slack: float, judge: Judge
 ) -> LimitBelief:
-    """One end of the range.
+    """One end of the range: a limit where a stop was reached, else how far the joint has been.
 
     Args:
-        way: -1 for the lower one, 1 for the upper one.
-        rests: With the log likelihood ratio of a stop that way.
+        way: -1 for the lower end, 1 for the upper one.
+        rests: All so far.
         bound: How far the joint went that way, and the variance of that.
-        prior: Probability that a joint which rests does so at a stop.
         slack: By how much a joint may go on at a stop.
+        judge: Of the push at a rest.
     """
 
     def passed(rest: Rest) -> bool:
         beyond = way * (bound[0] - rest.q) - slack
-        return bool(beyond > 3.0 * np.sqrt(rest.variance + bound[1]))
+        return beyond > 3.0 * float(np.sqrt(rest.variance + bound[1]))
 
-    last = [(rest, odds) for rest, odds in rests if not passed(rest)]
-    if not last:
-        return LimitBelief(
-            probability=0.0,
-            position=float("nan"),
-            variance=float("nan"),
-            bound=bound[0],
-            bound_variance=bound[1],
-        )
-    rest, odds = max(last, key=lambda one: one[1])
+    held = [rest for rest in rests if rest.release != way and not passed(rest)]
+    found = [(judge(rest, way).probability, rest) for rest in held]
+    probability, at = max(found, key=lambda one: one[0], default=(0.0, None))
     return LimitBelief(
-        probability=float(expit(logit(prior) + odds)),
-        position=rest.q,
-        variance=rest.variance + slack**2 / 12.0,
+        probability=probability,
+        position=float("nan") if at is None else at.q,
+        variance=float("nan") if at is None else at.variance + slack**2 / 12.0,
         bound=bound[0],
         bound_variance=bound[1],
     )
 
 
-NO_LATCH = LatchBelief(
-    probability=0.0,
-    position=float("nan"),
-    variance=float("nan"),
-    force=float("nan"),
-    force_variance=float("nan"),
-)
+def latch_belief(rests: Sequence[Rest], judge: Judge) -> LatchBelief:
+    """The likeliest of the rests that gave way to more than friction."""
+    best = NO_LATCH
+    for rest in rests:
+        if rest.release == 0:
+            continue
+        excess = judge(rest, rest.release)
+        if excess.probability > best.probability:
+            best = LatchBelief(
+                probability=excess.probability,
+                position=rest.q,
+                variance=rest.variance,
+                force=excess.force,
+                force_variance=excess.variance,
+            )
+    return best

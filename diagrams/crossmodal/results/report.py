@@ -14,6 +14,7 @@ from diagrams.drawing.digits import fixed, written
 from diagrams.evaluation.stream_faults import fault_lines
 from diagrams.joints.joint_episode import JointEpisode
 from diagrams.joints.joint_metrics import axis_sign, last_seen
+from diagrams.joints.mechanics_record import mechanics_line
 from maths.arrays import Array
 from systems.kinematics.held_joint import MOVING_TYPES
 from systems.port_values import JointBelief, JointType
@@ -96,6 +97,16 @@ def perceived(episode: JointEpisode) -> list[str]:
         if last is not None and episode.record.duration - series.times[last] > 0.5:
             text += f"; last seen at {series.times[last]:.1f} s"
         lines.append(label + text)
+    return lines
+
+
+def forces(summary: Mapping[str, Any]) -> list[str]:
+    """What moving the joint takes and how far it goes: a line for each modality that felt it."""
+    lines = []
+    for name, value in summary["modalities"].items():
+        if mechanics := value["joints"][0]["mechanics"]:
+            label = f"{LABELS.get(name, name)}:".ljust(16)
+            lines.append(label + mechanics_line(mechanics))
     return lines
 
 
@@ -198,6 +209,8 @@ def report(episode: JointEpisode, summary: Mapping[str, Any]) -> list[str]:
     """What was perceived, how far that is from the truth, and what the robot did."""
     lines = ["Perceived joint:"]
     lines += [f"  {line}" for line in perceived(episode)]
+    if felt := forces(summary):
+        lines += ["", "Forces of the joint:"] + [f"  {line}" for line in felt]
     if summary["modalities"] and episode.truth.joint_type is not None:
         lines += ["", "Against the truth:"] + [f"  {line}" for line in comparison(summary)]
     if done := manipulation(episode, summary):

@@ -8,6 +8,7 @@ import numpy as np
 
 from diagrams.crossmodal.results.frame_plots import draw_frames
 from diagrams.crossmodal.results.grasp_episode import grasp_episode, summarise_grasp
+from diagrams.crossmodal.results.mechanics_plot import draw_mechanics
 from diagrams.crossmodal.results.plots import draw_configurations, draw_errors
 from diagrams.crossmodal.results.report import report
 from diagrams.crossmodal.task import can_be_judged, task_failure, task_phases, turning_time
@@ -19,6 +20,7 @@ from diagrams.evaluation.stream_faults import (
 )
 from diagrams.joints.joint_episode import JointEpisode, joint_episode
 from diagrams.joints.joint_record import joint_rows, summarise_joint
+from diagrams.joints.mechanics_record import mechanics_rows, summarise_mechanics
 from diagrams.run.application import Results
 from diagrams.run.record import EpisodeRecord, Tick
 
@@ -48,8 +50,8 @@ def evaluate(record: EpisodeRecord) -> Results:
             "grasp": summarise_grasp(grasp),
             "stream_faults": [asdict(fault) for fault in faults],
             "modalities": {
-                name: {"joints": [summarise_joint(series, truth, exploration_end)]}
-                for name, series in episode.series.items()
+                name: {"joints": [_summarise(episode, name, exploration_end)]}
+                for name in episode.series
             },
             "phases": {
                 name: {
@@ -64,20 +66,28 @@ def evaluate(record: EpisodeRecord) -> Results:
             "errors.png": partial(draw_errors, episode),
             "frames.png": partial(draw_frames, episode),
             "configuration.png": partial(draw_configurations, episode),
+            "forces.png": partial(draw_mechanics, episode),
         },
         report=partial(report, episode),
     )
 
 
+def _summarise(episode: JointEpisode, name: str, exploration_end: float) -> dict[str, Any]:
+    series, ticks = episode.series[name], episode.record.estimators[name].ticks
+    summary = summarise_joint(series, episode.truth, exploration_end)
+    return summary | {"mechanics": summarise_mechanics(ticks, series, episode.truth)}
+
+
 def rows_of(episode: JointEpisode, name: str, k: int) -> list[Row]:
     """What an estimator believed at its tick k.
 
-    Quantities: those of `joint_rows`; `grasp_probability` (one component per grasp type) and
+    Quantities: those of `joint_rows` and `mechanics_rows`; `grasp_probability` (one component per grasp type) and
     `feature_count`; `end_effector_position` (x, y, z), [m], and `hand_bending`, the bent hand's
     position (x, y, z) in the end-effector's frame, [m]; those of `health_rows`.
     """
     tick = episode.record.estimators[name].ticks[k]
-    joints = joint_rows(tick, episode.series[name], k, episode.truth)
+    series, truth = episode.series[name], episode.truth
+    joints = joint_rows(tick, series, k, truth) + mechanics_rows(tick, series, k, truth)
     return joints + _other_rows(tick) + health_rows(tick)
 
 

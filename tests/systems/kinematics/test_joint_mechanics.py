@@ -17,6 +17,7 @@ from systems.kinematics.joint_mechanics_filters import (
     HandForce,
     JointMechanicsConfig,
     JointMechanicsFilters,
+    hand_screw_covariance,
 )
 from systems.kinematics.joint_screws import screw_belief, speed_at
 from systems.port_values import (
@@ -33,6 +34,8 @@ from systems.port_values import (
 DT = 1.0 / 15.0
 SLIDE, HINGE = JointType.PRISMATIC, JointType.REVOLUTE
 HAND = np.array([0.4, 0.1, 0.2])
+X_PE = np.block([[np.eye(3), HAND[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
+EVEN = JointMechanicsConfig(unevenness=0.0)
 FRICTION, DAMPING = 6.0, 12.0
 
 
@@ -75,7 +78,7 @@ def perceived(
     state, q = filters.start(), 0.0
     for k, (rate, push) in enumerate(zip(v, tau, strict=True)):
         q += rate * DT
-        force = HandForce(F_P=push_along(joint_type, push), p_PE=HAND)
+        force = HandForce(F_P=push_along(joint_type, push), X_PE=X_PE)
         state = filters.update(state, belief_of(joint_type, q, rate, k), force)
     return filters.belief(state).models[joint_type]
 
@@ -135,13 +138,21 @@ def test_the_hand_presses_as_much_as_it_is_pressed_but_for_the_sensors_zero() ->
     f_W = -X[:3, :3] @ F_E[3:]
     moment = -X[:3, :3] @ F_E[:3] + np.cross(X[:3, 3], f_W)
     np.testing.assert_allclose(force.F_P, np.concatenate([moment, f_W]), atol=1e-12)
+
+
+def test_a_hand_that_is_elsewhere_sees_another_screw() -> None:
+    X = se3.exp(np.array([0.3, -0.2, 0.9, 0.5, 0.1, 0.2]))
+    F_E, S = np.array([0.1, 0.2, 0.3, 1.0, 2.0, 3.0]), np.array([0.0, 0.6, 0.8, 0.1, -0.3, 0.2])
+
+    def work(X_PE: Array) -> float:
+        return float(S @ se3.adjoint(se3.inverse(X_PE)).T @ F_E)
+
     for i in range(6):
-        moved = EndEffectorBelief(
-            X=X @ se3.exp(1e-6 * np.eye(6)[i]), V=hand.V, covariance=hand.covariance,
-            bias_jacobian=hand.bias_jacobian,
-        )  # fmt: skip
-        change = hand_force(load, state, moved, np.eye(4)).F_P - force.F_P
-        np.testing.assert_allclose(np.abs(change), np.abs(force.errors[:, i]), atol=1e-10)
+        moved = 1e-6 * np.eye(6)[:, i : i + 1]
+        F_P = se3.adjoint(se3.inverse(X)).T @ F_E
+        covariance = hand_screw_covariance(S, HandForce(F_P=F_P, X_PE=X, pose_jacobian=moved))
+        change = work(X @ se3.exp(moved[:, 0])) - work(X)
+        np.testing.assert_allclose(F_P @ covariance @ F_P, change**2, rtol=1e-3, atol=1e-18)
 
 
 @pytest.mark.parametrize("joint_type", [SLIDE, HINGE])
@@ -155,10 +166,48 @@ def test_friction_is_as_wrong_as_is_claimed(joint_type: JointType, rho: float) -
         v = to_and_fro(rng) / lever
         noise = correlated(rng, len(v), 0.3 * lever, rho)
         tau = truth[0] * np.sign(v) + truth[1] * v + noise
-        found = perceived(joint_type, v, tau)
+        found = perceived(joint_type, v, tau, EVEN)
         values.append(normalised_squared_error(found.friction - truth, found.friction_covariance))
     low, high = chi_square_bounds(100, 0.99)
     assert low <= sum(values) <= high
+
+
+@pytest.mark.parametrize("to_and_fro_too", [False, True])
+def test_friction_is_known_no_better_than_axis_zero_and_way_allow(to_and_fro_too: bool) -> None:
+    """Forces of a sensor that is off, on an axis that is, of a joint that runs unevenly."""
+    values, sigmas, truth = [], [], np.array([FRICTION, DAMPING])
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        v = to_and_fro(rng) if to_and_fro_too else np.full(240, 0.02)
+        q = np.cumsum(v) * DT
+        phase = rng.uniform(0.0, 2.0 * np.pi)
+        uneven = 1.0 + 0.05 * np.sqrt(2.0) * np.sin(2.0 * np.pi * q / 0.3 + phase)
+        tau = FRICTION * uneven * np.sign(v) + DAMPING * v
+        tau += correlated(rng, 240, 0.2, 0.95)
+        off, zero = 0.05 * rng.standard_normal(2), 0.3 * rng.standard_normal(3)
+        filters, state = JointMechanicsFilters(JointMechanicsConfig()), None
+        for k in range(240):
+            joint = belief_of(SLIDE, q[k], v[k], k)
+            across = np.diag([0.0, 0.05**2, 0.05**2])
+            # The true axis is x; the believed one is off, and so is the force across it seen along.
+            axis = np.array([1.0, *off])
+            joint.models[SLIDE].axis_P[:] = axis / np.linalg.norm(axis)
+            joint.models[SLIDE].axis_covariance[:] = across
+            f = np.array([tau[k], 3.0 * np.sign(v[k]), -2.0 * np.sign(v[k])]) + zero
+            force = HandForce(
+                F_P=np.concatenate([np.cross(HAND, f), f]),
+                X_PE=X_PE,
+                zero_covariance=np.diag([0.0, 0.0, 0.0, 0.09, 0.09, 0.09]),
+                down_P=np.zeros(3),
+            )
+            state = filters.update(state or filters.start(), joint, force)
+        found = filters.belief(state).models[SLIDE]
+        values.append(normalised_squared_error(found.friction - truth, found.friction_covariance))
+        sigmas.append(np.sqrt(found.friction_covariance[0, 0]))
+    print("mean NEES", np.mean(values), "sigma", np.mean(sigmas), "worst", max(values))
+    assert sum(values) <= chi_square_bounds(120, 0.99)[1]
+    # And yet much better than before the joint moved.
+    assert np.mean(sigmas) < 0.06 * JointMechanicsConfig().friction
 
 
 def test_nothing_is_claimed_of_a_joint_that_did_not_move() -> None:
@@ -197,7 +246,7 @@ def test_an_end_stop_takes_more_than_friction() -> None:
 def test_an_arm_that_stops_is_no_end_stop() -> None:
     for seed in range(5):
         found = rest_after_motion(np.linspace(6.0, 2.0, 40), np.random.default_rng(seed))
-        assert found.upper.probability < 0.25
+        assert found.upper.probability < 0.5
         assert found.upper.bound == pytest.approx(90 * 0.08 * DT, abs=1e-6)
 
 
@@ -212,9 +261,9 @@ def test_a_latch_takes_force_before_the_joint_moves() -> None:
     v = np.concatenate([np.zeros(45), np.full(90, 0.08)])
     moving = np.full(90, FRICTION + DAMPING * 0.08)
     latched = perceived(SLIDE, v, np.concatenate([rise, moving]))
-    assert latched.latch.probability > 0.9
+    assert latched.latch.probability > 0.99
     assert abs(latched.latch.position) < 1e-3
-    assert abs(latched.latch.force - 12.0) < 3.0 * np.sqrt(latched.latch.force_variance) + 1.0
+    assert abs(latched.latch.force - 12.0) < 2.0 * np.sqrt(latched.latch.force_variance)
     free = perceived(SLIDE, v, np.concatenate([np.linspace(0.0, FRICTION, 45), moving]))
     assert free.latch.probability < 0.1
 
@@ -229,7 +278,7 @@ def test_an_axis_that_turns_over_is_the_same_joint() -> None:
             turned = sign if k > 40 else 1.0
             joint = belief_of(SLIDE, turned * q, turned * 0.08, k)
             joint.models[SLIDE].axis_P[:] *= turned
-            force = HandForce(F_P=push_along(SLIDE, 7.0), p_PE=HAND)
+            force = HandForce(F_P=push_along(SLIDE, 7.0), X_PE=X_PE)
             state = filters.update(state, joint, force)
         beliefs.append(filters.belief(state).models[SLIDE])
     plain, turned = beliefs

@@ -1,0 +1,263 @@
+"""Friction, range and latches of an episode's joint: rows of the table, summary, printed lines."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from diagrams.drawing.digits import written
+from diagrams.evaluation.estimates import Row, scalar
+from diagrams.joints.joint_metrics import JointSeries, axis_sign, travel_at_grasp
+from diagrams.joints.joint_truth import Truth
+from diagrams.run.record import Tick
+from systems.port_values import (
+    JointMechanicsBelief,
+    JointMechanicsBeliefs,
+    JointType,
+    LatchBelief,
+    LimitBelief,
+)
+
+CLAIMED = 0.95  # Probability from which an end stop or a latch is said to be there.
+_UNITS = {
+    JointType.PRISMATIC: ("N", "N s/m", "m", "m/s"),
+    JointType.REVOLUTE: ("N m", "N m s/rad", "rad", "rad/s"),
+}
+
+
+@dataclass(kw_only=True)
+class TickMechanics:
+    """What was believed at a tick, turned to the true axis' side, counted from the grasp.
+
+    Attributes:
+        joint_type: The likeliest, which slides or turns.
+        belief: Of that; friction and limits as they stand in `lower` and `upper`.
+        force: Along the true axis, [N or N m].
+        configuration: [m or rad].
+        lower: The end of the range against the true axis.
+        upper: The other.
+        latch: The likeliest.
+    """
+
+    joint_type: JointType
+    belief: JointMechanicsBelief
+    force: float
+    configuration: float
+    lower: LimitBelief
+    upper: LimitBelief
+    latch: LatchBelief
+
+    @property
+    def resistance(self) -> tuple[float, float]:
+        """Friction at the mean speed so far, and its standard deviation, [N or N m]."""
+        at = np.array([1.0, self.belief.mean_speed])
+        variance = float(at @ self.belief.friction_covariance @ at)
+        return float(at @ self.belief.friction), math.sqrt(max(variance, 0.0))
+
+
+def mechanics_at(tick: Tick, series: JointSeries, k: int, truth: Truth) -> TickMechanics | None:
+    """Of the estimator's tick k; None without a moving joint or without a force."""
+    joint = series.joints[k]
+    beliefs: JointMechanicsBeliefs | None = tick.values.get("joint_mechanics_latest")
+    if joint is None or beliefs is None or joint.type not in _UNITS:
+        return None
+    belief = next(
+        (
+            one.models[joint.type]
+            for one in beliefs.joints
+            if (one.parent_id, one.child_id) == (joint.parent_id, joint.child_id)
+            and joint.type in one.models
+        ),
+        None,
+    )
+    if belief is None:
+        return None
+    sign = axis_sign(joint.model.axis_P, truth.axis_W)
+    offset = travel_at_grasp(series.times[k], truth)
+    lower, upper = (belief.lower, belief.upper) if sign > 0 else (belief.upper, belief.lower)
+    return TickMechanics(
+        joint_type=joint.type,
+        belief=belief,
+        force=sign * belief.force,
+        configuration=float(series.configuration[k]),
+        lower=_turned(lower, sign, offset),
+        upper=_turned(upper, sign, offset),
+        latch=_turned_latch(belief.latch, sign, offset),
+    )
+
+
+def _turned(limit: LimitBelief, sign: float, offset: float) -> LimitBelief:
+    return LimitBelief(
+        probability=limit.probability,
+        position=sign * limit.position + offset,
+        variance=limit.variance,
+        bound=sign * limit.bound + offset,
+        bound_variance=limit.bound_variance,
+    )
+
+
+def _turned_latch(latch: LatchBelief, sign: float, offset: float) -> LatchBelief:
+    return LatchBelief(
+        probability=latch.probability,
+        position=sign * latch.position + offset,
+        variance=latch.variance,
+        force=latch.force,
+        force_variance=latch.force_variance,
+    )
+
+
+def true_range(truth: Truth) -> tuple[float, float]:
+    """The true end stops, counted from the grasp, [m or rad]; NaN where they are not known."""
+    if len(truth.times) == 0:
+        return math.nan, math.nan
+    start = float(truth.configuration[0] - truth.opening()[0])
+    return truth.mechanics.lower - start, truth.mechanics.upper - start
+
+
+def mechanics_rows(tick: Tick, series: JointSeries, k: int, truth: Truth) -> list[Row]:
+    """What an estimator believed of the joint's forces at its tick k.
+
+    Quantities:
+
+    - `joint_force` of the hand along the joint, [N or N m];
+    - `joint_friction`: `coulomb` [N or N m] and `viscous` [the same per (m or rad)/s];
+    - `joint_limit` (`lower`, `upper`), [m or rad] since the grasp, of end stops that were reached;
+      `joint_bound`, how far the joint went, and `joint_limit_probability`, that a stop was reached;
+    - `joint_latch`: its `probability`, `position` and `force`.
+    """
+    now = mechanics_at(tick, series, k, truth)
+    if now is None:
+        return []
+    belief, ends = now.belief, true_range(truth)
+    same = now.joint_type == truth.joint_type
+    rows = [scalar("joint_force", now.force)] if math.isfinite(now.force) else []
+    true = (truth.mechanics.friction, truth.mechanics.damping)
+    for i, name in enumerate(("coulomb", "viscous")):
+        std = math.sqrt(max(belief.friction_covariance[i, i], 0.0))
+        expected = true[i] if same else math.nan
+        rows.append(scalar("joint_friction", belief.friction[i], name, std=std, true=expected))
+    for name, limit, end in zip(("lower", "upper"), (now.lower, now.upper), ends, strict=True):
+        rows.append(scalar("joint_limit_probability", limit.probability, name))
+        rows.append(scalar("joint_bound", limit.bound, name, std=math.sqrt(limit.bound_variance)))
+        if limit.probability > CLAIMED:
+            std, expected = math.sqrt(limit.variance), end if same else math.nan
+            rows.append(scalar("joint_limit", limit.position, name, std=std, true=expected))
+    latch = now.latch
+    rows.append(scalar("joint_latch", latch.probability, "probability"))
+    if latch.probability > CLAIMED:
+        std, force_std = math.sqrt(latch.variance), math.sqrt(latch.force_variance)
+        rows.append(scalar("joint_latch", latch.position, "position", std=std))
+        rows.append(scalar("joint_latch", latch.force, "force", std=force_std))
+    return rows
+
+
+def summarise_mechanics(
+    ticks: Sequence[Tick], series: JointSeries, truth: Truth
+) -> dict[str, Any] | None:
+    """The last belief about the joint's forces beside the truth; None where there was none."""
+    last = next(
+        (
+            found
+            for k in reversed(range(len(ticks)))
+            if (found := mechanics_at(ticks[k], series, k, truth)) is not None
+        ),
+        None,
+    )
+    if last is None:
+        return None
+    belief, speed = last.belief, last.belief.mean_speed
+    nothing = math.nan
+    friction, damping, (lower, upper) = nothing, nothing, (nothing, nothing)
+    if last.joint_type == truth.joint_type:
+        friction, damping = truth.mechanics.friction, truth.mechanics.damping
+        lower, upper = true_range(truth)
+    stds = np.sqrt(np.maximum(np.diag(belief.friction_covariance), 0.0))
+    latch = last.latch
+    return {
+        "type": str(last.joint_type),
+        "samples": belief.samples,
+        "noise": belief.noise,
+        "coulomb": _beside(belief.friction[0], stds[0], friction),
+        "viscous": _beside(belief.friction[1], stds[1], damping),
+        "resistance": {
+            "speed": speed,
+            **_beside(*last.resistance, friction + damping * speed),
+        },
+        "lower": _limit(last.lower, -1, lower),
+        "upper": _limit(last.upper, 1, upper),
+        "latch": {
+            "probability": latch.probability,
+            "claimed": latch.probability > CLAIMED,
+            "position": latch.position,
+            "position_std": math.sqrt(latch.variance),
+            "force": latch.force,
+            "force_std": math.sqrt(latch.force_variance),
+        },
+    }
+
+
+def _beside(value: float, std: float, true: float) -> dict[str, Any]:
+    error = float(value) - true
+    known = math.isfinite(error) and math.isfinite(std)
+    return {
+        "estimated": float(value),
+        "std": float(std),
+        "true": true,
+        "error": error,
+        "inside_two_sigma": bool(abs(error) <= 2.0 * std) if known else None,
+    }
+
+
+def _limit(limit: LimitBelief, way: int, true: float) -> dict[str, Any]:
+    """A stop that was reached is where it is claimed, one that was not is not before the bound."""
+    reached = limit.probability > CLAIMED
+    value, variance = (
+        (limit.position, limit.variance) if reached else (limit.bound, limit.bound_variance)
+    )
+    found = {"reached": reached, "probability": limit.probability}
+    found |= _beside(value, math.sqrt(variance), true)
+    if not reached and found["inside_two_sigma"] is not None:
+        found["inside_two_sigma"] = bool(way * found["error"] <= 2.0 * found["std"])
+    return found
+
+
+def mechanics_line(summary: dict[str, Any]) -> str:
+    """Friction, range and latch of a joint in words, each beside the truth where that is known."""
+    force, rate, length, speed = _UNITS[JointType(summary["type"])]
+    parts = []
+    if summary["samples"]:
+        resistance = summary["resistance"]
+        parts += [
+            f"friction {_said(summary['coulomb'], force)}",
+            f"viscous {_said(summary['viscous'], rate)}",
+            f"together {_said(resistance, force)} at {written(resistance['speed'], speed)}",
+        ]
+    else:
+        parts.append("friction not known, it has hardly moved")
+    for way, name in ((-1, "lower"), (1, "upper")):
+        limit = summary[name]
+        if limit["reached"]:
+            parts.append(f"{name} end stop at {_said(limit, length)} (reached)")
+        else:
+            at = written(limit["estimated"], length, beside=limit["std"])
+            beyond = "below" if way > 0 else "above"
+            parts.append(f"{name} end stop not {beyond} {at} (not reached){_verdict(limit, length)}")
+    latch = summary["latch"]
+    if latch["claimed"]:
+        held = written(latch["force"], force, spread=latch["force_std"])
+        at = written(latch["position"], length, spread=latch["position_std"])
+        parts.append(f"latch of {held} beyond friction at {at}")
+    return ", ".join(parts)
+
+
+def _said(value: dict[str, Any], unit: str) -> str:
+    return written(value["estimated"], unit, spread=value["std"]) + _verdict(value, unit)
+
+
+def _verdict(value: dict[str, Any], unit: str) -> str:
+    if value["inside_two_sigma"] is None:
+        return ""
+    true = written(value["true"], unit, beside=value["std"])
+    return f" [truth {true}{'' if value['inside_two_sigma'] else ', OUTSIDE 2σ'}]"

@@ -243,7 +243,9 @@ def mechanics_line(summary: dict[str, Any]) -> str:
         else:
             at = written(limit["estimated"], length, beside=limit["std"])
             beyond = "below" if way > 0 else "above"
-            parts.append(f"{name} end stop not {beyond} {at} (not reached){_verdict(limit, length)}")
+            parts.append(
+                f"{name} end stop not {beyond} {at} (not reached){_verdict(limit, length)}"
+            )
     latch = summary["latch"]
     if latch["claimed"]:
         held = written(latch["force"], force, spread=latch["force_std"])

@@ -7,13 +7,12 @@ itself only believed. With regressors phi_k,
 
 Second moments of z_k = (phi_k, F_k) and of neighbouring ones are sufficient: whatever S is believed
 later, all forces so far count as if it had been known. Size sigma and memory rho of the noise are
-averaged over, on a grid, by their evidence. For given ones theta is linear in S, so that an error of
-S, which no number of samples averages away, is carried over as it is.
+averaged over, on a grid, by their evidence. For given ones theta is linear in S, so that an error
+of S, which no number of samples averages away, is carried over as it is.
 
-Friction is not the same everywhere, and nothing says that this does not go with the speed by chance.
-So what is measured is theta + delta, where delta has the covariance that one sample in every
-direction of phi would leave whose force is off by a share u of what was measured: however many
-samples there are, they average this not away.
+Friction is not the same everywhere, and may happen to vary as the speed does. So what is measured is
+theta + delta, where delta has the covariance that one sample in every direction of phi would leave
+whose force is off by a share u of what was measured. No number of samples averages that away.
 
 Source: of the regression with known noise, C. M. Bishop, Pattern Recognition and Machine Learning,
 2006, section 3.3.
@@ -146,5 +145,7 @@ def _delta(moments: ForceMoments, S: Array, prior: Array, unevenness: float) -> 
     """Covariance (p, p) of delta; zero in directions that no motion has shown."""
     p, total = len(prior), moments.first + moments.now
     squares = unevenness**2 * float(S @ total[p:, p:] @ S)
-    scaled = total[:p, :p] * np.outer(prior, prior)
-    return squares * np.outer(prior, prior) * np.linalg.pinv(scaled, rcond=1e-9, hermitian=True)
+    values, vectors = np.linalg.eigh(prior[:, None] * total[:p, :p] * prior)
+    shown = values > 1e-9 * values[-1]
+    root = prior[:, None] * vectors[:, shown] / np.sqrt(values[shown])
+    return squares * (root @ root.T)

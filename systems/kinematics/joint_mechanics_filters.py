@@ -7,8 +7,8 @@ joint's unit twist S. While the joint moves,
 
 where e is what does not depend on the motion: the joint's own weight, and the zero of the sensor.
 An arm that pulls one way only cannot tell e from tau_c, so the prior of e says how far tau_c is
-known. Inertia and what changes on the way count as noise, which has a memory. Where the joint rests,
-the push is compared with what friction can hold. The filters work without Drake:
+known. Inertia and what changes on the way count as noise, which has a memory. Where the joint
+rests, the push is compared with what friction can hold. The filters work without Drake:
 
     filters = JointMechanicsFilters(JointMechanicsConfig())
     state = filters.start()
@@ -28,6 +28,7 @@ from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
 from maths.validation import check, number
+from maths.vectors import cross
 from systems.kinematics.force_regression import (
     ForceFit,
     ForceMoments,
@@ -57,6 +58,7 @@ from systems.ticks import tick_period
 
 GRAVITY = 9.81  # [m/s^2]
 _PHI = 3  # sign(q'), q', 1.
+NO_FORCES = no_moments(_PHI + 6)
 _NOISES = np.geomspace(0.01, 20.0, 12)  # [N] at the hand.
 
 
@@ -140,7 +142,7 @@ class TypeState(Immutable):
     S_covariance: Array
     flipped: float
     explored: dict[int, tuple[float, float]]
-    moments: ForceMoments = no_moments(_PHI + 6)
+    moments: ForceMoments = NO_FORCES
     passing: tuple[Array, ...] = ()
     hand: HandForce | None = None
     push: Array | None = None
@@ -295,9 +297,9 @@ class JointMechanicsFilters:
         """
         config, S = self.config, state.S
         weight = config.mass * GRAVITY
-        to_down = np.concatenate([np.cross(hand.X_PE[:3, 3], hand.down_P), hand.down_P])
+        to_down = np.concatenate([cross(hand.X_PE[:3, 3], hand.down_P), hand.down_P])
         falls = float((S @ to_down) ** 2 + to_down @ state.S_covariance @ to_down)
-        aslant = float(np.linalg.norm(np.cross(S[:3], hand.down_P)))
+        aslant = float(np.linalg.norm(cross(S[:3], hand.down_P)))
         own = weight**2 * (falls + (aslant * (lever + config.extent)) ** 2)
         zero = float(S @ hand.zero_covariance @ S)
         return np.array(

@@ -6,6 +6,7 @@ import numpy as np
 
 from maths import se3
 from maths.arrays import Array
+from maths.vectors import cross
 from systems.port_values import JointModelBelief, JointType
 
 
@@ -21,7 +22,7 @@ def _revolute(model: JointModelBelief) -> tuple[Array, Array]:
     by_point = np.vstack([np.zeros((3, 3)), -se3.skew(a)])
     covariance = by_axis @ model.axis_covariance @ by_axis.T
     covariance += by_point @ model.p_PA_covariance @ by_point.T
-    return np.concatenate([a, np.cross(p, a)]), covariance
+    return np.concatenate([a, cross(p, a)]), covariance
 
 
 # By type that moves. A helical joint's would be that of a revolute one plus its pitch along a.
@@ -42,7 +43,7 @@ def screw_belief(joint_type: JointType, model: JointModelBelief) -> tuple[Array,
 
 def speed_at(S: Array, p: Array) -> float:
     """How fast the point p (3,) moves per unit of q's rate, [1] or [m]: for a hinge the lever."""
-    return float(np.linalg.norm(S[3:] + np.cross(S[:3], p)))
+    return float(np.linalg.norm(S[3:] + cross(S[:3], p)))
 
 
 def bracket(V: Array) -> Array:

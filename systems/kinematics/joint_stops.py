@@ -31,7 +31,7 @@ class Rest(Immutable):
     Attributes:
         q: Where, [m or rad].
         variance: Of that.
-        pushes: By direction -1 and 1: the hand's spatial force (6,) when it pushed hardest that way.
+        pushes: By direction -1 and 1: the hand's spatial force (6,) when it pushed hardest.
         hardest: By direction, the generalised force of that when it was chosen.
         release: Direction in which it moved on; 0 while it has not.
     """

@@ -81,9 +81,9 @@ def _summarise(episode: JointEpisode, name: str, exploration_end: float) -> dict
 def rows_of(episode: JointEpisode, name: str, k: int) -> list[Row]:
     """What an estimator believed at its tick k.
 
-    Quantities: those of `joint_rows` and `mechanics_rows`; `grasp_probability` (one component per grasp type) and
-    `feature_count`; `end_effector_position` (x, y, z), [m], and `hand_bending`, the bent hand's
-    position (x, y, z) in the end-effector's frame, [m]; those of `health_rows`.
+    Quantities: those of `joint_rows` and `mechanics_rows`; `grasp_probability` (one component per
+    grasp type) and `feature_count`; `end_effector_position` (x, y, z), [m], and `hand_bending`, the
+    bent hand's position (x, y, z) in the end-effector's frame, [m]; those of `health_rows`.
     """
     tick = episode.record.estimators[name].ticks[k]
     series, truth = episode.series[name], episode.truth

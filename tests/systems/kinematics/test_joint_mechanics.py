@@ -175,7 +175,8 @@ def test_friction_is_as_wrong_as_is_claimed(joint_type: JointType, rho: float) -
 @pytest.mark.parametrize("to_and_fro_too", [False, True])
 def test_friction_is_known_no_better_than_axis_zero_and_way_allow(to_and_fro_too: bool) -> None:
     """Forces of a sensor that is off, on an axis that is, of a joint that runs unevenly."""
-    values, sigmas, truth = [], [], np.array([FRICTION, DAMPING])
+    values, sigmas = [], []
+    truth = np.array([FRICTION, DAMPING])
     for seed in range(60):
         rng = np.random.default_rng(seed)
         v = to_and_fro(rng) if to_and_fro_too else np.full(240, 0.02)
@@ -204,7 +205,6 @@ def test_friction_is_known_no_better_than_axis_zero_and_way_allow(to_and_fro_too
         found = filters.belief(state).models[SLIDE]
         values.append(normalised_squared_error(found.friction - truth, found.friction_covariance))
         sigmas.append(np.sqrt(found.friction_covariance[0, 0]))
-    print("mean NEES", np.mean(values), "sigma", np.mean(sigmas), "worst", max(values))
     assert sum(values) <= chi_square_bounds(120, 0.99)[1]
     # And yet much better than before the joint moved.
     assert np.mean(sigmas) < 0.06 * JointMechanicsConfig().friction
@@ -265,7 +265,7 @@ def test_a_latch_takes_force_before_the_joint_moves() -> None:
     assert abs(latched.latch.position) < 1e-3
     assert abs(latched.latch.force - 12.0) < 2.0 * np.sqrt(latched.latch.force_variance)
     free = perceived(SLIDE, v, np.concatenate([np.linspace(0.0, FRICTION, 45), moving]))
-    assert free.latch.probability < 0.1
+    assert free.latch.probability < 0.5
 
 
 def test_an_axis_that_turns_over_is_the_same_joint() -> None:

@@ -10,7 +10,7 @@ from diagrams.crossmodal.modalities import MODALITIES
 from diagrams.run.calibration import Calibration
 from systems.kinematics.joint_filters import JointFiltersConfig
 from systems.kinematics.joint_mechanics import JointMechanicsFilter
-from systems.kinematics.joint_mechanics_filters import JointMechanicsConfig
+from systems.kinematics.joint_mechanics_config import JointMechanicsConfig
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from systems.monitoring.angles import AnglesByRates, AnglesConfig

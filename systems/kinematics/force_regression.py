@@ -10,9 +10,9 @@ later, all forces so far count as if it had been known. Size sigma and memory rh
 averaged over, on a grid, by their evidence. For given ones theta is linear in S, so that an error
 of S, which no number of samples averages away, is carried over as it is.
 
-Friction is not the same everywhere, and may happen to vary as the speed does. So what is measured is
-theta + delta, where delta has the covariance that one sample in every direction of phi would leave
-whose force is off by a share u of what was measured. No number of samples averages that away.
+Friction is not the same everywhere, and may happen to vary as the speed does. So theta + delta is
+measured, where delta has the covariance that one sample in every direction of phi would leave whose
+force is off by a share u of what was measured. No number of samples averages that away.
 
 Source: of the regression with known noise, C. M. Bishop, Pattern Recognition and Machine Learning,
 2006, section 3.3.

@@ -8,12 +8,9 @@ from pydrake.systems.framework import Context
 from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
-from systems.kinematics.joint_mechanics_filters import (
-    HandForce,
-    JointMechanicsConfig,
-    JointMechanicsFilters,
-    JointMechanicsState,
-)
+from systems.kinematics.hand_force import HandForce
+from systems.kinematics.joint_mechanics_config import JointMechanicsConfig
+from systems.kinematics.joint_mechanics_filters import JointMechanicsFilters, JointMechanicsState
 from systems.port_values import (
     HELD_BODY,
     STATIC_BODY,

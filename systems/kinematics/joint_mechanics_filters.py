@@ -19,15 +19,14 @@ rests, the push is compared with what friction can hold. The filters work withou
 Frames: P parent, B child, E the hand.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtr
 
-from maths import se3
 from maths.arrays import Array
 from maths.immutable import Immutable
-from maths.validation import check, number
+from maths.validation import check
 from maths.vectors import cross
 from systems.kinematics.force_regression import (
     ForceFit,
@@ -36,13 +35,16 @@ from systems.kinematics.force_regression import (
     no_moments,
     observe,
 )
-from systems.kinematics.joint_screws import SCREWS, bracket, screw_belief, speed_at
+from systems.kinematics.hand_force import HandForce, hand_screw_covariance
+from systems.kinematics.joint_mechanics_config import JointMechanicsConfig
+from systems.kinematics.joint_screws import SCREWS, screw_belief, speed_at
 from systems.kinematics.joint_stops import (
     Excess,
     Rest,
     begin_rest,
     continue_rest,
     latch_belief,
+    left,
     limit_belief,
     remember,
 )
@@ -54,71 +56,11 @@ from systems.port_values import (
     JointType,
     LimitBelief,
 )
-from systems.ticks import tick_period
 
 GRAVITY = 9.81  # [m/s^2]
 _PHI = 3  # sign(q'), q', 1.
 NO_FORCES = no_moments(_PHI + 6)
 _NOISES = np.geomspace(0.01, 20.0, 12)  # [N] at the hand.
-
-
-@dataclass(kw_only=True)
-class JointMechanicsConfig:
-    """Priors; forces are those at the hand, which a hinge's lever turns into torques.
-
-    Attributes:
-        period: Of the ticks.
-        friction: Prior standard deviation of Coulomb friction.
-        damping: The same of the viscous coefficient.
-        unevenness: By how much the friction met on the way differs from the joint's, as a share of
-            it, standard deviation.
-        mass: Of what moves, against gravity.
-        extent: How far its centre may be from the hand, across gravity.
-        zero_force: Of a force sensor that was never read while the hand was free.
-        zero_torque: The same of its torque.
-        stiction: By how much static friction may exceed Coulomb friction, as a share of it.
-        least_speed: Of the hand; a slower joint rests.
-        slack: Way at the hand that a joint may go on at an end stop.
-        settle: For so long a joint moves before and after an instant that counts.
-        smoothing: Time over which a push has to last.
-        open_pressure: Gauge pressure of a chamber, below which the hand is open.
-        largest_failure: Probability of a lost grasp above which the force is not the joint's.
-    """
-
-    period: float = tick_period()
-    friction: float = number(20.0, above=0.0, at_most=1e4, unit="N")
-    damping: float = number(30.0, above=0.0, at_most=1e5, unit="N s/m")
-    unevenness: float = number(0.05, at_least=0.0, at_most=1.0)
-    mass: float = number(5.0, at_least=0.0, at_most=1e3, unit="kg")
-    extent: float = number(0.2, at_least=0.0, at_most=10.0, unit="m")
-    zero_force: float = number(1.0, above=0.0, at_most=100.0, unit="N")
-    zero_torque: float = number(0.1, above=0.0, at_most=100.0, unit="N m")
-    stiction: float = number(0.2, at_least=0.0, at_most=10.0)
-    least_speed: float = number(0.005, above=0.0, at_most=10.0, unit="m/s")
-    slack: float = number(0.002, at_least=0.0, at_most=1.0, unit="m")
-    settle: float = number(0.6, at_least=0.0, at_most=10.0, unit="s")
-    smoothing: float = number(0.2, above=0.0, at_most=10.0, unit="s")
-    open_pressure: float = number(5.0e3, at_least=0.0, at_most=1e6, unit="Pa")
-    largest_failure: float = number(0.5, above=0.0, at_most=1.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class HandForce(Immutable):
-    """What the hand does to the body that it holds.
-
-    Attributes:
-        F_P: Spatial force (6,) on the body at Po, torque [N m] first, expressed in P.
-        X_PE: Where the hand is (4, 4).
-        pose_jacobian: (6, m) constant error of X_PE, in E, per unit of what it comes from.
-        zero_covariance: (6, 6) of the constant error of F_P.
-        down_P: Unit vector (3,) of gravity in P.
-    """
-
-    F_P: Array
-    X_PE: Array
-    pose_jacobian: Array = field(default_factory=lambda: np.zeros((6, 0)))
-    zero_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
-    down_P: Array = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,19 +155,27 @@ class JointMechanicsFilters:
         q_variance, v_variance = (float(x) for x in np.diag(model.configuration_covariance))
         if state is None:
             explored = {-1: (q, q_variance), 1: (q, q_variance)}
+            state = TypeState(S=S, S_covariance=covariance, flipped=flipped, explored=explored)
         else:
             explored = _explore(state.explored, q, q_variance)
-        changed = {"S": S, "S_covariance": covariance, "flipped": flipped, "explored": explored}
-        state = TypeState(**changed) if state is None else replace(state, **changed)
+            state = replace(state, S=S, S_covariance=covariance, flipped=flipped, explored=explored)
         if force is None:
             return replace(_interrupted(state), push=None)
         last = force.F_P if state.push is None else state.push
-        state = replace(state, hand=force, push=last + self._share * (force.F_P - last))
+        push = last + self._share * (force.F_P - last)
+        state = replace(state, hand=force, push=push)
         speed = abs(v) * speed_at(S, force.X_PE[:3, 3])
-        if speed > self.config.least_speed and abs(v) > 3.0 * np.sqrt(v_variance):
+        slow = speed <= self.config.least_speed
+        if state.rest is not None and (slow or not left(state.rest, q, q_variance)):
+            rest = continue_rest(state.rest, push, float(S @ push))
+            if slow and q_variance < rest.variance:
+                rest = replace(rest, q=q, variance=q_variance)
+            return _interrupted(replace(state, rest=rest))
+        if not slow and abs(v) > 3.0 * np.sqrt(v_variance):
             return self._moves(state, np.array([np.sign(v), v, 1.0, *force.F_P]))
-        if speed <= self.config.least_speed:
-            state = _rests(state, q, q_variance)
+        if slow:
+            rest = begin_rest(q, q_variance, push, float(S @ push))
+            state = replace(state, rest=rest)
         return _interrupted(state)
 
     def _moves(self, state: TypeState, z: Array) -> TypeState:
@@ -322,17 +272,6 @@ class JointMechanicsFilters:
         )
 
 
-def hand_screw_covariance(S: Array, hand: HandForce) -> Array:
-    """How uncertain a screw (6,) is as the hand sees it, which may be elsewhere: (6, 6), in P.
-
-    With X_PE exp(xi) in place of X_PE, S · F_P is that of the twist S + Ad(X_PE) [S_E] xi.
-    """
-    to_P = se3.adjoint(hand.X_PE)
-    S_E = se3.adjoint(se3.inverse(hand.X_PE)) @ S
-    B = to_P @ bracket(S_E) @ hand.pose_jacobian
-    return np.asarray(B @ B.T)
-
-
 def _same_side(S: Array, before: Array) -> bool:
     """Whether a twist points as an earlier one does, by its axis."""
     part = slice(0, 3) if float(np.linalg.norm(S[:3])) > 0.5 else slice(3, 6)
@@ -348,15 +287,6 @@ def _explore(
         if way * q - np.sqrt(variance) > way * most - np.sqrt(most_variance):
             farther[way] = (q, variance)
     return farther
-
-
-def _rests(state: TypeState, q: float, variance: float) -> TypeState:
-    F = state.push
-    assert F is not None
-    tau = float(state.S @ F)
-    if state.rest is None:
-        return replace(state, rest=begin_rest(q, variance, F, tau))
-    return replace(state, rest=continue_rest(state.rest, q, variance, F, tau))
 
 
 def _interrupted(state: TypeState) -> TypeState:

@@ -29,7 +29,7 @@ class Rest(Immutable):
     """The joint has stood still.
 
     Attributes:
-        q: Where, [m or rad].
+        q: Where it was when that was known best, [m or rad].
         variance: Of that.
         pushes: By direction -1 and 1: the hand's spatial force (6,) when it pushed hardest.
         hardest: By direction, the generalised force of that when it was chosen.
@@ -47,15 +47,18 @@ def begin_rest(q: float, variance: float, F: Array, tau: float) -> Rest:
     return Rest(q=q, variance=variance, pushes={-1: F, 1: F}, hardest={-1: -tau, 1: tau})
 
 
-def continue_rest(rest: Rest, q: float, variance: float, F: Array, tau: float) -> Rest:
-    """The rest with one more sample; its place is that at which the joint was known best."""
-    if variance < rest.variance:
-        rest = replace(rest, q=q, variance=variance)
+def continue_rest(rest: Rest, F: Array, tau: float) -> Rest:
+    """The rest with one more push."""
     for way in (-1, 1):
         if way * tau > rest.hardest[way]:
             pushes, hardest = rest.pushes | {way: F}, rest.hardest | {way: way * tau}
             rest = replace(rest, pushes=pushes, hardest=hardest)
     return rest
+
+
+def left(rest: Rest, q: float, variance: float) -> bool:
+    """Whether the joint is surely elsewhere; the hand that bends looks at first as if it were."""
+    return abs(q - rest.q) > 3.0 * float(np.sqrt(variance + rest.variance))
 
 
 def remember(rests: tuple[Rest, ...], rest: Rest) -> tuple[Rest, ...]:

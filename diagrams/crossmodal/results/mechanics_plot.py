@@ -4,6 +4,7 @@ import math
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -39,7 +40,8 @@ def draw_mechanics(episode: JointEpisode) -> Figure | None:
         for name, ticks in found.items():
             if ticks[-1].joint_type == kind:
                 _draw(axes, palette.estimator_color(COLORS, name, 0), ticks, scale)
-        truth, handles = episode.truth, [_handle(name) for name in found]
+        truth = episode.truth
+        handles: list[Artist] = [_handle(name) for name in found]
         mechanics = truth.mechanics
         if truth.joint_type == kind and math.isfinite(mechanics.friction):
             speed = found[next(iter(found))][-1].belief.mean_speed

@@ -7,18 +7,15 @@ from pydrake.common.value import Value
 from maths import se3
 from maths.arrays import Array
 from maths.consistency import chi_square_bounds, normalised_squared_error
+from systems.kinematics.hand_force import HandForce, hand_screw_covariance
 from systems.kinematics.joint_mechanics import (
     HeldJointMechanics,
     JointMechanicsFilter,
     hand_force,
     watch_free_hand,
 )
-from systems.kinematics.joint_mechanics_filters import (
-    HandForce,
-    JointMechanicsConfig,
-    JointMechanicsFilters,
-    hand_screw_covariance,
-)
+from systems.kinematics.joint_mechanics_config import JointMechanicsConfig
+from systems.kinematics.joint_mechanics_filters import JointMechanicsFilters
 from systems.kinematics.joint_screws import screw_belief, speed_at
 from systems.port_values import (
     HELD_BODY,
@@ -241,6 +238,32 @@ def test_an_end_stop_takes_more_than_friction() -> None:
         assert found.upper.probability > 0.95
         assert abs(found.upper.position - q) < 3.0 * np.sqrt(found.upper.variance)
         assert found.lower.probability < 0.5
+
+
+def test_a_hand_that_bends_at_a_stop_moves_no_joint() -> None:
+    """It seems to creep on, ever less surely, while the arm pulls harder."""
+    filters = JointMechanicsFilters(JointMechanicsConfig())
+    state, q, k = filters.start(), 0.0, 0
+
+    def tick(v: float, push: float, q_std: float) -> None:
+        nonlocal state, q, k
+        q, k = q + v * DT, k + 1
+        joint = belief_of(SLIDE, q, v, k)
+        joint.models[SLIDE].configuration_covariance[0, 0] = q_std**2
+        force = HandForce(F_P=push_along(SLIDE, push), X_PE=X_PE)
+        state = filters.update(state, joint, force)
+
+    for _ in range(90):
+        tick(0.08, FRICTION + 0.08 * DAMPING, 0.003)
+    stop = q
+    for _ in range(8):
+        tick(0.001, 12.0, 0.003)
+    for way in np.linspace(0.0, 1.0, 40):
+        tick(0.01, 12.0 + 60.0 * way, 0.003 + 0.012 * way)
+    found = filters.belief(state).models[SLIDE]
+    assert found.friction[0] < 1.5 * FRICTION
+    assert found.upper.probability > 0.99
+    assert abs(found.upper.position - stop) < 2.0 * np.sqrt(found.upper.variance)
 
 
 def test_an_arm_that_stops_is_no_end_stop() -> None:

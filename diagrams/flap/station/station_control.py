@@ -118,7 +118,7 @@ def _drive(
 
 
 def hold_still(wiring: StationWiring) -> None:
-    """Commands the hand around the tool to stay as it is; the scene does so for the tool's hinge."""
+    """Commands the hand around the tool to stay; the scene does so for the tool's hinge."""
     scene, q = wiring.scene, wiring.start.hand
     port = scene.plant.get_desired_state_input_port(scene.model(HOLDER_HAND))
     if port.size() > 0:

@@ -22,6 +22,7 @@ PRESENTATION = (
     "diagrams/crossmodal/inspection",
     "diagrams/crossmodal/meshcat_view.py",
     "diagrams/crossmodal/results/frame_plots.py",
+    "diagrams/crossmodal/results/mechanics_plot.py",
     "diagrams/crossmodal/results/metrics.py",
     "diagrams/crossmodal/results/plots.py",
     "diagrams/crossmodal/results/report.py",

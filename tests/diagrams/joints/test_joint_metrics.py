@@ -132,7 +132,8 @@ def test_a_rigid_belief_means_no_opening_and_a_wrong_moving_type_has_no_error() 
     assert_allclose(series.configuration, [0.0, 0.3, np.nan])
     assert_allclose(series.error, [-0.05, np.nan, np.nan])
     assert list(series.type_is_right) == [False, False, False]
-    assert_allclose(series.probability_true_type, [0.01, 0.01, np.nan])
+    others = 0.03 / (len(JointType) - 1)
+    assert_allclose(series.probability_true_type, [others, others, np.nan])
 
 
 def test_the_distance_of_a_revolute_axis_is_from_its_point() -> None:

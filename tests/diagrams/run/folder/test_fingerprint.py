@@ -19,6 +19,7 @@ USERS = {
     "diagrams.evaluation.estimates",
     "diagrams.flap.application",
     "diagrams.flap.results.results",
+    "diagrams.joints.mechanics_record",  # The digits of a printed line.
     "diagrams.run.episode",  # How much memory it took.
     "diagrams.run.folder.run_folder",
     "diagrams.stations.truth_paths",  # Names in a message.

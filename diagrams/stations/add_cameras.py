@@ -21,11 +21,13 @@ def add_cameras(
     scenario: Scenario,
     calibration: Calibration,
     config: CameraNoiseConfig,
-) -> None:
+) -> dict[str, OutputPort]:
     """Adds the cameras of a scenario, drawn by its seed around what is believed of them.
 
     Exports `color_measured` and `depth_measured`, of several cameras each with the camera's name
     before it.
+
+    Returns what says each camera's depth, by the camera's name.
 
     Args:
         builder: Of the station.
@@ -42,8 +44,9 @@ def add_cameras(
     if len(lamps) > 1:
         raise ValueError(f"cameras have lamps of {sorted(lamps)}, but all share one renderer")
     add_renderers(scene_graph, *lamps)
+    depths = {}
     for name, believed in calibration.cameras.items():
-        add_rgbd_camera(
+        depths[name] = add_rgbd_camera(
             builder,
             plant,
             scene_graph,
@@ -54,6 +57,7 @@ def add_cameras(
             scenario.network_period,
             owner_among(name, calibration.cameras),
         )
+    return depths
 
 
 def add_robot_masks(
@@ -63,6 +67,7 @@ def add_robot_masks(
     robots: Mapping[str, MaskedRobot],
     config: RobotMaskConfig,
     postures: Mapping[str, OutputPort],
+    depths: Mapping[str, OutputPort] | None = None,
 ) -> None:
     """Adds the mask of the robots in each camera's images; exports `robot_mask` as the images are.
 
@@ -73,9 +78,13 @@ def add_robot_masks(
         robots: By name.
         config: Of the masks.
         postures: What says how the robots stand, by the input ports of `RobotMask`.
+        depths: What the cameras see, by their names; with it what stands before a robot is not
+            masked.
     """
     for name, camera in cameras.items():
         owner = owner_among(name, cameras)
         mask = add_robot_mask(builder, build_robot, camera, robots, config, owner)
         for port, source in postures.items():
             builder.Connect(source, mask.GetInputPort(port))
+        if depths is not None:
+            builder.Connect(depths[name], mask.GetInputPort("depth_measured"))

@@ -18,7 +18,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import GetScopedFrameByName
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder, System
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.sensors import RgbdSensor
 
 from diagrams.run.calibration import Camera
@@ -56,8 +56,10 @@ def add_rgbd_camera(
     seed: int,
     period: float,
     owner: str = "",
-) -> CameraNoise:
+) -> OutputPort:
     """Adds a camera and what disturbs it; exports `color_measured` and `depth_measured`.
+
+    Returns what says the depth without a stamp.
 
     The images at a tick are those that were taken the camera's latency before it; nobody knows of
     it, so that they are stamped with the tick.
@@ -136,7 +138,7 @@ def add_rgbd_camera(
         port = f"{image}_measured"
         builder.Connect(delivered.GetOutputPort(port), stamps.GetInputPort(f"{image}_image"))
         builder.ExportOutput(stamps.GetOutputPort(port), prefixed(owner, port))
-    return noise
+    return delivered.GetOutputPort("depth_measured")
 
 
 def add_robot_mask(

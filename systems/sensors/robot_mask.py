@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,7 +17,7 @@ from maths.arrays import Array, Ids
 from maths.validation import check, number, require
 from systems.sensors.robot_camera import RobotCamera
 
-Grey = npt.NDArray[np.uint8]
+Depth = npt.NDArray[np.float32]
 
 
 @dataclass(kw_only=True)
@@ -42,8 +43,8 @@ def reduced_intrinsics(full: CameraInfo, reduction: int) -> CameraInfo:
     )
 
 
-def silhouette_to_mask(depth: npt.NDArray[np.float32], focal: float, margin: float) -> Grey:
-    """Grey image (h, w), 255 within `margin` of what the depth image sees.
+def nearest_surface(depth: Depth, focal: float, margin: float) -> Depth:
+    """Depth (h, w) of the nearest surface within `margin` of each pixel; inf where there is none.
 
     The margin in pixels is that at each surface's own depth, and one pixel more for what the
     rendering, which samples the pixels' centres, can miss.
@@ -56,19 +57,18 @@ def silhouette_to_mask(depth: npt.NDArray[np.float32], focal: float, margin: flo
     nearest = depth[depth > 0.0].min(initial=np.inf)
     distance = np.where(depth > 0.0, depth, nearest)
     radius = np.where(depth < np.inf, np.ceil(focal * margin / distance) + 1.0, 0.0).astype(int)
-    mask = np.zeros(depth.shape, dtype=np.uint8)
+    widened = np.full(depth.shape, np.inf, dtype=np.float32)
     for r in np.unique(radius[radius > 0]):
-        layer = np.where(radius == r, np.uint8(255), np.uint8(0))
+        layer = np.where(radius == r, depth, np.float32(np.inf))
         shape = cv2.MORPH_ELLIPSE if r > 1 else cv2.MORPH_RECT
         disc = cv2.getStructuringElement(shape, (2 * int(r) + 1, 2 * int(r) + 1))
-        np.maximum(mask, cv2.dilate(layer, disc), out=mask)
-    return mask
+        np.minimum(widened, cv2.erode(layer, disc, borderValue=np.inf), out=widened)
+    return widened
 
 
-def enlarge(mask: Grey, reduction: int, enlarged: Grey) -> None:
-    """Writes each pixel of `mask` (h, w) to a block of `enlarged` (h reduction, w reduction)."""
-    blocks = enlarged.reshape(mask.shape[0], reduction, mask.shape[1], reduction)
-    blocks[:] = mask[:, None, :, None]
+def enlarge(image: npt.NDArray[Any], reduction: int) -> npt.NDArray[Any]:
+    """Each pixel of an image (h, w) as a block of an image (h reduction, w reduction)."""
+    return np.repeat(np.repeat(image, reduction, axis=0), reduction, axis=1)
 
 
 @dataclass(kw_only=True)
@@ -148,10 +148,13 @@ class SilhouetteMask(LeafSystem):
         name: SilhouetteMask
         input_ports:
         - depth_image
+        - depth_measured
         output_ports:
         - robot_mask
 
     - `depth_image`: `ImageDepth32F` of the reduced size, inf where the robot is not.
+    - `depth_measured`: `ImageDepth32F` of the camera's size, [m]; what is seen before the robot, by
+      more than the margin, is not the robot. If it is not connected, all of the silhouette is.
     - `robot_mask`: `ImageGrey8U` of the camera's size, 255 robot, 0 elsewhere.
     """
 
@@ -162,14 +165,21 @@ class SilhouetteMask(LeafSystem):
         width, height = reduced.width(), reduced.height()
         depth = Value[ImageDepth32F](ImageDepth32F(width, height))
         scale = config.reduction
-        mask = Value[ImageGrey8U](ImageGrey8U(width * scale, height * scale))
+        size = width * scale, height * scale
+        measured = Value[ImageDepth32F](ImageDepth32F(*size))
+        mask = Value[ImageGrey8U](ImageGrey8U(*size))
         self._depth = self.DeclareAbstractInputPort("depth_image", depth)
+        self._measured = self.DeclareAbstractInputPort("depth_measured", measured)
         self.DeclareAbstractOutputPort("robot_mask", mask.Clone, self._calc)
 
     def _calc(self, context: Context, output: AbstractValue) -> None:
-        depth = self._depth.Eval(context).data[:, :, 0]
-        mask = silhouette_to_mask(depth, self._focal, self._config.margin)
-        enlarge(mask, self._config.reduction, output.get_mutable_value().mutable_data[:, :, 0])
+        margin, depth = self._config.margin, self._depth.Eval(context).data[:, :, 0]
+        robot = enlarge(nearest_surface(depth, self._focal, margin), self._config.reduction)
+        masked = robot < np.inf
+        if self._measured.HasValue(context):
+            seen = self._measured.Eval(context).data[:, :, 0]
+            masked &= ~((seen > 0.0) & (seen < robot - margin))
+        output.get_mutable_value().mutable_data[:, :, 0] = np.where(masked, np.uint8(255), 0)
 
 
 class RobotMask(Diagram):
@@ -184,11 +194,13 @@ class RobotMask(Diagram):
         input_ports:
         - [robot_]joint_state_measured
         - [robot_]closure_commanded
+        - depth_measured
         output_ports:
         - robot_mask
 
     - `[robot_]joint_state_measured`: (2 n,), q [rad] and qdot [rad/s] of the arm.
     - `[robot_]closure_commanded`: (1,), 0 open, 1 closed; 0 if not connected.
+    - `depth_measured`: `ImageDepth32F` of the camera, [m]; see `SilhouetteMask`.
     - `robot_mask`: `ImageGrey8U` of the camera's size, 255 robot, 0 elsewhere.
 
     Only where there are several robots, the inputs' names begin with theirs.
@@ -232,7 +244,8 @@ class RobotMask(Diagram):
         posture = builder.AddNamedSystem("posture", _posture(camera.plant, robots))
         mask = builder.AddNamedSystem("mask", SilhouetteMask(c, reduced))
         builder.Connect(posture.get_output_port(), camera.GetInputPort("positions"))
-        builder.Connect(camera.GetOutputPort("depth_image"), mask.get_input_port())
+        builder.Connect(camera.GetOutputPort("depth_image"), mask.GetInputPort("depth_image"))
+        builder.ExportInput(mask.GetInputPort("depth_measured"), "depth_measured")
         for index in range(posture.num_input_ports()):
             port = posture.get_input_port(index)
             builder.ExportInput(port, port.get_name())

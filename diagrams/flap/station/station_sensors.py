@@ -105,7 +105,7 @@ def add_vision(wiring: StationWiring, encoders: Mapping[str, JointEncoders]) -> 
     """
     builder, scene, sensors = wiring.builder, wiring.scene, wiring.scenario.sensors
     arms = wiring.calibration.arms
-    add_cameras(
+    depths = add_cameras(
         builder,
         scene.plant,
         scene.scene_graph,
@@ -139,4 +139,5 @@ def add_vision(wiring: StationWiring, encoders: Mapping[str, JointEncoders]) -> 
             prefixed(owner, "joint_state_measured"): system.GetOutputPort("joint_state_measured")
             for owner, system in encoders.items()
         },
+        depths,
     )

@@ -1,6 +1,7 @@
 import cv2
 import numpy as np
 import pytest
+from pydrake.common.value import AbstractValue
 from pydrake.geometry import (
     Box,
     ClippingRange,
@@ -15,7 +16,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.sensors import CameraInfo, RgbdSensor
+from pydrake.systems.sensors import CameraInfo, ImageDepth32F, RgbdSensor
 
 from systems.sensors.robot_mask import (
     MaskedRobot,
@@ -23,8 +24,8 @@ from systems.sensors.robot_mask import (
     RobotMaskConfig,
     RobotPosture,
     enlarge,
+    nearest_surface,
     reduced_intrinsics,
-    silhouette_to_mask,
 )
 
 INTRINSICS = CameraInfo(320, 240, 288.0, 288.0, 159.5, 119.5)
@@ -163,10 +164,33 @@ def test_several_robots_have_ports_of_their_own_and_move_by_them():
     np.testing.assert_allclose(positions, [0.3, -0.4])
 
 
+def masked(depth, focal, margin):
+    """Which pixels are masked where nothing is measured."""
+    return nearest_surface(depth, focal, margin) < np.inf
+
+
+def test_what_stands_before_the_robot_is_not_masked():
+    config = RobotMaskConfig(margin=0.02, reduction=2)
+    mask = RobotMask(config, build_robot, INTRINSICS, X_WC, {"robot": ROBOT})
+    context = mask.CreateDefaultContext()
+    mask.GetInputPort("joint_state_measured").FixValue(context, [0.0, 0.0])
+    whole = mask.GetOutputPort("robot_mask").Eval(context).data[:, :, 0].copy()
+    image = ImageDepth32F(INTRINSICS.width(), INTRINSICS.height())
+    image.mutable_data[:] = 0.97  # The robot's surface.
+    image.mutable_data[:, :150] = 0.9
+    image.mutable_data[:, :20] = 0.0  # No return.
+    mask.GetInputPort("depth_measured").FixValue(context, AbstractValue.Make(image))
+    after = mask.GetOutputPort("robot_mask").Eval(context).data[:, :, 0]
+    assert (whole[:, 20:150] > 0).any()
+    assert not after[:, 20:150].any()
+    np.testing.assert_array_equal(after[:, 150:], whole[:, 150:])
+    np.testing.assert_array_equal(after[:, :20], whole[:, :20])
+
+
 def test_the_margin_is_a_disc_of_its_size_in_pixels():
     depth = np.full((41, 41), np.inf, dtype=np.float32)
     depth[20, 20] = 2.0
-    mask = silhouette_to_mask(depth, focal=200.0, margin=0.1)
+    mask = masked(depth, focal=200.0, margin=0.1)
     v, u = np.nonzero(mask)
     radius = np.hypot(v - 20, u - 20).max()
     np.testing.assert_allclose(radius, 11.0, atol=0.5)
@@ -176,28 +200,27 @@ def test_the_margin_is_a_disc_of_its_size_in_pixels():
 def test_a_far_part_of_the_robot_has_a_smaller_margin_in_pixels_than_a_near_one():
     depth = np.full((41, 101), np.inf, dtype=np.float32)
     depth[20, 20], depth[20, 75] = 2.0, 1.0
-    mask = silhouette_to_mask(depth, focal=200.0, margin=0.1)
+    mask = masked(depth, focal=200.0, margin=0.1)
     assert (mask[20, :50] > 0).sum() == 2 * 11 + 1
     assert (mask[20, 50:] > 0).sum() == 2 * 21 + 1
 
 
 def test_nothing_seen_is_an_empty_mask():
     depth = np.full((8, 8), np.inf, dtype=np.float32)
-    assert not silhouette_to_mask(depth, focal=100.0, margin=0.1).any()
+    assert not masked(depth, focal=100.0, margin=0.1).any()
 
 
 def test_something_too_near_for_a_depth_is_still_the_robot():
     depth = np.full((8, 8), np.inf, dtype=np.float32)
     depth[2, 3] = 0.0
-    mask = silhouette_to_mask(depth, focal=100.0, margin=0.0)
-    assert mask[2, 3] == 255
-    assert (mask > 0).sum() == 9
+    mask = masked(depth, focal=100.0, margin=0.0)
+    assert mask[2, 3]
+    assert mask.sum() == 9
 
 
 def test_a_pixel_of_the_small_mask_is_a_block_of_the_large_one():
     mask = np.array([[0, 255], [255, 0]], dtype=np.uint8)
-    enlarged = np.zeros((6, 6), dtype=np.uint8)
-    enlarge(mask, 3, enlarged)
+    enlarged = enlarge(mask, 3)
     np.testing.assert_array_equal(enlarged, np.kron(mask, np.ones((3, 3), dtype=np.uint8)))
 
 

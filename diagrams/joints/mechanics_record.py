@@ -156,12 +156,17 @@ def mechanics_rows(tick: Tick, series: JointSeries, k: int, truth: Truth) -> lis
 def summarise_mechanics(
     ticks: Sequence[Tick], series: JointSeries, truth: Truth
 ) -> dict[str, Any] | None:
-    """The last belief about the joint's forces beside the truth; None where there was none."""
+    """The last belief about the joint's forces beside the truth; None where there was none.
+
+    What was believed while the joint was taken for another type than in the end does not count.
+    """
+    types = [None if joint is None else joint.type for joint in series.joints]
+    final = next((t for t in reversed(types) if t is not None), None)
     last = next(
         (
             found
             for k in reversed(range(len(ticks)))
-            if (found := mechanics_at(ticks[k], series, k, truth)) is not None
+            if types[k] == final and (found := mechanics_at(ticks[k], series, k, truth)) is not None
         ),
         None,
     )

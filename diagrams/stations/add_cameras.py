@@ -27,8 +27,6 @@ def add_cameras(
     Exports `color_measured` and `depth_measured`, of several cameras each with the camera's name
     before it.
 
-    Returns what says each camera's depth, by the camera's name.
-
     Args:
         builder: Of the station.
         plant: The simulated one.
@@ -36,6 +34,9 @@ def add_cameras(
         scenario: With seed, calibration errors, lamps and disturbances.
         calibration: What the robot believes of the cameras.
         config: Of their noise.
+
+    Returns:
+        What says the measured depth, by the camera's name.
 
     Raises:
         ValueError: if not all cameras have the same lamp.

@@ -59,8 +59,6 @@ def add_rgbd_camera(
 ) -> OutputPort:
     """Adds a camera and what disturbs it; exports `color_measured` and `depth_measured`.
 
-    Returns what says the depth without a stamp.
-
     The images at a tick are those that were taken the camera's latency before it; nobody knows of
     it, so that they are stamped with the tick.
 
@@ -74,6 +72,9 @@ def add_rgbd_camera(
         seed: Of the noise.
         period: Between two images that are read, the ticks of the estimators, [s].
         owner: Name of the camera where there are several; it then begins the names.
+
+    Returns:
+        What says the measured depth, as an image without a stamp.
     """
     base = GetScopedFrameByName(plant, camera.base_frame)
     parent = plant.GetBodyFrameIdOrThrow(base.body().index())

@@ -29,8 +29,6 @@ from systems.recursive_filter import RecursiveFilter
 _DOWN_W = np.array([0.0, 0.0, -1.0])
 # Of a sensor's zero, however long it was watched: it drifts, and turns with the hand's weight.
 _LEAST_ZERO = np.repeat([0.005, 0.05], 3)  # [N m], [N]
-
-
 _FREE = 60  # Readings of the open hand that are remembered.
 _ALIKE = 10.0  # So many of them in a row err alike.
 

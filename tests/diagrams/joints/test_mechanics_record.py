@@ -1,6 +1,7 @@
 """What moving a joint takes, as rows, summary, line and plot."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from models import SDF_DIR
 from plants.parsing import make_parser
 from systems.port_values import (
     HELD_BODY,
+    JointBeliefs,
     JointMechanics,
     JointMechanicsBelief,
     JointMechanicsBeliefs,
@@ -97,6 +99,17 @@ def test_the_summary_says_what_was_reached_whichever_way_the_axis_points(name: s
     assert_allclose([lower["estimated"], lower["true"]], [0.0, -0.05 - START], atol=1e-12)
     assert lower["inside_two_sigma"]
     assert_allclose(found["latch"]["position"], 0.05)
+
+
+def test_what_was_felt_of_another_type_than_the_last_does_not_count() -> None:
+    record = felt_episode()
+    last = record.estimators["crossmodal"].ticks[-1]
+    screw = {t: float(t == JointType.SCREW) for t in JointType}
+    last.values["joints_latest"] = JointBeliefs(
+        joints=[replace(joint, probabilities=screw) for joint in joints_of(last).joints]
+    )
+    found = evaluate(record).summary["modalities"]["crossmodal"]["joints"][0]
+    assert found.get("mechanics") is None
 
 
 def test_a_bound_beyond_the_true_stop_is_wrong() -> None:

@@ -1,5 +1,6 @@
 """Which pixels of a depth image show what lies near a point, or ahead of it."""
 
+import cv2
 import numba
 import numpy as np
 
@@ -27,7 +28,12 @@ def crop(
         return None
     box = int(rows[0]), int(rows[1]), int(columns[0]), int(columns[1])
     image = inverse_depth(depth, intrinsics, box, excluded)
-    return image._replace(valid=image.valid & within(image, p_CQ, radius))
+    valid = within(image, p_CQ, radius)
+    left, top, width, height = cv2.boundingRect(valid.astype(np.uint8))
+    rows, columns = slice(top, top + max(height, 2)), slice(left, left + max(width, 2))
+    return InverseDepth(
+        image.w[rows, columns], valid[rows, columns], image.x[columns], image.y[rows]
+    )
 
 
 def within(image: InverseDepth, p_CQ: Array, radius: float) -> Mask:
@@ -42,7 +48,7 @@ def _within(w: Array, valid: Mask, x: Array, y: Array, p_CQ: Array, radius: floa
         for column in range(w.shape[1]):
             if valid[row, column]:
                 z = 1.0 / w[row, column]
-                a, b = x[row, column] * z - p_CQ[0], y[row, column] * z - p_CQ[1]
+                a, b = x[column] * z - p_CQ[0], y[row] * z - p_CQ[1]
                 inside[row, column] = a * a + b * b + (z - p_CQ[2]) ** 2 < radius * radius
     return inside
 
@@ -61,8 +67,8 @@ def _ahead(
         for column in range(w.shape[1]):
             if valid[row, column]:
                 z = 1.0 / w[row, column]
-                along = (x[row, column] * z - p_CQ[0]) * direction_C[0]
-                along += (y[row, column] * z - p_CQ[1]) * direction_C[1]
+                along = (x[column] * z - p_CQ[0]) * direction_C[0]
+                along += (y[row] * z - p_CQ[1]) * direction_C[1]
                 along += (z - p_CQ[2]) * direction_C[2]
                 inside[row, column] = 0.0 < along < length
     return inside

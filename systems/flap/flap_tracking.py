@@ -11,7 +11,13 @@ from maths.immutable import Immutable
 from systems.depth_camera import DepthCamera, plane_jacobian, seen_covariance
 from systems.flap.flap_region import ahead, crop
 from systems.flap.flap_tracking_config import FlapTrackingConfig, check_flap_tracking
-from systems.flap.plane_fit import PlaneFit, plane_covariance, refine_plane, world_plane
+from systems.flap.plane_fit import (
+    PlaneFit,
+    fit_plane,
+    plane_covariance,
+    refine_plane,
+    world_plane,
+)
 from systems.flap.tool_segmentation import (
     Parts,
     angle_between,
@@ -89,9 +95,10 @@ def _ahead_of_pad(
 ) -> PlaneFit | None:
     """The plane of what lies ahead of the pad, which may have turned out of the common plane."""
     image, least = parts.image, config.least_near
-    turned = np.tan(config.least_angle) * config.region.flap_length * image.w**2
     limit = config.pixel_gate * parts.sigma
-    start = refine_plane(image, common, near, limit + turned, least, rounds=1)
+    turned = np.tan(config.least_angle) * config.region.flap_length * image.w**2
+    may_be = near & (np.abs(image.residuals(common.m_C)) < limit + turned)
+    start = fit_plane(image, may_be, least)
     if start is None:
         return None
     around = refine_plane(image, start, near, limit, least)

@@ -18,8 +18,8 @@ class InverseDepth(NamedTuple):
     Attributes:
         w: Inverse depth (h, w), 0 where nothing returned, [1/m].
         valid: Where something did (h, w).
-        x: Of the rays (h, w): (u - center_x) / focal_x.
-        y: Of the rays (h, w): (v - center_y) / focal_y.
+        x: Of the columns' rays (w,): (u - center_x) / focal_x.
+        y: Of the rows' rays (h,): (v - center_y) / focal_y.
     """
 
     w: Array
@@ -29,8 +29,13 @@ class InverseDepth(NamedTuple):
 
     def points(self, pixels: Mask) -> Array:
         """The points (N, 3) of some pixels in the camera's frame, [m]."""
-        z = 1.0 / self.w[pixels]
-        return np.column_stack([self.x[pixels] * z, self.y[pixels] * z, z])
+        rows, columns = np.nonzero(pixels)
+        z = 1.0 / self.w[rows, columns]
+        return np.column_stack([self.x[columns] * z, self.y[rows] * z, z])
+
+    def residuals(self, m_C: Array) -> Array:
+        """Inverse depth (h, w) less that of a plane m · p = 1 (3,), [1/m]."""
+        return np.asarray(self.w - m_C[0] * self.x - (m_C[1] * self.y + m_C[2])[:, None])
 
 
 class LocalPlanes(NamedTuple):
@@ -68,7 +73,7 @@ def inverse_depth(
     w = np.divide(1.0, z, out=np.zeros_like(z), where=valid)
     x = (np.arange(left, right) - intrinsics[2]) / intrinsics[0]
     y = (np.arange(top, bottom) - intrinsics[3]) / intrinsics[1]
-    return InverseDepth(w, valid, *np.meshgrid(x, y))
+    return InverseDepth(w, valid, x, y)
 
 
 def fit_local_planes(
@@ -84,14 +89,12 @@ def fit_local_planes(
         stride: Between the windows' centres, even, [px].
         least_share: Of a window's pixels that must have returned.
     """
-    second = np.s_[::2, ::2]
-    image = InverseDepth(image.w[second], image.valid[second], image.x[second], image.y[second])
     window, stride = 2 * (window // 4) + 1, stride // 2
-    one = image.valid.astype(float)
-    x, y, w = image.x * one, image.y * one, image.w * one
-    terms = (one, x, y, w, x * image.x, x * image.y, y * image.y, x * w, y * w, w * w)
-    size, offset = (window, window), window // 2
-    grid = np.s_[offset::stride, offset::stride]
+    one = image.valid[::2, ::2].astype(float)
+    ray_x, ray_y = image.x[::2], image.y[::2, None]
+    x, y, w = ray_x * one, ray_y * one, image.w[::2, ::2] * one
+    terms = (one, x, y, w, x * ray_x, x * ray_y, y * ray_y, x * w, y * w, w * w)
+    size, grid = (window, window), np.s_[::stride, ::stride]
     sums = [
         cv2.boxFilter(term, cv2.CV_64F, size, normalize=False, borderType=cv2.BORDER_CONSTANT)[grid]
         for term in terms
@@ -101,15 +104,14 @@ def fit_local_planes(
     cxx, cxy, cyy = sums[4] / count - mx * mx, sums[5] / count - mx * my, sums[6] / count - my * my
     cxw, cyw, cww = sums[7] / count - mx * mw, sums[8] / count - my * mw, sums[9] / count - mw * mw
     determinant = cxx * cyy - cxy * cxy
-    full = (image.x[0, 1] - image.x[0, 0]) ** 2 * (window**2 - 1) / 12.0
+    full = (ray_x[1] - ray_x[0]) ** 2 * (window**2 - 1) / 12.0
     good = (sums[0] >= least_share * window**2) & (determinant > (0.3 * full) ** 2)
     safe = np.where(good, determinant, 1.0)
     a, b = (cyy * cxw - cxy * cyw) / safe, (cxx * cyw - cxy * cxw) / safe
     m = np.stack([a, b, mw - a * mx - b * my], axis=-1)[good]
     residual = np.maximum(cww - a * cxw - b * cyw, 0.0)[good]
     rows, columns = np.nonzero(good)
-    rows, columns = (2 * (index * stride + offset) for index in (rows, columns))
-    return LocalPlanes(m, residual, rows, columns)
+    return LocalPlanes(m, residual, 2 * stride * rows, 2 * stride * columns)
 
 
 def normals(m_C: Array) -> Array:

@@ -32,44 +32,66 @@ class PlaneFit(NamedTuple):
 def _normal_equations(
     w: Array, x: Array, y: Array, pixels: Mask
 ) -> tuple[Array, Array, float, int]:
-    normal, moment, square, count = np.zeros((3, 3)), np.zeros(3), 0.0, 0
-    ray = np.ones(3)
+    """A^T A (3, 3), A^T w (3,), w^T w and number of the rays A of some pixels."""
+    normal, moment, square, total = np.zeros((3, 3)), np.zeros(3), 0.0, 0
     for row in range(w.shape[0]):
+        count, sum_x, sum_w, xx, xw = 0, 0.0, 0.0, 0.0, 0.0
         for column in range(w.shape[1]):
-            if not pixels[row, column]:
-                continue
-            ray[0], ray[1] = x[row, column], y[row, column]
-            for i in range(3):
-                moment[i] += ray[i] * w[row, column]
-                for j in range(3):
-                    normal[i, j] += ray[i] * ray[j]
-            square += w[row, column] ** 2
-            count += 1
-    return normal, moment, square, count
+            if pixels[row, column]:
+                count += 1
+                sum_x += x[column]
+                sum_w += w[row, column]
+                xx += x[column] * x[column]
+                xw += x[column] * w[row, column]
+                square += w[row, column] * w[row, column]
+        total += count
+        normal[0, 0] += xx
+        normal[0, 1] += y[row] * sum_x
+        normal[0, 2] += sum_x
+        normal[1, 1] += y[row] * y[row] * count
+        normal[1, 2] += y[row] * count
+        moment[0] += xw
+        moment[1] += y[row] * sum_w
+        moment[2] += sum_w
+    normal[2, 2] = total
+    normal[1, 0], normal[2, 0], normal[2, 1] = normal[0, 1], normal[0, 2], normal[1, 2]
+    return normal, moment, square, total
 
 
 @numba.njit(cache=True)
-def _inside(w: Array, x: Array, y: Array, allowed: Mask, m: Array, limit: Array) -> Mask:
-    inside = np.zeros_like(allowed)
+def _solve(normal: Array, moment: Array) -> Array:
+    """The plane m_C (3,); zeros where the pixels do not say it."""
+    if np.linalg.cond(normal) > 1e12:
+        return np.zeros(3)
+    plane: Array = np.linalg.solve(normal, moment)  # type: ignore[assignment]
+    return plane
+
+
+@numba.njit(cache=True)
+def near_plane(w: Array, x: Array, y: Array, allowed: Mask, m_C: Array, limit: float) -> Mask:
+    """Which of the allowed pixels (h, w) are nearer to a plane (3,) than `limit`, [1/m]."""
+    near = np.zeros_like(allowed)
     for row in range(w.shape[0]):
+        of_row = m_C[1] * y[row] + m_C[2]
         for column in range(w.shape[1]):
-            if allowed[row, column]:
-                e = w[row, column] - m[0] * x[row, column] - m[1] * y[row, column] - m[2]
-                inside[row, column] = abs(e) < limit[row, column]
-    return inside
+            residual = w[row, column] - m_C[0] * x[column] - of_row
+            near[row, column] = allowed[row, column] & (abs(residual) < limit)
+    return near
 
 
 def fit_plane(image: InverseDepth, pixels: Mask, least: int) -> PlaneFit | None:
     """The least squares plane of some pixels (h, w); None where there are less than `least`."""
     normal, moment, square, count = _normal_equations(image.w, image.x, image.y, pixels)
-    if count < max(least, 3) or np.linalg.cond(normal) > 1e12:
+    if count < max(least, 3):
         return None
-    m = np.asarray(np.linalg.solve(normal, moment), dtype=float)
+    m = np.asarray(_solve(normal, moment))
+    if not np.any(m):
+        return None
     return PlaneFit(m, pixels, count, normal, max(square - float(m @ moment), 0.0) / count)
 
 
 def refine_plane(
-    image: InverseDepth, start: PlaneFit, allowed: Mask, limit: Array, least: int, rounds: int = 3
+    image: InverseDepth, start: PlaneFit, allowed: Mask, limit: float, least: int, rounds: int = 3
 ) -> PlaneFit | None:
     """The plane of all pixels near it; None where there are less than `least`.
 
@@ -77,19 +99,19 @@ def refine_plane(
         image: Part of a depth image.
         start: A first plane.
         allowed: Pixels (h, w) that may belong to it.
-        limit: Of their residuals (h, w), [1/m].
+        limit: Of their residuals, [1/m].
         least: Number of pixels.
         rounds: Number of fits.
     """
     fit: PlaneFit | None = start
     for _ in range(rounds):
         if fit is not None:
-            inside = _inside(image.w, image.x, image.y, allowed, fit.m_C, limit)
-            fit = fit_plane(image, inside, least)
+            near = near_plane(image.w, image.x, image.y, allowed, fit.m_C, limit)
+            fit = fit_plane(image, near, least)
     return fit
 
 
-def plane_covariance(image: InverseDepth, fit: PlaneFit, sigma: Array, correlated: int) -> Array:
+def plane_covariance(image: InverseDepth, fit: PlaneFit, sigma: float, correlated: int) -> Array:
     """Covariance (3, 3) of a fit's plane.
 
     The noise is a white one averaged over squares of `correlated` pixels, so that the covariance
@@ -98,7 +120,7 @@ def plane_covariance(image: InverseDepth, fit: PlaneFit, sigma: Array, correlate
     Args:
         image: Part of a depth image.
         fit: See there.
-        sigma: Standard deviation of the inverse depth (h, w), [1/m].
+        sigma: Standard deviation of the inverse depth, [1/m].
         correlated: Side of the squares, [px].
     """
     rows, columns = np.flatnonzero(fit.pixels.any(axis=1)), np.flatnonzero(fit.pixels.any(axis=0))
@@ -108,9 +130,9 @@ def plane_covariance(image: InverseDepth, fit: PlaneFit, sigma: Array, correlate
         slice(max(columns[0] - border, 0), columns[-1] + border + 1),
     )
     one = fit.pixels[box].astype(float)
-    variance = max(fit.spread, float(np.sum(sigma[box] ** 2 * one)) / fit.size)
+    variance = max(fit.spread, sigma**2)
     size, none = (correlated, correlated), cv2.BORDER_CONSTANT
-    regressors = (image.x[box] * one, image.y[box] * one, one)
+    regressors = (image.x[box[1]] * one, image.y[box[0], None] * one, one)
     A = np.array(
         [
             cv2.boxFilter(column, cv2.CV_64F, size, normalize=False, borderType=none).ravel()

@@ -24,20 +24,13 @@ class Parts(NamedTuple):
     Attributes:
         fits: None to two planes, the one with most pixels first.
         image: In which they were found.
-        sigma: Of its inverse depth (h, w), [1/m].
+        sigma: Standard deviation of a pixel's inverse depth, [1/m]. That of a depth, growth z^2, is
+            one of the inverse depth that is the same at all depths.
     """
 
     fits: list[PlaneFit]
     image: InverseDepth
-    sigma: Array
-
-
-def inverse_depth_sigma(image: InverseDepth, sensor: DepthSensorConfig, scale: float) -> Array:
-    """Standard deviation (h, w) of one pixel's inverse depth, [1/m].
-
-    That of a depth, growth z^2, is one of the inverse depth that is the same at all depths.
-    """
-    return np.full_like(image.w, scale * sensor.growth)
+    sigma: float
 
 
 def measured_scale(parts: Parts, sensor: DepthSensorConfig) -> float:
@@ -49,8 +42,7 @@ def measured_scale(parts: Parts, sensor: DepthSensorConfig) -> float:
     for fit in parts.fits:
         part = cv2.morphologyEx(fit.pixels.astype(np.uint8), cv2.MORPH_CLOSE, _GAPS) > 0
         part &= image.valid
-        e = image.w[part] - fit.m_C[0] * image.x[part] - fit.m_C[1] * image.y[part] - fit.m_C[2]
-        residuals.append(np.abs(e))
+        residuals.append(np.abs(image.residuals(fit.m_C)[part]))
     if not residuals:
         return float("nan")
     return _MEDIAN_TO_SIGMA * float(np.median(np.concatenate(residuals))) / sensor.growth
@@ -71,14 +63,14 @@ def segment(
         config: See there.
         noise_scale: How much larger the noise is than `config.sensor` says.
     """
-    sigma = inverse_depth_sigma(image, config.sensor, noise_scale)
+    sigma = noise_scale * config.sensor.growth
     nothing = Parts([], image, sigma)
     if int(image.valid.sum()) < config.least_points:
         return nothing
     z = 1.0 / float(np.median(image.w[image.valid]))
     window = round(config.window * focal / z)
     planes = fit_local_planes(image, window, config.stride, config.window_share)
-    smooth = planes.mean_square < (config.window_residual * sigma[planes.rows, planes.columns]) ** 2
+    smooth = planes.mean_square < (config.window_residual * sigma) ** 2
     smooth &= image.valid[planes.rows, planes.columns]
     if int(smooth.sum()) < config.least_normals:
         return nothing
@@ -108,7 +100,7 @@ def _paint(image: InverseDepth, planes: LocalPlanes, chosen: Mask, stride: int) 
 
 
 def _fit_parts(
-    image: InverseDepth, seeds: list[Mask], sigma: Array, config: FlapTrackingConfig
+    image: InverseDepth, seeds: list[Mask], sigma: float, config: FlapTrackingConfig
 ) -> list[PlaneFit]:
     limit, least = config.pixel_gate * sigma, config.least_points
     starts = [fit_plane(image, pixels, 3) for pixels in seeds]
@@ -127,7 +119,7 @@ def _fit_parts(
 
 
 def _fit_two(
-    image: InverseDepth, pair: list[PlaneFit], seeds: list[Mask], limit: Array, least: int
+    image: InverseDepth, pair: list[PlaneFit], seeds: list[Mask], limit: float, least: int
 ) -> list[PlaneFit]:
     """Both planes, each of the connected pixels on its side; one where the other has too few.
 
@@ -144,7 +136,7 @@ def _fit_two(
             return found
         pair = found
     for _ in range(_CLEAR_ROUNDS):
-        clear = _apart(image, pair, limit)
+        clear = np.abs(_difference(image, pair)) > limit
         inner = [
             refine_plane(image, fit, interior(fit.pixels & clear, seed & clear), limit, least)
             for fit, seed in zip(pair, seeds, strict=True)
@@ -159,11 +151,10 @@ def _fit_two(
     return both
 
 
-def _apart(image: InverseDepth, pair: list[PlaneFit], limit: Array) -> Mask:
-    """Where (h, w) two planes differ by more than `limit` (h, w), [1/m]."""
-    difference = pair[0].m_C - pair[1].m_C
-    apart = difference[0] * image.x + difference[1] * image.y + difference[2]
-    return np.asarray(np.abs(apart) > limit)
+def _difference(image: InverseDepth, pair: list[PlaneFit]) -> Array:
+    """By how much (h, w) the first of two planes is nearer than the other, [1/m]."""
+    m = pair[0].m_C - pair[1].m_C
+    return np.asarray(m[0] * image.x + (m[1] * image.y + m[2])[:, None])
 
 
 def interior(pixels: Mask, seed: Mask) -> Mask:
@@ -174,7 +165,8 @@ def interior(pixels: Mask, seed: Mask) -> Mask:
     _, labels = cv2.connectedComponents(pixels.astype(np.uint8), connectivity=4)
     counts = np.bincount(labels[seed & pixels], minlength=2)
     chosen = (labels == 1 + int(np.argmax(counts[1:]))).astype(np.uint8)
-    return np.asarray(cv2.erode(chosen, np.ones((_BORDER, _BORDER), np.uint8)) > 0)
+    square, none = np.ones((_BORDER, _BORDER), np.uint8), cv2.BORDER_CONSTANT
+    return np.asarray(cv2.erode(chosen, square, borderType=none, borderValue=0) > 0)
 
 
 def _sides(image: InverseDepth, fits: list[PlaneFit], seeds: list[Mask]) -> list[Mask]:
@@ -182,15 +174,11 @@ def _sides(image: InverseDepth, fits: list[PlaneFit], seeds: list[Mask]) -> list
 
     Where both have their seeds on one side, the nearer plane's pixels: they do not meet there.
     """
-    difference = fits[0].m_C - fits[1].m_C
-    beyond = difference[0] * image.x + difference[1] * image.y + difference[2] > 0.0
+    beyond = _difference(image, fits) > 0.0
     shares = [float(np.mean(beyond[pixels])) for pixels in seeds]
     if (shares[0] > 0.5) != (shares[1] > 0.5):
         first = beyond if shares[0] > 0.5 else ~beyond
     else:
-        distances = [
-            np.abs(image.w - m[0] * image.x - m[1] * image.y - m[2])
-            for m in (fits[0].m_C, fits[1].m_C)
-        ]
+        distances = [np.abs(image.residuals(fit.m_C)) for fit in fits]
         first = distances[0] < distances[1]
     return [image.valid & first, image.valid & ~first]

@@ -86,9 +86,11 @@ def watch_grey(
         image: Colours (H, W, 4), of 255; what is black or white may be darker or brighter.
         robot: Nonzero on the robot (H, W, 1), None if that is not known.
     """
-    colors = thinned(image)[:, :, :3]
-    grey = colors.mean(axis=2, dtype=float)
-    seen = (colors.min(axis=2) > 0) & (colors.max(axis=2) < _WHITE)
+    red, green, blue = np.moveaxis(thinned(image)[:, :, :3], 2, 0)
+    grey = (red.astype(float) + green + blue) / 3.0
+    seen = (np.minimum(np.minimum(red, green), blue) > 0) & (
+        np.maximum(np.maximum(red, green), blue) < _WHITE
+    )
     seen &= off_the_robot(robot, grey.shape)
     if background is None:
         background = Background(np.zeros_like(grey))

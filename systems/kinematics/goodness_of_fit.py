@@ -1,16 +1,20 @@
-"""The goodness of fit of the joint filters' likeliest type."""
+"""The goodness of fit of the joint filters' likeliest type, and what may be claimed by it."""
 
 import math
 
+import numpy as np
 import scipy.special
 
+from maths.arrays import Array
 from systems.kinematics.joint_solver.joint_fit import off_path
 from systems.kinematics.joint_solver.joint_geometry import RIGID
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.noise_scale import NoiseScale, degrees_of_freedom
+from systems.kinematics.joint_solver.path_floor import FLOORS
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 _INSIDE = 0.95  # Probability of the bounds.
+_TAIL = 0.5 - 0.5 * _INSIDE
 
 
 def reduced_chi_square(
@@ -24,9 +28,33 @@ def reduced_chi_square(
     nothing = math.nan, (math.nan, math.nan), 0
     if kind > RIGID:
         return nothing
-    square, degrees = off_path(kind, m, kf)
+    square, degrees = off_path(kind, m, kf, kf.floor)
     if degrees < 1:
         return nothing
-    of_noise, tail = degrees_of_freedom(noise), 0.5 - 0.5 * _INSIDE
-    low, high = (float(scipy.special.fdtri(degrees, of_noise, p)) for p in (tail, 1.0 - tail))
+    of_noise = degrees_of_freedom(noise)
+    low, high = (float(scipy.special.fdtri(degrees, of_noise, p)) for p in (_TAIL, 1.0 - _TAIL))
     return square / degrees, (low, high), degrees
+
+
+def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale, scale: Array) -> float:
+    """Probability up to which a joint may be claimed, by how far the keyframes are off its path.
+
+    No real joint is ideal, but one from which the child strays by more than the largest floor is
+    none: that they are so far off or farther has the probability p, and the type may be claimed
+    with certainty while p is inside the bounds, beyond with p over that of the bound.
+
+    Args:
+        kind: A type, likely or not.
+        m: Models.
+        kf: Keyframes.
+        noise: Scale of their noise.
+        scale: By which the claimed standard deviations (6,) were multiplied in the keyframes.
+    """
+    if kind > RIGID:
+        return 1.0
+    claimed = kf.R[kf.size[0] - 1] / np.outer(scale, scale)
+    square, degrees = off_path(kind, m, kf, FLOORS[-1] ** 2 * claimed)
+    if degrees < 1:
+        return 1.0
+    p = float(scipy.special.fdtrc(degrees, degrees_of_freedom(noise), square / degrees))
+    return min(1.0, p / _TAIL)

@@ -10,7 +10,9 @@ parameters and its share of the evidence.
 What is claimed of the measurements is a prior. How large their noise is follows from the stream
 itself (`noise_scale`), what does not average out and by what the path is no ideal joint's from the
 evidence (`path_floor`), and a measurement that is far off is an outlier with a probability
-(`outliers`). Where no joint explains the motion, the free walk wins (`free_walk`).
+(`outliers`). Where no joint explains the motion, the free walk wins (`free_walk`), and no joint is
+claimed with more certainty than the distance of the measurements from its path allows
+(`goodness_of_fit.most_certainty`).
 
 The filters work without Drake:
 
@@ -41,6 +43,7 @@ import numpy as np
 from maths import se3
 from maths.arrays import Array
 from maths.validation import check
+from systems.kinematics.goodness_of_fit import most_certainty
 from systems.kinematics.joint_filters_config import JointFiltersConfig
 from systems.kinematics.joint_filters_readout import read_fit, read_joint, still_joint
 from systems.kinematics.joint_filters_state import TYPES, JointFiltersState, skip
@@ -341,10 +344,20 @@ class JointFilters:
         )
 
     def probabilities(self, state: JointFiltersState) -> dict[JointType, float]:
-        """Of each type, given all measurements."""
+        """Of each type, given all measurements.
+
+        What the likeliest type loses where it does not fit goes to `DISCONNECTED`, which means that
+        the motion is none of the others.
+        """
         log_p = state.models.log_evidence + self._log_prior
         p = np.exp(log_p - log_p.max())
-        return dict(zip(TYPES, (p / p.sum()).tolist(), strict=True))
+        p /= p.sum()
+        likeliest = int(np.argmax(p))
+        p[likeliest] *= most_certainty(
+            likeliest, state.models, state.keyframes, state.noise, state.scale
+        )
+        p[WALK] += 1.0 - p.sum()
+        return dict(zip(TYPES, p.tolist(), strict=True))
 
     def belief(self, state: JointFiltersState, time: float | None = None) -> JointBelief:
         """The belief about the pair's joint.
@@ -355,11 +368,12 @@ class JointFilters:
                 measurement, that of the last measurement.
         """
         dt = 0.0 if time is None else max(0.0, time - state.time)
-        likeliest = int(np.argmax(state.models.log_evidence + self._log_prior))
+        probabilities = self.probabilities(state)
+        likeliest = TYPES.index(max(probabilities, key=lambda joint: probabilities[joint]))
         return JointBelief(
             parent_id=state.parent_id,
             child_id=state.child_id,
-            probabilities=self.probabilities(state),
+            probabilities=probabilities,
             models={
                 **{TYPES[kind]: read_joint(state, kind, dt, self.config) for kind in MOVING},
                 **{

@@ -60,18 +60,21 @@ def describe_pitch(joint: JointBelief) -> str:
 
 
 def describe_fit(joint: JointBelief) -> str:
-    """How well a joint explains what was measured, and how much was not used; begins with '; '."""
-    text, fit = "", joint.fit
-    if fit is not None and math.isfinite(fit.reduced_chi_square):
-        low, high = fit.bounds
-        chi_square = fixed(fit.reduced_chi_square, 2)
-        text += f"; fit {chi_square} ({fixed(low, 2)} to {fixed(high, 2)} is usual)"
+    """What a joint leaves unexplained of what was measured, and what was not used; each after '; '.
+
+    Being nearer to the path than is usual is no fault: of correlated errors the most is claimed
+    that they may be.
+    """
+    parts, fit = [], joint.fit
+    if fit is not None and fit.reduced_chi_square > fit.bounds[1]:  # NaN is not.
+        off = fixed(math.sqrt(fit.reduced_chi_square), 1)
+        parts.append(f"off its path by {off} times what the measurements' errors explain")
     if fit is not None and fit.outlier_share >= 0.005:
-        text += f", {fixed(100.0 * fit.outlier_share, 0)} % outliers"
+        parts.append(f"{fixed(100.0 * fit.outlier_share, 0)} % outliers")
     if joint.skipped:
         reasons = ", ".join(f"{count} {reason}" for reason, count in joint.skipped.items())
-        text += f"; not used: {reasons}"
-    return text
+        parts.append(f"not used: {reasons}")
+    return "".join(f"; {part}" for part in parts)
 
 
 def perceived(episode: JointEpisode) -> list[str]:

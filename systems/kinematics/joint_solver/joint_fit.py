@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from maths import cholesky
 from maths.arrays import Array
 from maths.compiled import hot
 from maths.se3_in_place import relative_log
@@ -14,7 +15,6 @@ from systems.kinematics.joint_solver.joint_geometry import (
     screw_twists,
 )
 from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.outliers import blend
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 _MEASURED = 1e3  # Variance above which a direction was not measured, [rad^2] or [m^2].
@@ -33,7 +33,7 @@ def _square(W: Array, r: Array, along: Array) -> float:
 
 
 @hot
-def off_path(kind: int, m: Models, kf: Keyframes) -> tuple[float, int]:
+def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, int]:
     """Chi-square of the keyframes' distances from a joint's path, and its degrees of freedom.
 
     Where along the path a keyframe is, is free. An outlier counts as little as it did in the fit.
@@ -42,7 +42,10 @@ def off_path(kind: int, m: Models, kf: Keyframes) -> tuple[float, int]:
         kind: `PRISMATIC`, `REVOLUTE`, `SCREW` or `RIGID`.
         m: Models.
         kf: Keyframes.
+        floor: Covariance (6, 6) of how far a keyframe may be off, beside its noise; in the place of
+            the keyframes' own.
     """
+    six = int(np.int64(6))  # For a literal, Numba would compile all callees again.
     Y, a, c, h, q = m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], m.q[kind]
     X, G, J, B = np.empty((4, 4)), np.empty((6, 6)), np.zeros((6, 6)), np.empty((2, 3))
     W, r, along = np.empty((6, 6)), np.empty(6), np.zeros(6)
@@ -56,9 +59,12 @@ def off_path(kind: int, m: Models, kf: Keyframes) -> tuple[float, int]:
             jacobian(kind, G, h, q[k], J)
             along[:] = J[0]
             degrees -= 1
-        W[:] = kf.W[k]
+        L = kf.R[k] + floor if k > 0 else kf.R[k].copy()
+        cholesky.factor(L, six)
+        cholesky.inverse(L, W, six)
         if kf.open[k] > 0.0:
-            blend(kf, k, m.inlier[kind, k], W)
+            inlier = m.inlier[kind, k]
+            W[:] = inlier * W + (1.0 - inlier) * kf.W_out[k]
         chi_square += _square(W, r, along)
         measured = 0
         for i in range(6):

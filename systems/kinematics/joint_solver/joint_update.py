@@ -44,7 +44,7 @@ STEPS = 6  # Most linearisations of one update.
 _FRESH_STEPS = 8  # Most linearisations from a fresh start.
 _TEMPERED_STEPS = 3  # Before them, with residuals that count less.
 _TEMPER = 10.0  # By so much, so that nothing is an outlier only because the start is far off.
-MEMORY = 40.0  # Most log evidence that is kept of past measurements against a model, [nat].
+MEMORY = 400.0  # Most log evidence that is kept of past measurements against a model, [nat].
 
 
 @hot

@@ -5,7 +5,7 @@ import pytest
 from synthetic_motion import RATE, Scene, filter_states, simulate, to_and_fro
 
 from maths import se3
-from systems.kinematics.goodness_of_fit import reduced_chi_square
+from systems.kinematics.goodness_of_fit import most_certainty, reduced_chi_square
 from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, RIGID
 from systems.port_values import JointType
@@ -36,6 +36,35 @@ def test_a_wrong_type_does_not_fit() -> None:
     for kind in (PRISMATIC, RIGID):
         value, (_, high), _ = reduced_chi_square(kind, s.models, s.keyframes, s.noise)
         assert value > 3.0 * high
+        assert most_certainty(kind, s.models, s.keyframes, s.noise, s.scale) < 1e-6
+
+
+@pytest.mark.parametrize("joint", [JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID])
+def test_the_right_type_may_be_claimed_with_certainty(joint: JointType) -> None:
+    motion = {"motion": lambda t: 0.0 * t} if joint == JointType.RIGID else {}
+    scene = Scene(joint=joint, seconds=8.0, **motion)
+    _, states = filter_states(scene, simulate(scene, 0))
+    for s in states[30::10]:
+        kind = int(np.argmax(s.models.log_evidence))
+        assert most_certainty(kind, s.models, s.keyframes, s.noise, s.scale) > 0.99
+
+
+@pytest.mark.parametrize(("strays", "connected"), [(2.0, True), (30.0, False)])
+def test_a_path_that_is_far_from_any_joint_is_none(strays: float, connected: bool) -> None:
+    """A slide that snakes, by a multiple of the claimed noise in two waves."""
+    rng, sigma, filters = np.random.default_rng(4), 1e-3, JointFilters(JointFiltersConfig())
+    R = np.diag(np.repeat([np.deg2rad(0.3) ** 2, sigma**2], 3))
+    state = filters.start(np.eye(4), R, 0.0)
+    for k in range(1, 121):
+        X, t = np.eye(4), k / RATE
+        X[:3, 3] = [0.03 * t, strays * sigma * np.sin(2.0 * np.pi * t / 4.0), 0.0]
+        X = X @ se3.exp(np.sqrt(np.diag(R)) * rng.normal(size=6))
+        state = filters.update(state, X, R, t)
+    belief = filters.belief(state)
+    assert (belief.type != JointType.DISCONNECTED) == connected
+    assert sum(belief.probabilities.values()) == pytest.approx(1.0)
+    if not connected:
+        assert belief.probabilities[JointType.DISCONNECTED] > 0.9
 
 
 def test_chi_square_of_a_body_at_rest_is_that_of_its_mean_pose() -> None:

@@ -29,11 +29,15 @@ def crop(
     box = int(rows[0]), int(rows[1]), int(columns[0]), int(columns[1])
     image = inverse_depth(depth, intrinsics, box, excluded)
     valid = within(image, p_CQ, radius)
-    left, top, width, height = cv2.boundingRect(valid.astype(np.uint8))
-    rows, columns = slice(top, top + max(height, 2)), slice(left, left + max(width, 2))
-    return InverseDepth(
-        image.w[rows, columns], valid[rows, columns], image.x[columns], image.y[rows]
-    )
+    column, row, width, height = cv2.boundingRect(valid.astype(np.uint8))
+    i, j = _at_least_two(row, height, valid.shape[0]), _at_least_two(column, width, valid.shape[1])
+    return InverseDepth(image.w[i, j], valid[i, j], image.x[j], image.y[i])
+
+
+def _at_least_two(first: int, count: int, size: int) -> slice:
+    """Some of `size` >= 2 rows or columns, of which there must be two for rays to be apart."""
+    first = min(first, size - 2)
+    return slice(first, first + max(count, 2))
 
 
 def within(image: InverseDepth, p_CQ: Array, radius: float) -> Mask:

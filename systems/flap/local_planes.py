@@ -104,7 +104,7 @@ def fit_local_planes(
     cxx, cxy, cyy = sums[4] / count - mx * mx, sums[5] / count - mx * my, sums[6] / count - my * my
     cxw, cyw, cww = sums[7] / count - mx * mw, sums[8] / count - my * mw, sums[9] / count - mw * mw
     determinant = cxx * cyy - cxy * cxy
-    full = (ray_x[1] - ray_x[0]) ** 2 * (window**2 - 1) / 12.0
+    full = (2.0 * (image.x[1] - image.x[0])) ** 2 * (window**2 - 1) / 12.0
     good = (sums[0] >= least_share * window**2) & (determinant > (0.3 * full) ** 2)
     safe = np.where(good, determinant, 1.0)
     a, b = (cyy * cxw - cxy * cyw) / safe, (cxx * cyw - cxy * cxw) / safe

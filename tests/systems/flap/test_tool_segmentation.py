@@ -5,6 +5,8 @@ import pytest
 from synthetic_flap import INTRINSICS
 
 from maths.arrays import Array
+from systems.depth_camera import DepthCamera
+from systems.flap.flap_region import crop
 from systems.flap.flap_tracking_config import DepthSensorConfig, FlapTrackingConfig
 from systems.flap.local_planes import InverseDepth, inverse_depth
 from systems.flap.tool_segmentation import (
@@ -73,3 +75,15 @@ def test_the_planes_residuals_tell_the_noise_whatever_was_believed() -> None:
         INTRINSICS.focal_x, CONFIG, 1.0,
     )  # fmt: skip
     assert np.isnan(measured_scale(nothing, sensor))
+
+
+@pytest.mark.parametrize("column", [0, 320, 639])
+def test_a_strip_of_one_column_is_no_part(column: int) -> None:
+    depth = np.zeros((480, 640), np.float32)
+    depth[:, column] = 0.9
+    camera = DepthCamera(intrinsics=INTRINSICS, X_WC=np.eye(4), pose_covariance=1e-12 * np.eye(6))
+    x = 0.9 * (column - INTRINSICS.center_x) / INTRINSICS.focal_x
+    image = crop(depth, None, camera, np.array([x, 0.0, 0.9]), 0.5)
+    assert image is not None
+    assert image.w.shape[1] == 2
+    assert segment(image, INTRINSICS.focal_x, CONFIG, 1.0).fits == []

@@ -68,7 +68,7 @@ def _solve(normal: Array, moment: Array) -> Array:
 
 
 @numba.njit(cache=True)
-def near_plane(w: Array, x: Array, y: Array, allowed: Mask, m_C: Array, limit: float) -> Mask:
+def _near_plane(w: Array, x: Array, y: Array, allowed: Mask, m_C: Array, limit: float) -> Mask:
     """Which of the allowed pixels (h, w) are nearer to a plane (3,) than `limit`, [1/m]."""
     near = np.zeros_like(allowed)
     for row in range(w.shape[0]):
@@ -106,7 +106,7 @@ def refine_plane(
     fit: PlaneFit | None = start
     for _ in range(rounds):
         if fit is not None:
-            near = near_plane(image.w, image.x, image.y, allowed, fit.m_C, limit)
+            near = _near_plane(image.w, image.x, image.y, allowed, fit.m_C, limit)
             fit = fit_plane(image, near, least)
     return fit
 

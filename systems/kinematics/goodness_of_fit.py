@@ -48,7 +48,8 @@ def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale, scale
         m: Models.
         kf: Keyframes.
         noise: Scale of their noise.
-        scale: By which the claimed standard deviations (6,) were multiplied in the keyframes.
+        scale: By which the claimed standard deviations (6,) were multiplied in the keyframes. What
+            is claimed is that of the newest one, for correlated errors its white equivalent.
     """
     if kind > RIGID:
         return 1.0

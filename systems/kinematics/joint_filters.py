@@ -353,10 +353,10 @@ class JointFilters:
         p = np.exp(log_p - log_p.max())
         p /= p.sum()
         likeliest = int(np.argmax(p))
-        p[likeliest] *= most_certainty(
-            likeliest, state.models, state.keyframes, state.noise, state.scale
-        )
-        p[WALK] += 1.0 - p.sum()
+        limit = most_certainty(likeliest, state.models, state.keyframes, state.noise, state.scale)
+        lost = (1.0 - limit) * p[likeliest]
+        p[likeliest] -= lost
+        p[WALK] += lost
         return dict(zip(TYPES, p.tolist(), strict=True))
 
     def belief(self, state: JointFiltersState, time: float | None = None) -> JointBelief:

@@ -64,6 +64,7 @@ def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, 
         cholesky.inverse(L, W, six)
         if kf.open[k] > 0.0:
             inlier = m.inlier[kind, k]
+            # The covariance of an outlier is far larger than any floor.
             W[:] = inlier * W + (1.0 - inlier) * kf.W_out[k]
         chi_square += _square(W, r, along)
         measured = 0

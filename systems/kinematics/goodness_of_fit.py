@@ -23,7 +23,7 @@ def reduced_chi_square(
     """Reduced chi-square of the keyframes off a joint's path, its 95 % bounds, and its degrees.
 
     The noise's scale is an estimate too, so that the bounds are those of an F distribution. NaN for
-    the free walk, which has no path to be off, and where there is too little data.
+    a free motion, which has no path to be off, and where there is too little data.
     """
     nothing = math.nan, (math.nan, math.nan), 0
     if kind > RIGID:

@@ -10,7 +10,7 @@ parameters and its share of the evidence.
 What is claimed of the measurements is a prior. How large their noise is follows from the stream
 itself (`noise_scale`), what does not average out and by what the path is no ideal joint's from the
 evidence (`path_floor`), and a measurement that is far off is an outlier with a probability
-(`outliers`). Where no joint explains the motion, the free walk wins (`free_walk`), and no joint is
+(`outliers`). Where no joint explains the motion, a free one wins (`free_motion`), and no joint is
 claimed with more certainty than the distance of the measurements from its path allows
 (`goodness_of_fit.most_certainty`).
 
@@ -47,12 +47,13 @@ from systems.kinematics.goodness_of_fit import most_certainty
 from systems.kinematics.joint_filters_config import JointFiltersConfig
 from systems.kinematics.joint_filters_readout import read_fit, read_joint, still_joint
 from systems.kinematics.joint_filters_state import TYPES, JointFiltersState, skip
+from systems.kinematics.joint_solver.free_motion import free_motion
 from systems.kinematics.joint_solver.joint_geometry import (
+    FREE,
     JOINTS,
     MOVING,
     PRISMATIC,
     RIGID,
-    WALK,
     dimension,
 )
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
@@ -109,12 +110,17 @@ class JointFilters:
         check(config, owner)
         self.config = config
         self._owner = owner
+        lever = np.repeat([config.radius, 1.0], 3)
         self._priors = Priors(
             process_noise=np.array(config.process_noise),
             speed=config.speed,
             radius=config.radius,
             axis_distance=config.axis_distance,
-            walk_noise=np.repeat([config.walk_rotation**2, config.walk_translation**2], 3),
+            free=free_motion(
+                np.repeat([config.walk_rotation**2, config.walk_translation**2], 3),
+                (config.speed / lever) ** 2,
+                config.carried_acceleration / lever**2,
+            ),
             outliers=np.concatenate(
                 [
                     [config.outliers],
@@ -189,7 +195,7 @@ class JointFilters:
             models.P[kind, 1, 1] = (config.speed / lever) ** 2
             models.process_noise[kind] = config.unmeasured_process_noise / lever**2
         models.log_evidence[:] = 0.5 * keyframes.log_det[0]
-        return JointFiltersState(
+        state = JointFiltersState(
             parent_id=parent_id,
             child_id=child_id,
             X_PF=X_PF.copy(),
@@ -205,6 +211,7 @@ class JointFilters:
             offset=np.zeros((6, 6)),
             zero_variance=models.P[:, 1, 1] * delay**2,
         )
+        return self._with_probabilities(state)
 
     def rebase(
         self, state: JointFiltersState, time: float, offset: Array, reference_error: Array
@@ -235,7 +242,7 @@ class JointFilters:
         append(keyframes, np.eye(4), R, float(state.keyframes.time[0]), _NO_OUTLIERS)
         models = keep_axes(state.models, self.config.axis_distance)
         W_zero = np.asarray(np.linalg.inv(R))
-        return replace(
+        rebased = replace(
             state,
             time=time,
             models=models,
@@ -244,6 +251,7 @@ class JointFilters:
             W_zero=W_zero,
             offset=offset,
         )
+        return self._with_probabilities(rebased)
 
     def update(
         self,
@@ -331,7 +339,7 @@ class JointFilters:
             priors,
             self._log_prior,
         )
-        return replace(
+        updated = replace(
             state,
             time=time,
             updates=state.updates + 1,
@@ -342,6 +350,7 @@ class JointFilters:
             floor=floor,
             outliers=state.outliers + outliers,
         )
+        return self._with_probabilities(updated)
 
     def probabilities(self, state: JointFiltersState) -> dict[JointType, float]:
         """Of each type, given all measurements.
@@ -349,6 +358,9 @@ class JointFilters:
         What the likeliest type loses where it does not fit goes to `DISCONNECTED`, which means that
         the motion is none of the others.
         """
+        return dict(state.probabilities)
+
+    def _with_probabilities(self, state: JointFiltersState) -> JointFiltersState:
         log_p = state.models.log_evidence + self._log_prior
         p = np.exp(log_p - log_p.max())
         p /= p.sum()
@@ -356,8 +368,8 @@ class JointFilters:
         limit = most_certainty(likeliest, state.models, state.keyframes, state.noise, state.scale)
         lost = (1.0 - limit) * p[likeliest]
         p[likeliest] -= lost
-        p[WALK] += lost
-        return dict(zip(TYPES, p.tolist(), strict=True))
+        p[FREE] += lost
+        return replace(state, probabilities=dict(zip(TYPES, p.tolist(), strict=True)))
 
     def belief(self, state: JointFiltersState, time: float | None = None) -> JointBelief:
         """The belief about the pair's joint.
@@ -378,7 +390,7 @@ class JointFilters:
                 **{TYPES[kind]: read_joint(state, kind, dt, self.config) for kind in MOVING},
                 **{
                     TYPES[kind]: still_joint(float(state.models.log_evidence[kind]))
-                    for kind in (RIGID, WALK)
+                    for kind in (RIGID, FREE)
                 },
             },
             updates=state.updates,
@@ -393,7 +405,7 @@ class JointFilters:
             last = kf.size[0] - 1
             return PoseBelief(
                 X=state.X_PF @ kf.Z[last],
-                covariance=kf.R[last] + kf.floor + np.diag(self._priors.walk_noise) * dt,
+                covariance=kf.R[last] + kf.floor + np.diag(self._priors.free.noise[0]) * dt,
             )
         X_PB, covariance = predict_pose(TYPES.index(joint_type), state.models, state.X_PF, dt)
         return PoseBelief(X=X_PB, covariance=covariance)

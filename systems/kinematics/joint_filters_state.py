@@ -49,6 +49,7 @@ class JointFiltersState(Immutable):
         reset_count: Of parent and child together (`BodyMotion`).
         skipped: How many measurements were not used, by reason.
         outliers: How many were used and are outliers, as expected.
+        probabilities: Of each type, given all measurements.
     """
 
     parent_id: int
@@ -68,6 +69,7 @@ class JointFiltersState(Immutable):
     reset_count: int = 0
     skipped: Mapping[SkipReason, int] = field(default_factory=dict)
     outliers: float = 0.0
+    probabilities: Mapping[JointType, float] = field(default_factory=dict)
 
 
 def skip(state: JointFiltersState, reason: SkipReason) -> JointFiltersState:

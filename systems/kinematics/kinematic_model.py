@@ -27,7 +27,7 @@ class KinematicModel(RecursiveFilter):
 
         X_PB(t) = X_PF E(q(t)) Y exp(noise),
 
-    with a constant screw E (prismatic, revolute), none (rigid) or a random walk (disconnected).
+    with a constant screw E (prismatic, revolute), none (rigid) or a free motion (disconnected).
     Their probabilities follow from their evidence. The posterior of a tick holds each pair's pose
     keyframes: every update is a maximum a posteriori fit to all of them, linearised anew, and what
     is older than they are is marginalised (`JointFilters`).

@@ -17,7 +17,7 @@ from systems.kinematics.joint_solver.joint_geometry import (
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
-_MEASURED = 1e3  # Variance above which a direction was not measured, [rad^2] or [m^2].
+MEASURED = 1e3  # Variance above which a direction was not measured, [rad^2] or [m^2].
 
 
 @hot
@@ -69,6 +69,6 @@ def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, 
         chi_square += _square(W, r, along)
         measured = 0
         for i in range(6):
-            measured += 1 if kf.R[k, i, i] < _MEASURED else 0
+            measured += 1 if kf.R[k, i, i] < MEASURED else 0
         degrees += measured
     return chi_square, degrees - (dimension(kind) - 6 + measured)

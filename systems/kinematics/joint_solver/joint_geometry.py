@@ -20,8 +20,8 @@ from maths.tangent_plane import tangent_basis
 
 PRISMATIC, REVOLUTE, SCREW, RIGID = 0, 1, 2, 3
 MOVING = (PRISMATIC, REVOLUTE, SCREW)
-JOINTS = 4  # Models of a joint; after them comes the free walk.
-WALK = JOINTS
+JOINTS = 4  # Models of a joint; after them comes a free motion.
+FREE = JOINTS
 PARAMETERS = 11  # Of the model that has most.
 
 

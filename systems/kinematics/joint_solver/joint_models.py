@@ -11,7 +11,7 @@ AXIS_SPREAD = 1.2  # Deviation per direction of an axis anywhere on the sphere, 
 
 
 class Models(NamedTuple):
-    """Beliefs of the J moving and rigid models and the free walk; the first index is the model.
+    """Beliefs of the J moving and rigid models and a free motion; the first index is the model.
 
     N are the parameters of the largest model.
 
@@ -21,7 +21,7 @@ class Models(NamedTuple):
         c: (J, 3) axis point in F, [m].
         pitch: (J,) [m/rad].
         q: (J, K) configuration at each keyframe.
-        inlier: (J + 1, K) probability that a keyframe is no outlier, by each model, the free walk
+        inlier: (J + 1, K) probability that a keyframe is no outlier, by each model, a free motion
             last; of open keyframes.
         signed: (J,) one where the sign of q is decided, else zero.
         prior_information: (J, N + 2, N + 2) of marginalised keyframes about (Y, a, c, pitch), a and
@@ -35,7 +35,7 @@ class Models(NamedTuple):
         gain: (J, 2, N) derivative of the state by theta.
         P: (J, 2, 2) covariance of the state given theta.
         process_noise: (J,) the density S of the acceleration with which q is followed.
-        log_evidence: (J + 1,) of each model, the free walk last.
+        log_evidence: (J + 1,) of each model, a free motion last.
         marginal_evidence: (J + 1,) log evidence that marginalised keyframes have left.
     """
 

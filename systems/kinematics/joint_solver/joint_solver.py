@@ -1,8 +1,7 @@
 """The solution of the joint models for all keyframes in memory, compiled.
 
 The moving models are solved by Gauss-Newton steps from the last solution, for each of several
-densities of the process noise, and the rigid one likewise; the free walk's evidence is a sum over
-pairs of keyframes.
+densities of the process noise, and the rigid one likewise; a free motion is filtered.
 """
 
 from typing import NamedTuple
@@ -12,14 +11,14 @@ import numpy as np
 from maths import cholesky
 from maths.arrays import Array
 from maths.compiled import hot
-from systems.kinematics.joint_solver.free_walk import free_walk
+from systems.kinematics.joint_solver.free_motion import FreeMotion, free_evidence
 from systems.kinematics.joint_solver.joint_chain import Chain, new_chain, run_chain, smooth, solve
 from systems.kinematics.joint_solver.joint_geometry import (
+    FREE,
     PARAMETERS,
     PRISMATIC,
     RIGID,
     SCREW,
-    WALK,
     dimension,
     retract,
     turns,
@@ -44,7 +43,7 @@ class Priors(NamedTuple):
         speed: Standard deviation of the child's first speed, [m/s].
         radius: Lever of a rotation about the child itself, [m].
         axis_distance: Standard deviation from child to axis, per direction, [m].
-        walk_noise: Process noise of the free walk (6,) [rad^2/s, m^2/s].
+        free: How a body moves that no joint holds.
         outliers: (7,) share of outliers among the measurements, and the variances of what they are
             off by, [rad^2, m^2].
         coarseness: See `pose_keyframes.choose`.
@@ -56,7 +55,7 @@ class Priors(NamedTuple):
     speed: float
     radius: float
     axis_distance: float
-    walk_noise: Array
+    free: FreeMotion
     outliers: Array
     coarseness: float
     white_share: float
@@ -219,7 +218,7 @@ def solve_moving(
 
 @hot
 def solve_still(m: Models, kf: Keyframes, priors: Priors) -> None:
-    """Solves the rigid model, which is nearly linear, and the free walk's evidence."""
+    """Solves the rigid model, which is nearly linear, and the evidence of a free motion."""
     temper = 1.0
     rigid = int(np.int64(RIGID))  # For a literal, Numba would compile all callees again.
     lin, chain = new_linear(kf.time.size), new_chain()
@@ -235,5 +234,5 @@ def solve_still(m: Models, kf: Keyframes, priors: Priors) -> None:
         if gain < _CONVERGED:
             break
     cholesky.inverse(chain.H, m.covariance[RIGID], dimension(rigid))
-    walk = free_walk(kf, priors.walk_noise, priors.outliers, m.inlier[WALK])
-    m.log_evidence[WALK] = walk + kf.walk[0] + m.marginal_evidence[WALK]
+    free = free_evidence(kf, priors.free, priors.outliers, m.inlier[FREE])
+    m.log_evidence[FREE] = free + m.marginal_evidence[FREE]

@@ -2,11 +2,16 @@
 
 import numpy as np
 
+from maths import cholesky
 from maths.arrays import Array
 from maths.compiled import hot
+from maths.se3_in_place import relative_log
+from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver import pose_keyframes
-from systems.kinematics.joint_solver.free_walk import walk_at_scale
+from systems.kinematics.joint_solver.free_motion import explain
+from systems.kinematics.joint_solver.joint_fit import MEASURED
 from systems.kinematics.joint_solver.joint_geometry import (
+    FREE,
     JOINTS,
     MOVING,
     PARAMETERS,
@@ -14,7 +19,7 @@ from systems.kinematics.joint_solver.joint_geometry import (
     REVOLUTE,
     RIGID,
     SCREW,
-    WALK,
+    screw_twists,
 )
 from systems.kinematics.joint_solver.joint_linearisation import (
     add_keyframes,
@@ -58,6 +63,34 @@ def _delete_configuration(m: Models, kf: Keyframes, k: int) -> None:
 
 
 @hot
+def _step_loss(m: Models, kf: Keyframes, k: int) -> float:
+    """Chi-square of the step from keyframe k to the next off the likeliest joint's path.
+
+    No more than noise loses: an error that lasts is the same in both.
+    """
+    six, kind = int(np.int64(6)), int(np.argmax(m.log_evidence[:JOINTS]))
+    G, B, step = np.zeros((6, 6)), np.empty((2, 3)), np.empty(6)
+    if kind != RIGID:
+        tangent_basis(m.a[kind], B)
+        screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], B, G)
+    L, along = kf.R[k] + kf.R[k + 1] + 2.0 * kf.floor, G[0]
+    relative_log(kf.Z[k], kf.Z[k + 1], step)
+    cholesky.factor(L, six)
+    cholesky.forward(L, step, six)
+    cholesky.forward(L, along, six)
+    square, product, length, expected = 0.0, 0.0, 0.0, 0.0
+    for i in range(6):
+        expected += 1.0 if kf.R[k, i, i] < MEASURED else 0.0
+        square += step[i] * step[i]
+        product += step[i] * along[i]
+        length += along[i] * along[i]
+    if kind != RIGID:
+        square -= product * product / length
+        expected -= 1.0
+    return min(square, expected)
+
+
+@hot
 def add_measurement(
     m: Models, kf: Keyframes, X_FB: Array, R: Array, time: float, priors: Priors, room: bool
 ) -> int:
@@ -70,14 +103,17 @@ def add_measurement(
         k, average = pose_keyframes.choose(kf, priors.coarseness)
         if not average:
             return k
-        unused = np.ones(kf.time.size)
-        before = walk_at_scale(kf, priors.walk_noise, kf.walk[1], priors.outliers, unused)
-        loss = pose_keyframes.merge(kf, k)
+        if np.isnan(kf.explained[0]):
+            explain(kf, priors.free, priors.outliers, m.inlier[FREE])
+        before = kf.explained + 0.5 * _step_loss(m, kf, k)
+        pose_keyframes.merge(kf, k)
         _delete_configuration(m, kf, k + 1)
-        after = walk_at_scale(kf, priors.walk_noise, kf.walk[1], priors.outliers, unused)
-        kf.walk[0] += before - after + 0.5 * loss
     pose_keyframes.append(kf, X_FB, R, time, priors.outliers)
-    kf.walk[0] = min(max(kf.walk[0], -MEMORY), MEMORY)
+    if not room:
+        free = kf.free + before - explain(kf, priors.free, priors.outliers, m.inlier[FREE])
+        free = np.minimum(np.maximum(free, -MEMORY), 0.0)
+        kf.explained[:] += free - kf.free
+        kf.free[:] = free
     last, dt = kf.size[0] - 1, time - kf.time[kf.size[0] - 2]
     for kind in MOVING:
         m.q[kind, last] = m.state[kind, 0] + dt * m.state[kind, 1]
@@ -101,16 +137,15 @@ def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, screw: bool)
         kf: Keyframes.
         priors: See `Priors`.
         steps: See above.
-        screw: Whether the screw's turn has come. While another model explains more, it is solved
-            only then; between its turns what it explains more or less than the revolute model,
-            which is its limit of no pitch, stays the same.
+        screw: Whether the screw's turn has come. While the revolute model, which is its limit of no
+            pitch, explains more, the screw is solved only then; between its turns what it explains
+            less stays the same.
     """
     ratio = m.log_evidence[SCREW] - m.log_evidence[REVOLUTE]
-    leads = m.log_evidence[SCREW] > np.delete(m.log_evidence, SCREW).max()
     for kind in (PRISMATIC, REVOLUTE):
         solve_moving(kind, m, kf, priors, steps, 1.0)
     solve_still(m, kf, priors)
-    if (screw or leads) and _turns_are_seen(kf):
+    if (screw or ratio > 0.0) and _turns_are_seen(kf):
         if ratio < 0.0:
             start_from_revolute(m, kf)
         solve_moving(SCREW, m, kf, priors, steps, 1.0)
@@ -158,7 +193,7 @@ def close_decided(m: Models, kf: Keyframes, log_prior: Array) -> float:
     Returns how many of them are outliers, as expected.
 
     To a model that the motion has left behind every measurement is an outlier. Of several in a row
-    those that follow from one another, as a free walk's, are none.
+    those that follow from one another, as in a free motion, are none.
     """
     p = np.exp(m.log_evidence + log_prior - (m.log_evidence + log_prior).max())
     p /= p.sum()
@@ -170,7 +205,7 @@ def close_decided(m: Models, kf: Keyframes, log_prior: Array) -> float:
                 inlier += p[kind] * m.inlier[kind, k]
             kf.streak[0] = kf.streak[0] + 1.0 if inlier < 0.5 else 0.0
             if kf.streak[0] > _STREAK:
-                inlier = max(inlier, m.inlier[WALK, k])
+                inlier = max(inlier, m.inlier[FREE, k])
             pose_keyframes.close(kf, k, inlier)
             outliers += 1.0 - inlier
     return outliers

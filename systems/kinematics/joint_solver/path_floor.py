@@ -10,7 +10,7 @@ import numpy as np
 
 from maths.arrays import Array
 from systems.kinematics.joint_solver import pose_keyframes
-from systems.kinematics.joint_solver.joint_geometry import WALK
+from systems.kinematics.joint_solver.joint_geometry import FREE
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.joint_solver import Priors
 from systems.kinematics.joint_solver.joint_update import STEPS, restart, solve_all
@@ -34,7 +34,7 @@ def with_floor(m: Models, kf: Keyframes, floor: Array, priors: Priors) -> tuple[
     other, frames = Models(*[x.copy() for x in m]), pose_keyframes.copy_keyframes(kf)
     pose_keyframes.rescale(frames, np.ones(6), floor, priors.outliers)
     solve_all(other, frames, priors, STEPS, False)
-    if other.log_evidence[WALK] > other.log_evidence[:WALK].max():
+    if other.log_evidence[FREE] > other.log_evidence[:FREE].max():
         restart(other, frames, priors, True)
     return other, frames
 

@@ -22,6 +22,7 @@ from maths.se3_in_place import perturb, relative_log
 
 RECENT = 4  # Newest keyframes, which stay single measurements: they say the present velocity.
 FIRST = 4  # Oldest keyframes, which are never marginalised: they say where the motion started.
+FREE_WAYS = 6  # Of moving without a joint, see `free_motion`.
 _EXCESS = 6.0  # Expected loss when two keyframes of the same pose are averaged: their dimension.
 
 
@@ -43,8 +44,9 @@ class Keyframes(NamedTuple):
         log_out: (K,) log ratio of the two normalisers.
         streak: (1,) how many of the latest measurements were outliers one after another.
         pair: (K,) what averaging keyframes k and k + 1 loses.
-        walk: (2,) log density ratio of the free walk over a joint in what has been averaged, and
-            the likeliest scale of its noise.
+        free: (M,) log density ratio of each way of moving freely (`free_motion`) over a joint in
+            what has been averaged, at most zero.
+        explained: (M,) log evidence of each way, `free` included, or NaN before it is known.
         spread: (1,) largest mean squared distance of a keyframe from the mean, in units of R.
     """
 
@@ -60,7 +62,8 @@ class Keyframes(NamedTuple):
     log_out: Array
     streak: Array
     pair: Array
-    walk: Array
+    free: Array
+    explained: Array
     spread: Array
 
 
@@ -79,7 +82,8 @@ def empty_keyframes(capacity: int) -> Keyframes:
         log_out=np.zeros(capacity),
         streak=np.zeros(1),
         pair=np.zeros(capacity),
-        walk=np.array([0.0, 1.0]),
+        free=np.zeros(FREE_WAYS),
+        explained=np.full(FREE_WAYS, np.nan),
         spread=np.zeros(1),
     )
 
@@ -143,6 +147,7 @@ def remove(kf: Keyframes, k: int) -> None:
     """Removes keyframe k and completes the pair that it leaves."""
     _delete(kf, k)
     _pair(kf, k - 1)
+    kf.explained[:] = np.nan
 
 
 @hot
@@ -163,6 +168,7 @@ def append(kf: Keyframes, X: Array, R: Array, time: float, outliers: Array) -> N
     _fill_outlier(kf, k, outliers)
     kf.open[k] = 1.0 if outliers[0] > 0.0 else 0.0
     kf.size[0] = k + 1
+    kf.explained[:] = np.nan
     _pair(kf, k - 1)
 
 
@@ -170,6 +176,7 @@ def append(kf: Keyframes, X: Array, R: Array, time: float, outliers: Array) -> N
 def rescale(kf: Keyframes, scale: Array, floor: Array, outliers: Array) -> None:
     """Multiplies the standard deviations of all keyframes by `scale` (6,), and sets their floor."""
     kf.floor[:] = floor
+    kf.explained[:] = np.nan
     for k in range(kf.size[0]):
         for i in range(6):
             for j in range(6):
@@ -199,13 +206,8 @@ def close(kf: Keyframes, k: int, inlier: float) -> None:
 
 
 @hot
-def merge(kf: Keyframes, k: int) -> float:
-    """Averages keyframes k and k + 1 with scalar weights, which keeps the mean on their screw.
-
-    Returns:
-        What that has lost of their likelihood, doubled; no more than noise loses.
-    """
-    loss = min(kf.pair[k], _EXCESS)
+def merge(kf: Keyframes, k: int) -> None:
+    """Averages keyframes k and k + 1 with scalar weights, which keeps the mean on their screw."""
     trace_i, trace_j = 0.0, 0.0
     for i in range(6):
         trace_i += kf.R[k, i, i] * kf.W[k + 1, i, i]
@@ -220,7 +222,6 @@ def merge(kf: Keyframes, k: int) -> float:
     _fill(kf, k)
     _pair(kf, k - 1)
     _pair(kf, k)
-    return loss
 
 
 @hot

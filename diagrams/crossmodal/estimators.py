@@ -116,12 +116,16 @@ def check_cut(cut: Sequence[str]) -> None:
 
 
 def joints_from_features() -> KinematicModelConfig:
-    """Bodies followed by the eye drift by a tenth of a millimetre or two for seconds."""
+    """Bodies followed by the eye drift by a tenth of a millimetre or two for seconds.
+
+    What an arm opens has its hinge within reach.
+    """
     return KinematicModelConfig(
         filters=JointFiltersConfig(
+            far_axes=False,
             errors=MeasurementErrorsConfig(
                 correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
-            )
+            ),
         )
     )
 
@@ -130,12 +134,13 @@ def joints_from_the_hand() -> KinematicModelConfig:
     """The hand pulls at what the eye sees; unseen, a body's error is that of the hand."""
     return KinematicModelConfig(
         filters=JointFiltersConfig(
+            far_axes=False,
             errors=MeasurementErrorsConfig(
                 correlated_rotation=3e-3,
                 correlated_translation=3e-4,
                 correlated_time=2.0,
                 declared_time=5.0,
-            )
+            ),
         )
     )
 

@@ -24,7 +24,10 @@ from systems.ticks import tick_period
 
 def _filters() -> JointFiltersConfig:
     return JointFiltersConfig(
-        radius=0.1, axis_distance=0.1, errors=MeasurementErrorsConfig(declared_time=3.0)
+        radius=0.1,
+        axis_distance=0.1,
+        far_axes=False,
+        errors=MeasurementErrorsConfig(declared_time=3.0),
     )
 
 

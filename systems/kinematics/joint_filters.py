@@ -47,6 +47,7 @@ from systems.kinematics.goodness_of_fit import most_certainty
 from systems.kinematics.joint_filters_config import JointFiltersConfig
 from systems.kinematics.joint_filters_readout import read_fit, read_joint, still_joint
 from systems.kinematics.joint_filters_state import TYPES, JointFiltersState, skip
+from systems.kinematics.joint_solver.axis_prior import may_be_far
 from systems.kinematics.joint_solver.free_motion import free_motion
 from systems.kinematics.joint_solver.joint_geometry import (
     FREE,
@@ -116,6 +117,7 @@ class JointFilters:
             speed=config.speed,
             radius=config.radius,
             axis_distance=config.axis_distance,
+            far_axes=config.far_axes,
             free=free_motion(
                 np.repeat([config.walk_rotation**2, config.walk_translation**2], 3),
                 (config.speed / lever) ** 2,
@@ -240,7 +242,8 @@ class JointFilters:
         R = state.reference_noise + offset + reference_error
         keyframes = empty_keyframes(self.config.memory)
         append(keyframes, np.eye(4), R, float(state.keyframes.time[0]), _NO_OUTLIERS)
-        models = keep_axes(state.models, self.config.axis_distance)
+        far = self.config.far_axes and may_be_far(state.keyframes)
+        models = keep_axes(state.models, self.config.axis_distance, far)
         W_zero = np.asarray(np.linalg.inv(R))
         rebased = replace(
             state,

@@ -37,6 +37,8 @@ class JointFiltersConfig:
             sqrt(radius^2 + d^2) per radian.
         speed: Standard deviation of the child's speed before anything was seen.
         axis_distance: Standard deviation of an axis' position from the body, per direction.
+        far_axes: Whether it may be up to some ten times farther, where rotations are measured. Not
+            for errors that last: they turn a slide as a far hinge does.
         walk_translation: Standard deviation of a disconnected body's random walk after one second,
             of the fastest of several walks.
         walk_rotation: The same in rotation.
@@ -62,6 +64,7 @@ class JointFiltersConfig:
     radius: float = number(0.3, at_least=1e-6, at_most=100.0, unit="m")
     speed: float = number(0.1, at_least=1e-9, at_most=100.0, unit="m/s")
     axis_distance: float = number(0.6, at_least=1e-6, at_most=1000.0, unit="m")
+    far_axes: bool = True
     walk_translation: float = number(0.1, at_least=1e-9, at_most=100.0, unit="m")
     walk_rotation: float = number(0.3, at_least=1e-9, at_most=100.0, unit="rad")
     carried_acceleration: float = number(0.1, at_least=1e-12, at_most=1000.0, unit="m^2/s^3")

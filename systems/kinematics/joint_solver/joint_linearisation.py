@@ -16,6 +16,7 @@ from maths.arrays import Array
 from maths.compiled import hot
 from maths.se3_in_place import relative_log
 from maths.tangent_plane import tangent_basis
+from systems.kinematics.joint_solver.axis_prior import axis_prior
 from systems.kinematics.joint_solver.joint_geometry import (
     PARAMETERS,
     RIGID,
@@ -264,7 +265,14 @@ def _add_prior(kind: int, m: Models, lin: Linear) -> None:
 
 @hot
 def linearise(
-    kind: int, m: Models, kf: Keyframes, sigma_c: float, share: float, temper: float, lin: Linear
+    kind: int,
+    m: Models,
+    kf: Keyframes,
+    sigma_c: float,
+    far: bool,
+    share: float,
+    temper: float,
+    lin: Linear,
 ) -> None:
     """Fills `lin` with all keyframes and the priors of theta, at the model's theta and q."""
     clear(lin)
@@ -278,12 +286,13 @@ def linearise(
     if turns(kind):
         B, c = np.empty((2, 3)), m.c[kind]
         tangent_basis(m.a[kind], B)
+        square = c[0] * c[0] + c[1] * c[1] + c[2] * c[2]
+        value, information = axis_prior(square, sigma_c, far)
         for i in range(2):
             along = c[0] * B[i, 0] + c[1] * B[i, 1] + c[2] * B[i, 2]
-            lin.vector[8 + i] -= along / sigma_c**2
-            lin.information[8 + i, 8 + i] += 1.0 / sigma_c**2
-            lin.value[0] -= 0.5 * (along / sigma_c) ** 2
-        lin.value[0] -= 2.0 * np.log(sigma_c)
+            lin.vector[8 + i] -= along * information
+            lin.information[8 + i, 8 + i] += information
+        lin.value[0] += value
     if kind == SCREW:
         lin.vector[10] -= m.pitch[kind] / WIDEST**2
         lin.information[10, 10] += 1.0 / WIDEST**2

@@ -3,14 +3,21 @@
 import numpy as np
 
 from maths.gaussian import symmetric
-from systems.kinematics.joint_solver.joint_geometry import MOVING, PARAMETERS, SCREW, dimension
+from systems.kinematics.joint_solver.axis_prior import axis_prior
+from systems.kinematics.joint_solver.joint_geometry import (
+    MOVING,
+    PARAMETERS,
+    SCREW,
+    dimension,
+    turns,
+)
 from systems.kinematics.joint_solver.joint_linearisation import embedding
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
 from systems.kinematics.joint_solver.joint_pitch import WIDEST, pitch_evidence
 from systems.kinematics.joint_solver.joint_update import MEMORY
 
 
-def keep_axes(old: Models, axis_distance: float) -> Models:
+def keep_axes(old: Models, axis_distance: float, far: bool) -> Models:
     """Models with what `old` know of axes and types as a prior, before anything is measured anew.
 
     The prior of axis, point and pitch stands beside the vague one that every solution has; together
@@ -19,6 +26,7 @@ def keep_axes(old: Models, axis_distance: float) -> Models:
     Args:
         old: At their newest keyframe; not changed.
         axis_distance: See `Priors`.
+        far: Whether an axis may be farther away.
     """
     new = initial_models(old.q.shape[1])
     for name in ("covariance", "signed", "process_noise", "log_evidence"):
@@ -28,22 +36,20 @@ def keep_axes(old: Models, axis_distance: float) -> Models:
         getattr(new, f"prior_{name}")[:] = getattr(old, name)
     new.state[:, 0] = old.state[:, 0]
     E = np.empty((PARAMETERS, PARAMETERS + 2))
-    spread = [AXIS_SPREAD] * 2 + [axis_distance] * 2 + [WIDEST]
     for kind in MOVING:
-        n = dimension(kind)
-        vague = np.diag(np.array(spread[: n - 6]) ** -2.0)
+        n, c = dimension(kind), old.c[kind]
+        density, of_place = axis_prior(float(c @ c), axis_distance, far)
+        density = density if turns(kind) else 0.0
+        vague = np.array([AXIS_SPREAD**-2.0] * 2 + [of_place] * 2 + [WIDEST**-2.0])[: n - 6]
         information = symmetric(np.asarray(np.linalg.inv(old.covariance[kind, 6:n, 6:n]), float))
         embedding(old.a[kind], E)
-        new.prior_information[kind] = E[6:n].T @ (information - vague) @ E[6:n]
+        new.prior_information[kind] = E[6:n].T @ (information - np.diag(vague)) @ E[6:n]
         # The vague one is about Fo and no pitch.
-        new.prior_vector[kind, 9:12] = old.c[kind] / axis_distance**2
+        new.prior_vector[kind, 9:12] = c * of_place
         new.prior_vector[kind, 12] = old.pitch[kind] / WIDEST**2
-        new.prior_value[kind] = 0.5 * (
-            np.linalg.slogdet(information)[1]
-            - np.linalg.slogdet(vague)[1]
-            + float(old.c[kind] @ old.c[kind]) / axis_distance**2
-            + (old.pitch[kind] / WIDEST) ** 2
-        )
+        others = np.log(np.delete(vague, slice(2, 4))).sum()
+        gain = np.linalg.slogdet(information)[1] - others + (old.pitch[kind] / WIDEST) ** 2
+        new.prior_value[kind] = 0.5 * gain - density
     evidence = old.log_evidence.copy()
     # What the pitch is worth is added anew by each solution.
     evidence[SCREW] -= pitch_evidence(old.pitch[SCREW], old.covariance[SCREW, 10, 10])

@@ -11,6 +11,7 @@ import numpy as np
 from maths import cholesky
 from maths.arrays import Array
 from maths.compiled import hot
+from systems.kinematics.joint_solver.axis_prior import may_be_far
 from systems.kinematics.joint_solver.free_motion import FreeMotion, free_evidence
 from systems.kinematics.joint_solver.joint_chain import Chain, new_chain, run_chain, smooth, solve
 from systems.kinematics.joint_solver.joint_geometry import (
@@ -43,6 +44,7 @@ class Priors(NamedTuple):
         speed: Standard deviation of the child's first speed, [m/s].
         radius: Lever of a rotation about the child itself, [m].
         axis_distance: Standard deviation from child to axis, per direction, [m].
+        far_axes: Whether it may be farther away, see `axis_prior`.
         free: How a body moves that no joint holds.
         outliers: (7,) share of outliers among the measurements, and the variances of what they are
             off by, [rad^2, m^2].
@@ -55,6 +57,7 @@ class Priors(NamedTuple):
     speed: float
     radius: float
     axis_distance: float
+    far_axes: bool
     free: FreeMotion
     outliers: Array
     coarseness: float
@@ -181,8 +184,9 @@ def solve_moving(
     previous, q_previous = -np.inf, m.q[kind].copy()
     Y, a, c, pitch = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy(), m.pitch[kind]
     step, dq = np.zeros(PARAMETERS), np.zeros(kf.time.size)
+    far = priors.far_axes and may_be_far(kf)
     for i in range(steps):
-        linearise(kind, m, kf, priors.axis_distance, priors.outliers[0], temper, lin)
+        linearise(kind, m, kf, priors.axis_distance, far, priors.outliers[0], temper, lin)
         evidence, S, value, gain = _solve_densities(kind, m, kf, priors, lin, best, trial)
         if i < steps - 1 and value < previous:
             share = _SHORTER if i < steps - 2 else 0.0
@@ -223,7 +227,7 @@ def solve_still(m: Models, kf: Keyframes, priors: Priors) -> None:
     rigid = int(np.int64(RIGID))  # For a literal, Numba would compile all callees again.
     lin, chain = new_linear(kf.time.size), new_chain()
     for _ in range(2):
-        linearise(rigid, m, kf, priors.axis_distance, priors.outliers[0], temper, lin)
+        linearise(rigid, m, kf, priors.axis_distance, False, priors.outliers[0], temper, lin)
         for i in range(6):
             chain.h[i] = lin.vector[i]
             for j in range(i + 1):

@@ -88,3 +88,14 @@ def test_a_marker_that_is_seen_wrongly_at_times_is_understood(name: str, sigma: 
     track = TRACKS[name]
     belief, _ = believe(track, sigma, JointFilters(JointFiltersConfig()))
     assert belief.type == track.joint
+
+
+@pytest.mark.parametrize("name", ["hinge at 3 m", "hinge at 10 m"])
+def test_a_far_hinge_is_claimed_where_it_is(name: str) -> None:
+    filters = JointFilters(JointFiltersConfig())
+    outcomes = [evaluate_case(CASES[name], seed, filters) for seed in range(4)]
+    for outcome in outcomes:
+        assert outcome.type == "revolute"
+        assert abs(outcome.distance_z) < 3.0
+        assert np.mean(outcome.nees < 4.0) > 0.8
+    assert np.median(np.abs([outcome.distance_z for outcome in outcomes])) < 2.0

@@ -112,7 +112,7 @@ def test_normal_equations_and_likelihood_are_those_of_the_dense_problem(kind: in
     value = multivariate_normal(cov=C).logpdf(z) - _normaliser(kf)
     H[6:8, 6:8] += np.eye(2) / AXIS_SPREAD**2
     lin, chain = new_linear(K), new_chain()
-    linearise(kind, m, kf, SIGMA_C, 0.0, 1.0, lin)
+    linearise(kind, m, kf, SIGMA_C, False, 0.0, 1.0, lin)
     if turns(kind):
         H[8:10, 8:10] += np.eye(2) / SIGMA_C**2
         B = np.empty((2, 3))
@@ -135,7 +135,7 @@ def test_the_last_configuration_and_its_variance_are_those_of_the_dense_problem(
     n = dimension(kind)
     J, Jq, z, R = _dense(kind, m, kf)
     lin, chain = new_linear(K), new_chain()
-    linearise(kind, m, kf, SIGMA_C, 0.0, 1.0, lin)
+    linearise(kind, m, kf, SIGMA_C, False, 0.0, 1.0, lin)
     run_chain(n, S, SIGMA_V, 1.0, m.q[kind], kf, lin, np.zeros(PARAMETERS), 0, chain)
     prior = _prior_of_q()
     C = R + Jq @ prior @ Jq.T
@@ -154,7 +154,7 @@ def test_densities_are_compared_by_the_newest_keyframes_at_the_moved_joint() -> 
     m, kf = _problem(REVOLUTE)
     J, Jq, z, R = _dense(REVOLUTE, m, kf)
     lin, chain = new_linear(K), new_chain()
-    linearise(REVOLUTE, m, kf, SIGMA_C, 0.0, 1.0, lin)
+    linearise(REVOLUTE, m, kf, SIGMA_C, False, 0.0, 1.0, lin)
     step, since = 2e-3 * np.arange(float(PARAMETERS)), K - 3
     found, expected = [], []
     for scale in (1.0, 30.0):
@@ -173,7 +173,7 @@ def test_the_evidence_is_the_integral_over_theta() -> None:
     m, kf = _problem(PRISMATIC)
     J, Jq, z, R = _dense(PRISMATIC, m, kf)
     lin, chain = new_linear(K), new_chain()
-    linearise(PRISMATIC, m, kf, SIGMA_C, 0.0, 1.0, lin)
+    linearise(PRISMATIC, m, kf, SIGMA_C, False, 0.0, 1.0, lin)
     value = run_chain(8, S, SIGMA_V, 1.0, m.q[PRISMATIC], kf, lin, np.zeros(PARAMETERS), 0, chain)
     evidence, _ = solve(8, value, chain)
     spread = 30.0  # All but flat in the pose, as the evidence has it.

@@ -46,36 +46,32 @@ from maths.validation import check
 from systems.kinematics.goodness_of_fit import most_certainty
 from systems.kinematics.joint_filters_config import JointFiltersConfig
 from systems.kinematics.joint_filters_readout import read_fit, read_joint, still_joint
+from systems.kinematics.joint_filters_start import (
+    finite,
+    initial_state,
+    least_scale,
+    rebased_state,
+    solver_priors,
+)
 from systems.kinematics.joint_filters_state import TYPES, JointFiltersState, skip
-from systems.kinematics.joint_solver.axis_prior import may_be_far
-from systems.kinematics.joint_solver.free_motion import free_motion
 from systems.kinematics.joint_solver.joint_geometry import (
     FREE,
-    JOINTS,
     MOVING,
     PRISMATIC,
     RIGID,
-    dimension,
 )
-from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
-from systems.kinematics.joint_solver.joint_pitch import WIDEST
+from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.joint_readout import (
     predict_pose,
 )
-from systems.kinematics.joint_solver.joint_reference import keep_axes
-from systems.kinematics.joint_solver.joint_solver import Priors
 from systems.kinematics.joint_solver.joint_update import update as update_models
 from systems.kinematics.joint_solver.noise_scale import (
-    UNKNOWN,
     NoiseScale,
-    initial_noise_scale,
     observe,
 )
 from systems.kinematics.joint_solver.path_floor import with_likelier_floor
 from systems.kinematics.joint_solver.pose_keyframes import (
-    append,
     copy_keyframes,
-    empty_keyframes,
     rescale,
 )
 from systems.kinematics.measurement_errors import error_shares, is_correlated, white_equivalent
@@ -94,7 +90,6 @@ _RESTART_EVERY = 15  # Updates between fresh starts where the axis is better kno
 _SCREW_EVERY = 3  # Updates between two turns of the screw, see `joint_update.solve_all`.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
 _SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
-_NO_OUTLIERS = np.zeros(7)
 
 
 class JointFilters:
@@ -111,30 +106,8 @@ class JointFilters:
         check(config, owner)
         self.config = config
         self._owner = owner
-        lever = np.repeat([config.radius, 1.0], 3)
-        self._priors = Priors(
-            process_noise=np.array(config.process_noise),
-            speed=config.speed,
-            radius=config.radius,
-            axis_distance=config.axis_distance,
-            far_axes=config.far_axes,
-            free=free_motion(
-                np.repeat([config.walk_rotation**2, config.walk_translation**2], 3),
-                (config.speed / lever) ** 2,
-                config.carried_acceleration / lever**2,
-            ),
-            outliers=np.concatenate(
-                [
-                    [config.outliers],
-                    np.repeat([config.outlier_rotation**2, config.outlier_translation**2], 3),
-                ]
-            ),
-            coarseness=config.coarseness,
-            white_share=1.0,
-            correlated_share=0.0,
-        )
+        self._priors = solver_priors(config)
         self._correlated = is_correlated(config.errors)
-        self._least_scale = 1.0 if self._correlated else 0.0
         p = config.type_priors
         self._log_prior = np.log([p.prismatic, p.revolute, p.screw, p.rigid, p.disconnected])
 
@@ -178,40 +151,15 @@ class JointFilters:
             fault = fault or SkipReason.TIME_NOT_FINITE
         if fault is not None:
             raise ValueError(f"{owner}: {fault}; start at the first measurement without a fault")
-        config, covariance, error = self.config, _finite(covariance), _finite(error)
-        keyframes, models = empty_keyframes(config.memory), initial_models(config.memory)
-        noise: Array = white_equivalent(covariance, 0.0, config.errors)
-        R = noise + error
-        W_zero = np.asarray(np.linalg.inv(R)) if error.any() else np.zeros((6, 6))
-        outliers = self._priors.outliers if covariance.any() else _NO_OUTLIERS
-        append(keyframes, np.eye(4), R, time, outliers)
-        scale = initial_noise_scale()
-        observe(scale, np.eye(4), R, time, self._least_scale)
-        spread = np.array([AXIS_SPREAD] * 2 + [config.axis_distance] * 2 + [WIDEST])
-        for kind in range(JOINTS):
-            n = dimension(kind)
-            models.covariance[kind, :6, :6] = R
-            models.covariance[kind, 6:n, 6:n] = np.diag(spread[: n - 6] ** 2)
-        for kind in MOVING:
-            lever = 1.0 if kind == PRISMATIC else config.radius
-            models.P[kind, 1, 1] = (config.speed / lever) ** 2
-            models.process_noise[kind] = config.unmeasured_process_noise / lever**2
-        models.log_evidence[:] = 0.5 * keyframes.log_det[0]
-        state = JointFiltersState(
-            parent_id=parent_id,
-            child_id=child_id,
-            X_PF=X_PF.copy(),
-            time=float(time),
-            updates=0,
-            models=models,
-            keyframes=keyframes,
-            noise=scale,
-            scale=np.ones(6),
-            floor=0,
-            W_zero=W_zero,
-            reference_noise=noise,
-            offset=np.zeros((6, 6)),
-            zero_variance=models.P[:, 1, 1] * delay**2,
+        state = initial_state(
+            X_PF,
+            finite(covariance),
+            finite(error),
+            float(time),
+            (parent_id, child_id),
+            delay,
+            self.config,
+            self._priors,
         )
         return self._with_probabilities(state)
 
@@ -239,21 +187,7 @@ class JointFilters:
         fault = covariance_fault(offset) or covariance_fault(reference_error)
         if fault is not None:
             raise ValueError(f"{owner}: {fault}")
-        R = state.reference_noise + offset + reference_error
-        keyframes = empty_keyframes(self.config.memory)
-        append(keyframes, np.eye(4), R, float(state.keyframes.time[0]), _NO_OUTLIERS)
-        far = self.config.far_axes and may_be_far(state.keyframes)
-        models = keep_axes(state.models, self.config.axis_distance, far)
-        W_zero = np.asarray(np.linalg.inv(R))
-        rebased = replace(
-            state,
-            time=time,
-            models=models,
-            keyframes=keyframes,
-            floor=0,
-            W_zero=W_zero,
-            offset=offset,
-        )
+        rebased = rebased_state(state, float(time), offset, reference_error, self.config)
         return self._with_probabilities(rebased)
 
     def update(
@@ -311,11 +245,11 @@ class JointFilters:
         time: float,
         correlated: Array | None,
     ) -> JointFiltersState:
-        covariance = _finite(covariance)
+        covariance = finite(covariance)
         models = Models(*[x.copy() for x in state.models])
         keyframes = copy_keyframes(state.keyframes)
         dt = time - state.time
-        correlated = None if correlated is None else _finite(correlated)
+        correlated = None if correlated is None else finite(correlated)
         R = white_equivalent(covariance, dt, self.config.errors, correlated)
         priors = self._priors
         if self._correlated:
@@ -323,7 +257,7 @@ class JointFilters:
             priors = priors._replace(white_share=white, correlated_share=rest)
         X_FB = se3.inverse(state.X_PF) @ X_PB
         noise, scale = NoiseScale(*[x.copy() for x in state.noise]), state.scale
-        observe(noise, X_FB, R, time, self._least_scale)
+        observe(noise, X_FB, R, time, least_scale(self.config))
         wanted = np.repeat(np.sqrt(noise.variance), 3)
         if np.abs(np.log(wanted / scale)).max() > _RESCALE:
             rescale(keyframes, wanted / scale, keyframes.floor.copy(), self._priors.outliers)
@@ -420,15 +354,6 @@ def _is_repeated(state: JointFiltersState, X_PB: Array, time: float) -> bool:
     if time != last.time[1]:
         return False
     return bool(np.abs(se3.inverse(state.X_PF) @ X_PB - last.Z[1]).max() < _SAME_POSE)
-
-
-def _finite(covariance: Array) -> Array:
-    """The covariance with `UNKNOWN` where a variance is above it, correlated with nothing."""
-    unknown = np.diagonal(covariance) > UNKNOWN
-    if not unknown.any():
-        return covariance
-    known = np.where(unknown[:, None] | unknown, 0.0, covariance)
-    return np.asarray(known + np.diag(np.where(unknown, UNKNOWN, 0.0)))
 
 
 def _wants_restart(state: JointFiltersState) -> bool:

@@ -1,0 +1,145 @@
+"""What the joint filters start from: at the reference, and once poses have got a constant error."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from maths.arrays import Array
+from systems.kinematics.joint_filters_config import JointFiltersConfig
+from systems.kinematics.joint_filters_state import JointFiltersState
+from systems.kinematics.joint_solver.axis_prior import may_be_far
+from systems.kinematics.joint_solver.free_motion import free_motion
+from systems.kinematics.joint_solver.joint_geometry import JOINTS, MOVING, PRISMATIC, dimension
+from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
+from systems.kinematics.joint_solver.joint_pitch import WIDEST
+from systems.kinematics.joint_solver.joint_reference import keep_axes
+from systems.kinematics.joint_solver.joint_solver import Priors
+from systems.kinematics.joint_solver.noise_scale import UNKNOWN, initial_noise_scale, observe
+from systems.kinematics.joint_solver.pose_keyframes import append, empty_keyframes
+from systems.kinematics.measurement_errors import is_correlated, white_equivalent
+
+_NO_OUTLIERS = np.zeros(7)
+
+
+def finite(covariance: Array) -> Array:
+    """The covariance with `UNKNOWN` where a variance is above it, correlated with nothing."""
+    unknown = np.diagonal(covariance) > UNKNOWN
+    if not unknown.any():
+        return covariance
+    known = np.where(unknown[:, None] | unknown, 0.0, covariance)
+    return np.asarray(known + np.diag(np.where(unknown, UNKNOWN, 0.0)))
+
+
+def least_scale(config: JointFiltersConfig) -> float:
+    """Least square of the noise's scale; where errors are correlated a stream hides them."""
+    return 1.0 if is_correlated(config.errors) else 0.0
+
+
+def solver_priors(config: JointFiltersConfig) -> Priors:
+    """The configuration as the compiled solver has it."""
+    lever = np.repeat([config.radius, 1.0], 3)
+    off = np.repeat([config.outlier_rotation**2, config.outlier_translation**2], 3)
+    return Priors(
+        process_noise=np.array(config.process_noise),
+        speed=config.speed,
+        radius=config.radius,
+        axis_distance=config.axis_distance,
+        far_axes=config.far_axes,
+        free=free_motion(
+            np.repeat([config.walk_rotation**2, config.walk_translation**2], 3),
+            (config.speed / lever) ** 2,
+            config.carried_acceleration / lever**2,
+        ),
+        outliers=np.concatenate([[config.outliers], off]),
+        coarseness=config.coarseness,
+        white_share=1.0,
+        correlated_share=0.0,
+    )
+
+
+def _initial_models(R: Array, config: JointFiltersConfig) -> Models:
+    models = initial_models(config.memory)
+    spread = np.array([AXIS_SPREAD] * 2 + [config.axis_distance] * 2 + [WIDEST])
+    for kind in range(JOINTS):
+        n = dimension(kind)
+        models.covariance[kind, :6, :6] = R
+        models.covariance[kind, 6:n, 6:n] = np.diag(spread[: n - 6] ** 2)
+    for kind in MOVING:
+        lever = 1.0 if kind == PRISMATIC else config.radius
+        models.P[kind, 1, 1] = (config.speed / lever) ** 2
+        models.process_noise[kind] = config.unmeasured_process_noise / lever**2
+    return models
+
+
+def initial_state(
+    X_PF: Array,
+    covariance: Array,
+    error: Array,
+    time: float,
+    pair: tuple[int, int],
+    delay: float,
+    config: JointFiltersConfig,
+    priors: Priors,
+) -> JointFiltersState:
+    """The state at the reference; see `JointFilters.start`. The probabilities are still missing.
+
+    Args:
+        X_PF: Measured reference (4, 4).
+        covariance: Of it (6, 6), finite.
+        error: Of all later measurements relative to it (6, 6), finite.
+        time: [s].
+        pair: Ids of parent and child.
+        delay: For so long the child may have moved before, [s].
+        config: See `JointFiltersConfig`.
+        priors: Of it, see `solver_priors`.
+    """
+    keyframes = empty_keyframes(config.memory)
+    noise: Array = white_equivalent(covariance, 0.0, config.errors)
+    R = noise + error
+    append(keyframes, np.eye(4), R, time, priors.outliers if covariance.any() else _NO_OUTLIERS)
+    scale = initial_noise_scale()
+    observe(scale, np.eye(4), R, time, least_scale(config))
+    models = _initial_models(R, config)
+    models.log_evidence[:] = 0.5 * keyframes.log_det[0]
+    return JointFiltersState(
+        parent_id=pair[0],
+        child_id=pair[1],
+        X_PF=X_PF.copy(),
+        time=time,
+        updates=0,
+        models=models,
+        keyframes=keyframes,
+        noise=scale,
+        scale=np.ones(6),
+        floor=0,
+        W_zero=np.asarray(np.linalg.inv(R)) if error.any() else np.zeros((6, 6)),
+        reference_noise=noise,
+        offset=np.zeros((6, 6)),
+        zero_variance=models.P[:, 1, 1] * delay**2,
+    )
+
+
+def rebased_state(
+    state: JointFiltersState,
+    time: float,
+    offset: Array,
+    reference_error: Array,
+    config: JointFiltersConfig,
+) -> JointFiltersState:
+    """The state once poses have got a constant error; see `JointFilters.rebase`.
+
+    The probabilities are still those of before.
+    """
+    R = state.reference_noise + offset + reference_error
+    keyframes = empty_keyframes(config.memory)
+    append(keyframes, np.eye(4), R, float(state.keyframes.time[0]), _NO_OUTLIERS)
+    far = config.far_axes and may_be_far(state.keyframes)
+    return replace(
+        state,
+        time=time,
+        models=keep_axes(state.models, config.axis_distance, far),
+        keyframes=keyframes,
+        floor=0,
+        W_zero=np.asarray(np.linalg.inv(R)),
+        offset=offset,
+    )

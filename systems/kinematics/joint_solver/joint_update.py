@@ -45,6 +45,7 @@ from systems.kinematics.joint_solver.joint_start import (
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 _STREAK = 3  # Most outliers in a row.
+_UNDECIDED = 14  # Keyframes up to which none is decided about: the noise is hardly known yet.
 STEPS = 6  # Most linearisations of one update.
 _FRESH_STEPS = 8  # Most linearisations from a fresh start.
 _TEMPERED_STEPS = 3  # Before them, with residuals that count less.
@@ -192,9 +193,12 @@ def close_decided(m: Models, kf: Keyframes, log_prior: Array) -> float:
 
     Returns how many of them are outliers, as expected.
 
+    None is before the noise's scale is known: of a few poses three outliers look like one noise.
     To a model that the motion has left behind every measurement is an outlier. Of several in a row
     those that follow from one another, as in a free motion, are none.
     """
+    if kf.size[0] <= _UNDECIDED:
+        return 0.0
     p = np.exp(m.log_evidence + log_prior - (m.log_evidence + log_prior).max())
     p /= p.sum()
     outliers = 0.0

@@ -22,7 +22,6 @@ _MOST_LIKELY = 11.344867  # Its 99 % quantile, above which a difference is one w
 _MEAN_BELOW = 2.894075  # and its mean below that.
 _INDEPENDENT = 0.5  # Share of what neighbouring differences, which have poses in common, tell.
 _MEMORY = 150  # Differences that are remembered.
-_AS_CLAIMED = int(_PRIOR / (3.0 * _INDEPENDENT))  # Differences that the prior is worth.
 _ITERATIONS = 3
 _LEAST, _MOST = 0.05**2, 100.0**2  # Of the scale's square.
 
@@ -78,8 +77,7 @@ def _fit(n: NoiseScale, i: int, least: float) -> None:
     """The posterior mean of the scale's square, from all differences that no outlier explains."""
     count = min(int(n.known[i]), _MEMORY)
     squares = n.squares[i, :count]
-    claimed = np.full(_AS_CLAIMED, _MEDIAN)
-    variance = float(np.median(np.concatenate((squares, claimed)))) / _MEDIAN
+    variance = float(np.median(squares)) / _MEDIAN
     for _ in range(_ITERATIONS):
         total, likely = 0.0, 0
         for square in squares:

@@ -64,6 +64,34 @@ def _of_phase(phase: str, key: str, **shown: Any) -> Metric:
     )
 
 
+def _mechanics(record: Mapping[str, Any]) -> Mapping[str, Any]:
+    found: Mapping[str, Any] | None = _joint(record)["mechanics"]
+    if found is None:
+        raise KeyError("who does not feel knows no forces")
+    return found
+
+
+def _force_unit(record: Mapping[str, Any]) -> str:
+    return "N" if _unit(record) == "m" else "N m"
+
+
+def _of_resistance(key: str, **shown: Any) -> Metric:
+    """Coulomb friction and damping together, at the speed of the motion."""
+    return Metric(
+        name=f"resistance_{key}",
+        value=lambda record: (_mechanics(record).get("resistance") or {})[key],
+        **shown,
+    )
+
+
+def _reached_stops(record: Mapping[str, Any]) -> bool:
+    found = _mechanics(record)
+    reached = [found[side] for side in ("lower", "upper") if found[side]["reached"]]
+    if not reached:
+        raise KeyError("no end stop is claimed to have been reached")
+    return all(stop["inside_two_sigma"] for stop in reached)
+
+
 METRICS = (
     *(
         _of_phase(phase, key)
@@ -153,6 +181,29 @@ METRICS = (
     ),
     _of_screw("pitch_error", title="pitch error at the end"),
     _of_screw("pitch_std", title="pitch's claimed deviation at the end"),
+    _of_resistance(
+        "error",
+        unit=_force_unit,
+        title="friction error at the motion's speed",
+        cell=median_and_range,
+    ),
+    _of_resistance(
+        "std",
+        unit=_force_unit,
+        title="friction's claimed deviation there",
+        cell=median_and_range,
+    ),
+    _of_resistance(
+        "inside_two_sigma",
+        title="friction inside its 2σ claim",
+        cell=lambda v, _: count_of_known(v),
+    ),
+    Metric(
+        name="end_stops_inside_two_sigma",
+        value=_reached_stops,
+        title="end stops claimed as reached, inside their 2σ claims",
+        cell=lambda v, _: count_of_known(v),
+    ),
     _of_joint(
         "type_settled_at",
         unit="s",

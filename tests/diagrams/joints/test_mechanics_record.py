@@ -9,12 +9,15 @@ from numpy.testing import assert_allclose
 from pydrake.multibody.plant import MultibodyPlant
 from synthetic_episode import synthetic_episode, without_truth
 
+from diagrams.crossmodal.application import APPLICATION
 from diagrams.crossmodal.results.mechanics_plot import draw_mechanics
 from diagrams.crossmodal.results.results import evaluate
+from diagrams.evaluation.metric_table import tidy_metrics
 from diagrams.joints.joint_episode import joint_episode
 from diagrams.joints.joint_metrics import joints_of
 from diagrams.joints.joint_truth import JointMechanicsTruth, joint_mechanics
 from diagrams.joints.mechanics_record import mechanics_line
+from diagrams.run.folder.run_folder import summarise
 from diagrams.run.record import EpisodeRecord
 from models import SDF_DIR
 from plants.parsing import make_parser
@@ -180,3 +183,16 @@ def test_the_truth_is_the_models_range_and_damping() -> None:
     plant.Finalize()
     found = joint_mechanics(plant.GetJointByName("slide"), friction=5.0)
     assert found == JointMechanicsTruth(friction=5.0, damping=8.0, lower=0.0, upper=0.34)
+
+
+def test_an_evaluation_counts_friction_and_the_stops_that_were_reached() -> None:
+    record = felt_episode()
+    summary = summarise(APPLICATION, record, evaluate(record)) | {"seed": 0}
+    table = tidy_metrics(APPLICATION, "felt", [summary])
+    felt = table[table.modality == "crossmodal"].set_index("metric")
+    mechanics = summary["modalities"]["crossmodal"]["joints"][0]["mechanics"]
+    assert_allclose(felt.value["resistance_error"], mechanics["resistance"]["error"])
+    assert felt.unit["resistance_error"] == "N"
+    assert felt.value["end_stops_inside_two_sigma"] == 1.0
+    seen = table[table.modality == "vision"].metric
+    assert not seen.str.startswith(("resistance", "end_stops")).any()

@@ -10,6 +10,7 @@ from maths.arrays import Array
 from maths.compiled import hot
 from maths.se3_in_place import relative_log
 from maths.tangent_plane import normal_basis
+from maths.vectors import cross
 from systems.kinematics.joint_solver.joint_geometry import (
     PRISMATIC,
     REVOLUTE,
@@ -42,7 +43,7 @@ def _revolute_start(V: Array, axis_distance: float) -> tuple[Array, Array]:
     if rate < 1e-9:
         w, rate = normal_basis(v / speed)[0], 1.0
     a = w / np.linalg.norm(w)
-    return a, np.cross(a, v) / max(rate, speed / (1.5 * axis_distance))
+    return a, cross(a, v) / max(rate, speed / (1.5 * axis_distance))
 
 
 def _screw_start(V: Array) -> tuple[Array, Array, float]:
@@ -54,7 +55,7 @@ def _screw_start(V: Array) -> tuple[Array, Array, float]:
     rate = float(np.linalg.norm(w))
     a = w / rate if rate > 1e-9 else normal_basis(v / np.linalg.norm(v))[0]
     square = max(float(w @ w), float(v @ v))
-    return a, np.cross(w, v) / square, float(w @ v) / square
+    return a, cross(w, v) / square, float(w @ v) / square
 
 
 @hot
@@ -98,7 +99,7 @@ def circle_start(m: Models, kf: Keyframes) -> None:
     x, y = float(solution[0]), float(solution[1])
     centre = mean + x * along + y * across
     m.a[REVOLUTE], m.c[REVOLUTE] = a, centre - a * (a @ centre)
-    angle = np.unwrap(np.arctan2(v - y, u - x)) * np.sign(a @ np.cross(along, across))
+    angle = np.unwrap(np.arctan2(v - y, u - x)) * np.sign(a @ cross(along, across))
     m.q[REVOLUTE, :n] = angle - angle[0]
 
 
@@ -128,7 +129,7 @@ def fresh_start(m: Models, kf: Keyframes, axis_distance: float, share: float) ->
     m.a[SCREW], m.c[SCREW], m.pitch[SCREW] = _screw_start(principal)
     for kind in (REVOLUTE, SCREW):
         a, c = m.a[kind], m.c[kind]
-        unit = np.concatenate([a, np.cross(c, a) + m.pitch[kind] * a]) / scale**2
+        unit = np.concatenate([a, cross(c, a) + m.pitch[kind] * a]) / scale**2
         m.q[kind, :n] = xi @ unit / (unit @ (unit * scale**2))
     m.Y[:] = kf.Z[first]
 

@@ -6,8 +6,8 @@ constant velocity model of Y. Bar-Shalom, X. Li and T. Kirubarajan, "Estimation 
 Tracking and Navigation", 2001, 6.2), either with several strengths of its process noise. The mean
 over all ways is the type that wins where no joint explains the motion.
 
-Rotation and position change each for itself, in F: what turns and moves at constant rates is not
-on a screw, but where it is carried.
+Rotation and position change independently of each other, in F: of a body that turns evenly nobody
+expects a circle.
 """
 
 from typing import NamedTuple

@@ -9,7 +9,7 @@ from maths.se3_in_place import relative_log
 from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver import pose_keyframes
 from systems.kinematics.joint_solver.free_motion import explain
-from systems.kinematics.joint_solver.joint_fit import MEASURED
+from systems.kinematics.joint_solver.joint_fit import measured_directions
 from systems.kinematics.joint_solver.joint_geometry import (
     FREE,
     JOINTS,
@@ -79,9 +79,8 @@ def _step_loss(m: Models, kf: Keyframes, k: int) -> float:
     cholesky.factor(L, six)
     cholesky.forward(L, step, six)
     cholesky.forward(L, along, six)
-    square, product, length, expected = 0.0, 0.0, 0.0, 0.0
+    square, product, length, expected = 0.0, 0.0, 0.0, float(measured_directions(kf))
     for i in range(6):
-        expected += 1.0 if kf.R[k, i, i] < MEASURED else 0.0
         square += step[i] * step[i]
         product += step[i] * along[i]
         length += along[i] * along[i]

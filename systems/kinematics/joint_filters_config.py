@@ -42,8 +42,8 @@ class JointFiltersConfig:
         walk_translation: Standard deviation of a disconnected body's random walk after one second,
             of the fastest of several walks.
         walk_rotation: The same in rotation.
-        carried_acceleration: Density S of the white acceleration of a disconnected body that is
-            carried, the most jerky of several; of its rotation it is S / radius^2.
+        free_acceleration: Density S of the white acceleration of a disconnected body whose velocity
+            is nearly constant, the largest of several; of its rotation it is S / radius^2.
         outliers: Share of the measurements that are outliers; zero for none.
         outlier_rotation: Standard deviation of what an outlier is off by, per direction.
         outlier_translation: The same in translation.
@@ -67,7 +67,7 @@ class JointFiltersConfig:
     far_axes: bool = True
     walk_translation: float = number(0.1, at_least=1e-9, at_most=100.0, unit="m")
     walk_rotation: float = number(0.3, at_least=1e-9, at_most=100.0, unit="rad")
-    carried_acceleration: float = number(0.1, at_least=1e-12, at_most=1000.0, unit="m^2/s^3")
+    free_acceleration: float = number(0.1, at_least=1e-12, at_most=1000.0, unit="m^2/s^3")
     outliers: float = number(0.02, at_least=0.0, at_most=0.5)
     outlier_rotation: float = number(1.0, at_least=1e-9, at_most=100.0, unit="rad")
     outlier_translation: float = number(0.3, at_least=1e-9, at_most=100.0, unit="m")

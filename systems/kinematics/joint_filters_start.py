@@ -48,7 +48,7 @@ def solver_priors(config: JointFiltersConfig) -> Priors:
         free=free_motion(
             np.repeat([config.walk_rotation**2, config.walk_translation**2], 3),
             (config.speed / lever) ** 2,
-            config.carried_acceleration / lever**2,
+            config.free_acceleration / lever**2,
         ),
         outliers=np.concatenate([[config.outliers], off]),
         coarseness=config.coarseness,

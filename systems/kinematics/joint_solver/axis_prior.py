@@ -36,7 +36,7 @@ def axis_prior(square: float, sigma: float, far: bool) -> tuple[float, float]:
     if not far:
         return -0.5 * square / sigma**2 - 2.0 * np.log(sigma), 1.0 / sigma**2
     total, information = 0.0, 0.0
-    # Relative to the widest one without its normaliser, which no other density exceeds by far.
+    # Relative to this, no density is above one, and the widest is not zero.
     widest = sigma * _FARTHER[-1]
     top = -0.5 * square / widest**2 - 2.0 * np.log(sigma)
     for factor in _FARTHER:

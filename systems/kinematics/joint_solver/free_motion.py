@@ -1,10 +1,10 @@
 """The evidence of a body that no joint holds, compiled.
 
-Its pose is filtered over the keyframes in several ways at once: it walks, so that its pose changes
-by something new from keyframe to keyframe, or it is carried, so that its velocity does (the nearly
-constant velocity model of Y. Bar-Shalom, X. Li and T. Kirubarajan, "Estimation with Applications to
-Tracking and Navigation", 2001, 6.2), either with several strengths of its process noise. The mean
-over all ways is the type that wins where no joint explains the motion.
+Its pose is filtered over the keyframes in several ways at once: the pose is a random walk, or its
+velocity is, as of a body that is carried (the nearly constant velocity model of Y. Bar-Shalom,
+X. Li and T. Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, 6.2),
+either with several strengths of its process noise. The mean over all ways is the type that wins
+where no joint explains the motion.
 
 Rotation and position change independently of each other, in F: of a body that turns evenly nobody
 expects a circle.
@@ -21,7 +21,7 @@ from maths.se3_in_place import relative_log
 from systems.kinematics.joint_solver.outliers import blend, inlier_share
 from systems.kinematics.joint_solver.pose_keyframes import FREE_WAYS, Keyframes
 
-_SCALES = (1.0, 0.1, 0.01)  # Of the process noise: as many ways to walk, and to be carried.
+_SCALES = (1.0, 0.1, 0.01)  # Of the process noise: of a walk, and of a velocity.
 assert 2 * len(_SCALES) == FREE_WAYS
 
 
@@ -29,24 +29,21 @@ class FreeMotion(NamedTuple):
     """The ways in which a free body moves.
 
     Attributes:
-        carried: (M,) one where it is carried, zero where it walks.
+        has_velocity: (M,) one where its velocity is nearly constant, zero where its pose walks.
         noise: (M, 6) process noise, of the walk [rad^2/s, m^2/s] or the velocity
-            [rad^2/s^3, m^2/s^3].
-        velocity: (6,) variances of the first velocity, if it is carried, [rad^2/s^2, m^2/s^2].
+            [rad^2/s^3, m^2/s^3]; the first is that of the fastest walk.
+        velocity: (6,) variances of the first velocity, where it has one, [rad^2/s^2, m^2/s^2].
     """
 
-    carried: Array
+    has_velocity: Array
     noise: Array
     velocity: Array
 
 
 def free_motion(walk: Array, velocity: Array, acceleration: Array) -> FreeMotion:
-    """All ways of moving, from the (6,) process noises of the most restless walk and carriage."""
-    carried = np.repeat([0.0, 1.0], len(_SCALES))
-    noise = np.outer(np.tile(_SCALES, 2), np.ones(6)) * np.where(
-        carried[:, None] > 0.0, acceleration, walk
-    )
-    return FreeMotion(carried, noise, velocity)
+    """All ways of moving, from the (6,) largest process noises of pose and velocity."""
+    noise = np.concatenate([np.outer(_SCALES, walk), np.outer(_SCALES, acceleration)])
+    return FreeMotion(np.repeat([0.0, 1.0], len(_SCALES)), noise, velocity)
 
 
 @hot
@@ -196,7 +193,7 @@ def log_evidences(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Ar
                 W[i, i] += outliers[1 + i]
             _rotate(kf.Z[k], W, R_out)
         for way in range(ways):
-            n = 12 if motion.carried[way] > 0.0 else 6
+            n = 12 if motion.has_velocity[way] > 0.0 else 6
             _predict(n, X[way], v[way], P[way], motion.noise[way], dt)
             _difference(X[way], kf.Z[k], e)
             if kf.open[k] > 0.0:

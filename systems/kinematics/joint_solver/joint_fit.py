@@ -17,15 +17,17 @@ from systems.kinematics.joint_solver.joint_geometry import (
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
-_MEASURED = 1e3  # Variance above which a direction was not measured, [rad^2] or [m^2].
+# Variance above which a direction was not measured, [rad^2] or [m^2]: far below `UNKNOWN`, of which
+# averages are made, too.
+_MEASURED = 10.0
 
 
 @hot
-def measured_directions(kf: Keyframes) -> int:
-    """How many of six directions are measured, by the newest keyframe: it is no average yet."""
+def measured_directions(kf: Keyframes, k: int) -> int:
+    """In how many of six directions keyframe k was measured."""
     directions = 0
     for i in range(6):
-        directions += 1 if kf.R[kf.size[0] - 1, i, i] < _MEASURED else 0
+        directions += 1 if kf.R[k, i, i] < _MEASURED else 0
     return directions
 
 
@@ -60,7 +62,7 @@ def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, 
     W, r, along = np.empty((6, 6)), np.empty(6), np.zeros(6)
     tangent_basis(a, B)
     screw_twists(kind, Y, a, c, h, B, G)
-    chi_square, degrees, measured = 0.0, 0, measured_directions(kf)
+    chi_square, degrees, measured = 0.0, 0, 0
     for k in range(kf.size[0]):
         child_pose(kind, Y, a, c, h, q[k], X)
         relative_log(X, kf.Z[k], r)
@@ -76,5 +78,6 @@ def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, 
             # The covariance of an outlier is far larger than any floor.
             W[:] = inlier * W + (1.0 - inlier) * kf.W_out[k]
         chi_square += _square(W, r, along)
+        measured = measured_directions(kf, k)
         degrees += measured
     return chi_square, degrees - (dimension(kind) - 6 + measured)

@@ -79,7 +79,7 @@ def _step_loss(m: Models, kf: Keyframes, k: int) -> float:
     cholesky.factor(L, six)
     cholesky.forward(L, step, six)
     cholesky.forward(L, along, six)
-    square, product, length, expected = 0.0, 0.0, 0.0, float(measured_directions(kf))
+    square, product, length, expected = 0.0, 0.0, 0.0, float(measured_directions(kf, k))
     for i in range(6):
         square += step[i] * step[i]
         product += step[i] * along[i]

@@ -46,7 +46,8 @@ class Keyframes(NamedTuple):
         pair: (K,) what averaging keyframes k and k + 1 loses.
         free: (M,) log density ratio of each way of moving freely (`free_motion`) over a joint in
             what has been averaged, at most zero.
-        explained: (M,) log evidence of each way, `free` included, or NaN before it is known.
+        explained: (M,) log evidence of each way, `free` included, as the keyframes were when it was
+            last asked for; NaN where a measurement or another scale has come since.
         spread: (1,) largest mean squared distance of a keyframe from the mean, in units of R.
     """
 

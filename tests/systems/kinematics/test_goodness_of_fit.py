@@ -95,3 +95,18 @@ def test_outliers_are_counted() -> None:
     fit = filters.belief(states[-1]).fit
     assert fit is not None
     np.testing.assert_allclose(fit.outlier_share * states[-1].updates, len(bad), atol=1.0)
+
+
+def test_averages_of_unmeasured_rotations_are_no_measured_ones() -> None:
+    """Of long tracks of positions only the positions count."""
+    filters, rng = JointFilters(JointFiltersConfig()), np.random.default_rng(0)
+    covariance = np.diag(np.repeat([np.inf, 0.003**2], 3))
+    X = np.eye(4)
+    state = filters.start(X, covariance, 0.0)
+    for k in range(1, 600):
+        X[:3, 3] = [1e-3 * k, 0.0, 0.0] + 0.003 * rng.normal(size=3)
+        state = filters.update(state, X, covariance, k / RATE)
+    fit, n = filters.belief(state).fit, int(state.keyframes.size[0])
+    # A slide's direction and place, and where along it each keyframe but the reference is.
+    assert fit.degrees == 3 * n - (n - 1) - 2 - 3
+    assert 0.4 < fit.reduced_chi_square < 2.0

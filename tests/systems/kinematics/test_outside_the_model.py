@@ -99,3 +99,11 @@ def test_a_far_hinge_is_claimed_where_it_is(name: str) -> None:
         assert abs(outcome.distance_z) < 3.0
         assert np.mean(outcome.nees < 4.0) > 0.8
     assert np.median(np.abs([outcome.distance_z for outcome in outcomes])) < 2.0
+
+
+@pytest.mark.parametrize("seed", [8, 12, 16])
+def test_a_free_motion_is_never_claimed_to_be_a_joint(seed: int) -> None:
+    """It begins gently: near some screw for three seconds, which used to be claimed."""
+    outcome = evaluate_case(CASES["free motion"], seed, JointFilters(JointFiltersConfig()))
+    assert outcome.type == "disconnected"
+    assert not outcome.wrong

@@ -8,7 +8,6 @@ from scipy.stats import multivariate_normal
 
 from maths import se3
 from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
-from systems.kinematics.joint_filters_config import TypePriorsConfig
 from systems.kinematics.joint_solver import free_motion, pose_keyframes
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 from systems.port_values import JointType
@@ -86,7 +85,7 @@ def test_the_likeliest_way_is_that_of_the_motion(way: int) -> None:
     assert np.argmax(kf.explained) == way
 
 
-def test_a_body_that_turns_evenly_about_itself_is_carried() -> None:
+def test_a_body_that_turns_evenly_about_itself_has_a_velocity() -> None:
     """At large angles too, where neither axis nor rate are known before."""
     kf = pose_keyframes.empty_keyframes(40)
     for k in range(40):
@@ -99,13 +98,12 @@ def test_a_body_that_turns_evenly_about_itself_is_carried() -> None:
 
 def _rest_and_free(memory: int) -> float:
     """By how much rest is likelier than a free motion, for a body that rests."""
-    config = JointFiltersConfig(memory=memory, type_priors=TypePriorsConfig())
-    filters, rng = JointFilters(config), np.random.default_rng(2)
+    filters, rng = JointFilters(JointFiltersConfig(memory=memory)), np.random.default_rng(2)
     noise = np.repeat([0.01, 0.003], 3)
-    R = np.diag(noise**2)
-    state = filters.start(np.eye(4), R, 0.0)
+    covariance = np.diag(noise**2)
+    state = filters.start(np.eye(4), covariance, 0.0)
     for k in range(1, 100):
-        state = filters.update(state, se3.exp(noise * rng.normal(size=6)), R, k / 15.0)
+        state = filters.update(state, se3.exp(noise * rng.normal(size=6)), covariance, k / 15.0)
     models = filters.belief(state).models
     return models[JointType.RIGID].log_evidence - models[JointType.DISCONNECTED].log_evidence
 

@@ -31,6 +31,9 @@ class JointFiltersConfig:
     Attributes:
         process_noise: Densities S of the child's white acceleration, dv = sqrt(S) dw; from a hand
             that guides slowly to a door that is thrown shut.
+        jumps: Probability that the velocity jumps between two measurements: a motion begins and
+            ends at once.
+        jump_noise: The density with which it does.
         unmeasured_process_noise: That of a motion of which nothing measured says how jerky it is:
             the first, and what comes after the last measurement.
         radius: Of the child itself: a revolute joint at a distance d moves it by
@@ -60,6 +63,8 @@ class JointFiltersConfig:
         unit="m^2/s^3",
         shape=(range(1, 17),),
     )
+    jumps: float = number(1e-3, at_least=0.0, at_most=0.5)
+    jump_noise: float = number(30.0, at_least=1e-15, at_most=1e6, unit="m^2/s^3")
     unmeasured_process_noise: float = number(3e-3, at_least=1e-15, at_most=1000.0, unit="m^2/s^3")
     radius: float = number(0.3, at_least=1e-6, at_most=100.0, unit="m")
     speed: float = number(0.1, at_least=1e-9, at_most=100.0, unit="m/s")

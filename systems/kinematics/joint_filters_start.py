@@ -41,6 +41,8 @@ def solver_priors(config: JointFiltersConfig) -> Priors:
     off = np.repeat([config.outlier_rotation**2, config.outlier_translation**2], 3)
     return Priors(
         process_noise=np.array(config.process_noise),
+        jump_noise=config.jump_noise,
+        jumps=config.jumps,
         speed=config.speed,
         radius=config.radius,
         axis_distance=config.axis_distance,

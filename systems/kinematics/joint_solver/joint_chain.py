@@ -6,6 +6,9 @@ that the chain is a two-state Kalman filter whose mean is m + M dtheta (the two-
 B. Friedland, "Treatment of bias in recursive filtering", 1969); its innovations are what the
 keyframes say about theta. One pass gives the normal equations of theta with every q marginalised,
 and the evidence of S by Laplace's approximation.
+
+Motions begin and end at once, too. Where a keyframe is far from where it was expected, the rate may
+have jumped on the way with a far larger density J; of the two the expected one counts for the step.
 """
 
 from typing import NamedTuple
@@ -17,7 +20,10 @@ from maths.arrays import Array
 from maths.compiled import hot
 from systems.kinematics.joint_solver.joint_geometry import PARAMETERS
 from systems.kinematics.joint_solver.joint_linearisation import Linear
+from systems.kinematics.joint_solver.outliers import inlier_share
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+
+_SURPRISE = 3.0  # Standard deviations off the expected from which a jump is considered.
 
 
 class Chain(NamedTuple):
@@ -29,6 +35,7 @@ class Chain(NamedTuple):
         m: (2,) q and its rate.
         M: (2, N) sensitivity to theta.
         P: (3,) variance of q, covariance, variance of its rate, given theta.
+        S: (K,) density of the acceleration before each keyframe.
         H: (N, N) information about theta, all q marginalised; its factor after `solve`.
         h: (N,) information vector.
         step: (N,) dtheta.
@@ -37,17 +44,20 @@ class Chain(NamedTuple):
     m: Array
     M: Array
     P: Array
+    S: Array
     H: Array
     h: Array
     step: Array
 
 
 @hot
-def new_chain() -> Chain:
+def new_chain(capacity: int) -> Chain:
+    """Room for `capacity` keyframes, zero."""
     return Chain(
         np.zeros(2),
         np.zeros((2, PARAMETERS)),
         np.zeros(3),
+        np.zeros(capacity),
         np.zeros((PARAMETERS, PARAMETERS)),
         np.zeros(PARAMETERS),
         np.zeros(PARAMETERS),
@@ -58,6 +68,8 @@ def new_chain() -> Chain:
 def run_chain(
     n: int,
     S: float,
+    J: float,
+    jumps: float,
     sigma_v: float,
     noise: float,
     q: Array,
@@ -74,6 +86,8 @@ def run_chain(
     Args:
         n: Dimension of theta.
         S: Process noise, the density of the acceleration.
+        J: The same of a jump.
+        jumps: Probability of one between two keyframes.
         sigma_v: Standard deviation of the rate at the reference.
         noise: Factor on the variance 1 / alpha of each keyframe's q.
         q: Where each keyframe was linearised (K,).
@@ -96,20 +110,30 @@ def run_chain(
     for k in range(1, kf.size[0]):
         dt = kf.time[k] - kf.time[k - 1]
         m[0] += dt * m[1]
-        p00 += dt * (2.0 * p01 + dt * p11) + S * dt**3 / 3.0
-        p01 += dt * p11 + S * dt * dt / 2.0
-        p11 += S * dt
+        p00 += dt * (2.0 * p01 + dt * p11)
+        p01 += dt * p11
         alpha = lin.alpha[k]
-        C = p00 + noise / alpha
         e = q[k] + lin.g[k] / alpha - m[0]
+        moved = e
         for i in range(n):
             M[0, i] += dt * M[1, i]
             e_theta[i] = -lin.beta[k, i] / alpha - M[0, i]
+            moved += e_theta[i] * step[i]
+        cube = dt**3 / 3.0
+        C, S_k = p00 + S * cube + noise / alpha, S
+        density = -0.5 * (np.log(alpha * C) + moved * moved / C)
+        if S < J and moved * moved > _SURPRISE**2 * C:
+            C += (J - S) * cube
+            jumped = -0.5 * (np.log(alpha * C) + moved * moved / C)
+            smooth_share, density = inlier_share(density, jumped, jumps)
+            S_k = J + smooth_share * (S - J)
+            C += (S_k - J) * cube
         if k >= since:
-            moved = e
-            for i in range(n):
-                moved += e_theta[i] * step[i]
-            value -= 0.5 * (np.log(alpha * C) + moved * moved / C)
+            value += density
+        chain.S[k] = S_k
+        p00 += S_k * cube
+        p01 += S_k * dt * dt / 2.0
+        p11 += S_k * dt
         k0, k1 = p00 / C, p01 / C
         m[0] += k0 * e
         m[1] += k1 * e
@@ -144,18 +168,21 @@ def solve(n: int, value: float, chain: Chain) -> tuple[float, float]:
 
 @hot
 def smooth(
-    n: int, S: float, sigma_v: float, q: Array, kf: Keyframes, lin: Linear, step: Array, out: Array
+    n: int, S: Array, sigma_v: float, q: Array, kf: Keyframes, lin: Linear, step: Array, out: Array
 ) -> None:
-    """Writes q of every keyframe given all keyframes and theta moved by `step` into `out`."""
+    """Writes q of every keyframe given all keyframes and theta moved by `step` into `out`.
+
+    S is `Chain.S`.
+    """
     size = kf.size[0]
     f = np.zeros((size, 5))
     f[0, 4] = sigma_v * sigma_v
     for k in range(1, size):
         dt = kf.time[k] - kf.time[k - 1]
         q0, q1 = f[k - 1, 0] + dt * f[k - 1, 1], f[k - 1, 1]
-        p00 = f[k - 1, 2] + dt * (2.0 * f[k - 1, 3] + dt * f[k - 1, 4]) + S * dt**3 / 3.0
-        p01 = f[k - 1, 3] + dt * f[k - 1, 4] + S * dt * dt / 2.0
-        p11 = f[k - 1, 4] + S * dt
+        p00 = f[k - 1, 2] + dt * (2.0 * f[k - 1, 3] + dt * f[k - 1, 4]) + S[k] * dt**3 / 3.0
+        p01 = f[k - 1, 3] + dt * f[k - 1, 4] + S[k] * dt * dt / 2.0
+        p11 = f[k - 1, 4] + S[k] * dt
         z = q[k] + lin.g[k] / lin.alpha[k]
         for i in range(n):
             z -= lin.beta[k, i] * step[i] / lin.alpha[k]
@@ -168,9 +195,9 @@ def smooth(
     for k in range(size - 2, -1, -1):
         dt = kf.time[k + 1] - kf.time[k]
         a, b, c = f[k, 2], f[k, 3], f[k, 4]
-        p00 = a + dt * (2.0 * b + dt * c) + S * dt**3 / 3.0
-        p01 = b + dt * c + S * dt * dt / 2.0
-        p11 = c + S * dt
+        p00 = a + dt * (2.0 * b + dt * c) + S[k + 1] * dt**3 / 3.0
+        p01 = b + dt * c + S[k + 1] * dt * dt / 2.0
+        p11 = c + S[k + 1] * dt
         det = p00 * p11 - p01 * p01
         d0, d1 = s0 - f[k, 0] - dt * f[k, 1], s1 - f[k, 1]
         if det <= 1e-14 * p00 * p11:  # Both keyframes are of one instant.

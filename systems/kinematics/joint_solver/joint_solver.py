@@ -41,6 +41,8 @@ class Priors(NamedTuple):
 
     Attributes:
         process_noise: Densities (n,) of the child's acceleration to choose from, [m^2/s^3].
+        jump_noise: That of a step in which its velocity jumps, [m^2/s^3].
+        jumps: Probability of such a step.
         speed: Standard deviation of the child's first speed, [m/s].
         radius: Lever of a rotation about the child itself, [m].
         axis_distance: Standard deviation from child to axis, per direction, [m].
@@ -54,6 +56,8 @@ class Priors(NamedTuple):
     """
 
     process_noise: Array
+    jump_noise: float
+    jumps: float
     speed: float
     radius: float
     axis_distance: float
@@ -85,14 +89,15 @@ def _solve_densities(
     """
     n, lever, still = dimension(kind), _lever(kind, m, priors), np.zeros(PARAMETERS)
     total, top, best_S, best_value, best_gain = 0.0, -np.inf, 0.0, 0.0, 0.0
+    q, speed, J = m.q[kind], priors.speed / lever, priors.jump_noise / lever**2
     for density in priors.process_noise:
         S = density / lever**2
-        value = run_chain(n, S, priors.speed / lever, 1.0, m.q[kind], kf, lin, still, 0, trial)
+        value = run_chain(n, S, J, priors.jumps, speed, 1.0, q, kf, lin, still, 0, trial)
         evidence, gain = solve(n, value, trial)
         if evidence > top:
             total = total * np.exp(top - evidence) + 1.0
             top, best_S, best_value, best_gain = evidence, S, value, gain
-            best.m[:], best.M[:], best.P[:] = trial.m, trial.M, trial.P
+            best.m[:], best.M[:], best.P[:], best.S[:] = trial.m, trial.M, trial.P, trial.S
             best.H[:], best.step[:] = trial.H, trial.step
         else:
             total += np.exp(evidence - top)
@@ -111,10 +116,11 @@ def _track(
     """
     n, lever, q = dimension(kind), _lever(kind, m, priors), m.q[kind].copy()
     speed, since = priors.speed / lever, kf.size[0] - RECENT
+    J, jumps, white = priors.jump_noise / lever**2, priors.jumps, priors.white_share
     top, best_S = -np.inf, 0.0
     for density in priors.process_noise:
         S = density / lever**2
-        value = run_chain(n, S, speed, priors.white_share, q, kf, lin, best.step, since, trial)
+        value = run_chain(n, S, J, jumps, speed, white, q, kf, lin, best.step, since, trial)
         if value > top:
             top, best_S = value, S
             best.m[:], best.M[:], best.P[:] = trial.m, trial.M, trial.P
@@ -180,7 +186,7 @@ def solve_moving(
         temper: See `weigh_residual`.
     """
     lin = new_linear(kf.time.size)
-    best, trial = new_chain(), new_chain()
+    best, trial = new_chain(kf.time.size), new_chain(kf.time.size)
     previous, q_previous = -np.inf, m.q[kind].copy()
     Y, a, c, pitch = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy(), m.pitch[kind]
     step, dq = np.zeros(PARAMETERS), np.zeros(kf.time.size)
@@ -204,7 +210,7 @@ def solve_moving(
             best.step[:] = 0.0
         step[:] = best.step
         sigma_v = priors.speed / _lever(kind, m, priors)
-        smooth(dimension(kind), S, sigma_v, q_previous, kf, lin, step, m.q[kind])
+        smooth(dimension(kind), best.S, sigma_v, q_previous, kf, lin, step, m.q[kind])
         if last and priors.white_share < 1.0:
             m.q[kind], q_smooth = q_previous, m.q[kind].copy()
             S = _track(kind, m, kf, priors, lin, best, trial)
@@ -225,7 +231,7 @@ def solve_still(m: Models, kf: Keyframes, priors: Priors) -> None:
     """Solves the rigid model, which is nearly linear, and the evidence of a free motion."""
     temper = 1.0
     rigid = int(np.int64(RIGID))  # For a literal, Numba would compile all callees again.
-    lin, chain = new_linear(kf.time.size), new_chain()
+    lin, chain = new_linear(kf.time.size), new_chain(kf.time.size)
     for _ in range(2):
         linearise(rigid, m, kf, priors.axis_distance, False, priors.outliers[0], temper, lin)
         for i in range(6):

@@ -13,18 +13,21 @@ def factor(A: Array, n: int) -> float:
     Only the lower triangle is read. NaN is returned where A is not positive definite.
     """
     log_determinant = 0.0
-    for i in range(n):
-        for j in range(i + 1):
+    for j in range(n):  # By columns: one division each, and rows that do not wait for each other.
+        s = A[j, j]
+        for k in range(j):
+            s -= A[j, k] * A[j, k]
+        if not s > 0.0:
+            return np.nan
+        root = np.sqrt(s)
+        inverse = 1.0 / root
+        A[j, j] = root
+        log_determinant += np.log(s)
+        for i in range(j + 1, n):
             s = A[i, j]
             for k in range(j):
                 s -= A[i, k] * A[j, k]
-            if i == j:
-                if not s > 0.0:
-                    return np.nan
-                A[i, i] = np.sqrt(s)
-                log_determinant += np.log(s)
-            else:
-                A[i, j] = s / A[j, j]
+            A[i, j] = s * inverse
     return log_determinant
 
 
@@ -51,15 +54,17 @@ def backward(L: Array, b: Array, n: int) -> None:
 @hot
 def inverse(L: Array, out: Array, n: int) -> None:
     """Writes A^-1 = (L L^T)^-1, symmetric, into `out[:n, :n]`."""
-    column = np.empty(n)
-    for j in range(n):
-        for i in range(n):
-            column[i] = 0.0
-        column[j] = 1.0
-        forward(L, column, n)
-        backward(L, column, n)
-        for i in range(n):
-            out[i, j] = column[i]
-    for i in range(n):
-        for j in range(i):
-            out[i, j] = out[j, i]
+    for j in range(n):  # First L^-1, lower triangular.
+        out[j, j] = 1.0 / L[j, j]
+        for i in range(j + 1, n):
+            s = 0.0
+            for k in range(j, i):
+                s -= L[i, k] * out[k, j]
+            out[i, j] = s / L[i, i]
+    for i in range(n):  # Then L^-T L^-1, in place from the first row down.
+        for j in range(i + 1):
+            s = 0.0
+            for k in range(i, n):
+                s += out[k, i] * out[k, j]
+            out[i, j] = s
+            out[j, i] = s

@@ -306,7 +306,11 @@ class JointFilters:
         lost = (1.0 - limit) * p[likeliest]
         p[likeliest] -= lost
         p[FREE] += lost
-        return replace(state, probabilities=dict(zip(TYPES, p.tolist(), strict=True)))
+        return replace(
+            state,
+            probabilities=dict(zip(TYPES, p.tolist(), strict=True)),
+            fit=read_fit(state, int(np.argmax(p))),
+        )
 
     def belief(self, state: JointFiltersState, time: float | None = None) -> JointBelief:
         """The belief about the pair's joint.
@@ -317,12 +321,10 @@ class JointFilters:
                 measurement, that of the last measurement.
         """
         dt = 0.0 if time is None else max(0.0, time - state.time)
-        probabilities = self.probabilities(state)
-        likeliest = TYPES.index(max(probabilities, key=lambda joint: probabilities[joint]))
         return JointBelief(
             parent_id=state.parent_id,
             child_id=state.child_id,
-            probabilities=probabilities,
+            probabilities=self.probabilities(state),
             models={
                 **{TYPES[kind]: read_joint(state, kind, dt, self.config) for kind in MOVING},
                 **{
@@ -332,7 +334,7 @@ class JointFilters:
             },
             updates=state.updates,
             skipped={str(reason): count for reason, count in state.skipped.items()},
-            fit=read_fit(state, likeliest),
+            fit=state.fit,
         )
 
     def predict(self, state: JointFiltersState, joint_type: JointType, dt: float) -> PoseBelief:

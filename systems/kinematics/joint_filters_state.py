@@ -15,7 +15,7 @@ from systems.kinematics.joint_solver.pose_keyframes import (
 from systems.kinematics.pose_checks import (
     SkipReason,
 )
-from systems.port_values import JointType
+from systems.port_values import JointFit, JointType
 
 TYPES = (
     JointType.PRISMATIC,
@@ -50,6 +50,7 @@ class JointFiltersState(Immutable):
         skipped: How many measurements were not used, by reason.
         outliers: How many were used and are outliers, as expected.
         probabilities: Of each type, given all measurements.
+        fit: Of the most probable type.
     """
 
     parent_id: int
@@ -70,6 +71,7 @@ class JointFiltersState(Immutable):
     skipped: Mapping[SkipReason, int] = field(default_factory=dict)
     outliers: float = 0.0
     probabilities: Mapping[JointType, float] = field(default_factory=dict)
+    fit: JointFit | None = None
 
 
 def skip(state: JointFiltersState, reason: SkipReason) -> JointFiltersState:

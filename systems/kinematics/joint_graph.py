@@ -268,6 +268,10 @@ def predict_bodies(
     The disconnected type says nothing of its own and is left out.
     """
     found: list[tuple[float, BodyPrediction]] = []
+    parents = {
+        parent: _predicted(graph.bodies[parent].motion, config.period)
+        for parent in {parent for parent, _ in graph.pairs} - {STATIC_BODY}
+    }
     for (parent_id, child_id), state in graph.pairs.items():
         dt = (graph.ticks + 1) * config.period - state.time
         for joint_type, probability in filters.probabilities(state).items():
@@ -276,7 +280,7 @@ def predict_bodies(
             pose = filters.predict(state, joint_type, dt)
             source = joint_type.value
             if parent_id != STATIC_BODY:
-                pose = _on_parent(pose, graph.bodies[parent_id].motion, config.period)
+                pose = _on_parent(pose, parents[parent_id])
                 source = f"{source} on {parent_id}"
             prediction = BodyPrediction(body_id=child_id, source=source, pose=pose)
             found.append((probability, prediction))
@@ -284,10 +288,16 @@ def predict_bodies(
     return BodyPredictions(predictions=[prediction for _, prediction in found])
 
 
-def _on_parent(pose: PoseBelief, parent: MotionBelief, period: float) -> PoseBelief:
-    """X_WB from X_PB, the parent going on at its velocity."""
-    step = parent.V * period
+def _predicted(body: MotionBelief, period: float) -> PoseBelief:
+    """X_WB of a body that goes on at its velocity."""
+    step = body.V * period
     J = np.hstack([se3.adjoint(se3.exp(-step)), period * se3.right_jacobian(step)])
-    X_WP, P = parent.X @ se3.exp(step), J @ parent.covariance @ J.T
+    return PoseBelief(X=body.X @ se3.exp(step), covariance=J @ body.covariance @ J.T)
+
+
+def _on_parent(pose: PoseBelief, parent: PoseBelief) -> PoseBelief:
+    """X_WB from X_PB and X_WP."""
     Ad = se3.adjoint(se3.inverse(pose.X))
-    return PoseBelief(X=X_WP @ pose.X, covariance=pose.covariance + Ad @ P @ Ad.T)
+    return PoseBelief(
+        X=parent.X @ pose.X, covariance=pose.covariance + Ad @ parent.covariance @ Ad.T
+    )

@@ -92,30 +92,23 @@ def _difference(X: Array, Z: Array, e: Array) -> None:
 
 
 @hot
-def _predict(n: int, X: Array, v: Array, P: Array, noise: Array, dt: float) -> None:
-    """Pose, velocity and covariance (n, n) a time dt [s] later, in place; n is 6 for a walk."""
-    if n == 6:
-        for i in range(6):
-            P[i, i] += noise[i] * dt
-        return
-    _move(X, v, dt)
+def _predict(A: Array, C: Array, D: Array, noise: Array, dt: float) -> None:
+    """Covariances, (6, 6) each, of pose, of pose and velocity and of velocity, dt [s] later."""
     for i in range(6):
-        for j in range(12):
-            P[i, j] += dt * P[6 + i, j]
-    for i in range(12):
         for j in range(6):
-            P[i, j] += dt * P[i, 6 + j]
+            A[i, j] += dt * (C[i, j] + C[j, i] + dt * D[i, j])
     for i in range(6):
         S = noise[i] * dt
-        P[i, i] += S * dt * dt / 3.0
-        P[i, 6 + i] += S * dt / 2.0
-        P[6 + i, i] += S * dt / 2.0
-        P[6 + i, 6 + i] += S
+        for j in range(6):
+            C[i, j] += dt * D[i, j]
+        A[i, i] += S * dt * dt / 3.0
+        C[i, i] += S * dt / 2.0
+        D[i, i] += S
 
 
 @hot
-def _whiten(e: Array, P: Array, R: Array, L: Array, x: Array) -> float:
-    """Factors P + R into `L`, writes L^-1 e into `x`; returns its log density.
+def _whiten(e: Array, P: Array, R: Array, k: int, L: Array, x: Array) -> float:
+    """Factors P + R_k into `L`, writes L^-1 e into `x`; returns its log density.
 
     Without the constant of all normal densities.
     """
@@ -123,7 +116,7 @@ def _whiten(e: Array, P: Array, R: Array, L: Array, x: Array) -> float:
     for i in range(6):
         x[i] = e[i]
         for j in range(i + 1):
-            L[i, j] = P[i, j] + R[i, j]
+            L[i, j] = P[i, j] + R[k, i, j]
     total = cholesky.factor(L, six)
     cholesky.forward(L, x, six)
     for i in range(6):
@@ -132,33 +125,101 @@ def _whiten(e: Array, P: Array, R: Array, L: Array, x: Array) -> float:
 
 
 @hot
-def _correct(
-    n: int, X: Array, v: Array, P: Array, L: Array, x: Array, K: Array, step: Array
-) -> None:
-    """Kalman update from the factored covariance `L` and the whitened innovation `x`, in place.
-
-    `K` (6, 12) is L^-1 times the first rows of P, a row at once, and `step` (12,) the correction:
-    both are overwritten.
-    """
-    for j in range(n):
+def _gain(L: Array, P: Array, x: Array, K: Array, step: Array) -> None:
+    """Writes L^-1 P, both (6, 6), into `K`, and its rows weighted by `x` into `step` (6,)."""
+    for j in range(6):
         step[j] = 0.0
     for i in range(6):
-        for j in range(n):
+        for j in range(6):
             K[i, j] = P[i, j]
         for k in range(i):
-            for j in range(n):
-                K[i, j] -= L[i, k] * K[k, j]
-        inverse = 1.0 / L[i, i]
-        for j in range(n):
-            K[i, j] *= inverse
+            scale = L[i, k]
+            for j in range(6):
+                K[i, j] -= scale * K[k, j]
+        scale = 1.0 / L[i, i]
+        for j in range(6):
+            K[i, j] *= scale
             step[j] += x[i] * K[i, j]
-    for k in range(6):
-        for i in range(n):
-            for j in range(n):
-                P[i, j] -= K[k, i] * K[k, j]
-    _move(X, step, 1.0)
-    for i in range(6, n):
-        v[i - 6] += step[i]
+
+
+@hot
+def _reduce(P: Array, A: Array, B: Array) -> None:
+    """P -= A^T B, all (6, 6)."""
+    for i in range(6):
+        for k in range(6):
+            scale = A[k, i]
+            for j in range(6):
+                P[i, j] -= scale * B[k, j]
+
+
+@hot
+def _blended(kf: Keyframes, k: int, inlier: float, R: Array) -> None:
+    """Writes the covariance in F of a keyframe that is an outlier by a part into `R` (1, 6, 6)."""
+    six = int(np.int64(6))
+    L, W = np.empty((6, 6)), np.empty((6, 6))
+    blend(kf, k, inlier, L)
+    cholesky.factor(L, six)
+    cholesky.inverse(L, W, six)
+    _rotate(kf.Z[k], W, R[0])
+
+
+@hot
+def _filter(
+    kf: Keyframes,
+    noise: Array,
+    velocity: Array,
+    has_velocity: bool,
+    R: Array,
+    R_out: Array,
+    share: float,
+    inlier: Array,
+) -> tuple[float, float]:
+    """The log evidence of one way of moving; see `log_evidences`.
+
+    Args:
+        kf: Keyframes.
+        noise: (6,) process noise, see `FreeMotion`.
+        velocity: (6,) variances of the first velocity.
+        has_velocity: See `FreeMotion`.
+        R: (K, 6, 6) covariance of each keyframe, in F.
+        R_out: (K, 6, 6) the same if it is an outlier; of open ones.
+        share: Of outliers.
+        inlier: (K,) result.
+    """
+    X, v, none = kf.Z[0].copy(), np.zeros(6), int(np.int64(0))
+    A, C, D = R[0].copy(), np.zeros((6, 6)), np.diag(velocity)
+    e, x, step, L, blended = np.empty(6), np.empty(6), np.empty(6), np.empty((6, 6)), R[:1].copy()
+    KA, KC = np.empty((6, 6)), np.empty((6, 6))
+    before, value = 0.0, 0.5 * kf.log_det[0]
+    inlier[0] = 1.0
+    for k in range(1, kf.size[0]):
+        dt, half = kf.time[k] - kf.time[k - 1], 0.5 * kf.log_det[k]
+        if has_velocity:
+            _move(X, v, dt)
+            _predict(A, C, D, noise, dt)
+        else:
+            for i in range(6):
+                A[i, i] += noise[i] * dt
+        _difference(X, kf.Z[k], e)
+        outlier = half + _whiten(e, A, R_out, k, L, x) if kf.open[k] > 0.0 else -np.inf
+        density = half + _whiten(e, A, R, k, L, x)
+        if kf.open[k] > 0.0:
+            inlier[k], density = inlier_share(density, outlier, share)
+            if inlier[k] < 1.0 - 1e-9:
+                _blended(kf, k, inlier[k], blended)
+                _whiten(e, A, blended, none, L, x)
+        before, value = value, value + density
+        if has_velocity:
+            _gain(L, C, x, KC, step)
+            for i in range(6):
+                v[i] += step[i]
+        _gain(L, A, x, KA, step)
+        _move(X, step, 1.0)
+        _reduce(A, KA, KA)
+        if has_velocity:
+            _reduce(C, KA, KC)
+            _reduce(D, KC, KC)
+    return before, value
 
 
 @hot
@@ -173,44 +234,29 @@ def log_evidences(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Ar
         outliers: See `Priors`.
         inlier: (M, K) probability that each open keyframe is none, given those before it; a result.
     """
-    six, ways = int(np.int64(6)), kf.free.size
-    values = np.full((2, ways), 0.5 * kf.log_det[0])
-    X, v, P = np.empty((ways, 4, 4)), np.zeros((ways, 6)), np.zeros((ways, 12, 12))
-    e, x, step, K, L = np.empty(6), np.empty(6), np.empty(12), np.empty((6, 12)), np.empty((6, 6))
-    W, R, R_out = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 6))
-    for way in range(ways):
-        X[way] = kf.Z[0]
-        _rotate(kf.Z[0], kf.R[0], P[way])
-        for i in range(6):
-            P[way, 6 + i, 6 + i] = motion.velocity[i]
-    inlier[:, 0] = 1.0
-    for k in range(1, kf.size[0]):
-        dt, half = kf.time[k] - kf.time[k - 1], 0.5 * kf.log_det[k]
-        W[:] = kf.R[k] + kf.floor
-        _rotate(kf.Z[k], W, R)
+    n = kf.size[0]
+    R, R_out, W = np.empty((n, 6, 6)), np.empty((n, 6, 6)), np.empty((6, 6))
+    for k in range(n):
+        W[:] = kf.R[k]
+        if k > 0:
+            W += kf.floor
+        _rotate(kf.Z[k], W, R[k])
         if kf.open[k] > 0.0:
             for i in range(6):
                 W[i, i] += outliers[1 + i]
-            _rotate(kf.Z[k], W, R_out)
-        for way in range(ways):
-            n = 12 if motion.has_velocity[way] > 0.0 else 6
-            _predict(n, X[way], v[way], P[way], motion.noise[way], dt)
-            _difference(X[way], kf.Z[k], e)
-            if kf.open[k] > 0.0:
-                outlier = half + _whiten(e, P[way], R_out, L, x)
-                density = half + _whiten(e, P[way], R, L, x)
-                inlier[way, k], density = inlier_share(density, outlier, outliers[0])
-                if inlier[way, k] < 1.0 - 1e-9:
-                    blend(kf, k, inlier[way, k], W)
-                    cholesky.factor(W, six)
-                    cholesky.inverse(W, L, six)
-                    _rotate(kf.Z[k], L, W)
-                    _whiten(e, P[way], W, L, x)
-            else:
-                density = half + _whiten(e, P[way], R, L, x)
-            values[0, way] = values[1, way]
-            values[1, way] += density
-            _correct(n, X[way], v[way], P[way], L, x, K, step)
+            _rotate(kf.Z[k], W, R_out[k])
+    values = np.empty((2, kf.free.size))
+    for way in range(kf.free.size):
+        values[0, way], values[1, way] = _filter(
+            kf,
+            motion.noise[way],
+            motion.velocity,
+            motion.has_velocity[way] > 0.0,
+            R,
+            R_out,
+            outliers[0],
+            inlier[way],
+        )
     return values
 
 

@@ -73,10 +73,10 @@ def _weigh(W: Array, k: int, rows: int, J: Array, WJ: Array) -> None:
     """Writes J W_k into `WJ`, both with `rows` rows of six."""
     for i in range(rows):
         for j in range(6):
-            s = 0.0
-            for n in range(6):
-                s += J[i, n] * W[k, n, j]
-            WJ[i, j] = s
+            WJ[i, j] = 0.0
+        for n in range(6):
+            for j in range(6):
+                WJ[i, j] += J[i, n] * W[k, n, j]
 
 
 @hot

@@ -61,9 +61,9 @@ def _zero(kind: int, m: Models, W: Array, k: Array) -> float:
 
 @hot
 def read_configuration(
-    kind: int, m: Models, W_zero: Array, displaced: Array
-) -> tuple[Array, Array, float]:
-    """Configuration and rate since the reference, (2,), and their derivatives by theta (n, 2).
+    kind: int, m: Models, W_zero: Array, displaced: Array, zero_variance: float
+) -> tuple[Array, Array]:
+    """Configuration and rate since the reference, (2,), and their covariance (2, 2).
 
     Args:
         kind: One of `MOVING`.
@@ -72,19 +72,65 @@ def read_configuration(
             measured reference has q = 0.
         displaced: Covariance (6, 6), in B, of the path's displacement from the measured reference
             as far as it makes the configuration wrong; without W_zero the path's own counts.
-
-    Returns:
-        The two, and the variance of the configuration from that displacement.
+        zero_variance: By how far the child may have moved before the reference.
     """
-    variance, state = 0.0, m.state[kind].copy()
-    sensitivity = np.ascontiguousarray(m.gain[kind][:, : dimension(kind)].T)
+    n = dimension(kind)
+    state, P, gain = m.state[kind].copy(), m.P[kind].copy(), m.gain[kind].copy()
+    P[0, 0] += zero_variance
     if W_zero[0, 0] > 0.0:
         shift = np.empty(6)
         state[0] -= _zero(kind, m, W_zero, shift)
         for i in range(6):
-            sensitivity[i, 0] += shift[i]
-        variance = float(shift @ displaced @ shift)
-    return state, sensitivity, variance
+            gain[0, i] += shift[i]
+            for j in range(6):
+                P[0, 0] += shift[i] * displaced[i, j] * shift[j]
+    for i in range(2):
+        for j in range(2):
+            for k in range(n):
+                for l in range(n):
+                    P[i, j] += gain[i, k] * m.covariance[kind, k, l] * gain[j, l]
+    P[0, 1] = P[1, 0] = 0.5 * (P[0, 1] + P[1, 0])
+    return state, P
+
+
+@hot
+def predicted_configuration(x: Array, P: Array, S: float, dt: float) -> tuple[Array, Array]:
+    """Configuration and rate (2,), and their covariance (2, 2), a time dt [s] later.
+
+    What is not measured goes on as it went, with the density of acceleration S, or has stopped at
+    once: an equal mixture of both.
+    """
+    half, out = 0.5 * dt * x[1], np.empty((2, 2))
+    out[0, 0] = P[0, 0] + dt * (P[0, 1] + 0.5 * dt * P[1, 1]) + S * dt**3 / 6.0 + half * half
+    out[0, 1] = out[1, 0] = 0.5 * (P[0, 1] + dt * P[1, 1] + S * dt**2 / 2.0 + half * x[1])
+    out[1, 1] = 0.5 * (P[1, 1] + S * dt) + 0.25 * x[1] ** 2
+    return np.array([x[0] + half, 0.5 * x[1]]), out
+
+
+@hot
+def read_moving(
+    kind: int,
+    m: Models,
+    X_PF: Array,
+    axis_distance: float,
+    W_zero: Array,
+    displaced: Array,
+    zero_variance: float,
+    S: float,
+    dt: float,
+) -> tuple[Array, Array, Array, Array, Array]:
+    """All that `read_axis` and `read_configuration` say, the configuration predicted dt [s] ahead.
+
+    Args:
+        kind, m, X_PF, axis_distance, W_zero, displaced, zero_variance: See there.
+        S: Density of the child's acceleration of which nothing measured says how jerky it is.
+        dt: See above.
+    """
+    vectors, axis, point = read_axis(kind, m, X_PF, axis_distance)
+    x, P = read_configuration(kind, m, W_zero, displaced, zero_variance)
+    if dt > 1e-9:
+        x, P = predicted_configuration(x, P, S, dt)
+    return vectors, axis, point, x, P
 
 
 @hot

@@ -32,6 +32,7 @@ from systems.kinematics.joint_solver.pose_keyframes import RECENT, Keyframes
 _CONVERGED = 0.1  # Gain in log likelihood below which no further step is made, [nat].
 _SHORTER = 0.3  # Share of a step that is tried where the whole of it has lost likelihood.
 _PROMISED = 1.0  # Most gain that the last step may add to the evidence unverified, [nat].
+_UNLIKELY = 12.0  # Log evidence below the best from which a density is not solved for again, [nat].
 _TILT = 0.7  # Most that one step may tilt an axis, [rad].
 _SHIFT = 0.5  # Most that one step may move an axis, as a share of its distance.
 
@@ -80,9 +81,19 @@ def _lever(kind: int, m: Models, priors: Priors) -> float:
 
 @hot
 def _solve_densities(
-    kind: int, m: Models, kf: Keyframes, priors: Priors, lin: Linear, best: Chain, trial: Chain
+    kind: int,
+    m: Models,
+    kf: Keyframes,
+    priors: Priors,
+    lin: Linear,
+    evidences: Array,
+    best: Chain,
+    trial: Chain,
 ) -> tuple[float, float, float, float]:
     """Solves for every density of the process noise; the best solution stays in `best`.
+
+    `evidences` (n,) are those at the last linearisation, all alike at first; they are overwritten,
+    but for densities that were unlikely then, which are left out.
 
     Returns:
         Log evidence with the density marginalised, the best density S, its log likelihood and gain.
@@ -90,10 +101,14 @@ def _solve_densities(
     n, lever, still = dimension(kind), _lever(kind, m, priors), np.zeros(PARAMETERS)
     total, top, best_S, best_value, best_gain = 0.0, -np.inf, 0.0, 0.0, 0.0
     q, speed, J = m.q[kind], priors.speed / lever, priors.jump_noise / lever**2
-    for density in priors.process_noise:
-        S = density / lever**2
+    least = evidences.max() - _UNLIKELY
+    for i in range(evidences.size):
+        if evidences[i] < least:
+            continue
+        S = priors.process_noise[i] / lever**2
         value = run_chain(n, S, J, priors.jumps, speed, 1.0, q, kf, lin, still, 0, trial)
         evidence, gain = solve(n, value, trial)
+        evidences[i] = evidence
         if evidence > top:
             total = total * np.exp(top - evidence) + 1.0
             top, best_S, best_value, best_gain = evidence, S, value, gain
@@ -189,11 +204,13 @@ def solve_moving(
     best, trial = new_chain(kf.time.size), new_chain(kf.time.size)
     previous, q_previous = -np.inf, m.q[kind].copy()
     Y, a, c, pitch = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy(), m.pitch[kind]
-    step, dq = np.zeros(PARAMETERS), np.zeros(kf.time.size)
+    step, dq, evidences = np.zeros(PARAMETERS), np.zeros(kf.time.size), np.zeros_like(priors.process_noise)
     far = priors.far_axes and may_be_far(kf)
     for i in range(steps):
         linearise(kind, m, kf, priors.axis_distance, far, priors.outliers[0], temper, lin)
-        evidence, S, value, gain = _solve_densities(kind, m, kf, priors, lin, best, trial)
+        evidence, S, value, gain = _solve_densities(
+            kind, m, kf, priors, lin, evidences, best, trial
+        )
         if i < steps - 1 and value < previous:
             share = _SHORTER if i < steps - 2 else 0.0
             step *= share

@@ -54,6 +54,7 @@ from systems.kinematics.joint_filters_start import (
     solver_priors,
 )
 from systems.kinematics.joint_filters_state import TYPES, JointFiltersState, skip
+from systems.kinematics.joint_solver.free_motion import settle
 from systems.kinematics.joint_solver.joint_geometry import (
     FREE,
     MOVING,
@@ -86,8 +87,8 @@ from systems.kinematics.pose_checks import (
 from systems.port_values import JointBelief, JointType, PoseBelief
 
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
-_RESTART_EVERY = 15  # Updates between fresh starts where the axis is better known than that.
-_SCREW_EVERY = 3  # Updates between two turns of the screw, see `joint_update.solve_all`.
+_RESTART_EVERY = 16  # Updates between fresh starts where the axis is better known than that.
+_TURN_EVERY = 4  # Updates between two turns of all models, see `joint_update.solve_all`.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
 _SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
 
@@ -260,12 +261,13 @@ class JointFilters:
         observe(noise, X_FB, R, time, least_scale(self.config))
         wanted = np.repeat(np.sqrt(noise.variance), 3)
         if np.abs(np.log(wanted / scale)).max() > _RESCALE:
+            settle(keyframes, self._priors.free, self._priors.outliers, models.inlier[FREE])
             rescale(keyframes, wanted / scale, keyframes.floor.copy(), self._priors.outliers)
             scale = wanted
         R = R * np.outer(scale, scale)
-        restart, screw = _wants_restart(state), state.updates % _SCREW_EVERY == 0
+        turn = (state.updates + 1) % _TURN_EVERY == 0
         outliers = update_models(
-            models, keyframes, X_FB, R, time, priors, self._log_prior, restart, screw
+            models, keyframes, X_FB, R, time, priors, self._log_prior, _wants_restart(state), turn
         )
         models, keyframes, floor = with_likelier_floor(
             models,
@@ -364,4 +366,4 @@ def _wants_restart(state: JointFiltersState) -> bool:
     if m.prior_information[0, 0, 0] > 0.0:
         return False
     unknown = m.covariance[PRISMATIC, 6, 6] + m.covariance[PRISMATIC, 7, 7] > _WELL_KNOWN**2
-    return bool(unknown) or state.updates % _RESTART_EVERY == 0
+    return bool(unknown) or (state.updates + 1) % _RESTART_EVERY == 0

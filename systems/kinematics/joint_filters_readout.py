@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from maths.arrays import Array
 from systems.kinematics.goodness_of_fit import reduced_chi_square
 from systems.kinematics.joint_filters_config import JointFiltersConfig
 from systems.kinematics.joint_filters_state import JointFiltersState

@@ -19,7 +19,7 @@ from maths.arrays import Array
 from maths.compiled import hot
 from maths.se3_in_place import relative_log
 from systems.kinematics.joint_solver.outliers import blend, inlier_share
-from systems.kinematics.joint_solver.pose_keyframes import FREE_WAYS, Keyframes
+from systems.kinematics.joint_solver.pose_keyframes import FREE_WAYS, MEMORY, Keyframes
 
 _SCALES = (1.0, 0.1, 0.01)  # Of the process noise: of a walk, and of a velocity.
 assert 2 * len(_SCALES) == FREE_WAYS
@@ -190,7 +190,8 @@ def _filter(
     A, C, D = R[0].copy(), np.zeros((6, 6)), np.diag(velocity)
     e, x, step, L, blended = np.empty(6), np.empty(6), np.empty(6), np.empty((6, 6)), R[:1].copy()
     KA, KC = np.empty((6, 6)), np.empty((6, 6))
-    before, value = 0.0, 0.5 * kf.log_det[0]
+    value = 0.5 * kf.log_det[0]
+    before = value
     inlier[0] = 1.0
     for k in range(1, kf.size[0]):
         dt, half = kf.time[k] - kf.time[k - 1], 0.5 * kf.log_det[k]
@@ -208,7 +209,9 @@ def _filter(
             if inlier[k] < 1.0 - 1e-9:
                 _blended(kf, k, inlier[k], blended)
                 _whiten(e, A, blended, none, L, x)
-        before, value = value, value + density
+        value += density
+        if k < kf.size[0] - kf.pending[0]:
+            before = value
         if has_velocity:
             _gain(L, C, x, KC, step)
             for i in range(6):
@@ -224,7 +227,7 @@ def _filter(
 
 @hot
 def log_evidences(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -> Array:
-    """The log evidence (2, M) of each way of moving, without the newest keyframe and with it.
+    """The log evidence (2, M) of each way of moving, without the pending keyframes and with them.
 
     Each keyframe's own normaliser is left out.
 
@@ -261,8 +264,8 @@ def log_evidences(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Ar
 
 
 @hot
-def explain(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -> Array:
-    """Completes `kf.explained`; returns what each way (M,) explains without the newest keyframe.
+def explain(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -> None:
+    """Completes `kf.explained`, and `kf.free` by what averages have hidden since it was last known.
 
     Args:
         kf: Keyframes.
@@ -272,15 +275,24 @@ def explain(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -
     """
     each = np.ones((kf.free.size, inlier.size))
     values = log_evidences(kf, motion, outliers, each)
+    if not np.isnan(kf.explained[0]):
+        kf.free[:] = np.minimum(np.maximum(kf.explained - values[0], -MEMORY), 0.0)
     kf.explained[:] = values[1] + kf.free
+    kf.pending[0] = 0
     inlier[:] = each[np.argmax(kf.explained)]
-    return values[0] + kf.free
+
+
+@hot
+def settle(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -> None:
+    """Explains what is pending, before keyframes change in a way that would lose it."""
+    if kf.pending[0] > 0 and not np.isnan(kf.explained[0]):
+        explain(kf, motion, outliers, inlier)
 
 
 @hot
 def free_evidence(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -> float:
     """The log evidence of a body that no joint holds; see `explain`."""
-    if np.isnan(kf.explained[0]):
+    if np.isnan(kf.explained[0]) or kf.pending[0] > 0:
         explain(kf, motion, outliers, inlier)
     top = kf.explained.max()
     return top + np.log(np.exp(kf.explained - top).mean())

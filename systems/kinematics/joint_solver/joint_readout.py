@@ -74,7 +74,7 @@ def read_configuration(
             as far as it makes the configuration wrong; without W_zero the path's own counts.
         zero_variance: By how far the child may have moved before the reference.
     """
-    n = dimension(kind)
+    size = dimension(kind)
     state, P, gain = m.state[kind].copy(), m.P[kind].copy(), m.gain[kind].copy()
     P[0, 0] += zero_variance
     if W_zero[0, 0] > 0.0:
@@ -86,9 +86,9 @@ def read_configuration(
                 P[0, 0] += shift[i] * displaced[i, j] * shift[j]
     for i in range(2):
         for j in range(2):
-            for k in range(n):
-                for l in range(n):
-                    P[i, j] += gain[i, k] * m.covariance[kind, k, l] * gain[j, l]
+            for k in range(size):
+                for n in range(size):
+                    P[i, j] += gain[i, k] * m.covariance[kind, k, n] * gain[j, n]
     P[0, 1] = P[1, 0] = 0.5 * (P[0, 1] + P[1, 0])
     return state, P
 

@@ -14,7 +14,7 @@ from systems.kinematics.joint_solver.joint_geometry import (
 from systems.kinematics.joint_solver.joint_linearisation import embedding
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
 from systems.kinematics.joint_solver.joint_pitch import WIDEST, pitch_evidence
-from systems.kinematics.joint_solver.joint_update import MEMORY
+from systems.kinematics.joint_solver.pose_keyframes import MEMORY
 
 
 def keep_axes(old: Models, axis_distance: float, far: bool) -> Models:

@@ -12,10 +12,9 @@ from maths import cholesky
 from maths.arrays import Array
 from maths.compiled import hot
 from systems.kinematics.joint_solver.axis_prior import may_be_far
-from systems.kinematics.joint_solver.free_motion import FreeMotion, free_evidence
+from systems.kinematics.joint_solver.free_motion import FreeMotion
 from systems.kinematics.joint_solver.joint_chain import Chain, new_chain, run_chain, smooth, solve
 from systems.kinematics.joint_solver.joint_geometry import (
-    FREE,
     PARAMETERS,
     PRISMATIC,
     RIGID,
@@ -204,7 +203,8 @@ def solve_moving(
     best, trial = new_chain(kf.time.size), new_chain(kf.time.size)
     previous, q_previous = -np.inf, m.q[kind].copy()
     Y, a, c, pitch = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy(), m.pitch[kind]
-    step, dq, evidences = np.zeros(PARAMETERS), np.zeros(kf.time.size), np.zeros_like(priors.process_noise)
+    step, dq = np.zeros(PARAMETERS), np.zeros(kf.time.size)
+    evidences = np.zeros(priors.process_noise.size)
     far = priors.far_axes and may_be_far(kf)
     for i in range(steps):
         linearise(kind, m, kf, priors.axis_distance, far, priors.outliers[0], temper, lin)
@@ -244,8 +244,8 @@ def solve_moving(
 
 
 @hot
-def solve_still(m: Models, kf: Keyframes, priors: Priors) -> None:
-    """Solves the rigid model, which is nearly linear, and the evidence of a free motion."""
+def solve_rigid(m: Models, kf: Keyframes, priors: Priors) -> None:
+    """Solves the rigid model, which is nearly linear."""
     temper = 1.0
     rigid = int(np.int64(RIGID))  # For a literal, Numba would compile all callees again.
     lin, chain = new_linear(kf.time.size), new_chain(kf.time.size)
@@ -261,5 +261,3 @@ def solve_still(m: Models, kf: Keyframes, priors: Priors) -> None:
         if gain < _CONVERGED:
             break
     cholesky.inverse(chain.H, m.covariance[RIGID], dimension(rigid))
-    free = free_evidence(kf, priors.free, priors.outliers, m.inlier[FREE])
-    m.log_evidence[FREE] = free + m.marginal_evidence[FREE]

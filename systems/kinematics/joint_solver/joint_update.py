@@ -8,7 +8,7 @@ from maths.compiled import hot
 from maths.se3_in_place import relative_log
 from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver import pose_keyframes
-from systems.kinematics.joint_solver.free_motion import explain
+from systems.kinematics.joint_solver.free_motion import explain, free_evidence, settle
 from systems.kinematics.joint_solver.joint_fit import measured_directions
 from systems.kinematics.joint_solver.joint_geometry import (
     FREE,
@@ -32,7 +32,7 @@ from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.joint_solver import (
     Priors,
     solve_moving,
-    solve_still,
+    solve_rigid,
 )
 from systems.kinematics.joint_solver.joint_start import (
     circle_start,
@@ -42,7 +42,7 @@ from systems.kinematics.joint_solver.joint_start import (
     start_from_revolute,
     turn,
 )
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+from systems.kinematics.joint_solver.pose_keyframes import MEMORY, Keyframes
 
 _STREAK = 3  # Most outliers in a row.
 _UNDECIDED = 14  # Keyframes up to which none is decided about: the noise is hardly known yet.
@@ -50,7 +50,8 @@ STEPS = 6  # Most linearisations of one update.
 _FRESH_STEPS = 8  # Most linearisations from a fresh start.
 _TEMPERED_STEPS = 3  # Before them, with residuals that count less.
 _TEMPER = 10.0  # By so much, so that nothing is an outlier only because the start is far off.
-MEMORY = 400.0  # Most log evidence that is kept of past measurements against a model, [nat].
+_FAR_BEHIND = 30.0  # Log evidence below the likeliest type's from which one takes turns, [nat].
+_SURPRISE = 5.0  # Loss of the likeliest type's at which the turn of all has come, [nat].
 
 
 @hot
@@ -105,16 +106,14 @@ def add_measurement(
             return k
         if np.isnan(kf.explained[0]):
             explain(kf, priors.free, priors.outliers, m.inlier[FREE])
-        before = kf.explained + 0.5 * _step_loss(m, kf, k)
+        kf.explained[:] += 0.5 * _step_loss(m, kf, k)
         pose_keyframes.merge(kf, k)
         _delete_configuration(m, kf, k + 1)
+    else:
+        kf.explained[:] = np.nan
     pose_keyframes.append(kf, X_FB, R, time, priors.outliers)
-    if not room:
-        free = kf.free + before - explain(kf, priors.free, priors.outliers, m.inlier[FREE])
-        free = np.minimum(np.maximum(free, -MEMORY), 0.0)
-        kf.explained[:] += free - kf.free
-        kf.free[:] = free
     last, dt = kf.size[0] - 1, time - kf.time[kf.size[0] - 2]
+    m.inlier[:, last] = 1.0
     for kind in MOVING:
         m.q[kind, last] = m.state[kind, 0] + dt * m.state[kind, 1]
     return -1
@@ -129,30 +128,55 @@ def _turns_are_seen(kf: Keyframes) -> bool:
     return bool(kf.R[kf.size[0] - 1, 0, 0] < 1.0)
 
 
-def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, screw: bool) -> None:
-    """Solves all models, linearised at most `steps` times each.
+def _solve(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int) -> None:
+    """Solves one model."""
+    if kind == RIGID:
+        solve_rigid(m, kf, priors)
+    elif kind == FREE:
+        free = free_evidence(kf, priors.free, priors.outliers, m.inlier[FREE])
+        m.log_evidence[FREE] = free + m.marginal_evidence[FREE]
+    else:
+        solve_moving(kind, m, kf, priors, steps, 1.0)
+
+
+def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, turn: bool) -> None:
+    """Solves the models, linearised at most `steps` times each.
 
     Args:
         m: Models.
         kf: Keyframes.
         priors: See `Priors`.
         steps: See above.
-        screw: Whether the screw's turn has come. While the revolute model, which is its limit of no
-            pitch, explains more, the screw is solved only then; between its turns what it explains
-            less stays the same.
+        turn: Whether the turn of all models has come. Otherwise those that are far behind the
+            likeliest one wait, and so does the screw while the revolute model, which is its limit
+            of no pitch, explains more: what they explain less stays the same. A measurement that
+            surprises the likeliest one makes it the turn of all.
     """
-    ratio = m.log_evidence[SCREW] - m.log_evidence[REVOLUTE]
-    for kind in (PRISMATIC, REVOLUTE):
-        solve_moving(kind, m, kf, priors, steps, 1.0)
-    solve_still(m, kf, priors)
-    if (screw or ratio > 0.0) and _turns_are_seen(kf):
-        if ratio < 0.0:
-            start_from_revolute(m, kf)
-        solve_moving(SCREW, m, kf, priors, steps, 1.0)
-    else:
+    before = m.log_evidence.copy()
+    lead, ratio = int(np.argmax(before)), before[SCREW] - before[REVOLUTE]
+    seen = _turns_are_seen(kf)
+    gain, solved = 0.0, set[int]()
+    # The likeliest first: what it gains is what those that wait gain.
+    for kind in (lead, *(k for k in (PRISMATIC, REVOLUTE, SCREW, RIGID, FREE) if k != lead)):
+        is_due = turn or before[kind] > before[lead] - _FAR_BEHIND
+        if kind == SCREW:
+            is_due = seen and (turn or ratio > 0.0)
+            if is_due and ratio < 0.0:
+                start_from_revolute(m, kf)
+        if not is_due:
+            continue
+        _solve(kind, m, kf, priors, steps)
+        solved.add(kind)
+        if kind == lead:
+            gain = float(m.log_evidence[lead] - before[lead])
+            turn = turn or gain < -_SURPRISE
+    for kind in {PRISMATIC, REVOLUTE, SCREW, RIGID, FREE} - solved:
+        m.log_evidence[kind] = before[kind] + gain
+        if kind in MOVING:
+            m.state[kind, 0] = m.q[kind, kf.size[0] - 1]
+    if SCREW not in solved:
         m.log_evidence[SCREW] = m.log_evidence[REVOLUTE] + ratio
         m.inlier[SCREW] = m.inlier[REVOLUTE]
-        m.state[SCREW, 0] = m.q[SCREW, kf.size[0] - 1]
 
 
 def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
@@ -162,6 +186,7 @@ def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
     and after it says is lost.
     """
     log_evidence = m.log_evidence.copy()
+    settle(kf, priors.free, priors.outliers, m.inlier[FREE])
     size = PARAMETERS + 2
     d, T, lin = np.empty(size), np.empty((PARAMETERS, size)), new_linear(kf.time.size)
     for kind in range(JOINTS):
@@ -183,7 +208,8 @@ def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
     _delete_configuration(m, kf, k)
     solve_all(m, kf, priors, 2, True)
     m.marginal_evidence[:] += log_evidence - m.log_evidence
-    m.marginal_evidence[:] = np.maximum(m.marginal_evidence - m.marginal_evidence.max(), -MEMORY)
+    evidence = m.marginal_evidence - m.marginal_evidence.max()
+    m.marginal_evidence[:] = np.maximum(evidence, -MEMORY)
 
 
 @hot
@@ -214,17 +240,17 @@ def close_decided(m: Models, kf: Keyframes, log_prior: Array) -> float:
     return outliers
 
 
-def restart(m: Models, kf: Keyframes, priors: Priors, screw: bool) -> None:
+def restart(m: Models, kf: Keyframes, priors: Priors, turn: bool) -> None:
     """Takes over the models that explain more from a fresh start; see `solve_all`."""
     other = Models(*[x.copy() for x in m])
     fresh_start(other, kf, priors.axis_distance, priors.outliers[0])
     ratio = m.log_evidence[SCREW] - m.log_evidence[REVOLUTE]
-    screw = screw and _turns_are_seen(kf)
+    screw = turn and _turns_are_seen(kf)
     moving = MOVING if screw else (PRISMATIC, REVOLUTE)
     for kind in moving:
         solve_moving(kind, other, kf, priors, _TEMPERED_STEPS, _TEMPER)
         solve_moving(kind, other, kf, priors, _FRESH_STEPS, 1.0)
-    solve_still(other, kf, priors)
+    solve_rigid(other, kf, priors)
     _take_over(m, other, (*moving, RIGID))
     if kf.size[0] > 3 and m.log_evidence[REVOLUTE] < m.log_evidence.max():
         circle_start(other, kf)
@@ -253,7 +279,7 @@ def update(
     priors: Priors,
     log_prior: Array,
     young: bool,
-    screw: bool,
+    turn: bool,
 ) -> float:
     """Corrects all models with one relative pose; returns how many outliers that has decided.
 
@@ -266,15 +292,15 @@ def update(
         priors: See `Priors`.
         log_prior: (5,) log probability of each type before anything was measured.
         young: Whether to try a fresh start beside the last solution.
-        screw: See `solve_all`.
+        turn: See `solve_all`.
     """
     k = add_measurement(m, kf, X_FB, R, time, priors, bool(kf.size[0] < kf.time.size))
     if k >= 0:
         marginalise(m, kf, k, priors)
         add_measurement(m, kf, X_FB, R, time, priors, True)
-    solve_all(m, kf, priors, STEPS, screw)
+    solve_all(m, kf, priors, STEPS, turn)
     if young:
-        restart(m, kf, priors, screw)
+        restart(m, kf, priors, turn)
     outliers = close_decided(m, kf, log_prior)
     for kind in MOVING:
         decide_sign(kind, m)

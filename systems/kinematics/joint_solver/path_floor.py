@@ -33,7 +33,7 @@ def with_floor(m: Models, kf: Keyframes, floor: Array, priors: Priors) -> tuple[
     """Models and keyframes as they would be with another floor (6, 6); nothing is changed."""
     other, frames = Models(*[x.copy() for x in m]), pose_keyframes.copy_keyframes(kf)
     pose_keyframes.rescale(frames, np.ones(6), floor, priors.outliers)
-    solve_all(other, frames, priors, STEPS, False)
+    solve_all(other, frames, priors, STEPS, True)
     if other.log_evidence[FREE] > other.log_evidence[:FREE].max():
         restart(other, frames, priors, True)
     return other, frames

@@ -22,6 +22,7 @@ from maths.se3_in_place import perturb, relative_log
 
 RECENT = 4  # Newest keyframes, which stay single measurements: they say the present velocity.
 FIRST = 4  # Oldest keyframes, which are never marginalised: they say where the motion started.
+MEMORY = 400.0  # Most log evidence that is kept of past measurements against a model, [nat].
 FREE_WAYS = 6  # Of moving without a joint, see `free_motion`.
 _EXCESS = 6.0  # Expected loss when two keyframes of the same pose are averaged: their dimension.
 
@@ -46,8 +47,9 @@ class Keyframes(NamedTuple):
         pair: (K,) what averaging keyframes k and k + 1 loses.
         free: (M,) log density ratio of each way of moving freely (`free_motion`) over a joint in
             what has been averaged, at most zero.
-        explained: (M,) log evidence of each way, `free` included, as the keyframes were when it was
-            last asked for; NaN where a measurement or another scale has come since.
+        explained: (M,) log evidence of each way, `free` included, and what averaging has cost a
+            joint since, of all keyframes but the newest ones that are pending; NaN if not known.
+        pending: (1,) measurements since it was asked for.
         spread: (1,) largest mean squared distance of a keyframe from the mean, in units of R.
     """
 
@@ -65,6 +67,7 @@ class Keyframes(NamedTuple):
     pair: Array
     free: Array
     explained: Array
+    pending: Ids
     spread: Array
 
 
@@ -85,6 +88,7 @@ def empty_keyframes(capacity: int) -> Keyframes:
         pair=np.zeros(capacity),
         free=np.zeros(FREE_WAYS),
         explained=np.full(FREE_WAYS, np.nan),
+        pending=np.zeros(1, dtype=np.int64),
         spread=np.zeros(1),
     )
 
@@ -169,7 +173,7 @@ def append(kf: Keyframes, X: Array, R: Array, time: float, outliers: Array) -> N
     _fill_outlier(kf, k, outliers)
     kf.open[k] = 1.0 if outliers[0] > 0.0 else 0.0
     kf.size[0] = k + 1
-    kf.explained[:] = np.nan
+    kf.pending[0] += 1
     _pair(kf, k - 1)
 
 

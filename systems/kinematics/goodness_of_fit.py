@@ -10,7 +10,7 @@ from systems.kinematics.joint_solver.joint_fit import off_path
 from systems.kinematics.joint_solver.joint_geometry import RIGID
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.noise_scale import NoiseScale, degrees_of_freedom
-from systems.kinematics.joint_solver.path_floor import FLOORS
+from systems.kinematics.joint_solver.path_floor import floor
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 _INSIDE = 0.95  # Probability of the bounds.
@@ -54,7 +54,7 @@ def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale, scale
     if kind > RIGID:
         return 1.0
     claimed = kf.R[kf.size[0] - 1] / np.outer(scale, scale)
-    square, degrees = off_path(kind, m, kf, FLOORS[-1] ** 2 * claimed)
+    square, degrees = off_path(kind, m, kf, floor(-1, claimed))
     if degrees < 1:
         return 1.0
     p = float(scipy.special.fdtrc(degrees, degrees_of_freedom(noise), square / degrees))

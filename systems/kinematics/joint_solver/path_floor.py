@@ -2,8 +2,8 @@
 
 Errors that depend on the place, as a camera's calibration has them, and a path that is not quite
 straight or round do not average out within a keyframe. Their covariance, the keyframes' floor, is
-a multiple of what a measurement claims; of a few multiples the one is kept under which all
-keyframes are likeliest, whatever the type.
+a multiple of what a measurement claims, or of what real joints stray by where less is claimed; of a
+few multiples the one is kept under which all keyframes are likeliest, whatever the type.
 """
 
 import numpy as np
@@ -16,9 +16,16 @@ from systems.kinematics.joint_solver.joint_solver import Priors
 from systems.kinematics.joint_solver.joint_update import STEPS, restart, solve_all
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
-FLOORS = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # Multiples of the claimed standard deviation.
+FLOORS = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # Multiples of a standard deviation, see `floor`.
+# Variance [rad^2, m^2] by which a real joint strays: doors, drawers and lids have play.
+_STRAY = np.repeat([5e-3**2, 1.5e-3**2], 3)
 _EVERY = 4  # Updates between tries of another one.
 _WORTH = 0.5  # Gain in log probability from which another one is taken, [nat].
+
+
+def floor(index: int, claimed: Array) -> Array:
+    """The floor (6, 6) of a multiple, by the covariance (6, 6) that a measurement claims."""
+    return FLOORS[index] ** 2 * (claimed + np.diag(np.maximum(_STRAY - np.diagonal(claimed), 0.0)))
 
 
 def log_probability(m: Models, kf: Keyframes, log_prior: Array) -> float:
@@ -62,6 +69,6 @@ def with_likelier_floor(
     if updates % _EVERY != 0:
         return m, kf, index
     other = (index + 1 + updates // _EVERY % (len(FLOORS) - 1)) % len(FLOORS)
-    models, frames = with_floor(m, kf, FLOORS[other] ** 2 * covariance, priors)
+    models, frames = with_floor(m, kf, floor(other, covariance), priors)
     gain = log_probability(models, frames, log_prior) - log_probability(m, kf, log_prior)
     return (models, frames, other) if gain > _WORTH else (m, kf, index)

@@ -95,7 +95,7 @@ def empty_keyframes(capacity: int) -> Keyframes:
 
 def copy_keyframes(kf: Keyframes) -> Keyframes:
     """A copy that may be changed."""
-    return Keyframes(kf.size.copy(), *[x.copy() for x in kf[1:]])
+    return Keyframes._make([x.copy() for x in kf])
 
 
 @hot

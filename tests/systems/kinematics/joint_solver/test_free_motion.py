@@ -51,6 +51,7 @@ def test_the_evidence_is_that_of_the_dense_problem(way: int, turned: bool) -> No
     rng, n = np.random.default_rng(0), 6
     shifts, times = np.cumsum(0.01 * rng.normal(size=(n, 3)), axis=0), 0.1 * np.arange(n)
     kf = _keyframes(shifts, noise=SKEWED, turned=turned)
+    kf.pending[0] = 1
     found = free_motion.log_evidences(kf, MOTION, NONE, np.ones((6, n)))[:, way]
     T = TURNED if turned else np.eye(3)
     noise = np.zeros((6, 6))

@@ -111,7 +111,7 @@ def test_normal_equations_and_likelihood_are_those_of_the_dense_problem(kind: in
     H, h = J.T @ np.linalg.solve(C, J), J.T @ np.linalg.solve(C, z)
     value = multivariate_normal(cov=C).logpdf(z) - _normaliser(kf)
     H[6:8, 6:8] += np.eye(2) / AXIS_SPREAD**2
-    lin, chain = new_linear(K), new_chain()
+    lin, chain = new_linear(K), new_chain(K)
     linearise(kind, m, kf, SIGMA_C, False, 0.0, 1.0, lin)
     if turns(kind):
         H[8:10, 8:10] += np.eye(2) / SIGMA_C**2
@@ -123,7 +123,9 @@ def test_normal_equations_and_likelihood_are_those_of_the_dense_problem(kind: in
         H[10, 10] += 1.0 / WIDEST**2
         h[10] -= m.pitch[kind] / WIDEST**2
         value -= 0.5 * m.pitch[kind] ** 2 / WIDEST**2 + np.log(WIDEST)
-    found = run_chain(n, S, SIGMA_V, 1.0, m.q[kind], kf, lin, np.zeros(PARAMETERS), 0, chain)
+    found = run_chain(
+        n, S, 0.0, 0.0, SIGMA_V, 1.0, m.q[kind], kf, lin, np.zeros(PARAMETERS), 0, chain
+    )
     assert_allclose(found, value, rtol=1e-5)
     assert_allclose(chain.h[:n], h, rtol=1e-4, atol=1e-4 * np.abs(h).max())
     assert_allclose(np.tril(chain.H[:n, :n]), np.tril(H), rtol=1e-4, atol=1e-5 * np.abs(H).max())
@@ -134,9 +136,9 @@ def test_the_last_configuration_and_its_variance_are_those_of_the_dense_problem(
     m, kf = _problem(kind)
     n = dimension(kind)
     J, Jq, z, R = _dense(kind, m, kf)
-    lin, chain = new_linear(K), new_chain()
+    lin, chain = new_linear(K), new_chain(K)
     linearise(kind, m, kf, SIGMA_C, False, 0.0, 1.0, lin)
-    run_chain(n, S, SIGMA_V, 1.0, m.q[kind], kf, lin, np.zeros(PARAMETERS), 0, chain)
+    run_chain(n, S, 0.0, 0.0, SIGMA_V, 1.0, m.q[kind], kf, lin, np.zeros(PARAMETERS), 0, chain)
     prior = _prior_of_q()
     C = R + Jq @ prior @ Jq.T
     gain = prior @ Jq.T @ np.linalg.inv(C)
@@ -145,7 +147,7 @@ def test_the_last_configuration_and_its_variance_are_those_of_the_dense_problem(
     assert_allclose(chain.P[0], posterior[-1, -1], rtol=1e-5)
     assert_allclose(chain.M[0, :n], -(gain @ J)[-1], atol=1e-5)
     q, step = np.empty(K), 1e-3 * np.arange(float(PARAMETERS))
-    smooth(n, S, SIGMA_V, m.q[kind], kf, lin, step, q)
+    smooth(n, np.full(K, S), SIGMA_V, m.q[kind], kf, lin, step, q)
     assert_allclose(q, gain @ (z - J @ step[:n]), atol=1e-6)
 
 
@@ -153,13 +155,15 @@ def test_densities_are_compared_by_the_newest_keyframes_at_the_moved_joint() -> 
     """The likelihood of the last three given all before, but for what does not depend on S."""
     m, kf = _problem(REVOLUTE)
     J, Jq, z, R = _dense(REVOLUTE, m, kf)
-    lin, chain = new_linear(K), new_chain()
+    lin, chain = new_linear(K), new_chain(K)
     linearise(REVOLUTE, m, kf, SIGMA_C, False, 0.0, 1.0, lin)
     step, since = 2e-3 * np.arange(float(PARAMETERS)), K - 3
     found, expected = [], []
     for scale in (1.0, 30.0):
         found.append(
-            run_chain(10, scale * S, SIGMA_V, 1.0, m.q[REVOLUTE], kf, lin, step, since, chain)
+            run_chain(
+                10, scale * S, 0.0, 0.0, SIGMA_V, 1.0, m.q[REVOLUTE], kf, lin, step, since, chain
+            )
         )
         C = R + Jq @ _prior_of_q(scale * S) @ Jq.T
         before, e = 6 * since, z - J @ step[:10]
@@ -172,9 +176,11 @@ def test_the_evidence_is_the_integral_over_theta() -> None:
     """Laplace's approximation is exact here: theta enters linearly, with a Gaussian prior."""
     m, kf = _problem(PRISMATIC)
     J, Jq, z, R = _dense(PRISMATIC, m, kf)
-    lin, chain = new_linear(K), new_chain()
+    lin, chain = new_linear(K), new_chain(K)
     linearise(PRISMATIC, m, kf, SIGMA_C, False, 0.0, 1.0, lin)
-    value = run_chain(8, S, SIGMA_V, 1.0, m.q[PRISMATIC], kf, lin, np.zeros(PARAMETERS), 0, chain)
+    value = run_chain(
+        8, S, 0.0, 0.0, SIGMA_V, 1.0, m.q[PRISMATIC], kf, lin, np.zeros(PARAMETERS), 0, chain
+    )
     evidence, _ = solve(8, value, chain)
     spread = 30.0  # All but flat in the pose, as the evidence has it.
     prior = np.diag([spread**2] * 6 + [AXIS_SPREAD**2] * 2)

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
-from synthetic_motion import Scene, filter_states, simulate
+from synthetic_motion import Motion, Scene, at_rest, filter_states, simulate
 
+from maths import se3
 from maths.arrays import Array
+from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from systems.port_values import JointType
 
 PRISMATIC, REVOLUTE = JointType.PRISMATIC, JointType.REVOLUTE
@@ -47,3 +49,44 @@ def test_a_fast_motion_is_followed(scene: Scene) -> None:
     nees, square = np.mean(squares, axis=0)
     assert nees < 3.0
     assert np.sqrt(square) < 2.0 * scene.translation
+
+
+@pytest.mark.parametrize("motion", [thrown_shut, pulled_open])
+def test_the_first_frames_of_a_fast_motion_are_followed(motion: Motion) -> None:
+    """From rest, and back to it: the body is where it is seen, not an outlier."""
+    scene = Scene(joint=PRISMATIC, motion=motion, seconds=4.0)
+    for seed in range(6):
+        run = simulate(scene, seed)
+        filters, states = filter_states(scene, run)
+        for k in range(32, len(states)):
+            m = filters.belief(states[k]).models[PRISMATIC]
+            assert abs(m.configuration[0] - run.q[k]) < 5.0 * scene.translation
+
+
+def test_a_single_bad_pose_of_a_resting_body_is_no_jump() -> None:
+    scene = Scene(joint=JointType.RIGID, motion=at_rest, seconds=6.0)
+    for seed in range(4):
+        run = simulate(scene, seed)
+        run.measured[45, :3, 3] += [0.05, 0.0, 0.0]
+        filters, states = filter_states(scene, run)
+        for state in states[49:]:
+            assert filters.belief(state).type == JointType.RIGID
+
+
+def test_a_type_that_is_far_behind_is_back_as_soon_as_the_leading_one_fails() -> None:
+    """A drawer of which a hinge's evidence has waited: it comes to its end and swings down."""
+    filters = JointFilters(JointFiltersConfig())
+    rng, X, R = np.random.default_rng(0), np.eye(4), np.diag(np.repeat([3e-4, 9e-6], 3))
+    state, since = filters.start(X, R, 0.0), None
+    for k in range(1, 100):
+        turning = k > 60
+        step = np.array([0.0, 0.03 * turning, 0.0, 0.005 * (not turning), 0.0, 0.0])
+        X = X @ se3.exp(step)
+        noise = np.sqrt(np.diag(R)) * rng.normal(size=6)
+        state = filters.update(state, X @ se3.exp(noise), R, k / 15.0)
+        if k == 60:
+            assert filters.belief(state).type == PRISMATIC
+        if since is None and k > 60 and filters.belief(state).type == JointType.DISCONNECTED:
+            since = k
+    assert since is not None
+    assert since < 75

@@ -73,12 +73,17 @@ def test_a_real_track_without_rotations_is_understood(name: str, sigma: float) -
 
 @pytest.mark.parametrize(
     "name",
-    ["dishwasher_002", "drawer_001", "drawer_003"]
+    [f"dishwasher_00{number}" for number in (1, 2, 3)]
+    + ["drawer_001", "drawer_003"]
     + [f"{side}_door_00{number}" for side in ("left", "right") for number in (1, 2, 3)],
 )
-def test_a_real_track_is_understood_where_a_third_of_its_errors_is_claimed(name: str) -> None:
+@pytest.mark.parametrize("sigma", [1e-4, 1e-3])
+def test_a_real_track_is_understood_where_a_third_of_its_errors_or_less_is_claimed(
+    name: str, sigma: float
+) -> None:
+    """A real joint strays by millimetres from an ideal one, however well it is seen."""
     track = TRACKS[name]
-    belief, _ = believe(track, 1e-3, JointFilters(JointFiltersConfig()))
+    belief, _ = believe(track, sigma, JointFilters(JointFiltersConfig()))
     assert belief.type == track.joint
     assert residual(track, belief) < 5e-3
 

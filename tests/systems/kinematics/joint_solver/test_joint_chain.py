@@ -188,3 +188,42 @@ def test_the_evidence_is_the_integral_over_theta() -> None:
     expected = multivariate_normal(cov=C).logpdf(z) - _normaliser(kf)
     expected += 6.0 * np.log(spread) + 2.0 * np.log(AXIS_SPREAD)
     assert_allclose(evidence, expected, atol=1e-2)
+
+
+def _prior_of_steps(densities: np.ndarray) -> np.ndarray:
+    """Covariance (K, K) as of `_prior_of_q`, with a density for the step before each keyframe."""
+    A, P = np.zeros((K, 2 * K)), np.diag([0.0, SIGMA_V**2] + [0.0] * (2 * K - 2))
+    x = np.eye(2, 2 * K)  # q and its rate, by the first ones and what comes in with each step.
+    for k in range(1, K):
+        dt = TIMES[k] - TIMES[k - 1]
+        x = np.array([[1.0, dt], [0.0, 1.0]]) @ x
+        x[:, 2 * k : 2 * k + 2] = np.eye(2)
+        Q = np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]])
+        P[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = densities[k] * Q
+        A[k] = x[0]
+    return A @ P @ A.T
+
+
+def test_a_step_with_a_jump_counts_as_one() -> None:
+    """The dense problem with another density in the step before the keyframe that is far off."""
+    m, kf = _problem(PRISMATIC)
+    at, jump, jumps = 4, 50.0, 1e-3
+    for k in range(at, K):
+        way = 8.0 * (TIMES[k] - TIMES[at - 1])
+        m.q[PRISMATIC, k] += way
+        kf.Z[k, :3, 3] += way * m.a[PRISMATIC]
+    _, Jq, z, R = _dense(PRISMATIC, m, kf)
+    lin, chain, still = new_linear(K), new_chain(K), np.zeros(PARAMETERS)
+    linearise(PRISMATIC, m, kf, SIGMA_C, False, 0.0, 1.0, lin)
+    value = run_chain(8, S, jump, jumps, SIGMA_V, 1.0, m.q[PRISMATIC], kf, lin, still, 0, chain)
+    densities = np.where(np.arange(K) == at, jump, S)
+    assert_allclose(chain.S[1:], densities[1:], rtol=1e-9)
+    prior = _prior_of_steps(densities)
+    C = R + Jq @ prior @ Jq.T
+    gain = prior @ Jq.T @ np.linalg.inv(C)
+    assert_allclose(chain.m[0], (gain @ z)[-1], rtol=1e-5)
+    q = np.empty(K)
+    smooth(8, chain.S, SIGMA_V, m.q[PRISMATIC], kf, lin, still, q)
+    assert_allclose(q, gain @ z, atol=1e-6)
+    expected = multivariate_normal(cov=C).logpdf(z) - _normaliser(kf) + np.log(jumps)
+    assert_allclose(value, expected, rtol=1e-4)

@@ -88,7 +88,7 @@ from systems.port_values import JointBelief, JointType, PoseBelief
 
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
 _RESTART_EVERY = 16  # Updates between fresh starts where the axis is better known than that.
-_TURN_EVERY = 4  # Updates between two turns of all models, see `joint_update.solve_all`.
+_TURN_EVERY = 4  # Updates between turns: of all models (`joint_update.solve_all`), and of a floor.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
 _SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
 
@@ -265,23 +265,20 @@ class JointFilters:
             rescale(keyframes, wanted / scale, keyframes.floor.copy(), self._priors.outliers)
             scale = wanted
         R = R * np.outer(scale, scale)
-        turn = (state.updates + 1) % _TURN_EVERY == 0
+        updates, floor = state.updates + 1, state.floor
+        turn = updates % _TURN_EVERY == 0
         outliers = update_models(
             models, keyframes, X_FB, R, time, priors, self._log_prior, _wants_restart(state), turn
         )
-        models, keyframes, floor = with_likelier_floor(
-            models,
-            keyframes,
-            state.floor,
-            state.updates + 1,
-            covariance,
-            priors,
-            self._log_prior,
-        )
+        if turn:
+            tries = updates // _TURN_EVERY
+            models, keyframes, floor = with_likelier_floor(
+                models, keyframes, floor, tries, covariance, priors, self._log_prior
+            )
         updated = replace(
             state,
             time=time,
-            updates=state.updates + 1,
+            updates=updates,
             models=models,
             keyframes=keyframes,
             noise=noise,

@@ -19,7 +19,6 @@ from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 FLOORS = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # Multiples of a standard deviation, see `floor`.
 # Variance [rad^2, m^2] by which a real joint strays: doors, drawers and lids have play.
 _STRAY = np.repeat([5e-3**2, 1.5e-3**2], 3)
-_EVERY = 4  # Updates between tries of another one.
 _WORTH = 0.5  # Gain in log probability from which another one is taken, [nat].
 
 
@@ -37,7 +36,10 @@ def log_probability(m: Models, kf: Keyframes, log_prior: Array) -> float:
 
 
 def with_floor(m: Models, kf: Keyframes, floor: Array, priors: Priors) -> tuple[Models, Keyframes]:
-    """Models and keyframes as they would be with another floor (6, 6); nothing is changed."""
+    """Models and keyframes as they would be with another floor (6, 6); nothing is changed.
+
+    Nothing may be pending.
+    """
     other, frames = Models(*[x.copy() for x in m]), pose_keyframes.copy_keyframes(kf)
     pose_keyframes.rescale(frames, np.ones(6), floor, priors.outliers)
     solve_all(other, frames, priors, STEPS, True)
@@ -50,7 +52,7 @@ def with_likelier_floor(
     m: Models,
     kf: Keyframes,
     index: int,
-    updates: int,
+    tries: int,
     covariance: Array,
     priors: Priors,
     log_prior: Array,
@@ -61,14 +63,12 @@ def with_likelier_floor(
         m: Models; not changed.
         kf: Keyframes; not changed.
         index: In `FLOORS`, of the floor that they have.
-        updates: Measurements seen, which say whose turn it is.
+        tries: How many there were, which says whose turn it is.
         covariance: That a measurement claims (6, 6).
         priors: See `Priors`.
         log_prior: (5,) log probability of each type before anything was measured.
     """
-    if updates % _EVERY != 0:
-        return m, kf, index
-    other = (index + 1 + updates // _EVERY % (len(FLOORS) - 1)) % len(FLOORS)
+    other = (index + 1 + tries % (len(FLOORS) - 1)) % len(FLOORS)
     models, frames = with_floor(m, kf, floor(other, covariance), priors)
     gain = log_probability(models, frames, log_prior) - log_probability(m, kf, log_prior)
     return (models, frames, other) if gain > _WORTH else (m, kf, index)

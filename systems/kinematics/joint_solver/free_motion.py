@@ -174,7 +174,7 @@ def _filter(
     share: float,
     inlier: Array,
 ) -> tuple[float, float]:
-    """The log evidence of one way of moving; see `log_evidences`.
+    """The log evidence of one way of moving, without the pending keyframes and with them.
 
     Args:
         kf: Keyframes.
@@ -184,9 +184,9 @@ def _filter(
         R: (K, 6, 6) covariance of each keyframe, in F.
         R_out: (K, 6, 6) the same if it is an outlier; of open ones.
         share: Of outliers.
-        inlier: (K,) result.
+        inlier: (K,) see `log_evidences`; a result.
     """
-    X, v, none = kf.Z[0].copy(), np.zeros(6), int(np.int64(0))
+    X, v, zero = kf.Z[0].copy(), np.zeros(6), int(np.int64(0))
     A, C, D = R[0].copy(), np.zeros((6, 6)), np.diag(velocity)
     e, x, step, L, blended = np.empty(6), np.empty(6), np.empty(6), np.empty((6, 6)), R[:1].copy()
     KA, KC = np.empty((6, 6)), np.empty((6, 6))
@@ -208,7 +208,7 @@ def _filter(
             inlier[k], density = inlier_share(density, outlier, share)
             if inlier[k] < 1.0 - 1e-9:
                 _blended(kf, k, inlier[k], blended)
-                _whiten(e, A, blended, none, L, x)
+                _whiten(e, A, blended, zero, L, x)
         value += density
         if k < kf.size[0] - kf.pending[0]:
             before = value

@@ -155,8 +155,8 @@ def start_from_revolute(m: Models, kf: Keyframes) -> None:
     m.pitch[SCREW] = np.clip(m.pitch[SCREW], -WIDEST, WIDEST)
 
 
-def turn(kind: int, m: Models) -> None:
-    """Turns the axis, and with it the sign of q, in place."""
+def reverse_axis(kind: int, m: Models) -> None:
+    """Reverses the axis, and with it the sign of q, in place."""
     for x in (m.a, m.q, m.state, m.gain):
         x[kind] *= -1.0
     # `tangent_basis(-a)` has the first vector of `tangent_basis(a)` and the opposite of its second.
@@ -177,4 +177,4 @@ def decide_sign(kind: int, m: Models) -> None:
     if moved and m.state[kind, 0] ** 2 > _SIGNIFICANT**2 * variance:
         m.signed[kind] = 1.0
     if m.state[kind, 0] < 0.0:
-        turn(kind, m)
+        reverse_axis(kind, m)

@@ -39,8 +39,8 @@ from systems.kinematics.joint_solver.joint_start import (
     copy_model,
     decide_sign,
     fresh_start,
+    reverse_axis,
     start_from_revolute,
-    turn,
 )
 from systems.kinematics.joint_solver.pose_keyframes import MEMORY, Keyframes
 
@@ -266,7 +266,7 @@ def _take_over(m: Models, other: Models, kinds: tuple[int, ...]) -> None:
     for kind in kinds:
         if other.log_evidence[kind] > m.log_evidence[kind] + 0.1:
             if kind != RIGID and other.state[kind, 0] * m.state[kind, 0] < 0.0:
-                turn(kind, other)
+                reverse_axis(kind, other)
             copy_model(kind, other, kind, m)
 
 

@@ -70,7 +70,7 @@ from systems.kinematics.joint_solver.noise_scale import (
     NoiseScale,
     observe,
 )
-from systems.kinematics.joint_solver.path_floor import with_likelier_floor
+from systems.kinematics.joint_solver.path_floor import floor, with_likelier_floor
 from systems.kinematics.joint_solver.pose_keyframes import (
     copy_keyframes,
     rescale,
@@ -262,18 +262,19 @@ class JointFilters:
         wanted = np.repeat(np.sqrt(noise.variance), 3)
         if np.abs(np.log(wanted / scale)).max() > _RESCALE:
             settle(keyframes, self._priors.free, self._priors.outliers, models.inlier[FREE])
-            rescale(keyframes, wanted / scale, keyframes.floor.copy(), self._priors.outliers)
+            scaled = covariance * np.outer(wanted, wanted)
+            rescale(keyframes, wanted / scale, floor(state.floor, scaled), self._priors.outliers)
             scale = wanted
-        R = R * np.outer(scale, scale)
-        updates, floor = state.updates + 1, state.floor
+        covariance, R = covariance * np.outer(scale, scale), R * np.outer(scale, scale)
+        updates, index = state.updates + 1, state.floor
         turn = updates % _TURN_EVERY == 0
         outliers = update_models(
             models, keyframes, X_FB, R, time, priors, self._log_prior, _wants_restart(state), turn
         )
         if turn:
             tries = updates // _TURN_EVERY
-            models, keyframes, floor = with_likelier_floor(
-                models, keyframes, floor, tries, covariance, priors, self._log_prior
+            models, keyframes, index = with_likelier_floor(
+                models, keyframes, index, tries, covariance, priors, self._log_prior
             )
         updated = replace(
             state,
@@ -283,7 +284,7 @@ class JointFilters:
             keyframes=keyframes,
             noise=noise,
             scale=scale,
-            floor=floor,
+            floor=index,
             outliers=state.outliers + outliers,
         )
         return self._with_probabilities(updated)
@@ -301,7 +302,7 @@ class JointFilters:
         p = np.exp(log_p - log_p.max())
         p /= p.sum()
         likeliest = int(np.argmax(p))
-        limit = most_certainty(likeliest, state.models, state.keyframes, state.noise, state.scale)
+        limit = most_certainty(likeliest, state.models, state.keyframes, state.noise)
         lost = (1.0 - limit) * p[likeliest]
         p[likeliest] -= lost
         p[FREE] += lost

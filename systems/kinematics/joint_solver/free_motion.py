@@ -240,9 +240,7 @@ def log_evidences(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Ar
     n = kf.size[0]
     R, R_out, W = np.empty((n, 6, 6)), np.empty((n, 6, 6)), np.empty((6, 6))
     for k in range(n):
-        W[:] = kf.R[k]
-        if k > 0:
-            W += kf.floor
+        W[:] = kf.R[k] + kf.floor
         _rotate(kf.Z[k], W, R[k])
         if kf.open[k] > 0.0:
             for i in range(6):

@@ -70,7 +70,7 @@ def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, 
             jacobian(kind, G, h, q[k], J)
             along[:] = J[0]
             degrees -= 1
-        L = kf.R[k] + floor if k > 0 else kf.R[k].copy()
+        L = kf.R[k] + floor
         cholesky.factor(L, six)
         cholesky.inverse(L, W, six)
         if kf.open[k] > 0.0:

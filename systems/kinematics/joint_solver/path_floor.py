@@ -2,8 +2,8 @@
 
 Errors that depend on the place, as a camera's calibration has them, and a path that is not quite
 straight or round do not average out within a keyframe. Their covariance, the keyframes' floor, is
-a multiple of what a measurement claims, or of what real joints stray by where less is claimed; of a
-few multiples the one is kept under which all keyframes are likeliest, whatever the type.
+a multiple of a measurement's noise, or of what real joints stray by where that is less; of a few
+multiples the one is kept under which all keyframes are likeliest, whatever the type.
 """
 
 import numpy as np
@@ -22,9 +22,9 @@ _STRAY = np.repeat([5e-3**2, 1.5e-3**2], 3)
 _WORTH = 0.5  # Gain in log probability from which another one is taken, [nat].
 
 
-def floor(index: int, claimed: Array) -> Array:
-    """The floor (6, 6) of a multiple, by the covariance (6, 6) that a measurement claims."""
-    return FLOORS[index] ** 2 * (claimed + np.diag(np.maximum(_STRAY - np.diagonal(claimed), 0.0)))
+def floor(index: int, noise: Array) -> Array:
+    """The floor (6, 6) of a multiple, by the covariance (6, 6) of a measurement's noise."""
+    return FLOORS[index] ** 2 * (noise + np.diag(np.maximum(_STRAY - np.diagonal(noise), 0.0)))
 
 
 def log_probability(m: Models, kf: Keyframes, log_prior: Array) -> float:
@@ -64,7 +64,7 @@ def with_likelier_floor(
         kf: Keyframes; not changed.
         index: In `FLOORS`, of the floor that they have.
         tries: How many there were, which says whose turn it is.
-        covariance: That a measurement claims (6, 6).
+        covariance: Of a measurement's noise (6, 6).
         priors: See `Priors`.
         log_prior: (5,) log probability of each type before anything was measured.
     """

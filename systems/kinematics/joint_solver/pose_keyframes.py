@@ -36,8 +36,7 @@ class Keyframes(NamedTuple):
         Z: (K, 4, 4) X_FB.
         R: (K, 6, 6) covariance of its mean's white noise.
         floor: (6, 6) covariance of what does not average out within a keyframe: errors that depend
-            on the place, and by what the child strays from an ideal joint's path there. All but the
-            reference have it.
+            on the place, and by what the child strays from an ideal joint's path there.
         W: (K, 6, 6) inverse of R and floor together.
         log_det: (K,) log determinant of both together.
         open: (K,) one while it is open whether the keyframe is an outlier, else zero.
@@ -100,8 +99,8 @@ def copy_keyframes(kf: Keyframes) -> Keyframes:
 
 @hot
 def _fill(kf: Keyframes, k: int) -> None:
-    """Completes keyframe k from its covariance; the reference, keyframe 0, has no floor."""
-    L = kf.R[k] + kf.floor if k > 0 else kf.R[k].copy()
+    """Completes keyframe k from its covariance."""
+    L = kf.R[k] + kf.floor
     six = int(np.int64(6))  # For a literal, Numba would compile all callees again.
     kf.log_det[k] = cholesky.factor(L, six)
     cholesky.inverse(L, kf.W[k], six)
@@ -111,7 +110,7 @@ def _fill(kf: Keyframes, k: int) -> None:
 def _fill_outlier(kf: Keyframes, k: int, outliers: Array) -> None:
     """Completes what open keyframe k is if it is an outlier; `outliers` as in `Priors`."""
     six = int(np.int64(6))
-    L = kf.R[k] + kf.floor if k > 0 else kf.R[k].copy()
+    L = kf.R[k] + kf.floor
     for i in range(6):
         L[i, i] += outliers[1 + i]
     kf.log_out[k] = 0.5 * (kf.log_det[k] - cholesky.factor(L, six))
@@ -203,8 +202,7 @@ def close(kf: Keyframes, k: int, inlier: float) -> None:
     L = inlier * kf.W[k] + (1.0 - inlier) * kf.W_out[k]
     cholesky.factor(L, six)
     cholesky.inverse(L, kf.R[k], six)
-    if k > 0:
-        kf.R[k] -= kf.floor
+    kf.R[k] -= kf.floor
     _fill(kf, k)
     _pair(kf, k - 1)
     _pair(kf, k)
@@ -213,11 +211,11 @@ def close(kf: Keyframes, k: int, inlier: float) -> None:
 @hot
 def merge(kf: Keyframes, k: int) -> None:
     """Averages keyframes k and k + 1 with scalar weights, which keeps the mean on their screw."""
-    trace_i, trace_j = 0.0, 0.0
+    ratio, inverse = 0.0, 0.0
     for i in range(6):
-        trace_i += kf.R[k, i, i] * kf.W[k + 1, i, i]
-        trace_j += kf.R[k + 1, i, i] * kf.W[k, i, i]
-    weight = np.sqrt(trace_i) / (np.sqrt(trace_i) + np.sqrt(trace_j))
+        ratio += kf.R[k, i, i] / kf.R[k + 1, i, i]
+        inverse += kf.R[k + 1, i, i] / kf.R[k, i, i]
+    weight = np.sqrt(ratio) / (np.sqrt(ratio) + np.sqrt(inverse))
     xi = np.empty(6)
     relative_log(kf.Z[k], kf.Z[k + 1], xi)
     perturb(kf.Z[k], weight * xi, kf.Z[k])

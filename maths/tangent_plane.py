@@ -27,3 +27,22 @@ def normal_basis(a: Array) -> Array:
     B = np.empty((2, 3))
     tangent_basis(a, B)
     return B
+
+
+@hot
+def transport(a: Array, b: Array, Q: Array) -> None:
+    """Writes how coordinates in the basis at `a` become those in the basis at `b` into `Q` (2, 2).
+
+    The least rotation that turns the unit vector `a` into `b` takes the tangent vectors with it. The
+    bases do not: where another component becomes the smallest, they turn at once.
+    """
+    A, B = np.empty((2, 3)), np.empty((2, 3))
+    tangent_basis(a, A)
+    tangent_basis(b, B)
+    cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    for j in range(2):
+        along = (A[j, 0] * b[0] + A[j, 1] * b[1] + A[j, 2] * b[2]) / (1.0 + cosine)
+        for i in range(2):
+            Q[i, j] = 0.0
+            for k in range(3):
+                Q[i, j] += B[i, k] * (A[j, k] - along * (a[k] + b[k]))

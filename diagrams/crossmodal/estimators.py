@@ -8,7 +8,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from diagrams.crossmodal.modalities import MODALITIES
 from diagrams.run.calibration import Calibration
-from systems.kinematics.joint_filters import JointFiltersConfig
+from systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
 from systems.kinematics.joint_mechanics import JointMechanicsFilter
 from systems.kinematics.joint_mechanics_config import JointMechanicsConfig
 from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
@@ -115,6 +115,10 @@ def check_cut(cut: Sequence[str]) -> None:
             )
 
 
+# Few joints of furniture are screws, and an error that lasts looks like a small pitch.
+_FURNITURE = TypePriorsConfig(screw=0.02, rigid=0.4)
+
+
 def joints_from_features() -> KinematicModelConfig:
     """Bodies followed by the eye drift by a tenth of a millimetre or two for seconds.
 
@@ -123,6 +127,8 @@ def joints_from_features() -> KinematicModelConfig:
     return KinematicModelConfig(
         filters=JointFiltersConfig(
             far_axes=False,
+            type_priors=_FURNITURE,
+            ranking_priors=_FURNITURE,
             errors=MeasurementErrorsConfig(
                 correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
             ),
@@ -135,6 +141,8 @@ def joints_from_the_hand() -> KinematicModelConfig:
     return KinematicModelConfig(
         filters=JointFiltersConfig(
             far_axes=False,
+            type_priors=_FURNITURE,
+            ranking_priors=_FURNITURE,
             errors=MeasurementErrorsConfig(
                 correlated_rotation=3e-3,
                 correlated_translation=3e-4,

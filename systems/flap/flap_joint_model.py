@@ -12,7 +12,7 @@ from systems.flap.flap_normals import turned_normal
 from systems.flap.hinge_keyframes import Keyframe
 from systems.flap.hinge_limits import HingeLimitsConfig
 from systems.kinematics.joint_filters import JointFilters, JointFiltersState
-from systems.kinematics.joint_filters_config import JointFiltersConfig
+from systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
 from systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from systems.port_values import (
     DisplacementBelief,
@@ -27,6 +27,8 @@ def _filters() -> JointFiltersConfig:
         radius=0.1,
         axis_distance=0.1,
         far_axes=False,
+        type_priors=TypePriorsConfig(screw=0.02, rigid=0.4),
+        ranking_priors=TypePriorsConfig(screw=0.02, rigid=0.4),
         errors=MeasurementErrorsConfig(declared_time=3.0),
     )
 

@@ -15,6 +15,7 @@ from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 _INSIDE = 0.95  # Probability of the bounds.
 _TAIL = 0.5 - 0.5 * _INSIDE
+_MORE = 1.01  # So that the likeliest type leads instead of being level.
 
 
 def reduced_chi_square(
@@ -57,3 +58,18 @@ def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale) -> fl
         return 1.0
     p = float(scipy.special.fdtrc(degrees, degrees_of_freedom(noise), square / degrees))
     return min(1.0, p / _TAIL)
+
+
+def claim(p: Array, ranked: Array) -> Array:
+    """What may be claimed of the types: `p`, but that the likeliest type of `ranked` leads.
+
+    Where another one would lead, as much of `ranked` is mixed in as it takes.
+
+    Args:
+        p: Probabilities (n,), from the priors by which claims are made.
+        ranked: The same from those by which types are ranked.
+    """
+    likeliest = int(np.argmax(ranked))
+    ahead, behind = ranked[likeliest] - ranked, np.maximum(p - p[likeliest], 0.0)
+    share = min(1.0, _MORE * float(np.max(behind / np.maximum(ahead + behind, 1e-12))))
+    return np.asarray((1.0 - share) * p + share * ranked)

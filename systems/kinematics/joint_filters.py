@@ -43,8 +43,8 @@ import numpy as np
 from maths import se3
 from maths.arrays import Array
 from maths.validation import check
-from systems.kinematics.goodness_of_fit import most_certainty
-from systems.kinematics.joint_filters_config import JointFiltersConfig
+from systems.kinematics.goodness_of_fit import claim, most_certainty
+from systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
 from systems.kinematics.joint_filters_readout import read_fit, read_joint, still_joint
 from systems.kinematics.joint_filters_start import (
     finite,
@@ -75,6 +75,7 @@ from systems.kinematics.joint_solver.pose_keyframes import (
     copy_keyframes,
     rescale,
 )
+from systems.kinematics.joint_solver.type_evidence import type_evidence
 from systems.kinematics.measurement_errors import error_shares, is_correlated, white_equivalent
 from systems.kinematics.pose_checks import (
     SkipReason,
@@ -93,6 +94,15 @@ _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes
 _SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
 
 
+def _log_prior(p: TypePriorsConfig) -> Array:
+    return np.log([p.prismatic, p.revolute, p.screw, p.rigid, p.disconnected])
+
+
+def _normalised(log_p: Array) -> Array:
+    p = np.exp(log_p - log_p.max())
+    return np.asarray(p / p.sum())
+
+
 class JointFilters:
     """Starts, updates and reads the joint models of any number of pairs; see the module.
 
@@ -109,8 +119,8 @@ class JointFilters:
         self._owner = owner
         self._priors = solver_priors(config)
         self._correlated = is_correlated(config.errors)
-        p = config.type_priors
-        self._log_prior = np.log([p.prismatic, p.revolute, p.screw, p.rigid, p.disconnected])
+        self._log_prior = _log_prior(config.ranking_priors)
+        self._log_prior_of_claims = _log_prior(config.type_priors)
 
     def start(
         self,
@@ -298,10 +308,10 @@ class JointFilters:
         return dict(state.probabilities)
 
     def _with_probabilities(self, state: JointFiltersState) -> JointFiltersState:
-        log_p = state.models.log_evidence + self._log_prior
-        p = np.exp(log_p - log_p.max())
-        p /= p.sum()
-        likeliest = int(np.argmax(p))
+        evidence = type_evidence(state.models, state.keyframes, self._priors)
+        ranked = _normalised(evidence + self._log_prior)
+        likeliest = int(np.argmax(ranked))
+        p = claim(_normalised(evidence + self._log_prior_of_claims), ranked)
         limit = most_certainty(likeliest, state.models, state.keyframes, state.noise)
         lost = (1.0 - limit) * p[likeliest]
         p[likeliest] -= lost

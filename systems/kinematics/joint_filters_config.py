@@ -9,13 +9,21 @@ from systems.kinematics.measurement_errors import MeasurementErrorsConfig
 
 @dataclass(kw_only=True)
 class TypePriorsConfig:
-    """Prior probabilities of the joint types, above zero; they need not sum to one."""
+    """Prior probabilities of the joint types, above zero; they need not sum to one.
+
+    The defaults know next to nothing: all types are as likely, but a screw half as much.
+    """
 
     prismatic: float = number(0.2, above=0.0, at_most=1000.0)
     revolute: float = number(0.2, above=0.0, at_most=1000.0)
-    screw: float = number(0.02, above=0.0, at_most=1000.0)
-    rigid: float = number(0.4, above=0.0, at_most=1000.0)
+    screw: float = number(0.1, above=0.0, at_most=1000.0)
+    rigid: float = number(0.2, above=0.0, at_most=1000.0)
     disconnected: float = number(0.2, above=0.0, at_most=1000.0)
+
+
+def common_joints() -> TypePriorsConfig:
+    """What joints of furniture and tools are: few screws or far hinges; most things rest."""
+    return TypePriorsConfig(revolute=0.1, screw=0.01, rigid=0.4)
 
 
 @dataclass(kw_only=True)
@@ -50,7 +58,9 @@ class JointFiltersConfig:
         outliers: Share of the measurements that are outliers; zero for none.
         outlier_rotation: Standard deviation of what an outlier is off by, per direction.
         outlier_translation: The same in translation.
-        type_priors: Of the joint types.
+        type_priors: Of the joint types; what is claimed holds for one who expects no type.
+        ranking_priors: By which the likeliest type is chosen: of two that nothing measured can tell
+            apart the commoner one.
         errors: Of the measurements, correlated in time.
         memory: Keyframes kept.
         coarseness: Share of the motion's mean square that one keyframe may span.
@@ -77,6 +87,7 @@ class JointFiltersConfig:
     outlier_rotation: float = number(1.0, at_least=1e-9, at_most=100.0, unit="rad")
     outlier_translation: float = number(0.3, at_least=1e-9, at_most=100.0, unit="m")
     type_priors: TypePriorsConfig = field(default_factory=TypePriorsConfig)
+    ranking_priors: TypePriorsConfig = field(default_factory=common_joints)
     errors: MeasurementErrorsConfig = field(default_factory=MeasurementErrorsConfig)
     memory: int = number(24, at_least=FIRST + RECENT + 4, at_most=1000, unit="keyframes")
     coarseness: float = number(0.05, at_least=1e-6, below=1.0)

@@ -1,9 +1,9 @@
 """What is known of an axis' distance before anything is measured, compiled.
 
 Most hinges are within reach of the body that they hold, a gate's is farther away, and a path that
-is nearly straight may belong to a hinge at any distance. The prior of the axis' place is a mixture
-of normal distributions about the body, one a scale, the farther the rarer, so that a far axis is
-not pulled near and a straight path does not send it to infinity.
+is nearly straight may belong to a hinge at any distance. The prior of the axis' place is an equal
+mixture of normal distributions about the body, one a scale, so that a far axis is not pulled near
+and a straight path does not send it to infinity.
 """
 
 import numpy as np
@@ -11,8 +11,7 @@ import numpy as np
 from maths.compiled import hot
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
-_FARTHER = (1.0, 4.0, 16.0)  # Multiples of the nearest scale, each as many times rarer.
-_TOTAL = sum(1.0 / factor for factor in _FARTHER)
+_FARTHER = (1.0, 4.0, 16.0)  # Multiples of the nearest scale.
 _WELL_SEEN = 0.1**2  # Variance of a measured rotation, [rad^2].
 
 
@@ -41,7 +40,7 @@ def axis_prior(square: float, sigma: float, far: bool) -> tuple[float, float]:
     top = -0.5 * square / widest**2 - 2.0 * np.log(sigma)
     for factor in _FARTHER:
         s = sigma * factor
-        density = np.exp(-0.5 * square / s**2 - 2.0 * np.log(s) - top) / factor
+        density = np.exp(-0.5 * square / s**2 - 2.0 * np.log(s) - top)
         total += density
         information += density / s**2
-    return top + np.log(total / _TOTAL), information / total
+    return top + np.log(total / len(_FARTHER)), information / total

@@ -22,6 +22,7 @@ PRISMATIC, REVOLUTE, SCREW, RIGID = 0, 1, 2, 3
 MOVING = (PRISMATIC, REVOLUTE, SCREW)
 JOINTS = 4  # Models of a joint; after them comes a free motion.
 FREE = JOINTS
+BENT_SLIDE = 5  # A prismatic joint, linearised with a curvature besides, see `bent_slide`.
 PARAMETERS = 11  # Of the model that has most.
 
 
@@ -30,7 +31,7 @@ def dimension(kind: int) -> int:
     """The number of parameters of a model."""
     if kind == PRISMATIC:
         return 8
-    if kind == REVOLUTE:
+    if kind in (REVOLUTE, BENT_SLIDE):
         return 10
     return PARAMETERS if kind == SCREW else 6
 
@@ -39,6 +40,12 @@ def dimension(kind: int) -> int:
 def turns(kind: int) -> bool:
     """Whether the child turns about an axis that has a place."""
     return kind in (REVOLUTE, SCREW)
+
+
+@hot
+def slides(kind: int) -> bool:
+    """Whether the child moves along a line."""
+    return kind in (PRISMATIC, BENT_SLIDE)
 
 
 @hot
@@ -61,7 +68,7 @@ def _into_body(Y: Array, w: Array, v: Array, out: Array) -> None:
 def child_pose(kind: int, Y: Array, a: Array, c: Array, pitch: float, q: float, X: Array) -> None:
     """Writes X_FB(q) = E(q) Y (4, 4) into `X`."""
     cosine, sine = (np.cos(q), np.sin(q)) if turns(kind) else (1.0, 0.0)
-    slide = q if kind == PRISMATIC else pitch * q
+    slide = q if slides(kind) else pitch * q
     for j in range(4):
         # Rodrigues' formula on each column; the last one is a point, which turns about c.
         o = 1.0 if j == 3 else 0.0
@@ -88,7 +95,7 @@ def screw_twists(kind: int, Y: Array, a: Array, c: Array, pitch: float, B: Array
         v[0], v[1], v[2] = _cross(c, B[i])
         _into_body(Y, B[i], v, G[1 + i])
     _into_body(Y, w, a, G[5])
-    if kind == PRISMATIC:
+    if slides(kind):
         G[0] = G[5]
     else:
         v[0], v[1], v[2] = _cross(c, a)
@@ -103,12 +110,17 @@ def jacobian(kind: int, G: Array, pitch: float, q: float, J: Array) -> None:
 
     `G` is from `screw_twists`; the tangent coordinates of a and c belong to its basis. Tilting a
     screw's axis by e moves the child, already at q, by a rotation of sin q e - (1 - cos q) a x e
-    and a translation of h q (cos q e - sin q a x e). `J` is (6, 6); rows that a model lacks are
-    left as they are.
+    and a translation of h q (cos q e - sin q a x e). Rows 3 and 4 of a bent slide are of its
+    curvature k, which turns the child by q k and moves it by q^2 / 2 k x a. `J` is (6, 6); rows that
+    a model lacks are left as they are.
     """
-    if kind == PRISMATIC:
+    if slides(kind):
         for i in range(6):
             J[0, i], J[1, i], J[2, i] = G[0, i], q * G[3, i], q * G[4, i]
+        if kind == BENT_SLIDE:
+            half = 0.5 * q * q
+            for i in range(6):
+                J[3, i], J[4, i] = q * G[1, i] - half * G[4, i], q * G[2, i] + half * G[3, i]
         return
     s, d = np.sin(q), 1.0 - np.cos(q)
     for i in range(6):

@@ -129,7 +129,7 @@ def _free_configuration(
 
 
 @hot
-def _add_keyframes(
+def add_measured(
     kind: int,
     first: int,
     last: int,
@@ -201,7 +201,7 @@ def add_keyframes(
     """
     Y, a, c, pitch = m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind]
     q, inlier = m.q[kind], m.inlier[kind]
-    _add_keyframes(kind, first, last, Y, a, c, pitch, q, inlier, kf, share, temper, lin)
+    add_measured(kind, first, last, Y, a, c, pitch, q, inlier, kf, share, temper, lin)
 
 
 @hot
@@ -238,7 +238,7 @@ def embedding(a: Array, T: Array) -> None:
 
 
 @hot
-def _add_prior(kind: int, m: Models, lin: Linear) -> None:
+def add_prior(kind: int, m: Models, lin: Linear) -> None:
     """Adds the prior that marginalised keyframes have left."""
     size = PARAMETERS + 2
     d, T = np.empty(size), np.empty((PARAMETERS, size))
@@ -278,7 +278,7 @@ def linearise(
     clear(lin)
     add_keyframes(kind, m, kf, int(np.int64(0)), kf.size[0], share, temper, lin)
     if np.trace(m.prior_information[kind]) > 0.0:
-        _add_prior(kind, m, lin)
+        add_prior(kind, m, lin)
     if kind == RIGID:
         return
     for i in range(2):

@@ -11,6 +11,7 @@ import numpy as np
 from maths import cholesky
 from maths.arrays import Array
 from maths.compiled import hot
+from maths.tangent_plane import transport
 from systems.kinematics.joint_solver.axis_prior import may_be_far
 from systems.kinematics.joint_solver.free_motion import FreeMotion
 from systems.kinematics.joint_solver.joint_chain import Chain, new_chain, run_chain, smooth, solve
@@ -143,6 +144,26 @@ def _track(
 
 
 @hot
+def _turn_rows(Q: Array, first: int, x: Array) -> None:
+    """Turns rows `first` and the next of `x` by Q (2, 2), in place."""
+    for k in range(x.shape[1]):
+        u, v = x[first, k], x[first + 1, k]
+        x[first, k] = Q[0, 0] * u + Q[0, 1] * v
+        x[first + 1, k] = Q[1, 0] * u + Q[1, 1] * v
+
+
+@hot
+def _transport(kind: int, a: Array, m: Models) -> None:
+    """Refers the posterior, in place, to the basis at the model's axis instead of that at `a`."""
+    Q = np.empty((2, 2))
+    transport(a, m.a[kind], Q)
+    for first in range(6, dimension(kind) - 1, 2):
+        _turn_rows(Q, first, m.covariance[kind])
+        _turn_rows(Q, first, m.covariance[kind].T)
+        _turn_rows(Q, first, m.gain[kind].T)
+
+
+@hot
 def _store(kind: int, m: Models, chain: Chain) -> None:
     """Keeps the posterior of the newest keyframe."""
     n = dimension(kind)
@@ -234,12 +255,13 @@ def solve_moving(
             m.q[kind] = q_smooth
         dq = m.q[kind] - q_previous
         _move(kind, m, priors, q_previous, step)
-        evidence -= max(gain - _PROMISED, 0.0)
-        m.log_evidence[kind], m.process_noise[kind] = evidence + m.marginal_evidence[kind], S
-        _store(kind, m, best)
-        if kind == SCREW:
-            m.log_evidence[kind] += pitch_evidence(m.pitch[kind], m.covariance[kind, 10, 10])
         if last:
+            evidence -= max(gain - _PROMISED, 0.0)
+            m.log_evidence[kind], m.process_noise[kind] = evidence + m.marginal_evidence[kind], S
+            _store(kind, m, best)
+            _transport(kind, a, m)
+            if kind == SCREW:
+                m.log_evidence[kind] += pitch_evidence(m.pitch[kind], m.covariance[kind, 10, 10])
             break
 
 

@@ -20,6 +20,8 @@ _PRIOR = 6.0  # Degrees of freedom of the prior, in which the claim is right.
 _MEDIAN = 2.365974  # Of a chi-square of three degrees of freedom.
 _MOST_LIKELY = 11.344867  # Its 99 % quantile, above which a difference is one with an outlier,
 _MEAN_BELOW = 2.894075  # and its mean below that.
+_CLEAN = 16.0  # Differences without an outlier to one with, before anything is known.
+_DECADES = np.log(1e4)  # Range of the logarithm of what an outlier makes of a square.
 _INDEPENDENT = 0.5  # Share of what neighbouring differences, which have poses in common, tell.
 _MEMORY = 150  # Differences that are remembered.
 _ITERATIONS = 3
@@ -73,11 +75,12 @@ def _difference(n: NoiseScale, X: Array, R: Array, time: float, e: Array, C: Arr
 
 
 @hot
-def _fit(n: NoiseScale, i: int, least: float) -> None:
-    """The posterior mean of the scale's square, from all differences that no outlier explains."""
-    count = min(int(n.known[i]), _MEMORY)
-    squares = n.squares[i, :count]
-    variance = float(np.median(squares)) / _MEDIAN
+def _posterior(squares: Array, variance: float) -> tuple[float, float]:
+    """The posterior mean of the scale's square near `variance`, and its log posterior.
+
+    A difference with an outlier may have any size, evenly in its logarithm.
+    """
+    likely, mean = 0, 0.0
     for _ in range(_ITERATIONS):
         total, likely = 0.0, 0
         for square in squares:
@@ -87,6 +90,32 @@ def _fit(n: NoiseScale, i: int, least: float) -> None:
         weight = 3.0 * _INDEPENDENT * likely
         mean = total / max(likely, 1) / _MEAN_BELOW
         variance = (_PRIOR + weight * mean) / (_PRIOR + weight)
+    limit = _MOST_LIKELY * variance
+    share = (squares.size - likely + 1.0) / (squares.size + _CLEAN)
+    inside = np.log((1.0 - share) / (np.sqrt(2.0 * np.pi) * variance))
+    outside = np.log(share / _DECADES)
+    value = -0.5 * _PRIOR * (np.log(variance) + 1.0 / variance)
+    for square in squares:
+        x = square / variance
+        if square <= limit:
+            value += _INDEPENDENT * (inside + 0.5 * np.log(x) - 0.5 * x)
+        else:
+            value += _INDEPENDENT * (outside - np.log(square))
+    return variance, value
+
+
+@hot
+def _fit(n: NoiseScale, i: int, least: float) -> None:
+    """The posterior mean of the scale's square, from all differences that no outlier explains.
+
+    Where most of the first poses are outliers, the differences' median is one's, so that the claim
+    is tried, too.
+    """
+    squares = n.squares[i, : min(int(n.known[i]), _MEMORY)]
+    variance, value = _posterior(squares, float(np.median(squares)) / _MEDIAN)
+    claimed, value_claimed = _posterior(squares, 1.0)
+    if value_claimed > value:
+        variance = claimed
     n.variance[i] = min(max(variance, least, _LEAST), _MOST)
 
 

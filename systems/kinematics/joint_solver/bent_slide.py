@@ -1,0 +1,94 @@
+"""How likely a hinge far away is while its path is hardly told from a straight one, compiled.
+
+A hinge at a distance d whose child slides along u turns it by the curvature vector k, |k| = 1 / d,
+normal to u: the slide's twist per metre is (k, u) instead of (0, u). For a path that is short
+against d the measurements are linear in k, and what they say of it is a normal distribution, while
+of the axis' place it is none: a whole half plane of places explains a straight path. So the evidence
+of such a hinge is an integral over k, started from the slide's own solution.
+"""
+
+import numpy as np
+
+from maths import cholesky
+from maths.arrays import Array
+from maths.compiled import hot
+from systems.kinematics.joint_solver.axis_prior import axis_prior
+from systems.kinematics.joint_solver.joint_chain import new_chain, run_chain
+from systems.kinematics.joint_solver.joint_geometry import (
+    BENT_SLIDE,
+    PARAMETERS,
+    PRISMATIC,
+    dimension,
+)
+from systems.kinematics.joint_solver.joint_linearisation import (
+    add_measured,
+    add_prior,
+    clear,
+    new_linear,
+)
+from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
+from systems.kinematics.joint_solver.joint_solver import Priors
+from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+
+_POINTS = 32  # Of the integral, in distance and in direction.
+_DEVIATIONS = 6.0  # Beyond which a curvature is out of the question.
+_NEAREST, _FARTHEST = 0.05, 64.0  # Distances beyond which no axis is, by the nearest scale.
+
+
+@hot
+def log_mean_likelihood(L: Array, b: Array, sigma: float) -> float:
+    """Log of the mean over all hinges of exp(|b|^2 / 2 - |L^T k - b|^2 / 2).
+
+    That is how likely their curvature k is, against none.
+
+    Args:
+        L: (2, 2) lower factor of the information about k, [m].
+        b: (2,) L^-1 of its information vector.
+        sigma: Of the axis' place, see `axis_prior`, [m].
+    """
+    k1 = b[1] / L[1, 1]
+    k0 = (b[0] - L[1, 0] * k1) / L[0, 0]
+    k, width = np.sqrt(k0 * k0 + k1 * k1), _DEVIATIONS / min(L[0, 0], L[1, 1])
+    low = max(k - width, 1.0 / (_FARTHEST * sigma))
+    high = min(k + width, 1.0 / (_NEAREST * sigma))
+    if low >= high:
+        return -np.inf
+    half = min(np.pi, width / k) if k > 0.0 else np.pi
+    by_distance, by_direction = np.log(high / low) / _POINTS, 2.0 * half / _POINTS
+    first, total = np.arctan2(k1, k0) - half, 0.0
+    for i in range(_POINTS):
+        k = low * np.exp((i + 0.5) * by_distance)
+        likelihood = 0.0
+        for j in range(_POINTS):
+            angle = first + (j + 0.5) * by_direction
+            x, y = k * np.cos(angle), k * np.sin(angle)
+            u, v = L[0, 0] * x + L[1, 0] * y - b[0], L[1, 1] * y - b[1]
+            likelihood += np.exp(-0.5 * (u * u + v * v))
+        # The axis' place is in a plane, where distances d = 1 / k have the area d^2 d(log d).
+        total += likelihood * np.exp(axis_prior(k**-2.0, sigma, True)[0]) / k**2
+    mean = total * by_distance * by_direction / (2.0 * np.pi)
+    return 0.5 * (b[0] * b[0] + b[1] * b[1]) + np.log(mean)
+
+
+@hot
+def bent_evidence(m: Models, kf: Keyframes, priors: Priors) -> float:
+    """Log evidence of a hinge far away over that of the prismatic model, which must be solved."""
+    lin, chain = new_linear(kf.time.size), new_chain(kf.time.size)
+    bent, zero = int(np.int64(BENT_SLIDE)), int(np.int64(0))
+    Y, a, c, q = m.Y[PRISMATIC], m.a[PRISMATIC], m.c[PRISMATIC], m.q[PRISMATIC]
+    inlier, still, no_pitch, temper = m.inlier[PRISMATIC].copy(), np.zeros(PARAMETERS), 0.0, 1.0
+    clear(lin)
+    add_measured(
+        bent, zero, kf.size[0], Y, a, c, no_pitch, q, inlier, kf, priors.outliers[0], temper, lin
+    )
+    if np.trace(m.prior_information[PRISMATIC]) > 0.0:
+        add_prior(PRISMATIC, m, lin)
+    for i in range(6, 8):
+        lin.information[i, i] += 1.0 / AXIS_SPREAD**2
+    n, S, J = dimension(bent), m.process_noise[PRISMATIC], priors.jump_noise
+    run_chain(n, S, J, priors.jumps, priors.speed, 1.0, q, kf, lin, still, zero, chain)
+    cholesky.factor(chain.H, n)
+    for i in range(n):
+        chain.step[i] = chain.h[i]
+    cholesky.forward(chain.H, chain.step, n)
+    return log_mean_likelihood(chain.H[8:10, 8:10], chain.step[8:10], priors.axis_distance)

@@ -37,7 +37,7 @@ def reduced_chi_square(
     return square / degrees, (low, high), degrees
 
 
-def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale) -> float:
+def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale, scale: Array) -> float:
     """Probability up to which a joint may be claimed, by how far the keyframes are off its path.
 
     No real joint is ideal, but one from which the child strays by more than the largest floor is
@@ -48,12 +48,14 @@ def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale) -> fl
         kind: A type, likely or not.
         m: Models.
         kf: Keyframes.
-        noise: Scale of their noise. What it makes of the claim is that of the newest keyframe, for
-            correlated errors its white equivalent.
+        noise: Scale of their noise.
+        scale: By which the claimed standard deviations (6,) were multiplied in the keyframes. What
+            is claimed is that of the newest one, for correlated errors its white equivalent.
     """
     if kind > RIGID:
         return 1.0
-    square, degrees = off_path(kind, m, kf, floor(-1, kf.R[kf.size[0] - 1]))
+    claimed = kf.R[kf.size[0] - 1] / np.outer(scale, scale)
+    square, degrees = off_path(kind, m, kf, floor(-1, claimed, scale))
     if degrees < 1:
         return 1.0
     p = float(scipy.special.fdtrc(degrees, degrees_of_freedom(noise), square / degrees))

@@ -272,10 +272,10 @@ class JointFilters:
         wanted = np.repeat(np.sqrt(noise.variance), 3)
         if np.abs(np.log(wanted / scale)).max() > _RESCALE:
             settle(keyframes, self._priors.free, self._priors.outliers, models.inlier[FREE])
-            scaled = covariance * np.outer(wanted, wanted)
-            rescale(keyframes, wanted / scale, floor(state.floor, scaled), self._priors.outliers)
+            strays = floor(state.floor, covariance, wanted)
+            rescale(keyframes, wanted / scale, strays, self._priors.outliers)
             scale = wanted
-        covariance, R = covariance * np.outer(scale, scale), R * np.outer(scale, scale)
+        R = R * np.outer(scale, scale)
         updates, index = state.updates + 1, state.floor
         turn = updates % _TURN_EVERY == 0
         outliers = update_models(
@@ -284,7 +284,7 @@ class JointFilters:
         if turn:
             tries = updates // _TURN_EVERY
             models, keyframes, index = with_likelier_floor(
-                models, keyframes, index, tries, covariance, priors, self._log_prior
+                models, keyframes, index, tries, covariance, scale, priors, self._log_prior
             )
         updated = replace(
             state,
@@ -312,7 +312,7 @@ class JointFilters:
         ranked = _normalised(evidence + self._log_prior)
         likeliest = int(np.argmax(ranked))
         p = claim(_normalised(evidence + self._log_prior_of_claims), ranked)
-        limit = most_certainty(likeliest, state.models, state.keyframes, state.noise)
+        limit = most_certainty(likeliest, state.models, state.keyframes, state.noise, state.scale)
         lost = (1.0 - limit) * p[likeliest]
         p[likeliest] -= lost
         p[FREE] += lost

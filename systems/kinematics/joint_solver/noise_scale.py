@@ -20,6 +20,7 @@ _PRIOR = 6.0  # Degrees of freedom of the prior, in which the claim is right.
 _MEDIAN = 2.365974  # Of a chi-square of three degrees of freedom.
 _MOST_LIKELY = 11.344867  # Its 99 % quantile, above which a difference is one with an outlier,
 _MEAN_BELOW = 2.894075  # and its mean below that.
+_DOUBT = 1.0  # Log odds of the claim against noise e times as large.
 _CLEAN = 16.0  # Differences without an outlier to one with, before anything is known.
 _DECADES = np.log(1e4)  # Range of the logarithm of what an outlier makes of a square.
 _INDEPENDENT = 0.5  # Share of what neighbouring differences, which have poses in common, tell.
@@ -94,7 +95,7 @@ def _posterior(squares: Array, variance: float) -> tuple[float, float]:
     share = (squares.size - likely + 1.0) / (squares.size + _CLEAN)
     inside = np.log((1.0 - share) / (np.sqrt(2.0 * np.pi) * variance))
     outside = np.log(share / _DECADES)
-    value = -0.5 * _PRIOR * (np.log(variance) + 1.0 / variance)
+    value = -_DOUBT * (np.log(variance) + 1.0 / variance)
     for square in squares:
         x = square / variance
         if square <= limit:

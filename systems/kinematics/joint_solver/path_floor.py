@@ -2,8 +2,9 @@
 
 Errors that depend on the place, as a camera's calibration has them, and a path that is not quite
 straight or round do not average out within a keyframe. Their covariance, the keyframes' floor, is
-a multiple of a measurement's noise, or of what real joints stray by where that is less; of a few
-multiples the one is kept under which all keyframes are likeliest, whatever the type.
+a multiple of what a measurement claims, of its noise where that is larger, or of what real joints
+stray by where both are less; of a few multiples the one is kept under which all keyframes are
+likeliest, whatever the type.
 """
 
 import numpy as np
@@ -22,8 +23,16 @@ _STRAY = np.repeat([5e-3**2, 1.5e-3**2], 3)
 _WORTH = 0.5  # Gain in log probability from which another one is taken, [nat].
 
 
-def floor(index: int, noise: Array) -> Array:
-    """The floor (6, 6) of a multiple, by the covariance (6, 6) of a measurement's noise."""
+def floor(index: int, claimed: Array, scale: Array) -> Array:
+    """The floor (6, 6) of a multiple.
+
+    Args:
+        index: Of `FLOORS`.
+        claimed: Covariance (6, 6) that a measurement claims.
+        scale: (6,) its noise's standard deviations by those that are claimed.
+    """
+    scale = np.maximum(scale, 1.0)
+    noise = claimed * np.outer(scale, scale)
     return FLOORS[index] ** 2 * (noise + np.diag(np.maximum(_STRAY - np.diagonal(noise), 0.0)))
 
 
@@ -53,7 +62,8 @@ def with_likelier_floor(
     kf: Keyframes,
     index: int,
     tries: int,
-    covariance: Array,
+    claimed: Array,
+    scale: Array,
     priors: Priors,
     log_prior: Array,
 ) -> tuple[Models, Keyframes, int]:
@@ -64,11 +74,12 @@ def with_likelier_floor(
         kf: Keyframes; not changed.
         index: In `FLOORS`, of the floor that they have.
         tries: How many there were, which says whose turn it is.
-        covariance: Of a measurement's noise (6, 6).
+        claimed: See `floor`.
+        scale: See `floor`.
         priors: See `Priors`.
         log_prior: (5,) log probability of each type before anything was measured.
     """
     other = (index + 1 + tries % (len(FLOORS) - 1)) % len(FLOORS)
-    models, frames = with_floor(m, kf, floor(other, covariance), priors)
+    models, frames = with_floor(m, kf, floor(other, claimed, scale), priors)
     gain = log_probability(models, frames, log_prior) - log_probability(m, kf, log_prior)
     return (models, frames, other) if gain > _WORTH else (m, kf, index)

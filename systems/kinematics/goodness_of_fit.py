@@ -15,7 +15,7 @@ from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 _INSIDE = 0.95  # Probability of the bounds.
 _TAIL = 0.5 - 0.5 * _INSIDE
-_MORE = 1.01  # So that the likeliest type leads instead of being level.
+_LEAD = 1e-6  # By which the likeliest type is ahead.
 
 
 def reduced_chi_square(
@@ -72,6 +72,7 @@ def claim(p: Array, ranked: Array) -> Array:
         ranked: The same from those by which types are ranked.
     """
     likeliest = int(np.argmax(ranked))
-    ahead, behind = ranked[likeliest] - ranked, np.maximum(p - p[likeliest], 0.0)
-    share = min(1.0, _MORE * float(np.max(behind / np.maximum(ahead + behind, 1e-12))))
+    ahead, behind = ranked[likeliest] - ranked, np.maximum(p + _LEAD - p[likeliest], 0.0)
+    behind[likeliest] = 0.0
+    share = float(np.max(behind / np.maximum(ahead + behind, _LEAD)))
     return np.asarray((1.0 - share) * p + share * ranked)

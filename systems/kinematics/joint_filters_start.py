@@ -19,6 +19,7 @@ from systems.kinematics.joint_solver.pose_keyframes import append, empty_keyfram
 from systems.kinematics.measurement_errors import is_correlated, white_equivalent
 
 _NO_OUTLIERS = np.zeros(7)
+_EXACT = 1e-10  # Variance up to which a reference is exact, [rad^2, m^2].
 
 
 def finite(covariance: Array) -> Array:
@@ -98,7 +99,9 @@ def initial_state(
     keyframes = empty_keyframes(config.memory)
     noise: Array = white_equivalent(covariance, 0.0, config.errors)
     R = noise + error
-    append(keyframes, np.eye(4), R, time, priors.outliers if covariance.any() else _NO_OUTLIERS)
+    measured = bool(covariance.max() > _EXACT)
+    keyframes.strays[0] = float(measured)
+    append(keyframes, np.eye(4), R, time, priors.outliers if measured else _NO_OUTLIERS)
     scale = initial_noise_scale()
     observe(scale, np.eye(4), R, time, least_scale(config))
     models = _initial_models(R, config)

@@ -19,7 +19,12 @@ from maths.arrays import Array
 from maths.compiled import hot
 from maths.se3_in_place import relative_log
 from systems.kinematics.joint_solver.outliers import blend, inlier_share
-from systems.kinematics.joint_solver.pose_keyframes import FREE_WAYS, MEMORY, Keyframes
+from systems.kinematics.joint_solver.pose_keyframes import (
+    FREE_WAYS,
+    MEMORY,
+    Keyframes,
+    floor_share,
+)
 
 _SCALES = (1.0, 0.1, 0.01)  # Of the process noise: of a walk, and of a velocity.
 assert 2 * len(_SCALES) == FREE_WAYS
@@ -240,7 +245,7 @@ def log_evidences(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Ar
     n = kf.size[0]
     R, R_out, W = np.empty((n, 6, 6)), np.empty((n, 6, 6)), np.empty((6, 6))
     for k in range(n):
-        W[:] = kf.R[k] + kf.floor
+        W[:] = kf.R[k] + floor_share(kf, k) * kf.floor
         _rotate(kf.Z[k], W, R[k])
         if kf.open[k] > 0.0:
             for i in range(6):

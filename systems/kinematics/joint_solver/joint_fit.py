@@ -15,7 +15,7 @@ from systems.kinematics.joint_solver.joint_geometry import (
     screw_twists,
 )
 from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+from systems.kinematics.joint_solver.pose_keyframes import Keyframes, floor_share
 
 # Variance above which a direction was not measured, [rad^2] or [m^2]: far below `UNKNOWN`, of which
 # averages are made, too.
@@ -70,7 +70,7 @@ def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, 
             jacobian(kind, G, h, q[k], J)
             along[:] = J[0]
             degrees -= 1
-        L = kf.R[k] + floor
+        L = kf.R[k] + floor_share(kf, k) * floor
         cholesky.factor(L, six)
         cholesky.inverse(L, W, six)
         if kf.open[k] > 0.0:

@@ -37,6 +37,7 @@ class Keyframes(NamedTuple):
         R: (K, 6, 6) covariance of its mean's white noise.
         floor: (6, 6) covariance of what does not average out within a keyframe: errors that depend
             on the place, and by what the child strays from an ideal joint's path there.
+        strays: (1,) one, or zero where the reference is exact, which then has no floor.
         W: (K, 6, 6) inverse of R and floor together.
         log_det: (K,) log determinant of both together.
         open: (K,) one while it is open whether the keyframe is an outlier, else zero.
@@ -57,6 +58,7 @@ class Keyframes(NamedTuple):
     Z: Array
     R: Array
     floor: Array
+    strays: Array
     W: Array
     log_det: Array
     open: Array
@@ -78,6 +80,7 @@ def empty_keyframes(capacity: int) -> Keyframes:
         Z=np.zeros((capacity, 4, 4)),
         R=np.zeros((capacity, 6, 6)),
         floor=np.zeros((6, 6)),
+        strays=np.zeros(1),
         W=np.zeros((capacity, 6, 6)),
         log_det=np.zeros(capacity),
         open=np.zeros(capacity),
@@ -98,9 +101,15 @@ def copy_keyframes(kf: Keyframes) -> Keyframes:
 
 
 @hot
+def floor_share(kf: Keyframes, k: int) -> float:
+    """One if keyframe k has the floor, else zero."""
+    return kf.strays[0] if k == 0 else 1.0
+
+
+@hot
 def _fill(kf: Keyframes, k: int) -> None:
     """Completes keyframe k from its covariance."""
-    L = kf.R[k] + kf.floor
+    L = kf.R[k] + floor_share(kf, k) * kf.floor
     six = int(np.int64(6))  # For a literal, Numba would compile all callees again.
     kf.log_det[k] = cholesky.factor(L, six)
     cholesky.inverse(L, kf.W[k], six)
@@ -110,7 +119,7 @@ def _fill(kf: Keyframes, k: int) -> None:
 def _fill_outlier(kf: Keyframes, k: int, outliers: Array) -> None:
     """Completes what open keyframe k is if it is an outlier; `outliers` as in `Priors`."""
     six = int(np.int64(6))
-    L = kf.R[k] + kf.floor
+    L = kf.R[k] + floor_share(kf, k) * kf.floor
     for i in range(6):
         L[i, i] += outliers[1 + i]
     kf.log_out[k] = 0.5 * (kf.log_det[k] - cholesky.factor(L, six))
@@ -202,7 +211,7 @@ def close(kf: Keyframes, k: int, inlier: float) -> None:
     L = inlier * kf.W[k] + (1.0 - inlier) * kf.W_out[k]
     cholesky.factor(L, six)
     cholesky.inverse(L, kf.R[k], six)
-    kf.R[k] -= kf.floor
+    kf.R[k] -= floor_share(kf, k) * kf.floor
     _fill(kf, k)
     _pair(kf, k - 1)
     _pair(kf, k)

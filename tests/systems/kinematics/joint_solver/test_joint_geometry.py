@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 from maths import se3
 from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver.joint_geometry import (
+    BENT_SLIDE,
     PARAMETERS,
     PRISMATIC,
     REVOLUTE,
@@ -73,6 +74,22 @@ def test_jacobians_agree_with_finite_differences(kind: int, q: float) -> None:
             changed = retract(kind, *moved, pitch, step)
             expected.append(se3.log(X @ _pose(kind, *moved, changed, q)) / h)
         assert_allclose(J[: len(expected)], expected, atol=2e-5)
+
+
+@pytest.mark.parametrize("q", [0.0, -0.4, 1.5])
+def test_a_slide_bends_by_its_curvature(q: float) -> None:
+    """Its twist per metre is (k, a), as that of a hinge at the distance 1 / |k|."""
+    Y, a, c, _ = _parameters(PRISMATIC)
+    B, G, J, h = np.empty((2, 3)), np.zeros((6, 6)), np.zeros((6, 6)), 1e-6
+    tangent_basis(a, B)
+    screw_twists(BENT_SLIDE, Y, a, c, 0.0, B, G)
+    jacobian(BENT_SLIDE, G, 0.0, q, J)
+    X = se3.inverse(_pose(BENT_SLIDE, Y, a, c, 0.0, q))
+    assert dimension(BENT_SLIDE) == dimension(PRISMATIC) + 2
+    for i in range(2):
+        bent = [se3.exp(q * np.concatenate([k * B[i], a])) @ Y for k in (h, -h)]
+        expected = (se3.log(X @ bent[0]) - se3.log(X @ bent[1])) / (2.0 * h)
+        assert_allclose(J[3 + i], expected, atol=1e-8)
 
 
 @pytest.mark.parametrize("kind", MODELS)

@@ -8,6 +8,7 @@ from scipy.stats import norm
 from systems.kinematics.joint_solver.joint_pitch import (
     PITCHES,
     WIDEST,
+    hinge_evidence,
     pitch_evidence,
     pitch_posterior,
 )
@@ -18,13 +19,16 @@ PITCH = np.linspace(-1.0, 1.0, 2_000_001)
 @pytest.mark.parametrize(("pitch", "sigma"), [(0.0, 1e-3), (2e-3, 1e-3), (-0.05, 0.004), (0, 0.2)])
 def test_evidence_and_posterior_are_those_of_the_mixture(pitch: float, sigma: float) -> None:
     likelihood = norm.pdf(PITCH, pitch, sigma)
-    mixture = np.mean([norm.pdf(PITCH, 0.0, scale) for scale in PITCHES], axis=0)
+    mixture = np.average([norm.pdf(PITCH, 0.0, s) for s in PITCHES], axis=0, weights=[4, 2, 1])
     widest = norm.pdf(PITCH, 0.0, WIDEST)
+    hinge = norm.pdf(PITCH, 0.0, 3e-4)
     # What the solution with the widest prior says.
     variance = 1.0 / (1.0 / sigma**2 + 1.0 / WIDEST**2)
     mean = variance * pitch / sigma**2
     expected = np.log(np.sum(likelihood * mixture) / np.sum(likelihood * widest))
     assert_allclose(pitch_evidence(mean, variance), expected, atol=1e-6)
+    expected = np.log(np.sum(likelihood * hinge) / np.sum(likelihood * mixture))
+    assert_allclose(hinge_evidence(mean, variance), expected, atol=1e-6)
     p = likelihood * mixture / np.sum(likelihood * mixture)
     expected_mean = np.sum(p * PITCH)
     found = pitch_posterior(mean, variance)

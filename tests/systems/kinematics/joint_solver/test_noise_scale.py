@@ -55,3 +55,15 @@ def test_what_was_not_measured_has_the_scale_that_is_claimed() -> None:
 
 def test_before_anything_is_known_the_claim_holds() -> None:
     assert_allclose(initial_noise_scale().variance, 1.0)
+
+
+@pytest.mark.parametrize(("factor", "outliers"), [(1.0, 4), (1.0, 0), (6.0, 0)])
+def test_a_bad_start_is_told_from_a_noise_that_is_larger(factor: float, outliers: int) -> None:
+    """Of 17 poses every fourth is an outlier, so that most differences are with one."""
+    rng, n = np.random.default_rng(3), initial_noise_scale()
+    for k in range(17):
+        error = factor * np.sqrt(np.diag(CLAIMED)) * rng.normal(size=6)
+        if k % 4 == 2 and k // 4 < outliers:
+            error += np.repeat([0.2, 0.05], 3) * rng.choice([-1.0, 1.0], size=6)
+        observe(n, se3.exp(error), CLAIMED, k / 15.0, 0.0)
+    assert_allclose(np.sqrt(n.variance), factor, rtol=0.4)

@@ -1,6 +1,7 @@
 """The bounded memory of poses against the Lie group and plain averages."""
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from maths import se3
@@ -32,13 +33,16 @@ def test_the_mean_of_two_poses_on_a_screw_is_on_the_screw_at_the_mean_time() -> 
     assert_allclose(kf.R[1], 0.5e-6 * np.eye(6))
 
 
-def test_a_less_certain_pose_counts_less_in_the_mean() -> None:
+@pytest.mark.parametrize("floor", [0.0, 1e-4])
+def test_a_less_certain_pose_counts_less_in_the_mean(floor: float) -> None:
+    """By its noise alone: how far both stray from an ideal path is nothing that averages out."""
     kf = pose_keyframes.empty_keyframes(4)
     pose_keyframes.append(kf, np.eye(4), np.eye(6), 0.0, OUTLIERS)
     for x, variance in ((0.0, 1e-6), (1.0, 3e-6)):
         X = np.eye(4)
         X[0, 3] = x
         pose_keyframes.append(kf, X, variance * np.eye(6), x, OUTLIERS)
+    pose_keyframes.rescale(kf, np.ones(6), floor * np.eye(6), OUTLIERS)
     pose_keyframes.merge(kf, 1)
     assert_allclose(kf.Z[1, 0, 3], 0.25)
     assert_allclose(kf.R[1], 0.75e-6 * np.eye(6), atol=1e-18)
@@ -100,3 +104,14 @@ def test_scale_and_floor_change_what_the_keyframes_know() -> None:
     assert_allclose(np.diag(kf.R[1]), np.repeat([4e-6, 9e-6], 3))
     assert_allclose(kf.W[1], np.linalg.inv(kf.R[1] + 1e-5 * np.eye(6)))
     assert_allclose(kf.log_det[1], np.linalg.slogdet(kf.R[1] + 1e-5 * np.eye(6))[1])
+
+
+@pytest.mark.parametrize("strays", [0.0, 1.0])
+def test_an_exact_reference_has_no_floor(strays: float) -> None:
+    kf = pose_keyframes.empty_keyframes(4)
+    kf.strays[0] = strays
+    for k in range(2):
+        pose_keyframes.append(kf, np.eye(4), 1e-6 * np.eye(6), float(k), OUTLIERS)
+    pose_keyframes.rescale(kf, np.ones(6), 1e-5 * np.eye(6), OUTLIERS)
+    for k, share in ((0, strays), (1, 1.0)):
+        assert_allclose(kf.W[k], np.linalg.inv((1e-6 + share * 1e-5) * np.eye(6)))

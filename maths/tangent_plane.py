@@ -33,8 +33,8 @@ def normal_basis(a: Array) -> Array:
 def transport(a: Array, b: Array, Q: Array) -> None:
     """Writes how coordinates in the basis at `a` become those in the basis at `b` into `Q` (2, 2).
 
-    The least rotation that turns the unit vector `a` into `b` takes the tangent vectors with it. The
-    bases do not: where another component becomes the smallest, they turn at once.
+    The least rotation that turns the unit vector `a` into `b` takes tangent vectors with it, not
+    the bases: where another component becomes the smallest, they turn at once.
     """
     A, B = np.empty((2, 3)), np.empty((2, 3))
     tangent_basis(a, A)

@@ -111,8 +111,8 @@ def jacobian(kind: int, G: Array, pitch: float, q: float, J: Array) -> None:
     `G` is from `screw_twists`; the tangent coordinates of a and c belong to its basis. Tilting a
     screw's axis by e moves the child, already at q, by a rotation of sin q e - (1 - cos q) a x e
     and a translation of h q (cos q e - sin q a x e). Rows 3 and 4 of a bent slide are of its
-    curvature k, which turns the child by q k and moves it by q^2 / 2 k x a. `J` is (6, 6); rows that
-    a model lacks are left as they are.
+    curvature k, which turns the child by q k and moves it by q^2 / 2 k x a. `J` is (6, 6); rows
+    that a model lacks are left as they are.
     """
     if slides(kind):
         for i in range(6):

@@ -40,7 +40,8 @@ def pitch_evidence(pitch: float, variance: float) -> float:
         variance: Its variance with it.
     """
     total, widest = 0.0, _component(WIDEST, pitch, variance)[0]
-    for scale, share in zip(PITCHES, _SHARES):
+    for i in range(len(PITCHES)):
+        scale, share = PITCHES[i], _SHARES[i]
         total += share * np.exp(_component(scale, pitch, variance)[0] - widest)
     return np.log(total)
 
@@ -62,7 +63,8 @@ def hinge_evidence(pitch: float, variance: float) -> float:
 def pitch_posterior(pitch: float, variance: float) -> tuple[float, float]:
     """Mean and variance of the pitch; see `pitch_evidence`."""
     mean, square, total, widest = 0.0, 0.0, 0.0, _component(WIDEST, pitch, variance)[0]
-    for scale, share in zip(PITCHES, _SHARES):
+    for i in range(len(PITCHES)):
+        scale, share = PITCHES[i], _SHARES[i]
         evidence, m, v = _component(scale, pitch, variance)
         weight = share * np.exp(evidence - widest)
         total += weight

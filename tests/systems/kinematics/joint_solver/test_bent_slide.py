@@ -1,4 +1,4 @@
-"""Hinges far away: their mean likelihood against samples of the prior, their evidence on streams."""
+"""Hinges far away: their mean likelihood against samples of the prior, and on streams."""
 
 import numpy as np
 import pytest

@@ -312,15 +312,16 @@ class JointFilters:
         ranked = _normalised(evidence + self._log_prior)
         likeliest = int(np.argmax(ranked))
         p = claim(_normalised(evidence + self._log_prior_of_claims), ranked)
-        limit = most_certainty(likeliest, state.models, state.keyframes, state.noise, state.scale)
-        lost = (1.0 - limit) * p[likeliest]
-        p[likeliest] -= lost
-        p[FREE] += lost
-        return replace(
-            state,
-            probabilities=dict(zip(TYPES, p.tolist(), strict=True)),
-            fit=read_fit(state, int(np.argmax(p))),
-        )
+        fit = read_fit(state, likeliest)
+        if fit.reduced_chi_square > fit.bounds[1]:
+            limit = most_certainty(
+                likeliest, state.models, state.keyframes, state.noise, state.scale
+            )
+            lost = (1.0 - limit) * p[likeliest]
+            p[likeliest] -= lost
+            p[FREE] += lost
+            fit = read_fit(state, int(np.argmax(p)))
+        return replace(state, probabilities=dict(zip(TYPES, p.tolist(), strict=True)), fit=fit)
 
     def belief(self, state: JointFiltersState, time: float | None = None) -> JointBelief:
         """The belief about the pair's joint.

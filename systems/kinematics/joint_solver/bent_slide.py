@@ -30,7 +30,7 @@ from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
 from systems.kinematics.joint_solver.joint_solver import Priors
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
-_POINTS = 32  # Of the integral, in distance and in direction.
+_POINTS = 20  # Of the integral, in distance and in direction.
 _DEVIATIONS = 6.0  # Beyond which a curvature is out of the question.
 _NEAREST, _FARTHEST = 0.05, 64.0  # Distances beyond which no axis is, by the nearest scale.
 

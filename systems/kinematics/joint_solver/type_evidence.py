@@ -14,6 +14,7 @@ from systems.kinematics.joint_solver.joint_solver import Priors
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 _AHEAD = 3.0  # Log evidence over the slide's from which a hinge's own solution counts, [nat].
+_FAR_BEHIND = 20.0  # Log evidence below the most from which a slide's makes no difference, [nat].
 
 
 def type_evidence(m: Models, kf: Keyframes, priors: Priors) -> Array:
@@ -27,7 +28,9 @@ def type_evidence(m: Models, kf: Keyframes, priors: Priors) -> Array:
     evidence = m.log_evidence.copy()
     hinge = evidence[SCREW] + hinge_evidence(m.pitch[SCREW], m.covariance[SCREW, 10, 10])
     evidence[REVOLUTE] = max(evidence[REVOLUTE], hinge)
-    if priors.far_axes and may_be_far(kf) and evidence[REVOLUTE] < evidence[PRISMATIC] + _AHEAD:
-        far = evidence[PRISMATIC] + bent_evidence(m, kf, priors)
+    slide = evidence[PRISMATIC]
+    matters = evidence.max() - _FAR_BEHIND < slide and evidence[REVOLUTE] < slide + _AHEAD
+    if matters and priors.far_axes and may_be_far(kf):
+        far = slide + bent_evidence(m, kf, priors)
         evidence[REVOLUTE] = max(evidence[REVOLUTE], far)
     return evidence

@@ -89,7 +89,8 @@ from systems.port_values import JointBelief, JointType, PoseBelief
 
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
 _RESTART_EVERY = 16  # Updates between fresh starts where the axis is better known than that.
-_TURN_EVERY = 4  # Updates between turns: of all models (`joint_update.solve_all`), and of a floor.
+_TURN_EVERY = 4  # Updates between turns of all models (`joint_update.solve_all`).
+_OFTEN = 24  # Such turns up to which a floor is tried at each, then at every third.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
 _SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
 
@@ -281,8 +282,9 @@ class JointFilters:
         outliers = update_models(
             models, keyframes, X_FB, R, time, priors, self._log_prior, _wants_restart(state), turn
         )
-        if turn:
-            tries = updates // _TURN_EVERY
+        turns = updates // _TURN_EVERY
+        if turn and (turns <= _OFTEN or turns % 3 == 0):
+            tries = turns if turns <= _OFTEN else turns // 3
             models, keyframes, index = with_likelier_floor(
                 models, keyframes, index, tries, covariance, scale, priors, self._log_prior
             )

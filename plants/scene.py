@@ -66,14 +66,16 @@ class ManipulationScene:
         plant: With robots, furniture and objects.
         scene_graph: Its geometry.
         objects: Model instance of each placed object, by its name.
-        friction: Coulomb friction of each velocity of the plant (nv,), [N] or [N m]; zero for a
-            screw, which has its own in the plant.
+        friction: Coulomb friction of each velocity of the plant (nv,), [N] or [N m].
+        applied_friction: What of it somebody has to apply (nv,); not a screw's, which the plant has
+            as a motor.
     """
 
     plant: MultibodyPlant
     scene_graph: SceneGraph
     objects: dict[str, ModelInstanceIndex]
     friction: Array
+    applied_friction: Array
 
     def model(self, name: str) -> ModelInstanceIndex:
         """The model instance of that name: a robot's, an object's or a piece of furniture's."""
@@ -134,18 +136,22 @@ def add_manipulation_scene(
     plant.Finalize()
     for robot in robots:
         _ignore_self_collision(plant, scene_graph, [find_model(plant, name) for name in robot])
-    friction = np.zeros(plant.num_velocities())
+    friction, by_motor = np.zeros(plant.num_velocities()), np.zeros(plant.num_velocities())
     for name, placement in objects.items():
         if placement.texture:
             _set_texture(plant, scene_graph, instances[name], placement.texture)
         connect_holding_friction(builder, plant, instances[name])
         for joint in object_joints(plant, instances[name]):
-            if isinstance(joint, ScrewJoint):
-                continue  # Its motor is its friction.
             start = joint.velocity_start()
-            friction[start : start + joint.num_velocities()] = placement.friction
+            ours = slice(start, start + joint.num_velocities())
+            friction[ours] = placement.friction
+            by_motor[ours] = placement.friction if isinstance(joint, ScrewJoint) else 0.0
     return ManipulationScene(
-        plant=plant, scene_graph=scene_graph, objects=instances, friction=friction
+        plant=plant,
+        scene_graph=scene_graph,
+        objects=instances,
+        friction=friction,
+        applied_friction=friction - by_motor,
     )
 
 

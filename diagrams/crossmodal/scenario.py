@@ -62,6 +62,8 @@ class ObjectConfig:
     # Where the hand pulls to explore, in the handle's frame; out of the object is x.
     pull_direction: np.ndarray = numbers(np.array([1.0, 0.0, 0.0]), at_least=-100.0, at_most=100.0)
     friction: float = number(6.0, at_least=0.0, at_most=1000.0, unit="N or N m")  # Of the joint.
+    # By which a magnet or the like holds the joint where it starts.
+    catch: float = number(0.0, at_least=0.0, at_most=1000.0, unit="N or N m")
     variation: ObjectVariation = field(default_factory=ObjectVariation)
 
     def pose(self) -> RigidTransform:
@@ -192,8 +194,8 @@ def units(scenario: Scenario) -> dict[str, str]:
         facts = read_object_model(
             model, joint=thing.joint, frame=thing.handle_frame, source=f"{scenario.name}: {key}"
         )
-        slides = facts.joint_type == JointType.PRISMATIC
-        found |= {f"{key}.ajar": facts.unit, f"{key}.friction": "N" if slides else "N m"}
+        force = "N" if facts.joint_type == JointType.PRISMATIC else "N m"
+        found |= {f"{key}.ajar": facts.unit, f"{key}.friction": force, f"{key}.catch": force}
         if thing is scenario.object:
             found |= {f"task.{item}": facts.unit for item in ("opening", "goal", "tolerance")}
     return found

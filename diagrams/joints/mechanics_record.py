@@ -24,6 +24,7 @@ CLAIMED = 0.95  # Probability from which an end stop or a latch is said to be th
 _UNITS = {
     JointType.PRISMATIC: ("N", "N s/m", "m", "m/s"),
     JointType.REVOLUTE: ("N m", "N m s/rad", "rad", "rad/s"),
+    JointType.SCREW: ("N m", "N m s/rad", "rad", "rad/s"),
 }
 
 
@@ -149,7 +150,8 @@ def mechanics_rows(tick: Tick, series: JointSeries, k: int, truth: Truth) -> lis
     if latch.probability > CLAIMED:
         std, force_std = math.sqrt(latch.variance), math.sqrt(latch.force_variance)
         rows.append(scalar("joint_latch", latch.position, "position", std=std))
-        rows.append(scalar("joint_latch", latch.force, "force", std=force_std))
+        held = truth.mechanics.catch if same else math.nan
+        rows.append(scalar("joint_latch", latch.force, "force", std=force_std, true=held))
     return rows
 
 
@@ -174,9 +176,10 @@ def summarise_mechanics(
         return None
     belief, speed = last.belief, last.belief.mean_speed
     nothing = math.nan
-    friction, damping, (lower, upper) = nothing, nothing, (nothing, nothing)
+    friction, damping, catch, (lower, upper) = nothing, nothing, nothing, (nothing, nothing)
     if last.joint_type == truth.joint_type:
         friction, damping = truth.mechanics.friction, truth.mechanics.damping
+        catch = truth.mechanics.catch
         lower, upper = true_range(truth)
     stds = np.sqrt(np.maximum(np.diag(belief.friction_covariance), 0.0))
     latch = last.latch
@@ -197,8 +200,7 @@ def summarise_mechanics(
             "claimed": latch.probability > CLAIMED,
             "position": latch.position,
             "position_std": math.sqrt(latch.variance),
-            "force": latch.force,
-            "force_std": math.sqrt(latch.force_variance),
+            **_beside(latch.force, math.sqrt(latch.force_variance), catch),
         },
     }
 
@@ -253,9 +255,9 @@ def mechanics_line(summary: dict[str, Any]) -> str:
             )
     latch = summary["latch"]
     if latch["claimed"]:
-        held = written(latch["force"], force, spread=latch["force_std"])
+        held = written(latch["estimated"], force, spread=latch["std"])
         at = written(latch["position"], length, spread=latch["position_std"])
-        parts.append(f"latch of {held} beyond friction at {at}")
+        parts.append(f"latch of {held} beyond friction at {at}{_verdict(latch, force)}")
     return ", ".join(parts)
 
 

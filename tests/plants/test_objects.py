@@ -85,7 +85,7 @@ class Released:
             builder, PlantConfig(), {"object": placed}, [("arm", "hand")]
         )
         plant = self.scene.plant
-        rub = builder.AddSystem(JointFriction(plant, self.scene.friction))
+        rub = builder.AddSystem(JointFriction(plant, self.scene.applied_friction))
         builder.Connect(plant.get_state_output_port(), rub.get_input_port())
         builder.Connect(rub.get_output_port(), plant.get_applied_generalized_force_input_port())
         self.simulator = Simulator(builder.Build())

@@ -112,7 +112,7 @@ def test_friction_acts_on_the_object_alone_and_against_its_motion() -> None:
     plant = scene.plant
     slide = plant.GetJointByName("slide").velocity_start()
     assert np.flatnonzero(scene.friction).tolist() == [slide]
-    system = JointFriction(plant, scene.friction)
+    system = JointFriction(plant, scene.applied_friction)
     context = system.CreateDefaultContext()
     state = np.zeros(plant.num_multibody_states())
     state[plant.num_positions() + slide] = 0.1

@@ -20,6 +20,7 @@ from systems.port_values import JointType, LimitBelief
 _UNITS = {
     JointType.PRISMATIC: (100.0, "cm", "N"),
     JointType.REVOLUTE: (180.0 / math.pi, "deg", "N m"),
+    JointType.SCREW: (180.0 / math.pi, "deg", "N m"),
 }
 
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import Joint
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
+from pydrake.systems.primitives import Adder
 
 from diagrams.crossmodal.robot_config import ARM, HAND
 from diagrams.crossmodal.scenario import ObjectConfig, Scenario, object_model_file
@@ -23,6 +24,7 @@ from diagrams.run.recorder import STATUS_PORT
 from diagrams.stations.true_pose import add_true_pose
 from maths.arrays import Array
 from plants.external_forces import ExternalForces
+from plants.joint_catch import JointCatch
 from plants.joint_friction import JointFriction
 from plants.robots.arm_with_hand import make_arm_with_load
 from plants.robots.wam import WAM_WITH_SOFT_HAND
@@ -174,11 +176,20 @@ def make_manipulation_station(
 def _add_object_mechanics(wiring: StationWiring, joint: Joint) -> None:
     builder, scene = wiring.builder, wiring.scene
     plant = scene.plant
-    friction = builder.AddNamedSystem("joint_friction", JointFriction(plant, scene.friction))
+    applied: dict[str, System] = {"joint_friction": JointFriction(plant, scene.applied_friction)}
+    for name, thing in wiring.scenario.objects.items():
+        if thing.catch > 0.0:
+            caught = plant.GetJointByName(thing.joint, scene.objects[name])
+            applied[f"{name}_catch"] = JointCatch(plant, caught, thing.catch)
+    total = builder.AddNamedSystem("joint_forces", Adder(len(applied), plant.num_velocities()))
+    for i, (name, system) in enumerate(applied.items()):
+        builder.AddNamedSystem(name, system)
+        builder.Connect(plant.get_state_output_port(), system.get_input_port())
+        builder.Connect(system.get_output_port(), total.get_input_port(i))
+    builder.Connect(total.get_output_port(), plant.get_applied_generalized_force_input_port())
     taken = float(scene.friction[joint.velocity_start()])
-    truth = builder.AddNamedSystem("object_truth", ObjectTruth(plant, joint, taken))
-    builder.Connect(plant.get_state_output_port(), friction.get_input_port())
-    builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())
+    truth = ObjectTruth(plant, joint, taken, wiring.scenario.object.catch)
+    builder.AddNamedSystem("object_truth", truth)
     if wiring.scenario.disturbances.forces:
         forces = ExternalForces(plant, wiring.scenario.disturbances.forces)
         builder.AddNamedSystem("external_forces", forces)

@@ -53,7 +53,7 @@ def felt_episode(joint_type: JointType = JointType.PRISMATIC) -> EpisodeRecord:
     record = synthetic_episode(joint_type)
     for tick in record.station:
         tick.values["cheat_joint_mechanics"] = JointMechanicsTruth(
-            friction=6.0, damping=8.0, lower=-0.05, upper=0.242
+            friction=6.0, damping=8.0, lower=-0.05, upper=0.242, catch=9.2
         )
     for name in ("proprioception", "crossmodal"):
         sign = -1.0 if name == "proprioception" else 1.0
@@ -101,7 +101,9 @@ def test_the_summary_says_what_was_reached_whichever_way_the_axis_points(name: s
     # The joint may well go on from where nothing stopped it.
     assert_allclose([lower["estimated"], lower["true"]], [0.0, -0.05 - START], atol=1e-12)
     assert lower["inside_two_sigma"]
-    assert_allclose(found["latch"]["position"], 0.05)
+    latch = found["latch"]
+    assert_allclose([latch["position"], latch["estimated"], latch["true"]], [0.05, 9.0, 9.2])
+    assert latch["inside_two_sigma"]
 
 
 def test_what_was_felt_of_another_type_than_the_last_does_not_count() -> None:
@@ -111,6 +113,9 @@ def test_what_was_felt_of_another_type_than_the_last_does_not_count() -> None:
     last.values["joints_latest"] = JointBeliefs(
         joints=[replace(joint, probabilities=screw) for joint in joints_of(last).joints]
     )
+    felt = last.values["joint_mechanics_latest"].joints[0]
+    felt = replace(felt, models={t: m for t, m in felt.models.items() if t != JointType.SCREW})
+    last.values["joint_mechanics_latest"] = JointMechanicsBeliefs(joints=[felt])
     found = evaluate(record).summary["modalities"]["crossmodal"]["joints"][0]
     assert found.get("mechanics") is None
 
@@ -149,14 +154,14 @@ def test_the_line_tells_a_limit_from_a_bound_and_names_what_is_outside() -> None
     assert "friction 6.50 ± 0.20 N [truth 6.00 N, OUTSIDE 2σ]" in line
     assert "upper end stop at 0.2400 ± 0.0020 m [truth 0.2410 m] (reached)" in line
     assert "lower end stop not above 0.0000 m (not reached)" in line
-    assert "latch of 9.00 ± 0.50 N beyond friction at 0.0500 ± 0.0010 m" in line
+    assert "latch of 9.00 ± 0.50 N beyond friction at 0.0500 ± 0.0010 m [truth 9.20 N]" in line
 
 
 def test_without_the_truth_no_verdict_is_given() -> None:
     record = without_truth(felt_episode())
     results = evaluate(record)
     found = results.summary["modalities"]["crossmodal"]["joints"][0]["mechanics"]
-    for key in ("coulomb", "viscous", "resistance", "lower", "upper"):
+    for key in ("coulomb", "viscous", "resistance", "lower", "upper", "latch"):
         assert found[key]["inside_two_sigma"] is None, key
     assert "truth" not in mechanics_line(found)
     assert draw_mechanics(joint_episode(record)) is not None

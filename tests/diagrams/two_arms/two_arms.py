@@ -148,7 +148,9 @@ def make_station(scenario: TwoArms, calibration: Calibration) -> Station:
         {f"{side}_arm": X_WBase for side, X_WBase in bases.items()},
     )
     plant = scene.plant
-    friction = builder.AddNamedSystem("joint_friction", JointFriction(plant, scene.friction))
+    friction = builder.AddNamedSystem(
+        "joint_friction", JointFriction(plant, scene.applied_friction)
+    )
     builder.Connect(plant.get_state_output_port(), friction.get_input_port())
     builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())
     encoders = {

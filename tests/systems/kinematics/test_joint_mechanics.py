@@ -29,7 +29,8 @@ from systems.port_values import (
 )
 
 DT = 1.0 / 15.0
-SLIDE, HINGE = JointType.PRISMATIC, JointType.REVOLUTE
+SLIDE, HINGE, SCREW = JointType.PRISMATIC, JointType.REVOLUTE, JointType.SCREW
+PITCH = 0.02  # [m/rad]
 HAND = np.array([0.4, 0.1, 0.2])
 X_PE = np.block([[np.eye(3), HAND[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
 EVEN = JointMechanicsConfig(unevenness=0.0)
@@ -47,6 +48,8 @@ def model_of(joint_type: JointType, q: float, v: float) -> JointModelBelief:
         p_PA_covariance=1e-8 * across,
         configuration=np.array([q, v]),
         configuration_covariance=np.diag([1e-7, 1e-7]),
+        pitch=PITCH if joint_type == SCREW else np.nan,
+        pitch_variance=1e-8 if joint_type == SCREW else np.nan,
     )
 
 
@@ -63,8 +66,12 @@ def belief_of(joint_type: JointType, q: float, v: float, updates: int) -> JointB
 def push_along(joint_type: JointType, tau: float) -> Array:
     """A force (6,) at Po with that generalised force, and one across the joint's motion."""
     p = HAND
-    # The hinge's lever is 0.4 m, along x.
-    f = {SLIDE: np.array([tau, 1.5, -2.0]), HINGE: np.array([3.0, tau / 0.4, -2.0])}[joint_type]
+    # The hinge's lever is 0.4 m, along x; a screw takes the force along its axis, too.
+    f = {
+        SLIDE: np.array([tau, 1.5, -2.0]),
+        HINGE: np.array([3.0, tau / 0.4, -2.0]),
+        SCREW: np.array([3.0, (tau + 2.0 * PITCH) / 0.4, -2.0]),
+    }[joint_type]
     return np.concatenate([np.cross(p, f), f])
 
 
@@ -109,13 +116,23 @@ def test_a_slide_takes_the_force_along_it_wherever_that_acts() -> None:
         assert S @ np.concatenate([np.cross(p, f), f]) == pytest.approx(-2.0)
 
 
-def test_the_screws_covariance_is_that_of_axis_and_point() -> None:
-    model, rng = model_of(HINGE, 0.0, 0.0), np.random.default_rng(0)
-    _, covariance = screw_belief(HINGE, model)
+def test_a_screw_takes_its_pitch_of_the_force_along_its_axis() -> None:
+    S, _ = screw_belief(SCREW, model_of(SCREW, 0.0, 0.0))
+    f = np.array([0.0, 5.0, 3.0])
+    expected = 0.4 * 5.0 + PITCH * 3.0
+    np.testing.assert_allclose(S @ np.concatenate([np.cross(HAND, f), f]), expected)
+    assert speed_at(S, HAND) == pytest.approx(np.hypot(0.4, PITCH))
+
+
+@pytest.mark.parametrize("joint_type", [HINGE, SCREW])
+def test_the_screws_covariance_is_that_of_axis_point_and_pitch(joint_type: JointType) -> None:
+    model, rng = model_of(joint_type, 0.0, 0.0), np.random.default_rng(0)
+    _, covariance = screw_belief(joint_type, model)
     da = 1e-3 * rng.standard_normal((20000, 3)) * [1, 1, 0]
     dp = 1e-4 * rng.standard_normal((20000, 3)) * [1, 1, 0]
+    h = (PITCH + 1e-4 * rng.standard_normal((20000, 1))) * (joint_type == SCREW)
     a = model.axis_P + da
-    S = np.hstack([a, np.cross(model.p_PA + dp, a)])
+    S = np.hstack([a, np.cross(model.p_PA + dp, a) + h * a])
     np.testing.assert_allclose(np.cov(S.T), covariance, atol=3e-8)
 
 
@@ -152,7 +169,7 @@ def test_a_hand_that_is_elsewhere_sees_another_screw() -> None:
         np.testing.assert_allclose(F_P @ covariance @ F_P, change**2, rtol=1e-3, atol=1e-18)
 
 
-@pytest.mark.parametrize("joint_type", [SLIDE, HINGE])
+@pytest.mark.parametrize("joint_type", [SLIDE, HINGE, SCREW])
 @pytest.mark.parametrize("rho", [0.0, 0.9])
 def test_friction_is_as_wrong_as_is_claimed(joint_type: JointType, rho: float) -> None:
     values = []

@@ -5,14 +5,14 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, PrismaticJoint
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-_WAY, _ANGLE = 1e-3, 5e-3  # To where it holds most, [m] for a slide, [rad] for a joint that turns.
+_WAY, _ANGLE = 3e-4, 2e-3  # To where it holds most, [m] for a slide, [rad] for a joint that turns.
 
 
 class JointCatch(LeafSystem):
     """Generalized force -F (x / s) exp(1 - |x| / s), x the way from where the joint is caught.
 
-    The joint is caught at its default position. The catch holds most, by F, at x = s, 1 mm or
-    5 mrad away, and lets go within a few times that.
+    The joint is caught at its default position. The catch holds most, by F, at x = s, 0.3 mm or
+    2 mrad away, and lets go within a few times that.
 
     .. pydrake_system::
 

@@ -12,6 +12,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from diagrams.run.record import EpisodeRecord, Quantity
 from maths.arrays import Array
 from maths.immutable import Immutable
+from plants.screw_axis import screw_axis
 from systems.port_values import JointType
 
 
@@ -87,11 +88,8 @@ def joint_constants(plant: MultibodyPlant, joint: Joint) -> JointTruth:
     elif isinstance(joint, RevoluteJoint):
         kind, axis_J = JointType.REVOLUTE, joint.revolute_axis()
     elif isinstance(joint, ScrewJoint):
-        # pydrake does not bind the axis; the pitch is the translation per turn.
-        joint.set_angular_velocity(context, 1.0)
-        V_WB = joint.child_body().EvalSpatialVelocityInWorld(context)
-        kind, axis_J = JointType.SCREW, X_WJ.rotation().inverse() @ V_WB.rotational()
-        pitch = joint.screw_pitch() / (2.0 * np.pi)
+        kind, axis_J = JointType.SCREW, screw_axis(plant, joint)
+        pitch = joint.screw_pitch() / (2.0 * np.pi)  # Drake's is the translation per turn.
     else:
         raise ValueError(f"joint '{joint.name()}' is neither prismatic, revolute nor a screw")
     return JointTruth(

@@ -34,6 +34,7 @@ from pydrake.multibody.tree import (
     RevoluteJoint,
     RevoluteSpring,
     RigidBody,
+    ScrewJoint,
     SpatialInertia,
     UnitInertia,
 )
@@ -42,6 +43,7 @@ from pydrake.systems.framework import Context
 from maths.arrays import Array
 from plants.object_import.meshes import Warn, encloses_volume, write_png
 from plants.object_import.model_source import ModelSource
+from plants.screw_axis import screw_axis
 
 DENSITY = 600.0  # Of wood, for links whose mass the file does not give, [kg/m^3].
 _HULL_DENSITY = 150.0  # Of the hull of a mesh that encloses nothing: a hollow thing, [kg/m^3].
@@ -80,7 +82,7 @@ class FlatNames:
 
 def moves(joint: Joint) -> bool:
     """Whether a joint of this type moves in the copy; others are held."""
-    return isinstance(joint, PrismaticJoint | RevoluteJoint)
+    return isinstance(joint, PrismaticJoint | RevoluteJoint | ScrewJoint)
 
 
 def start_position(joint: Joint) -> float:
@@ -169,8 +171,8 @@ def find_chain(plant: MultibodyPlant, grasped: RigidBody, source: Path, warn: Wa
         if joint.num_velocities() and not moves(joint):
             raise ValueError(
                 f"{source}: joint '{joint.name()}', which moves link '{grasped.name()}', is a"
-                f" {joint.type_name().split('_')[0]} joint; the grasped link may move on prismatic"
-                " and revolute joints only, so change its type"
+                f" {joint.type_name().split('_')[0]} joint; the grasped link may move on prismatic,"
+                " revolute and screw joints only, so change its type"
             )
         path.append(joint)
         if int(joint.parent_body().index()) == world:
@@ -410,15 +412,14 @@ class FlatModelWriter:
             SubElement(inner, key).text = _text(values)
 
     def _add_joint(self, model: Element, joint: Joint, leaders: dict[str, Joint]) -> None:
-        kind = "prismatic" if isinstance(joint, PrismaticJoint) else "revolute"
-        is_fixed = not moves(joint)
+        kind, is_fixed = joint.type_name(), not moves(joint)
         name = self._names.joints[int(joint.index())]
         if is_fixed:
             kind = "fixed"
             if joint.num_velocities():
                 self._warn(
                     f"joint '{name}' is a {joint.type_name()} joint and is held fixed;"
-                    " prismatic and revolute joints move"
+                    " prismatic, revolute and screw joints move"
                 )
         element = SubElement(model, "joint", {"name": name, "type": kind})
         X_BM = joint.frame_on_child().CalcPoseInBodyFrame(self._context)
@@ -428,8 +429,9 @@ class FlatModelWriter:
         if is_fixed:
             return
         axis = SubElement(element, "axis")
-        direction = joint.translation_axis() if kind == "prismatic" else joint.revolute_axis()
-        SubElement(axis, "xyz").text = _text(direction)
+        SubElement(axis, "xyz").text = _text(self._axis(joint))
+        if isinstance(joint, ScrewJoint):
+            SubElement(element, "screw_thread_pitch").text = repr(float(joint.screw_pitch()))
         limit = SubElement(axis, "limit")
         lower, upper = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
         start = start_position(joint)
@@ -456,6 +458,13 @@ class FlatModelWriter:
             offset = mimic.offset + mimic.multiplier * start_position(leader) - start
             values = {"multiplier": repr(mimic.multiplier), "offset": repr(offset)}
             SubElement(element, f"{_DRAKE}mimic", {"joint": led, **values})
+
+    def _axis(self, joint: Joint) -> Array:
+        if isinstance(joint, PrismaticJoint):
+            return joint.translation_axis()
+        if isinstance(joint, RevoluteJoint):
+            return joint.revolute_axis()
+        return screw_axis(self._plant, joint)
 
     def _add_spring(self, dynamics: Element, joint: Joint) -> None:
         for index in range(self._plant.num_force_elements()):

@@ -161,7 +161,8 @@ class JointMechanicsFilters:
             state = replace(state, S=S, S_covariance=covariance, flipped=flipped, explored=explored)
         if force is None:
             return replace(_interrupted(state), push=None)
-        last = force.F_P if state.push is None else state.push
+        # What was felt while the joint moved is no push of a rest.
+        last = force.F_P if state.push is None or state.rest is None else state.push
         push = last + self._share * (force.F_P - last)
         state = replace(state, hand=force, push=push)
         speed = abs(v) * speed_at(S, force.X_PE[:3, 3])
@@ -171,6 +172,9 @@ class JointMechanicsFilters:
             if slow and q_variance < rest.variance:
                 rest = replace(rest, q=q, variance=q_variance)
             return _interrupted(replace(state, rest=rest))
+        if state.rest is not None:
+            rest = replace(state.rest, release=1 if q > state.rest.q else -1)
+            state = replace(state, rest=None, rests=remember(state.rests, rest))
         if not slow and abs(v) > 3.0 * np.sqrt(v_variance):
             return self._moves(state, np.array([np.sign(v), v, 1.0, *force.F_P]))
         if slow:
@@ -183,9 +187,6 @@ class JointMechanicsFilters:
 
         Around a start or a stop the rate is believed late, and inertia is part of the force.
         """
-        if state.rest is not None:
-            rest = replace(state.rest, release=int(z[0]))
-            state = replace(state, rest=None, rests=remember(state.rests, rest))
         passing = (*state.passing, z)[-2 * self._settle - 1 :]
         if len(passing) <= 2 * self._settle:
             return replace(state, passing=passing)

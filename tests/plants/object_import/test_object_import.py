@@ -13,6 +13,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 from wild_models import box, write_cabinet, write_chest, write_door
 
+from models import SDF_DIR
 from plants.object_import.object_import import ImportedObject, import_object
 
 BOX = "<geometry><box size='0.1 0.1 0.1'/></geometry>"
@@ -333,19 +334,41 @@ def test_a_joint_that_follows_one_that_starts_elsewhere_keeps_its_relation(tmp_p
     assert_allclose(offset, 0.5 + 3 * 0.2)
 
 
-@pytest.mark.parametrize("kind", ["ball", "screw", "universal"])
+@pytest.mark.parametrize("kind", ["ball", "universal"])
 def test_a_joint_of_another_kind_below_the_hand_is_refused_by_its_kind(
     kind: str, tmp_path: Path
 ) -> None:
-    pitch = "<screw_thread_pitch>0.1</screw_thread_pitch>" if kind == "screw" else ""
     axis = "" if kind == "ball" else "<axis><xyz>1 0 0</xyz></axis>"
     axis += "<axis2><xyz>0 1 0</xyz></axis2>" if kind == "universal" else ""
     path = tmp_path / "model.sdf"
     path.write_text(
         "<sdf version='1.9'><model name='m'><link name='a'/><link name='b'/><joint name='j'"
-        f" type='{kind}'><parent>a</parent><child>b</child>{axis}{pitch}</joint></model></sdf>"
+        f" type='{kind}'><parent>a</parent><child>b</child>{axis}</joint></model></sdf>"
     )
     assert f"joint 'j', which moves link 'b', is a {kind} joint" in refusal(path, tmp_path)
+
+
+def test_a_screw_moves_in_the_copy_as_in_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "press.sdf"
+    text = (SDF_DIR / "fly_press.sdf").read_text()
+    path.write_text(text.replace("<drake:diffuse_map>textures/oak.png</drake:diffuse_map>", ""))
+    imported = import_object(path, tmp_path / "out", grasp_frame="handle")
+    assert not any("held fixed" in line for line in imported.warnings)
+    ways = []
+    for model in (path, imported.model):
+        plant = MultibodyPlant(time_step=0.0)
+        (instance,) = Parser(plant).AddModels(str(model))
+        plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("frame", instance))
+        plant.Finalize()
+        joint, context = plant.GetJointByName("spindle"), plant.CreateDefaultContext()
+        head, poses = joint.child_body(), []
+        for q in (0.0, 0.7):
+            plant.SetPositions(context, np.array([q]))
+            poses.append(head.EvalPoseInWorld(context))
+        ways.append((poses[0].inverse() @ poses[1]).GetAsMatrix4())
+        assert_allclose(joint.default_damping(), 0.3)
+    assert_allclose(ways[1], ways[0], atol=1e-9)
+    assert_allclose(ways[0][2, 3], -0.7 * 0.08 / (2.0 * np.pi), atol=1e-9)
 
 
 def test_a_model_that_includes_itself_is_refused_in_one_line(tmp_path: Path) -> None:

@@ -308,6 +308,32 @@ def test_a_latch_takes_force_before_the_joint_moves() -> None:
     assert free.latch.probability < 0.5
 
 
+def test_a_rest_after_a_latch_has_let_go_is_none() -> None:
+    """The joint leaps by what the hand was bent by, and stands for a moment: there it is free.
+
+    So short a leap has no rate that is sure.
+    """
+    q = np.concatenate(
+        [np.zeros(30), [0.02, 0.04], np.full(8, 0.045), 0.045 + 0.005 * np.arange(90)]
+    )
+    v = np.concatenate([np.zeros(30), [0.2, 0.2], np.zeros(8), np.full(90, 0.08)])
+    rise, stands = np.linspace(0.0, 25.0, 30), np.linspace(0.0, FRICTION, 8)
+    tau = np.concatenate([rise, [12.0, 1.0], stands, np.full(90, FRICTION + DAMPING * 0.08)])
+    filters = JointMechanicsFilters(JointMechanicsConfig())
+    state = filters.start()
+    for k in range(len(q)):
+        joint = belief_of(SLIDE, q[k], v[k], k)
+        covariance = joint.models[SLIDE].configuration_covariance
+        covariance[0, 0] = 1e-6 if k < 32 else 1e-7
+        covariance[1, 1] = 0.1**2 if 30 <= k < 32 else 1e-7
+        force = HandForce(F_P=push_along(SLIDE, tau[k]), X_PE=X_PE)
+        state = filters.update(state, joint, force)
+    found = filters.belief(state).models[SLIDE].latch
+    assert found.probability > 0.99
+    assert abs(found.position) < 1e-3
+    assert abs(found.force - 19.0) < 2.0 * np.sqrt(found.force_variance)
+
+
 def test_an_axis_that_turns_over_is_the_same_joint() -> None:
     filters = JointMechanicsFilters(JointMechanicsConfig())
     beliefs = []

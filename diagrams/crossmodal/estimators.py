@@ -115,8 +115,8 @@ def check_cut(cut: Sequence[str]) -> None:
             )
 
 
-# Few joints of furniture are screws, and an error that lasts looks like a small pitch.
-_FURNITURE = TypePriorsConfig(screw=0.02, rigid=0.4)
+_FURNITURE = TypePriorsConfig(screw=0.02, rigid=0.4)  # Few of its joints are screws.
+_HINGE_PITCH = 3e-3  # What errors that last make a hinge climb, [m/rad].
 
 
 def joints_from_features() -> KinematicModelConfig:
@@ -129,6 +129,7 @@ def joints_from_features() -> KinematicModelConfig:
             far_axes=False,
             type_priors=_FURNITURE,
             ranking_priors=_FURNITURE,
+            hinge_pitch=_HINGE_PITCH,
             errors=MeasurementErrorsConfig(
                 correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
             ),
@@ -143,6 +144,7 @@ def joints_from_the_hand() -> KinematicModelConfig:
             far_axes=False,
             type_priors=_FURNITURE,
             ranking_priors=_FURNITURE,
+            hinge_pitch=_HINGE_PITCH,
             errors=MeasurementErrorsConfig(
                 correlated_rotation=3e-3,
                 correlated_translation=3e-4,

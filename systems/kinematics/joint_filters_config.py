@@ -50,6 +50,8 @@ class JointFiltersConfig:
         axis_distance: Standard deviation of an axis' position from the body, per direction.
         far_axes: Whether it may be up to some ten times farther, where rotations are measured. Not
             for errors that last: they turn a slide as a far hinge does.
+        hinge_pitch: Standard deviation of what a hinge climbs per radian and is still one. An error
+            that lasts makes one climb, too.
         walk_translation: Standard deviation of a disconnected body's random walk after one second,
             of the fastest of several walks.
         walk_rotation: The same in rotation.
@@ -80,6 +82,7 @@ class JointFiltersConfig:
     speed: float = number(0.1, at_least=1e-9, at_most=100.0, unit="m/s")
     axis_distance: float = number(0.6, at_least=1e-6, at_most=1000.0, unit="m")
     far_axes: bool = True
+    hinge_pitch: float = number(3e-4, above=0.0, at_most=1.0, unit="m/rad")
     walk_translation: float = number(0.1, at_least=1e-9, at_most=100.0, unit="m")
     walk_rotation: float = number(0.3, at_least=1e-9, at_most=100.0, unit="rad")
     free_acceleration: float = number(0.1, at_least=1e-12, at_most=1000.0, unit="m^2/s^3")

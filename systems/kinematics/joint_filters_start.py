@@ -48,6 +48,7 @@ def solver_priors(config: JointFiltersConfig) -> Priors:
         radius=config.radius,
         axis_distance=config.axis_distance,
         far_axes=config.far_axes,
+        hinge_pitch=config.hinge_pitch,
         free=free_motion(
             np.repeat([config.walk_rotation**2, config.walk_translation**2], 3),
             (config.speed / lever) ** 2,

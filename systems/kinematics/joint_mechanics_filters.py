@@ -46,6 +46,7 @@ from systems.kinematics.joint_stops import (
     latch_belief,
     left,
     limit_belief,
+    pushed_on,
     remember,
 )
 from systems.port_values import (
@@ -78,6 +79,7 @@ class TypeState(Immutable):
         push: Its force (6,), averaged over `smoothing`; None where there was none at the last tick.
         rest: The present one; None while it moves.
         rests: The earlier ones.
+        is_left: Whether the last of these was just left and the push still grows.
     """
 
     S: Array
@@ -90,6 +92,7 @@ class TypeState(Immutable):
     push: Array | None = None
     rest: Rest | None = None
     rests: tuple[Rest, ...] = ()
+    is_left: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,18 +171,22 @@ class JointMechanicsFilters:
         speed = abs(v) * speed_at(S, force.X_PE[:3, 3])
         slow = speed <= self.config.least_speed
         if state.rest is not None and (slow or not left(state.rest, q, q_variance)):
-            rest = continue_rest(state.rest, push, float(S @ push))
+            rest = continue_rest(state.rest, force.F_P, float(S @ push))
             if slow and q_variance < rest.variance:
                 rest = replace(rest, q=q, variance=q_variance)
             return _interrupted(replace(state, rest=rest))
         if state.rest is not None:
             rest = replace(state.rest, release=1 if q > state.rest.q else -1)
-            state = replace(state, rest=None, rests=remember(state.rests, rest))
+            state = replace(state, rest=None, rests=remember(state.rests, rest), is_left=True)
+        elif state.is_left:
+            pushed = pushed_on(state.rests[-1], force.F_P, S)
+            rests = state.rests if pushed is None else (*state.rests[:-1], pushed)
+            state = replace(state, rests=rests, is_left=pushed is not None)
         if not slow and abs(v) > 3.0 * np.sqrt(v_variance):
             return self._moves(state, np.array([np.sign(v), v, 1.0, *force.F_P]))
         if slow:
-            rest = begin_rest(q, q_variance, push, float(S @ push))
-            state = replace(state, rest=rest)
+            rest = begin_rest(q, q_variance, force.F_P, float(S @ push))
+            state = replace(state, rest=rest, is_left=False)
         return _interrupted(state)
 
     def _moves(self, state: TypeState, z: Array) -> TypeState:

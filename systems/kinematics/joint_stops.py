@@ -56,6 +56,17 @@ def continue_rest(rest: Rest, F: Array, tau: float) -> Rest:
     return rest
 
 
+def pushed_on(rest: Rest, F: Array, S: Array) -> Rest | None:
+    """The rest that was left, with a push F (6,) that still grows; None once it does not.
+
+    A hand that bends looks like a joint that moves. What holds the joint lets go when the push is
+    hardest.
+    """
+    way = rest.release
+    grows = way * float(S @ F) > way * float(S @ rest.pushes[way])
+    return replace(rest, pushes=rest.pushes | {way: F}) if grows else None
+
+
 def left(rest: Rest, q: float, variance: float) -> bool:
     """Whether the joint is surely elsewhere; the hand that bends looks at first as if it were."""
     return abs(q - rest.q) > 3.0 * float(np.sqrt(variance + rest.variance))

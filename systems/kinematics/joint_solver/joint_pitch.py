@@ -17,7 +17,6 @@ from maths.compiled import hot
 PITCHES = (1e-3, 1e-2, 1e-1)  # Standard deviations, the widest last, [m/rad].
 WIDEST = PITCHES[-1]
 _SHARES = (4.0 / 7.0, 2.0 / 7.0, 1.0 / 7.0)
-_OF_HINGES = 3e-4  # Standard deviation of a hinge's pitch, [m/rad].
 
 
 @hot
@@ -47,15 +46,16 @@ def pitch_evidence(pitch: float, variance: float) -> float:
 
 
 @hot
-def hinge_evidence(pitch: float, variance: float) -> float:
+def hinge_evidence(pitch: float, variance: float, of_hinges: float) -> float:
     """By how much a hinge's log evidence, with a small pitch of its own, is more than a screw's.
 
     Args:
         pitch: Of the screw, see `pitch_evidence`.
         variance: Of it.
+        of_hinges: Standard deviation of a hinge's pitch, [m/rad].
     """
     widest = _component(WIDEST, pitch, variance)[0]
-    hinge = _component(_OF_HINGES, pitch, variance)[0]
+    hinge = _component(of_hinges, pitch, variance)[0]
     return hinge - widest - pitch_evidence(pitch, variance)
 
 

@@ -48,6 +48,7 @@ class Priors(NamedTuple):
         radius: Lever of a rotation about the child itself, [m].
         axis_distance: Standard deviation from child to axis, per direction, [m].
         far_axes: Whether it may be farther away, see `axis_prior`.
+        hinge_pitch: Standard deviation of a hinge's own pitch, see `joint_pitch`, [m/rad].
         free: How a body moves that no joint holds.
         outliers: (7,) share of outliers among the measurements, and the variances of what they are
             off by, [rad^2, m^2].
@@ -63,6 +64,7 @@ class Priors(NamedTuple):
     radius: float
     axis_distance: float
     far_axes: bool
+    hinge_pitch: float
     free: FreeMotion
     outliers: Array
     coarseness: float

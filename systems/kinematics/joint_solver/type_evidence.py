@@ -26,7 +26,8 @@ def type_evidence(m: Models, kf: Keyframes, priors: Priors) -> Array:
         priors: See `Priors`.
     """
     evidence = m.log_evidence.copy()
-    hinge = evidence[SCREW] + hinge_evidence(m.pitch[SCREW], m.covariance[SCREW, 10, 10])
+    pitch, variance = m.pitch[SCREW], m.covariance[SCREW, 10, 10]
+    hinge = evidence[SCREW] + hinge_evidence(pitch, variance, priors.hinge_pitch)
     evidence[REVOLUTE] = max(evidence[REVOLUTE], hinge)
     slide = evidence[PRISMATIC]
     matters = evidence.max() - _FAR_BEHIND < slide and evidence[REVOLUTE] < slide + _AHEAD

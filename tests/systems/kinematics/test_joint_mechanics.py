@@ -334,6 +334,24 @@ def test_a_rest_after_a_latch_has_let_go_is_none() -> None:
     assert abs(found.force - 19.0) < 2.0 * np.sqrt(found.force_variance)
 
 
+def test_a_latch_that_a_bending_hand_seems_to_have_left_is_as_strong_as_the_hardest_push() -> None:
+    """The joint is believed to move while the push still grows."""
+    bends = 0.015 * np.arange(1, 7) * DT
+    q = np.concatenate([np.zeros(30), bends, bends[-1] + 0.005 * np.arange(1, 91)])
+    v = np.concatenate([np.zeros(30), np.full(6, 0.015), np.full(90, 0.08)])
+    tau = np.concatenate([np.linspace(0.0, 24.0, 36), np.full(90, FRICTION + DAMPING * 0.08)])
+    filters = JointMechanicsFilters(JointMechanicsConfig())
+    state = filters.start()
+    for k in range(len(q)):
+        joint = belief_of(SLIDE, q[k], v[k], k)
+        force = HandForce(F_P=push_along(SLIDE, tau[k]), X_PE=X_PE)
+        state = filters.update(state, joint, force)
+    found = filters.belief(state).models[SLIDE].latch
+    assert found.probability > 0.99
+    assert abs(found.force - 18.0) < 2.0 * np.sqrt(found.force_variance)
+    assert found.force_variance < 3.0**2
+
+
 def test_an_axis_that_turns_over_is_the_same_joint() -> None:
     filters = JointMechanicsFilters(JointMechanicsConfig())
     beliefs = []

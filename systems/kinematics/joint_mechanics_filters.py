@@ -171,7 +171,7 @@ class JointMechanicsFilters:
         speed = abs(v) * speed_at(S, force.X_PE[:3, 3])
         slow = speed <= self.config.least_speed
         if state.rest is not None and (slow or not left(state.rest, q, q_variance)):
-            rest = continue_rest(state.rest, force.F_P, float(S @ push))
+            rest = continue_rest(state.rest, force.F_P, push)
             if slow and q_variance < rest.variance:
                 rest = replace(rest, q=q, variance=q_variance)
             return _interrupted(replace(state, rest=rest))
@@ -185,7 +185,7 @@ class JointMechanicsFilters:
         if not slow and abs(v) > 3.0 * np.sqrt(v_variance):
             return self._moves(state, np.array([np.sign(v), v, 1.0, *force.F_P]))
         if slow:
-            rest = begin_rest(q, q_variance, force.F_P, float(S @ push))
+            rest = begin_rest(q, q_variance, force.F_P, push)
             state = replace(state, rest=rest, is_left=False)
         return _interrupted(state)
 
@@ -224,7 +224,7 @@ class JointMechanicsFilters:
         slack = self.config.slack / lever
 
         def judge(rest: Rest, way: int) -> Excess:
-            return self._judge(fit, state.S, screw, way, rest.pushes[way])
+            return self._judge(fit, state.S, screw, way, rest.push(state.S, way))
 
         lower, upper = (
             limit_belief(way, rests, state.explored[way], slack, judge) for way in (-1, 1)

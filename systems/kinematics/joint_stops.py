@@ -31,29 +31,39 @@ class Rest(Immutable):
     Attributes:
         q: Where it was when that was known best, [m or rad].
         variance: Of that.
-        pushes: By direction -1 and 1: the hand's spatial force (6,) when it pushed hardest.
-        hardest: By direction, the generalised force of that when it was chosen.
+        pushes: (n, 6) the hand's spatial force when it was hardest along each axis of P, either
+            way. Which of them pushes the joint is known once its axis is.
+        hardest: (6,) those forces, [N], smoothed, which a jolt does not raise; they are behind
+            while a push grows.
         release: Direction in which it moved on; 0 while it has not.
     """
 
     q: float
     variance: float
-    pushes: dict[int, Array]
-    hardest: dict[int, float]
+    pushes: Array
+    hardest: Array
     release: int = 0
 
+    def push(self, S: Array, way: int) -> Array:
+        """The force (6,) that pushed hardest along the unit twist S (6,), or against it."""
+        return np.asarray(self.pushes[np.argmax(way * (self.pushes @ S))])
 
-def begin_rest(q: float, variance: float, F: Array, tau: float) -> Rest:
-    return Rest(q=q, variance=variance, pushes={-1: F, 1: F}, hardest={-1: -tau, 1: tau})
+
+def _by_axis(F: Array) -> Array:
+    return np.concatenate([F[3:], -F[3:]])
 
 
-def continue_rest(rest: Rest, F: Array, tau: float) -> Rest:
-    """The rest with one more push."""
-    for way in (-1, 1):
-        if way * tau > rest.hardest[way]:
-            pushes, hardest = rest.pushes | {way: F}, rest.hardest | {way: way * tau}
-            rest = replace(rest, pushes=pushes, hardest=hardest)
-    return rest
+def begin_rest(q: float, variance: float, F: Array, smoothed: Array) -> Rest:
+    """A rest at q, with a force F (6,) of the hand and the same smoothed."""
+    return Rest(q=q, variance=variance, pushes=np.tile(F, (6, 1)), hardest=_by_axis(smoothed))
+
+
+def continue_rest(rest: Rest, F: Array, smoothed: Array) -> Rest:
+    """The rest with one more push; see `begin_rest`."""
+    now = _by_axis(smoothed)
+    harder = now > rest.hardest
+    pushes = np.where(harder[:, None], F, rest.pushes)
+    return replace(rest, pushes=pushes, hardest=np.maximum(now, rest.hardest))
 
 
 def pushed_on(rest: Rest, F: Array, S: Array) -> Rest | None:
@@ -62,9 +72,8 @@ def pushed_on(rest: Rest, F: Array, S: Array) -> Rest | None:
     A hand that bends looks like a joint that moves. What holds the joint lets go when the push is
     hardest.
     """
-    way = rest.release
-    grows = way * float(S @ F) > way * float(S @ rest.pushes[way])
-    return replace(rest, pushes=rest.pushes | {way: F}) if grows else None
+    grows = rest.release * float(S @ (F - rest.push(S, rest.release))) > 0.0
+    return replace(rest, pushes=np.vstack([rest.pushes, F])) if grows else None
 
 
 def left(rest: Rest, q: float, variance: float) -> bool:
@@ -77,7 +86,7 @@ def remember(rests: tuple[Rest, ...], rest: Rest) -> tuple[Rest, ...]:
     rests = (*rests, rest)
     if len(rests) <= _MOST:
         return rests
-    least = min(range(len(rests)), key=lambda k: max(rests[k].hardest.values()))
+    least = min(range(len(rests)), key=lambda k: float(rests[k].hardest.max()))
     return rests[:least] + rests[least + 1 :]
 
 

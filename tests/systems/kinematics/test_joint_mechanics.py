@@ -308,6 +308,24 @@ def test_a_latch_takes_force_before_the_joint_moves() -> None:
     assert free.latch.probability < 0.5
 
 
+def test_a_latch_is_felt_before_the_joint_s_axis_is_known() -> None:
+    """Until it moves the axis is believed to be across the push."""
+    rise = np.linspace(0.0, 18.0, 45)
+    filters = JointMechanicsFilters(JointMechanicsConfig())
+    state, q = filters.start(), 0.0
+    for k in range(135):
+        rate, push = (0.0, rise[k]) if k < 45 else (0.08, FRICTION + DAMPING * 0.08)
+        q += rate * DT
+        joint = belief_of(SLIDE, q, rate, k)
+        if k < 46:
+            joint.models[SLIDE].axis_P[:] = [0.0, 0.0, 1.0]
+        force = HandForce(F_P=push_along(SLIDE, push), X_PE=X_PE)
+        state = filters.update(state, joint, force)
+    found = filters.belief(state).models[SLIDE].latch
+    assert found.probability > 0.99
+    assert abs(found.force - 12.0) < 2.0 * np.sqrt(found.force_variance)
+
+
 def test_a_rest_after_a_latch_has_let_go_is_none() -> None:
     """The joint leaps by what the hand was bent by, and stands for a moment: there it is free.
 

@@ -52,7 +52,7 @@ class JointMechanicsTruth(Immutable):
         damping: Viscous coefficient, [the same per (m or rad)/s].
         lower: End stop, [m or rad], in the joint's own position.
         upper: The other.
-        catch: What holds it at the start, beyond friction, [N or N m].
+        catch: What holds it at the start beyond its Coulomb friction, [N or N m].
     """
 
     friction: float
@@ -137,7 +137,7 @@ class ObjectTruth(LeafSystem):
         plant: The finalized plant.
         joint: The explored one.
         friction: Its Coulomb friction, [N or N m].
-        catch: What holds it at the start, [N or N m].
+        catch: What holds it at the start beyond that, [N or N m].
     """
 
     def __init__(

@@ -187,8 +187,11 @@ def _add_object_mechanics(wiring: StationWiring, joint: Joint) -> None:
         builder.Connect(plant.get_state_output_port(), system.get_input_port())
         builder.Connect(system.get_output_port(), total.get_input_port(i))
     builder.Connect(total.get_output_port(), plant.get_applied_generalized_force_input_port())
-    taken = float(scene.friction[joint.velocity_start()])
-    truth = ObjectTruth(plant, joint, taken, wiring.scenario.object.catch)
+    v = joint.velocity_start()
+    taken, catch = float(scene.friction[v]), wiring.scenario.object.catch
+    # Applied friction is next to nothing where a joint stands, so that the catch holds all alone.
+    beyond = max(catch - float(scene.applied_friction[v]), 0.0)
+    truth = ObjectTruth(plant, joint, taken, beyond)
     builder.AddNamedSystem("object_truth", truth)
     if wiring.scenario.disturbances.forces:
         forces = ExternalForces(plant, wiring.scenario.disturbances.forces)

@@ -110,3 +110,21 @@ def test_leaks_and_forces_of_a_scenario_reach_hand_and_plant_while_they_last() -
         assert len(forces.Eval(plant.GetMyContextFromRoot(root))) == counts
         leaking = pneumatics.GetInputPort("leaking").Eval(pneumatics.GetMyContextFromRoot(root))
         assert leaking[0] == counts
+
+
+def test_a_catch_holds_the_joint_at_its_start_and_its_truth_is_what_exceeds_friction() -> None:
+    station, _ = make_station(
+        "drawer", "seed=0", "objects.drawer.catch=25", "objects.drawer.variation.friction=0"
+    )
+    context = station.diagram.CreateDefaultContext()
+    station.SetInitialState(context)
+    plant, slide = station.scene.plant, station.scene.plant.GetJointByName("slide")
+    inside = plant.GetMyMutableContextFromRoot(context)
+    port = plant.get_applied_generalized_force_input_port()
+    forces = []
+    for x in (0.0, 3e-4, 0.01):
+        slide.set_translation(inside, x)
+        forces.append(float(np.asarray(port.Eval(inside))[slide.velocity_start()]))
+    assert_allclose(forces, [0.0, -25.0, 0.0], atol=1e-9)
+    truth = station.diagram.GetOutputPort("cheat_joint_mechanics").Eval(context)
+    assert_allclose([truth.friction, truth.catch], [6.0, 19.0])

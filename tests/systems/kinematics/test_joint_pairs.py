@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from kinematic_driver import COVARIANCE, REFERENCE_ERROR, Driver
+from kinematic_driver import COVARIANCE, REFERENCE_ERROR, Driver, sliding_body
 from numpy.testing import assert_allclose
 
 from maths import se3

@@ -222,9 +222,10 @@ class JointMechanicsFilters:
         screw = state.S_covariance + hand_screw_covariance(state.S, hand)
         rests = [*state.rests, *([state.rest] if state.rest is not None else [])]
         slack = self.config.slack / lever
+        elsewhere = self._weight_elsewhere(state, hand, lever)
 
         def judge(rest: Rest, way: int) -> Excess:
-            return self._judge(fit, state.S, screw, way, rest.push(state.S, way))
+            return self._judge(fit, state.S, screw, way, rest.push(state.S, way), elsewhere)
 
         lower, upper = (
             limit_belief(way, rests, state.explored[way], slack, judge) for way in (-1, 1)
@@ -264,12 +265,23 @@ class JointMechanicsFilters:
             [config.friction * lever, config.damping * lever**2, np.sqrt(own + zero + 1e-9)]
         )
 
-    def _judge(self, fit: ForceFit, S: Array, screw: Array, way: int, F: Array) -> Excess:
+    def _weight_elsewhere(self, state: TypeState, hand: HandForce, lever: float) -> float:
+        """By how much a weight's moment may differ between a rest and where the joint moved.
+
+        Its standard deviation. A lid is heavy while it lies and light once it stands.
+        """
+        aslant = float(np.linalg.norm(cross(state.S[:3], hand.down_P)))
+        turned = state.explored[1][0] - state.explored[-1][0]
+        return self.config.mass * GRAVITY * aslant * (lever + self.config.extent) * turned
+
+    def _judge(
+        self, fit: ForceFit, S: Array, screw: Array, way: int, F: Array, elsewhere: float
+    ) -> Excess:
         """Whether a resting joint's friction can hold the push of F that way."""
         c = np.array([1.0, 0.0, way])
         held = c + np.array([self.config.stiction, 0.0, 0.0])
         by_screw = way * F - fit.by_screw.T @ c
-        variance = c @ fit.spread @ c + by_screw @ screw @ by_screw + fit.noise**2
+        variance = c @ fit.spread @ c + by_screw @ screw @ by_screw + fit.noise**2 + elsewhere**2
         push, sigma = way * float(S @ F), float(np.sqrt(variance))
         over, under = push - held @ fit.theta, -push - held @ fit.theta
         probability = float(ndtr(over / sigma) - ndtr(under / sigma))

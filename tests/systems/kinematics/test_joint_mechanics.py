@@ -326,6 +326,20 @@ def test_a_latch_is_felt_before_the_joint_s_axis_is_known() -> None:
     assert abs(found.force - 12.0) < 2.0 * np.sqrt(found.force_variance)
 
 
+def test_a_lid_that_is_heavy_while_it_lies_is_not_latched() -> None:
+    """The moment of its weight is 4 N m while it lies and falls as it opens by 80 deg."""
+    angle = np.concatenate([np.zeros(45), np.linspace(0.0, 1.4, 150)])
+    tau = np.concatenate([np.linspace(0.0, 4.4, 45), 4.0 * np.cos(angle[45:]) + 0.4])
+    filters = JointMechanicsFilters(JointMechanicsConfig())
+    state = filters.start()
+    for k in range(len(angle)):
+        rate = 0.0 if k < 45 else 0.14
+        down = np.array([0.0, -1.0, 0.0])
+        force = HandForce(F_P=push_along(HINGE, tau[k]), X_PE=X_PE, down_P=down)
+        state = filters.update(state, belief_of(HINGE, angle[k], rate, k), force)
+    assert filters.belief(state).models[HINGE].latch.probability < 0.5
+
+
 def test_a_rest_after_a_latch_has_let_go_is_none() -> None:
     """The joint leaps by what the hand was bent by, and stands for a moment: there it is free.
 

@@ -20,9 +20,9 @@ _PRIOR = 6.0  # Degrees of freedom of the prior, in which the claim is right.
 _MEDIAN = 2.365974  # Of a chi-square of three degrees of freedom.
 _MOST_LIKELY = 11.344867  # Its 99 % quantile, above which a difference is one with an outlier,
 _MEAN_BELOW = 2.894075  # and its mean below that.
-_DOUBT = 1.0  # Log odds of the claim against noise e times as large.
-_CLEAN = 16.0  # Differences without an outlier to one with, before anything is known.
-_DECADES = np.log(1e4)  # Range of the logarithm of what an outlier makes of a square.
+_DOUBT = 1.0  # Log odds of the claim against a variance e times as large, [nat].
+_BEFORE = 16.0  # Differences that the prior of their share counts, one of them with an outlier.
+_LOG_RANGE = np.log(1e4)  # Of what an outlier makes of a square.
 _INDEPENDENT = 0.5  # Share of what neighbouring differences, which have poses in common, tell.
 _MEMORY = 150  # Differences that are remembered.
 _ITERATIONS = 3
@@ -79,7 +79,7 @@ def _difference(n: NoiseScale, X: Array, R: Array, time: float, e: Array, C: Arr
 def _posterior(squares: Array, variance: float) -> tuple[float, float]:
     """The posterior mean of the scale's square near `variance`, and its log posterior.
 
-    A difference with an outlier may have any size, evenly in its logarithm.
+    The size of a difference with an outlier is evenly distributed in its logarithm.
     """
     likely, mean = 0, 0.0
     for _ in range(_ITERATIONS):
@@ -92,9 +92,9 @@ def _posterior(squares: Array, variance: float) -> tuple[float, float]:
         mean = total / max(likely, 1) / _MEAN_BELOW
         variance = (_PRIOR + weight * mean) / (_PRIOR + weight)
     limit = _MOST_LIKELY * variance
-    share = (squares.size - likely + 1.0) / (squares.size + _CLEAN)
+    share = (squares.size - likely + 1.0) / (squares.size + _BEFORE)
     inside = np.log((1.0 - share) / (np.sqrt(2.0 * np.pi) * variance))
-    outside = np.log(share / _DECADES)
+    outside = np.log(share / _LOG_RANGE)
     value = -_DOUBT * (np.log(variance) + 1.0 / variance)
     for square in squares:
         x = square / variance

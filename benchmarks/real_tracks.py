@@ -10,8 +10,8 @@ only the position is known.
 
 Residual: root mean square distance of the measured positions from the believed path, without the
 worst tenth. Innovations: share of the positions within two standard deviations per direction of
-what the believed type predicted, the measurement's noise as large as it is believed to be, after
-the first second. Axis: angle to the mean over repeats, and the same of a least-squares fit of a
+what the believed type predicted, noise and strays from its path as large as they are believed to
+be, after the first second. Axis: angle to the mean over repeats, and the same of a least-squares fit of a
 line or a circle to all positions of each track.
 """
 
@@ -85,6 +85,7 @@ def believe(track: Track, sigma: float, filters: JointFilters) -> tuple[JointBel
         if t > 1.0:
             e = predicted.X[:3, :3].T @ (track.poses[k, :3, 3] - predicted.X[:3, 3])
             variance = np.diag(predicted.covariance)[3:] + (state.scale[3] * sigma) ** 2
+            variance += np.diag(state.keyframes.floor)[3:]
             inside.append(np.abs(e) < 2.0 * np.sqrt(variance))
         state = filters.update(state, track.poses[k], R, t)
     return filters.belief(state), float(np.mean(inside)) if inside else np.nan

@@ -33,13 +33,14 @@ def draw_mechanics(episode: JointEpisode) -> Figure | None:
     found = {name: ticks for name in episode.series if (ticks := _felt(episode, name))}
     if not found:
         return None
-    kind = next(iter(found.values()))[-1].joint_type
+    kinds = [ticks[-1].joint_type for ticks in found.values()]
+    kind = next((k for k in kinds if k == episode.truth.joint_type), kinds[0])
     scale, unit, force_unit = _UNITS[kind]
     with mpl.rc_context(STYLE):
         figure = new_figure(9.0, 4.8)
         axes = figure.subplots()
         for name, ticks in found.items():
-            if ticks[-1].joint_type == kind:
+            if _UNITS[ticks[-1].joint_type] == _UNITS[kind]:
                 _draw(axes, palette.estimator_color(COLORS, name, 0), ticks, scale)
         truth = episode.truth
         handles: list[Artist] = [_handle(name) for name in found]

@@ -279,7 +279,7 @@ class JointFilters:
         R = R * np.outer(scale, scale)
         updates, index = state.updates + 1, state.floor
         turn = updates % _TURN_EVERY == 0
-        outliers = update_models(
+        update_models(
             models, keyframes, X_FB, R, time, priors, self._log_prior, _wants_restart(state), turn
         )
         turns = updates // _TURN_EVERY
@@ -297,7 +297,6 @@ class JointFilters:
             noise=noise,
             scale=scale,
             floor=index,
-            outliers=state.outliers + outliers,
         )
         return self._with_probabilities(updated)
 

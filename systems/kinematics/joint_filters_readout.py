@@ -50,12 +50,14 @@ def read_joint(
 
 def read_fit(state: JointFiltersState, kind: int) -> JointFit:
     """How well one kind of joint fits the measurements."""
-    value, bounds, degrees = reduced_chi_square(kind, state.models, state.keyframes, state.noise)
+    kf, size = state.keyframes, int(state.keyframes.size[0])
+    value, bounds, degrees = reduced_chi_square(kind, state.models, kf, state.noise)
+    undecided = float(kf.open[:size] @ (1.0 - state.models.inlier[kind, :size]))
     return JointFit(
         reduced_chi_square=value,
         bounds=bounds,
         degrees=degrees,
-        outlier_share=state.outliers / max(state.updates, 1),
+        outlier_share=(float(kf.outliers[0]) + undecided) / (state.updates + 1),
         noise_scale=(float(state.scale[0]), float(state.scale[3])),
         path_floor=FLOORS[state.floor],
     )

@@ -138,6 +138,7 @@ def rebased_state(
     """
     R = state.reference_noise + offset + reference_error
     keyframes = empty_keyframes(config.memory)
+    keyframes.outliers[:] = state.keyframes.outliers
     append(keyframes, np.eye(4), R, float(state.keyframes.time[0]), _NO_OUTLIERS)
     far = config.far_axes and may_be_far(state.keyframes)
     return replace(

@@ -48,7 +48,6 @@ class JointFiltersState(Immutable):
             of a joint.
         reset_count: Of parent and child together (`BodyMotion`).
         skipped: How many measurements were not used, by reason.
-        outliers: How many were used and are outliers, as expected.
         probabilities: Of each type, given all measurements.
         fit: Of the most probable type.
     """
@@ -69,7 +68,6 @@ class JointFiltersState(Immutable):
     zero_variance: Array
     reset_count: int = 0
     skipped: Mapping[SkipReason, int] = field(default_factory=dict)
-    outliers: float = 0.0
     probabilities: Mapping[JointType, float] = field(default_factory=dict)
     fit: JointFit | None = None
 

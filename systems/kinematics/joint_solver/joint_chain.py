@@ -8,7 +8,9 @@ keyframes say about theta. One pass gives the normal equations of theta with eve
 and the evidence of S by Laplace's approximation.
 
 Motions begin and end at once, too. Where a keyframe is far from where it was expected, the rate may
-have jumped on the way with a far larger density J; of the two the expected one counts for the step.
+have jumped on the way with a far larger density J. Between both the expected logarithm of the
+density counts for the step: an expected density would be a jump's already where one is most
+unlikely.
 """
 
 from typing import NamedTuple
@@ -126,7 +128,7 @@ def run_chain(
             C += (J - S) * cube
             jumped = -0.5 * (np.log(alpha * C) + moved * moved / C)
             smooth_share, density = inlier_share(density, jumped, jumps)
-            S_k = J + smooth_share * (S - J)
+            S_k = J * (S / J) ** smooth_share
             C += (S_k - J) * cube
         if k >= since:
             value += density

@@ -45,7 +45,6 @@ from systems.kinematics.joint_solver.joint_start import (
 from systems.kinematics.joint_solver.pose_keyframes import MEMORY, Keyframes
 
 _STREAK = 3  # Most outliers in a row.
-_UNDECIDED = 14  # Keyframes up to which none is decided about: the noise is hardly known yet.
 STEPS = 6  # Most linearisations of one update.
 _FRESH_STEPS = 8  # Most linearisations from a fresh start.
 _TEMPERED_STEPS = 3  # Before them, with residuals that count less.
@@ -92,20 +91,61 @@ def _step_loss(m: Models, kf: Keyframes, k: int) -> float:
 
 
 @hot
+def expected_inliers(m: Models, kf: Keyframes, log_prior: Array, inlier: Array) -> None:
+    """Writes the probability that each keyframe is no outlier, by all models, into `inlier` (K,).
+
+    Streaks of open keyframes are brought up to date.
+
+    To a model that the motion has left behind every measurement is an outlier. Of several in a row
+    those that follow from one another, as in a free motion, are none.
+    """
+    p = np.exp(m.log_evidence + log_prior - (m.log_evidence + log_prior).max())
+    p /= p.sum()
+    for k in range(kf.size[0]):
+        inlier[k] = 1.0
+        if kf.open[k] == 0.0:
+            continue
+        inlier[k] = 0.0
+        for kind in range(JOINTS + 1):
+            inlier[k] += p[kind] * m.inlier[kind, k]
+        before = kf.streak[k - 1] if k > 0 else 0.0
+        kf.streak[k] = before + 1.0 if inlier[k] < 0.5 else 0.0
+        if kf.streak[k] > _STREAK:
+            inlier[k] = max(inlier[k], m.inlier[FREE, k])
+
+
+@hot
 def add_measurement(
-    m: Models, kf: Keyframes, X_FB: Array, R: Array, time: float, priors: Priors, room: bool
+    m: Models,
+    kf: Keyframes,
+    X_FB: Array,
+    R: Array,
+    time: float,
+    priors: Priors,
+    inlier: Array,
 ) -> int:
     """Appends one pose, two keyframes averaged for it if there is no room.
+
+    Args:
+        m: Models.
+        kf: Keyframes.
+        X_FB: Pose (4, 4) relative to the measured reference.
+        R: Its covariance (6, 6), in B.
+        time: [s].
+        priors: See `Priors`.
+        inlier: (K,) see `expected_inliers`.
 
     Returns:
         -1, or the keyframe that has to be marginalised first, nothing done.
     """
-    if not room:
-        k, average = pose_keyframes.choose(kf, priors.coarseness)
+    if kf.size[0] == kf.time.size:
+        k, average = pose_keyframes.choose(kf, priors.coarseness, inlier)
         if not average:
             return k
         if np.isnan(kf.explained[0]):
             explain(kf, priors.free, priors.outliers, m.inlier[FREE])
+        pose_keyframes.close(kf, k, inlier[k])
+        pose_keyframes.close(kf, k + 1, inlier[k + 1])
         kf.explained[:] += 0.5 * _step_loss(m, kf, k)
         pose_keyframes.merge(kf, k)
         _delete_configuration(m, kf, k + 1)
@@ -212,34 +252,6 @@ def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
     m.marginal_evidence[:] = np.maximum(evidence, -MEMORY)
 
 
-@hot
-def close_decided(m: Models, kf: Keyframes, log_prior: Array) -> float:
-    """Weighs keyframes that newer ones have decided about, by what all models say of them.
-
-    Returns how many of them are outliers, as expected.
-
-    None is before the noise's scale is known: of a few poses three outliers look like one noise.
-    To a model that the motion has left behind every measurement is an outlier. Of several in a row
-    those that follow from one another, as in a free motion, are none.
-    """
-    if kf.size[0] <= _UNDECIDED:
-        return 0.0
-    p = np.exp(m.log_evidence + log_prior - (m.log_evidence + log_prior).max())
-    p /= p.sum()
-    outliers = 0.0
-    for k in range(kf.size[0] - pose_keyframes.RECENT + 1):
-        if kf.open[k] > 0.0:
-            inlier = 0.0
-            for kind in range(JOINTS + 1):
-                inlier += p[kind] * m.inlier[kind, k]
-            kf.streak[0] = kf.streak[0] + 1.0 if inlier < 0.5 else 0.0
-            if kf.streak[0] > _STREAK:
-                inlier = max(inlier, m.inlier[FREE, k])
-            pose_keyframes.close(kf, k, inlier)
-            outliers += 1.0 - inlier
-    return outliers
-
-
 def restart(m: Models, kf: Keyframes, priors: Priors, turn: bool) -> None:
     """Takes over the models that explain more from a fresh start; see `solve_all`."""
     other = Models(*[x.copy() for x in m])
@@ -280,8 +292,8 @@ def update(
     log_prior: Array,
     young: bool,
     turn: bool,
-) -> float:
-    """Corrects all models with one relative pose; returns how many outliers that has decided.
+) -> None:
+    """Corrects all models with one relative pose.
 
     Args:
         m: Models.
@@ -294,14 +306,15 @@ def update(
         young: Whether to try a fresh start beside the last solution.
         turn: See `solve_all`.
     """
-    k = add_measurement(m, kf, X_FB, R, time, priors, bool(kf.size[0] < kf.time.size))
+    inlier = np.empty(kf.time.size)
+    expected_inliers(m, kf, log_prior, inlier)
+    k = add_measurement(m, kf, X_FB, R, time, priors, inlier)
     if k >= 0:
+        pose_keyframes.close(kf, k, inlier[k])
         marginalise(m, kf, k, priors)
-        add_measurement(m, kf, X_FB, R, time, priors, True)
+        add_measurement(m, kf, X_FB, R, time, priors, inlier)
     solve_all(m, kf, priors, STEPS, turn)
     if young:
         restart(m, kf, priors, turn)
-    outliers = close_decided(m, kf, log_prior)
     for kind in MOVING:
         decide_sign(kind, m)
-    return outliers

@@ -40,11 +40,12 @@ class Keyframes(NamedTuple):
         strays: (1,) one, or zero where the reference is exact, which then has no floor.
         W: (K, 6, 6) inverse of R and floor together.
         log_det: (K,) log determinant of both together.
-        open: (K,) one while it is open whether the keyframe is an outlier, else zero.
+        open: (K,) one while it is open whether the keyframe is an outlier, else zero: a measurement
+            is not decided about before it is averaged or marginalised.
         W_out: (K, 6, 6) inverse covariance if it is one; of open keyframes.
         log_out: (K,) log ratio of the two normalisers.
-        streak: (1,) how many of the latest measurements were outliers one after another.
-        pair: (K,) what averaging keyframes k and k + 1 loses.
+        streak: (K,) how many measurements in a row are outliers, up to this one or the last in it.
+        outliers: (1,) how many of those that were decided about are, as expected.
         free: (M,) log density ratio of each way of moving freely (`free_motion`) over a joint in
             what has been averaged, at most zero.
         explained: (M,) log evidence of each way, `free` included, and what averaging has cost a
@@ -65,7 +66,7 @@ class Keyframes(NamedTuple):
     W_out: Array
     log_out: Array
     streak: Array
-    pair: Array
+    outliers: Array
     free: Array
     explained: Array
     pending: Ids
@@ -86,8 +87,8 @@ def empty_keyframes(capacity: int) -> Keyframes:
         open=np.zeros(capacity),
         W_out=np.zeros((capacity, 6, 6)),
         log_out=np.zeros(capacity),
-        streak=np.zeros(1),
-        pair=np.zeros(capacity),
+        streak=np.zeros(capacity),
+        outliers=np.zeros(1),
         free=np.zeros(FREE_WAYS),
         explained=np.full(FREE_WAYS, np.nan),
         pending=np.zeros(1, dtype=np.int64),
@@ -127,39 +128,22 @@ def _fill_outlier(kf: Keyframes, k: int, outliers: Array) -> None:
 
 
 @hot
-def _pair(kf: Keyframes, k: int) -> None:
-    """Completes the pair of keyframes k and k + 1."""
-    if k < 0 or k + 1 >= kf.size[0]:
-        return
-    six = int(np.int64(6))
-    xi = np.empty(6)
-    relative_log(kf.Z[k], kf.Z[k + 1], xi)
-    L = kf.R[k] + kf.R[k + 1]
-    cholesky.factor(L, six)
-    cholesky.forward(L, xi, six)
-    kf.pair[k] = 0.0
-    for i in range(6):
-        kf.pair[k] += xi[i] * xi[i]
-
-
-@hot
 def _delete(kf: Keyframes, k: int) -> None:
-    """Removes keyframe k; the pairs beside it stay stale."""
+    """Removes keyframe k."""
     n = kf.size[0]
     for i in range(k, n - 1):
         kf.time[i], kf.log_det[i] = kf.time[i + 1], kf.log_det[i + 1]
         kf.Z[i], kf.R[i] = kf.Z[i + 1], kf.R[i + 1]
-        kf.W[i], kf.pair[i] = kf.W[i + 1], kf.pair[i + 1]
+        kf.W[i], kf.W_out[i] = kf.W[i + 1], kf.W_out[i + 1]
         kf.open[i], kf.log_out[i] = kf.open[i + 1], kf.log_out[i + 1]
-        kf.W_out[i] = kf.W_out[i + 1]
+        kf.streak[i] = kf.streak[i + 1]
     kf.size[0] = n - 1
 
 
 @hot
 def remove(kf: Keyframes, k: int) -> None:
-    """Removes keyframe k and completes the pair that it leaves."""
+    """Removes keyframe k."""
     _delete(kf, k)
-    _pair(kf, k - 1)
     kf.explained[:] = np.nan
 
 
@@ -182,7 +166,6 @@ def append(kf: Keyframes, X: Array, R: Array, time: float, outliers: Array) -> N
     kf.open[k] = 1.0 if outliers[0] > 0.0 else 0.0
     kf.size[0] = k + 1
     kf.pending[0] += 1
-    _pair(kf, k - 1)
 
 
 @hot
@@ -197,24 +180,30 @@ def rescale(kf: Keyframes, scale: Array, floor: Array, outliers: Array) -> None:
         _fill(kf, k)
         if kf.open[k] > 0.0:
             _fill_outlier(kf, k, outliers)
-    for k in range(kf.size[0] - 1):
-        _pair(kf, k)
+
+
+@hot
+def expected_noise(kf: Keyframes, k: int, inlier: float, R: Array) -> None:
+    """Writes the covariance (6, 6) of open keyframe k, none with this probability, into `R`."""
+    six = int(np.int64(6))
+    if inlier > 1.0 - 1e-9:
+        R[:] = kf.R[k]
+        return
+    L = inlier * kf.W[k] + (1.0 - inlier) * kf.W_out[k]
+    cholesky.factor(L, six)
+    cholesky.inverse(L, R, six)
+    R -= floor_share(kf, k) * kf.floor
 
 
 @hot
 def close(kf: Keyframes, k: int, inlier: float) -> None:
     """Gives keyframe k the weight of a measurement that is none with this probability, for good."""
-    six = int(np.int64(6))
-    kf.open[k] = 0.0
-    if inlier > 1.0 - 1e-9:
+    if kf.open[k] == 0.0:
         return
-    L = inlier * kf.W[k] + (1.0 - inlier) * kf.W_out[k]
-    cholesky.factor(L, six)
-    cholesky.inverse(L, kf.R[k], six)
-    kf.R[k] -= floor_share(kf, k) * kf.floor
+    kf.open[k] = 0.0
+    kf.outliers[0] += 1.0 - inlier
+    expected_noise(kf, k, inlier, kf.R[k])
     _fill(kf, k)
-    _pair(kf, k - 1)
-    _pair(kf, k)
 
 
 @hot
@@ -230,22 +219,24 @@ def merge(kf: Keyframes, k: int) -> None:
     perturb(kf.Z[k], weight * xi, kf.Z[k])
     kf.R[k] = (1.0 - weight) ** 2 * kf.R[k] + weight**2 * kf.R[k + 1]
     kf.time[k] = (1.0 - weight) * kf.time[k] + weight * kf.time[k + 1]
+    kf.streak[k] = kf.streak[k + 1]
     _delete(kf, k + 1)
     _fill(kf, k)
-    _pair(kf, k - 1)
-    _pair(kf, k)
 
 
 @hot
-def _spread(kf: Keyframes) -> float:
-    """Mean squared distance of the keyframes from their mean, in units of the newest covariance."""
+def _spread(kf: Keyframes, R: Array) -> float:
+    """Mean squared distance of the keyframes from their mean, in units of the newest covariance.
+
+    R (K, 6, 6) are their covariances.
+    """
     n = kf.size[0]
-    R = kf.R[n - 1]
+    newest = kf.R[n - 1]
     mean, square, total = np.zeros((3, 4)), 0.0, 0.0
-    scale_r = 3.0 / (R[0, 0] + R[1, 1] + R[2, 2]) / 2.0
-    scale_t = 3.0 / (R[3, 3] + R[4, 4] + R[5, 5])
+    scale_r = 3.0 / (newest[0, 0] + newest[1, 1] + newest[2, 2]) / 2.0
+    scale_t = 3.0 / (newest[3, 3] + newest[4, 4] + newest[5, 5])
     for k in range(n):
-        m = R[0, 0] / kf.R[k, 0, 0]
+        m = newest[0, 0] / R[k, 0, 0]
         total += m
         for i in range(3):
             for j in range(4):
@@ -259,20 +250,44 @@ def _spread(kf: Keyframes) -> float:
 
 
 @hot
-def choose(kf: Keyframes, coarseness: float) -> tuple[int, bool]:
+def _loss(kf: Keyframes, k: int, R: Array) -> float:
+    """What averaging keyframes k and k + 1 loses."""
+    six, square = int(np.int64(6)), 0.0  # For a literal, Numba would compile all callees again.
+    xi = np.empty(6)
+    relative_log(kf.Z[k], kf.Z[k + 1], xi)
+    L = R[k] + R[k + 1]
+    cholesky.factor(L, six)
+    cholesky.forward(L, xi, six)
+    for i in range(6):
+        square += xi[i] * xi[i]
+    return square
+
+
+@hot
+def choose(kf: Keyframes, coarseness: float, inlier: Array) -> tuple[int, bool]:
     """What to do for room: (k, True) to average k and k + 1, or (k, False) to marginalise k.
 
     Averages that span more than `coarseness` of the whole motion's mean square, as in a body that
     goes to and fro for long, would lose what it has shown: an old keyframe is marginalised instead.
+
+    Args:
+        kf: Keyframes.
+        coarseness: See above.
+        inlier: (K,) probability of each open keyframe that it is none.
     """
-    best = 1  # Keyframe 0 is the reference.
-    for k in range(1, kf.size[0] - RECENT):
-        if kf.pair[k] < kf.pair[best]:
-            best = k
     n = kf.size[0]
-    kf.spread[0] = max(kf.spread[0], _spread(kf))
-    m = kf.R[n - 1, 0, 0] / kf.R[best, 0, 0] + kf.R[n - 1, 0, 0] / kf.R[best + 1, 0, 0]
-    loss = kf.pair[best]
+    R = kf.R.copy()
+    for k in range(n):
+        if kf.open[k] > 0.0:
+            expected_noise(kf, k, inlier[k], R[k])
+    best, loss = 1, np.inf  # Keyframe 0 is the reference.
+    for k in range(1, n - RECENT):
+        other = _loss(kf, k, R)
+        if other < loss:
+            best, loss = k, other
+    kf.spread[0] = max(kf.spread[0], _spread(kf, R))
+    newest = kf.R[n - 1, 0, 0]
+    m = newest / R[best, 0, 0] + newest / R[best + 1, 0, 0]
     if loss > 10.0 * _EXCESS and loss / m > coarseness * kf.spread[0]:
         return FIRST, False
     return best, True

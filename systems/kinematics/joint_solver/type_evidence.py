@@ -34,4 +34,6 @@ def type_evidence(m: Models, kf: Keyframes, priors: Priors) -> Array:
     if matters and priors.far_axes and may_be_far(kf):
         far = slide + bent_evidence(m, kf, priors)
         evidence[REVOLUTE] = max(evidence[REVOLUTE], far)
+        # So far away a screw's pitch makes no difference.
+        evidence[SCREW] = max(evidence[SCREW], far)
     return evidence

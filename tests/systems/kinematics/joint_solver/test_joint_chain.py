@@ -227,3 +227,17 @@ def test_a_step_with_a_jump_counts_as_one() -> None:
     assert_allclose(q, gain @ z, atol=1e-6)
     expected = multivariate_normal(cov=C).logpdf(z) - _normaliser(kf) + np.log(jumps)
     assert_allclose(value, expected, rtol=1e-4)
+
+
+def test_what_is_hardly_a_jump_changes_hardly_anything() -> None:
+    """The evidence has no step where a keyframe is so far off that a jump is considered."""
+    values = []
+    for shift in np.linspace(0.0, 0.5, 251):
+        m, kf = _problem(PRISMATIC)
+        kf.Z[3, :3, 3] += shift * kf.Z[3, :3, :3] @ m.Y[PRISMATIC, :3, :3].T @ m.a[PRISMATIC]
+        lin, chain, still = new_linear(K), new_chain(K), np.zeros(PARAMETERS)
+        linearise(PRISMATIC, m, kf, SIGMA_C, False, 0.0, 1.0, lin)
+        q = m.q[PRISMATIC]
+        values.append(run_chain(8, 1e-6, 50.0, 1e-3, SIGMA_V, 1.0, q, kf, lin, still, 0, chain))
+    steps = np.diff(values)
+    assert np.abs(np.diff(steps)).max() < 2.0

@@ -15,7 +15,7 @@ def _fill(poses: np.ndarray, R: np.ndarray, capacity: int = 32) -> Keyframes:
     kf = pose_keyframes.empty_keyframes(capacity)
     for k, X in enumerate(poses):
         if kf.size[0] == capacity:
-            at, average = pose_keyframes.choose(kf, 0.05)
+            at, average = pose_keyframes.choose(kf, 0.05, np.ones(capacity))
             if average:
                 pose_keyframes.merge(kf, at)
             else:
@@ -96,6 +96,20 @@ def test_a_measurement_that_is_likely_an_outlier_counts_little_in_the_mean() -> 
     assert_allclose(np.diag(kf.R[2])[3:], 0.09, rtol=1e-2)
     pose_keyframes.merge(kf, 1)
     assert abs(kf.Z[1, 0, 3]) < 1e-4
+
+
+def test_what_is_an_outlier_is_averaged_at_once_and_what_may_be_none_at_last() -> None:
+    kf = pose_keyframes.empty_keyframes(12)
+    outliers = np.array([0.02, *np.repeat([1.0, 0.09], 3)])
+    rng, at = np.random.default_rng(0), 4
+    for k in range(12):
+        X = se3.exp(1e-3 * rng.normal(size=6))
+        X[0, 3] += 0.05 if k == at else 0.0
+        pose_keyframes.append(kf, X, 1e-6 * np.eye(6), k / 15.0, outliers)
+    inlier = np.ones(12)
+    assert pose_keyframes.choose(kf, 0.05, inlier)[0] not in (at - 1, at)
+    inlier[at] = 1e-9
+    assert pose_keyframes.choose(kf, 0.05, inlier)[0] in (at - 1, at)
 
 
 def test_scale_and_floor_change_what_the_keyframes_know() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import scipy.special
 
 from maths.arrays import Array
+from maths.compiled import hot
 from systems.kinematics.joint_solver.joint_fit import off_path
 from systems.kinematics.joint_solver.joint_geometry import RIGID
 from systems.kinematics.joint_solver.joint_models import Models
@@ -62,17 +63,28 @@ def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale, scale
     return min(1.0, p / _TAIL)
 
 
-def claim(p: Array, ranked: Array) -> Array:
-    """What may be claimed of the types: `p`, but that the likeliest type of `ranked` leads.
+@hot
+def _normalised(log_p: Array) -> Array:
+    p = np.exp(log_p - log_p.max())
+    return p / p.sum()
 
-    Where another one would lead, as much of `ranked` is mixed in as it takes.
+
+@hot
+def claim(claims: Array, ranking: Array) -> tuple[Array, int]:
+    """What may be claimed of the types: probabilities (n,), and the likeliest type, which leads.
+
+    Where another one would lead, as much of the probabilities by which types are ranked is mixed in
+    as it takes.
 
     Args:
-        p: Probabilities (n,), from the priors by which claims are made.
-        ranked: The same from those by which types are ranked.
+        claims: Log probabilities (n,), not normalised, from the priors by which claims are made.
+        ranking: The same from those by which types are ranked.
     """
-    likeliest = int(np.argmax(ranked))
-    ahead, behind = ranked[likeliest] - ranked, np.maximum(p + _LEAD - p[likeliest], 0.0)
-    behind[likeliest] = 0.0
-    share = float(np.max(behind / np.maximum(ahead + behind, _LEAD)))
-    return np.asarray((1.0 - share) * p + share * ranked)
+    p, ranked = _normalised(claims), _normalised(ranking)
+    likeliest, share = int(np.argmax(ranked)), 0.0
+    for k in range(p.size):
+        behind = p[k] + _LEAD - p[likeliest]
+        if k != likeliest and behind > 0.0:
+            ahead = ranked[likeliest] - ranked[k]
+            share = max(share, behind / max(ahead + behind, _LEAD))
+    return (1.0 - share) * p + share * ranked, likeliest

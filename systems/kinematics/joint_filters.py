@@ -45,7 +45,7 @@ from maths.arrays import Array
 from maths.validation import check
 from systems.kinematics.goodness_of_fit import claim, most_certainty
 from systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
-from systems.kinematics.joint_filters_readout import read_fit, read_joint, still_joint
+from systems.kinematics.joint_filters_readout import read_joint, still_joint
 from systems.kinematics.joint_filters_start import (
     finite,
     initial_state,
@@ -97,11 +97,6 @@ _SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
 
 def _log_prior(p: TypePriorsConfig) -> Array:
     return np.log([p.prismatic, p.revolute, p.screw, p.rigid, p.disconnected])
-
-
-def _normalised(log_p: Array) -> Array:
-    p = np.exp(log_p - log_p.max())
-    return np.asarray(p / p.sum())
 
 
 class JointFilters:
@@ -309,20 +304,13 @@ class JointFilters:
         return dict(state.probabilities)
 
     def _with_probabilities(self, state: JointFiltersState) -> JointFiltersState:
-        evidence = type_evidence(state.models, state.keyframes, self._priors)
-        ranked = _normalised(evidence + self._log_prior)
-        likeliest = int(np.argmax(ranked))
-        p = claim(_normalised(evidence + self._log_prior_of_claims), ranked)
-        fit = read_fit(state, likeliest)
-        if fit.reduced_chi_square > fit.bounds[1]:
-            limit = most_certainty(
-                likeliest, state.models, state.keyframes, state.noise, state.scale
-            )
-            lost = (1.0 - limit) * p[likeliest]
-            p[likeliest] -= lost
-            p[FREE] += lost
-            fit = read_fit(state, int(np.argmax(p)))
-        return replace(state, probabilities=dict(zip(TYPES, p.tolist(), strict=True)), fit=fit)
+        m, kf = state.models, state.keyframes
+        evidence = type_evidence(m, kf, self._priors)
+        p, likeliest = claim(evidence + self._log_prior_of_claims, evidence + self._log_prior)
+        lost = p[likeliest] * (1.0 - most_certainty(likeliest, m, kf, state.noise, state.scale))
+        p[likeliest] -= lost
+        p[FREE] += lost
+        return replace(state, probabilities=dict(zip(TYPES, p.tolist(), strict=True)))
 
     def belief(self, state: JointFiltersState, time: float | None = None) -> JointBelief:
         """The belief about the pair's joint.

@@ -2,14 +2,12 @@
 
 import numpy as np
 
-from systems.kinematics.goodness_of_fit import reduced_chi_square
 from systems.kinematics.joint_filters_config import JointFiltersConfig
 from systems.kinematics.joint_filters_state import JointFiltersState
 from systems.kinematics.joint_solver.joint_geometry import SCREW, turns
 from systems.kinematics.joint_solver.joint_pitch import pitch_posterior
 from systems.kinematics.joint_solver.joint_readout import read_moving
-from systems.kinematics.joint_solver.path_floor import FLOORS
-from systems.port_values import JointFit, JointModelBelief
+from systems.port_values import JointModelBelief
 
 _NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 
@@ -45,21 +43,6 @@ def read_joint(
         configuration_covariance=covariance,
         pitch=pitch,
         pitch_variance=pitch_variance,
-    )
-
-
-def read_fit(state: JointFiltersState, kind: int) -> JointFit:
-    """How well one kind of joint fits the measurements."""
-    kf, size = state.keyframes, int(state.keyframes.size[0])
-    value, bounds, degrees = reduced_chi_square(kind, state.models, kf, state.noise)
-    undecided = float(kf.open[:size] @ (1.0 - state.models.inlier[kind, :size]))
-    return JointFit(
-        reduced_chi_square=value,
-        bounds=bounds,
-        degrees=degrees,
-        outlier_share=(float(kf.outliers[0]) + undecided) / (state.updates + 1),
-        noise_scale=(float(state.scale[0]), float(state.scale[3])),
-        path_floor=FLOORS[state.floor],
     )
 
 

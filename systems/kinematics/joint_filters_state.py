@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from maths.arrays import Array
 from maths.immutable import Immutable
+from systems.kinematics.goodness_of_fit import reduced_chi_square
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.noise_scale import (
     NoiseScale,
 )
+from systems.kinematics.joint_solver.path_floor import FLOORS
 from systems.kinematics.joint_solver.pose_keyframes import (
     Keyframes,
 )
@@ -49,7 +52,6 @@ class JointFiltersState(Immutable):
         reset_count: Of parent and child together (`BodyMotion`).
         skipped: How many measurements were not used, by reason.
         probabilities: Of each type, given all measurements.
-        fit: Of the most probable type.
     """
 
     parent_id: int
@@ -69,7 +71,22 @@ class JointFiltersState(Immutable):
     reset_count: int = 0
     skipped: Mapping[SkipReason, int] = field(default_factory=dict)
     probabilities: Mapping[JointType, float] = field(default_factory=dict)
-    fit: JointFit | None = None
+
+    @cached_property
+    def fit(self) -> JointFit:
+        """How well the most probable type fits the measurements."""
+        m, kf, size = self.models, self.keyframes, int(self.keyframes.size[0])
+        kind = max(range(len(TYPES)), key=lambda k: self.probabilities[TYPES[k]])
+        value, bounds, degrees = reduced_chi_square(kind, m, kf, self.noise)
+        undecided = float(kf.open[:size] @ (1.0 - m.inlier[kind, :size]))
+        return JointFit(
+            reduced_chi_square=value,
+            bounds=bounds,
+            degrees=degrees,
+            outlier_share=(float(kf.outliers[0]) + undecided) / (self.updates + 1),
+            noise_scale=(float(self.scale[0]), float(self.scale[3])),
+            path_floor=FLOORS[self.floor],
+        )
 
 
 def skip(state: JointFiltersState, reason: SkipReason) -> JointFiltersState:

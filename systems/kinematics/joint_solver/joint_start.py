@@ -134,31 +134,42 @@ def fresh_start(m: Models, kf: Keyframes, axis_distance: float, share: float) ->
     m.Y[:] = kf.Z[first]
 
 
+@hot
 def copy_model(kind: int, source: Models, into: int, target: Models) -> None:
     """Copies what the keyframes in memory say of one model to another one, or to other models."""
-    names = "Y a c pitch q inlier state covariance gain P process_noise log_evidence"
-    for name in names.split():
-        getattr(target, name)[into] = getattr(source, name)[kind]
+    target.Y[into], target.a[into], target.c[into] = source.Y[kind], source.a[kind], source.c[kind]
+    target.pitch[into], target.q[into] = source.pitch[kind], source.q[kind]
+    target.inlier[into], target.state[into] = source.inlier[kind], source.state[kind]
+    target.covariance[into], target.gain[into] = source.covariance[kind], source.gain[kind]
+    target.P[into], target.process_noise[into] = source.P[kind], source.process_noise[kind]
+    target.log_evidence[into] = source.log_evidence[kind]
 
 
+@hot
 def start_from_revolute(m: Models, kf: Keyframes) -> None:
     """Starts the screw, in place, from the revolute model and what the path climbs along its axis.
 
     So it knows the turns, which no twist between two poses shows.
     """
-    n = int(kf.size[0])
     copy_model(REVOLUTE, m, SCREW, m)
     m.signed[SCREW] = m.signed[REVOLUTE]
-    q, weight = m.q[REVOLUTE, :n], 1.0 / kf.R[:n, 3, 3]
-    climbed = (kf.Z[:n, :3, 3] - m.Y[REVOLUTE, :3, 3]) @ m.a[REVOLUTE]
-    m.pitch[SCREW] = (weight * q) @ climbed / max(float((weight * q) @ q), 1e-12)
-    m.pitch[SCREW] = np.clip(m.pitch[SCREW], -WIDEST, WIDEST)
+    product, square = 0.0, 0.0
+    for k in range(kf.size[0]):
+        climbed = 0.0
+        for i in range(3):
+            climbed += (kf.Z[k, i, 3] - m.Y[REVOLUTE, i, 3]) * m.a[REVOLUTE, i]
+        weighted = m.q[REVOLUTE, k] / kf.R[k, 3, 3]
+        product += weighted * climbed
+        square += weighted * m.q[REVOLUTE, k]
+    pitch = product / max(square, 1e-12)
+    m.pitch[SCREW] = min(max(pitch, -WIDEST), WIDEST)
 
 
+@hot
 def reverse_axis(kind: int, m: Models) -> None:
     """Reverses the axis, and with it the sign of q, in place."""
-    for x in (m.a, m.q, m.state, m.gain):
-        x[kind] *= -1.0
+    m.a[kind], m.q[kind] = -m.a[kind], -m.q[kind]
+    m.state[kind], m.gain[kind] = -m.state[kind], -m.gain[kind]
     # `tangent_basis(-a)` has the first vector of `tangent_basis(a)` and the opposite of its second.
     for i in (6, 9):
         m.gain[kind, :, i] *= -1.0
@@ -166,13 +177,15 @@ def reverse_axis(kind: int, m: Models) -> None:
         m.covariance[kind, :, i] *= -1.0
 
 
+@hot
 def decide_sign(kind: int, m: Models) -> None:
     """Turns the axis, in place, so that q grows positive in the direction first moved."""
     if m.signed[kind] > 0.0:
         return
-    n = dimension(kind)
-    gain = m.gain[kind, 0, :n]
-    variance = m.P[kind, 0, 0] + gain @ m.covariance[kind, :n, :n] @ gain
+    n, variance = dimension(kind), m.P[kind, 0, 0]
+    for i in range(n):
+        for j in range(n):
+            variance += m.gain[kind, 0, i] * m.covariance[kind, i, j] * m.gain[kind, 0, j]
     moved = m.log_evidence[kind] > m.log_evidence[RIGID] + _MOVED
     if moved and m.state[kind, 0] ** 2 > _SIGNIFICANT**2 * variance:
         m.signed[kind] = 1.0

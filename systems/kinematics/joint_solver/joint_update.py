@@ -159,6 +159,7 @@ def add_measurement(
     return -1
 
 
+@hot
 def _turns_are_seen(kf: Keyframes) -> bool:
     """Whether rotations are measured, to within a radian.
 
@@ -168,6 +169,7 @@ def _turns_are_seen(kf: Keyframes) -> bool:
     return bool(kf.R[kf.size[0] - 1, 0, 0] < 1.0)
 
 
+@hot
 def _solve(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int) -> None:
     """Solves one model."""
     if kind == RIGID:
@@ -176,9 +178,11 @@ def _solve(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int) -> N
         free = free_evidence(kf, priors.free, priors.outliers, m.inlier[FREE])
         m.log_evidence[FREE] = free + m.marginal_evidence[FREE]
     else:
-        solve_moving(kind, m, kf, priors, steps, 1.0)
+        temper = 1.0
+        solve_moving(kind, m, kf, priors, steps, temper)
 
 
+@hot
 def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, turn: bool) -> None:
     """Solves the models, linearised at most `steps` times each.
 
@@ -192,29 +196,29 @@ def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, turn: bool) 
             of no pitch, explains more: what they explain less stays the same. A measurement that
             surprises the likeliest one makes it the turn of all.
     """
-    before = m.log_evidence.copy()
+    before, solved = m.log_evidence.copy(), np.zeros(JOINTS + 1, dtype=np.bool_)
     lead, ratio = int(np.argmax(before)), before[SCREW] - before[REVOLUTE]
-    seen = _turns_are_seen(kf)
-    gain, solved = 0.0, set[int]()
-    # The likeliest first: what it gains is what those that wait gain.
-    for kind in (lead, *(k for k in (PRISMATIC, REVOLUTE, SCREW, RIGID, FREE) if k != lead)):
+    seen, gain = _turns_are_seen(kf), 0.0
+    for i in range(-1, JOINTS + 1):
+        kind = lead if i < 0 else i  # The likeliest first: what it gains is what others gain.
         is_due = turn or before[kind] > before[lead] - _FAR_BEHIND
         if kind == SCREW:
             is_due = seen and (turn or ratio > 0.0)
-            if is_due and ratio < 0.0:
-                start_from_revolute(m, kf)
-        if not is_due:
+        if solved[kind] or not is_due:
             continue
+        if kind == SCREW and ratio < 0.0:
+            start_from_revolute(m, kf)
         _solve(kind, m, kf, priors, steps)
-        solved.add(kind)
+        solved[kind] = True
         if kind == lead:
-            gain = float(m.log_evidence[lead] - before[lead])
+            gain = m.log_evidence[lead] - before[lead]
             turn = turn or gain < -_SURPRISE
-    for kind in {PRISMATIC, REVOLUTE, SCREW, RIGID, FREE} - solved:
-        m.log_evidence[kind] = before[kind] + gain
-        if kind in MOVING:
-            m.state[kind, 0] = m.q[kind, kf.size[0] - 1]
-    if SCREW not in solved:
+    for kind in range(JOINTS + 1):
+        if not solved[kind]:
+            m.log_evidence[kind] = before[kind] + gain
+            if kind < RIGID:
+                m.state[kind, 0] = m.q[kind, kf.size[0] - 1]
+    if not solved[SCREW]:
         m.log_evidence[SCREW] = m.log_evidence[REVOLUTE] + ratio
         m.inlier[SCREW] = m.inlier[REVOLUTE]
 
@@ -282,6 +286,39 @@ def _take_over(m: Models, other: Models, kinds: tuple[int, ...]) -> None:
             copy_model(kind, other, kind, m)
 
 
+@hot
+def _decide_signs(m: Models) -> None:
+    for kind in range(RIGID):
+        decide_sign(kind, m)
+
+
+@hot
+def _correct(
+    m: Models,
+    kf: Keyframes,
+    X_FB: Array,
+    R: Array,
+    time: float,
+    priors: Priors,
+    log_prior: Array,
+    inlier: Array,
+    turn: bool,
+) -> int:
+    """Corrects all models with one relative pose; see `update`.
+
+    Returns:
+        -1, or the keyframe that has to be marginalised first, of which `inlier` (K,) tells how
+        likely it is that it is no outlier; nothing is done then.
+    """
+    steps = int(np.int64(STEPS))
+    expected_inliers(m, kf, log_prior, inlier)
+    k = add_measurement(m, kf, X_FB, R, time, priors, inlier)
+    if k < 0:
+        solve_all(m, kf, priors, steps, turn)
+        _decide_signs(m)
+    return k
+
+
 def update(
     m: Models,
     kf: Keyframes,
@@ -307,14 +344,11 @@ def update(
         turn: See `solve_all`.
     """
     inlier = np.empty(kf.time.size)
-    expected_inliers(m, kf, log_prior, inlier)
-    k = add_measurement(m, kf, X_FB, R, time, priors, inlier)
+    k = _correct(m, kf, X_FB, R, time, priors, log_prior, inlier, turn)
     if k >= 0:
         pose_keyframes.close(kf, k, inlier[k])
         marginalise(m, kf, k, priors)
-        add_measurement(m, kf, X_FB, R, time, priors, inlier)
-    solve_all(m, kf, priors, STEPS, turn)
+        _correct(m, kf, X_FB, R, time, priors, log_prior, inlier, turn)
     if young:
         restart(m, kf, priors, turn)
-    for kind in MOVING:
-        decide_sign(kind, m)
+        _decide_signs(m)

@@ -10,6 +10,7 @@ likeliest, whatever the type.
 import numpy as np
 
 from maths.arrays import Array
+from maths.compiled import hot
 from systems.kinematics.joint_solver import pose_keyframes
 from systems.kinematics.joint_solver.joint_geometry import FREE
 from systems.kinematics.joint_solver.joint_models import Models
@@ -23,6 +24,7 @@ _STRAY = np.repeat([5e-3**2, 1.5e-3**2], 3)
 _WORTH = 0.5  # Gain in log probability from which another one is taken, [nat].
 
 
+@hot
 def floor(index: int, claimed: Array, scale: Array) -> Array:
     """The floor (6, 6) of a multiple.
 
@@ -31,9 +33,12 @@ def floor(index: int, claimed: Array, scale: Array) -> Array:
         claimed: Covariance (6, 6) that a measurement claims.
         scale: (6,) its noise's standard deviations by those that are claimed.
     """
-    scale = np.maximum(scale, 1.0)
-    noise = claimed * np.outer(scale, scale)
-    return FLOORS[index] ** 2 * (noise + np.diag(np.maximum(_STRAY - np.diagonal(noise), 0.0)))
+    out = np.empty((6, 6))
+    for i in range(6):
+        for j in range(6):
+            out[i, j] = claimed[i, j] * max(scale[i], 1.0) * max(scale[j], 1.0)
+        out[i, i] = max(out[i, i], _STRAY[i])
+    return FLOORS[index] ** 2 * out
 
 
 def log_probability(m: Models, kf: Keyframes, log_prior: Array) -> float:

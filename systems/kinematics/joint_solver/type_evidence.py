@@ -5,6 +5,7 @@ own solution says is Laplace's approximation about it; near a limit the other mo
 """
 
 from maths.arrays import Array
+from maths.compiled import hot
 from systems.kinematics.joint_solver.axis_prior import may_be_far
 from systems.kinematics.joint_solver.bent_slide import bent_evidence
 from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE, SCREW
@@ -17,6 +18,7 @@ _AHEAD = 3.0  # Log evidence over the slide's from which a hinge's own solution 
 _FAR_BEHIND = 20.0  # Log evidence below the most from which a slide's makes no difference, [nat].
 
 
+@hot
 def type_evidence(m: Models, kf: Keyframes, priors: Priors) -> Array:
     """Log evidence (5,) of each type.
 

@@ -114,17 +114,20 @@ def test_averages_of_unmeasured_rotations_are_no_measured_ones() -> None:
 
 def test_a_claim_is_that_of_one_who_expects_no_type() -> None:
     ranked, p = np.array([0.9, 0.06, 0.04]), np.array([0.7, 0.2, 0.1])
-    np.testing.assert_allclose(claim(p, ranked), p)
+    claimed, likeliest = claim(np.log(p), np.log(ranked))
+    np.testing.assert_allclose(claimed, p)
+    assert likeliest == 0
 
 
-@pytest.mark.parametrize("p", [[0.2, 0.5, 0.3], [0.4, 0.4, 0.2], [0.0, 1.0, 0.0]])
+@pytest.mark.parametrize("p", [[0.2, 0.5, 0.3], [0.4, 0.4, 0.2], [1e-300, 1.0, 1e-300]])
 def test_the_likeliest_type_leads_if_only_just(p: list[float]) -> None:
     ranked = np.array([0.5, 0.3, 0.2])
-    claimed = claim(np.array(p), ranked)
+    claimed, likeliest = claim(np.log(p), np.log(ranked) - 7.0)
+    assert likeliest == 0
     assert np.argmax(claimed) == 0
     np.testing.assert_allclose(claimed.sum(), 1.0)
     np.testing.assert_allclose(claimed[0], claimed[1], atol=1e-5)
 
 
 def test_types_that_are_alike_may_be_claimed_alike() -> None:
-    np.testing.assert_allclose(claim(np.full(3, 1 / 3), np.full(3, 1 / 3)), np.full(3, 1 / 3))
+    np.testing.assert_allclose(claim(np.zeros(3), np.zeros(3))[0], np.full(3, 1 / 3))

@@ -1,10 +1,10 @@
 """How much the child strays from an ideal joint's path, from the evidence of all models.
 
 Errors that depend on the place, as a camera's calibration has them, and a path that is not quite
-straight or round do not average out within a keyframe. Their covariance, the keyframes' floor, is
-a multiple of what a measurement claims, of its noise where that is larger, or of what real joints
-stray by where both are less; of a few multiples the one is kept under which all keyframes are
-likeliest, whatever the type.
+straight or round do not average out within a keyframe. Their covariance is the keyframes' floor.
+The former are no larger than a measurement's noise, and than what it claims; the latter has nothing
+to do with either and is a few times what joints usually stray by. Of several multiples of both the
+one is kept under which all keyframes are likeliest, whatever the type.
 """
 
 import numpy as np
@@ -18,8 +18,8 @@ from systems.kinematics.joint_solver.joint_solver import Priors
 from systems.kinematics.joint_solver.joint_update import STEPS, restart, solve_all
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
-FLOORS = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # Multiples of a standard deviation, see `floor`.
-# Variance [rad^2, m^2] by which a real joint strays: doors, drawers and lids have play.
+FLOORS = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # Multiples of standard deviations, see `floor`.
+# Variance [rad^2, m^2] by which a joint usually strays: doors, drawers and lids have play.
 _STRAY = np.repeat([5e-3**2, 1.5e-3**2], 3)
 _WORTH = 0.5  # Gain in log probability from which another one is taken, [nat].
 
@@ -34,11 +34,12 @@ def floor(index: int, claimed: Array, scale: Array) -> Array:
         scale: (6,) its noise's standard deviations by those that are claimed.
     """
     out = np.empty((6, 6))
+    share, factor = min(FLOORS[index], 1.0) ** 2, FLOORS[index] ** 2
     for i in range(6):
         for j in range(6):
-            out[i, j] = claimed[i, j] * max(scale[i], 1.0) * max(scale[j], 1.0)
-        out[i, i] = max(out[i, i], _STRAY[i])
-    return FLOORS[index] ** 2 * out
+            out[i, j] = share * claimed[i, j] * max(scale[i], 1.0) * max(scale[j], 1.0)
+        out[i, i] = max(out[i, i], factor * _STRAY[i])
+    return out
 
 
 def log_probability(m: Models, kf: Keyframes, log_prior: Array) -> float:

@@ -128,3 +128,11 @@ def test_a_free_motion_is_never_claimed_to_be_a_joint(seed: int) -> None:
     outcome = evaluate_case(CASES["free motion"], seed, JointFilters(JointFiltersConfig()))
     assert outcome.type == "disconnected"
     assert not outcome.wrong
+
+
+@pytest.mark.parametrize("seed", [52, 54])
+def test_a_ball_joint_is_no_hinge_that_strays_by_centimetres(seed: int) -> None:
+    """Noise of a degree does not make a joint believable that is off by three."""
+    outcome = evaluate_case(CASES["ball motion"], seed, JointFilters(JointFiltersConfig()))
+    assert outcome.type == "disconnected"
+    assert not outcome.wrong

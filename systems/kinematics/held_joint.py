@@ -68,7 +68,8 @@ def choose_joint(
     """The joint to act on: of the body in the hand, to the environment or to what it hangs on.
 
     A lid turns about its box: once the box slides, the joint between the two explains the lid's
-    motion better than one with the environment does.
+    motion better than one with the environment does. What rests is environment: a joint to it says
+    nothing else than one to the environment.
 
     Args:
         joints: The kinematic model.
@@ -76,10 +77,17 @@ def choose_joint(
         body_is_known: Whether there is a body in the hand; vision alone does not know it and takes
             the joint that has been observed for longest.
     """
+    resting = {
+        joint.child_id
+        for joint in joints.joints
+        if joint.parent_id == STATIC_BODY and joint.type == JointType.RIGID
+    }
     candidates = [
         joint
         for joint in joints.joints
-        if is_likely(joint, config) and not (body_is_known and joint.child_id != HELD_BODY)
+        if is_likely(joint, config)
+        and joint.parent_id not in resting
+        and not (body_is_known and joint.child_id != HELD_BODY)
     ]
 
     def preference(joint: JointBelief) -> tuple[float, int]:

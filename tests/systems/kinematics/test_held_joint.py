@@ -128,6 +128,19 @@ def test_a_joint_to_another_body_has_to_explain_decisively_more(more: float, par
     assert found.parent_id == parent
 
 
+@pytest.mark.parametrize(
+    ("of_parent", "parent"), [(JointType.RIGID, STATIC_BODY), (JointType.PRISMATIC, 2)]
+)
+def test_a_body_that_rests_is_environment(of_parent: JointType, parent: int) -> None:
+    """However much more a joint to it explains: what is seen of a cabinet is a body, too."""
+    held = joint(JointType.REVOLUTE, 0.2, explained=200.0)
+    on_box = joint(JointType.REVOLUTE, 0.1, parent=2, explained=300.0)
+    box = joint(of_parent, 0.3, child=2)
+    found = choose_joint(JointBeliefs(joints=[on_box, held, box]), CONFIG, body_is_known=True)
+    assert found is not None
+    assert found.parent_id == parent
+
+
 def test_a_joint_of_a_moving_parent_goes_with_it() -> None:
     X_WP = se3.exp(np.array([0.2, 0.1, 0.4, 0.5, -0.3, 0.2]))
     motion = MotionBelief(X=X_WP, V=np.zeros(6), covariance=np.eye(12))

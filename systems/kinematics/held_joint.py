@@ -8,6 +8,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from maths import se3
 from maths.arrays import Array
+from maths.tangent_plane import normal_basis
 from maths.validation import check, number
 from systems.port_values import (
     HELD_BODY,
@@ -24,6 +25,7 @@ from systems.port_values import (
 )
 
 MOVING_TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.SCREW)
+_CHI_SQUARE = 13.8  # Of two degrees of freedom, 99.9 % of all are below it.
 
 
 @dataclass(kw_only=True)
@@ -62,14 +64,30 @@ def explained(joint: JointBelief) -> float:
     return joint.model.log_evidence - joint.models[JointType.DISCONNECTED].log_evidence
 
 
+def may_be_one(a: JointBelief, b: JointBelief) -> bool:
+    """Whether two joints with one parent may be the same one: of a type, about the same axis."""
+    if a.type != b.type or a.type not in MOVING_TYPES:
+        return False
+    m, n = a.model, b.model
+    B = normal_basis(m.axis_P)
+    errors = [(n.axis_P, m.axis_covariance + n.axis_covariance)]
+    if a.type != JointType.PRISMATIC:
+        errors.append((n.p_PA - m.p_PA, m.p_PA_covariance + n.p_PA_covariance))
+    return all(
+        float((B @ e) @ np.linalg.solve(B @ covariance @ B.T, B @ e)) < _CHI_SQUARE
+        for e, covariance in errors
+    )
+
+
 def choose_joint(
     joints: JointBeliefs, config: HeldJointConfig, body_is_known: bool
 ) -> JointBelief | None:
     """The joint to act on: of the body in the hand, to the environment or to what it hangs on.
 
     A lid turns about its box: once the box slides, the joint between the two explains the lid's
-    motion better than one with the environment does. What rests is environment: a joint to it says
-    nothing else than one to the environment.
+    motion better than one with the environment does. A body that rests is environment, and one that
+    moves as the body in the hand does, about the same axis, is likely a part of it: no joint to
+    either is one to act on.
 
     Args:
         joints: The kinematic model.
@@ -77,24 +95,28 @@ def choose_joint(
         body_is_known: Whether there is a body in the hand; vision alone does not know it and takes
             the joint that has been observed for longest.
     """
-    resting = {
-        joint.child_id
-        for joint in joints.joints
-        if joint.parent_id == STATIC_BODY and joint.type == JointType.RIGID
-    }
+    of_environment = {j.child_id: j for j in joints.joints if j.parent_id == STATIC_BODY}
+
+    def is_apart(parent_id: int, child_id: int) -> bool:
+        parent, child = of_environment.get(parent_id), of_environment.get(child_id)
+        if parent is None:
+            return True
+        moves = parent.type != JointType.RIGID
+        return moves and (child is None or not may_be_one(parent, child))
+
     candidates = [
         joint
         for joint in joints.joints
         if is_likely(joint, config)
-        and joint.parent_id not in resting
+        and is_apart(joint.parent_id, joint.child_id)
         and not (body_is_known and joint.child_id != HELD_BODY)
     ]
 
     def preference(joint: JointBelief) -> tuple[float, int]:
-        of_environment = joint.parent_id == STATIC_BODY
+        is_static = joint.parent_id == STATIC_BODY
         if not body_is_known:
-            return float(of_environment), joint.updates
-        return explained(joint) + config.margin * of_environment, joint.updates
+            return float(is_static), joint.updates
+        return explained(joint) + config.margin * is_static, joint.updates
 
     return max(candidates, key=preference, default=None)
 

@@ -1,9 +1,9 @@
 """The measurement model with outliers: a mixture of two normal distributions, compiled.
 
 A measured pose has the error that it claims, or with a small probability a far larger one on top.
-Which of the two is open for the newest keyframes, and each model answers it by the residuals of its
-own solution (expectation maximisation); with what all models together say the keyframe is then
-weighted for good.
+Which of the two is open until a measurement is averaged with another one, and each model answers it
+by the residuals of its own solution (expectation maximisation); with what all models together say
+the keyframe is then weighted for good.
 """
 
 import numpy as np

@@ -129,14 +129,27 @@ def test_a_joint_to_another_body_has_to_explain_decisively_more(more: float, par
 
 
 @pytest.mark.parametrize(
-    ("of_parent", "parent"), [(JointType.RIGID, STATIC_BODY), (JointType.PRISMATIC, 2)]
+    ("of_parent", "off", "parent"),
+    [
+        (JointType.RIGID, 0.0, STATIC_BODY),
+        (JointType.REVOLUTE, 0.0, STATIC_BODY),
+        (JointType.REVOLUTE, 0.2, 2),
+        (JointType.PRISMATIC, 0.0, 2),
+    ],
 )
-def test_a_body_that_rests_is_environment(of_parent: JointType, parent: int) -> None:
-    """However much more a joint to it explains: what is seen of a cabinet is a body, too."""
+def test_what_rests_is_environment_and_what_moves_alike_a_part(
+    of_parent: JointType, off: float, parent: int
+) -> None:
+    """However much more a joint to it explains: cabinets and halves of doors are seen as bodies."""
     held = joint(JointType.REVOLUTE, 0.2, explained=200.0)
-    on_box = joint(JointType.REVOLUTE, 0.1, parent=2, explained=300.0)
-    box = joint(of_parent, 0.3, child=2)
-    found = choose_joint(JointBeliefs(joints=[on_box, held, box]), CONFIG, body_is_known=True)
+    on_other = joint(JointType.REVOLUTE, 0.1, parent=2, explained=300.0)
+    other = joint(of_parent, 0.3, child=2)
+    place = other.models[of_parent].p_PA + np.array([off, 0.0, 0.0])
+    moved = replace(
+        other.models[of_parent], p_PA=place, p_PA_covariance=1e-4 * np.diag([1.0, 1.0, 0.0])
+    )
+    other = replace(other, models={**other.models, of_parent: moved})
+    found = choose_joint(JointBeliefs(joints=[on_other, held, other]), CONFIG, body_is_known=True)
     assert found is not None
     assert found.parent_id == parent
 

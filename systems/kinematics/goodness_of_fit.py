@@ -11,7 +11,7 @@ from systems.kinematics.joint_solver.joint_fit import off_path
 from systems.kinematics.joint_solver.joint_geometry import RIGID
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.noise_scale import NoiseScale, degrees_of_freedom
-from systems.kinematics.joint_solver.path_floor import floor
+from systems.kinematics.joint_solver.path_floor import farthest
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 _INSIDE = 0.95  # Probability of the bounds.
@@ -41,9 +41,9 @@ def reduced_chi_square(
 def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale, scale: Array) -> float:
     """Probability up to which a joint may be claimed, by how far the keyframes are off its path.
 
-    No real joint is ideal, but one from which the child strays by more than the largest floor is
-    none: that they are so far off or farther has the probability p, and the type may be claimed
-    with certainty while p is inside the bounds, beyond with p over that of the bound.
+    No real joint is ideal, but one from which the child strays by more than `farthest` is none:
+    that they are so far off or farther has the probability p, and the type may be claimed with
+    certainty while p is inside the bounds, beyond with p over that of the bound.
 
     Args:
         kind: A type, likely or not.
@@ -56,7 +56,7 @@ def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale, scale
     if kind > RIGID:
         return 1.0
     claimed = kf.R[kf.size[0] - 1] / np.outer(scale, scale)
-    square, degrees = off_path(kind, m, kf, floor(-1, claimed, scale))
+    square, degrees = off_path(kind, m, kf, farthest(claimed, scale))
     if degrees < 1:
         return 1.0
     p = float(scipy.special.fdtrc(degrees, degrees_of_freedom(noise), square / degrees))

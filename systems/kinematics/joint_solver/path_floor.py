@@ -25,6 +25,16 @@ _WORTH = 0.5  # Gain in log probability from which another one is taken, [nat].
 
 
 @hot
+def _noise(claimed: Array, scale: Array) -> Array:
+    """Covariance (6, 6) of the measurements' noise, or what is claimed of it where that is more."""
+    out = np.empty((6, 6))
+    for i in range(6):
+        for j in range(6):
+            out[i, j] = claimed[i, j] * max(scale[i], 1.0) * max(scale[j], 1.0)
+    return out
+
+
+@hot
 def floor(index: int, claimed: Array, scale: Array) -> Array:
     """The floor (6, 6) of a multiple.
 
@@ -33,13 +43,23 @@ def floor(index: int, claimed: Array, scale: Array) -> Array:
         claimed: Covariance (6, 6) that a measurement claims.
         scale: (6,) its noise's standard deviations by those that are claimed.
     """
-    out = np.empty((6, 6))
-    share, factor = min(FLOORS[index], 1.0) ** 2, FLOORS[index] ** 2
+    out = min(FLOORS[index], 1.0) ** 2 * _noise(claimed, scale)
     for i in range(6):
-        for j in range(6):
-            out[i, j] = share * claimed[i, j] * max(scale[i], 1.0) * max(scale[j], 1.0)
-        out[i, i] = max(out[i, i], factor * _STRAY[i])
+        out[i, i] = max(out[i, i], FLOORS[index] ** 2 * _STRAY[i])
     return out
+
+
+@hot
+def farthest(claimed: Array, scale: Array) -> Array:
+    """The covariance (6, 6) of what no joint strays by more than, whatever made it.
+
+    A multiple of the noise or of what joints usually stray by, for among the measurements are
+    outliers that are hardly told from noise. See `floor` for the arguments.
+    """
+    out = _noise(claimed, scale)
+    for i in range(6):
+        out[i, i] = max(out[i, i], _STRAY[i])
+    return FLOORS[-1] ** 2 * out
 
 
 def log_probability(m: Models, kf: Keyframes, log_prior: Array) -> float:

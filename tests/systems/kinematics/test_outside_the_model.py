@@ -1,5 +1,7 @@
 """Streams that leave the filters' model: outliers, wrong claims, real tracks, unknown rotations."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,6 +68,16 @@ def test_what_looks_like_noise_at_first_can_still_be_an_outlier(name: str, seed:
     """A quarter of the first second is, so that the noise seems five times larger."""
     outcome = evaluate_case(CASES[name], seed, JointFilters(JointFiltersConfig()))
     assert outcome.type in CASES[name].accepted
+    assert not outcome.wrong
+
+
+@pytest.mark.parametrize("seed", [0, 3, 13])
+def test_outliers_that_are_hardly_told_from_noise_make_no_slide_unlikely(seed: int) -> None:
+    case = replace(
+        CASES["drawer, 10 % outliers"], translation_noise=0.01, rotation_noise=np.deg2rad(3.0)
+    )
+    outcome = evaluate_case(case, seed, JointFilters(JointFiltersConfig()))
+    assert outcome.type == "prismatic"
     assert not outcome.wrong
 
 

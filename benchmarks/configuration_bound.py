@@ -3,10 +3,10 @@
     python -m benchmarks.configuration_bound
 
 The bound at each frame is that of one who has seen the frames up to it and knows the joint's type,
-the noise, and the axis to within the filters' priors. The first column is for one who also knows
-when the motion begins and ends and that its rate is even in between, the second for one who knows
-only when the body rests. Root mean square over all frames after 2 s and over seeds, against one raw
-frame's noise, as q in `joint_robustness`; half of the motion is its first half.
+the noise, the axis to within the filters' priors, and when the motion begins and ends. "Even rate":
+also that the body rests before and after it and that its rate is even in between; "rests": only
+that it rests; "even rates": only that each of the three rates is even. Root mean square over all
+frames after 2 s and over seeds, against one raw frame's noise, as q in `joint_robustness`.
 """
 
 from typing import Annotated
@@ -59,13 +59,19 @@ def _jacobians(case: Case, seed: int) -> tuple[Array, Array]:
 
 
 def motion_bases(q: Array) -> dict[str, Array]:
-    """Two sets of motions (N, m) of which q (N,) is one, zero at first: see the module."""
+    """Sets of motions (N, m) of which q (N,) is one, zero at first: see the module."""
     last = int(np.argmax(q == q[-1]))
     first = int(np.argmax(q > 0.0))
     rests = np.zeros((q.size, last - first + 1))
     for k in range(first, q.size):
         rests[k, min(k, last) - first] = 1.0
-    return {"even rate": (q / q[-1])[:, None], "rests": rests}
+    frame, knots = np.arange(float(q.size)), (0, first - 1, last, q.size)
+    slopes = [np.clip(frame - a, 0.0, b - a) for a, b in zip(knots, knots[1:], strict=False)]
+    return {
+        "even rate": (q / q[-1])[:, None],
+        "rests": rests,
+        "even rates": np.column_stack(slopes),
+    }
 
 
 def bound(case: Case, seed: int, basis: Array, config: JointFiltersConfig) -> Array:

@@ -2,9 +2,9 @@
 
     python -m benchmarks.outlier_streams --seeds 20
 
-An outlier is 5 cm and 20 deg off, as in `robustness_streams`: ten deviations of most of these
-streams, and five of those that are seen to 1 cm. Right and wrong as in `joint_robustness`; the axis
-is that at the end, median, and against the same streams without outliers.
+An outlier is 5 cm and 20 deg off, as in `robustness_streams`: more than fifteen deviations of most
+of these streams, and five to seven of those that are seen to 1 cm. Right and wrong as in
+`joint_robustness`; the axis is that at the end, median, and against the streams without outliers.
 """
 
 from typing import Annotated

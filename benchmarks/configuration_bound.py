@@ -9,6 +9,7 @@ that it rests; "even rates": only that each of the three rates is even. Root mea
 frames after 2 s and over seeds, against one raw frame's noise, as q in `joint_robustness`.
 """
 
+from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
@@ -66,7 +67,7 @@ def motion_bases(q: Array) -> dict[str, Array]:
     for k in range(first, q.size):
         rests[k, min(k, last) - first] = 1.0
     frame, knots = np.arange(float(q.size)), (0, first - 1, last, q.size)
-    slopes = [np.clip(frame - a, 0.0, b - a) for a, b in zip(knots, knots[1:], strict=False)]
+    slopes = [np.clip(frame - a, 0.0, b - a) for a, b in pairwise(knots)]
     return {
         "even rate": (q / q[-1])[:, None],
         "rests": rests,

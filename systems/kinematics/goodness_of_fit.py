@@ -73,8 +73,9 @@ def _normalised(log_p: Array) -> Array:
 def claim(claims: Array, ranking: Array) -> tuple[Array, int]:
     """What may be claimed of the types: probabilities (n,), and the likeliest type, which leads.
 
-    Where another one would lead, as much of the probabilities by which types are ranked is mixed in
-    as it takes.
+    A claim holds for both priors: where those by which types are ranked are less certain of the
+    likeliest one, theirs count. Where another one would lead by those of claims, as much of the
+    former is mixed in as it takes.
 
     Args:
         claims: Log probabilities (n,), not normalised, from the priors by which claims are made.
@@ -82,6 +83,8 @@ def claim(claims: Array, ranking: Array) -> tuple[Array, int]:
     """
     p, ranked = _normalised(claims), _normalised(ranking)
     likeliest, share = int(np.argmax(ranked)), 0.0
+    if ranked[likeliest] < p[likeliest]:
+        return ranked, likeliest
     for k in range(p.size):
         behind = p[k] + _LEAD - p[likeliest]
         if k != likeliest and behind > 0.0:

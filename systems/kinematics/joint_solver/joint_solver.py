@@ -32,6 +32,7 @@ from systems.kinematics.joint_solver.pose_keyframes import RECENT, Keyframes
 _CONVERGED = 0.1  # Gain in log likelihood below which no further step is made, [nat].
 _SHORTER = 0.3  # Share of a step that is tried where the whole of it has lost likelihood.
 _PROMISED = 1.0  # Most gain that the last step may add to the evidence unverified, [nat].
+_SLOWLY = 0.2  # Of the first speed, for a motion that begins slowly.
 _UNLIKELY = 12.0  # Log evidence below the best from which a density is not solved for again, [nat].
 _TILT = 0.7  # Most that one step may tilt an axis, [rad].
 _SHIFT = 0.5  # Most that one step may move an axis, as a share of its distance.
@@ -82,6 +83,13 @@ def _lever(kind: int, m: Models, priors: Priors) -> float:
 
 
 @hot
+def _copy(chain: Chain, to: Chain) -> None:
+    """Copies a solution."""
+    to.m[:], to.M[:], to.P[:], to.S[:] = chain.m, chain.M, chain.P, chain.S
+    to.H[:], to.step[:] = chain.H, chain.step
+
+
+@hot
 def _solve_densities(
     kind: int,
     m: Models,
@@ -91,14 +99,18 @@ def _solve_densities(
     evidences: Array,
     best: Chain,
     trial: Chain,
-) -> tuple[float, float, float, float]:
+) -> tuple[float, float, float, float, float]:
     """Solves for every density of the process noise; the best solution stays in `best`.
+
+    With the likeliest density also for a motion that begins slowly, which is as likely as one that
+    does not.
 
     `evidences` (n,) are those at the last linearisation, all alike at first; they are overwritten,
     but for densities that were unlikely then, which are left out.
 
     Returns:
-        Log evidence with the density marginalised, the best density S, its log likelihood and gain.
+        Log evidence with density and first speed marginalised, the best density S, with it the
+        standard deviation of the first rate, its log likelihood and gain.
     """
     n, lever, still = dimension(kind), _lever(kind, m, priors), np.zeros(PARAMETERS)
     total, top, best_S, best_value, best_gain = 0.0, -np.inf, 0.0, 0.0, 0.0
@@ -114,11 +126,18 @@ def _solve_densities(
         if evidence > top:
             total = total * np.exp(top - evidence) + 1.0
             top, best_S, best_value, best_gain = evidence, S, value, gain
-            best.m[:], best.M[:], best.P[:], best.S[:] = trial.m, trial.M, trial.P, trial.S
-            best.H[:], best.step[:] = trial.H, trial.step
+            _copy(trial, best)
         else:
             total += np.exp(evidence - top)
-    return top + np.log(total / priors.process_noise.size), best_S, best_value, best_gain
+    evidence = top + np.log(total / priors.process_noise.size)
+    slowly = _SLOWLY * speed
+    value = run_chain(n, best_S, J, priors.jumps, slowly, 1.0, q, kf, lin, still, 0, trial)
+    other, gain = solve(n, value, trial)
+    evidence += np.logaddexp(0.0, other - top) - np.log(2.0)
+    if other <= top:
+        return evidence, best_S, speed, best_value, best_gain
+    _copy(trial, best)
+    return evidence, best_S, slowly, value, gain
 
 
 @hot
@@ -231,7 +250,7 @@ def solve_moving(
     far = priors.far_axes and may_be_far(kf)
     for i in range(steps):
         linearise(kind, m, kf, priors.axis_distance, far, priors.outliers[0], temper, lin)
-        evidence, S, value, gain = _solve_densities(
+        evidence, S, sigma_v, value, gain = _solve_densities(
             kind, m, kf, priors, lin, evidences, best, trial
         )
         if i < steps - 1 and value < previous:
@@ -249,7 +268,6 @@ def solve_moving(
         if last and gain >= _CONVERGED:
             best.step[:] = 0.0
         step[:] = best.step
-        sigma_v = priors.speed / _lever(kind, m, priors)
         smooth(dimension(kind), best.S, sigma_v, q_previous, kf, lin, step, m.q[kind])
         if last and priors.white_share < 1.0:
             m.q[kind], q_smooth = q_previous, m.q[kind].copy()

@@ -24,6 +24,8 @@ RECENT = 4  # Newest keyframes, which stay single measurements: they say the pre
 FIRST = 4  # Oldest keyframes, which are never marginalised: they say where the motion started.
 MEMORY = 400.0  # Most log evidence that is kept of past measurements against a model, [nat].
 FREE_WAYS = 6  # Of moving without a joint, see `free_motion`.
+_QUARTILE = 3.45  # A quarter of the losses of keyframes of the same pose are less: chi-square of 6.
+_LARGEST = 8.7  # Times that one is hardly ever larger.
 _EXCESS = 6.0  # Expected loss when two keyframes of the same pose are averaged: their dimension.
 
 
@@ -250,17 +252,40 @@ def _spread(kf: Keyframes, R: Array) -> float:
 
 
 @hot
-def _loss(kf: Keyframes, k: int, R: Array) -> float:
-    """What averaging keyframes k and k + 1 loses."""
+def _loss(kf: Keyframes, k: int, i: int, j: int, R: Array) -> float:
+    """What averaging keyframes k and k + 1 loses if they are as far apart as i and j."""
     six, square = int(np.int64(6)), 0.0  # For a literal, Numba would compile all callees again.
     xi = np.empty(6)
-    relative_log(kf.Z[k], kf.Z[k + 1], xi)
+    relative_log(kf.Z[i], kf.Z[j], xi)
     L = R[k] + R[k + 1]
     cholesky.factor(L, six)
     cholesky.forward(L, xi, six)
-    for i in range(6):
-        square += xi[i] * xi[i]
+    for n in range(6):
+        square += xi[n] * xi[n]
     return square
+
+
+@hot
+def _least_motion(kf: Keyframes, R: Array) -> int:
+    """Which keyframe, averaged with the next, loses the least of the motion.
+
+    Which measurements share a keyframe must not depend on their noise: if those were averaged whose
+    noise happens to be alike, the others would be farther apart than noise makes them. So the step
+    from one to the other is taken as a third of that between their neighbours; or as what noise
+    does not explain of it, for a motion may begin or end at once. Of how large noise is claimed to
+    be and how large it seems to be the less counts, for either may be far too large.
+    """
+    first, last = 1, kf.size[0] - RECENT  # Keyframe 0 is the reference.
+    losses = np.empty(last - first)
+    for k in range(first, last):
+        losses[k - first] = _loss(kf, k, k, k + 1, R)
+    noise = _LARGEST * min(np.quantile(losses, 0.25), _QUARTILE)
+    best, least = first, np.inf
+    for k in range(first, last):
+        loss = max(_loss(kf, k, k - 1, k + 2, R) / 9.0, losses[k - first] - noise)
+        if loss < least:
+            best, least = k, loss
+    return best
 
 
 @hot
@@ -280,11 +305,8 @@ def choose(kf: Keyframes, coarseness: float, inlier: Array) -> tuple[int, bool]:
     for k in range(n):
         if kf.open[k] > 0.0:
             expected_noise(kf, k, inlier[k], R[k])
-    best, loss = 1, np.inf  # Keyframe 0 is the reference.
-    for k in range(1, n - RECENT):
-        other = _loss(kf, k, R)
-        if other < loss:
-            best, loss = k, other
+    best = _least_motion(kf, R)
+    loss = _loss(kf, best, best, best + 1, R)
     kf.spread[0] = max(kf.spread[0], _spread(kf, R))
     newest = kf.R[n - 1, 0, 0]
     m = newest / R[best, 0, 0] + newest / R[best + 1, 0, 0]

@@ -119,6 +119,13 @@ def test_a_claim_is_that_of_one_who_expects_no_type() -> None:
     assert likeliest == 0
 
 
+def test_a_claim_holds_for_one_who_expects_common_types_too() -> None:
+    ranked, p = np.array([0.6, 0.3, 0.1]), np.array([0.9, 0.06, 0.04])
+    claimed, likeliest = claim(np.log(p), np.log(ranked))
+    np.testing.assert_allclose(claimed, ranked)
+    assert likeliest == 0
+
+
 @pytest.mark.parametrize("p", [[0.2, 0.5, 0.3], [0.4, 0.4, 0.2], [1e-300, 1.0, 1e-300]])
 def test_the_likeliest_type_leads_if_only_just(p: list[float]) -> None:
     ranked = np.array([0.5, 0.3, 0.2])

@@ -85,7 +85,7 @@ def test_the_type_is_right_at_the_end_and_nearly_always_certain(scene: Scene) ->
         # A hinge that was seen for a short while may have a pitch of millimetres per radian, and
         # a slide whose rotation is seen to a degree or three may turn about an axis far away.
         besides = {RIGID: (), PRISMATIC: (REVOLUTE, SCREW), REVOLUTE: (SCREW,)}[scene.joint]
-        assert p[scene.joint] > 0.55
+        assert p[scene.joint] > 0.45
         likely = p[scene.joint] + sum(p[other] for other in besides)
         assert likely > {RIGID: 0.8, PRISMATIC: 0.99, REVOLUTE: 0.99}[scene.joint]
         assert_allclose(sum(belief.probabilities.values()), 1.0)
@@ -160,7 +160,7 @@ def test_errors_end_well_below_one_frame_s_noise(joint: JointType) -> None:
     scene = Scene(joint=joint, seconds=15.0)
     lever = 1.0 if joint == PRISMATIC else scene.radius
     errors = []
-    for seed in range(5):
+    for seed in range(15):
         run = simulate(scene, seed)
         filters, states = filter_states(scene, run)
         m = filters.belief(states[-1]).models[joint]

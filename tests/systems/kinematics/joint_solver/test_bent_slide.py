@@ -34,10 +34,10 @@ def test_a_path_that_has_hardly_moved_says_nothing_about_its_curvature() -> None
     assert_allclose(log_mean_likelihood(1e-3 * np.eye(2), np.zeros(2), 0.6), 0.0, atol=0.02)
 
 
-def _evidence(name: str, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+def _evidence(name: str, seconds: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """That of the types and that of the models' own solutions."""
     case, filters = CASES[name], JointFilters(JointFiltersConfig())
-    stream = simulate_case(case, 0)
+    stream = simulate_case(case, seed)
     state = filters.start(stream.X_PB_measured[0], case.covariance, 0.0)
     for t, X in zip(stream.times[1:], stream.X_PB_measured[1:], strict=True):
         if t > seconds:
@@ -55,9 +55,10 @@ def test_a_near_hinge_s_own_solution_counts() -> None:
 
 @pytest.mark.parametrize("name", ["hinge at 3 m", "hinge at 10 m"])
 def test_a_far_hinge_is_not_behind_while_its_path_is_nearly_straight(name: str) -> None:
-    types, models = _evidence(name, 2.5)
-    assert models[REVOLUTE] < models[PRISMATIC] - 1.0
-    assert types[REVOLUTE] > types[PRISMATIC] - 1.5
+    each = [_evidence(name, 1.5, seed) for seed in range(6)]
+    types, own = np.array([[e[REVOLUTE] - e[PRISMATIC] for e in pair] for pair in each]).T
+    assert own.mean() < -1.0
+    assert types.min() > -1.5
 
 
 @pytest.mark.parametrize("name", ["hinge at 3 m", "hinge at 10 m", "screw, 1 cm a turn"])

@@ -59,6 +59,23 @@ def test_a_body_at_rest_is_averaged_without_loss() -> None:
     assert_allclose(mean, noise.mean(axis=0), atol=2e-6)
 
 
+@pytest.mark.parametrize("speed", [0.0, 1e-4])
+def test_keyframes_are_as_far_off_the_path_as_noise_makes_their_means(speed: float) -> None:
+    """Neighbours that noise has made alike are no reason for averaging them."""
+    rng, sigma, squares = np.random.default_rng(0), 1e-3, []
+    for _ in range(20):
+        path = np.tile(np.eye(4), (200, 1, 1))
+        path[:, 0, 3] = speed * np.arange(200)
+        measured = np.array([X @ se3.exp(sigma * rng.normal(size=6)) for X in path])
+        kf = _fill(measured, sigma**2 * np.eye(6), capacity=24)
+        for k in range(1, int(kf.size[0])):
+            X = np.eye(4)
+            X[0, 3] = speed * kf.time[k] * 15.0
+            e = se3.log(se3.inverse(X) @ kf.Z[k])
+            squares.append(e @ np.linalg.solve(kf.R[k], e))
+    assert 0.9 < np.mean(squares) / 6.0 < 1.15
+
+
 def test_memory_is_bounded_and_motion_is_kept_in_even_steps() -> None:
     X = np.tile(np.eye(4), (600, 1, 1))
     X[300:, 0, 3] = np.linspace(0.0, 0.3, 300)  # Ten seconds at rest first.

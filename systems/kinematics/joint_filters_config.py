@@ -46,7 +46,8 @@ class JointFiltersConfig:
             the first, and what comes after the last measurement.
         radius: Of the child itself: a revolute joint at a distance d moves it by
             sqrt(radius^2 + d^2) per radian.
-        speed: Standard deviation of the child's speed before anything was seen.
+        speed: Standard deviation of the child's speed before anything was seen; as likely it is a
+            fifth of that.
         axis_distance: Standard deviation of an axis' position from the body, per direction.
         far_axes: Whether it may be up to some ten times farther, where rotations are measured. Not
             for errors that last: they turn a slide as a far hinge does.
@@ -62,7 +63,7 @@ class JointFiltersConfig:
         outlier_translation: The same in translation.
         type_priors: Of the joint types; what is claimed holds for one who expects no type.
         ranking_priors: By which the likeliest type is chosen: of two that nothing measured can tell
-            apart the commoner one.
+            apart the commoner one. What is claimed of it holds for them, too.
         errors: Of the measurements, correlated in time.
         memory: Keyframes kept.
         coarseness: Share of the motion's mean square that one keyframe may span.

@@ -8,6 +8,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from maths import se3
 from maths.arrays import Array
+from maths.consistency import normalised_squared_error
 from maths.tangent_plane import normal_basis
 from maths.validation import check, number
 from systems.port_values import (
@@ -74,7 +75,7 @@ def may_be_one(a: JointBelief, b: JointBelief) -> bool:
     if a.type != JointType.PRISMATIC:
         errors.append((n.p_PA - m.p_PA, m.p_PA_covariance + n.p_PA_covariance))
     return all(
-        float((B @ e) @ np.linalg.solve(B @ covariance @ B.T, B @ e)) < _CHI_SQUARE
+        normalised_squared_error(B @ e, B @ covariance @ B.T) < _CHI_SQUARE
         for e, covariance in errors
     )
 

@@ -129,16 +129,18 @@ def test_a_joint_to_another_body_has_to_explain_decisively_more(more: float, par
 
 
 @pytest.mark.parametrize(
-    ("of_parent", "off", "parent"),
+    ("of_parent", "off", "std", "parent"),
     [
-        (JointType.RIGID, 0.0, STATIC_BODY),
-        (JointType.REVOLUTE, 0.0, STATIC_BODY),
-        (JointType.REVOLUTE, 0.2, 2),
-        (JointType.PRISMATIC, 0.0, 2),
+        (JointType.RIGID, 0.0, 0.01, STATIC_BODY),
+        (JointType.REVOLUTE, 0.0, 0.01, STATIC_BODY),
+        (JointType.REVOLUTE, 0.2, 0.01, 2),
+        (JointType.REVOLUTE, 0.2, 0.1, STATIC_BODY),  # So far off it may be by its covariance.
+        (JointType.REVOLUTE, 0.2, 0.0, 2),
+        (JointType.PRISMATIC, 0.0, 0.01, 2),
     ],
 )
 def test_what_rests_is_environment_and_what_moves_alike_a_part(
-    of_parent: JointType, off: float, parent: int
+    of_parent: JointType, off: float, std: float, parent: int
 ) -> None:
     """However much more a joint to it explains: cabinets and halves of doors are seen as bodies."""
     held = joint(JointType.REVOLUTE, 0.2, explained=200.0)
@@ -146,7 +148,7 @@ def test_what_rests_is_environment_and_what_moves_alike_a_part(
     other = joint(of_parent, 0.3, child=2)
     place = other.models[of_parent].p_PA + np.array([off, 0.0, 0.0])
     moved = replace(
-        other.models[of_parent], p_PA=place, p_PA_covariance=1e-4 * np.diag([1.0, 1.0, 0.0])
+        other.models[of_parent], p_PA=place, p_PA_covariance=std**2 * np.diag([1.0, 1.0, 0.0])
     )
     other = replace(other, models={**other.models, of_parent: moved})
     found = choose_joint(JointBeliefs(joints=[on_other, held, other]), CONFIG, body_is_known=True)

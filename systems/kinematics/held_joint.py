@@ -8,8 +8,6 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from maths import se3
 from maths.arrays import Array
-from maths.consistency import normalised_squared_error
-from maths.tangent_plane import normal_basis
 from maths.validation import check, number
 from systems.port_values import (
     HELD_BODY,
@@ -26,7 +24,6 @@ from systems.port_values import (
 )
 
 MOVING_TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.SCREW)
-_CHI_SQUARE = 13.8  # Of two degrees of freedom, 99.9 % of all are below it.
 
 
 @dataclass(kw_only=True)
@@ -37,8 +34,6 @@ class HeldJointConfig:
     least_probability: float = number(0.5, at_least=0.0, at_most=1.0)
     # Largest standard deviation of its axis.
     largest_axis_angle: float = number(0.5, above=0.0, at_most=10.0, unit="rad")
-    # Log evidence by which a joint to a moving body has to be better.
-    margin: float = number(10.0, at_least=0.0, at_most=1e4, unit="nat")
 
 
 def screw(joint_type: JointType, model: JointModelBelief) -> Array:
@@ -65,19 +60,9 @@ def explained(joint: JointBelief) -> float:
     return joint.model.log_evidence - joint.models[JointType.DISCONNECTED].log_evidence
 
 
-def may_be_one(a: JointBelief, b: JointBelief) -> bool:
-    """Whether two joints with one parent may be the same one: of a type, about the same axis."""
-    if a.type != b.type or a.type not in MOVING_TYPES:
-        return False
-    m, n = a.model, b.model
-    B = normal_basis(m.axis_P)
-    errors = [(n.axis_P, m.axis_covariance + n.axis_covariance)]
-    if a.type != JointType.PRISMATIC:
-        errors.append((n.p_PA - m.p_PA, m.p_PA_covariance + n.p_PA_covariance))
-    return all(
-        normalised_squared_error(B @ e, B @ covariance @ B.T) < _CHI_SQUARE
-        for e, covariance in errors
-    )
+def fits(joint: JointBelief) -> bool:
+    """Whether the child's motion is no farther off the joint than it is in 97.5 % of all cases."""
+    return joint.fit is None or joint.fit.reduced_chi_square <= joint.fit.bounds[1]
 
 
 def choose_joint(
@@ -85,10 +70,10 @@ def choose_joint(
 ) -> JointBelief | None:
     """The joint to act on: of the body in the hand, to the environment or to what it hangs on.
 
-    A lid turns about its box: once the box slides, the joint between the two explains the lid's
-    motion better than one with the environment does. A body that rests is environment, and one that
-    moves as the body in the hand does, about the same axis, is likely a part of it: no joint to
-    either is one to act on.
+    A lid turns about its box: once the box slides, no joint with the environment fits the lid's
+    motion, and the one with the box does. As long as one with the environment fits, none other is
+    needed. By how much a joint to another body explains the motion better than none is then no
+    reason for it: that counts how the other body wanders, too.
 
     Args:
         joints: The kinematic model.
@@ -96,28 +81,17 @@ def choose_joint(
         body_is_known: Whether there is a body in the hand; vision alone does not know it and takes
             the joint that has been observed for longest.
     """
-    of_environment = {j.child_id: j for j in joints.joints if j.parent_id == STATIC_BODY}
-
-    def is_apart(parent_id: int, child_id: int) -> bool:
-        parent, child = of_environment.get(parent_id), of_environment.get(child_id)
-        if parent is None:
-            return True
-        moves = parent.type != JointType.RIGID
-        return moves and (child is None or not may_be_one(parent, child))
-
     candidates = [
         joint
         for joint in joints.joints
-        if is_likely(joint, config)
-        and is_apart(joint.parent_id, joint.child_id)
-        and not (body_is_known and joint.child_id != HELD_BODY)
+        if is_likely(joint, config) and not (body_is_known and joint.child_id != HELD_BODY)
     ]
 
-    def preference(joint: JointBelief) -> tuple[float, int]:
+    def preference(joint: JointBelief) -> tuple[float, ...]:
         is_static = joint.parent_id == STATIC_BODY
         if not body_is_known:
-            return float(is_static), joint.updates
-        return explained(joint) + config.margin * is_static, joint.updates
+            return is_static, joint.updates
+        return is_static and fits(joint), explained(joint), joint.updates
 
     return max(candidates, key=preference, default=None)
 

@@ -19,6 +19,8 @@ Motion = Callable[[Array], Array]
 FREE, BALL = "free", "ball"  # Motions that no joint with one degree of freedom explains.
 OUTLIER_TRANSLATION = 0.05  # Length of an outlier's displacement, [m].
 OUTLIER_ROTATION = np.deg2rad(20.0)
+BEND_LENGTH = 0.15  # Over which strays are alike, [m] of the child's way.
+BEND_LEVER = 0.3  # [m].
 
 
 @dataclass(kw_only=True)
@@ -37,6 +39,8 @@ class Case:
         rotation_noise: The same, [rad].
         claimed: Standard deviation that is claimed, as a multiple of the true one.
         outliers: Share of the frames that are off by 5 cm and 20 deg in a random direction.
+        bend: By what the child strays smoothly from the joint's path, sideways: one standard
+            deviation per direction, [m], and as many radians per `BEND_LEVER`.
     """
 
     name: str
@@ -50,6 +54,7 @@ class Case:
     rotation_noise: float = float(np.deg2rad(1.0))
     claimed: float = 1.0
     outliers: float = 0.0
+    bend: float = 0.0
 
     @property
     def covariance(self) -> Array:
@@ -101,6 +106,23 @@ def _free_poses(case: Case, X0: Array, times: Array, rng: np.random.Generator) -
     return np.array(poses)
 
 
+def _bent(case: Case, poses: Array, axis: Array, rng: np.random.Generator) -> Array:
+    """The poses (N, 4, 4) with smooth strays sideways, a squared-exponential Gaussian process."""
+    p = poses[:, :3, 3]
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))])
+    K = np.exp(-0.5 * ((way[:, None] - way) / BEND_LENGTH) ** 2) + 1e-9 * np.eye(way.size)
+    strays = np.linalg.cholesky(K) @ rng.normal(size=(way.size, 6))
+    bent = []
+    for X, v, e in zip(poses, np.gradient(p, axis=0), strays, strict=True):
+        along, about = X[:3, :3].T @ v / np.linalg.norm(v), X[:3, :3].T @ axis
+        moved, turned = case.bend * e[3:], case.bend / BEND_LEVER * e[:3]
+        moved -= along * (along @ moved)
+        if case.joint == "revolute":
+            turned -= about * (about @ turned)
+        bent.append(X @ se3.exp(np.concatenate([turned, moved])))
+    return np.array(bent)
+
+
 def simulate_case(case: Case, seed: int) -> RobustnessStream:
     """One stream, the same for the same seed."""
     rng = np.random.default_rng(seed)
@@ -117,6 +139,8 @@ def simulate_case(case: Case, seed: int) -> RobustnessStream:
         poses = np.array([_screw(axis, p_PA, 0.0, x) @ X0 for x in q])
     else:
         poses = np.array([_screw(axis, p_PA, x, case.pitch * x) @ X0 for x in q])
+    if case.bend > 0.0:
+        poses = _bent(case, poses, axis, rng)
     scale = np.repeat([case.rotation_noise, case.translation_noise], 3)
     measured = []
     for X in poses:
@@ -196,6 +220,11 @@ def _cases_of_table(door: Case, drawer: Case, rigid: Case) -> list[Case]:
         replace(door, name="wheel, 300 deg/s", motion=_steady(deg(300) * 15, 15), duration=15.0),
         replace(door, name="hinge at 3 m", motion=_steady(0.15, 20), radius=3.0, duration=20.0),
         replace(door, name="hinge at 10 m", motion=_steady(0.06, 20), radius=10.0, duration=20.0),
+    ]
+    fine = {"bend": 2e-3, "translation_noise": 1e-3, "rotation_noise": float(deg(0.3))}
+    cases += [
+        replace(door, name="door, bent by 2 mm, 1 mm", **fine),
+        replace(drawer, name="drawer, bent by 2 mm, 1 mm", motion=_steady(0.4, 12), **fine),
     ]
     return cases
 

@@ -75,7 +75,7 @@ from systems.kinematics.joint_solver.pose_keyframes import (
     copy_keyframes,
     rescale,
 )
-from systems.kinematics.joint_solver.type_evidence import type_evidence
+from systems.kinematics.joint_solver.type_evidence import likelier_strays, type_evidence
 from systems.kinematics.measurement_errors import error_shares, is_correlated, white_equivalent
 from systems.kinematics.pose_checks import (
     SkipReason,
@@ -257,22 +257,22 @@ class JointFilters:
         keyframes = copy_keyframes(state.keyframes)
         dt = time - state.time
         correlated = None if correlated is None else finite(correlated)
-        R = white_equivalent(covariance, dt, self.config.errors, correlated)
+        claimed = white_equivalent(covariance, dt, self.config.errors, correlated)
         priors = self._priors
         if self._correlated:
-            white, rest = error_shares(covariance, R, dt, self.config.errors, correlated)
+            white, rest = error_shares(covariance, claimed, dt, self.config.errors, correlated)
             priors = priors._replace(white_share=white, correlated_share=rest)
         X_FB = se3.inverse(state.X_PF) @ X_PB
         noise, scale = NoiseScale(*[x.copy() for x in state.noise]), state.scale
-        observe(noise, X_FB, R, time, least_scale(self.config))
+        observe(noise, X_FB, claimed, time, least_scale(self.config))
         wanted = np.repeat(np.sqrt(noise.variance), 3)
         if np.abs(np.log(wanted / scale)).max() > _RESCALE:
             settle(keyframes, self._priors.free, self._priors.outliers, models.inlier[FREE])
-            strays = floor(state.floor, covariance, wanted)
-            rescale(keyframes, wanted / scale, strays, self._priors.outliers)
+            independent = floor(state.floor, covariance, wanted)
+            rescale(keyframes, wanted / scale, independent, self._priors.outliers)
             scale = wanted
-        R = R * np.outer(scale, scale)
-        updates, index = state.updates + 1, state.floor
+        R = claimed * np.outer(scale, scale)
+        updates, index, strays = state.updates + 1, state.floor, state.strays
         turn = updates % _TURN_EVERY == 0
         update_models(
             models, keyframes, X_FB, R, time, priors, self._log_prior, _wants_restart(state), turn
@@ -283,6 +283,9 @@ class JointFilters:
             models, keyframes, index = with_likelier_floor(
                 models, keyframes, index, tries, covariance, scale, priors, self._log_prior
             )
+            strays = likelier_strays(
+                models, keyframes, strays, tries, claimed, scale, priors, self._log_prior
+            )
         updated = replace(
             state,
             time=time,
@@ -292,6 +295,7 @@ class JointFilters:
             noise=noise,
             scale=scale,
             floor=index,
+            strays=strays,
         )
         return self._with_probabilities(updated)
 
@@ -305,7 +309,9 @@ class JointFilters:
 
     def _with_probabilities(self, state: JointFiltersState) -> JointFiltersState:
         m, kf = state.models, state.keyframes
-        evidence = type_evidence(m, kf, self._priors)
+        claimed = kf.R[kf.size[0] - 1] / np.outer(state.scale, state.scale)
+        strays = floor(state.strays, claimed, state.scale)
+        evidence = type_evidence(m, kf, self._priors, strays)
         p, likeliest = claim(evidence + self._log_prior_of_claims, evidence + self._log_prior)
         lost = p[likeliest] * (1.0 - most_certainty(likeliest, m, kf, state.noise, state.scale))
         p[likeliest] -= lost

@@ -118,6 +118,7 @@ def initial_state(
         noise=scale,
         scale=np.ones(6),
         floor=0,
+        strays=0,
         W_zero=np.asarray(np.linalg.inv(R)) if error.any() else np.zeros((6, 6)),
         reference_noise=noise,
         offset=np.zeros((6, 6)),
@@ -147,6 +148,7 @@ def rebased_state(
         models=keep_axes(state.models, config.axis_distance, far),
         keyframes=keyframes,
         floor=0,
+        strays=0,
         W_zero=np.asarray(np.linalg.inv(R)),
         offset=offset,
     )

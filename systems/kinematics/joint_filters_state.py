@@ -44,6 +44,7 @@ class JointFiltersState(Immutable):
         noise: By how much the claimed covariances are wrong.
         scale: (6,) standard deviations of the keyframes by those that were claimed.
         floor: Index in `path_floor.FLOORS` of what the keyframes have.
+        strays: The same of how large smooth strays are (`smooth_strays`).
         W_zero: See `read_configuration`.
         reference_noise: Covariance (6, 6), in B, of the measured reference.
         offset: Covariance (6, 6), in B, of the poses' constant error since the last reset.
@@ -64,6 +65,7 @@ class JointFiltersState(Immutable):
     noise: NoiseScale
     scale: Array
     floor: int
+    strays: int
     W_zero: Array
     reference_noise: Array
     offset: Array

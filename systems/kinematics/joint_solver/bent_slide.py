@@ -21,6 +21,7 @@ from systems.kinematics.joint_solver.joint_geometry import (
     dimension,
 )
 from systems.kinematics.joint_solver.joint_linearisation import (
+    Linear,
     add_measured,
     add_prior,
     clear,
@@ -73,20 +74,27 @@ def log_mean_likelihood(L: Array, b: Array, sigma: float) -> float:
 @hot
 def bent_evidence(m: Models, kf: Keyframes, priors: Priors) -> float:
     """Log evidence of a hinge far away over that of the prismatic model, which must be solved."""
-    lin, chain = new_linear(kf.time.size), new_chain(kf.time.size)
-    bent, zero = int(np.int64(BENT_SLIDE)), int(np.int64(0))
+    lin, bent, zero = new_linear(kf.time.size), int(np.int64(BENT_SLIDE)), int(np.int64(0))
     Y, a, c, q = m.Y[PRISMATIC], m.a[PRISMATIC], m.c[PRISMATIC], m.q[PRISMATIC]
-    inlier, still, no_pitch, temper = m.inlier[PRISMATIC].copy(), np.zeros(PARAMETERS), 0.0, 1.0
+    inlier, no_pitch, temper = m.inlier[PRISMATIC].copy(), 0.0, 1.0
     clear(lin)
     add_measured(
         bent, zero, kf.size[0], Y, a, c, no_pitch, q, inlier, kf, priors.outliers[0], temper, lin
     )
+    return far_evidence(m, kf, priors, lin)
+
+
+@hot
+def far_evidence(m: Models, kf: Keyframes, priors: Priors, lin: Linear) -> float:
+    """The same from the keyframes linearised about a bent slide, no prior added yet."""
+    chain, zero, still = new_chain(kf.time.size), int(np.int64(0)), np.zeros(PARAMETERS)
     if np.trace(m.prior_information[PRISMATIC]) > 0.0:
         add_prior(PRISMATIC, m, lin)
     for i in range(6, 8):
         lin.information[i, i] += 1.0 / AXIS_SPREAD**2
-    n, S, J = dimension(bent), m.process_noise[PRISMATIC], priors.jump_noise
-    run_chain(n, S, J, priors.jumps, priors.speed, 1.0, q, kf, lin, still, zero, chain)
+    n, S, J = dimension(BENT_SLIDE), m.process_noise[PRISMATIC], priors.jump_noise
+    q, speed = m.q[PRISMATIC], priors.speed
+    run_chain(n, S, J, priors.jumps, speed, 1.0, q, kf, lin, still, zero, chain)
     cholesky.factor(chain.H, n)
     for i in range(n):
         chain.step[i] = chain.h[i]

@@ -264,19 +264,8 @@ def add_prior(kind: int, m: Models, lin: Linear) -> None:
 
 
 @hot
-def linearise(
-    kind: int,
-    m: Models,
-    kf: Keyframes,
-    sigma_c: float,
-    far: bool,
-    share: float,
-    temper: float,
-    lin: Linear,
-) -> None:
-    """Fills `lin` with all keyframes and the priors of theta, at the model's theta and q."""
-    clear(lin)
-    add_keyframes(kind, m, kf, int(np.int64(0)), kf.size[0], share, temper, lin)
+def add_priors(kind: int, m: Models, sigma_c: float, far: bool, lin: Linear) -> None:
+    """Adds what is known of theta without the keyframes; see `axis_prior` for the arguments."""
     if np.trace(m.prior_information[kind]) > 0.0:
         add_prior(kind, m, lin)
     if kind == RIGID:
@@ -297,3 +286,20 @@ def linearise(
         lin.vector[10] -= m.pitch[kind] / WIDEST**2
         lin.information[10, 10] += 1.0 / WIDEST**2
         lin.value[0] -= 0.5 * (m.pitch[kind] / WIDEST) ** 2 + np.log(WIDEST)
+
+
+@hot
+def linearise(
+    kind: int,
+    m: Models,
+    kf: Keyframes,
+    sigma_c: float,
+    far: bool,
+    share: float,
+    temper: float,
+    lin: Linear,
+) -> None:
+    """Fills `lin` with all keyframes and the priors of theta, at the model's theta and q."""
+    clear(lin)
+    add_keyframes(kind, m, kf, int(np.int64(0)), kf.size[0], share, temper, lin)
+    add_priors(kind, m, sigma_c, far, lin)

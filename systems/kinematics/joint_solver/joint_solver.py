@@ -74,7 +74,7 @@ class Priors(NamedTuple):
 
 
 @hot
-def _lever(kind: int, m: Models, priors: Priors) -> float:
+def lever(kind: int, m: Models, priors: Priors) -> float:
     """How far the child moves per unit of q, [m] or [m/rad]; for a rotation about itself, too."""
     if kind == PRISMATIC:
         return 1.0
@@ -112,14 +112,14 @@ def _solve_densities(
         Log evidence with density and first speed marginalised, the best density S, with it the
         standard deviation of the first rate, its log likelihood and gain.
     """
-    n, lever, still = dimension(kind), _lever(kind, m, priors), np.zeros(PARAMETERS)
+    n, by, still = dimension(kind), lever(kind, m, priors), np.zeros(PARAMETERS)
     total, top, best_S, best_value, best_gain = 0.0, -np.inf, 0.0, 0.0, 0.0
-    q, speed, J = m.q[kind], priors.speed / lever, priors.jump_noise / lever**2
+    q, speed, J = m.q[kind], priors.speed / by, priors.jump_noise / by**2
     least = evidences.max() - _UNLIKELY
     for i in range(evidences.size):
         if evidences[i] < least:
             continue
-        S = priors.process_noise[i] / lever**2
+        S = priors.process_noise[i] / by**2
         value = run_chain(n, S, J, priors.jumps, speed, 1.0, q, kf, lin, still, 0, trial)
         evidence, gain = solve(n, value, trial)
         evidences[i] = evidence
@@ -150,12 +150,12 @@ def _track(
     gets the correlated share on top. S is the density under which the newest keyframes are
     likeliest, whatever a long motion before them was like. The covariance of theta is not changed.
     """
-    n, lever, q = dimension(kind), _lever(kind, m, priors), m.q[kind].copy()
-    speed, since = priors.speed / lever, kf.size[0] - RECENT
-    J, jumps, white = priors.jump_noise / lever**2, priors.jumps, priors.white_share
+    n, by, q = dimension(kind), lever(kind, m, priors), m.q[kind].copy()
+    speed, since = priors.speed / by, kf.size[0] - RECENT
+    J, jumps, white = priors.jump_noise / by**2, priors.jumps, priors.white_share
     top, best_S = -np.inf, 0.0
     for density in priors.process_noise:
-        S = density / lever**2
+        S = density / by**2
         value = run_chain(n, S, J, jumps, speed, white, q, kf, lin, best.step, since, trial)
         if value > top:
             top, best_S = value, S
@@ -216,9 +216,9 @@ def _move(kind: int, m: Models, priors: Priors, q: Array, step: Array) -> None:
 
     The change of m.q is scaled by the lever, so that a path keeps its length if the axis recedes.
     """
-    lever = _lever(kind, m, priors)
+    before = lever(kind, m, priors)
     m.pitch[kind] = retract(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], step)
-    share = lever / _lever(kind, m, priors)
+    share = before / lever(kind, m, priors)
     for i in range(q.size):
         m.q[kind, i] = q[i] + share * (m.q[kind, i] - q[i])
 

@@ -20,7 +20,7 @@ from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 FLOORS = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # Multiples of standard deviations, see `floor`.
 # Variance [rad^2, m^2] by which a joint usually strays: doors, drawers and lids have play.
-_STRAY = np.repeat([5e-3**2, 1.5e-3**2], 3)
+STRAY = np.repeat([5e-3**2, 1.5e-3**2], 3)
 _WORTH = 0.5  # Gain in log probability from which another one is taken, [nat].
 
 
@@ -45,7 +45,7 @@ def floor(index: int, claimed: Array, scale: Array) -> Array:
     """
     out = min(FLOORS[index], 1.0) ** 2 * _noise(claimed, scale)
     for i in range(6):
-        out[i, i] = max(out[i, i], FLOORS[index] ** 2 * _STRAY[i])
+        out[i, i] = max(out[i, i], FLOORS[index] ** 2 * STRAY[i])
     return out
 
 
@@ -58,8 +58,13 @@ def farthest(claimed: Array, scale: Array) -> Array:
     """
     out = _noise(claimed, scale)
     for i in range(6):
-        out[i, i] = max(out[i, i], _STRAY[i])
+        out[i, i] = max(out[i, i], STRAY[i])
     return FLOORS[-1] ** 2 * out
+
+
+def whose_turn(index: int, tries: int) -> int:
+    """Another index in `FLOORS` than `index`, each in its turn."""
+    return (index + 1 + tries % (len(FLOORS) - 1)) % len(FLOORS)
 
 
 def log_probability(m: Models, kf: Keyframes, log_prior: Array) -> float:
@@ -105,7 +110,7 @@ def with_likelier_floor(
         priors: See `Priors`.
         log_prior: (5,) log probability of each type before anything was measured.
     """
-    other = (index + 1 + tries % (len(FLOORS) - 1)) % len(FLOORS)
+    other = whose_turn(index, tries)
     models, frames = with_floor(m, kf, floor(other, claimed, scale), priors)
     gain = log_probability(models, frames, log_prior) - log_probability(m, kf, log_prior)
     return (models, frames, other) if gain > _WORTH else (m, kf, index)

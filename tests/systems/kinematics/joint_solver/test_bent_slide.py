@@ -44,7 +44,9 @@ def _evidence(name: str, seconds: float, seed: int = 0) -> tuple[np.ndarray, np.
             break
         state = filters.update(state, X, case.covariance, float(t))
     priors = filters._priors
-    return type_evidence(state.models, state.keyframes, priors), state.models.log_evidence
+    return type_evidence(
+        state.models, state.keyframes, priors, np.zeros((6, 6))
+    ), state.models.log_evidence
 
 
 def test_a_near_hinge_s_own_solution_counts() -> None:

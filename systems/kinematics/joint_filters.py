@@ -283,8 +283,9 @@ class JointFilters:
             models, keyframes, index = with_likelier_floor(
                 models, keyframes, index, tries, covariance, scale, priors, self._log_prior
             )
+        if turn:
             strays = likelier_strays(
-                models, keyframes, strays, tries, claimed, scale, priors, self._log_prior
+                models, keyframes, strays, turns, claimed, scale, priors, self._log_prior
             )
         updated = replace(
             state,
@@ -311,12 +312,13 @@ class JointFilters:
         m, kf = state.models, state.keyframes
         claimed = kf.R[kf.size[0] - 1] / np.outer(state.scale, state.scale)
         strays = floor(state.strays, claimed, state.scale)
-        evidence = type_evidence(m, kf, self._priors, strays)
+        evidence, covariance = type_evidence(m, kf, self._priors, strays)
         p, likeliest = claim(evidence + self._log_prior_of_claims, evidence + self._log_prior)
         lost = p[likeliest] * (1.0 - most_certainty(likeliest, m, kf, state.noise, state.scale))
         p[likeliest] -= lost
         p[FREE] += lost
-        return replace(state, probabilities=dict(zip(TYPES, p.tolist(), strict=True)))
+        probabilities = dict(zip(TYPES, p.tolist(), strict=True))
+        return replace(state, probabilities=probabilities, covariance=covariance)
 
     def belief(self, state: JointFiltersState, time: float | None = None) -> JointBelief:
         """The belief about the pair's joint.

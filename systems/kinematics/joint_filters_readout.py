@@ -22,6 +22,7 @@ def read_joint(
     vectors, axis, point, configuration, covariance = read_moving(
         kind,
         m,
+        state.covariance[kind],
         state.X_PF,
         config.axis_distance,
         state.W_zero,
@@ -32,7 +33,7 @@ def read_joint(
     )
     pitch, pitch_variance = np.nan, np.nan
     if kind == SCREW:
-        pitch, pitch_variance = pitch_posterior(m.pitch[kind], m.covariance[kind, 10, 10])
+        pitch, pitch_variance = pitch_posterior(m.pitch[kind], state.covariance[kind, 10, 10])
     return JointModelBelief(
         log_evidence=float(state.models.log_evidence[kind]),
         axis_P=vectors[0],

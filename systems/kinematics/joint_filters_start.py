@@ -119,6 +119,7 @@ def initial_state(
         scale=np.ones(6),
         floor=0,
         strays=0,
+        covariance=models.covariance,
         W_zero=np.asarray(np.linalg.inv(R)) if error.any() else np.zeros((6, 6)),
         reference_noise=noise,
         offset=np.zeros((6, 6)),

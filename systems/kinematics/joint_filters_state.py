@@ -45,6 +45,7 @@ class JointFiltersState(Immutable):
         scale: (6,) standard deviations of the keyframes by those that were claimed.
         floor: Index in `path_floor.FLOORS` of what the keyframes have.
         strays: The same of how large smooth strays are (`smooth_strays`).
+        covariance: (J, N, N) of each model's theta, strays smooth or independent.
         W_zero: See `read_configuration`.
         reference_noise: Covariance (6, 6), in B, of the measured reference.
         offset: Covariance (6, 6), in B, of the poses' constant error since the last reset.
@@ -66,6 +67,7 @@ class JointFiltersState(Immutable):
     scale: Array
     floor: int
     strays: int
+    covariance: Array
     W_zero: Array
     reference_noise: Array
     offset: Array

@@ -111,6 +111,7 @@ def predicted_configuration(x: Array, P: Array, S: float, dt: float) -> tuple[Ar
 def read_moving(
     kind: int,
     m: Models,
+    of_theta: Array,
     X_PF: Array,
     axis_distance: float,
     W_zero: Array,
@@ -122,11 +123,11 @@ def read_moving(
     """All that `read_axis` and `read_configuration` say, the configuration predicted dt [s] ahead.
 
     Args:
-        kind, m, X_PF, axis_distance, W_zero, displaced, zero_variance: See there.
+        kind, m, of_theta, X_PF, axis_distance, W_zero, displaced, zero_variance: See there.
         S: Density of the child's acceleration of which nothing measured says how jerky it is.
         dt: See above.
     """
-    vectors, axis, point = read_axis(kind, m, X_PF, axis_distance)
+    vectors, axis, point = read_axis(kind, m, of_theta, X_PF, axis_distance)
     x, P = read_configuration(kind, m, W_zero, displaced, zero_variance)
     if dt > 1e-9:
         x, P = predicted_configuration(x, P, S, dt)
@@ -135,7 +136,7 @@ def read_moving(
 
 @hot
 def read_axis(
-    kind: int, m: Models, X_PF: Array, axis_distance: float
+    kind: int, m: Models, of_theta: Array, X_PF: Array, axis_distance: float
 ) -> tuple[Array, Array, Array]:
     """A moving model's axis and axis point.
 
@@ -144,6 +145,7 @@ def read_axis(
     Args:
         kind: One of `MOVING`.
         m: Models.
+        of_theta: Covariance (N, N) of the model's theta.
         X_PF: Measured reference pose (4, 4).
         axis_distance: See `Priors`.
 
@@ -159,14 +161,14 @@ def read_axis(
         vectors[0, i] = X_PF[i, 0] * a[0] + X_PF[i, 1] * a[1] + X_PF[i, 2] * a[2]
         for k in range(2):
             T[2 + k, i] = X_PF[i, 0] * B[k, 0] + X_PF[i, 1] * B[k, 1] + X_PF[i, 2] * B[k, 2]
-    _projected(T[2:], m.covariance[kind], 6, axis)
+    _projected(T[2:], of_theta, 6, axis)
     if turns(kind):
         for i in range(3):
             vectors[1, i] = X_PF[i, 3] + (X_PF[i, 0] * c[0] + X_PF[i, 1] * c[1] + X_PF[i, 2] * c[2])
             for k in range(2):  # The point nearest to Fo slides along an axis that tilts.
                 along = B[k, 0] * c[0] + B[k, 1] * c[1] + B[k, 2] * c[2]
                 T[k, i] = -along * vectors[0, i]
-        _projected(T, m.covariance[kind], 6, point)
+        _projected(T, of_theta, 6, point)
     unmoved = 1.0 / (1.0 + np.exp(min(m.log_evidence[kind] - m.log_evidence[RIGID], 50.0)))
     for i in range(3):
         for j in range(3):

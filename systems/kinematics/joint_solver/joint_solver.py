@@ -199,7 +199,7 @@ def _store(kind: int, m: Models, chain: Chain) -> None:
 
 
 @hot
-def _trusted(kind: int, c: Array, pitch: float, step: Array) -> float:
+def trusted(kind: int, c: Array, pitch: float, step: Array) -> float:
     """The share of a step within which the linearisation can be trusted."""
     tilt = np.sqrt(step[6] ** 2 + step[7] ** 2)
     share = 1.0 if tilt < _TILT else _TILT / tilt
@@ -264,7 +264,7 @@ def solve_moving(
         Y[:], a[:], c[:], q_previous[:] = m.Y[kind], m.a[kind], m.c[kind], m.q[kind]
         pitch = m.pitch[kind]
         last = i >= steps - 2 or gain < _CONVERGED
-        best.step[:] *= _trusted(kind, m.c[kind], pitch, best.step)
+        best.step[:] *= trusted(kind, m.c[kind], pitch, best.step)
         if last and gain >= _CONVERGED:
             best.step[:] = 0.0
         step[:] = best.step

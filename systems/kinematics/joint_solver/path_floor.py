@@ -62,9 +62,9 @@ def farthest(claimed: Array, scale: Array) -> Array:
     return FLOORS[-1] ** 2 * out
 
 
-def whose_turn(index: int, tries: int) -> int:
-    """Another index in `FLOORS` than `index`, each in its turn."""
-    return (index + 1 + tries % (len(FLOORS) - 1)) % len(FLOORS)
+def whose_turn(index: int, tries: int, count: int) -> int:
+    """Another index below `count` than `index`, each in its turn."""
+    return (index + 1 + tries % (count - 1)) % count
 
 
 def log_probability(m: Models, kf: Keyframes, log_prior: Array) -> float:
@@ -110,7 +110,7 @@ def with_likelier_floor(
         priors: See `Priors`.
         log_prior: (5,) log probability of each type before anything was measured.
     """
-    other = whose_turn(index, tries)
+    other = whose_turn(index, tries, len(FLOORS))
     models, frames = with_floor(m, kf, floor(other, claimed, scale), priors)
     gain = log_probability(models, frames, log_prior) - log_probability(m, kf, log_prior)
     return (models, frames, other) if gain > _WORTH else (m, kf, index)

@@ -40,7 +40,7 @@ from systems.kinematics.joint_solver.joint_linearisation import (
 )
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.joint_pitch import pitch_evidence
-from systems.kinematics.joint_solver.joint_solver import Priors, lever
+from systems.kinematics.joint_solver.joint_solver import Priors, lever, trusted
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes, floor_share
 
 _WAVES = 4  # Of the series.
@@ -241,14 +241,20 @@ def _evidence(
         value = run_chain(
             n, S, J, priors.jumps, sigma_v, 1.0, m.q[kind], kf, lin, still, zero, chain
         )
-    return solve(n, value, chain)[0]
+    evidence, gain = solve(n, value, chain)
+    if kind == RIGID:
+        return evidence
+    # Of a step that goes too far, only a share can be trusted.
+    share = trusted(kind, m.c[kind], m.pitch[kind], chain.step)
+    chain.step[:] *= share
+    return evidence - gain * (1.0 - share) ** 2
 
 
 @hot
 def smooth_evidence(
-    m: Models, kf: Keyframes, priors: Priors, strays: Array, evidence: Array
+    m: Models, kf: Keyframes, priors: Priors, strays: Array, evidence: Array, covariance: Array
 ) -> tuple[float, float]:
-    """Writes the log evidence of each model with smooth strays into `evidence` (5,).
+    """Writes log evidence (5,) of each model with smooth strays and covariance (J, N, N) of theta.
 
     That of the model's own solution, and by how much it is more with smooth instead of independent
     strays, both linearised there. A model that has not been solved lately keeps its own.
@@ -259,6 +265,7 @@ def smooth_evidence(
         priors: See `Priors`.
         strays: Their covariance (6, 6), in B.
         evidence: Result.
+        covariance: Result; about the models' own solutions, which are not moved.
 
     Returns:
         The screw's pitch and its variance.
@@ -266,7 +273,7 @@ def smooth_evidence(
     capacity, size = kf.time.size, kf.size[0]
     lin, chain, none = new_linear(capacity), new_chain(capacity), 0.0 * strays
     pitch, variance = m.pitch[SCREW], m.covariance[SCREW, 10, 10]
-    evidence[:] = m.log_evidence
+    evidence[:], covariance[:] = m.log_evidence, m.covariance
     # A screw that is no likelier than its limit, the hinge, is not solved for itself.
     is_hinge = evidence[SCREW] <= evidence[REVOLUTE]
     least, log_det = evidence.max() - _FAR_BEHIND, 0.5 * kf.log_det[:size].sum()
@@ -278,6 +285,11 @@ def smooth_evidence(
             continue
         smooth = _evidence(kind, m, kf, priors, strays, _ROUGH**2 * strays, lin, chain)
         evidence[kind] += smooth - independent
+        n = dimension(kind)
+        cholesky.inverse(chain.H, covariance[kind], n)
+        for i in range(n):
+            for j in range(n):
+                covariance[kind, i, j] += chain.step[i] * chain.step[j]
         if kind == REVOLUTE and is_hinge:
             evidence[SCREW] += smooth - independent
         if kind == SCREW:

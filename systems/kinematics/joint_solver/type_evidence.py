@@ -12,6 +12,7 @@ from maths.compiled import hot
 from systems.kinematics.joint_solver.axis_prior import may_be_far
 from systems.kinematics.joint_solver.bent_slide import bent_evidence
 from systems.kinematics.joint_solver.joint_geometry import (
+    JOINTS,
     PRISMATIC,
     REVOLUTE,
     SCREW,
@@ -19,11 +20,12 @@ from systems.kinematics.joint_solver.joint_geometry import (
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.joint_pitch import hinge_evidence
 from systems.kinematics.joint_solver.joint_solver import Priors
-from systems.kinematics.joint_solver.path_floor import STRAY, floor, whose_turn
+from systems.kinematics.joint_solver.path_floor import FLOORS, STRAY, floor, whose_turn
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 from systems.kinematics.joint_solver.smooth_strays import smooth_bend, smooth_evidence
 
 _UNUSUAL = 5.0  # Log odds against smooth strays at all, [nat].
+_LARGEST = len(FLOORS) - 1  # Floors that smooth strays may have; the largest would bend balls.
 _WORTH = 0.5  # Gain in log probability from which other strays are taken, [nat].
 _AHEAD = 3.0  # Log evidence over the slide's from which a hinge's own solution counts, [nat].
 _FAR_BEHIND = 20.0  # Log evidence below the most from which a slide's makes no difference, [nat].
@@ -53,8 +55,10 @@ def _add_bend(evidence: Array, bend: float) -> None:
 
 
 @hot
-def type_evidence(m: Models, kf: Keyframes, priors: Priors, strays: Array) -> Array:
-    """Log evidence (5,) of each type, whether strays are independent or smooth.
+def type_evidence(m: Models, kf: Keyframes, priors: Priors, strays: Array) -> tuple[Array, Array]:
+    """Log evidence (5,) of each type, and covariance (J, N, N) of each model's theta.
+
+    Whether strays are independent or smooth, each as likely as the keyframes say.
 
     Smooth ones are unusual, the more so the larger they are than joints' usual strays.
 
@@ -69,13 +73,17 @@ def type_evidence(m: Models, kf: Keyframes, priors: Priors, strays: Array) -> Ar
     if _wants_bend(evidence, kf, priors):
         _add_bend(evidence, bent_evidence(m, kf, priors))
     if np.trace(strays) == 0.0:
-        return evidence
-    smooth = np.empty(evidence.size)
-    pitch, variance = smooth_evidence(m, kf, priors, strays, smooth)
+        return evidence, m.covariance.copy()
+    unusual = _UNUSUAL + 0.5 * strays[3, 3] / STRAY[3]
+    smooth, covariance = np.empty(evidence.size), np.empty(m.covariance.shape)
+    pitch, variance = smooth_evidence(m, kf, priors, strays, smooth, covariance)
+    for kind in range(JOINTS):
+        p = 1.0 / (1.0 + np.exp(min(m.log_evidence[kind] - smooth[kind] + unusual, 50.0)))
+        covariance[kind] = p * covariance[kind] + (1.0 - p) * m.covariance[kind]
     _add_hinges(smooth, pitch, variance, priors)
     if _wants_bend(smooth, kf, priors):
         _add_bend(smooth, smooth_bend(m, kf, priors, strays))
-    return np.logaddexp(evidence, smooth - _UNUSUAL - 0.5 * strays[3, 3] / STRAY[3])
+    return np.logaddexp(evidence, smooth - unusual), covariance
 
 
 @hot
@@ -98,9 +106,9 @@ def likelier_strays(
     That under which all keyframes are likelier, whatever the type. The arguments are those of
     `with_likelier_floor`.
     """
-    other = whose_turn(index, tries)
+    other = whose_turn(index, tries, _LARGEST)
     now, then = (
-        _total(type_evidence(m, kf, priors, floor(i, claimed, scale)) + log_prior)
+        _total(type_evidence(m, kf, priors, floor(i, claimed, scale))[0] + log_prior)
         for i in (index, other)
     )
     return other if then - now > _WORTH else index

@@ -126,11 +126,13 @@ def test_a_drawer_that_bends_like_a_hinge_far_away_is_none(sigma: float) -> None
     assert belief.type == JointType.PRISMATIC
 
 
-@pytest.mark.parametrize("joint", ["door", "drawer"])
-def test_a_path_that_bends_is_no_proof_of_another_joint(joint: str) -> None:
+@pytest.mark.parametrize(("joint", "least"), [("door", 8), ("drawer", 7)])
+def test_a_path_that_bends_is_no_proof_of_another_joint(joint: str, least: int) -> None:
+    """With independent strays 4 and 5 of 10 are right, and a quarter of the axes inside their claims."""
     case, filters = CASES[f"{joint}, bent by 2 mm, 1 mm"], JointFilters(JointFiltersConfig())
-    right = [evaluate_case(case, seed, filters).type == case.joint for seed in range(10)]
-    assert sum(right) >= 8
+    outcomes = [evaluate_case(case, seed, filters) for seed in range(10)]
+    assert sum(outcome.type == case.joint for outcome in outcomes) >= least
+    assert np.mean([np.mean(outcome.axis_sigma < 2.0) for outcome in outcomes]) > 0.4
 
 
 @pytest.mark.parametrize("name", ["hinge at 3 m", "hinge at 10 m"])

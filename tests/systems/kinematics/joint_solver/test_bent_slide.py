@@ -43,10 +43,8 @@ def _evidence(name: str, seconds: float, seed: int = 0) -> tuple[np.ndarray, np.
         if t > seconds:
             break
         state = filters.update(state, X, case.covariance, float(t))
-    priors = filters._priors
-    return type_evidence(
-        state.models, state.keyframes, priors, np.zeros((6, 6))
-    ), state.models.log_evidence
+    m, strays = state.models, np.zeros((6, 6))
+    return type_evidence(m, state.keyframes, filters._priors, strays)[0], m.log_evidence
 
 
 def test_a_near_hinge_s_own_solution_counts() -> None:

@@ -105,18 +105,19 @@ def test_the_series_is_marginalised_as_one_large_normal_distribution(kind: int) 
 @pytest.mark.parametrize(("name", "kind"), [("drawer", PRISMATIC), ("door", REVOLUTE)])
 def test_smooth_strays_explain_bends_better_than_independent_ones(name: str, kind: int) -> None:
     priors, smooth = JointFilters(JointFiltersConfig())._priors, np.empty(5)
+    covariance = np.empty((4, 11, 11))
     for seed in range(3):
         state = _state(f"{name}, bent by 2 mm, 1 mm", 20.0, seed)
-        smooth_evidence(state.models, state.keyframes, priors, STRAYS, smooth)
+        smooth_evidence(state.models, state.keyframes, priors, STRAYS, smooth, covariance)
         assert smooth[kind] > state.models.log_evidence[kind] + 5.0
         assert state.strays > 0
 
 
 def test_in_white_noise_there_are_no_bends() -> None:
     priors = JointFilters(JointFiltersConfig())._priors
-    smooth = np.empty(5)
+    smooth, covariance = np.empty(5), np.empty((4, 11, 11))
     for name, kind in (("door", REVOLUTE), ("drawer", PRISMATIC), ("rigid", RIGID)):
         state = _state(name, 10.0)
-        smooth_evidence(state.models, state.keyframes, priors, STRAYS, smooth)
+        smooth_evidence(state.models, state.keyframes, priors, STRAYS, smooth, covariance)
         assert smooth[kind] < state.models.log_evidence[kind] + 3.0
         assert state.strays == 0

@@ -12,7 +12,7 @@ from systems.kinematics.joint_solver.joint_geometry import RIGID
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.noise_scale import NoiseScale, degrees_of_freedom
 from systems.kinematics.joint_solver.path_floor import farthest
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+from systems.kinematics.joint_solver.pose_keyframes import Keyframes, newest_claim
 
 _INSIDE = 0.95  # Probability of the bounds.
 _TAIL = 0.5 - 0.5 * _INSIDE
@@ -51,12 +51,11 @@ def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale, scale
         kf: Keyframes.
         noise: Scale of their noise.
         scale: By which the claimed standard deviations (6,) were multiplied in the keyframes. What
-            is claimed is that of the newest one, for correlated errors its white equivalent.
+            is claimed is that of the newest one.
     """
     if kind > RIGID:
         return 1.0
-    claimed = kf.R[kf.size[0] - 1] / np.outer(scale, scale)
-    square, degrees = off_path(kind, m, kf, farthest(claimed, scale))
+    square, degrees = off_path(kind, m, kf, farthest(newest_claim(kf, scale), scale))
     if degrees < 1:
         return 1.0
     p = float(scipy.special.fdtrc(degrees, degrees_of_freedom(noise), square / degrees))

@@ -61,8 +61,11 @@ def explained(joint: JointBelief) -> float:
 
 
 def fits(joint: JointBelief) -> bool:
-    """Whether the child's motion is no farther off the joint than it is in 97.5 % of all cases."""
-    return joint.fit is None or joint.fit.reduced_chi_square <= joint.fit.bounds[1]
+    """Whether the child's motion is no farther off the joint than it is in 97.5 % of all cases.
+
+    So it is where too little was measured to tell.
+    """
+    return joint.fit is None or not joint.fit.reduced_chi_square > joint.fit.bounds[1]
 
 
 def choose_joint(

@@ -73,6 +73,7 @@ from systems.kinematics.joint_solver.noise_scale import (
 from systems.kinematics.joint_solver.path_floor import floor, with_likelier_floor
 from systems.kinematics.joint_solver.pose_keyframes import (
     copy_keyframes,
+    newest_claim,
     rescale,
 )
 from systems.kinematics.joint_solver.type_evidence import likelier_strays, type_evidence
@@ -310,8 +311,7 @@ class JointFilters:
 
     def _with_probabilities(self, state: JointFiltersState) -> JointFiltersState:
         m, kf = state.models, state.keyframes
-        claimed = kf.R[kf.size[0] - 1] / np.outer(state.scale, state.scale)
-        strays = floor(state.strays, claimed, state.scale)
+        strays = floor(state.strays, newest_claim(kf, state.scale), state.scale)
         evidence, covariance = type_evidence(m, kf, self._priors, strays)
         p, likeliest = claim(evidence + self._log_prior_of_claims, evidence + self._log_prior)
         lost = p[likeliest] * (1.0 - most_certainty(likeliest, m, kf, state.noise, state.scale))

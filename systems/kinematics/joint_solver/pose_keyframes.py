@@ -103,6 +103,16 @@ def copy_keyframes(kf: Keyframes) -> Keyframes:
     return Keyframes._make([x.copy() for x in kf])
 
 
+def newest_claim(kf: Keyframes, scale: Array) -> Array:
+    """Covariance (6, 6) that the newest measurement claims, of correlated errors the white one.
+
+    Args:
+        kf: Keyframes.
+        scale: (6,) by which the claimed standard deviations were multiplied in them.
+    """
+    return np.asarray(kf.R[kf.size[0] - 1] / np.outer(scale, scale))
+
+
 @hot
 def floor_share(kf: Keyframes, k: int) -> float:
     """One if keyframe k has the floor, else zero."""

@@ -25,7 +25,8 @@ from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 from systems.kinematics.joint_solver.smooth_strays import smooth_bend, smooth_evidence
 
 _UNUSUAL = 5.0  # Log odds against smooth strays at all, [nat].
-_LARGEST = len(FLOORS) - 1  # Floors that smooth strays may have; the largest would bend balls.
+# How many of `FLOORS` smooth strays may have; with the largest a ball would be a hinge that bends.
+_SIZES = len(FLOORS) - 1
 _WORTH = 0.5  # Gain in log probability from which other strays are taken, [nat].
 _AHEAD = 3.0  # Log evidence over the slide's from which a hinge's own solution counts, [nat].
 _FAR_BEHIND = 20.0  # Log evidence below the most from which a slide's makes no difference, [nat].
@@ -106,7 +107,7 @@ def likelier_strays(
     That under which all keyframes are likelier, whatever the type. The arguments are those of
     `with_likelier_floor`.
     """
-    other = whose_turn(index, tries, _LARGEST)
+    other = whose_turn(index, tries, _SIZES)
     now, then = (
         _total(type_evidence(m, kf, priors, floor(i, claimed, scale))[0] + log_prior)
         for i in (index, other)

@@ -122,7 +122,12 @@ def test_the_body_in_the_hand_comes_first_and_its_joint_to_the_environment() -> 
 
 @pytest.mark.parametrize(
     ("chi_square", "more", "parent"),
-    [(1.1, 300.0, STATIC_BODY), (1.3, -1.0, STATIC_BODY), (1.3, 1.0, 2)],
+    [
+        (1.1, 300.0, STATIC_BODY),
+        (np.nan, 300.0, STATIC_BODY),
+        (1.3, -1.0, STATIC_BODY),
+        (1.3, 1.0, 2),
+    ],
 )
 def test_a_joint_to_another_body_counts_where_none_with_the_environment_fits(
     chi_square: float, more: float, parent: int

@@ -19,12 +19,8 @@ from systems.kinematics.joint_solver.joint_geometry import (
     retract,
 )
 from systems.kinematics.joint_solver.joint_linearisation import new_linear
-from systems.kinematics.joint_solver.smooth_strays import (
-    _add_keyframes,
-    _marginalise,
-    _new_series,
-    smooth_evidence,
-)
+from systems.kinematics.joint_solver.smooth_strays import smooth_evidence
+from systems.kinematics.joint_solver.stray_series import add_keyframes, marginalise, new_series
 
 CASES = {case.name: case for case in all_cases()}
 STRAYS = np.diag(np.repeat([5e-3**2, 1.5e-3**2], 3))
@@ -65,21 +61,20 @@ def test_the_series_is_marginalised_as_one_large_normal_distribution(kind: int) 
     state = _state("door", 4.0)
     m, kf = state.models, state.keyframes
     K, n = int(kf.size[0]), dimension(kind)
-    lin, series, rough = new_linear(kf.time.size), _new_series(), STRAYS / 16.0
-    _add_keyframes(kind, m, kf, rough, True, lin, series)
-    _marginalise(n, STRAYS, series, lin)
+    lin, series, rough = new_linear(kf.time.size), new_series(), STRAYS / 16.0
+    add_keyframes(kind, m, kf, rough, True, lin, series)
+    marginalise(n, STRAYS, series, lin)
 
     q = m.q[kind, :K]
     place = np.pi * (q - q.min()) / np.ptp(q)
     # Columns: theta, every q but the first, the coefficients of four waves.
     A, r = np.zeros((6 * K, n + K - 1)), np.empty(6 * K)
-    waves, V, log_det = np.zeros((6 * K, 24)), np.zeros((6 * K, 6 * K)), 0.0
+    waves, V = np.zeros((6 * K, 24)), np.zeros((6 * K, 6 * K))
     for k in range(K):
         rows, (by_theta, by_q) = slice(6 * k, 6 * k + 6), _derivatives(kind, state, k, n)
         r[rows] = se3.log(se3.inverse(_pose(kind, state, q[k], np.zeros(11))) @ kf.Z[k])
         A[rows, :n] = by_theta
         V[rows, rows] = kf.R[k] + rough
-        log_det += np.linalg.slogdet(V[rows, rows])[1]
         L = np.linalg.inv(np.linalg.cholesky(V[rows, rows]))
         free = np.eye(6)
         if k > 0:

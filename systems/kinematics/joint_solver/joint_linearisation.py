@@ -69,7 +69,7 @@ def new_linear(capacity: int) -> Linear:
 
 
 @hot
-def _weigh(W: Array, k: int, rows: int, J: Array, WJ: Array) -> None:
+def weigh(W: Array, k: int, rows: int, J: Array, WJ: Array) -> None:
     """Writes J W_k into `WJ`, both with `rows` rows of six."""
     for i in range(rows):
         for j in range(6):
@@ -80,7 +80,7 @@ def _weigh(W: Array, k: int, rows: int, J: Array, WJ: Array) -> None:
 
 
 @hot
-def _add_normal_equations(
+def add_normal_equations(
     W: Array, k: int, extra: int, J: Array, WJ: Array, H: Array, h: Array
 ) -> float:
     """Adds keyframe k's to H, lower triangle, and h; returns r^T W r.
@@ -106,7 +106,7 @@ def _add_normal_equations(
 
 
 @hot
-def _free_configuration(
+def free_configuration(
     k: int, extra: int, J: Array, WJ: Array, lin_beta: Array, H: Array, h: Array
 ) -> tuple[float, float]:
     """Takes out of H and h what keyframe k's unknown q explains; returns its alpha and g."""
@@ -174,11 +174,11 @@ def add_measured(
             blend(kf, k, inlier[k], blended[0])
             W, row = blended, 0
             value += density
-        _weigh(W, row, rows, J, WJ)
-        square = _add_normal_equations(W, row, rows - 2, J, WJ, H, h)
+        weigh(W, row, rows, J, WJ)
+        square = add_normal_equations(W, row, rows - 2, J, WJ, H, h)
         value -= 0.0 if kf.open[k] > 0.0 else 0.5 * square
         if kind != RIGID and k > 0:
-            alpha, g = _free_configuration(k, extra, J, WJ, beta, H, h)
+            alpha, g = free_configuration(k, extra, J, WJ, beta, H, h)
             alphas[k], gs[k] = alpha, g
             value += 0.5 * g * g / alpha if not is_spared else 0.0
     lin.value[0] += value

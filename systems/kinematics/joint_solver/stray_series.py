@@ -24,7 +24,12 @@ from systems.kinematics.joint_solver.joint_geometry import (
     jacobian,
     screw_twists,
 )
-from systems.kinematics.joint_solver.joint_linearisation import Linear
+from systems.kinematics.joint_solver.joint_linearisation import (
+    Linear,
+    add_normal_equations,
+    free_configuration,
+    weigh,
+)
 from systems.kinematics.joint_solver.joint_models import Models
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes, floor_share
 
@@ -64,36 +69,25 @@ def _waves(q: Array, size: int) -> Array:
 
 
 @hot
-def _times(W: Array, x: Array, out: Array) -> None:
-    for i in range(6):
-        s = 0.0
-        for j in range(6):
-            s += W[i, j] * x[j]
-        out[i] = s
+def _add_to_series(extra: int, share: float, wave: Array, W: Array, WJ: Array, to: Series) -> None:
+    """Adds one keyframe, weighted by W (1, 6, 6), to the series.
 
-
-@hot
-def _add_to_series(
-    n: int, share: float, wave: Array, D: Array, r: Array, W: Array, to: Series
-) -> None:
-    """Adds one keyframe of residual r (6,) and derivatives D (n, 6), weighted by W (6, 6)."""
-    x = np.empty(6)
-    _times(W, r, x)
+    The rows of WJ from 1 on are the derivatives by the parameters of the screw and the residual,
+    weighted; the derivatives by the child's pose are one.
+    """
     for i in range(_WAVES):
         a = share * wave[i]
         for d in range(6):
-            to.vector[6 * i + d] += a * x[d]
+            to.vector[6 * i + d] += a * WJ[1 + extra, d]
+            for p in range(6):
+                to.coupling[p, 6 * i + d] += a * W[0, p, d]
+            for p in range(extra):
+                to.coupling[6 + p, 6 * i + d] += a * WJ[1 + p, d]
         for j in range(i + 1):
             b = a * share * wave[j]
             for d in range(6):
                 for e in range(6):
-                    to.information[6 * i + d, 6 * j + e] += b * W[d, e]
-    for p in range(n):
-        _times(W, D[p], x)
-        for i in range(_WAVES):
-            a = share * wave[i]
-            for d in range(6):
-                to.coupling[p, 6 * i + d] += a * x[d]
+                    to.information[6 * i + d, 6 * j + e] += b * W[0, d, e]
 
 
 @hot
@@ -111,57 +105,44 @@ def add_keyframes(
     Where it is smooth, the series' coefficients are zero for `lin`, and what the keyframes say of
     them is added to `series`. `lin.value` has the normalisers.
     """
-    six, n, size = int(np.int64(6)), dimension(kind), kf.size[0]
+    six, first, extra, size = int(np.int64(6)), int(np.int64(0)), dimension(kind) - 6, kf.size[0]
+    rows = 2 + extra if kind != RIGID else 1
     of = PRISMATIC if kind == BENT_SLIDE else kind
     Y, a, c, pitch, q = m.Y[of], m.a[of], m.c[of], m.pitch[of], m.q[of]
-    X, G, B, J = np.empty((4, 4)), np.empty((6, 6)), np.empty((2, 3)), np.empty((6, 6))
-    D, r, Wr, WJ = np.zeros((n, 6)), np.empty(6), np.empty(6), np.empty(6)
-    W, A, waves = np.empty((6, 6)), np.empty((6, 6)), _waves(q, size)
+    X, G, B, A = np.empty((4, 4)), np.empty((6, 6)), np.empty((2, 3)), np.empty((6, 6))
+    J, WJ, W, waves = np.empty((7, 6)), np.empty((7, 6)), np.empty((1, 6, 6)), _waves(q, size)
+    r = J[rows - 1]
     tangent_basis(a, B)
     screw_twists(kind, Y, a, c, pitch, B, G)
-    for i in range(6):
-        D[i, i] = 1.0
     for k in range(size):
         child_pose(kind, Y, a, c, pitch, q[k], X)
         relative_log(X, kf.Z[k], r)
-        A[:] = kf.R[k] + floor_share(kf, k) * rough
+        share = floor_share(kf, k)
+        A[:] = kf.R[k] + share * rough
         log_det = cholesky.factor(A, six)
-        cholesky.inverse(A, W, six)
+        cholesky.inverse(A, W[0], six)
         if kf.open[k] > 0.0:
             inlier = m.inlier[of, k]
-            W[:] = inlier * W + (1.0 - inlier) * kf.W_out[k]
+            W[0] = inlier * W[0] + (1.0 - inlier) * kf.W_out[k]
             log_det *= inlier
-        lin.value[0] -= 0.5 * log_det
         if kind != RIGID:
             jacobian(kind, G, pitch, q[k], J)
-            for i in range(n - 6):
-                D[6 + i] = J[1 + i]
-            if k > 0:  # What speaks about q; what is left of W speaks about theta and the strays.
-                _times(W, J[0], WJ)
-                alpha, g = 0.0, 0.0
-                for i in range(6):
-                    alpha += J[0, i] * WJ[i]
-                    g += r[i] * WJ[i]
-                lin.alpha[k], lin.g[k] = alpha, g
-                for i in range(n):
-                    lin.beta[k, i] = 0.0
-                    for j in range(6):
-                        lin.beta[k, i] += D[i, j] * WJ[j]
-                for i in range(6):
-                    for j in range(6):
-                        W[i, j] -= WJ[i] * WJ[j] / alpha
-            if is_smooth:
-                _add_to_series(n, floor_share(kf, k), waves[k], D, r, W, series)
-        _times(W, r, Wr)
-        for j in range(6):
-            lin.value[0] -= 0.5 * r[j] * Wr[j]
-        for i in range(n):
-            for j in range(6):
-                lin.vector[i] += D[i, j] * Wr[j]
-            _times(W, D[i], WJ)
-            for p in range(i + 1):
+        weigh(W, first, rows, J, WJ)
+        square = add_normal_equations(W, first, rows - 2, J, WJ, lin.information, lin.vector)
+        lin.value[0] -= 0.5 * (square + log_det)
+        if kind == RIGID:
+            continue
+        if k > 0:
+            alpha, g = free_configuration(k, extra, J, WJ, lin.beta, lin.information, lin.vector)
+            lin.alpha[k], lin.g[k] = alpha, g
+            lin.value[0] += 0.5 * g * g / alpha
+            # What speaks about q is no stray.
+            for i in range(6):
                 for j in range(6):
-                    lin.information[i, p] += WJ[j] * D[p, j]
+                    W[0, i, j] -= WJ[0, i] * WJ[0, j] / alpha
+            weigh(W, first, rows, J, WJ)
+        if is_smooth:
+            _add_to_series(extra, share, waves[k], W, WJ, series)
 
 
 @hot

@@ -27,8 +27,12 @@ def _quaternion(R: tuple[float, ...]) -> tuple[float, float, float, float]:
 
 
 @hot
-def relative_log(A: Array, B: Array, xi: Array) -> None:
-    """Writes log(A^-1 B) (6,) of two poses (4, 4) into `xi`; allocates nothing."""
+def pose_difference(A: Array, B: Array, xi: Array) -> None:
+    """Writes rotation vector and translation (6,) of A^-1 B into `xi`; allocates nothing.
+
+    Close to zero it is `relative_log`, but the translation has nothing to do with the rotation,
+    which may not have been measured.
+    """
     R = (
         A[0, 0] * B[0, 0] + A[1, 0] * B[1, 0] + A[2, 0] * B[2, 0],
         A[0, 0] * B[0, 1] + A[1, 0] * B[1, 1] + A[2, 0] * B[2, 1],
@@ -41,18 +45,25 @@ def relative_log(A: Array, B: Array, xi: Array) -> None:
         A[0, 2] * B[0, 2] + A[1, 2] * B[1, 2] + A[2, 2] * B[2, 2],
     )
     d0, d1, d2 = B[0, 3] - A[0, 3], B[1, 3] - A[1, 3], B[2, 3] - A[2, 3]
-    t0 = A[0, 0] * d0 + A[1, 0] * d1 + A[2, 0] * d2
-    t1 = A[0, 1] * d0 + A[1, 1] * d1 + A[2, 1] * d2
-    t2 = A[0, 2] * d0 + A[1, 2] * d1 + A[2, 2] * d2
+    xi[3] = A[0, 0] * d0 + A[1, 0] * d1 + A[2, 0] * d2
+    xi[4] = A[0, 1] * d0 + A[1, 1] * d1 + A[2, 1] * d2
+    xi[5] = A[0, 2] * d0 + A[1, 2] * d1 + A[2, 2] * d2
     w, x, y, z = _quaternion(R)
     sine = np.sqrt(x * x + y * y + z * z)
-    half = np.arctan2(sine, w)
-    scale = 2.0 / w if sine < 1e-9 * w else 2.0 * half / sine
-    x, y, z = scale * x, scale * y, scale * z
+    scale = 2.0 / w if sine < 1e-9 * w else 2.0 * np.arctan2(sine, w) / sine
+    xi[0], xi[1], xi[2] = scale * x, scale * y, scale * z
+
+
+@hot
+def relative_log(A: Array, B: Array, xi: Array) -> None:
+    """Writes log(A^-1 B) (6,) of two poses (4, 4) into `xi`; allocates nothing."""
+    pose_difference(A, B, xi)
+    x, y, z = xi[0], xi[1], xi[2]
+    t0, t1, t2 = xi[3], xi[4], xi[5]
+    half = 0.5 * np.sqrt(x * x + y * y + z * z)
     # (1 - h cot h) / |omega|^2 with h = |omega| / 2
-    k = (1.0 - half * w / sine) / (4.0 * half * half) if half > 1e-3 else 1.0 / 12.0
+    k = (1.0 - half / np.tan(half)) / (4.0 * half * half) if half > 1e-3 else 1.0 / 12.0
     c0, c1, c2 = y * t2 - z * t1, z * t0 - x * t2, x * t1 - y * t0
-    xi[0], xi[1], xi[2] = x, y, z
     xi[3] = t0 - 0.5 * c0 + k * (y * c2 - z * c1)
     xi[4] = t1 - 0.5 * c1 + k * (z * c0 - x * c2)
     xi[5] = t2 - 0.5 * c2 + k * (x * c1 - y * c0)

@@ -10,9 +10,13 @@ from maths.compiled import hot
 from systems.kinematics.joint_solver.joint_fit import off_path
 from systems.kinematics.joint_solver.joint_geometry import RIGID
 from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.noise_scale import NoiseScale, degrees_of_freedom
-from systems.kinematics.joint_solver.path_floor import farthest
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes, newest_claim
+from systems.kinematics.joint_solver.noise_scale import (
+    NoiseScale,
+    degrees_of_freedom,
+    own_scale,
+)
+from systems.kinematics.joint_solver.path_floor import FLOORS, floor
+from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 _INSIDE = 0.95  # Probability of the bounds.
 _TAIL = 0.5 - 0.5 * _INSIDE
@@ -38,10 +42,12 @@ def reduced_chi_square(
     return square / degrees, (low, high), degrees
 
 
-def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale, scale: Array) -> float:
+def most_certainty(
+    kind: int, m: Models, kf: Keyframes, noise: NoiseScale, claim: Array
+) -> float:
     """Probability up to which a joint may be claimed, by how far the keyframes are off its path.
 
-    No real joint is ideal, but one from which the child strays by more than `farthest` is none:
+    No real joint is ideal, but one from which the child strays by more than the largest floor is none:
     that they are so far off or farther has the probability p, and the type may be claimed with
     certainty while p is inside the bounds, beyond with p over that of the bound.
 
@@ -50,12 +56,11 @@ def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale, scale
         m: Models.
         kf: Keyframes.
         noise: Scale of their noise.
-        scale: By which the claimed standard deviations (6,) were multiplied in the keyframes. What
-            is claimed is that of the newest one.
+        claim: Covariance (6, 6) that measurements claim.
     """
     if kind > RIGID:
         return 1.0
-    square, degrees = off_path(kind, m, kf, farthest(newest_claim(kf, scale), scale))
+    square, degrees = off_path(kind, m, kf, floor(len(FLOORS) - 1, claim, own_scale(noise)))
     if degrees < 1:
         return 1.0
     p = float(scipy.special.fdtrc(degrees, degrees_of_freedom(noise), square / degrees))

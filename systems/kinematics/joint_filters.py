@@ -29,7 +29,8 @@ child's pose has got a constant error.
 
 A measurement that cannot be true, as with NaN, a covariance that is none or a time before the last,
 is skipped: the state stays as it was, and `skipped` of state and belief counts it by its reason.
-Two measurements of one instant are fine unless they are the same. An array of another shape is a
+Two measurements of one instant are fine unless they are the same. A tracker that is read more often
+than it measures sends the same pose again and again, which is one measurement. An array of another shape is a
 `ValueError`, and so is a bad first measurement.
 
 Frames: P parent, B child, F the child's measured reference pose. All covariances of poses are right
@@ -66,18 +67,32 @@ from systems.kinematics.joint_solver.joint_readout import (
     predict_pose,
 )
 from systems.kinematics.joint_solver.joint_update import update as update_models
+from systems.kinematics.joint_solver.noise_correlation import (
+    NoiseCorrelation,
+    correlations,
+    inflation,
+    observe_correlation,
+)
 from systems.kinematics.joint_solver.noise_scale import (
+    MEASURED,
     NoiseScale,
+    mean_claim,
     observe,
+    own_scale,
 )
 from systems.kinematics.joint_solver.path_floor import floor, with_likelier_floor
 from systems.kinematics.joint_solver.pose_keyframes import (
     copy_keyframes,
-    newest_claim,
     rescale,
 )
 from systems.kinematics.joint_solver.type_evidence import likelier_strays, type_evidence
-from systems.kinematics.measurement_errors import error_shares, is_correlated, white_equivalent
+from systems.kinematics.measurement_errors import (
+    EXACT,
+    correlated_shares,
+    error_shares,
+    is_correlated,
+    white_equivalent,
+)
 from systems.kinematics.pose_checks import (
     SkipReason,
     covariance_array,
@@ -93,6 +108,7 @@ _RESTART_EVERY = 16  # Updates between fresh starts where the axis is better kno
 _TURN_EVERY = 4  # Updates between turns of all models (`joint_update.solve_all`).
 _OFTEN = 24  # Such turns up to which a floor is tried at each, then at every third.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
+_NOISE = 1e-10  # Variance up to which a measurement is exact, [rad^2, m^2].
 _SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
 
 
@@ -187,12 +203,17 @@ class JointFilters:
             reference_error: What counts of that of `start` from now on.
 
         Raises:
-            ValueError: for arrays of other shapes, and what is no covariance.
+            ValueError: for arrays of other shapes, what is no covariance, and a time before that of
+                the last measurement.
         """
         owner = f"{self._owner}.rebase"
         offset = covariance_array(offset, "offset", owner)
         reference_error = covariance_array(reference_error, "reference_error", owner)
-        fault = covariance_fault(offset) or covariance_fault(reference_error)
+        fault = (
+            covariance_fault(offset)
+            or covariance_fault(reference_error)
+            or time_fault(time, state.time)
+        )
         if fault is not None:
             raise ValueError(f"{owner}: {fault}")
         rebased = rebased_state(state, float(time), offset, reference_error, self.config)
@@ -233,8 +254,8 @@ class JointFilters:
             or time_fault(time, state.time)
             or (None if correlated is None else covariance_fault(correlated))
         )
-        if fault is None and _is_repeated(state, X_PB, time):
-            fault = SkipReason.REPEATED
+        if fault is None and _is_repeated(state, X_PB, covariance, time):
+            return replace(skip(state, SkipReason.REPEATED), time=float(time))
         if fault is not None:
             return skip(state, fault)
         try:
@@ -264,12 +285,22 @@ class JointFilters:
             white, rest = error_shares(covariance, claimed, dt, self.config.errors, correlated)
             priors = priors._replace(white_share=white, correlated_share=rest)
         X_FB = se3.inverse(state.X_PF) @ X_PB
+        if np.diagonal(covariance)[:3].min() > MEASURED:
+            # What stands for a rotation must not bend the path between positions.
+            X_FB[:3, :3] = keyframes.Z[keyframes.size[0] - 1, :3, :3]
         noise, scale = NoiseScale(*[x.copy() for x in state.noise]), state.scale
         observe(noise, X_FB, claimed, time, least_scale(self.config))
-        wanted = np.repeat(np.sqrt(noise.variance), 3)
+        alike = NoiseCorrelation(*[x.copy() for x in state.correlation])
+        observe_correlation(alike, X_FB, claimed, time)
+        own, r = own_scale(noise), correlations(alike, noise.variance)
+        wanted = own * np.sqrt(np.repeat(inflation(r), 3))
+        if r.max() > 0.0:
+            white, rest = correlated_shares(float(r.max()))
+            priors = priors._replace(white_share=white, correlated_share=rest)
+        claim = mean_claim(state.claim, state.updates, covariance + EXACT)
         if np.abs(np.log(wanted / scale)).max() > _RESCALE:
             settle(keyframes, self._priors.free, self._priors.outliers, models.inlier[FREE])
-            independent = floor(state.floor, covariance, wanted)
+            independent = floor(state.floor, claim, own)
             rescale(keyframes, wanted / scale, independent, self._priors.outliers)
             scale = wanted
         R = claimed * np.outer(scale, scale)
@@ -282,11 +313,11 @@ class JointFilters:
         if turn and (turns <= _OFTEN or turns % 3 == 0):
             tries = turns if turns <= _OFTEN else turns // 3
             models, keyframes, index = with_likelier_floor(
-                models, keyframes, index, tries, covariance, scale, priors, self._log_prior
+                models, keyframes, index, tries, claim, own, priors, self._log_prior
             )
         if turn:
             strays = likelier_strays(
-                models, keyframes, strays, turns, claimed, scale, priors, self._log_prior
+                models, keyframes, strays, turns, claim, own, priors, self._log_prior
             )
         updated = replace(
             state,
@@ -295,7 +326,9 @@ class JointFilters:
             models=models,
             keyframes=keyframes,
             noise=noise,
+            correlation=alike,
             scale=scale,
+            claim=claim,
             floor=index,
             strays=strays,
         )
@@ -311,10 +344,10 @@ class JointFilters:
 
     def _with_probabilities(self, state: JointFiltersState) -> JointFiltersState:
         m, kf = state.models, state.keyframes
-        strays = floor(state.strays, newest_claim(kf, state.scale), state.scale)
+        strays = floor(state.strays, state.claim, own_scale(state.noise))
         evidence, covariance = type_evidence(m, kf, self._priors, strays)
         p, likeliest = claim(evidence + self._log_prior_of_claims, evidence + self._log_prior)
-        lost = p[likeliest] * (1.0 - most_certainty(likeliest, m, kf, state.noise, state.scale))
+        lost = p[likeliest] * (1.0 - most_certainty(likeliest, m, kf, state.noise, state.claim))
         p[likeliest] -= lost
         p[FREE] += lost
         probabilities = dict(zip(TYPES, p.tolist(), strict=True))
@@ -358,12 +391,19 @@ class JointFilters:
         return PoseBelief(X=X_PB, covariance=covariance)
 
 
-def _is_repeated(state: JointFiltersState, X_PB: Array, time: float) -> bool:
-    """Whether a measurement is the last one, sent twice."""
-    last = state.noise
-    if time != last.time[1]:
+def _is_repeated(state: JointFiltersState, X_PB: Array, covariance: Array, time: float) -> bool:
+    """Whether a measurement is the last one, sent twice or held until the next.
+
+    Where there is noise, no two measurements are the same to the last digit.
+    """
+    last, kf = state.noise, state.keyframes
+    if np.abs(se3.inverse(state.X_PF) @ X_PB - last.Z[1]).max() >= _SAME_POSE:
         return False
-    return bool(np.abs(se3.inverse(state.X_PF) @ X_PB - last.Z[1]).max() < _SAME_POSE)
+    if time == last.time[1]:
+        return True
+    differed = np.abs(kf.Z[: kf.size[0]] - kf.Z[0]).max() >= _SAME_POSE
+    has_noise = np.diagonal(covariance).min() > _NOISE
+    return bool(differed and has_noise and np.allclose(covariance, last.R[1], 1e-6, 1e-11))
 
 
 def _wants_restart(state: JointFiltersState) -> bool:

@@ -9,11 +9,15 @@ from systems.kinematics.joint_filters_config import JointFiltersConfig
 from systems.kinematics.joint_filters_state import JointFiltersState
 from systems.kinematics.joint_solver.axis_prior import may_be_far
 from systems.kinematics.joint_solver.free_motion import free_motion
-from systems.kinematics.joint_solver.joint_geometry import JOINTS, MOVING, PRISMATIC, dimension
+from systems.kinematics.joint_solver.joint_geometry import JOINTS, PRISMATIC, RIGID, dimension
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
 from systems.kinematics.joint_solver.joint_pitch import WIDEST
 from systems.kinematics.joint_solver.joint_reference import keep_axes
 from systems.kinematics.joint_solver.joint_solver import Priors
+from systems.kinematics.joint_solver.noise_correlation import (
+    initial_noise_correlation,
+    observe_correlation,
+)
 from systems.kinematics.joint_solver.noise_scale import UNKNOWN, initial_noise_scale, observe
 from systems.kinematics.joint_solver.pose_keyframes import append, empty_keyframes
 from systems.kinematics.measurement_errors import is_correlated, white_equivalent
@@ -61,6 +65,17 @@ def solver_priors(config: JointFiltersConfig) -> Priors:
     )
 
 
+def _per_metre(config: JointFiltersConfig) -> Array:
+    """Squared units of q (J,) by which the child moves a metre, by each model; zero if rigid."""
+    squares = np.full(JOINTS, config.radius**-2.0)
+    squares[[PRISMATIC, RIGID]] = 1.0, 0.0
+    return squares
+
+
+def _rate_variance(config: JointFiltersConfig) -> Array:
+    return config.speed**2 * _per_metre(config)
+
+
 def _initial_models(R: Array, config: JointFiltersConfig) -> Models:
     models = initial_models(config.memory)
     spread = np.array([AXIS_SPREAD] * 2 + [config.axis_distance] * 2 + [WIDEST])
@@ -68,10 +83,8 @@ def _initial_models(R: Array, config: JointFiltersConfig) -> Models:
         n = dimension(kind)
         models.covariance[kind, :6, :6] = R
         models.covariance[kind, 6:n, 6:n] = np.diag(spread[: n - 6] ** 2)
-    for kind in MOVING:
-        lever = 1.0 if kind == PRISMATIC else config.radius
-        models.P[kind, 1, 1] = (config.speed / lever) ** 2
-        models.process_noise[kind] = config.unmeasured_process_noise / lever**2
+    models.P[:, 1, 1] = _rate_variance(config)
+    models.process_noise[:] = config.unmeasured_process_noise * _per_metre(config)
     return models
 
 
@@ -105,6 +118,8 @@ def initial_state(
     append(keyframes, np.eye(4), R, time, priors.outliers if measured else _NO_OUTLIERS)
     scale = initial_noise_scale()
     observe(scale, np.eye(4), R, time, least_scale(config))
+    correlation = initial_noise_correlation()
+    observe_correlation(correlation, np.eye(4), R, time)
     models = _initial_models(R, config)
     models.log_evidence[:] = 0.5 * keyframes.log_det[0]
     return JointFiltersState(
@@ -116,7 +131,9 @@ def initial_state(
         models=models,
         keyframes=keyframes,
         noise=scale,
+        correlation=correlation,
         scale=np.ones(6),
+        claim=np.zeros((6, 6)),
         floor=0,
         strays=0,
         covariance=models.covariance,
@@ -138,16 +155,22 @@ def rebased_state(
 
     The probabilities are still those of before.
     """
-    R = state.reference_noise + offset + reference_error
+    noise = state.reference_noise * np.outer(state.scale, state.scale)
+    R = noise + offset + reference_error
     keyframes = empty_keyframes(config.memory)
     keyframes.outliers[:] = state.keyframes.outliers
     append(keyframes, np.eye(4), R, float(state.keyframes.time[0]), _NO_OUTLIERS)
     far = config.far_axes and may_be_far(state.keyframes)
+    models = keep_axes(state.models, config.axis_distance, far)
+    models.P[:, 1, 1] = _rate_variance(config)
     return replace(
         state,
         time=time,
-        models=keep_axes(state.models, config.axis_distance, far),
+        models=models,
         keyframes=keyframes,
+        # The next step is none of its noise.
+        noise=state.noise._replace(seen=np.zeros(1)),
+        correlation=state.correlation._replace(seen=np.zeros(1)),
         floor=0,
         strays=0,
         W_zero=np.asarray(np.linalg.inv(R)),

@@ -8,8 +8,13 @@ from maths.arrays import Array
 from maths.immutable import Immutable
 from systems.kinematics.goodness_of_fit import reduced_chi_square
 from systems.kinematics.joint_solver.joint_models import Models
+from systems.kinematics.joint_solver.noise_correlation import (
+    NoiseCorrelation,
+    correlations,
+)
 from systems.kinematics.joint_solver.noise_scale import (
     NoiseScale,
+    own_scale,
 )
 from systems.kinematics.joint_solver.path_floor import FLOORS
 from systems.kinematics.joint_solver.pose_keyframes import (
@@ -42,7 +47,9 @@ class JointFiltersState(Immutable):
         models: Parameters, configuration and evidence of each model.
         keyframes: The measurements, averaged.
         noise: By how much the claimed covariances are wrong.
+        correlation: How alike neighbouring measurements err.
         scale: (6,) standard deviations of the keyframes by those that were claimed.
+        claim: Covariance (6, 6), in B, that measurements claim, their harmonic mean.
         floor: Index in `path_floor.FLOORS` of what the keyframes have.
         strays: The same of how large smooth strays are (`smooth_strays`).
         covariance: (J, N, N) of each model's theta, strays smooth or independent.
@@ -64,7 +71,9 @@ class JointFiltersState(Immutable):
     models: Models
     keyframes: Keyframes
     noise: NoiseScale
+    correlation: NoiseCorrelation
     scale: Array
+    claim: Array
     floor: int
     strays: int
     covariance: Array
@@ -82,13 +91,15 @@ class JointFiltersState(Immutable):
         m, kf, size = self.models, self.keyframes, int(self.keyframes.size[0])
         kind = max(range(len(TYPES)), key=lambda k: self.probabilities[TYPES[k]])
         value, bounds, degrees = reduced_chi_square(kind, m, kf, self.noise)
+        scale = own_scale(self.noise)
         undecided = float(kf.open[:size] @ (1.0 - m.inlier[kind, :size]))
         return JointFit(
             reduced_chi_square=value,
             bounds=bounds,
             degrees=degrees,
             outlier_share=(float(kf.outliers[0]) + undecided) / (self.updates + 1),
-            noise_scale=(float(self.scale[0]), float(self.scale[3])),
+            noise_scale=(float(scale[0]), float(scale[3])),
+            noise_correlation=float(correlations(self.correlation, self.noise.variance).max()),
             path_floor=FLOORS[self.floor],
         )
 

@@ -280,14 +280,18 @@ class JointMechanicsFilters:
         """Whether a resting joint's friction can hold the push of F that way."""
         c = np.array([1.0, 0.0, way])
         held = c + np.array([self.config.stiction, 0.0, 0.0])
-        by_screw = way * F - fit.by_screw.T @ c
-        variance = c @ fit.spread @ c + by_screw @ screw @ by_screw + fit.noise**2 + elsewhere**2
-        push, sigma = way * float(S @ F), float(np.sqrt(variance))
+
+        def variance(c: Array) -> float:
+            by_screw = way * F - fit.by_screw.T @ c
+            of_fit = c @ fit.spread @ c + by_screw @ screw @ by_screw
+            return float(of_fit + fit.noise**2 + elsewhere**2)
+
+        push, sigma = way * float(S @ F), float(np.sqrt(variance(held)))
         over, under = push - held @ fit.theta, -push - held @ fit.theta
         probability = float(ndtr(over / sigma) - ndtr(under / sigma))
         return Excess(
             force=push - float(c @ fit.theta),
-            variance=sigma**2,
+            variance=variance(c),
             probability=max(probability, 0.0),
         )
 

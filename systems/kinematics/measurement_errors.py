@@ -12,7 +12,7 @@ from maths.arrays import Array
 from maths.validation import number
 
 _LEAST_WHITE = 1e-2  # Least share of a measurement's own variance that is white.
-_FLOOR = 1e-12 * np.eye(6)  # Added to every covariance, for exact ones, [rad^2, m^2].
+EXACT = 1e-12 * np.eye(6)  # Added to every covariance, for exact ones, [rad^2, m^2].
 
 
 @dataclass(kw_only=True)
@@ -51,7 +51,7 @@ def is_correlated(config: MeasurementErrorsConfig) -> bool:
 
 def _own_equivalent(covariance: Array, dt: float, config: MeasurementErrorsConfig) -> Array:
     """The white equivalent (6, 6) of the measurement's own error, none of it declared."""
-    R = covariance + _FLOOR
+    R = covariance + EXACT
     if dt > 0.0 and config.correlation_time > 0.0:
         r = np.exp(-dt / config.correlation_time)
         R = R * ((1.0 + r) / (1.0 - r))
@@ -77,13 +77,18 @@ def white_equivalent(
     """
     R = _own_equivalent(covariance, dt, config)
     if dt <= 0.0:
-        return R if correlated is None else R + correlated
+        return R
     if _adds_error(config):
         added = np.repeat([config.correlated_rotation**2, config.correlated_translation**2], 3)
         R = R + np.diag(added) * max(1.0, 2.0 * config.correlated_time / dt)
     if correlated is not None:
         R = R + correlated * max(0.0, 2.0 * config.declared_time / dt - 1.0)
     return R
+
+
+def correlated_shares(r: float) -> tuple[float, float]:
+    """What `error_shares` are of errors with a correlation r from one measurement to the next."""
+    return (1.0 - r) ** 2 / (1.0 + r), r * (1.0 - r) / (1.0 + r)
 
 
 def error_shares(
@@ -110,4 +115,5 @@ def error_shares(
     white = own
     if correlated is not None and config.declared_time > 0.0:
         white = max(own - share(correlated), _LEAST_WHITE * own)
-    return white * (1.0 - r) ** 2 / (1.0 + r), own * r * (1.0 - r) / (1.0 + r) + rest
+    of_white, of_correlated = correlated_shares(r)
+    return white * of_white, own * of_correlated + rest

@@ -56,6 +56,8 @@ class JointFit:
         degrees: Of freedom of chi-square.
         outlier_share: Of the measurements.
         noise_scale: Factors on the claimed standard deviations of rotation and translation.
+        noise_correlation: Of the errors of neighbouring measurements, as they seem; zero where it
+            is not told from none.
         path_floor: Error that does not average out, as a multiple of the claimed deviations, or of
             1.5 mm and 5 mrad, by which real joints stray, where less is claimed.
     """
@@ -65,6 +67,7 @@ class JointFit:
     degrees: int
     outlier_share: float
     noise_scale: tuple[float, float]
+    noise_correlation: float
     path_floor: float
 
 

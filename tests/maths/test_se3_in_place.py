@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maths import se3
-from maths.se3_in_place import perturb, relative_log
+from maths.se3_in_place import perturb, pose_difference, relative_log
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.5, 3.0, np.pi - 1e-6])
@@ -18,6 +18,15 @@ def test_perturb_and_relative_log_are_exp_and_log(angle: float) -> None:
     assert_allclose(B, A @ se3.exp(xi), atol=1e-12)
     relative_log(A, B, back)
     assert_allclose(back, xi, atol=1e-7)
+
+
+def test_the_difference_of_two_poses_is_rotation_and_translation_apart() -> None:
+    rng = np.random.default_rng(1)
+    A, w, p, out = se3.exp(rng.normal(size=6)), rng.normal(size=3), rng.normal(size=3), np.empty(6)
+    B = np.eye(4)
+    B[:3, :3], B[:3, 3] = se3.exp(np.concatenate([w, np.zeros(3)]))[:3, :3], p
+    pose_difference(A, A @ B, out)
+    assert_allclose(out, np.concatenate([w, p]), atol=1e-12)
 
 
 def test_perturb_may_write_into_its_argument() -> None:

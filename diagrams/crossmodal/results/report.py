@@ -71,6 +71,8 @@ def describe_fit(joint: JointBelief) -> str:
         parts.append(f"off its path by {off} times what the measurements' errors explain")
     if fit is not None and fit.outlier_share >= 0.005:
         parts.append(f"{fixed(100.0 * fit.outlier_share, 0)} % outliers")
+    if fit is not None and fit.noise_correlation > 0.0:
+        parts.append(f"errors of neighbours correlated by {fixed(fit.noise_correlation, 1)}")
     if joint.skipped:
         reasons = ", ".join(f"{count} {reason}" for reason, count in joint.skipped.items())
         parts.append(f"not used: {reasons}")

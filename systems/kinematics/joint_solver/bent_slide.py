@@ -22,10 +22,7 @@ from systems.kinematics.joint_solver.joint_geometry import (
 )
 from systems.kinematics.joint_solver.joint_linearisation import (
     Linear,
-    add_measured,
     add_prior,
-    clear,
-    new_linear,
 )
 from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
 from systems.kinematics.joint_solver.joint_solver import Priors
@@ -72,21 +69,11 @@ def log_mean_likelihood(L: Array, b: Array, sigma: float) -> float:
 
 
 @hot
-def bent_evidence(m: Models, kf: Keyframes, priors: Priors) -> float:
-    """Log evidence of a hinge far away over that of the prismatic model, which must be solved."""
-    lin, bent, zero = new_linear(kf.time.size), int(np.int64(BENT_SLIDE)), int(np.int64(0))
-    Y, a, c, q = m.Y[PRISMATIC], m.a[PRISMATIC], m.c[PRISMATIC], m.q[PRISMATIC]
-    inlier, no_pitch, temper = m.inlier[PRISMATIC].copy(), 0.0, 1.0
-    clear(lin)
-    add_measured(
-        bent, zero, kf.size[0], Y, a, c, no_pitch, q, inlier, kf, priors.outliers[0], temper, lin
-    )
-    return far_evidence(m, kf, priors, lin)
-
-
-@hot
 def far_evidence(m: Models, kf: Keyframes, priors: Priors, lin: Linear) -> float:
-    """The same from the keyframes linearised about a bent slide, no prior added yet."""
+    """Log evidence of a hinge far away over that of the prismatic model, which must be solved.
+
+    From the keyframes linearised about a bent slide, no prior added yet.
+    """
     chain, zero, still = new_chain(kf.time.size), int(np.int64(0)), np.zeros(PARAMETERS)
     if np.trace(m.prior_information[PRISMATIC]) > 0.0:
         add_prior(PRISMATIC, m, lin)

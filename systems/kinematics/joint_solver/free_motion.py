@@ -17,7 +17,7 @@ import numpy as np
 from maths import cholesky
 from maths.arrays import Array
 from maths.compiled import hot
-from maths.se3_in_place import relative_log
+from maths.se3_in_place import pose_difference
 from systems.kinematics.joint_solver.outliers import blend, inlier_share
 from systems.kinematics.joint_solver.pose_keyframes import (
     FREE_WAYS,
@@ -89,7 +89,7 @@ def _move(X: Array, xi: Array, share: float) -> None:
 @hot
 def _difference(X: Array, Z: Array, e: Array) -> None:
     """Writes by what the pose Z is turned and moved from X, in F, into `e` (6,)."""
-    relative_log(X, Z, e)
+    pose_difference(X, Z, e)
     x, y, z = e[0], e[1], e[2]
     for i in range(3):
         e[i] = X[i, 0] * x + X[i, 1] * y + X[i, 2] * z
@@ -162,7 +162,7 @@ def _blended(kf: Keyframes, k: int, inlier: float, R: Array) -> None:
     """Writes the covariance in F of a keyframe that is an outlier by a part into `R` (1, 6, 6)."""
     six = int(np.int64(6))
     L, W = np.empty((6, 6)), np.empty((6, 6))
-    blend(kf, k, inlier, L)
+    blend(kf.W, kf.W_out, k, inlier, L)
     cholesky.factor(L, six)
     cholesky.inverse(L, W, six)
     _rotate(kf.Z[k], W, R[0])

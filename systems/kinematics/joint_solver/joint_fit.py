@@ -5,7 +5,7 @@ import numpy as np
 from maths import cholesky
 from maths.arrays import Array
 from maths.compiled import hot
-from maths.se3_in_place import relative_log
+from maths.se3_in_place import pose_difference
 from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver.joint_geometry import (
     RIGID,
@@ -15,11 +15,8 @@ from systems.kinematics.joint_solver.joint_geometry import (
     screw_twists,
 )
 from systems.kinematics.joint_solver.joint_models import Models
+from systems.kinematics.joint_solver.noise_scale import MEASURED
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes, floor_share
-
-# Variance above which a direction was not measured, [rad^2] or [m^2]: far below `UNKNOWN`, of which
-# averages are made, too.
-_MEASURED = 10.0
 
 
 @hot
@@ -27,7 +24,7 @@ def measured_directions(kf: Keyframes, k: int) -> int:
     """In how many of six directions keyframe k was measured."""
     directions = 0
     for i in range(6):
-        directions += 1 if kf.R[k, i, i] < _MEASURED else 0
+        directions += 1 if kf.R[k, i, i] < MEASURED else 0
     return directions
 
 
@@ -65,7 +62,7 @@ def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, 
     chi_square, degrees, measured = 0.0, 0, 0
     for k in range(kf.size[0]):
         child_pose(kind, Y, a, c, h, q[k], X)
-        relative_log(X, kf.Z[k], r)
+        pose_difference(X, kf.Z[k], r)
         if kind != RIGID and k > 0:
             jacobian(kind, G, h, q[k], J)
             along[:] = J[0]

@@ -1,8 +1,10 @@
 """Keyframes of relative poses linearised about one joint, compiled.
 
 The parameters theta = (Y, a, c, h) and their tangent space are those of `joint_geometry`. A
-keyframe's residual is log(X_FB(q)^-1 Z) in B. Its q is left free, so that what remains speaks about
-theta alone, and what it says about q is kept beside it for the chain of all q (`joint_chain`).
+keyframe's residual is the rotation vector and the translation of X_FB(q)^-1 Z, in B: so a rotation
+that was not measured says nothing of the translation. Its q is left free, so that what remains
+speaks about theta alone, and what it says about q is kept beside it for the chain of all q
+(`joint_chain`).
 
 Keyframes are linearised anew at each call; only those that were marginalised keep the point of
 their linearisation.
@@ -14,7 +16,7 @@ import numpy as np
 
 from maths.arrays import Array
 from maths.compiled import hot
-from maths.se3_in_place import relative_log
+from maths.se3_in_place import pose_difference, relative_log
 from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver.axis_prior import axis_prior
 from systems.kinematics.joint_solver.joint_geometry import (
@@ -129,62 +131,6 @@ def free_configuration(
 
 
 @hot
-def add_measured(
-    kind: int,
-    first: int,
-    last: int,
-    Y: Array,
-    a: Array,
-    c: Array,
-    pitch: float,
-    q: Array,
-    inlier: Array,
-    kf: Keyframes,
-    share: float,
-    temper: float,
-    lin: Linear,
-) -> None:
-    """Adds keyframes `first` to `last` - 1; arrays are passed one by one for speed."""
-    extra = dimension(kind) - 6
-    rows = 2 + extra if kind != RIGID else 1
-    J, WJ, G, X, B = (
-        np.empty((7, 6)),
-        np.empty((7, 6)),
-        np.empty((6, 6)),
-        np.empty((4, 4)),
-        np.empty((2, 3)),
-    )
-    H, h, beta, alphas, gs = lin.information, lin.vector, lin.beta, lin.alpha, lin.g
-    r = J[rows - 1]
-    tangent_basis(a, B)
-    screw_twists(kind, Y, a, c, pitch, B, G)
-    value, spared, blended = 0.0, np.zeros(6), np.empty((1, 6, 6))
-    for k in range(first, last):
-        child_pose(kind, Y, a, c, pitch, q[k], X)
-        relative_log(X, kf.Z[k], r)
-        if kind != RIGID:
-            jacobian(kind, G, pitch, q[k], J)
-        # Where the newest one is along the path, nothing measured after it says.
-        is_spared = kind != RIGID and k > 0 and k == kf.size[0] - 1 and kf.open[k] > 0.0
-        W, row = kf.W, k
-        if kf.open[k] > 0.0:
-            for i in range(6):
-                spared[i] = J[0, i] if is_spared else 0.0
-            inlier[k], density = weigh_residual(kf, k, r, spared, share, temper)
-            blend(kf, k, inlier[k], blended[0])
-            W, row = blended, 0
-            value += density
-        weigh(W, row, rows, J, WJ)
-        square = add_normal_equations(W, row, rows - 2, J, WJ, H, h)
-        value -= 0.0 if kf.open[k] > 0.0 else 0.5 * square
-        if kind != RIGID and k > 0:
-            alpha, g = free_configuration(k, extra, J, WJ, beta, H, h)
-            alphas[k], gs[k] = alpha, g
-            value += 0.5 * g * g / alpha if not is_spared else 0.0
-    lin.value[0] += value
-
-
-@hot
 def add_keyframes(
     kind: int,
     m: Models,
@@ -201,7 +147,43 @@ def add_keyframes(
     """
     Y, a, c, pitch = m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind]
     q, inlier = m.q[kind], m.inlier[kind]
-    add_measured(kind, first, last, Y, a, c, pitch, q, inlier, kf, share, temper, lin)
+    extra = dimension(kind) - 6
+    rows = 2 + extra if kind != RIGID else 1
+    J, WJ, G, X, B = (
+        np.empty((7, 6)),
+        np.empty((7, 6)),
+        np.empty((6, 6)),
+        np.empty((4, 4)),
+        np.empty((2, 3)),
+    )
+    H, h, beta, alphas, gs = lin.information, lin.vector, lin.beta, lin.alpha, lin.g
+    W_in, W_out, log_out, r = kf.W, kf.W_out, kf.log_out, J[rows - 1]
+    tangent_basis(a, B)
+    screw_twists(kind, Y, a, c, pitch, B, G)
+    value, spared, blended = 0.0, np.zeros(6), np.empty((1, 6, 6))
+    for k in range(first, last):
+        child_pose(kind, Y, a, c, pitch, q[k], X)
+        pose_difference(X, kf.Z[k], r)
+        if kind != RIGID:
+            jacobian(kind, G, pitch, q[k], J)
+        # Where the newest one is along the path, nothing measured after it says.
+        is_spared = kind != RIGID and k > 0 and k == kf.size[0] - 1 and kf.open[k] > 0.0
+        W, row = W_in, k
+        if kf.open[k] > 0.0:
+            for i in range(6):
+                spared[i] = J[0, i] if is_spared else 0.0
+            inlier[k], density = weigh_residual(W_in, W_out, log_out, k, r, spared, share, temper)
+            blend(W_in, W_out, k, inlier[k], blended[0])
+            W, row = blended, 0
+            value += density
+        weigh(W, row, rows, J, WJ)
+        square = add_normal_equations(W, row, rows - 2, J, WJ, H, h)
+        value -= 0.0 if kf.open[k] > 0.0 else 0.5 * square
+        if kind != RIGID and k > 0:
+            alpha, g = free_configuration(k, extra, J, WJ, beta, H, h)
+            alphas[k], gs[k] = alpha, g
+            value += 0.5 * g * g / alpha if not is_spared else 0.0
+    lin.value[0] += value
 
 
 @hot

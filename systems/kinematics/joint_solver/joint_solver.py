@@ -246,7 +246,7 @@ def solve_moving(
     previous, q_previous = -np.inf, m.q[kind].copy()
     Y, a, c, pitch = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy(), m.pitch[kind]
     step, dq = np.zeros(PARAMETERS), np.zeros(kf.time.size)
-    evidences = np.zeros(priors.process_noise.size)
+    evidences, accepted = np.zeros((2, priors.process_noise.size))
     far = priors.far_axes and may_be_far(kf)
     for i in range(steps):
         linearise(kind, m, kf, priors.axis_distance, far, priors.outliers[0], temper, lin)
@@ -257,10 +257,10 @@ def solve_moving(
             share = _SHORTER if i < steps - 2 else 0.0
             step *= share
             m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind] = Y, a, c, pitch
-            m.q[kind] = q_previous + share * dq
+            m.q[kind], evidences[:] = q_previous + share * dq, accepted
             _move(kind, m, priors, q_previous, step)
             continue
-        previous = value
+        previous, accepted[:] = value, evidences
         Y[:], a[:], c[:], q_previous[:] = m.Y[kind], m.a[kind], m.c[kind], m.q[kind]
         pitch = m.pitch[kind]
         last = i >= steps - 2 or gain < _CONVERGED

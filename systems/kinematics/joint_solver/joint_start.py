@@ -12,6 +12,7 @@ from maths.se3_in_place import relative_log
 from maths.tangent_plane import normal_basis
 from maths.vectors import cross
 from systems.kinematics.joint_solver.joint_geometry import (
+    MOVING,
     PRISMATIC,
     REVOLUTE,
     RIGID,
@@ -72,31 +73,41 @@ def _typical(kf: Keyframes, share: float) -> int:
         for k in range(count):
             if kf.open[k] > 0.0 and k != i:
                 relative_log(kf.Z[i], kf.Z[k], r)
-                total += weigh_residual(kf, k, r, none, share, 2.0)[1]
+                total += weigh_residual(kf.W, kf.W_out, kf.log_out, k, r, none, share, 2.0)[1]
         if total > top + 1.0:
             best, top = i, total
     return best
 
 
-def circle_start(m: Models, kf: Keyframes) -> None:
+def circle_start(m: Models, kf: Keyframes, axis_distance: float) -> None:
     """Starts the revolute model, in place, from the circle that passes by all positions.
 
-    Where rotations are hardly known, an axis shows in how the path bends.
+    Where rotations are hardly known, an axis shows in how the path bends. The circle is that of
+    V. Pratt, "Direct least-squares fitting of algebraic surfaces", 1987, with a prior of its
+    curvature: what is nearly straight has noise for a curvature.
 
     Args:
         m: Models.
         kf: Keyframes, at least three.
+        axis_distance: See `fresh_start`.
     """
     n = int(kf.size[0])
-    points, weight = kf.Z[:n, :3, 3], kf.R[n - 1, 3, 3] / kf.R[:n, 3, 3]
-    mean = weight @ points / weight.sum()
+    points, weight = kf.Z[:n, :3, 3], 1.0 / np.sqrt(kf.R[:n, 3, 3] + kf.floor[3, 3])
+    mean = weight**2 @ points / (weight**2).sum()
     d = points - mean
-    along, across, a = np.linalg.svd(np.sqrt(weight)[:, None] * d)[2]
+    along, across, a = np.linalg.svd(weight[:, None] * d)[2]
     u, v = d @ along, d @ across
-    # |x - c|^2 = r^2 is linear in c and r^2 - |c|^2.
-    rows = np.column_stack([2.0 * u, 2.0 * v, np.ones(n)]) * np.sqrt(weight)[:, None]
-    solution = np.linalg.lstsq(rows, np.sqrt(weight) * (u**2 + v**2), rcond=None)[0]
-    x, y = float(solution[0]), float(solution[1])
+    # A (u^2 + v^2) + B u + C v + D = 0 with B^2 + C^2 - 4 A D = 1 is a circle of curvature 2 A.
+    rows = np.column_stack([u**2 + v**2, u, v, np.ones(n)]) * weight[:, None]
+    rows = np.vstack([rows, [2.0 * axis_distance, 0.0, 0.0, 0.0]])
+    inverse = np.array([[0.0, 0, 0, -0.5], [0, 1, 0, 0], [0, 0, 1, 0], [-0.5, 0, 0, 0]])
+    values, vectors = np.linalg.eig(inverse @ rows.T @ rows)
+    best = int(np.argmin(np.where(values.real > 0.0, values.real, np.inf)))
+    A, B, C, _ = vectors[:, best].real
+    gradient = np.array([B, C])
+    if 3.0 * axis_distance * abs(A) < np.linalg.norm(gradient):
+        A = np.copysign(np.linalg.norm(gradient) / (3.0 * axis_distance), A)
+    x, y = -gradient / (2.0 * A)
     centre = mean + x * along + y * across
     m.a[REVOLUTE], m.c[REVOLUTE] = a, centre - a * (a @ centre)
     angle = np.unwrap(np.arctan2(v - y, u - x)) * np.sign(a @ cross(along, across))
@@ -132,6 +143,10 @@ def fresh_start(m: Models, kf: Keyframes, axis_distance: float, share: float) ->
         unit = np.concatenate([a, cross(c, a) + m.pitch[kind] * a]) / scale**2
         m.q[kind, :n] = xi @ unit / (unit @ (unit * scale**2))
     m.Y[:] = kf.Z[first]
+    for kind in MOVING:
+        # As what is known of the axis without the keyframes has it.
+        if m.a[kind] @ m.prior_information[kind, 6:9, 6:9] @ m.prior_a[kind] < 0.0:
+            m.a[kind], m.q[kind] = -m.a[kind], -m.q[kind]
 
 
 @hot
@@ -167,8 +182,13 @@ def start_from_revolute(m: Models, kf: Keyframes) -> None:
 
 @hot
 def reverse_axis(kind: int, m: Models) -> None:
-    """Reverses the axis, and with it the sign of q, in place."""
+    """Reverses the axis, and with it the sign of q, in place; the prior's axis, too."""
     m.a[kind], m.q[kind] = -m.a[kind], -m.q[kind]
+    m.prior_a[kind] = -m.prior_a[kind]
+    for i in range(6, 9):
+        m.prior_vector[kind, i] *= -1.0
+        m.prior_information[kind, i, :] *= -1.0
+        m.prior_information[kind, :, i] *= -1.0
     m.state[kind], m.gain[kind] = -m.state[kind], -m.gain[kind]
     # `tangent_basis(-a)` has the first vector of `tangent_basis(a)` and the opposite of its second.
     for i in (6, 9):

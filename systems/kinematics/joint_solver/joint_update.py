@@ -166,7 +166,8 @@ def _turns_are_seen(kf: Keyframes) -> bool:
     By positions alone a helix and a tilted circle differ by less than a real hinge strays, so that
     nothing is said of a pitch then.
     """
-    return bool(kf.R[kf.size[0] - 1, 0, 0] < 1.0)
+    R = kf.R[kf.size[0] - 1]
+    return bool(min(R[0, 0], R[1, 1], R[2, 2]) < 1.0)
 
 
 @hot
@@ -183,7 +184,7 @@ def _solve(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int) -> N
 
 
 @hot
-def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, turn: bool) -> None:
+def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, turn: bool) -> bool:
     """Solves the models, linearised at most `steps` times each.
 
     Args:
@@ -195,6 +196,9 @@ def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, turn: bool) 
             likeliest one wait, and so does the screw while the revolute model, which is its limit
             of no pitch, explains more: what they explain less stays the same. A measurement that
             surprises the likeliest one makes it the turn of all.
+
+    Returns:
+        Whether it was the turn of all.
     """
     before, solved = m.log_evidence.copy(), np.zeros(JOINTS + 1, dtype=np.bool_)
     lead, ratio = int(np.argmax(before)), before[SCREW] - before[REVOLUTE]
@@ -203,7 +207,7 @@ def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, turn: bool) 
         kind = lead if i < 0 else i  # The likeliest first: what it gains is what others gain.
         is_due = turn or before[kind] > before[lead] - _FAR_BEHIND
         if kind == SCREW:
-            is_due = seen and (turn or ratio > 0.0)
+            is_due = ratio > 0.0 or (seen and turn)
         if solved[kind] or not is_due:
             continue
         if kind == SCREW and ratio < 0.0:
@@ -221,6 +225,7 @@ def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, turn: bool) 
     if not solved[SCREW]:
         m.log_evidence[SCREW] = m.log_evidence[REVOLUTE] + ratio
         m.inlier[SCREW] = m.inlier[REVOLUTE]
+    return turn
 
 
 def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
@@ -251,9 +256,10 @@ def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
     pose_keyframes.remove(kf, k)
     _delete_configuration(m, kf, k)
     solve_all(m, kf, priors, 2, True)
-    m.marginal_evidence[:] += log_evidence - m.log_evidence
-    evidence = m.marginal_evidence - m.marginal_evidence.max()
-    m.marginal_evidence[:] = np.maximum(evidence, -MEMORY)
+    solved = m.log_evidence - m.marginal_evidence
+    evidence = log_evidence - solved
+    m.marginal_evidence[:] = np.maximum(evidence - evidence.max(), -MEMORY)
+    m.log_evidence[:] = solved + m.marginal_evidence
 
 
 def restart(m: Models, kf: Keyframes, priors: Priors, turn: bool) -> None:
@@ -269,7 +275,7 @@ def restart(m: Models, kf: Keyframes, priors: Priors, turn: bool) -> None:
     solve_rigid(other, kf, priors)
     _take_over(m, other, (*moving, RIGID))
     if kf.size[0] > 3 and m.log_evidence[REVOLUTE] < m.log_evidence.max():
-        circle_start(other, kf)
+        circle_start(other, kf, priors.axis_distance)
         solve_moving(REVOLUTE, other, kf, priors, _TEMPERED_STEPS, _TEMPER)
         solve_moving(REVOLUTE, other, kf, priors, _FRESH_STEPS, 1.0)
         _take_over(m, other, (REVOLUTE,))
@@ -303,20 +309,20 @@ def _correct(
     log_prior: Array,
     inlier: Array,
     turn: bool,
-) -> int:
+) -> tuple[int, bool]:
     """Corrects all models with one relative pose; see `update`.
 
     Returns:
         -1, or the keyframe that has to be marginalised first, of which `inlier` (K,) tells how
-        likely it is that it is no outlier; nothing is done then.
+        likely it is that it is no outlier; nothing is done then. And what `solve_all` returns.
     """
     steps = int(np.int64(STEPS))
     expected_inliers(m, kf, log_prior, inlier)
     k = add_measurement(m, kf, X_FB, R, time, priors, inlier)
     if k < 0:
-        solve_all(m, kf, priors, steps, turn)
+        turn = solve_all(m, kf, priors, steps, turn)
         _decide_signs(m)
-    return k
+    return k, turn
 
 
 def update(
@@ -344,11 +350,11 @@ def update(
         turn: See `solve_all`.
     """
     inlier = np.empty(kf.time.size)
-    k = _correct(m, kf, X_FB, R, time, priors, log_prior, inlier, turn)
+    k, is_turn = _correct(m, kf, X_FB, R, time, priors, log_prior, inlier, turn)
     if k >= 0:
         pose_keyframes.close(kf, k, inlier[k])
         marginalise(m, kf, k, priors)
-        _correct(m, kf, X_FB, R, time, priors, log_prior, inlier, turn)
-    if young:
+        _, is_turn = _correct(m, kf, X_FB, R, time, priors, log_prior, inlier, turn)
+    if young and is_turn:
         restart(m, kf, priors, turn)
         _decide_signs(m)

@@ -13,9 +13,10 @@ import numpy as np
 from maths import cholesky
 from maths.arrays import Array
 from maths.compiled import hot
-from maths.se3_in_place import perturb, relative_log
+from maths.se3_in_place import perturb, pose_difference, relative_log
 
 UNKNOWN = 1e4  # Variance of what was not measured, [rad^2] or [m^2].
+MEASURED = 10.0  # From which a direction was not: far below, for averages are made of it, too.
 _PRIOR = 6.0  # Degrees of freedom of the prior, in which the claim is right.
 _MEDIAN = 2.365974  # Of a chi-square of three degrees of freedom.
 _MOST_LIKELY = 11.344867  # Its 99 % quantile, above which a difference is one with an outlier,
@@ -65,14 +66,43 @@ def initial_noise_scale() -> NoiseScale:
 
 
 @hot
+def mean_claim(claim: Array, count: int, covariance: Array) -> Array:
+    """The harmonic mean (6, 6) of covariances, one more counted than the `count` in `claim`.
+
+    What was not measured does not count, and one that is far too large hardly does.
+    """
+    six, out = int(np.int64(6)), np.empty((6, 6))
+    W = _inverse(covariance) / (count + 1.0)
+    if count > 0:
+        W += _inverse(claim) * (count / (count + 1.0))
+    cholesky.factor(W, six)
+    cholesky.inverse(W, out, six)
+    return out
+
+
+@hot
+def _inverse(R: Array) -> Array:
+    six, L, out = int(np.int64(6)), R.copy(), np.empty((6, 6))
+    cholesky.factor(L, six)
+    cholesky.inverse(L, out, six)
+    return out
+
+
+@hot
 def _difference(n: NoiseScale, X: Array, R: Array, time: float, e: Array, C: Array) -> None:
     """Writes by how far the last pose is off its neighbours' geodesic, and that covariance."""
     share = (n.time[1] - n.time[0]) / (time - n.time[0])
     step, between = np.empty(6), np.empty((4, 4))
     relative_log(n.Z[0], X, step)
     perturb(n.Z[0], share * step, between)
-    relative_log(between, n.Z[1], e)
+    pose_difference(between, n.Z[1], e)
     C[:] = n.R[1] + (1.0 - share) ** 2 * n.R[0] + share**2 * R
+
+
+@hot
+def _largest(R: Array, i: int) -> float:
+    """The largest variance of rotation (0) or translation (1)."""
+    return max(R[3 * i, 3 * i], R[3 * i + 1, 3 * i + 1], R[3 * i + 2, 3 * i + 2])
 
 
 @hot
@@ -120,6 +150,11 @@ def _fit(n: NoiseScale, i: int, least: float) -> None:
     n.variance[i] = min(max(variance, least, _LEAST), _MOST)
 
 
+def own_scale(n: NoiseScale) -> Array:
+    """(6,) standard deviations of one measurement's noise by those that it claims."""
+    return np.repeat(np.sqrt(n.variance), 3)
+
+
 def degrees_of_freedom(n: NoiseScale) -> float:
     """Of the scale's posterior, that of rotation or translation which is better known."""
     known = min(float(n.known.max()), _MEMORY)
@@ -142,7 +177,7 @@ def observe(n: NoiseScale, X: Array, R: Array, time: float, least: float) -> Non
         _difference(n, X, R, time, e, C)
         three = int(np.int64(3))  # For a literal, Numba would compile all callees again.
         for i in range(2):
-            if C[3 * i, 3 * i] >= UNKNOWN:
+            if max(_largest(n.R[0], i), _largest(n.R[1], i), _largest(R, i)) > MEASURED:
                 continue
             L, x = C[3 * i : 3 * i + 3, 3 * i : 3 * i + 3].copy(), e[3 * i : 3 * i + 3].copy()
             cholesky.factor(L, three)

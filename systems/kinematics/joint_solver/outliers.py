@@ -10,7 +10,6 @@ import numpy as np
 
 from maths.arrays import Array
 from maths.compiled import hot
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 
 @hot
@@ -31,29 +30,40 @@ def inlier_share(inlier: float, outlier: float, share: float) -> tuple[float, fl
 
 
 @hot
-def blend(kf: Keyframes, k: int, inlier: float, W: Array) -> None:
-    """Writes the expected information (6, 6) of keyframe k into `W`."""
+def blend(W: Array, W_out: Array, k: int, inlier: float, out: Array) -> None:
+    """Writes the expected information (6, 6) of keyframe k into `out`."""
     for i in range(6):
         for j in range(6):
-            W[i, j] = inlier * kf.W[k, i, j] + (1.0 - inlier) * kf.W_out[k, i, j]
+            out[i, j] = inlier * W[k, i, j] + (1.0 - inlier) * W_out[k, i, j]
 
 
 @hot
 def weigh_residual(
-    kf: Keyframes, k: int, r: Array, spared: Array, share: float, temper: float
+    W: Array,
+    W_out: Array,
+    log_out: Array,
+    k: int,
+    r: Array,
+    spared: Array,
+    share: float,
+    temper: float,
 ) -> tuple[float, float]:
     """How likely it is that keyframe k is none, and the log density of its residual.
 
+    Arrays are passed one by one for speed.
+
     Args:
-        kf: Keyframes.
+        W: Of `Keyframes`.
+        W_out: Of `Keyframes`.
+        log_out: Of `Keyframes`.
         k: Which.
         r: (6,) residual.
         spared: (6,) direction in which the residual does not count, or zero.
         share: Prior probability of an outlier.
         temper: Factor on the covariances; above one where the solution is far off.
     """
-    inside, outside = _square(kf.W, k, r, spared), _square(kf.W_out, k, r, spared)
-    return inlier_share(-0.5 * inside / temper, kf.log_out[k] - 0.5 * outside / temper, share)
+    inside, outside = _square(W, k, r, spared), _square(W_out, k, r, spared)
+    return inlier_share(-0.5 * inside / temper, log_out[k] - 0.5 * outside / temper, share)
 
 
 @hot

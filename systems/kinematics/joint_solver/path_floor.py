@@ -49,19 +49,6 @@ def floor(index: int, claimed: Array, scale: Array) -> Array:
     return out
 
 
-@hot
-def farthest(claimed: Array, scale: Array) -> Array:
-    """The covariance (6, 6) of what no joint strays by more than, whatever made it.
-
-    A multiple of the noise or of what joints usually stray by, for among the measurements are
-    outliers that are hardly told from noise. See `floor` for the arguments.
-    """
-    out = _noise(claimed, scale)
-    for i in range(6):
-        out[i, i] = max(out[i, i], STRAY[i])
-    return FLOORS[-1] ** 2 * out
-
-
 def whose_turn(index: int, tries: int, count: int) -> int:
     """Another index below `count` than `index`, each in its turn."""
     return (index + 1 + tries % (count - 1)) % count

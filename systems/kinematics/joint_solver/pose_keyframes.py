@@ -103,16 +103,6 @@ def copy_keyframes(kf: Keyframes) -> Keyframes:
     return Keyframes._make([x.copy() for x in kf])
 
 
-def newest_claim(kf: Keyframes, scale: Array) -> Array:
-    """Covariance (6, 6) that the newest measurement claims, of correlated errors the white one.
-
-    Args:
-        kf: Keyframes.
-        scale: (6,) by which the claimed standard deviations were multiplied in them.
-    """
-    return np.asarray(kf.R[kf.size[0] - 1] / np.outer(scale, scale))
-
-
 @hot
 def floor_share(kf: Keyframes, k: int) -> float:
     """One if keyframe k has the floor, else zero."""
@@ -262,11 +252,11 @@ def _spread(kf: Keyframes, R: Array) -> float:
 
 
 @hot
-def _loss(kf: Keyframes, k: int, i: int, j: int, R: Array) -> float:
+def _loss(Z: Array, k: int, i: int, j: int, R: Array) -> float:
     """What averaging keyframes k and k + 1 loses if they are as far apart as i and j."""
     six, square = int(np.int64(6)), 0.0  # For a literal, Numba would compile all callees again.
     xi = np.empty(6)
-    relative_log(kf.Z[i], kf.Z[j], xi)
+    relative_log(Z[i], Z[j], xi)
     L = R[k] + R[k + 1]
     cholesky.factor(L, six)
     cholesky.forward(L, xi, six)
@@ -288,11 +278,11 @@ def _least_motion(kf: Keyframes, R: Array) -> int:
     first, last = 1, kf.size[0] - RECENT  # Keyframe 0 is the reference.
     losses = np.empty(last - first)
     for k in range(first, last):
-        losses[k - first] = _loss(kf, k, k, k + 1, R)
+        losses[k - first] = _loss(kf.Z, k, k, k + 1, R)
     noise = _LARGEST * min(np.quantile(losses, 0.25), _QUARTILE)
     best, least = first, np.inf
     for k in range(first, last):
-        loss = max(_loss(kf, k, k - 1, k + 2, R) / 9.0, losses[k - first] - noise)
+        loss = max(_loss(kf.Z, k, k - 1, k + 2, R) / 9.0, losses[k - first] - noise)
         if loss < least:
             best, least = k, loss
     return best
@@ -316,7 +306,7 @@ def choose(kf: Keyframes, coarseness: float, inlier: Array) -> tuple[int, bool]:
         if kf.open[k] > 0.0:
             expected_noise(kf, k, inlier[k], R[k])
     best = _least_motion(kf, R)
-    loss = _loss(kf, best, best, best + 1, R)
+    loss = _loss(kf.Z, best, best, best + 1, R)
     kf.spread[0] = max(kf.spread[0], _spread(kf, R))
     newest = kf.R[n - 1, 0, 0]
     m = newest / R[best, 0, 0] + newest / R[best + 1, 0, 0]

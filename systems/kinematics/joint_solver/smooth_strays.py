@@ -136,9 +136,12 @@ def smooth_evidence(
 
 
 @hot
-def smooth_bend(m: Models, kf: Keyframes, priors: Priors, strays: Array) -> float:
-    """What `bent_evidence` is with smooth strays; see `smooth_evidence` for the arguments."""
+def bend(m: Models, kf: Keyframes, priors: Priors, strays: Array) -> float:
+    """See `far_evidence`; with smooth strays if their covariance (6, 6) is not zero."""
     lin, series, bent = new_linear(kf.time.size), new_series(), int(np.int64(BENT_SLIDE))
-    add_keyframes(bent, m, kf, _ROUGH**2 * strays, True, lin, series)
-    marginalise(dimension(bent), strays, series, lin)
+    is_smooth = np.trace(strays) > 0.0
+    rough = _ROUGH**2 * strays if is_smooth else kf.floor
+    add_keyframes(bent, m, kf, rough, is_smooth, lin, series)
+    if is_smooth:
+        marginalise(dimension(bent), strays, series, lin)
     return far_evidence(m, kf, priors, lin)

@@ -12,7 +12,7 @@ import numpy as np
 from maths import cholesky
 from maths.arrays import Array
 from maths.compiled import hot
-from maths.se3_in_place import relative_log
+from maths.se3_in_place import pose_difference
 from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver.joint_geometry import (
     BENT_SLIDE,
@@ -116,7 +116,7 @@ def add_keyframes(
     screw_twists(kind, Y, a, c, pitch, B, G)
     for k in range(size):
         child_pose(kind, Y, a, c, pitch, q[k], X)
-        relative_log(X, kf.Z[k], r)
+        pose_difference(X, kf.Z[k], r)
         share = floor_share(kf, k)
         A[:] = kf.R[k] + share * rough
         log_det = cholesky.factor(A, six)

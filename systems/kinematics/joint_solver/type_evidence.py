@@ -10,7 +10,6 @@ import numpy as np
 from maths.arrays import Array
 from maths.compiled import hot
 from systems.kinematics.joint_solver.axis_prior import may_be_far
-from systems.kinematics.joint_solver.bent_slide import bent_evidence
 from systems.kinematics.joint_solver.joint_geometry import (
     JOINTS,
     PRISMATIC,
@@ -22,7 +21,7 @@ from systems.kinematics.joint_solver.joint_pitch import hinge_evidence
 from systems.kinematics.joint_solver.joint_solver import Priors
 from systems.kinematics.joint_solver.path_floor import FLOORS, STRAY, floor, whose_turn
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
-from systems.kinematics.joint_solver.smooth_strays import smooth_bend, smooth_evidence
+from systems.kinematics.joint_solver.smooth_strays import bend, smooth_evidence
 
 _UNUSUAL = 5.0  # Log odds against smooth strays at all, [nat].
 # How many of `FLOORS` smooth strays may have; with the largest a ball would be a hinge that bends.
@@ -72,7 +71,7 @@ def type_evidence(m: Models, kf: Keyframes, priors: Priors, strays: Array) -> tu
     evidence = m.log_evidence.copy()
     _add_hinges(evidence, m.pitch[SCREW], m.covariance[SCREW, 10, 10], priors)
     if _wants_bend(evidence, kf, priors):
-        _add_bend(evidence, bent_evidence(m, kf, priors))
+        _add_bend(evidence, bend(m, kf, priors, 0.0 * strays))
     if np.trace(strays) == 0.0:
         return evidence, m.covariance.copy()
     unusual = _UNUSUAL + 0.5 * strays[3, 3] / STRAY[3]
@@ -83,7 +82,7 @@ def type_evidence(m: Models, kf: Keyframes, priors: Priors, strays: Array) -> tu
         covariance[kind] = p * covariance[kind] + (1.0 - p) * m.covariance[kind]
     _add_hinges(smooth, pitch, variance, priors)
     if _wants_bend(smooth, kf, priors):
-        _add_bend(smooth, smooth_bend(m, kf, priors, strays))
+        _add_bend(smooth, bend(m, kf, priors, strays))
     return np.logaddexp(evidence, smooth - unusual), covariance
 
 

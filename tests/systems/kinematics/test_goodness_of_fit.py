@@ -36,7 +36,7 @@ def test_a_wrong_type_does_not_fit() -> None:
     for kind in (PRISMATIC, RIGID):
         value, (_, high), _ = reduced_chi_square(kind, s.models, s.keyframes, s.noise)
         assert value > 3.0 * high
-        assert most_certainty(kind, s.models, s.keyframes, s.noise, s.scale) < 0.05
+        assert most_certainty(kind, s.models, s.keyframes, s.noise, s.claim) < 0.05
 
 
 @pytest.mark.parametrize("joint", [JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID])
@@ -46,7 +46,7 @@ def test_the_right_type_may_be_claimed_with_certainty(joint: JointType) -> None:
     _, states = filter_states(scene, simulate(scene, 0))
     for s in states[30::10]:
         kind = int(np.argmax(s.models.log_evidence))
-        assert most_certainty(kind, s.models, s.keyframes, s.noise, s.scale) > 0.99
+        assert most_certainty(kind, s.models, s.keyframes, s.noise, s.claim) > 0.99
 
 
 @pytest.mark.parametrize(("strays", "connected"), [(2.0, True), (30.0, False)])

@@ -139,6 +139,7 @@ def test_a_joint_to_another_body_counts_where_none_with_the_environment_fits(
         degrees=200,
         outlier_share=0.0,
         noise_scale=(1.0, 1.0),
+        noise_correlation=0.0,
         path_floor=0.0,
     )
     held = replace(joint(JointType.REVOLUTE, 0.2, explained=200.0), fit=fit)

@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 
 from maths import se3
+from maths.se3_in_place import pose_difference
 from maths.tangent_plane import tangent_basis
 from systems.kinematics.joint_solver import pose_keyframes
 from systems.kinematics.joint_solver.joint_chain import new_chain, run_chain, smooth, solve
@@ -92,7 +93,7 @@ def _dense(
     R, z, X = np.zeros((6 * K, 6 * K)), np.zeros(6 * K), np.empty((4, 4))
     for k in range(K):
         child_pose(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], m.q[kind, k], X)
-        z[6 * k : 6 * k + 6] = se3.log(se3.inverse(X) @ kf.Z[k])
+        pose_difference(X, kf.Z[k], z[6 * k : 6 * k + 6])
         R[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = kf.R[k]
     return J, Jq, z + Jq @ m.q[kind], R
 

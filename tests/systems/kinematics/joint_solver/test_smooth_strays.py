@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 from benchmarks.robustness_streams import all_cases, simulate_case
 from maths import se3
 from maths.arrays import Array
+from maths.se3_in_place import pose_difference
 from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from systems.kinematics.joint_filters_state import JointFiltersState
 from systems.kinematics.joint_solver.joint_geometry import (
@@ -72,7 +73,7 @@ def test_the_series_is_marginalised_as_one_large_normal_distribution(kind: int) 
     waves, V = np.zeros((6 * K, 24)), np.zeros((6 * K, 6 * K))
     for k in range(K):
         rows, (by_theta, by_q) = slice(6 * k, 6 * k + 6), _derivatives(kind, state, k, n)
-        r[rows] = se3.log(se3.inverse(_pose(kind, state, q[k], np.zeros(11))) @ kf.Z[k])
+        pose_difference(_pose(kind, state, q[k], np.zeros(11)), kf.Z[k], r[rows])
         A[rows, :n] = by_theta
         V[rows, rows] = kf.R[k] + rough
         L = np.linalg.inv(np.linalg.cholesky(V[rows, rows]))

@@ -33,8 +33,10 @@ from diagrams.joints.joint_drawing import (
 )
 from diagrams.joints.joint_metrics import joint_now
 from diagrams.joints.joint_palette import JOINT, body_color, body_label
-from diagrams.joints.joint_truth import UNKNOWN_JOINT
+from diagrams.joints.joint_truth import TRUTH_QUANTITIES, Truth, truth_of_ticks
 from diagrams.run.episode import connect_latest
+from diagrams.run.record import Tick
+from diagrams.run.recorder import declare_input, read_inputs
 from maths.arrays import Array
 from maths.validation import check, number, numbers
 from systems.port_values import (
@@ -91,7 +93,7 @@ def add_view(
         "meshcat_view",
         MeshcatView(MeshcatViewConfig(), meshcat, list(estimators), textured_boxes(scene_graph)),
     )
-    for port in ("path_planned", "cheat_joint"):
+    for port in ("path_planned", *(quantity.port for quantity in TRUTH_QUANTITIES)):
         builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
     connect_latest(builder, estimators, view)
 
@@ -118,12 +120,17 @@ class MeshcatView(LeafSystem):
         - <modality>_features_latest
         - path_planned
         - cheat_joint
+        - cheat_configuration
+        - cheat_body_pose
+        - interaction_active
 
     - `<modality>_joints_latest`, `<modality>_body_motions_latest`, `<modality>_features_latest`:
       `JointBeliefs`, `BodyMotions` and `FeatureBelief`; what has no source stays unconnected.
     - `path_planned`: poses (N, 4, 4) in W of the end-effector's planned way; N = 0 without a plan.
     - `cheat_joint`: `JointTruth`; where its parent moves, the joint between two moving bodies is
       drawn, not the one to the environment.
+    - `cheat_configuration`, `cheat_body_pose`, `interaction_active`: `TRUTH_QUANTITIES`, by which
+      configurations count from the grasp.
 
     Frames: W world, B a moving body, J joint (z along the axis), V the viewer.
     """
@@ -159,7 +166,8 @@ class MeshcatView(LeafSystem):
             meshcat.SetProperty(f"{ROOT}/{modality}", "visible", modality == shown)
         show_legend(meshcat, _legend_title(shown), _LEGEND)
         self._path = self.DeclareAbstractInputPort("path_planned", Value[object]())
-        self._truth = self.DeclareAbstractInputPort("cheat_joint", Value[object](UNKNOWN_JOINT))
+        self._truth_ports = {q.port: declare_input(self, q.port, q.model) for q in TRUTH_QUANTITIES}
+        self._station: list[Tick] = []
         self._plan = _PlannedPath(meshcat, f"{ROOT}/planned_path", config)
         self.DeclarePeriodicPublishEvent(config.period, 0.0, self._draw)
 
@@ -168,7 +176,8 @@ class MeshcatView(LeafSystem):
         if time > 0.0:  # At first the scene itself is drawn, which may be later than this.
             while self._textured:
                 self._meshcat.SetObject(*self._textured.popitem())
-        truth = self._truth.Eval(context) if self._truth.HasValue(context) else UNKNOWN_JOINT
+        self._station.append(Tick(time=time, values=read_inputs(self._truth_ports, context)))
+        truth = truth_of_ticks(self._station)
         for modality, ports in self._ports.items():
             values = {
                 name: port.Eval(context) for name, port in ports.items() if port.HasValue(context)
@@ -178,7 +187,7 @@ class MeshcatView(LeafSystem):
             layer.draw_features(time, values.get("features", no_features()), bodies.bodies)
             joints = values.get("joints", JointBeliefs())
             joint = joint_now(joints, bodies, truth.parent_moves)
-            layer.draw_joint(time, joint, bodies.bodies)
+            layer.draw_joint(time, joint, bodies.bodies, truth)
         if self._path.HasValue(context):
             self._plan.draw(time, self._path.Eval(context))
 
@@ -274,7 +283,9 @@ class _Layer:
         show_from(self._meshcat, path, time)
         self._clouds[body_id] = path
 
-    def draw_joint(self, time: float, joint: JointBelief | None, bodies: list[BodyMotion]) -> None:
+    def draw_joint(
+        self, time: float, joint: JointBelief | None, bodies: list[BodyMotion], truth: Truth
+    ) -> None:
         """Moves and scales the likeliest joint's shapes; hides the others."""
         sketch = None
         if joint is not None:
@@ -293,8 +304,8 @@ class _Layer:
         if sketch is None or joint is None:
             return
         self._place_joint(time, sketch)
-        words = f"{sketch.type} {describe_configuration(joint)}{describe_pitch(joint)}"
-        self._write_text(time, words, sketch)
+        configuration = describe_configuration(joint, truth, time)
+        self._write_text(time, f"{sketch.type} {configuration}{describe_pitch(joint)}", sketch)
 
     def _joint_path(self, kind: JointType) -> str:
         return f"{self._path}/joint/{kind}"

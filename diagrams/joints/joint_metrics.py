@@ -184,10 +184,8 @@ def joint_series(ticks: Sequence[Tick], truth: Truth) -> JointSeries:
             continue
         if truth.joint_type is not None:
             probability[k] = joint.probabilities.get(truth.joint_type, 0.0)
-        held = is_held(joint)
-        before = -travel_at_grasp(times[k], truth) if held else travel_before_grasp(truth)
-        reversible = truth.parent_moves and not held
-        for name, value in _compare(joint, truth, opening[k], before, reversible).items():
+        configuration = configuration_since_grasp(joint, truth, times[k])
+        for name, value in _compare(joint, truth, opening[k], configuration).items():
             columns[name][k] = value
     right = np.array([joint is not None and joint.type == truth.joint_type for joint in joints])
     return JointSeries(
@@ -227,26 +225,37 @@ def travel_before_grasp(truth: Truth) -> float:
     return -float(opening[0]) if len(opening) else 0.0
 
 
-def _compare(
-    joint: JointBelief, truth: Truth, opening: float, before: float, reversible: bool
-) -> dict[str, float]:
-    """The joint's figures by name.
+def configuration_since_grasp(joint: JointBelief, truth: Truth, time: float) -> float:
+    """Of the likeliest type at a time, on the true axis' side, counted from the grasp, [m or rad].
 
-    Which of two bodies that are only seen carries the other is a convention: `KinematicModel` goes
-    by which was found first. If `reversible`, the configuration counts the way that fits the truth.
+    That of a rigid joint does not change; of what is disconnected it is NaN. Which of two bodies
+    that are only seen carries the other is a convention: `KinematicModel` goes by which was found
+    first. Their configuration counts the way that fits the truth.
     """
+    held = is_held(joint)
+    start = travel_at_grasp(time, truth) if held else -travel_before_grasp(truth)
     if joint.type == JointType.RIGID:
-        return {"configuration": -before, "error": -before - opening}
+        return start
+    if joint.type == JointType.DISCONNECTED:
+        return math.nan
+    q = axis_sign(joint.model.axis_P, truth.axis_W) * float(joint.model.configuration[0])
+    if truth.parent_moves and not held:
+        true = float(opening_at(np.array([time]), truth)[0]) - start
+        q = min(q, -q, key=lambda value: abs(value - true))
+    return start + q
+
+
+def _compare(
+    joint: JointBelief, truth: Truth, opening: float, configuration: float
+) -> dict[str, float]:
+    """The joint's figures by name."""
+    if joint.type == JointType.RIGID:
+        return {"configuration": configuration, "error": configuration - opening}
     if joint.type == JointType.DISCONNECTED:
         return {}
     model: JointModelBelief = joint.model
     sign = axis_sign(model.axis_P, truth.axis_W)
     variance = float(model.configuration_covariance[0, 0])
-    q = sign * float(model.configuration[0])
-    target = opening + before
-    if reversible and abs(-q - target) < abs(q - target):
-        q = -q
-    configuration = q - before
     compared = {
         "configuration": configuration,
         "configuration_std": float(np.sqrt(max(variance, 0.0))),

@@ -1,5 +1,6 @@
 """What is true about the joint that an episode explores, as a station gives it and over time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,7 +10,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint, ScrewJoint
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from diagrams.run.record import EpisodeRecord, Quantity
+from diagrams.run.record import EpisodeRecord, Quantity, Tick
 from maths.arrays import Array
 from maths.immutable import Immutable
 from plants.screw_axis import screw_axis
@@ -228,15 +229,27 @@ class Truth:
 
 def truth_of(record: EpisodeRecord) -> Truth:
     """The truth in a record; of a recording without one everything is unknown."""
-    ticks = [tick for tick in record.station if "cheat_configuration" in tick.values]
+    return truth_of_ticks(record.station)
+
+
+def truth_of_ticks(station: Sequence[Tick]) -> Truth:
+    """The truth in what a station gave at its ticks."""
+    ticks = [tick for tick in station if "cheat_configuration" in tick.values]
     constants: JointTruth = next(
         (tick.values["cheat_joint"] for tick in ticks if "cheat_joint" in tick.values),
         UNKNOWN_JOINT,
     )
-    mechanics = next(iter(record.station_values(MECHANICS_QUANTITY.port)), UNKNOWN_MECHANICS)
+    mechanics = next(
+        (
+            tick.values[MECHANICS_QUANTITY.port]
+            for tick in station
+            if MECHANICS_QUANTITY.port in tick.values
+        ),
+        UNKNOWN_MECHANICS,
+    )
     grasps: list[float] = []
     held = False
-    for tick in record.station:
+    for tick in station:
         now = bool(tick.values.get("interaction_active", np.zeros(1))[0] > 0.5)
         if now and not held:
             grasps.append(tick.time)

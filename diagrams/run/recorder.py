@@ -80,24 +80,19 @@ class EpisodeRecorder(LeafSystem):
         self.station: list[Tick] = []
         self._tick: Tick | None = None  # The latest one.
         self.events: list[Event] = []
-        self._station_ports = {q.port: self._declare(q.port, q.model) for q in station}
+        self._station_ports = {q.port: declare_input(self, q.port, q.model) for q in station}
         if STATUS_PORT not in self._station_ports:
-            self._station_ports[STATUS_PORT] = self._declare(STATUS_PORT, TaskStatus())
+            self._station_ports[STATUS_PORT] = declare_input(self, STATUS_PORT, TaskStatus())
         self._picture_ports = {
-            port: self._declare(port, StampedImage(time=0.0, image=ImageRgba8U()))
+            port: declare_input(self, port, StampedImage(time=0.0, image=ImageRgba8U()))
             for port in pictures
         }
         self._estimator_ports = {
-            name: {q.port: self._declare(f"{name}_{q.port}", q.model) for q in quantities}
+            name: {q.port: declare_input(self, f"{name}_{q.port}", q.model) for q in quantities}
             for name in estimators
         }
         self.DeclarePeriodicPublishEvent(config.period, 0.0, self._record_station)
         self.DeclarePeriodicPublishEvent(config.period, 0.5 * config.period, self._record_beliefs)
-
-    def _declare(self, name: str, model: Any) -> InputPort:
-        if isinstance(model, np.ndarray):
-            return self.DeclareVectorInputPort(name, len(model))
-        return self.DeclareAbstractInputPort(name, AbstractValue.Make(model))
 
     @property
     def pictures(self) -> list[Picture]:
@@ -113,7 +108,7 @@ class EpisodeRecorder(LeafSystem):
 
     def _record_station(self, context: Context) -> None:
         time = context.get_time()
-        values = _values(self._station_ports, context)
+        values = read_inputs(self._station_ports, context)
         self._tick = Tick(time=time, values=values)
         self.note_status(time, values.get(STATUS_PORT, self.status))
         for name, port in self._picture_ports.items():
@@ -129,14 +124,22 @@ class EpisodeRecorder(LeafSystem):
         self.station.append(self._tick)
         time = self._tick.time
         for name, ports in self._estimator_ports.items():
-            self.estimators[name].ticks.append(Tick(time=time, values=_values(ports, context)))
+            self.estimators[name].ticks.append(Tick(time=time, values=read_inputs(ports, context)))
         for name, kept in self._pictures.items():
             if len(kept) > self._config.max_pictures:
                 del kept[1::2]
                 self._picture_interval[name] *= 2.0
 
 
-def _values(ports: dict[str, InputPort], context: Context) -> dict[str, Any]:
+def declare_input(system: LeafSystem, name: str, model: Any) -> InputPort:
+    """A port for values like the model: a vector port for an array."""
+    if isinstance(model, np.ndarray):
+        return system.DeclareVectorInputPort(name, len(model))
+    return system.DeclareAbstractInputPort(name, AbstractValue.Make(model))
+
+
+def read_inputs(ports: dict[str, InputPort], context: Context) -> dict[str, Any]:
+    """The values of those ports that have a source, to be kept, by the ports' names."""
     return {
         name: _kept(port.Eval(context)) for name, port in ports.items() if port.HasValue(context)
     }

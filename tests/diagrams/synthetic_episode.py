@@ -301,6 +301,20 @@ def connect_all(builder: DiagramBuilder, source: LeafSystem, sink: LeafSystem) -
             builder.Connect(source.GetOutputPort(port.get_name()), port)
 
 
+def nudged(record: EpisodeRecord, way: float) -> EpisodeRecord:
+    """The same episode, the joint moved by `way` [m or rad] while the hand closed.
+
+    What vision believes of it counts from before that.
+    """
+    for tick in record.station:
+        if tick.time < GRASP_TIME - 1e-9:
+            tick.values["cheat_configuration"] = tick.values["cheat_configuration"] - way
+    for tick in record.estimators["vision"].ticks:
+        for joint in tick.values["joints_latest"].joints:
+            joint.models[joint.type].configuration[0] += way
+    return record
+
+
 def without_truth(record: EpisodeRecord) -> EpisodeRecord:
     """The same episode as a real robot would record it: nobody knows what is true."""
     for tick in record.station:

@@ -109,18 +109,19 @@ def _draw_frame(
             joints.add(joint.type)
     spans = episode.record.scenario.disturbances.spans()
     note = "".join(f", {name}" for name, interval in spans if frame.time in interval)
-    _inset(axes, _caption(f"t = {frame.time:.1f} s{note}", joint, episode.truth))
+    belief = _belief(joint, episode.truth, tick.time)
+    _inset(axes, f"t = {frame.time:.1f} s{note}\n{belief}")
 
 
-def _caption(when: str, joint: JointBelief | None, truth: Truth) -> str:
-    belief = describe_configuration(joint, truth.axis_W)
+def _belief(joint: JointBelief | None, truth: Truth, time: float) -> str:
+    belief = describe_configuration(joint, truth, time)
     if joint is not None and joint.type in MOVING_TYPES:
         belief = f"{joint.type}, configuration {belief}"
         if pitch := describe_pitch(joint):
             belief += f"\n{pitch.removeprefix(', ')}"
         if fit := describe_fit(joint):
             belief += f"\n{fit.removeprefix('; ')}"
-    return f"{when}\n{belief}"
+    return belief
 
 
 def _inset(axes: Axes, text: str) -> None:

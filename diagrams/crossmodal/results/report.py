@@ -13,23 +13,23 @@ from diagrams.crossmodal.task import GRASP_LOST
 from diagrams.drawing.digits import fixed, written
 from diagrams.evaluation.stream_faults import fault_lines
 from diagrams.joints.joint_episode import JointEpisode
-from diagrams.joints.joint_metrics import axis_sign, last_seen
+from diagrams.joints.joint_metrics import axis_sign, configuration_since_grasp, last_seen
+from diagrams.joints.joint_truth import Truth
 from diagrams.joints.mechanics_record import mechanics_line
-from maths.arrays import Array
 from systems.kinematics.held_joint import MOVING_TYPES
 from systems.port_values import JointBelief, JointType
 
 
-def describe_configuration(joint: JointBelief | None, axis_true: Array | None = None) -> str:
-    """The configuration that a joint belief stands for, with its deviation, in cm or deg."""
+def describe_configuration(joint: JointBelief | None, truth: Truth, time: float) -> str:
+    """A joint's configuration at a time, counted from the grasp, with its deviation."""
     if joint is None:
         return "no joint seen"
     if joint.type not in MOVING_TYPES:
         return str(joint.type)
-    model = joint.model
-    sign = 1.0 if axis_true is None else axis_sign(model.axis_P, axis_true)
-    std = float(np.sqrt(max(model.configuration_covariance[0, 0], 0.0)))
-    return written_configuration(sign * float(model.configuration[0]), joint.type, spread=std)
+    std = float(np.sqrt(max(joint.model.configuration_covariance[0, 0], 0.0)))
+    return written_configuration(
+        configuration_since_grasp(joint, truth, time), joint.type, spread=std
+    )
 
 
 def written_configuration(

@@ -4,15 +4,16 @@ from base64 import b64decode
 import numpy as np
 import pytest
 from pydrake.common.value import Value
-from pydrake.geometry import Meshcat
+from pydrake.geometry import Mesh, Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from synthetic_episode import ReplayedBeliefs, connect_all, synthetic_episode
+from synthetic_episode import ReplayedBeliefs, connect_all, nudged, synthetic_episode
 
 from diagrams.crossmodal import meshcat_view
 from diagrams.crossmodal.meshcat_view import MeshcatView, MeshcatViewConfig, rigid_transform
 from diagrams.drawing.meshcat import start_meshcat
 from diagrams.drawing.text_board import text_board
+from diagrams.joints.joint_episode import joint_episode
 from diagrams.joints.joint_palette import JOINT, body_color, body_label
 from diagrams.run.episode import recorded_page
 from systems.port_values import HELD_BODY, STATIC_BODY, JointType
@@ -48,6 +49,28 @@ def test_features_joint_and_text_are_drawn(
     assert meshcat.HasPath(f"{layer}/features/set_7/body_0")
     assert meshcat.HasPath(f"{layer}/features/set_7/body_1")
     assert meshcat.HasPath(f"{layer}/text")
+
+
+def test_the_text_counts_from_the_grasp_as_the_estimates_do(
+    meshcat: Meshcat, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: list[str] = []
+
+    def keep(text: str, height: float, color: tuple[int, int, int]) -> Mesh:
+        written.append(text)
+        return text_board(text, height, color)
+
+    monkeypatch.setattr(meshcat_view, "text_board", keep)
+    record = nudged(synthetic_episode(), 0.05)
+    builder = DiagramBuilder()
+    source = builder.AddSystem(ReplayedBeliefs(record))
+    view = builder.AddSystem(MeshcatView(MeshcatViewConfig(), meshcat, ["vision"]))
+    connect_all(builder, source, view)
+    Simulator(builder.Build()).AdvanceTo(9.0)
+    series = joint_episode(record).series["vision"]
+    last = 100.0 * series.configuration[series.times <= 9.0][-1]
+    text = float(written[-1].removeprefix("prismatic ").partition(" ")[0])
+    assert abs(text - last) < 1.5  # As far as it goes between two texts.
 
 
 def test_features_are_dots_with_an_outline(meshcat: Meshcat) -> None:

@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from synthetic_episode import empty_episode, synthetic_episode, without_truth
+from synthetic_episode import empty_episode, nudged, synthetic_episode, without_truth
 
 from diagrams.crossmodal.modalities import COLORS
 from diagrams.crossmodal.results.frame_plots import draw_frames
 from diagrams.crossmodal.results.plots import draw_configurations, draw_errors
+from diagrams.crossmodal.results.report import written_configuration
 from diagrams.crossmodal.results.results import evaluate
 from diagrams.drawing.plot_style import save
 from diagrams.evaluation.campaign_plots import common_events
@@ -81,6 +82,20 @@ def test_frames_come_from_start_middle_and_end_of_the_motion() -> None:
     one.record.scenario.disturbances.lights_off.clear()
     assert "t = 10.0 s" in texts(draw_frames(one))
     assert "prismatic, configuration 22." in texts(draw_frames(one))
+
+
+def test_the_frames_count_from_the_grasp_as_the_estimates_do() -> None:
+    one = joint_episode(nudged(synthetic_episode(), 0.015))
+    series = one.series["vision"]
+    k = int(np.argmin(np.abs(series.times - 9.0)))
+    assert abs(series.error[k]) < 0.01
+    one.record.pictures[:] = [
+        picture for picture in one.record.pictures if abs(picture.time - 9.0) < 0.1
+    ]
+    belief = written_configuration(
+        float(series.configuration[k]), "prismatic", spread=float(series.configuration_std[k])
+    )
+    assert f"configuration {belief}" in texts(draw_frames(one, "vision"))
 
 
 def test_an_episode_that_hardly_began_has_nothing_to_draw() -> None:

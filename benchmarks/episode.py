@@ -32,6 +32,7 @@ FILTERS = (
     ("held_body_motion", "body_motions_estimated"),
     ("grasp_model", "grasp_estimated"),
     ("kinematic_model", "joints_estimated"),
+    ("joint_mechanics", "joint_mechanics_estimated"),
     ("arm_registration", "displacements_estimated"),
     ("end_effector_pose", "end_effector_estimated"),
     ("fingertip_motion", "fingertip_contact_estimated"),

@@ -8,12 +8,22 @@ from collections.abc import Mapping
 TRUTH = "#222222"
 QUIET = "#8C8C8C"  # Grid text, events, what does not move.
 PLAN = "#2255EE"  # The way before the hand.
-OTHERS = ("#4477AA", "#EE7733", "#228833", "#AA3377", "#66CCEE", "#CCBB44")
+OTHERS = (
+    "#4477AA",
+    "#EE7733",
+    "#228833",
+    "#AA3377",
+    "#66CCEE",
+    "#CCBB44",
+    "#332288",
+    "#CC3311",
+)
 
 
 def estimator_color(colors: Mapping[str, str], name: str, index: int) -> str:
-    """An estimator's colour, or that of the index among those that have none."""
-    return colors.get(name, OTHERS[index % len(OTHERS)])
+    """An estimator's colour; without one, that of the index among those that nobody has."""
+    free = [color for color in OTHERS if color not in colors.values()]
+    return colors.get(name, free[index % len(free)])
 
 
 def rgb(color: str) -> tuple[float, float, float]:

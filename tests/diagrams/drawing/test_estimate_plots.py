@@ -3,6 +3,9 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from diagrams.crossmodal.estimators import CROSSMODAL_WIRES
+from diagrams.crossmodal.modalities import COLORS
+from diagrams.drawing import palette
 from diagrams.drawing.estimate_plots import draw_estimates, draw_probabilities
 from diagrams.evaluation.estimates import estimates_table, scalar
 
@@ -48,6 +51,19 @@ def test_estimates_are_drawn_with_the_truth_in_the_given_unit(table: pd.DataFram
     dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
     assert dashed[0].get_ydata()[-1] == pytest.approx(400.0)
     assert len(axes.patches) == 1  # The second shade begins after the end.
+
+
+def test_an_estimator_without_a_colour_gets_one_that_no_other_has(table: pd.DataFrame) -> None:
+    for taken in palette.OTHERS:
+        (axes,) = draw_estimates(table, "angle", colors={"left": taken}).axes
+        colors = {to_hex(line.get_color()) for line in axes.lines if line.get_linestyle() == "-"}
+        assert len(colors) == 2
+
+
+def test_the_networks_of_the_second_notebook_have_a_colour_each() -> None:
+    names = ["proprioception", "crossmodal", *(f"without {wire}" for wire in CROSSMODAL_WIRES)]
+    colors = {palette.estimator_color(COLORS, name, k) for k, name in enumerate(names)}
+    assert len(colors) == len(names)
 
 
 def test_errors_are_drawn_without_the_truth(table: pd.DataFrame) -> None:

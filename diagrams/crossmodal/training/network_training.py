@@ -7,6 +7,7 @@ from typing import Any
 
 from diagrams.crossmodal.training.hand_bending_data import simulate_interaction
 from diagrams.crossmodal.training.hand_bending_training import Interaction, search_topology, train
+from diagrams.evaluation.campaign_report import made_by
 from diagrams.run.folder.run_folder import write_atomically, write_text
 from models import WEIGHTS_DIR
 from systems.proprioception.bending_network import save_network
@@ -50,7 +51,7 @@ def train_hand_bending(
     """
     folder = folder or WEIGHTS_DIR
     command = f"crossmodal train hand-bending --seed {seed}" + (" --search" if search else "")
-    network, facts = train(interactions, seed=seed, command=command)
+    network, facts = train(interactions, seed=seed, command=made_by(command))
     topologies = search_topology(interactions, seed=seed) if search else []
     card = hand_bending_card(facts, topologies)
     return [

@@ -16,6 +16,7 @@ USERS = {
     "diagrams.crossmodal.application",
     "diagrams.crossmodal.results.results",
     "diagrams.crossmodal.studies.ablation_study",  # Its table.
+    "diagrams.crossmodal.training.network_training",  # By which program, on its card.
     "diagrams.evaluation.estimates",
     "diagrams.flap.application",
     "diagrams.flap.results.results",

@@ -15,7 +15,7 @@ EXAMPLES = "Example:  crossmodal diagram drawer --modality vision --out vision.s
 def diagram_command(
     scenario: Annotated[str, typer.Argument(help="A scenario's name or a path to a YAML file.")],
     out: Annotated[
-        Path | None, typer.Option(help="The SVG file. [default: SCENARIO-MODALITY.svg]")
+        Path | None, typer.Option(help="The SVG file. [default: runs/SCENARIO-MODALITY.svg]")
     ] = None,
     modality: Annotated[
         str, typer.Option(help="One of the scenario's estimators. [default: the last one]")
@@ -42,7 +42,7 @@ def diagram_command(
             name = list(estimators)[-1]
         if name not in estimators:
             raise ScenarioError(f"unknown modality '{name}'; {suggestion(name, estimators)}")
-        path = out or Path(f"{chosen.name}-{name}.svg")
+        path = out or Path("runs") / f"{chosen.name}-{name}.svg"
         if os.path.exists(path) and not force:
             raise ScenarioError(f"{path}: exists already; replace it with --force")
         title = f"{chosen.name}: {application.labels.get(name, name)} network"

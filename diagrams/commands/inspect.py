@@ -28,7 +28,7 @@ def inspect_command(
         float, typer.Option(help="Of its lengths; 0.001 for a model in millimetres.")
     ] = 1.0,
     scenario: Annotated[str, typer.Option(help="In which it would stand.")] = "drawer",
-    out: Annotated[Path | None, typer.Option(help="The picture. [default: MODEL.png]")] = None,
+    out: Annotated[Path | None, typer.Option(help="The picture. [default: runs/MODEL.png]")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the picture.")] = False,
 ) -> None:
     """Show what is in a model, where it would stand, and how to run it."""
@@ -39,7 +39,7 @@ def inspect_command(
         from diagrams.run.own_object import OwnObject
         from diagrams.run.yaml_input.schema import ScenarioError
 
-        path = out or Path(f"{model.stem}.png")
+        path = out or Path("runs") / f"{model.stem}.png"
         if path.exists() and not force:
             raise ScenarioError(f"{path}: exists already; replace it with --force, or name --out")
         own = OwnObject(

@@ -20,7 +20,7 @@ def test_a_model_is_shown_with_a_picture_and_a_command_that_runs_it(
     assert result.exit_code == 0, result.output
     for words in ("2 moving joints", "left_slide", "0 to 0.3 m", "61 mm free behind it"):
         assert words in result.stdout
-    assert Image.open("two_drawers.png").size[0] > 1000
+    assert Image.open("runs/two_drawers.png").size[0] > 1000
     (line,) = [line for line in result.stdout.splitlines() if "crossmodal run" in line]
     words = shlex.split(line)[1:]
     assert RUNNER.invoke(app, [*words, "--out", "run"]).exit_code in (0, 1)
@@ -29,10 +29,12 @@ def test_a_model_is_shown_with_a_picture_and_a_command_that_runs_it(
 
 
 def test_a_picture_is_not_replaced_unasked() -> None:
-    Path("two_drawers.png").write_text("mine")
+    picture = Path("runs/two_drawers.png")
+    picture.parent.mkdir()
+    picture.write_text("mine")
     result = RUNNER.invoke(app, ["inspect", str(EXAMPLE)])
     assert result.exit_code == 2
-    assert Path("two_drawers.png").read_text() == "mine"
+    assert picture.read_text() == "mine"
 
 
 def test_a_model_without_a_handle_is_said_to_have_none() -> None:
@@ -43,7 +45,7 @@ def test_a_model_without_a_handle_is_said_to_have_none() -> None:
     result = RUNNER.invoke(app, ["inspect", "box.urdf"])
     assert result.exit_code == 0, result.output
     assert "none: the hand holds bars of 4 to 50 mm" in result.stdout
-    assert not Path("box.png").exists()
+    assert not Path("runs").exists()
 
 
 @pytest.mark.parametrize("arguments", [["none.sdf"], ["bad.urdf"], [str(EXAMPLE), "--scale", "-1"],

@@ -1,5 +1,6 @@
 """`crossmodal ablate`."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -37,5 +38,10 @@ def ablate_command(
             find_ablation(name)
         with held(out, (TABLE_FILE,), shared=True):
             with tqdm(total=len(chosen) * len(numbers), unit="episode", disable=None) as bar:
-                table = run_ablations(APPLICATION, chosen, numbers, out, bar.update)
+
+                def progress(name: str, seed: int) -> None:
+                    bar.update()
+                    bar.write(f"{name}, seed {seed}: done", file=sys.stderr)
+
+                table = run_ablations(APPLICATION, chosen, numbers, out, progress)
             typer.echo(f"{table}\n  {write_text(out / TABLE_FILE, table)}")

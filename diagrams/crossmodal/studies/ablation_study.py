@@ -86,9 +86,12 @@ def run_ablations(
     names: Sequence[str],
     seeds: Sequence[int],
     folder: Path,
-    progress: Callable[[], object] = lambda: None,
+    progress: Callable[[str, int], object] = lambda name, seed: None,
 ) -> str:
     """Runs ablations over seeds; resumable.
+
+    Args:
+        progress: Called with an ablation's name and a seed once they have been run.
 
     Returns:
         Their table in Markdown.
@@ -100,7 +103,7 @@ def run_ablations(
         for seed in seeds:
             place = folder / f"{name}-{seed:04d}"
             results[name].append(run_ablation(application, ablation, seed, place))
-            progress()
+            progress(name, seed)
     return table(results)
 
 

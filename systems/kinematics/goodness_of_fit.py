@@ -42,14 +42,12 @@ def reduced_chi_square(
     return square / degrees, (low, high), degrees
 
 
-def most_certainty(
-    kind: int, m: Models, kf: Keyframes, noise: NoiseScale, claim: Array
-) -> float:
+def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale, claim: Array) -> float:
     """Probability up to which a joint may be claimed, by how far the keyframes are off its path.
 
-    No real joint is ideal, but one from which the child strays by more than the largest floor is none:
-    that they are so far off or farther has the probability p, and the type may be claimed with
-    certainty while p is inside the bounds, beyond with p over that of the bound.
+    No real joint is ideal, but one from which the child strays by more than the largest floor is
+    none: that they are so far off or farther has the probability p, and the type may be claimed
+    with certainty while p is inside the bounds, beyond with p over that of the bound.
 
     Args:
         kind: A type, likely or not.

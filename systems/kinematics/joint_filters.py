@@ -7,12 +7,12 @@ approximation. Measurements are averaged into a bounded number of keyframes; whe
 lose what the motion has shown, an old keyframe is marginalised, and leaves a Gaussian prior of the
 parameters and its share of the evidence.
 
-What is claimed of the measurements is a prior. How large their noise is follows from the stream
-itself (`noise_scale`), what does not average out and by what the path is no ideal joint's from the
-evidence (`path_floor`), and a measurement that is far off is an outlier with a probability
-(`outliers`). Where no joint explains the motion, a free one wins (`free_motion`), and no joint is
-claimed with more certainty than the distance of the measurements from its path allows
-(`goodness_of_fit.most_certainty`).
+What is claimed of the measurements is a prior. How large their noise is and whether it is
+correlated in time follows from the stream itself (`noise_scale`, `noise_correlation`), what does
+not average out and by what the path is no ideal joint's from the evidence (`path_floor`), and a
+measurement that is far off is an outlier with a probability (`outliers`). Where no joint explains
+the motion, a free one wins (`free_motion`), and no joint is claimed with more certainty than the
+distance of the measurements from its path allows (`goodness_of_fit.most_certainty`).
 
 The filters work without Drake:
 
@@ -30,8 +30,8 @@ child's pose has got a constant error.
 A measurement that cannot be true, as with NaN, a covariance that is none or a time before the last,
 is skipped: the state stays as it was, and `skipped` of state and belief counts it by its reason.
 Two measurements of one instant are fine unless they are the same. A tracker that is read more often
-than it measures sends the same pose again and again, which is one measurement. An array of another shape is a
-`ValueError`, and so is a bad first measurement.
+than it measures sends the same pose again and again, which is one measurement. An array of another
+shape is a `ValueError`, and so is a bad first measurement.
 
 Frames: P parent, B child, F the child's measured reference pose. All covariances of poses are right
 perturbations in B, rotation [rad] before translation [m].

@@ -161,7 +161,7 @@ def _update_pair(
     if state is None and pair[0] != STATIC_BODY:
         state = transferred(pair, bodies, graph.past.get(pair[1], []), time)
     if state is None:
-        if pose_fault(pose.X) or pose_fault(X_PB_reference) or covariance_fault(pose.covariance):
+        if pose_fault(pose.X) or pose_fault(X_PB_reference):
             return None
         age, delay = config.reference_age, 0.0
         if pair[1] == HELD_BODY and pair[1] not in graph.bodies:

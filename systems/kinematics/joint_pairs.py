@@ -11,6 +11,7 @@ import numpy as np
 from maths import se3
 from maths.arrays import Array
 from systems.kinematics.joint_filters import JointFiltersState
+from systems.kinematics.joint_filters_start import finite
 from systems.port_values import STATIC_BODY, BodyMotion, PoseBelief
 
 Pair = tuple[int, int]
@@ -60,7 +61,8 @@ def relative_pose(parent: PoseBelief, child: PoseBelief) -> PoseBelief:
     """X_PB of two independent poses in W."""
     X_PB = se3.inverse(parent.X) @ child.X
     Ad = se3.adjoint(se3.inverse(X_PB))
-    return PoseBelief(X=X_PB, covariance=child.covariance + Ad @ parent.covariance @ Ad.T)
+    of_parent = Ad @ finite(parent.covariance) @ Ad.T
+    return PoseBelief(X=X_PB, covariance=child.covariance + of_parent)
 
 
 def _pose(body: BodyMotion) -> PoseBelief:

@@ -204,6 +204,20 @@ def test_a_body_that_cannot_be_true_is_left_out_with_a_count_and_a_reason(
     assert (joint.updates, joint.type, joint.skipped) == (46, JointType.PRISMATIC, {reason: 2})
 
 
+def test_a_parent_whose_rotation_is_unknown_says_nothing_and_harms_none() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig()))
+    unknown = COVARIANCE.copy()
+    unknown[:3, :3] = np.diag([np.inf] * 3)
+    for k in range(45):
+        driver.set(
+            sliding_body(2, 0.002 * k, seed=k), _broken(sliding_body(3, 0.0), covariance=unknown)
+        )
+        driver.tick()
+    joints = {(j.parent_id, j.child_id): j for j in driver.joints().joints}
+    assert joints[0, 2].type == JointType.PRISMATIC
+    assert max(joints[3, 2].probabilities.values()) < 0.7
+
+
 def test_a_broken_source_does_not_override_a_good_one() -> None:
     driver = Driver(KinematicModel(KinematicModelConfig(), inputs=2))
     driver.set(sliding_body(2, 0.0), port=0)

@@ -208,3 +208,31 @@ def test_a_reference_that_came_late_leaves_the_configuration_as_uncertain_as_the
         stds.append(np.sqrt(model.configuration_covariance[0, 0]))
     lever = 1.0 if joint == PRISMATIC else filters.config.radius
     assert_allclose(stds[1] ** 2 - stds[0] ** 2, (delay * filters.config.speed / lever) ** 2)
+
+
+def test_after_a_constant_error_the_reference_is_as_noisy_as_the_stream_was() -> None:
+    """The noise is four times as large as claimed, which the filters have found out."""
+    scene = Scene(joint=REVOLUTE, seconds=8.0)
+    run, filters = simulate(scene, 0), JointFilters(JointFiltersConfig())
+    claimed = scene.covariance / 16.0
+    state = filters.start(run.measured[0], claimed, 0.0)
+    for t, X in zip(run.times[1:], run.measured[1:], strict=True):
+        state = filters.update(state, X, claimed, float(t))
+    assert 3.0 < state.scale.min() < state.scale.max() < 5.0
+    rebased = filters.rebase(state, state.time, 1e-12 * np.eye(6), np.zeros((6, 6)))
+    found = np.sqrt(np.diagonal(rebased.keyframes.R[0]) / np.diagonal(claimed))
+    assert_allclose(found, state.scale, rtol=1e-6)
+    # The step across the jump is none of the noise's.
+    after = filters.update(
+        rebased, run.measured[-1] @ se3.exp(np.full(6, 0.05)), claimed, state.time + 1.0
+    )
+    assert_allclose(after.noise.variance, state.noise.variance)
+    assert filters.belief(rebased).models[REVOLUTE].configuration_covariance[1, 1] > 0.0
+
+
+@pytest.mark.parametrize("time", [float("nan"), 0.5])
+def test_a_constant_error_comes_at_no_impossible_time(time: float) -> None:
+    filters = JointFilters(JointFiltersConfig())
+    state = filters.start(np.eye(4), 1e-6 * np.eye(6), 1.0)
+    with pytest.raises(ValueError, match="rebase: time"):
+        filters.rebase(state, time, 1e-12 * np.eye(6), np.zeros((6, 6)))

@@ -68,13 +68,13 @@ def _model(case: Case, belief: JointBelief) -> JointModelBelief | None:
 def evaluate_case(case: Case, seed: int, filters: JointFilters) -> Outcome:
     """Runs the filters over one stream."""
     stream = simulate_case(case, seed)
-    state = filters.start(stream.X_PB_measured[0], case.covariance, 0.0)
+    state = filters.start(stream.X_PB_measured[0], stream.covariances[0], 0.0)
     belief, wrong, rows = filters.belief(state), False, []
     model = None
     lever = case.radius if case.joint in ("revolute", "screw") else 1.0
     for k in range(1, stream.times.size):
         t = float(stream.times[k])
-        state = filters.update(state, stream.X_PB_measured[k], case.covariance, t)
+        state = filters.update(state, stream.X_PB_measured[k], stream.covariances[k], t)
         if t < SETTLING:
             continue
         belief = filters.belief(state)

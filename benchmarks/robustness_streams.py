@@ -41,6 +41,9 @@ class Case:
         outliers: Share of the frames that are off by 5 cm and 20 deg in a random direction.
         bend: By what the child strays smoothly from the joint's path, sideways: one standard
             deviation per direction, [m], and as many radians per `BEND_LEVER`.
+        correlation_time: Of the noise, a Gauss-Markov process of first order, [s]; zero if white.
+        rotations: In every how many-th frame a rotation is measured; zero for none.
+        held: How often each pose is sent before the next.
     """
 
     name: str
@@ -55,6 +58,9 @@ class Case:
     claimed: float = 1.0
     outliers: float = 0.0
     bend: float = 0.0
+    correlation_time: float = 0.0
+    rotations: int = 1
+    held: int = 1
 
     @property
     def covariance(self) -> Array:
@@ -62,12 +68,21 @@ class Case:
         scale = np.repeat([self.rotation_noise, self.translation_noise], 3)
         return np.asarray(np.diag((self.claimed * scale) ** 2))
 
+    def has_rotation(self, frame: int) -> bool:
+        """Whether a rotation is measured in a frame."""
+        return self.rotations > 0 and frame % self.rotations == 0
+
 
 @dataclass(kw_only=True)
 class RobustnessStream:
-    """A stream and its truth, as `joint_streams.Stream`."""
+    """A stream and its truth, as `joint_streams.Stream`; a held pose has that of its measurement.
+
+    Attributes:
+        covariances: (N, 6, 6) claimed, infinite on the diagonal where nothing was measured.
+    """
 
     times: Array
+    covariances: Array
     X_PB_measured: Array
     X_PB: Array
     configuration: Array
@@ -131,7 +146,8 @@ def simulate_case(case: Case, seed: int) -> RobustnessStream:
     X0[:3, 3] = rng.uniform(0.8, 1.2) * _unit(rng)
     normal = np.cross(axis, _unit(rng))
     p_PA = X0[:3, 3] + case.radius * normal / np.linalg.norm(normal)
-    times = np.arange(round(case.duration * RATE) + 1) / RATE
+    frames = np.repeat(np.arange(round(case.duration * RATE) + 1), case.held)
+    times = frames / RATE
     q = case.motion(times)
     if case.joint in (FREE, BALL):
         poses = _free_poses(case, X0, times, rng)
@@ -142,16 +158,29 @@ def simulate_case(case: Case, seed: int) -> RobustnessStream:
     if case.bend > 0.0:
         poses = _bent(case, poses, axis, rng)
     scale = np.repeat([case.rotation_noise, case.translation_noise], 3)
-    measured = []
-    for X in poses:
-        error = scale * rng.normal(size=6)
+    r = np.exp(-1.0 / (RATE * case.correlation_time)) if case.correlation_time > 0.0 else 0.0
+    measured: list[Array] = []
+    noise = np.zeros(6)
+    for k, X in enumerate(poses):
+        if k % case.held > 0:
+            measured.append(measured[-1])
+            continue
+        fresh = scale * rng.normal(size=6)
+        noise = r * noise + np.sqrt(1.0 - r * r) * fresh if k > 0 else fresh
+        error = noise.copy()
         if rng.random() < case.outliers:
             error += np.concatenate(
                 [OUTLIER_ROTATION * _unit(rng), OUTLIER_TRANSLATION * _unit(rng)]
             )
         measured.append(X @ se3.exp(error))
+        if not case.has_rotation(frames[k]):
+            measured[-1][:3, :3] = np.eye(3)
+    seen = np.array([case.has_rotation(frame) for frame in frames])
+    covariances = np.tile(case.covariance, (frames.size, 1, 1))
+    covariances[np.ix_(~seen, [0, 1, 2], [0, 1, 2])] += np.diag([np.inf] * 3)
     return RobustnessStream(
-        times=times,
+        times=np.arange(frames.size) / (RATE * case.held),
+        covariances=covariances,
         X_PB_measured=np.array(measured),
         X_PB=poses,
         configuration=q,
@@ -226,7 +255,20 @@ def _cases_of_table(door: Case, drawer: Case, rigid: Case) -> list[Case]:
         replace(door, name="door, bent by 2 mm, 1 mm", **fine),
         replace(drawer, name="drawer, bent by 2 mm, 1 mm", motion=_steady(0.4, 12), **fine),
     ]
-    return cases
+    return cases + _cases_of_trackers(door, drawer, rigid)
+
+
+def _cases_of_trackers(door: Case, drawer: Case, rigid: Case) -> list[Case]:
+    still = {"name": "rigid, a rotation in every fifth frame", "rotations": 5}
+    return [
+        *[
+            replace(c, name=f"{c.name}, errors correlated over 0.5 s", correlation_time=0.5)
+            for c in (door, drawer, rigid)
+        ],
+        *[replace(c, name=f"{c.name}, each pose sent 4 times", held=4) for c in (door, rigid)],
+        *[replace(c, name=f"{c.name}, positions alone", rotations=0) for c in (door, drawer)],
+        replace(rigid, **still),
+    ]
 
 
 def all_cases() -> list[Case]:

@@ -17,8 +17,7 @@ from scipy.spatial import ConvexHull, QhullError
 from diagrams.joints.joint_palette import JOINT
 from diagrams.run.calibration import Camera
 from maths.arrays import Array
-from systems.kinematics.held_joint import MOVING_TYPES
-from systems.port_values import BodyMotion, JointBelief, JointType
+from systems.port_values import MOVING_TYPES, BodyMotion, JointBelief, JointType
 
 BAR_LENGTH = 0.3  # [m]
 HELIX_RADIUS = 0.025  # [m]

@@ -23,8 +23,7 @@ from diagrams.joints.joint_truth import Truth
 from diagrams.run.record import Tick
 from maths import se3
 from maths.consistency import share_inside
-from systems.kinematics.held_joint import MOVING_TYPES
-from systems.port_values import BodyMotion, JointBelief, JointType
+from systems.port_values import MOVING_TYPES, BodyMotion, JointBelief, JointType
 
 _STILL_SEEN = 0.5  # An estimator that lost the joint longer ago claims nothing at the end, [s].
 

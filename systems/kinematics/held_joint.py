@@ -9,8 +9,10 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from maths import se3
 from maths.arrays import Array
 from maths.validation import check, number
+from systems.kinematics.joint_screws import screw
 from systems.port_values import (
     HELD_BODY,
+    MOVING_TYPES,
     STATIC_BODY,
     BodyMotions,
     EndEffectorBelief,
@@ -18,12 +20,9 @@ from systems.port_values import (
     GraspType,
     JointBelief,
     JointBeliefs,
-    JointModelBelief,
     JointType,
     PoseBelief,
 )
-
-MOVING_TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.SCREW)
 
 
 @dataclass(kw_only=True)
@@ -34,14 +33,6 @@ class HeldJointConfig:
     least_probability: float = number(0.5, at_least=0.0, at_most=1.0)
     # Largest standard deviation of its axis.
     largest_axis_angle: float = number(0.5, above=0.0, at_most=10.0, unit="rad")
-
-
-def screw(joint_type: JointType, model: JointModelBelief) -> Array:
-    """Unit twist S_P (6,) at Po of the child per unit of q, in the parent's frame P."""
-    if joint_type == JointType.PRISMATIC:
-        return np.concatenate([np.zeros(3), model.axis_P])
-    climb = model.pitch * model.axis_P if joint_type == JointType.SCREW else np.zeros(3)
-    return np.concatenate([model.axis_P, np.cross(model.p_PA, model.axis_P) + climb])
 
 
 def is_likely(joint: JointBelief, config: HeldJointConfig) -> bool:

@@ -37,7 +37,7 @@ from systems.kinematics.force_regression import (
 )
 from systems.kinematics.hand_force import HandForce, hand_screw_covariance
 from systems.kinematics.joint_mechanics_config import JointMechanicsConfig
-from systems.kinematics.joint_screws import SCREWS, screw_belief, speed_at
+from systems.kinematics.joint_screws import screw_belief, speed_at
 from systems.kinematics.joint_stops import (
     Excess,
     Rest,
@@ -50,6 +50,9 @@ from systems.kinematics.joint_stops import (
     remember,
 )
 from systems.port_values import (
+    HELD_BODY,
+    MOVING_TYPES,
+    STATIC_BODY,
     JointBelief,
     JointMechanics,
     JointMechanicsBelief,
@@ -121,8 +124,9 @@ class JointMechanicsFilters:
         self._share = 1.0 - float(np.exp(-config.period / config.smoothing))
         self._settle = round(config.settle / config.period)
 
-    def start(self, parent_id: int = 0, child_id: int = 1) -> JointMechanicsState:
-        return JointMechanicsState(parent_id=parent_id, child_id=child_id, updates=0, types={})
+    def start(self) -> JointMechanicsState:
+        """The state before any force was measured."""
+        return JointMechanicsState(parent_id=STATIC_BODY, child_id=HELD_BODY, updates=0, types={})
 
     def update(
         self, state: JointMechanicsState, joint: JointBelief, force: HandForce | None
@@ -138,7 +142,7 @@ class JointMechanicsFilters:
         types = {
             joint_type: self._update_type(known.get(joint_type), joint_type, model, force)
             for joint_type, model in joint.models.items()
-            if joint_type in SCREWS
+            if joint_type in MOVING_TYPES
         }
         return JointMechanicsState(
             parent_id=joint.parent_id, child_id=joint.child_id, updates=joint.updates, types=types

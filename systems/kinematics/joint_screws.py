@@ -1,8 +1,5 @@
 """The unit twist of a joint and how uncertain it is; virtual work turns it into a force."""
 
-from collections.abc import Callable
-from dataclasses import replace
-
 import numpy as np
 
 from maths import se3
@@ -11,43 +8,34 @@ from maths.vectors import cross
 from systems.port_values import JointModelBelief, JointType
 
 
-def _prismatic(model: JointModelBelief) -> tuple[Array, Array]:
-    covariance = np.zeros((6, 6))
-    covariance[3:, 3:] = model.axis_covariance
-    return np.concatenate([np.zeros(3), model.axis_P]), covariance
-
-
-def _revolute(model: JointModelBelief) -> tuple[Array, Array]:
-    return _screw(replace(model, pitch=0.0, pitch_variance=0.0))
-
-
-def _screw(model: JointModelBelief) -> tuple[Array, Array]:
-    a, p, h = model.axis_P, model.p_PA, model.pitch
-    by_axis = np.vstack([np.eye(3), se3.skew(p) + h * np.eye(3)])
-    by_point = np.vstack([np.zeros((3, 3)), -se3.skew(a)])
-    by_pitch = np.concatenate([np.zeros(3), a])
-    covariance = by_axis @ model.axis_covariance @ by_axis.T
-    covariance += by_point @ model.p_PA_covariance @ by_point.T
-    covariance += model.pitch_variance * np.outer(by_pitch, by_pitch)
-    return np.concatenate([a, cross(p, a) + h * a]), covariance
-
-
-# By type that moves.
-SCREWS: dict[JointType, Callable[[JointModelBelief], tuple[Array, Array]]] = {
-    JointType.PRISMATIC: _prismatic,
-    JointType.REVOLUTE: _revolute,
-    JointType.SCREW: _screw,
-}
+def screw(joint_type: JointType, model: JointModelBelief) -> Array:
+    """Unit twist S_P (6,) at Po of the child per unit of q, in the parent's frame P."""
+    if joint_type == JointType.PRISMATIC:
+        return np.concatenate([np.zeros(3), model.axis_P])
+    climb = model.pitch * model.axis_P if joint_type == JointType.SCREW else np.zeros(3)
+    return np.concatenate([model.axis_P, cross(model.p_PA, model.axis_P) + climb])
 
 
 def screw_belief(joint_type: JointType, model: JointModelBelief) -> tuple[Array, Array]:
-    """Unit twist S_P (6,) at Po per unit of q, rotation first, and its covariance (6, 6).
+    """The `screw`, and its covariance (6, 6).
 
     Axis, point and pitch count as independent. The generalised force of a spatial force F_P (6,) at
     Po, torque first, is S_P · F_P: the moment about a hinge's axis, the force along a slide, and of
     a screw the moment and the pitch times the force along its axis.
     """
-    return SCREWS[joint_type](model)
+    S, covariance = screw(joint_type, model), np.zeros((6, 6))
+    if joint_type == JointType.PRISMATIC:
+        covariance[3:, 3:] = model.axis_covariance
+        return S, covariance
+    has_pitch = joint_type == JointType.SCREW
+    pitch, variance = (model.pitch, model.pitch_variance) if has_pitch else (0.0, 0.0)
+    by_axis = np.vstack([np.eye(3), se3.skew(model.p_PA) + pitch * np.eye(3)])
+    by_point = np.vstack([np.zeros((3, 3)), -se3.skew(model.axis_P)])
+    by_pitch = np.concatenate([np.zeros(3), model.axis_P])
+    covariance += by_axis @ model.axis_covariance @ by_axis.T
+    covariance += by_point @ model.p_PA_covariance @ by_point.T
+    covariance += variance * np.outer(by_pitch, by_pitch)
+    return S, covariance
 
 
 def speed_at(S: Array, p: Array) -> float:

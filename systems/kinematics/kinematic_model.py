@@ -23,14 +23,14 @@ class KinematicModel(RecursiveFilter):
     """Joints between bodies: type, parameters and configuration, from relative poses.
 
     For every pair of a parent P (the static environment, or a moving body of higher id) and a child
-    B, four models explain all relative poses measured so far,
+    B, five models explain all relative poses measured so far,
 
         X_PB(t) = X_PF E(q(t)) Y exp(noise),
 
-    with a constant screw E (prismatic, revolute), none (rigid) or a free motion (disconnected).
-    Their probabilities follow from their evidence. The posterior of a tick holds each pair's pose
-    keyframes: every update is a maximum a posteriori fit to all of them, linearised anew, and what
-    is older than they are is marginalised (`JointFilters`).
+    with a constant screw E (prismatic, revolute, screw), none (rigid) or a free motion
+    (disconnected). Their probabilities follow from their evidence. The posterior of a tick holds
+    each pair's pose keyframes: every update is a maximum a posteriori fit to all of them,
+    linearised anew, and what is older than they are is marginalised (`JointFilters`).
 
     The configuration of a pair that is not measured any more is predicted, ever less surely, for as
     long as the pair is kept.

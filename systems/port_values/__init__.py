@@ -48,6 +48,7 @@ from systems.port_values.joint_mechanics import (
     LimitBelief,
 )
 from systems.port_values.joints import (
+    MOVING_TYPES,
     JointBelief,
     JointBeliefs,
     JointFit,
@@ -78,6 +79,7 @@ from systems.port_values.tactile import (
 __all__ = [
     "HEALTHY",
     "HELD_BODY",
+    "MOVING_TYPES",
     "NO_CONTACT",
     "NO_POSE",
     "NO_SLIP",

@@ -17,6 +17,9 @@ class JointType(StrEnum):
     DISCONNECTED = "disconnected"
 
 
+MOVING_TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.SCREW)
+
+
 @dataclass(kw_only=True)
 class JointModelBelief:
     """One joint type's belief about how a child body moves relative to its parent P.

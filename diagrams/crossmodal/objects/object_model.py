@@ -14,8 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 from plants.parsing import make_parser
-from systems.kinematics.held_joint import MOVING_TYPES
-from systems.port_values import JointType
+from systems.port_values import MOVING_TYPES, JointType
 
 
 @dataclass(kw_only=True)

@@ -21,8 +21,8 @@ from diagrams.joints.joint_metrics import bodies_of, joint_now, joints_of, motio
 from diagrams.joints.joint_palette import body_color, body_label
 from diagrams.joints.joint_truth import Truth
 from diagrams.run.record import Picture, Tick
-from systems.kinematics.held_joint import MOVING_TYPES
 from systems.port_values import (
+    MOVING_TYPES,
     STATIC_BODY,
     BodyMotions,
     FeatureBelief,

@@ -17,7 +17,7 @@ from diagrams.evaluation.metric_table import (
 )
 from diagrams.joints.joint_errors import error_panels, read_errors
 from diagrams.run.experiment import CampaignPlot, Column, Metric
-from systems.kinematics.held_joint import MOVING_TYPES
+from systems.port_values import MOVING_TYPES
 
 
 def _joint(record: Mapping[str, Any]) -> Mapping[str, Any]:

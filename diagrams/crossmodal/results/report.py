@@ -16,8 +16,7 @@ from diagrams.joints.joint_episode import JointEpisode
 from diagrams.joints.joint_metrics import axis_sign, configuration_since_grasp, last_seen
 from diagrams.joints.joint_truth import Truth
 from diagrams.joints.mechanics_record import mechanics_line
-from systems.kinematics.held_joint import MOVING_TYPES
-from systems.port_values import JointBelief, JointType
+from systems.port_values import MOVING_TYPES, JointBelief, JointType
 
 
 def describe_configuration(joint: JointBelief | None, truth: Truth, time: float) -> str:

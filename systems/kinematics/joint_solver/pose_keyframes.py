@@ -5,10 +5,11 @@ X_FB of one or more consecutive measurements, at their mean time, with the covar
 (right perturbation, in B). The mean of two poses lies on the geodesic between them, a screw motion,
 so that the mean of two poses on a joint's path is on that path too, at any angle.
 
-Of all neighbours, those are averaged that lose the least of the motion: the criterion of J. H.
-Ward, "Hierarchical grouping to optimize an objective function", 1963, xi^T (R_i + R_j)^-1 xi for
-keyframes that the motion has taken xi apart. So a body at rest fills few keyframes however long it
-rests, and motion is kept in even steps.
+Of all neighbours, those are averaged that lose the least of the motion: what averaging loses is
+that of J. H. Ward, "Hierarchical grouping to optimize an objective function", 1963, xi^T (R_i +
+R_j)^-1 xi for keyframes that the motion has taken xi apart, which their neighbours say better than
+their own noise. So a body at rest fills few keyframes however long it rests, and motion is kept in
+even steps.
 """
 
 from typing import NamedTuple

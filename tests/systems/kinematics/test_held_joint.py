@@ -13,8 +13,8 @@ from systems.kinematics.held_joint import (
     HeldJointConfig,
     choose_joint,
     end_effector_screw,
-    screw,
 )
+from systems.kinematics.joint_screws import screw
 from systems.port_values import (
     HELD_BODY,
     STATIC_BODY,

@@ -300,11 +300,11 @@ class JointFilters:
         claim = mean_claim(state.claim, state.updates, covariance + EXACT)
         if np.abs(np.log(wanted / scale)).max() > _RESCALE:
             settle(keyframes, self._priors.free, self._priors.outliers, models.inlier[FREE])
-            independent = floor(state.floor, claim, own)
+            independent = floor(state.floor_index, claim, own)
             rescale(keyframes, wanted / scale, independent, self._priors.outliers)
             scale = wanted
         R = claimed * np.outer(scale, scale)
-        updates, index, strays = state.updates + 1, state.floor, state.strays
+        updates, index, strays = state.updates + 1, state.floor_index, state.strays_index
         turn = updates % _TURN_EVERY == 0
         update_models(
             models, keyframes, X_FB, R, time, priors, self._log_prior, _wants_restart(state), turn
@@ -329,8 +329,8 @@ class JointFilters:
             correlation=alike,
             scale=scale,
             claim=claim,
-            floor=index,
-            strays=strays,
+            floor_index=index,
+            strays_index=strays,
         )
         return self._with_probabilities(updated)
 
@@ -344,7 +344,7 @@ class JointFilters:
 
     def _with_probabilities(self, state: JointFiltersState) -> JointFiltersState:
         m, kf = state.models, state.keyframes
-        strays = floor(state.strays, state.claim, own_scale(state.noise))
+        strays = floor(state.strays_index, state.claim, own_scale(state.noise))
         evidence, covariance = type_evidence(m, kf, self._priors, strays)
         p, likeliest = claim(evidence + self._log_prior_of_claims, evidence + self._log_prior)
         lost = p[likeliest] * (1.0 - most_certainty(likeliest, m, kf, state.noise, state.claim))

@@ -114,7 +114,7 @@ def initial_state(
     noise: Array = white_equivalent(covariance, 0.0, config.errors)
     R = noise + error
     measured = bool(covariance.max() > _EXACT)
-    keyframes.strays[0] = float(measured)
+    keyframes.reference_strays[0] = float(measured)
     append(keyframes, np.eye(4), R, time, priors.outliers if measured else _NO_OUTLIERS)
     scale = initial_noise_scale()
     observe(scale, np.eye(4), R, time, least_scale(config))
@@ -134,8 +134,8 @@ def initial_state(
         correlation=correlation,
         scale=np.ones(6),
         claim=np.zeros((6, 6)),
-        floor=0,
-        strays=0,
+        floor_index=0,
+        strays_index=0,
         covariance=models.covariance,
         W_zero=np.asarray(np.linalg.inv(R)) if error.any() else np.zeros((6, 6)),
         reference_noise=noise,
@@ -171,8 +171,8 @@ def rebased_state(
         # The next step is none of its noise.
         noise=state.noise._replace(seen=np.zeros(1)),
         correlation=state.correlation._replace(seen=np.zeros(1)),
-        floor=0,
-        strays=0,
+        floor_index=0,
+        strays_index=0,
         W_zero=np.asarray(np.linalg.inv(R)),
         offset=offset,
     )

@@ -50,8 +50,8 @@ class JointFiltersState(Immutable):
         correlation: How alike neighbouring measurements err.
         scale: (6,) standard deviations of the keyframes by those that were claimed.
         claim: Covariance (6, 6), in B, that measurements claim, their harmonic mean.
-        floor: Index in `path_floor.FLOORS` of what the keyframes have.
-        strays: The same of how large smooth strays are (`smooth_strays`).
+        floor_index: In `path_floor.FLOORS` of what the keyframes have.
+        strays_index: The same of how large smooth strays are (`smooth_strays`).
         covariance: (J, N, N) of each model's theta, strays smooth or independent.
         W_zero: See `read_configuration`.
         reference_noise: Covariance (6, 6), in B, of the measured reference.
@@ -74,8 +74,8 @@ class JointFiltersState(Immutable):
     correlation: NoiseCorrelation
     scale: Array
     claim: Array
-    floor: int
-    strays: int
+    floor_index: int
+    strays_index: int
     covariance: Array
     W_zero: Array
     reference_noise: Array
@@ -100,7 +100,7 @@ class JointFiltersState(Immutable):
             outlier_share=(float(kf.outliers[0]) + undecided) / (self.updates + 1),
             noise_scale=(float(scale[0]), float(scale[3])),
             noise_correlation=float(correlations(self.correlation, self.noise.variance).max()),
-            path_floor=FLOORS[self.floor],
+            path_floor=FLOORS[self.floor_index],
         )
 
 

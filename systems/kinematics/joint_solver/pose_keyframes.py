@@ -40,7 +40,7 @@ class Keyframes(NamedTuple):
         R: (K, 6, 6) covariance of its mean's white noise.
         floor: (6, 6) covariance of what does not average out within a keyframe: errors that depend
             on the place, and by what the child strays from an ideal joint's path there.
-        strays: (1,) one, or zero where the reference is exact, which then has no floor.
+        reference_strays: (1,) one, or zero where the reference is exact, which then has no floor.
         W: (K, 6, 6) inverse of R and floor together.
         log_det: (K,) log determinant of both together.
         open: (K,) one while it is open whether the keyframe is an outlier, else zero: a measurement
@@ -62,7 +62,7 @@ class Keyframes(NamedTuple):
     Z: Array
     R: Array
     floor: Array
-    strays: Array
+    reference_strays: Array
     W: Array
     log_det: Array
     open: Array
@@ -84,7 +84,7 @@ def empty_keyframes(capacity: int) -> Keyframes:
         Z=np.zeros((capacity, 4, 4)),
         R=np.zeros((capacity, 6, 6)),
         floor=np.zeros((6, 6)),
-        strays=np.zeros(1),
+        reference_strays=np.zeros(1),
         W=np.zeros((capacity, 6, 6)),
         log_det=np.zeros(capacity),
         open=np.zeros(capacity),
@@ -107,7 +107,7 @@ def copy_keyframes(kf: Keyframes) -> Keyframes:
 @hot
 def floor_share(kf: Keyframes, k: int) -> float:
     """One if keyframe k has the floor, else zero."""
-    return kf.strays[0] if k == 0 else 1.0
+    return kf.reference_strays[0] if k == 0 else 1.0
 
 
 @hot

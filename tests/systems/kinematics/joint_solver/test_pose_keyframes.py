@@ -140,7 +140,7 @@ def test_scale_and_floor_change_what_the_keyframes_know() -> None:
 @pytest.mark.parametrize("strays", [0.0, 1.0])
 def test_an_exact_reference_has_no_floor(strays: float) -> None:
     kf = pose_keyframes.empty_keyframes(4)
-    kf.strays[0] = strays
+    kf.reference_strays[0] = strays
     for k in range(2):
         pose_keyframes.append(kf, np.eye(4), 1e-6 * np.eye(6), float(k), OUTLIERS)
     pose_keyframes.rescale(kf, np.ones(6), 1e-5 * np.eye(6), OUTLIERS)

@@ -106,7 +106,7 @@ def test_smooth_strays_explain_bends_better_than_independent_ones(name: str, kin
         state = _state(f"{name}, bent by 2 mm, 1 mm", 20.0, seed)
         smooth_evidence(state.models, state.keyframes, priors, STRAYS, smooth, covariance)
         assert smooth[kind] > state.models.log_evidence[kind] + 5.0
-        assert state.strays > 0
+        assert state.strays_index > 0
 
 
 def test_in_white_noise_there_are_no_bends() -> None:
@@ -116,4 +116,4 @@ def test_in_white_noise_there_are_no_bends() -> None:
         state = _state(name, 10.0)
         smooth_evidence(state.models, state.keyframes, priors, STRAYS, smooth, covariance)
         assert smooth[kind] < state.models.log_evidence[kind] + 3.0
-        assert state.strays == 0
+        assert state.strays_index == 0

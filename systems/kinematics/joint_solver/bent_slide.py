@@ -24,7 +24,7 @@ from systems.kinematics.joint_solver.joint_linearisation import (
     Linear,
     add_prior,
 )
-from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
+from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, has_prior
 from systems.kinematics.joint_solver.joint_solver import Priors
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
@@ -75,8 +75,9 @@ def far_evidence(m: Models, kf: Keyframes, priors: Priors, lin: Linear) -> float
     From the keyframes linearised about a bent slide, no prior added yet.
     """
     chain, zero, still = new_chain(kf.time.size), int(np.int64(0)), np.zeros(PARAMETERS)
-    if np.trace(m.prior_information[PRISMATIC]) > 0.0:
-        add_prior(PRISMATIC, m, lin)
+    slide = int(np.int64(PRISMATIC))  # For a literal, Numba would compile all callees again.
+    if has_prior(slide, m):
+        add_prior(slide, m, lin)
     for i in range(6, 8):
         lin.information[i, i] += 1.0 / AXIS_SPREAD**2
     n, S, J = dimension(BENT_SLIDE), m.process_noise[PRISMATIC], priors.jump_noise

@@ -29,7 +29,7 @@ from systems.kinematics.joint_solver.joint_geometry import (
     screw_twists,
     turns,
 )
-from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
+from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, has_prior
 from systems.kinematics.joint_solver.joint_pitch import WIDEST
 from systems.kinematics.joint_solver.outliers import blend, weigh_residual
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes
@@ -248,7 +248,7 @@ def add_prior(kind: int, m: Models, lin: Linear) -> None:
 @hot
 def add_priors(kind: int, m: Models, sigma_c: float, far: bool, lin: Linear) -> None:
     """Adds what is known of theta without the keyframes; see `axis_prior` for the arguments."""
-    if np.trace(m.prior_information[kind]) > 0.0:
+    if has_prior(kind, m):
         add_prior(kind, m, lin)
     if kind == RIGID:
         return

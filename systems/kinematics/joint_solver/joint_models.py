@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from maths.arrays import Array
+from maths.compiled import hot
 from systems.kinematics.joint_solver.joint_geometry import JOINTS, PARAMETERS
 
 AXIS_SPREAD = 1.2  # Deviation per direction of an axis anywhere on the sphere, [rad].
@@ -60,6 +61,12 @@ class Models(NamedTuple):
     process_noise: Array
     log_evidence: Array
     marginal_evidence: Array
+
+
+@hot
+def has_prior(kind: int, m: Models) -> bool:
+    """Whether a model has a prior from marginalised keyframes or from before a constant error."""
+    return bool(np.trace(m.prior_information[kind]) > 0.0)
 
 
 def initial_models(capacity: int) -> Models:

@@ -19,7 +19,7 @@ from systems.kinematics.joint_solver.joint_geometry import (
     SCREW,
     dimension,
 )
-from systems.kinematics.joint_solver.joint_models import Models
+from systems.kinematics.joint_solver.joint_models import Models, has_prior
 from systems.kinematics.joint_solver.joint_pitch import WIDEST
 from systems.kinematics.joint_solver.outliers import weigh_residual
 from systems.kinematics.joint_solver.pose_keyframes import FIRST, Keyframes
@@ -144,8 +144,7 @@ def fresh_start(m: Models, kf: Keyframes, axis_distance: float, share: float) ->
         m.q[kind, :n] = xi @ unit / (unit @ (unit * scale**2))
     m.Y[:] = kf.Z[first]
     for kind in MOVING:
-        # As what is known of the axis without the keyframes has it.
-        if m.a[kind] @ m.prior_information[kind, 6:9, 6:9] @ m.prior_a[kind] < 0.0:
+        if has_prior(kind, m) and m.a[kind] @ m.prior_a[kind] < 0.0:
             m.a[kind], m.q[kind] = -m.a[kind], -m.q[kind]
 
 

@@ -28,7 +28,7 @@ from systems.kinematics.joint_solver.joint_linearisation import (
     new_linear,
     prior_offset,
 )
-from systems.kinematics.joint_solver.joint_models import Models
+from systems.kinematics.joint_solver.joint_models import Models, has_prior
 from systems.kinematics.joint_solver.joint_solver import (
     Priors,
     solve_moving,
@@ -287,7 +287,8 @@ def _take_over(m: Models, other: Models, kinds: tuple[int, ...]) -> None:
     """Copies the models of `other` that explain more."""
     for kind in kinds:
         if other.log_evidence[kind] > m.log_evidence[kind] + 0.1:
-            if kind != RIGID and other.state[kind, 0] * m.state[kind, 0] < 0.0:
+            turned = other.state[kind, 0] * m.state[kind, 0] < 0.0
+            if kind != RIGID and turned and not has_prior(kind, m):
                 reverse_axis(kind, other)
             copy_model(kind, other, kind, m)
 

@@ -9,7 +9,11 @@ from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE
 from systems.kinematics.joint_solver.joint_models import Models, initial_models
 from systems.kinematics.joint_solver.joint_solver import solve_moving
-from systems.kinematics.joint_solver.joint_start import circle_start, reverse_axis
+from systems.kinematics.joint_solver.joint_start import (
+    circle_start,
+    fresh_start,
+    reverse_axis,
+)
 from systems.kinematics.joint_solver.pose_keyframes import Keyframes, append, empty_keyframes
 
 DISTANCE = 0.6  # Prior of an axis' place, [m].
@@ -61,3 +65,18 @@ def test_a_model_whose_axis_is_reversed_explains_as_much(name: str, kind: int) -
         solve_moving(kind, other, kf, priors, 6, 1.0)
         evidence.append(other.log_evidence[kind])
     assert_allclose(evidence[0], evidence[1], atol=1e-6)
+
+
+def test_a_fresh_start_after_a_constant_error_points_as_the_axis_did() -> None:
+    case, filters, pointed = CASES["door"], JointFilters(JointFiltersConfig()), []
+    for seed in range(6):
+        stream = simulate_case(case, seed)
+        state = filters.start(stream.X_PB_measured[0], case.covariance, 0.0)
+        for k, X in enumerate(stream.X_PB_measured[1:100], 1):
+            if k == 60:
+                state = filters.rebase(state, state.time, case.covariance, np.zeros((6, 6)))
+            state = filters.update(state, X, case.covariance, float(stream.times[k]))
+        other = Models(*[x.copy() for x in state.models])
+        fresh_start(other, state.keyframes, DISTANCE, 0.02)
+        pointed.append(other.a[REVOLUTE] @ state.models.prior_a[REVOLUTE])
+    assert min(pointed) > 0.0

@@ -293,8 +293,9 @@ class JointFilters:
         alike = NoiseCorrelation(*[x.copy() for x in state.correlation])
         observe_correlation(alike, X_FB, claimed, time)
         own, r = own_scale(noise), correlations(alike, noise.variance)
-        wanted = own * np.sqrt(np.repeat(inflation(r), 3))
+        wanted = own
         if r.max() > 0.0:
+            wanted = own * np.sqrt(np.repeat(inflation(r), 3))
             white, rest = correlated_shares(float(r.max()))
             priors = priors._replace(white_share=white, correlated_share=rest)
         claim = mean_claim(state.claim, state.updates, covariance + EXACT)

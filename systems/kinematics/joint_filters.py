@@ -48,6 +48,7 @@ from systems.kinematics.goodness_of_fit import claim, most_certainty
 from systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
 from systems.kinematics.joint_filters_readout import read_joint, still_joint
 from systems.kinematics.joint_filters_start import (
+    LEAST_NOISE,
     finite,
     initial_state,
     least_scale,
@@ -108,7 +109,6 @@ _RESTART_EVERY = 16  # Updates between fresh starts where the axis is better kno
 _TURN_EVERY = 4  # Updates between turns of all models (`joint_update.solve_all`).
 _OFTEN = 24  # Such turns up to which a floor is tried at each, then at every third.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
-_NOISE = 1e-10  # Variance up to which a measurement is exact, [rad^2, m^2].
 _SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
 
 
@@ -403,7 +403,7 @@ def _is_repeated(state: JointFiltersState, X_PB: Array, covariance: Array, time:
     if time == last.time[1]:
         return True
     differed = np.abs(kf.Z[: kf.size[0]] - kf.Z[0]).max() >= _SAME_POSE
-    has_noise = np.diagonal(covariance).min() > _NOISE
+    has_noise = np.diagonal(covariance).min() > LEAST_NOISE
     return bool(differed and has_noise and np.allclose(covariance, last.R[1], 1e-6, 1e-11))
 
 

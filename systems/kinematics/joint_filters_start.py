@@ -23,7 +23,7 @@ from systems.kinematics.joint_solver.pose_keyframes import append, empty_keyfram
 from systems.kinematics.measurement_errors import is_correlated, white_equivalent
 
 _NO_OUTLIERS = np.zeros(7)
-_EXACT = 1e-10  # Variance up to which a reference is exact, [rad^2, m^2].
+LEAST_NOISE = 1e-10  # Variance up to which a measurement is exact, [rad^2, m^2].
 
 
 def finite(covariance: Array) -> Array:
@@ -113,7 +113,7 @@ def initial_state(
     keyframes = empty_keyframes(config.memory)
     noise: Array = white_equivalent(covariance, 0.0, config.errors)
     R = noise + error
-    measured = bool(covariance.max() > _EXACT)
+    measured = bool(covariance.max() > LEAST_NOISE)
     keyframes.reference_strays[0] = float(measured)
     append(keyframes, np.eye(4), R, time, priors.outliers if measured else _NO_OUTLIERS)
     scale = initial_noise_scale()

@@ -16,7 +16,7 @@ import numpy as np
 from maths import cholesky
 from maths.arrays import Array
 from maths.compiled import hot
-from maths.se3_in_place import perturb, pose_difference, relative_log
+from systems.kinematics.joint_solver.noise_scale import off_geodesic
 
 _LAG = 4  # Frames between poses that are farther away.
 _SIZE = 2 * _LAG + 1
@@ -70,11 +70,8 @@ def _distance(n: NoiseCorrelation, lag: int) -> float:
     six = int(np.int64(6))  # For a literal, Numba would compile all callees again.
     i, j, k = _LAG - lag, _LAG, _LAG + lag
     share = (n.time[j] - n.time[i]) / (n.time[k] - n.time[i])
-    step, e, between = np.empty(6), np.empty(6), np.empty((4, 4))
-    relative_log(n.Z[i], n.Z[k], step)
-    perturb(n.Z[i], share * step, between)
-    pose_difference(between, n.Z[j], e)
-    L = n.R[j] + (1.0 - share) ** 2 * n.R[i] + share**2 * n.R[k]
+    step, e, L = np.empty(6), np.empty(6), np.empty((6, 6))
+    off_geodesic((n.Z[i], n.Z[j], n.Z[k]), (n.R[i], n.R[j], n.R[k]), share, step, e, L)
     cholesky.factor(L, six)
     cholesky.forward(L, e, six)
     cholesky.forward(L, step, six)

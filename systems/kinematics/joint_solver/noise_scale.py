@@ -89,14 +89,29 @@ def _inverse(R: Array) -> Array:
 
 
 @hot
-def _difference(n: NoiseScale, X: Array, R: Array, time: float, e: Array, C: Array) -> None:
-    """Writes by how far the last pose is off its neighbours' geodesic, and that covariance."""
-    share = (n.time[1] - n.time[0]) / (time - n.time[0])
-    step, between = np.empty(6), np.empty((4, 4))
-    relative_log(n.Z[0], X, step)
-    perturb(n.Z[0], share * step, between)
-    pose_difference(between, n.Z[1], e)
-    C[:] = n.R[1] + (1.0 - share) ** 2 * n.R[0] + share**2 * R
+def off_geodesic(
+    Z: tuple[Array, Array, Array],
+    R: tuple[Array, Array, Array],
+    share: float,
+    step: Array,
+    e: Array,
+    C: Array,
+) -> None:
+    """How far the middle one of three poses is off the geodesic between the other two.
+
+    Args:
+        Z: The poses, (4, 4) each.
+        R: Their covariances, (6, 6) each.
+        share: Of the time between the outer ones that has passed at the middle one.
+        step: (6,) from the first to the last pose, a result.
+        e: (6,) by how far it is off, a result.
+        C: Covariance (6, 6) of that, a result.
+    """
+    between = np.empty((4, 4))
+    relative_log(Z[0], Z[2], step)
+    perturb(Z[0], share * step, between)
+    pose_difference(between, Z[1], e)
+    C[:] = R[1] + (1.0 - share) ** 2 * R[0] + share**2 * R[2]
 
 
 @hot
@@ -173,8 +188,9 @@ def observe(n: NoiseScale, X: Array, R: Array, time: float, least: float) -> Non
         least: Of the scale's square: one where errors are correlated, which differences hide.
     """
     if n.seen[0] >= 2.0 and time > n.time[1] > n.time[0]:
-        e, C = np.empty(6), np.empty((6, 6))
-        _difference(n, X, R, time, e, C)
+        step, e, C = np.empty(6), np.empty(6), np.empty((6, 6))
+        share = (n.time[1] - n.time[0]) / (time - n.time[0])
+        off_geodesic((n.Z[0], n.Z[1], X), (n.R[0], n.R[1], R), share, step, e, C)
         three = int(np.int64(3))  # For a literal, Numba would compile all callees again.
         for i in range(2):
             if max(_largest(n.R[0], i), _largest(n.R[1], i), _largest(R, i)) > MEASURED:

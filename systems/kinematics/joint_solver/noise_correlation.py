@@ -16,7 +16,7 @@ import numpy as np
 from maths import cholesky
 from maths.arrays import Array
 from maths.compiled import hot
-from systems.kinematics.joint_solver.noise_scale import off_geodesic
+from systems.kinematics.joint_solver.noise_scale import MEASURED, off_geodesic
 
 _LAG = 4  # Frames between poses that are farther away.
 _SIZE = 2 * _LAG + 1
@@ -91,7 +91,8 @@ def observe_correlation(n: NoiseCorrelation, X: Array, R: Array, time: float) ->
     n.Z[:-1], n.R[:-1], n.time[:-1] = n.Z[1:].copy(), n.R[1:].copy(), n.time[1:].copy()
     n.Z[-1], n.R[-1], n.time[-1] = X, R, time
     n.seen[0] += 1.0
-    if n.seen[0] >= _SIZE:
+    rotations = int((n.R[:, 0, 0] < MEASURED).sum())  # Near and far must compare the same.
+    if n.seen[0] >= _SIZE and (rotations == 0 or rotations == _SIZE):
         at = int(n.known[0]) % _MEMORY
         n.near[at], n.far[at] = _distance(n, 1), _distance(n, _LAG)
         n.known[0] += 1.0

@@ -135,12 +135,12 @@ def test_errors_correlated_in_time_are_found_and_no_proof_of_another_joint() -> 
     assert wrong <= 2  # Of 12; without an estimate of the correlation it was 11.
 
 
-@pytest.mark.parametrize("claimed", [1.0, 3.0])
-def test_white_noise_is_not_taken_for_correlated(claimed: float) -> None:
+@pytest.mark.parametrize(("claimed", "rotations"), [(1.0, 1), (3.0, 1), (3.0, 2)])
+def test_white_noise_is_not_taken_for_correlated(claimed: float, rotations: int) -> None:
     for name in ("door", "drawer", "rigid", "free motion"):
-        case = replace(CASES[name], claimed=claimed)
+        case = replace(CASES[name], claimed=claimed, rotations=rotations)
         stream = simulate_case(case, 3)
-        _, beliefs = _run(stream.times, stream.X_PB_measured, [case.covariance] * len(stream.times))
+        _, beliefs = _run(stream.times, stream.X_PB_measured, list(stream.covariances))
         assert beliefs[-1].fit is not None
         assert beliefs[-1].fit.noise_correlation == 0.0
 

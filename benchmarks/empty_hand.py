@@ -16,11 +16,11 @@ import numpy as np
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.results.grasp_episode import grasp_episode
-from diagrams.evaluation.seeds import parse_seeds
-from diagrams.joints.joint_episode import joint_episode
-from diagrams.run.episode import run_episode
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.results.grasp_episode import grasp_episode
+from crossmodal.diagrams.evaluation.seeds import parse_seeds
+from crossmodal.diagrams.joints.joint_episode import joint_episode
+from crossmodal.diagrams.run.episode import run_episode
 
 AFTERWARDS = 6.0  # How long an episode goes on, [s].
 IN_TIME = 1.0  # [s]

@@ -16,9 +16,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 from tqdm import tqdm
 
-from diagrams.applications import load_scenario
-from diagrams.run.episode import Episode
-from diagrams.run.recorder import STATUS_PORT
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.run.episode import Episode
+from crossmodal.diagrams.run.recorder import STATUS_PORT
 
 IMAGES = ("color_measured", "depth_measured", "robot_mask")
 # In the order of the data flow: system and the output that holds its posterior.

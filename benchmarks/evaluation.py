@@ -13,10 +13,10 @@ from time import perf_counter
 
 from tqdm import tqdm
 
-from diagrams.applications import load_scenario
-from diagrams.evaluation.campaign import Workers, run_episodes
-from diagrams.run.application import Application
-from diagrams.run.scenario import Scenario
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.evaluation.campaign import Workers, run_episodes
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.scenario import Scenario
 
 Episodes = tuple[Application, list[Scenario]]
 

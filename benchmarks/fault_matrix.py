@@ -23,18 +23,18 @@ import numpy as np
 import typer
 from tqdm import tqdm
 
-from diagrams.applications import load_scenario
-from diagrams.evaluation.stream_faults import fault_spans
-from diagrams.joints.joint_episode import joint_episode
-from diagrams.joints.joint_metrics import JointSeries, motion_start
-from diagrams.joints.joint_truth import Truth
-from diagrams.run.application import Application
-from diagrams.run.record import EpisodeRecord
-from diagrams.run.replay import check_recorded, replay
-from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_input.schema import ScenarioError
-from maths.arrays import Array
-from systems.sensors.stream_fault import StreamFault
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.evaluation.stream_faults import fault_spans
+from crossmodal.diagrams.joints.joint_episode import joint_episode
+from crossmodal.diagrams.joints.joint_metrics import JointSeries, motion_start
+from crossmodal.diagrams.joints.joint_truth import Truth
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.run.replay import check_recorded, replay
+from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.sensors.stream_fault import StreamFault
 
 # By stream: its name in what is told, and the size of each fault that has one. Encoders: seven
 # angles [rad], then their rates. Wrench: torques [N m], then forces [N].

@@ -8,10 +8,10 @@ constant, and none sees the whole stream before its end.
 import numpy as np
 
 from benchmarks.joint_streams import Stream, StreamConfig, joint_pose
-from maths import se3
-from maths.arrays import Array
-from maths.tangent_plane import normal_basis
-from systems.port_values import JointType
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.systems.port_values import JointType
 
 _STEP = 1e-5
 

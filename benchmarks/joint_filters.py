@@ -22,11 +22,11 @@ from tqdm import tqdm
 from benchmarks.joint_batch_fit import batch_fit
 from benchmarks.joint_streams import Stream, StreamConfig, simulate_stream, stream_configs
 from benchmarks.matrix_product import NAME, product_time
-from maths.arrays import Array
-from maths.consistency import is_consistent
-from maths.tangent_plane import normal_basis
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
-from systems.port_values import JointModelBelief, JointType
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.consistency import is_consistent
+from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.port_values import JointModelBelief, JointType
 
 FIRST_SEED = 100
 _PRODUCTS = 5  # Timed before each stream.

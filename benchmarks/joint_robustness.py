@@ -19,9 +19,9 @@ from joblib import Parallel, delayed
 from tqdm import tqdm
 
 from benchmarks.robustness_streams import BALL, FREE, Case, all_cases, simulate_case
-from maths.arrays import Array
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
-from systems.port_values import JointBelief, JointModelBelief, JointType
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.port_values import JointBelief, JointModelBelief, JointType
 
 SETTLING = 2.0  # Before which nothing is counted, [s].
 CERTAIN = 0.9

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maths import se3
-from maths.arrays import Array
-from systems.port_values import JointType
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import JointType
 
 RATE = 15.0  # [Hz]
 

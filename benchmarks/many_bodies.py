@@ -14,10 +14,10 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
 
 from benchmarks.matrix_product import NAME, product_time
-from maths import se3
-from systems.kinematics.kinematic_model import KinematicModel
-from systems.kinematics.kinematic_model_config import KinematicModelConfig
-from systems.port_values import BodyMotion, BodyMotions, MotionBelief
+from crossmodal.maths import se3
+from crossmodal.systems.kinematics.kinematic_model import KinematicModel
+from crossmodal.systems.kinematics.kinematic_model_config import KinematicModelConfig
+from crossmodal.systems.port_values import BodyMotion, BodyMotions, MotionBelief
 
 _COVARIANCE = np.diag(np.repeat([1e-5, 1e-6, 1e-4, 1e-4], 3))
 _FIRST_BODY = 2

@@ -16,7 +16,7 @@ from tqdm import tqdm
 from benchmarks.joint_robustness import evaluate_case
 from benchmarks.joint_streams import StreamConfig, stream_configs
 from benchmarks.robustness_streams import Case
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 
 SHARES = (0.0, 0.02, 0.1)
 

@@ -25,9 +25,9 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
-from maths.arrays import Array
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
-from systems.port_values import JointBelief, JointType
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.port_values import JointBelief, JointType
 
 TRACKS = Path(__file__).parent / "tracks"
 MARKER_ROTATION = np.deg2rad(5.0)  # Claimed of a marker's rotation, [rad].

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.joint_streams import RATE
-from maths import se3
-from maths.arrays import Array
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
 
 Motion = Callable[[Array], Array]
 FREE, BALL = "free", "ball"  # Motions that no joint with one degree of freedom explains.

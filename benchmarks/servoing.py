@@ -15,10 +15,10 @@ import typer
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
-from diagrams.flap.flip_control import FlipControlConfig, make_flip_control
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.lwr import LWR_WITH_FINGERTIP
-from systems.tactile.taxel_layout import fingertip_layout
+from crossmodal.diagrams.flap.flip_control import FlipControlConfig, make_flip_control
+from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
+from crossmodal.plants.robots.lwr import LWR_WITH_FINGERTIP
+from crossmodal.systems.tactile.taxel_layout import fingertip_layout
 
 _Q = np.array([-0.22, -0.63, -0.39, 1.6, 1.4, 1.01, -0.83])
 _PRESSED = np.where(np.isin(np.arange(12), [0, 3, 8, 11]), 0.13, 0.0)

@@ -16,17 +16,17 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from diagrams.run.application import Application
-from diagrams.run.folder.run_folder import ESTIMATES_FILE, SCENARIO_FILE, SUMMARY_FILE
-from diagrams.run.scenario import parse_scenario, read_document
-from diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
-from diagrams.run.yaml_input.units import check_units
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.folder.run_folder import ESTIMATES_FILE, SCENARIO_FILE, SUMMARY_FILE
+from crossmodal.diagrams.run.scenario import parse_scenario, read_document
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
+from crossmodal.diagrams.run.yaml_input.units import check_units
 
 if TYPE_CHECKING:
     import pandas as pd
 
 OWN = "CROSSMODAL_APPLICATIONS"
-_COME_ALONG = ("diagrams.crossmodal.application", "diagrams.flap.application")
+_COME_ALONG = ("crossmodal.diagrams.crossmodal.application", "crossmodal.diagrams.flap.application")
 
 
 def applications() -> dict[str, Application]:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from diagrams.commands import (
+from crossmodal.diagrams.commands import (
     ablate,
     compare,
     diagram,
@@ -17,7 +17,7 @@ from diagrams.commands import (
     run,
     train,
 )
-from diagrams.commands.endings import BAD_INPUT
+from crossmodal.diagrams.commands.endings import BAD_INPUT
 
 app = typer.Typer(
     help="Interactive perception in Drake: a robot moves something and reads what vision,"

@@ -1,5 +1,5 @@
 """Mathematics shared by systems and controllers: Lie groups and Gaussian beliefs."""
 
-from maths import compiled_cache
+from crossmodal.maths import compiled_cache
 
 compiled_cache.use()

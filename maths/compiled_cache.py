@@ -15,8 +15,8 @@ from pathlib import Path
 import numba
 from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
 
-_ROOT = Path(__file__).parents[1]
-_PACKAGES = ("maths.", "systems.")  # All that compile; no compiled function needs another package.
+_ROOT = Path(__file__).parents[2]
+_PACKAGES = ("crossmodal.maths.", "crossmodal.systems.")  # Only these compile.
 _IMPORT = re.compile(r"^(?:from|import) ([\w.]+)(?: import (\([^)]*\)|.*))?", re.MULTILINE)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.stats import chi2
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 
 def normalised_squared_error(error: Array, covariance: Array) -> float:

@@ -11,7 +11,7 @@ Source: J. Sola, Quaternion kinematics for the error-state Kalman filter, 2017, 
 import numpy as np
 import scipy.linalg
 
-from maths.arrays import Array, Mask
+from crossmodal.maths.arrays import Array, Mask
 
 
 def propagate(P: Array, part: slice, F: Array) -> Array:

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import scipy.special
 
-from maths.arrays import Array, Mask
+from crossmodal.maths.arrays import Array, Mask
 
 
 @numba.njit(cache=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 
 def pose_jacobian(p: Array) -> Array:

@@ -10,7 +10,7 @@ Source: T. D. Barfoot, State Estimation for Robotics, 2017, chapter 7.
 import numba
 import numpy as np
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 _SMALL = 1e-4  # Below this angle, [rad], series replace closed forms.
 

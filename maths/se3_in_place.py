@@ -7,8 +7,8 @@ translation [m].
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.compiled import hot
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
 
 
 @hot

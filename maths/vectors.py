@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 
 @numba.njit(cache=True)

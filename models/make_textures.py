@@ -1,4 +1,4 @@
-"""Makes the object textures from a seed: `python -m models.make_textures`.
+"""Makes the object textures from a seed: `python -m crossmodal.models.make_textures`.
 
 Each is a tileable pattern with detail at many scales, as on veneered or printed fronts, so that
 corners are found at any distance; those called plain are paint, on which there are none.
@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from maths.arrays import Array
-from models import SDF_DIR
+from crossmodal.maths.arrays import Array
+from crossmodal.models import SDF_DIR
 
 Image = Array
 SIZE = 512  # Width and height, [pixels].

@@ -2,7 +2,7 @@
 
 from pydrake.systems.sensors import CameraInfo
 
-from maths.pinhole import Intrinsics
+from crossmodal.maths.pinhole import Intrinsics
 
 # Drake renders the centre of the upper left pixel at (0.5, 0.5) of a `CameraInfo`, which a test
 # measures; unheeded, that is 0.2 mm per 22 cm towards the camera.

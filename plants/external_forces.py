@@ -10,8 +10,8 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlan
 from pydrake.multibody.tree import Frame
 from pydrake.systems.framework import Context, LeafSystem
 
-from maths.validation import check, number, numbers
-from plants.parsing import find_model
+from crossmodal.maths.validation import check, number, numbers
+from crossmodal.plants.parsing import find_model
 
 
 @dataclass(kw_only=True)

@@ -6,7 +6,7 @@ from pydrake.multibody.tree import Joint, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 _CREEP = 0.001  # Speed below which a joint that holds a load creeps, [m/s] or [rad/s].
 

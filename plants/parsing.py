@@ -6,7 +6,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 
-from models import SDF_DIR
+from crossmodal.models import SDF_DIR
 
 
 def make_parser(plant: MultibodyPlant) -> Parser:

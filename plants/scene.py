@@ -24,11 +24,11 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, Multibody
 from pydrake.multibody.tree import Joint, ModelInstanceIndex, ScrewJoint
 from pydrake.systems.framework import DiagramBuilder
 
-from maths.arrays import Array
-from maths.validation import check, number
-from models import SDF_DIR
-from plants.joint_friction import add_holding_friction, connect_holding_friction
-from plants.parsing import add_model, find_model, make_parser
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number
+from crossmodal.models import SDF_DIR
+from crossmodal.plants.joint_friction import add_holding_friction, connect_holding_friction
+from crossmodal.plants.parsing import add_model, find_model, make_parser
 
 
 @dataclass(kw_only=True)

@@ -4,7 +4,7 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ScrewJoint
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 
 def screw_axis(plant: MultibodyPlant, joint: ScrewJoint) -> Array:

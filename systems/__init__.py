@@ -1,3 +1,3 @@
 """What perceives: simulated sensors, filters, smoothers. Nothing here knows the plant's truth."""
 
-import maths  # noqa: F401  Before any function is compiled: it says where the code is kept.
+import crossmodal.maths  # noqa: F401  Before any function is compiled: it says where the code is kept.

@@ -4,9 +4,9 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from maths import se3
-from maths.arrays import Array
-from systems.port_values import SampleWindow
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import SampleWindow
 
 
 def joints_at(

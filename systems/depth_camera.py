@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array
-from maths.pinhole import Intrinsics
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.pinhole import Intrinsics
 
 
 @dataclass(frozen=True, kw_only=True)

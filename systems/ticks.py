@@ -2,7 +2,7 @@
 
 from operator import attrgetter
 
-from maths.validation import number, require
+from crossmodal.maths.validation import number, require
 
 
 def tick_period() -> float:

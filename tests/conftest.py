@@ -8,9 +8,9 @@ import pytest
 @pytest.fixture(scope="session")
 def recorded_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a run with its sensor streams: the lights go off after some centimetres."""
-    from diagrams.applications import load_scenario
-    from diagrams.run.episode import run_episode
-    from diagrams.run.folder.run_folder import SENSORS_FILE, write_run
+    from crossmodal.diagrams.applications import load_scenario
+    from crossmodal.diagrams.run.episode import run_episode
+    from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE, write_run
 
     folder = tmp_path_factory.mktemp("run")
     application, scenario = load_scenario(

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from systems.port_values import JointType
+from crossmodal.systems.port_values import JointType
 
 README = Path(__file__).parents[1] / "README.md"
 

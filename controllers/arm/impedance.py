@@ -6,11 +6,11 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from controllers.arm.kinematics import ArmModel, ArmState
-from maths import se3
-from maths.arrays import Array
-from maths.immutable import Immutable
-from maths.validation import check, number
+from crossmodal.controllers.arm.kinematics import ArmModel, ArmState
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number
 
 
 @dataclass(kw_only=True)

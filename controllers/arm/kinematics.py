@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 
 @dataclass(kw_only=True)

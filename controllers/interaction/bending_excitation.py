@@ -6,11 +6,11 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem
 
-from controllers.arm.impedance import DesiredMotion
-from controllers.interaction.phases import is_held
-from maths import se3
-from maths.arrays import Array
-from maths.validation import check, number, require
+from crossmodal.controllers.arm.impedance import DesiredMotion
+from crossmodal.controllers.interaction.phases import is_held
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number, require
 
 
 @dataclass(kw_only=True)

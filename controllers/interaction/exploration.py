@@ -6,12 +6,12 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, State
 
-from controllers.arm.impedance import DesiredMotion
-from controllers.arm.kinematics import ArmModel
-from controllers.interaction.phases import Phase, is_held
-from maths import se3
-from maths.arrays import Array
-from maths.validation import check, number
+from crossmodal.controllers.arm.impedance import DesiredMotion
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.interaction.phases import Phase, is_held
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number
 
 
 @dataclass(kw_only=True)

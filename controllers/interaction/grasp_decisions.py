@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
-from controllers.interaction.phases import Phase, is_held
-from maths import se3
-from maths.arrays import Array
-from maths.immutable import Immutable
+from crossmodal.controllers.interaction.grasp_sequence_config import GraspSequenceConfig
+from crossmodal.controllers.interaction.phases import Phase, is_held
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
 
 
 @dataclass(kw_only=True)

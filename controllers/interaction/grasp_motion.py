@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from controllers.arm.impedance import DesiredMotion, ImpedanceGains
-from controllers.arm.minimum_jerk import minimum_jerk
-from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
-from maths import se3
-from maths.arrays import Array
+from crossmodal.controllers.arm.impedance import DesiredMotion, ImpedanceGains
+from crossmodal.controllers.arm.minimum_jerk import minimum_jerk
+from crossmodal.controllers.interaction.grasp_sequence_config import GraspSequenceConfig
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
 
 
 def unit(direction: Array, name: str) -> Array:

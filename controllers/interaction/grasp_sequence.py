@@ -6,19 +6,24 @@ import numpy as np
 from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, State
 
-from controllers.arm.kinematics import ArmModel
-from controllers.interaction.grasp_decisions import Goal, Perceived, SequenceState, next_state
-from controllers.interaction.grasp_motion import (
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.interaction.grasp_decisions import (
+    Goal,
+    Perceived,
+    SequenceState,
+    next_state,
+)
+from crossmodal.controllers.interaction.grasp_motion import (
     approach_motion,
     exploration_gains,
     release_motion,
     stiff_gains,
 )
-from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
-from controllers.interaction.phases import Phase, is_held
-from maths import se3
-from maths.arrays import Array
-from maths.validation import check
+from crossmodal.controllers.interaction.grasp_sequence_config import GraspSequenceConfig
+from crossmodal.controllers.interaction.phases import Phase, is_held
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check
 
 
 class GraspSequence(LeafSystem):

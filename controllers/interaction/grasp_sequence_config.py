@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from maths.validation import number, numbers
+from crossmodal.maths.validation import number, numbers
 
 
 @dataclass(kw_only=True)

@@ -3,8 +3,8 @@
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from controllers.interaction.phases import is_held
-from maths.arrays import Array
+from crossmodal.controllers.interaction.phases import is_held
+from crossmodal.maths.arrays import Array
 
 _UNKNOWN = np.concatenate([np.full(14, np.nan), np.zeros(2)])
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from controllers.arm.kinematics import ArmModel
-from controllers.interaction.grasp_motion import unit
-from controllers.interaction.phases import Phase
-from maths import se3
-from maths.arrays import Array
-from maths.validation import check, number
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.interaction.grasp_motion import unit
+from crossmodal.controllers.interaction.phases import Phase
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number
 
 
 @dataclass(kw_only=True)

@@ -6,15 +6,15 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
-from controllers.arm.impedance import DesiredMotion, ImpedanceGains
-from controllers.arm.kinematics import ArmModel
-from controllers.arm.minimum_jerk import PEAK_RATE, minimum_jerk
-from controllers.interaction.joint_memory import is_revolute
-from controllers.interaction.phases import Phase, is_held
-from maths import se3
-from maths.arrays import Array
-from maths.immutable import Immutable
-from maths.validation import check, number
+from crossmodal.controllers.arm.impedance import DesiredMotion, ImpedanceGains
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.arm.minimum_jerk import PEAK_RATE, minimum_jerk
+from crossmodal.controllers.interaction.joint_memory import is_revolute
+from crossmodal.controllers.interaction.phases import Phase, is_held
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number
 
 
 @dataclass(kw_only=True)

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array
-from maths.vectors import cross
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.vectors import cross
 
 
 def turned_about(hinge: Any, angle: float, X_WS: Array) -> Array:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from maths.validation import number, numbers
+from crossmodal.maths.validation import number, numbers
 
 _SWITCH: Any = {"at_least": 0.0, "at_most": 1.0}
 

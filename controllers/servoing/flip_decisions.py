@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from controllers.servoing.contact_search import (
+from crossmodal.controllers.servoing.contact_search import (
     backed_off,
     hinge_shift,
     is_there,
@@ -14,9 +14,9 @@ from controllers.servoing.contact_search import (
     probe_offset,
     turned_about,
 )
-from controllers.servoing.flip_config import FlipSequenceConfig
-from maths.arrays import Array
-from maths.immutable import Immutable
+from crossmodal.controllers.servoing.flip_config import FlipSequenceConfig
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
 
 _PATIENCE = 3.0  # Times as long as a retreat takes it may last.
 

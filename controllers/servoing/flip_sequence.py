@@ -7,19 +7,19 @@ import numpy as np
 from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
-from controllers.arm.kinematics import ArmModel
-from controllers.servoing.beliefs import known_belief
-from controllers.servoing.contact_search import twist_towards
-from controllers.servoing.flip_config import FlipSequenceConfig
-from controllers.servoing.flip_decisions import (
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.servoing.beliefs import known_belief
+from crossmodal.controllers.servoing.contact_search import twist_towards
+from crossmodal.controllers.servoing.flip_config import FlipSequenceConfig
+from crossmodal.controllers.servoing.flip_decisions import (
     FIRST,
     Felt,
     FlipPhase,
     FlipState,
     next_flip_state,
 )
-from maths.arrays import Array
-from maths.validation import check, require
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, require
 
 _ARRIVAL_TIME = 0.5  # Time constant with which the finger arrives at a goal, [s].
 

@@ -7,9 +7,9 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from controllers.servoing.twists import from_contact
-from maths.arrays import Array, Mask
-from maths.validation import check, number, numbers
+from crossmodal.controllers.servoing.twists import from_contact
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.validation import check, number, numbers
 
 FEATURES = 6  # x, z [m], f_x, f_y, f_z [N], angle of an edge [rad].
 

@@ -6,18 +6,18 @@ import numpy as np
 from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
-from controllers.arm.kinematics import ArmModel
-from controllers.servoing.flip_decisions import FlipPhase
-from controllers.servoing.tool_line_decisions import (
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.servoing.flip_decisions import FlipPhase
+from crossmodal.controllers.servoing.tool_line_decisions import (
     LineState,
     ToolLineConfig,
     Way,
     next_line_state,
 )
-from controllers.servoing.twists import from_contact
-from maths import se3
-from maths.arrays import Array
-from maths.validation import check, require
+from crossmodal.controllers.servoing.twists import from_contact
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, require
 
 
 def tip_twist(X_WT: Array, X_ET: Array, way: Way, time: float, gain: float) -> Array:

@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.arm.minimum_jerk import PEAK_RATE, minimum_jerk
-from controllers.servoing.contact_search import is_there
-from controllers.servoing.flip_decisions import FlipPhase
-from maths import se3
-from maths.arrays import Array
-from maths.immutable import Immutable
-from maths.validation import number, numbers
+from crossmodal.controllers.arm.minimum_jerk import PEAK_RATE, minimum_jerk
+from crossmodal.controllers.servoing.contact_search import is_there
+from crossmodal.controllers.servoing.flip_decisions import FlipPhase
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import number, numbers
 
 _LEAST_TIME = 0.5  # Of a way, however short, [s].
 _UPRIGHT = 0.9  # Share of a hinge's direction that points up, beyond which it is not laid level.

@@ -10,10 +10,10 @@ from pydrake.multibody.inverse_kinematics import (
 )
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from controllers.arm.kinematics import ArmModel
-from controllers.servoing.twists import in_world
-from maths.arrays import Array
-from maths.validation import check, number
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.servoing.twists import in_world
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number
 
 
 @dataclass(kw_only=True)

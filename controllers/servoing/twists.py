@@ -5,8 +5,8 @@ A twist is a spatial velocity (6,), rotation first, [rad/s] and [m/s].
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.vectors import cross
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.vectors import cross
 
 
 def from_contact(V_WC_S: Array, p_SC: Array) -> Array:

@@ -7,12 +7,12 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from controllers.arm.kinematics import ArmModel
-from controllers.servoing.beliefs import known_belief
-from controllers.servoing.twists import from_contact, to_contact
-from maths.arrays import Array
-from maths.validation import check, number
-from maths.vectors import cross
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.servoing.beliefs import known_belief
+from crossmodal.controllers.servoing.twists import from_contact, to_contact
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number
+from crossmodal.maths.vectors import cross
 
 
 @dataclass(kw_only=True)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from diagrams.commands.endings import one_line_errors
+from crossmodal.diagrams.commands.endings import one_line_errors
 
 TABLE_FILE = "ablations.md"
 EXAMPLES = "Example:  crossmodal ablate body-in-the-hand --seeds 0:5"
@@ -26,12 +26,12 @@ def ablate_command(
     with one_line_errors():
         from tqdm import tqdm
 
-        from diagrams.crossmodal.application import APPLICATION
-        from diagrams.crossmodal.studies.ablation_study import run_ablations
-        from diagrams.crossmodal.studies.ablations import ABLATIONS, find_ablation
-        from diagrams.evaluation.seeds import parse_seeds
-        from diagrams.run.folder.own_files import held
-        from diagrams.run.folder.run_folder import write_text
+        from crossmodal.diagrams.crossmodal.application import APPLICATION
+        from crossmodal.diagrams.crossmodal.studies.ablation_study import run_ablations
+        from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS, find_ablation
+        from crossmodal.diagrams.evaluation.seeds import parse_seeds
+        from crossmodal.diagrams.run.folder.own_files import held
+        from crossmodal.diagrams.run.folder.run_folder import write_text
 
         chosen, numbers = names or list(ABLATIONS), parse_seeds(seeds)
         for name in chosen:

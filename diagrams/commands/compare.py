@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from diagrams.commands.endings import one_line_errors
+from crossmodal.diagrams.commands.endings import one_line_errors
 
 EXAMPLES = "Example:  crossmodal compare runs/a runs/b --out difference.html"
 
@@ -23,11 +23,15 @@ def compare_command(
 ) -> None:
     """Show runs or evaluations side by side: figures, their differences, scenarios, pictures."""
     with one_line_errors():
-        from diagrams.applications import find_application
-        from diagrams.evaluation.campaign_report import made_by
-        from diagrams.evaluation.comparison import comparison, comparison_page, read_compared
-        from diagrams.run.folder.run_folder import write_text
-        from diagrams.run.yaml_input.schema import ScenarioError
+        from crossmodal.diagrams.applications import find_application
+        from crossmodal.diagrams.evaluation.campaign_report import made_by
+        from crossmodal.diagrams.evaluation.comparison import (
+            comparison,
+            comparison_page,
+            read_compared,
+        )
+        from crossmodal.diagrams.run.folder.run_folder import write_text
+        from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
         if len(folders) < 2:
             raise ScenarioError(f"compare {folders[0]}: with what? Name two folders or more")

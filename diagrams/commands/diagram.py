@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from diagrams.commands.endings import one_line_errors
-from diagrams.commands.options import SetOption
+from crossmodal.diagrams.commands.endings import one_line_errors
+from crossmodal.diagrams.commands.options import SetOption
 
 EXAMPLES = "Example:  crossmodal diagram drawer --modality vision --out vision.svg"
 
@@ -27,11 +27,11 @@ def diagram_command(
     with one_line_errors():
         from dataclasses import replace
 
-        from diagrams.applications import load_scenario
-        from diagrams.drawing.diagram_drawing import diagram_dot, render_svg
-        from diagrams.run.episode import build_estimators
-        from diagrams.run.folder.run_folder import write_text
-        from diagrams.run.yaml_input.schema import ScenarioError, suggestion
+        from crossmodal.diagrams.applications import load_scenario
+        from crossmodal.diagrams.drawing.diagram_drawing import diagram_dot, render_svg
+        from crossmodal.diagrams.run.episode import build_estimators
+        from crossmodal.diagrams.run.folder.run_folder import write_text
+        from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 
         application, chosen = load_scenario(scenario, overrides or [])
         name = modality or (chosen.modalities[-1] if chosen.modalities else "")

@@ -19,7 +19,7 @@ INTERRUPTED = 130
 @contextlib.contextmanager
 def one_line_errors() -> Iterator[None]:
     """Ends the command with one line and its exit status where the user's input is at fault."""
-    from diagrams.run.yaml_input.schema import ScenarioError, one_line
+    from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
     logging.getLogger("drake").setLevel(logging.ERROR)  # Its notes are not for a user.
     try:
@@ -52,7 +52,7 @@ def _show_warning(
     line: str | None = None,
 ) -> None:
     """A warning in one line, the program's own without where in the program it arose."""
-    if category.__module__.startswith("diagrams."):
+    if category.__module__.startswith("crossmodal.diagrams."):
         typer.echo(f"crossmodal: warning: {message}", err=True)
     else:
         text = warnings.formatwarning(message, category, filename, lineno, line)

@@ -1,6 +1,6 @@
 """One episode of a campaign, in the process that `run.process` starts.
 
-    python -m diagrams.commands.episode FOLDER
+    python -m crossmodal.diagrams.commands.episode FOLDER
 
 It runs the scenario that FOLDER holds and writes the episode there. It ends when its standard input
 is closed, so that it never outlives who started it.
@@ -12,16 +12,16 @@ import threading
 import traceback
 from pathlib import Path
 
-from diagrams.run.folder.own_files import held
-from diagrams.run.folder.run_folder import FILES, SCENARIO_FILE, write_run, write_text
-from diagrams.run.process import ERROR_FILE
-from diagrams.run.yaml_input.schema import ScenarioError, one_line
+from crossmodal.diagrams.run.folder.own_files import held
+from crossmodal.diagrams.run.folder.run_folder import FILES, SCENARIO_FILE, write_run, write_text
+from crossmodal.diagrams.run.process import ERROR_FILE
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
 
 def run_here(folder: Path) -> int:
     """Runs the episode that `folder` describes and returns the exit status."""
-    from diagrams.applications import load_scenario
-    from diagrams.run.episode import run_episode
+    from crossmodal.diagrams.applications import load_scenario
+    from crossmodal.diagrams.run.episode import run_episode
 
     try:
         application, scenario = load_scenario(str(folder / SCENARIO_FILE))

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from diagrams.commands.endings import FAILED, INTERRUPTED, one_line_errors
-from diagrams.commands.options import SetOption
+from crossmodal.diagrams.commands.endings import FAILED, INTERRUPTED, one_line_errors
+from crossmodal.diagrams.commands.options import SetOption
 
 if TYPE_CHECKING:
-    from diagrams.evaluation.campaign import Campaign, Workers
+    from crossmodal.diagrams.evaluation.campaign import Campaign, Workers
 
 ALL = "all"
 EXAMPLES = (
@@ -43,12 +43,12 @@ def evaluate_command(
     with one_line_errors():
         from contextlib import ExitStack
 
-        from diagrams.applications import experiments, load_scenario
-        from diagrams.evaluation import campaign_report as reports
-        from diagrams.evaluation.campaign import Workers, connect, held_campaign, prepare
-        from diagrams.evaluation.seeds import parse_seeds
-        from diagrams.run.folder.own_files import held
-        from diagrams.run.yaml_input.schema import ScenarioError, suggestion
+        from crossmodal.diagrams.applications import experiments, load_scenario
+        from crossmodal.diagrams.evaluation import campaign_report as reports
+        from crossmodal.diagrams.evaluation.campaign import Workers, connect, held_campaign, prepare
+        from crossmodal.diagrams.evaluation.seeds import parse_seeds
+        from crossmodal.diagrams.run.folder.own_files import held
+        from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 
         known = experiments()
         if experiment not in (ALL, *known):
@@ -90,7 +90,7 @@ def _run_campaign(campaign: "Campaign", workers: "Workers") -> bool:
     """Runs an experiment behind a progress bar; returns False where it was interrupted."""
     from tqdm import tqdm
 
-    from diagrams.evaluation.campaign import run
+    from crossmodal.diagrams.evaluation.campaign import run
 
     total = len(campaign.scenarios)
     with tqdm(total=total, desc=campaign.name, unit="episode", disable=None) as bar:
@@ -109,7 +109,7 @@ def _run_campaign(campaign: "Campaign", workers: "Workers") -> bool:
 
 
 def _finish_evaluation(campaigns: "list[Campaign]", written: list[Path]) -> None:
-    from diagrams.evaluation.metric_table import interrupted
+    from crossmodal.diagrams.evaluation.metric_table import interrupted
 
     for path in written:
         if path.suffix == ".md":

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from diagrams.commands.endings import one_line_errors
+from crossmodal.diagrams.commands.endings import one_line_errors
 
 EXAMPLES = "Example:  crossmodal inspect models/examples/two_drawers.urdf"
 
@@ -33,11 +33,11 @@ def inspect_command(
 ) -> None:
     """Show what is in a model, where it would stand, and how to run it."""
     with one_line_errors():
-        from diagrams.applications import load_scenario
-        from diagrams.crossmodal.inspection.inspection import inspected
-        from diagrams.run.folder.run_folder import write_atomically
-        from diagrams.run.own_object import OwnObject
-        from diagrams.run.yaml_input.schema import ScenarioError
+        from crossmodal.diagrams.applications import load_scenario
+        from crossmodal.diagrams.crossmodal.inspection.inspection import inspected
+        from crossmodal.diagrams.run.folder.run_folder import write_atomically
+        from crossmodal.diagrams.run.own_object import OwnObject
+        from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
         path = out or Path("runs") / f"{model.stem}.png"
         if path.exists() and not force:
@@ -52,7 +52,7 @@ def inspect_command(
         )
         lines, figure = inspected(own, scenario, lambda given: load_scenario(scenario, given)[1])
         if figure is not None:
-            from diagrams.drawing.plot_style import save
+            from crossmodal.diagrams.drawing.plot_style import save
 
             drawn = figure
             lines += ["Picture", f"  {write_atomically(path, lambda file: save(drawn, file))}"]

@@ -2,7 +2,7 @@
 
 import typer
 
-from diagrams.commands.endings import one_line_errors
+from crossmodal.diagrams.commands.endings import one_line_errors
 
 EXAMPLES = "Example:  crossmodal list, then  crossmodal run cupboard-door"
 
@@ -10,7 +10,7 @@ EXAMPLES = "Example:  crossmodal list, then  crossmodal run cupboard-door"
 def list_command() -> None:
     """Show the scenarios, experiments, flows and networks that there are."""
     with one_line_errors():
-        from diagrams.applications import applications, load_scenario, scenarios_of
+        from crossmodal.diagrams.applications import applications, load_scenario, scenarios_of
 
         known = applications()
         names = [name for application in known.values() for name in scenarios_of(application)]

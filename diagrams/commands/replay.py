@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from diagrams.commands.endings import FAILED, INTERRUPTED, one_line_errors
-from diagrams.commands.options import ForceOption, SetOption
-from diagrams.commands.run_output import write_and_report
+from crossmodal.diagrams.commands.endings import FAILED, INTERRUPTED, one_line_errors
+from crossmodal.diagrams.commands.options import ForceOption, SetOption
+from crossmodal.diagrams.commands.run_output import write_and_report
 
 EXAMPLES = (
     "Example:  crossmodal run drawer --record-sensors --out runs/a, then"
@@ -27,11 +27,11 @@ def replay_command(
     with one_line_errors():
         from tqdm import tqdm
 
-        from diagrams.applications import load_scenario
-        from diagrams.run.folder.own_files import held
-        from diagrams.run.folder.run_folder import FILES, first_free
-        from diagrams.run.replay import check_recorded, replay
-        from diagrams.run.yaml_input.schema import ScenarioError
+        from crossmodal.diagrams.applications import load_scenario
+        from crossmodal.diagrams.run.folder.own_files import held
+        from crossmodal.diagrams.run.folder.run_folder import FILES, first_free
+        from crossmodal.diagrams.run.replay import check_recorded, replay
+        from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
         changes = overrides or []
         application, chosen = load_scenario(str(check_recorded(run, changes)), changes)

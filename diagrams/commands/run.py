@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from diagrams.commands.endings import GentleInterrupt, one_line_errors
-from diagrams.commands.options import ForceOption, SetOption
-from diagrams.commands.run_output import write_and_report
+from crossmodal.diagrams.commands.endings import GentleInterrupt, one_line_errors
+from crossmodal.diagrams.commands.options import ForceOption, SetOption
+from crossmodal.diagrams.commands.run_output import write_and_report
 
 if TYPE_CHECKING:
-    from diagrams.run.application import Application
-    from diagrams.run.record import EpisodeRecord
-    from diagrams.run.scenario import Scenario
+    from crossmodal.diagrams.run.application import Application
+    from crossmodal.diagrams.run.record import EpisodeRecord
+    from crossmodal.diagrams.run.scenario import Scenario
 
 EXAMPLES = (
     "Examples:  crossmodal run drawer --seed 7 --meshcat   |   crossmodal run my.yaml"
@@ -83,9 +83,9 @@ def run_command(
     with one_line_errors():
         from dataclasses import replace
 
-        from diagrams.applications import load_scenario
-        from diagrams.run.folder.own_files import held
-        from diagrams.run.folder.run_folder import (
+        from crossmodal.diagrams.applications import load_scenario
+        from crossmodal.diagrams.run.folder.own_files import held
+        from crossmodal.diagrams.run.folder.run_folder import (
             FILES,
             SENSORS_FILE,
             default_folder,
@@ -131,9 +131,9 @@ def _own_object(
     scenario: str, assignments: list[str], model: Path | None, options: dict[str, str]
 ) -> list[str]:
     """The assignments that put a user's object in place of the scenario's."""
-    from diagrams.applications import load_scenario
-    from diagrams.run.own_object import OwnObject, refuse_without_object
-    from diagrams.run.yaml_input.schema import ScenarioError
+    from crossmodal.diagrams.applications import load_scenario
+    from crossmodal.diagrams.run.own_object import OwnObject, refuse_without_object
+    from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
     if model is None:
         refuse_without_object(**options)
@@ -163,8 +163,8 @@ def _simulate(
 ) -> "EpisodeRecord":
     from tqdm import tqdm
 
-    from diagrams.run.episode import run_episode
-    from maths.compiled import compilation_timed
+    from crossmodal.diagrams.run.episode import run_episode
+    from crossmodal.maths.compiled import compilation_timed
 
     viewer = _start_meshcat(host, announce=live) if live or recording else None
     bar = tqdm(
@@ -193,8 +193,8 @@ def _simulate(
 
 
 def _start_meshcat(host: str, *, announce: bool) -> Any:
-    from diagrams.drawing.meshcat import start_meshcat
-    from diagrams.run.yaml_input.schema import ScenarioError, one_line
+    from crossmodal.diagrams.drawing.meshcat import start_meshcat
+    from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
     try:
         meshcat = start_meshcat(host)

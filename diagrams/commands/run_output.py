@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from diagrams.commands.endings import FAILED, INTERRUPTED
+from crossmodal.diagrams.commands.endings import FAILED, INTERRUPTED
 
 if TYPE_CHECKING:
-    from diagrams.run.application import Application, Results
-    from diagrams.run.record import EpisodeRecord
+    from crossmodal.diagrams.run.application import Application, Results
+    from crossmodal.diagrams.run.record import EpisodeRecord
 
 
 def write_and_report(folder: Path, application: "Application", record: "EpisodeRecord") -> int:
@@ -17,7 +17,7 @@ def write_and_report(folder: Path, application: "Application", record: "EpisodeR
 
     What was perceived is said before the large files are written, which may not fit on the disk.
     """
-    from diagrams.run.folder.run_folder import RunWriter
+    from crossmodal.diagrams.run.folder.run_folder import RunWriter
 
     results = application.evaluate(record)
     writer = RunWriter(folder, application, record, results)

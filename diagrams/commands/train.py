@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from diagrams.commands.endings import one_line_errors
+from crossmodal.diagrams.commands.endings import one_line_errors
 
 EXAMPLES = "Example:  crossmodal train hand-bending --jobs 2 --search --out runs/weights"
 
@@ -27,15 +27,15 @@ def train_hand_bending_command(
     with one_line_errors():
         from tqdm import tqdm
 
-        from diagrams.crossmodal.training.network_training import (
+        from crossmodal.diagrams.crossmodal.training.network_training import (
             FILES,
             INTERACTIONS,
             simulate_interactions,
             train_hand_bending,
         )
-        from diagrams.run.folder.own_files import held
-        from diagrams.run.yaml_input.schema import ScenarioError
-        from models import WEIGHTS_DIR
+        from crossmodal.diagrams.run.folder.own_files import held
+        from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+        from crossmodal.models import WEIGHTS_DIR
 
         folder = out or WEIGHTS_DIR
         with held(folder, (), shared=True):

@@ -10,34 +10,37 @@ from collections.abc import Mapping
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
-from diagrams.crossmodal.calibration import make_calibration
-from diagrams.crossmodal.estimators import (
+from crossmodal.diagrams.crossmodal.calibration import make_calibration
+from crossmodal.diagrams.crossmodal.estimators import (
     BODY_MOTIONS,
     FELT_STREAMS,
     SEEN_STREAMS,
     make_network,
 )
-from diagrams.crossmodal.meshcat_view import add_view
-from diagrams.crossmodal.modalities import COLORS, LABELS
-from diagrams.crossmodal.own_object import identity, keep_files, own_object_assignments
-from diagrams.crossmodal.results.grasp_episode import GRASP_QUANTITIES
-from diagrams.crossmodal.results.metrics import CAMPAIGN_PLOTS, METRICS, OVERVIEW
-from diagrams.crossmodal.results.results import evaluate
-from diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve, units
-from diagrams.crossmodal.station.overlaps import overlaps
-from diagrams.crossmodal.station.settling import settling
-from diagrams.crossmodal.station.station import draw_placements, make_manipulation_station
-from diagrams.crossmodal.station.station_control import PERCEIVED_INPUTS
-from diagrams.crossmodal.studies.ablations import ABLATIONS
-from diagrams.crossmodal.studies.experiments import EXPERIMENTS
-from diagrams.crossmodal.task import task_in_words
-from diagrams.joints.joint_truth import MECHANICS_QUANTITY, TRUTH_QUANTITIES
-from diagrams.run.application import Application, Station
-from diagrams.run.calibration import Calibration
-from diagrams.run.record import Quantity
-from diagrams.run.sensor_streams.codecs import JOINT_STATES, WRENCHES, Topic
-from systems.kinematics.held_joint import HeldJoint, HeldJointConfig
-from systems.port_values import (
+from crossmodal.diagrams.crossmodal.meshcat_view import add_view
+from crossmodal.diagrams.crossmodal.modalities import COLORS, LABELS
+from crossmodal.diagrams.crossmodal.own_object import identity, keep_files, own_object_assignments
+from crossmodal.diagrams.crossmodal.results.grasp_episode import GRASP_QUANTITIES
+from crossmodal.diagrams.crossmodal.results.metrics import CAMPAIGN_PLOTS, METRICS, OVERVIEW
+from crossmodal.diagrams.crossmodal.results.results import evaluate
+from crossmodal.diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve, units
+from crossmodal.diagrams.crossmodal.station.overlaps import overlaps
+from crossmodal.diagrams.crossmodal.station.settling import settling
+from crossmodal.diagrams.crossmodal.station.station import (
+    draw_placements,
+    make_manipulation_station,
+)
+from crossmodal.diagrams.crossmodal.station.station_control import PERCEIVED_INPUTS
+from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS
+from crossmodal.diagrams.crossmodal.studies.experiments import EXPERIMENTS
+from crossmodal.diagrams.crossmodal.task import task_in_words
+from crossmodal.diagrams.joints.joint_truth import MECHANICS_QUANTITY, TRUTH_QUANTITIES
+from crossmodal.diagrams.run.application import Application, Station
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.run.record import Quantity
+from crossmodal.diagrams.run.sensor_streams.codecs import JOINT_STATES, WRENCHES, Topic
+from crossmodal.systems.kinematics.held_joint import HeldJoint, HeldJointConfig
+from crossmodal.systems.port_values import (
     UNKNOWN_END_EFFECTOR,
     BodyMotions,
     JointBeliefs,
@@ -46,8 +49,8 @@ from systems.port_values import (
     StreamHealth,
     no_features,
 )
-from systems.proprioception.grasp_model import initial_grasp
-from systems.proprioception.grasp_model_config import GraspModelConfig
+from crossmodal.systems.proprioception.grasp_model import initial_grasp
+from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 
 _SEEING, _FEELING = ("vision", "crossmodal"), ("proprioception", "crossmodal")
 QUANTITIES = (

@@ -2,12 +2,17 @@
 
 import numpy as np
 
-from diagrams.crossmodal.robot_config import ARM
-from diagrams.crossmodal.scenario import Scenario
-from diagrams.run.calibration import ArmCalibration, Calibration, calibrated, pose_covariance
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
-from plants.scene import nominal_pose
+from crossmodal.diagrams.crossmodal.robot_config import ARM
+from crossmodal.diagrams.crossmodal.scenario import Scenario
+from crossmodal.diagrams.run.calibration import (
+    ArmCalibration,
+    Calibration,
+    calibrated,
+    pose_covariance,
+)
+from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
+from crossmodal.plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
+from crossmodal.plants.scene import nominal_pose
 
 # What an encoder on the motor's side of an elastic cable is taken to be off by, [rad].
 _JOINT_OFFSET = np.deg2rad(3.0)

@@ -6,32 +6,35 @@ from dataclasses import dataclass, field
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
-from diagrams.crossmodal.modalities import MODALITIES
-from diagrams.run.calibration import Calibration
-from systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
-from systems.kinematics.joint_mechanics import JointMechanicsFilter
-from systems.kinematics.joint_mechanics_config import JointMechanicsConfig
-from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
-from systems.kinematics.measurement_errors import MeasurementErrorsConfig
-from systems.monitoring.angles import AnglesByRates, AnglesConfig
-from systems.monitoring.arm_response import ArmResponse, ArmResponseConfig
-from systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig
-from systems.monitoring.offsets import OffsetModel
-from systems.monitoring.steps import IsolatedSteps, StepsConfig
-from systems.monitoring.window_monitor import WindowMonitor, WindowMonitorConfig
-from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
-from systems.proprioception.grasp_model import GraspModel
-from systems.proprioception.grasp_model_config import GraspModelConfig
-from systems.proprioception.hand_bending import HandBending, HandBendingConfig
-from systems.proprioception.held_body_motion import (
+from crossmodal.diagrams.crossmodal.modalities import MODALITIES
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
+from crossmodal.systems.kinematics.joint_mechanics import JointMechanicsFilter
+from crossmodal.systems.kinematics.joint_mechanics_config import JointMechanicsConfig
+from crossmodal.systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
+from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
+from crossmodal.systems.monitoring.angles import AnglesByRates, AnglesConfig
+from crossmodal.systems.monitoring.arm_response import ArmResponse, ArmResponseConfig
+from crossmodal.systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig
+from crossmodal.systems.monitoring.offsets import OffsetModel
+from crossmodal.systems.monitoring.steps import IsolatedSteps, StepsConfig
+from crossmodal.systems.monitoring.window_monitor import WindowMonitor, WindowMonitorConfig
+from crossmodal.systems.proprioception.end_effector_motion import (
+    EndEffectorMotion,
+    EndEffectorMotionConfig,
+)
+from crossmodal.systems.proprioception.grasp_model import GraspModel
+from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
+from crossmodal.systems.proprioception.hand_bending import HandBending, HandBendingConfig
+from crossmodal.systems.proprioception.held_body_motion import (
     HeldBodyMotion,
     HeldBodyMotionConfig,
 )
-from systems.proprioception.slip_detection import SlipDetection, SlipDetectionConfig
-from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
-from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
-from systems.vision.features.feature_motion import FeatureMotion
-from systems.vision.features.feature_motion_config import FeatureMotionConfig
+from crossmodal.systems.proprioception.slip_detection import SlipDetection, SlipDetectionConfig
+from crossmodal.systems.vision.bodies.rigid_body_motion import RigidBodyMotion
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.systems.vision.features.feature_motion import FeatureMotion
+from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
 
 VISION_INPUTS = ("color_measured", "depth_measured", "robot_mask")
 SEEN_STREAMS = ("color", "depth")  # Those that a monitor watches, of the eye and of the body.

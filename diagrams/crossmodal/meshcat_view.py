@@ -16,30 +16,30 @@ from pydrake.systems.framework import (
     System,
 )
 
-from diagrams.crossmodal.modalities import LABELS
-from diagrams.crossmodal.results.report import describe_configuration, describe_pitch
-from diagrams.crossmodal.scenario import Scenario
-from diagrams.drawing import palette
-from diagrams.drawing.dots import set_dots
-from diagrams.drawing.legend import Entry, show_legend
-from diagrams.drawing.text_board import text_board
-from diagrams.drawing.textures import textured_boxes
-from diagrams.joints.joint_drawing import (
+from crossmodal.diagrams.crossmodal.modalities import LABELS
+from crossmodal.diagrams.crossmodal.results.report import describe_configuration, describe_pitch
+from crossmodal.diagrams.crossmodal.scenario import Scenario
+from crossmodal.diagrams.drawing import palette
+from crossmodal.diagrams.drawing.dots import set_dots
+from crossmodal.diagrams.drawing.legend import Entry, show_legend
+from crossmodal.diagrams.drawing.text_board import text_board
+from crossmodal.diagrams.drawing.textures import textured_boxes
+from crossmodal.diagrams.joints.joint_drawing import (
     BAR_LENGTH,
     JointSketch,
     helix_along,
     perpendicular_axes,
     sketch_joint,
 )
-from diagrams.joints.joint_metrics import joint_now
-from diagrams.joints.joint_palette import JOINT, body_color, body_label
-from diagrams.joints.joint_truth import TRUTH_QUANTITIES, Truth, truth_of_ticks
-from diagrams.run.episode import connect_latest
-from diagrams.run.record import Tick
-from diagrams.run.recorder import declare_input, read_inputs
-from maths.arrays import Array
-from maths.validation import check, number, numbers
-from systems.port_values import (
+from crossmodal.diagrams.joints.joint_metrics import joint_now
+from crossmodal.diagrams.joints.joint_palette import JOINT, body_color, body_label
+from crossmodal.diagrams.joints.joint_truth import TRUTH_QUANTITIES, Truth, truth_of_ticks
+from crossmodal.diagrams.run.episode import connect_latest
+from crossmodal.diagrams.run.record import Tick
+from crossmodal.diagrams.run.recorder import declare_input, read_inputs
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number, numbers
+from crossmodal.systems.port_values import (
     HELD_BODY,
     STATIC_BODY,
     BodyMotion,

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.crossmodal.objects.object_import import (
+from crossmodal.diagrams.crossmodal.objects.object_import import (
     ObjectWarning,
     content_hash,
     copied_files,
     imported,
 )
-from diagrams.crossmodal.objects.object_model import ObjectModel, read_object_model
-from diagrams.crossmodal.scenario import Scenario, object_model_file
-from diagrams.run.own_object import OwnObject
-from diagrams.run.yaml_input.schema import ScenarioError
-from plants.object_import import MODEL_FILE
-from plants.scene import has_model
+from crossmodal.diagrams.crossmodal.objects.object_model import ObjectModel, read_object_model
+from crossmodal.diagrams.crossmodal.scenario import Scenario, object_model_file
+from crossmodal.diagrams.run.own_object import OwnObject
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.plants.object_import import MODEL_FILE
+from crossmodal.plants.scene import has_model
 
 _ABOVE_FLOOR = 0.002  # So that nothing begins inside of it, [m].
 MODEL_FOLDER = "model"  # Of a run, for the copies of imported models.

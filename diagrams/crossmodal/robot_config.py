@@ -4,18 +4,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from controllers.arm.impedance import ImpedanceConfig
-from controllers.interaction.bending_excitation import BendingExcitationConfig
-from controllers.interaction.exploration import ExplorationConfig
-from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
-from controllers.interaction.pull_direction import PullDirectionConfig
-from controllers.interaction.trajectory_generator import TrajectoryGeneratorConfig
-from maths.validation import number, numbers
-from systems.sensors.air_pressure import PressureSensorConfig
-from systems.sensors.joint_encoders import JointEncodersConfig
-from systems.sensors.rgbd_camera import CameraNoiseConfig
-from systems.sensors.robot_mask import RobotMaskConfig
-from systems.sensors.wrist_wrench import WristWrenchConfig
+from crossmodal.controllers.arm.impedance import ImpedanceConfig
+from crossmodal.controllers.interaction.bending_excitation import BendingExcitationConfig
+from crossmodal.controllers.interaction.exploration import ExplorationConfig
+from crossmodal.controllers.interaction.grasp_sequence_config import GraspSequenceConfig
+from crossmodal.controllers.interaction.pull_direction import PullDirectionConfig
+from crossmodal.controllers.interaction.trajectory_generator import TrajectoryGeneratorConfig
+from crossmodal.maths.validation import number, numbers
+from crossmodal.systems.sensors.air_pressure import PressureSensorConfig
+from crossmodal.systems.sensors.joint_encoders import JointEncodersConfig
+from crossmodal.systems.sensors.rgbd_camera import CameraNoiseConfig
+from crossmodal.systems.sensors.robot_mask import RobotMaskConfig
+from crossmodal.systems.sensors.wrist_wrench import WristWrenchConfig
 
 # Model instances of the scene.
 ARM, HAND, OBJECT = "arm", "hand", "object"

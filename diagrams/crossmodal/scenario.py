@@ -7,20 +7,20 @@ from pathlib import Path
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from diagrams.crossmodal.estimators import MODALITIES, PerceptionConfig, check_cut
-from diagrams.crossmodal.objects.object_import import check_grasp, check_pull, imported
-from diagrams.crossmodal.objects.object_model import read_object_model
-from diagrams.crossmodal.robot_config import HAND, ControlConfig, SensorsConfig
-from diagrams.run import scenario as base
-from diagrams.run.common_tick import SENSOR_TICKS, with_common_tick
-from diagrams.run.scenario import CameraConfig
-from diagrams.run.yaml_input.schema import ScenarioError, suggestion
-from maths.validation import number, numbers
-from models import SDF_DIR
-from plants.external_forces import ExternalForce
-from plants.hands.pneumatic_hand import PneumaticHandConfig
-from plants.scene import PlantConfig
-from systems.port_values import JointType
+from crossmodal.diagrams.crossmodal.estimators import MODALITIES, PerceptionConfig, check_cut
+from crossmodal.diagrams.crossmodal.objects.object_import import check_grasp, check_pull, imported
+from crossmodal.diagrams.crossmodal.objects.object_model import read_object_model
+from crossmodal.diagrams.crossmodal.robot_config import HAND, ControlConfig, SensorsConfig
+from crossmodal.diagrams.run import scenario as base
+from crossmodal.diagrams.run.common_tick import SENSOR_TICKS, with_common_tick
+from crossmodal.diagrams.run.scenario import CameraConfig
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
+from crossmodal.maths.validation import number, numbers
+from crossmodal.models import SDF_DIR
+from crossmodal.plants.external_forces import ExternalForce
+from crossmodal.plants.hands.pneumatic_hand import PneumaticHandConfig
+from crossmodal.plants.scene import PlantConfig
+from crossmodal.systems.port_values import JointType
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 

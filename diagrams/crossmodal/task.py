@@ -7,13 +7,13 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem
 
-from controllers.interaction.phases import Phase as ControlPhase
-from diagrams.crossmodal.objects.object_model import read_object_model
-from diagrams.crossmodal.scenario import Scenario, Task, object_model_file
-from diagrams.joints.joint_truth import Truth
-from diagrams.run.record import EpisodeRecord, Event, TaskStatus
-from diagrams.run.recorder import STATUS_PORT
-from systems.port_values import JointType
+from crossmodal.controllers.interaction.phases import Phase as ControlPhase
+from crossmodal.diagrams.crossmodal.objects.object_model import read_object_model
+from crossmodal.diagrams.crossmodal.scenario import Scenario, Task, object_model_file
+from crossmodal.diagrams.joints.joint_truth import Truth
+from crossmodal.diagrams.run.record import EpisodeRecord, Event, TaskStatus
+from crossmodal.diagrams.run.recorder import STATUS_PORT
+from crossmodal.systems.port_values import JointType
 
 _DEGREES = 180.0 / np.pi
 GRASP_LOST = "grasp lost"
@@ -53,7 +53,7 @@ class ManipulationStatus(LeafSystem):
         output_ports:
         - task_status
 
-    - phase: (1,) `controllers.interaction.phases.Phase`.
+    - phase: (1,) `crossmodal.controllers.interaction.phases.Phase`.
     - grasp_lost: (1,) one once a grasp is given up.
     - task_status: `TaskStatus`.
     """

@@ -20,7 +20,7 @@ from pydrake.systems.framework import (
 
 _PREDICTION = re.compile(r"(_predicted|_predictions|_prior|_latest)$")
 _ROLE = re.compile(r"_(measured|estimated|predicted|latest|desired|commanded|window)$")
-_ROOM = "systems."  # Systems of its sub-packages are drawn together.
+_ROOM = "crossmodal.systems."  # Systems of its sub-packages are drawn together.
 _OUTLINES = ("#AA3377", "#EE7733", "#4477AA", "#228833", "#777777")
 _FILLS = ("#F8EAF1", "#FDF0E5", "#E9F0F7", "#E9F3EB", "#F3F3F3")
 _UP, _DOWN = "#2F5FA8", "#C8342B"

@@ -3,7 +3,7 @@
 import numpy as np
 from pydrake.geometry import Meshcat, Rgba
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 _OUTLINE = Rgba(0.06, 0.06, 0.06)
 _OUTLINE_SCALE = 1.4  # The outline's radius, in those of the dot.

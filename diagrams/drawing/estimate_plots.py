@@ -8,8 +8,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from diagrams.drawing import palette
-from diagrams.drawing.plot_style import STYLE, new_figure
+from crossmodal.diagrams.drawing import palette
+from crossmodal.diagrams.drawing.plot_style import STYLE, new_figure
 
 Spans = Sequence[tuple[float, float]]  # Starts and ends, [s].
 

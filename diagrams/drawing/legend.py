@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform, RotationMatrix
 
-from diagrams.drawing.text_board import font, picture_board
+from crossmodal.diagrams.drawing.text_board import font, picture_board
 
 _PATH = "/Cameras/default/rotated/<object>/legend"  # What lies below the camera moves with it.
 _DISTANCE = 0.6  # In front of the camera, [m].

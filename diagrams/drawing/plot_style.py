@@ -10,8 +10,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from diagrams.drawing import palette
-from maths.arrays import Array, Mask
+from crossmodal.diagrams.drawing import palette
+from crossmodal.maths.arrays import Array, Mask
 
 STYLE: Any = {
     "font.size": 10,

@@ -10,7 +10,7 @@ from pydrake.geometry import Mesh
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
-from diagrams.drawing.gltf import in_memory
+from crossmodal.diagrams.drawing.gltf import in_memory
 
 _PIXELS = 96  # Height of the texture.
 

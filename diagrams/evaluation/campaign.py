@@ -12,15 +12,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from diagrams.evaluation.folder_checksums import CHECKSUM_FILE, damage, write_checksums
-from diagrams.run import process
-from diagrams.run.application import Application
-from diagrams.run.experiment import Experiment
-from diagrams.run.folder.fingerprint import fingerprint, versions
-from diagrams.run.folder.own_files import OwnFiles, held
-from diagrams.run.folder.run_folder import SUMMARY_FILE, finished_summary, write_text
-from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
+from crossmodal.diagrams.evaluation.folder_checksums import CHECKSUM_FILE, damage, write_checksums
+from crossmodal.diagrams.run import process
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.experiment import Experiment
+from crossmodal.diagrams.run.folder.fingerprint import fingerprint, versions
+from crossmodal.diagrams.run.folder.own_files import OwnFiles, held
+from crossmodal.diagrams.run.folder.run_folder import SUMMARY_FILE, finished_summary, write_text
+from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 
 Summary = dict[str, Any]
 _MARKER = "evaluation.json"
@@ -72,12 +72,11 @@ def connect(workers: Workers) -> None:
         raise ScenarioError(
             "--backend ray: Ray is not installed; pip install 'crossmodal[cluster]'"
         ) from None
-    root = str(Path(__file__).parents[2])
     try:
         _knock(workers.address)
         ray.init(
             address=workers.address or "auto",
-            runtime_env={"env_vars": {"PYTHONPATH": root, **_own_applications()}},
+            runtime_env={"env_vars": _own_applications()},
             ignore_reinit_error=True,
             logging_level=logging.ERROR,
         )

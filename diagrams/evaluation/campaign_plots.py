@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
-from diagrams.drawing import palette
-from diagrams.drawing.plot_style import STYLE, mark_leaving, mark_times, new_figure
-from diagrams.evaluation.metric_table import estimators_of, label, quantile, readable
-from diagrams.run.application import Application
-from diagrams.run.scenario import Disturbances
-from maths.arrays import Array
+from crossmodal.diagrams.drawing import palette
+from crossmodal.diagrams.drawing.plot_style import STYLE, mark_leaving, mark_times, new_figure
+from crossmodal.diagrams.evaluation.metric_table import estimators_of, label, quantile, readable
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.scenario import Disturbances
+from crossmodal.maths.arrays import Array
 
 BAND = (5.0, 95.0)  # Percentiles over the seeds.
 _SMALLEST = 0.01  # Error that is still drawn, in the unit of its panel.

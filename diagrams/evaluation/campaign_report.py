@@ -13,9 +13,9 @@ import jinja2
 import pandas as pd
 from PIL import Image
 
-from diagrams.drawing.plot_style import save
-from diagrams.evaluation.campaign import Campaign, Summary, episode_folder
-from diagrams.evaluation.metric_table import (
+from crossmodal.diagrams.drawing.plot_style import save
+from crossmodal.diagrams.evaluation.campaign import Campaign, Summary, episode_folder
+from crossmodal.diagrams.evaluation.metric_table import (
     HOW_TO_READ,
     Table,
     experiment_tables,
@@ -25,10 +25,15 @@ from diagrams.evaluation.metric_table import (
     tidy_metrics,
     title,
 )
-from diagrams.run.folder.fingerprint import versions
-from diagrams.run.folder.own_files import OwnFiles
-from diagrams.run.folder.run_folder import PLOT_FOLDER, undrawn, write_atomically, write_text
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.run.folder.fingerprint import versions
+from crossmodal.diagrams.run.folder.own_files import OwnFiles
+from crossmodal.diagrams.run.folder.run_folder import (
+    PLOT_FOLDER,
+    undrawn,
+    write_atomically,
+    write_text,
+)
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 CSV_FILE, TABLE_FILE, PAGE_FILE = "results.csv", "table.md", "report.html"
 OVERVIEW_FILES = (CSV_FILE, TABLE_FILE, PAGE_FILE)

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from diagrams.drawing.digits import fixed, written, written_range
-from diagrams.evaluation.campaign_report import Picture, Section, inline, page
-from diagrams.evaluation.folder_checksums import CHECKSUM_FILE, damage
-from diagrams.evaluation.metric_table import (
+from crossmodal.diagrams.drawing.digits import fixed, written, written_range
+from crossmodal.diagrams.evaluation.campaign_report import Picture, Section, inline, page
+from crossmodal.diagrams.evaluation.folder_checksums import CHECKSUM_FILE, damage
+from crossmodal.diagrams.evaluation.metric_table import (
     EPISODE_METRICS,
     TICK_METRICS,
     Summary,
@@ -26,11 +26,11 @@ from diagrams.evaluation.metric_table import (
     seed_ranges,
     tidy_metrics,
 )
-from diagrams.run.application import Application
-from diagrams.run.experiment import Metric
-from diagrams.run.folder.run_folder import PLOT_FOLDER, SCENARIO_FILE, SUMMARY_FILE
-from diagrams.run.yaml_input.schema import ScenarioError, one_line, read_yaml
-from maths.arrays import Array
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.experiment import Metric
+from crossmodal.diagrams.run.folder.run_folder import PLOT_FOLDER, SCENARIO_FILE, SUMMARY_FILE
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, read_yaml
+from crossmodal.maths.arrays import Array
 
 _LONGEST = 80  # Letters of a scenario's value in a cell.
 _DIGITS = 3  # Of one run's figure: its neighbour may be close.

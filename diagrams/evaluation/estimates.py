@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from diagrams.drawing.digits import fixed, written
-from diagrams.drawing.estimate_plots import draw_estimates
-from diagrams.evaluation.metric_table import mean_share, median_and_range, readable
-from diagrams.run.application import Results
-from diagrams.run.experiment import Metric
-from diagrams.run.record import EpisodeRecord, Tick
-from maths.arrays import Array
+from crossmodal.diagrams.drawing.digits import fixed, written
+from crossmodal.diagrams.drawing.estimate_plots import draw_estimates
+from crossmodal.diagrams.evaluation.metric_table import mean_share, median_and_range, readable
+from crossmodal.diagrams.run.application import Results
+from crossmodal.diagrams.run.experiment import Metric
+from crossmodal.diagrams.run.record import EpisodeRecord, Tick
+from crossmodal.maths.arrays import Array
 
 COLUMNS = ("time", "modality", "quantity", "component", "estimate", "std", "covariance", "truth")
 _XYZ = ("x", "y", "z")

@@ -8,7 +8,7 @@ import hashlib
 from collections.abc import Iterable
 from pathlib import Path
 
-from diagrams.run.folder.run_folder import write_text
+from crossmodal.diagrams.run.folder.run_folder import write_text
 
 CHECKSUM_FILE = "SHA256SUMS"
 

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from diagrams.drawing.digits import written, written_range
-from diagrams.run.application import Application
-from diagrams.run.experiment import Experiment, Metric, Reference
-from maths.arrays import Array
+from crossmodal.diagrams.drawing.digits import written, written_range
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.experiment import Experiment, Metric, Reference
+from crossmodal.maths.arrays import Array
 
 Summary = dict[str, Any]
 COLUMNS = ("experiment", "seed", "modality", "metric", "value", "unit", "reason")

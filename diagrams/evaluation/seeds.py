@@ -1,6 +1,6 @@
 """Which seeds an experiment is repeated over."""
 
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 MOST_SEEDS = 10_000  # Days of work; folders are called `seed-0000`, and stay in order.
 _LARGEST = 2**32 - 1

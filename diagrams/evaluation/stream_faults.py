@@ -4,9 +4,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from diagrams.evaluation.estimates import Row, scalar
-from diagrams.run.record import EpisodeRecord, Event, Tick
-from systems.port_values import StreamHealth
+from crossmodal.diagrams.evaluation.estimates import Row, scalar
+from crossmodal.diagrams.run.record import EpisodeRecord, Event, Tick
+from crossmodal.systems.port_values import StreamHealth
 
 _PORT = "_health_latest"
 

@@ -11,23 +11,23 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
-from diagrams.flap.calibration import make_calibration
-from diagrams.flap.estimator_names import COLORS, LABELS
-from diagrams.flap.estimators import JOINT_STREAMS, SEEN_STREAMS, TAXELS, make_estimator
-from diagrams.flap.experiments import EXPERIMENTS
-from diagrams.flap.meshcat_view import add_view
-from diagrams.flap.own_tool import identity, keep_files, own_tool_assignments
-from diagrams.flap.results.metrics import METRICS, OVERVIEW
-from diagrams.flap.results.results import evaluate
-from diagrams.flap.results.task import task_in_words
-from diagrams.flap.scenario import SCENARIO_FOLDER, Scenario, resolve
-from diagrams.flap.station.station import make_flap_station
-from diagrams.flap.truth import UNKNOWN_FLAP
-from diagrams.run.application import Application, Station
-from diagrams.run.calibration import Calibration
-from diagrams.run.record import Quantity
-from diagrams.run.sensor_streams.codecs import JOINT_STATES, Topic
-from systems.port_values import (
+from crossmodal.diagrams.flap.calibration import make_calibration
+from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
+from crossmodal.diagrams.flap.estimators import JOINT_STREAMS, SEEN_STREAMS, TAXELS, make_estimator
+from crossmodal.diagrams.flap.experiments import EXPERIMENTS
+from crossmodal.diagrams.flap.meshcat_view import add_view
+from crossmodal.diagrams.flap.own_tool import identity, keep_files, own_tool_assignments
+from crossmodal.diagrams.flap.results.metrics import METRICS, OVERVIEW
+from crossmodal.diagrams.flap.results.results import evaluate
+from crossmodal.diagrams.flap.results.task import task_in_words
+from crossmodal.diagrams.flap.scenario import SCENARIO_FOLDER, Scenario, resolve
+from crossmodal.diagrams.flap.station.station import make_flap_station
+from crossmodal.diagrams.flap.truth import UNKNOWN_FLAP
+from crossmodal.diagrams.run.application import Application, Station
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.run.record import Quantity
+from crossmodal.diagrams.run.sensor_streams.codecs import JOINT_STATES, Topic
+from crossmodal.systems.port_values import (
     UNKNOWN_ANGLE,
     UNKNOWN_FINGERTIP,
     UNKNOWN_HINGE,

@@ -2,12 +2,17 @@
 
 import numpy as np
 
-from diagrams.flap.robot_config import ROBOTS
-from diagrams.flap.scenario import Scenario
-from diagrams.run.calibration import ArmCalibration, Calibration, calibrated, pose_covariance
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.lwr import ARM_JOINTS
-from plants.scene import nominal_pose
+from crossmodal.diagrams.flap.robot_config import ROBOTS
+from crossmodal.diagrams.flap.scenario import Scenario
+from crossmodal.diagrams.run.calibration import (
+    ArmCalibration,
+    Calibration,
+    calibrated,
+    pose_covariance,
+)
+from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
+from crossmodal.plants.robots.lwr import ARM_JOINTS
+from crossmodal.plants.scene import nominal_pose
 
 # What is left of an encoder's offset behind the gears once the joints are mastered, [rad].
 _JOINT_OFFSET = np.deg2rad(0.05)

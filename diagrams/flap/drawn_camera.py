@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagrams.run.scenario import CameraConfig
-from maths.validation import number, numbers
-from systems.sensors.randomness import make_generator
+from crossmodal.diagrams.run.scenario import CameraConfig
+from crossmodal.maths.validation import number, numbers
+from crossmodal.systems.sensors.randomness import make_generator
 
 
 @dataclass(kw_only=True)

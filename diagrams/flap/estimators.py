@@ -4,28 +4,31 @@ from dataclasses import dataclass, field
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
-from diagrams.flap.estimator_names import ESTIMATORS
-from diagrams.flap.robot_config import FINGER, FINGER_ARM, HOLDER, HOLDER_ARM
-from diagrams.flap.robot_view import make_robot_view
-from diagrams.run.calibration import Calibration
-from systems.arm_pose import ArmPose
-from systems.depth_camera import DepthCamera
-from systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
-from systems.flap.flap_joint import FlapJoint
-from systems.flap.flap_joint_model import FlapJointConfig
-from systems.flap.flap_tracking import FlapTracker
-from systems.flap.flap_tracking_config import FlapTrackingConfig
-from systems.flap.hinge_estimator import HingeEstimator, HingeEstimatorConfig
-from systems.flap.hinge_limits import HingeLimitsConfig
-from systems.flap.tool_kinematics import ToolKinematics, ToolKinematicsConfig
-from systems.monitoring.angles import AnglesByRates, AnglesConfig
-from systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig
-from systems.monitoring.window_monitor import WindowMonitor, WindowMonitorConfig
-from systems.proprioception.end_effector_pose import EndEffectorPose, EndEffectorPoseConfig
-from systems.registration.arm_registration import ArmRegistration, ArmRegistrationConfig
-from systems.registration.registration_prior import CalibratedArm
-from systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
-from systems.tactile.taxel_layout import TaxelLayout
+from crossmodal.diagrams.flap.estimator_names import ESTIMATORS
+from crossmodal.diagrams.flap.robot_config import FINGER, FINGER_ARM, HOLDER, HOLDER_ARM
+from crossmodal.diagrams.flap.robot_view import make_robot_view
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.systems.arm_pose import ArmPose
+from crossmodal.systems.depth_camera import DepthCamera
+from crossmodal.systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
+from crossmodal.systems.flap.flap_joint import FlapJoint
+from crossmodal.systems.flap.flap_joint_model import FlapJointConfig
+from crossmodal.systems.flap.flap_tracking import FlapTracker
+from crossmodal.systems.flap.flap_tracking_config import FlapTrackingConfig
+from crossmodal.systems.flap.hinge_estimator import HingeEstimator, HingeEstimatorConfig
+from crossmodal.systems.flap.hinge_limits import HingeLimitsConfig
+from crossmodal.systems.flap.tool_kinematics import ToolKinematics, ToolKinematicsConfig
+from crossmodal.systems.monitoring.angles import AnglesByRates, AnglesConfig
+from crossmodal.systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig
+from crossmodal.systems.monitoring.window_monitor import WindowMonitor, WindowMonitorConfig
+from crossmodal.systems.proprioception.end_effector_pose import (
+    EndEffectorPose,
+    EndEffectorPoseConfig,
+)
+from crossmodal.systems.registration.arm_registration import ArmRegistration, ArmRegistrationConfig
+from crossmodal.systems.registration.registration_prior import CalibratedArm
+from crossmodal.systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
+from crossmodal.systems.tactile.taxel_layout import TaxelLayout
 
 SEEN_STREAMS = ("color", "depth")
 JOINT_STREAMS = ("holder_joint_state", "finger_joint_state")

@@ -1,6 +1,6 @@
 """The experiments with the flap, and what to compare their metrics with."""
 
-from diagrams.run.experiment import Experiment, Reference
+from crossmodal.diagrams.run.experiment import Experiment, Reference
 
 _REFERENCES = {
     "success": Reference(paper="one tool, works", goal="18/20"),

@@ -6,17 +6,21 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Adder
 
-from controllers.arm.kinematics import ArmModel
-from controllers.servoing.flip_config import FlipSequenceConfig
-from controllers.servoing.flip_sequence import FlipSequence
-from controllers.servoing.tactile_servoing import TactileServoing, TactileServoingConfig
-from controllers.servoing.tool_line_decisions import ToolLineConfig
-from controllers.servoing.twist_to_joints import JointLimits, TwistToJoints, TwistToJointsConfig
-from controllers.servoing.visual_servoing import VisualServoing, VisualServoingConfig
-from maths.arrays import Array
-from systems.tactile.contact_features import ContactFeaturesConfig
-from systems.tactile.taxel_layout import TaxelLayout
-from systems.tactile.taxel_monitor import TaxelMonitor
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.servoing.flip_config import FlipSequenceConfig
+from crossmodal.controllers.servoing.flip_sequence import FlipSequence
+from crossmodal.controllers.servoing.tactile_servoing import TactileServoing, TactileServoingConfig
+from crossmodal.controllers.servoing.tool_line_decisions import ToolLineConfig
+from crossmodal.controllers.servoing.twist_to_joints import (
+    JointLimits,
+    TwistToJoints,
+    TwistToJointsConfig,
+)
+from crossmodal.controllers.servoing.visual_servoing import VisualServoing, VisualServoingConfig
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.tactile.contact_features import ContactFeaturesConfig
+from crossmodal.systems.tactile.taxel_layout import TaxelLayout
+from crossmodal.systems.tactile.taxel_monitor import TaxelMonitor
 
 
 @dataclass(kw_only=True)

@@ -3,9 +3,9 @@
 from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, LeafSystem
 
-from controllers.servoing.flip_decisions import FlipPhase
-from controllers.servoing.tool_line_decisions import LinePhase
-from diagrams.run.record import TaskStatus
+from crossmodal.controllers.servoing.flip_decisions import FlipPhase
+from crossmodal.controllers.servoing.tool_line_decisions import LinePhase
+from crossmodal.diagrams.run.record import TaskStatus
 
 FLIPPING, RETREATING, DONE = "flipping", "retreating", "done"
 TO_TABLE, ON_LINE = "to the table", "line on the table"

@@ -3,11 +3,11 @@
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from controllers.arm.kinematics import ArmModel
-from controllers.servoing.tool_line import ToolLine
-from controllers.servoing.twist_to_joints import TwistToJoints
-from diagrams.flap.flip_control import FlipControlConfig, joint_limits
-from maths.arrays import Array
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.servoing.tool_line import ToolLine
+from crossmodal.controllers.servoing.twist_to_joints import TwistToJoints
+from crossmodal.diagrams.flap.flip_control import FlipControlConfig, joint_limits
+from crossmodal.maths.arrays import Array
 
 
 def make_line_control(

@@ -16,15 +16,15 @@ from pydrake.systems.framework import (
     System,
 )
 
-from diagrams.drawing import palette
-from diagrams.drawing.legend import Entry, show_legend
-from diagrams.flap.estimator_names import COLORS, LABELS
-from diagrams.flap.scenario import Scenario
-from diagrams.run.episode import connect_latest
-from maths.arrays import Array
-from maths.validation import check, number, numbers
-from maths.vectors import tangent_basis
-from systems.port_values import (
+from crossmodal.diagrams.drawing import palette
+from crossmodal.diagrams.drawing.legend import Entry, show_legend
+from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
+from crossmodal.diagrams.flap.scenario import Scenario
+from crossmodal.diagrams.run.episode import connect_latest
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number, numbers
+from crossmodal.maths.vectors import tangent_basis
+from crossmodal.systems.port_values import (
     UNKNOWN_FINGERTIP,
     UNKNOWN_TOOL,
     FingertipContact,
@@ -32,7 +32,7 @@ from systems.port_values import (
     ToolBelief,
     unseen,
 )
-from systems.tactile.taxel_layout import TaxelLayout
+from crossmodal.systems.tactile.taxel_layout import TaxelLayout
 
 ROOT = "/perception"
 _AXIS_LENGTH = 0.3  # [m]

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from diagrams.flap.scenario import Scenario
-from diagrams.run.own_object import OwnObject
-from diagrams.run.yaml_input.schema import ScenarioError
-from models import SDF_DIR
+from crossmodal.diagrams.flap.scenario import Scenario
+from crossmodal.diagrams.run.own_object import OwnObject
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.models import SDF_DIR
 
 MODEL_FOLDER = "model"  # Of a run, for the copy of the tool.
 _FILES = re.compile(r"<uri>\s*([^<]+?)\s*</uri>|filename=\"([^\"]+)\"|<\w+_map>\s*([^<]+?)\s*</")

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from plants.robots.lwr import LWR_WITH_FINGERTIP, LWR_WITH_THREE_FINGERS
-from systems.sensors.joint_encoders import JointEncodersConfig
-from systems.sensors.rgbd_camera import CameraNoiseConfig
-from systems.sensors.robot_mask import RobotMaskConfig
-from systems.sensors.taxels import TaxelsConfig
+from crossmodal.plants.robots.lwr import LWR_WITH_FINGERTIP, LWR_WITH_THREE_FINGERS
+from crossmodal.systems.sensors.joint_encoders import JointEncodersConfig
+from crossmodal.systems.sensors.rgbd_camera import CameraNoiseConfig
+from crossmodal.systems.sensors.robot_mask import RobotMaskConfig
+from crossmodal.systems.sensors.taxels import TaxelsConfig
 
 # Model instances of the scene, and what the ports of the two robots begin with.
 HOLDER_ARM, HOLDER_HAND, FINGER_ARM, FINGERTIP = (

@@ -2,7 +2,7 @@
 
 from pydrake.multibody.plant import MultibodyPlant
 
-from diagrams.flap.robot_config import (
+from crossmodal.diagrams.flap.robot_config import (
     FINGER,
     FINGER_ARM,
     FINGERTIP,
@@ -11,11 +11,11 @@ from diagrams.flap.robot_config import (
     HOLDER_HAND,
     ROBOTS,
 )
-from diagrams.run.calibration import Calibration
-from plants.camera_view import renderer_intrinsics
-from plants.robots.arm_with_hand import add_robot
-from plants.robots.lwr import ARM_JOINTS
-from systems.registration.robot_view import ArmChain, RobotView
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.plants.camera_view import renderer_intrinsics
+from crossmodal.plants.robots.arm_with_hand import add_robot
+from crossmodal.plants.robots.lwr import ARM_JOINTS
+from crossmodal.systems.registration.robot_view import ArmChain, RobotView
 
 CHAINS = {
     HOLDER: ArmChain(HOLDER_ARM, ARM_JOINTS, HOLDER_HAND),

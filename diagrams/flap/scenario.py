@@ -5,25 +5,25 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.flap.drawn_camera import CameraVariation, draw_camera_config
-from diagrams.flap.estimator_names import ESTIMATORS
-from diagrams.flap.estimators import PerceptionConfig
-from diagrams.flap.flip_control import FlipControlConfig
-from diagrams.flap.robot_config import SensorsConfig
-from diagrams.run import scenario as base
-from diagrams.run.calibration import CalibrationConfig, realistic_errors
-from diagrams.run.common_tick import SENSOR_TICKS, with_common_tick
-from diagrams.run.scenario import CameraConfig
-from diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
-from maths.validation import number, numbers
-from models import SDF_DIR
-from plants.external_forces import ExternalForce
-from plants.scene import PlantConfig
-from plants.tools.flap_jerk import FlapJerk
-from plants.tools.held_tool import check_tool
-from plants.tools.wiper import WiperConfig
-from systems.sensors.taxels import TaxelFault
-from systems.tactile.taxel_layout import PAD_PLACES, TaxelLayout, pad_layout
+from crossmodal.diagrams.flap.drawn_camera import CameraVariation, draw_camera_config
+from crossmodal.diagrams.flap.estimator_names import ESTIMATORS
+from crossmodal.diagrams.flap.estimators import PerceptionConfig
+from crossmodal.diagrams.flap.flip_control import FlipControlConfig
+from crossmodal.diagrams.flap.robot_config import SensorsConfig
+from crossmodal.diagrams.run import scenario as base
+from crossmodal.diagrams.run.calibration import CalibrationConfig, realistic_errors
+from crossmodal.diagrams.run.common_tick import SENSOR_TICKS, with_common_tick
+from crossmodal.diagrams.run.scenario import CameraConfig
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
+from crossmodal.maths.validation import number, numbers
+from crossmodal.models import SDF_DIR
+from crossmodal.plants.external_forces import ExternalForce
+from crossmodal.plants.scene import PlantConfig
+from crossmodal.plants.tools.flap_jerk import FlapJerk
+from crossmodal.plants.tools.held_tool import check_tool
+from crossmodal.plants.tools.wiper import WiperConfig
+from crossmodal.systems.sensors.taxels import TaxelFault
+from crossmodal.systems.tactile.taxel_layout import PAD_PLACES, TaxelLayout, pad_layout
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.immutable import Immutable
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
 
 
 @dataclass(frozen=True, kw_only=True)

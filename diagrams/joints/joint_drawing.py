@@ -14,10 +14,10 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 from scipy.spatial import ConvexHull, QhullError
 
-from diagrams.joints.joint_palette import JOINT
-from diagrams.run.calibration import Camera
-from maths.arrays import Array
-from systems.port_values import MOVING_TYPES, BodyMotion, JointBelief, JointType
+from crossmodal.diagrams.joints.joint_palette import JOINT
+from crossmodal.diagrams.run.calibration import Camera
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import MOVING_TYPES, BodyMotion, JointBelief, JointType
 
 BAR_LENGTH = 0.3  # [m]
 HELIX_RADIUS = 0.025  # [m]

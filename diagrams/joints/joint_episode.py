@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from diagrams.joints.joint_metrics import JointSeries, joint_series
-from diagrams.joints.joint_truth import Truth, truth_of
-from diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.joints.joint_metrics import JointSeries, joint_series
+from crossmodal.diagrams.joints.joint_truth import Truth, truth_of
+from crossmodal.diagrams.run.record import EpisodeRecord
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from diagrams.evaluation.campaign_plots import Panel
-from diagrams.run.folder.run_folder import ESTIMATES_FILE
-from maths.arrays import Array
+from crossmodal.diagrams.evaluation.campaign_plots import Panel
+from crossmodal.diagrams.run.folder.run_folder import ESTIMATES_FILE
+from crossmodal.maths.arrays import Array
 
 _QUANTITIES = ("configuration", "axis", "type_probability")
 _UNIT = {

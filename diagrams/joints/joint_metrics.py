@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
-from diagrams.joints.joint_truth import Truth
-from diagrams.run.record import Tick
-from maths.arrays import Array, Mask
-from maths.consistency import normalised_squared_error
-from maths.tangent_plane import normal_basis
-from systems.port_values import (
+from crossmodal.diagrams.joints.joint_truth import Truth
+from crossmodal.diagrams.run.record import Tick
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.consistency import normalised_squared_error
+from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.systems.port_values import (
     HELD_BODY,
     STATIC_BODY,
     BodyMotions,

@@ -3,7 +3,7 @@
 Joints keep the green and red of the cross-modal paper's pictures and differ in form too.
 """
 
-from systems.port_values import HELD_BODY, STATIC_BODY, JointType
+from crossmodal.systems.port_values import HELD_BODY, STATIC_BODY, JointType
 
 JOINT = {
     JointType.PRISMATIC: "#228833",

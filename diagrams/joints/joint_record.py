@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.evaluation.estimates import Row, scalar, vector
-from diagrams.joints.joint_metrics import (
+from crossmodal.diagrams.evaluation.estimates import Row, scalar, vector
+from crossmodal.diagrams.joints.joint_metrics import (
     JointSeries,
     axis_sign,
     bodies_of,
@@ -19,11 +19,11 @@ from diagrams.joints.joint_metrics import (
     turning_point,
     type_settled_at,
 )
-from diagrams.joints.joint_truth import Truth
-from diagrams.run.record import Tick
-from maths import se3
-from maths.consistency import share_inside
-from systems.port_values import MOVING_TYPES, BodyMotion, JointBelief, JointType
+from crossmodal.diagrams.joints.joint_truth import Truth
+from crossmodal.diagrams.run.record import Tick
+from crossmodal.maths import se3
+from crossmodal.maths.consistency import share_inside
+from crossmodal.systems.port_values import MOVING_TYPES, BodyMotion, JointBelief, JointType
 
 _STILL_SEEN = 0.5  # An estimator that lost the joint longer ago claims nothing at the end, [s].
 

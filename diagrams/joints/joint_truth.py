@@ -10,11 +10,11 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint, ScrewJoint
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from diagrams.run.record import EpisodeRecord, Quantity, Tick
-from maths.arrays import Array
-from maths.immutable import Immutable
-from plants.screw_axis import screw_axis
-from systems.port_values import JointType
+from crossmodal.diagrams.run.record import EpisodeRecord, Quantity, Tick
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.plants.screw_axis import screw_axis
+from crossmodal.systems.port_values import JointType
 
 
 @dataclass(frozen=True, kw_only=True)

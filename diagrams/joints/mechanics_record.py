@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.drawing.digits import written
-from diagrams.evaluation.estimates import Row, scalar
-from diagrams.joints.joint_metrics import JointSeries, axis_sign, travel_at_grasp
-from diagrams.joints.joint_truth import Truth
-from diagrams.run.record import Tick
-from systems.port_values import (
+from crossmodal.diagrams.drawing.digits import written
+from crossmodal.diagrams.evaluation.estimates import Row, scalar
+from crossmodal.diagrams.joints.joint_metrics import JointSeries, axis_sign, travel_at_grasp
+from crossmodal.diagrams.joints.joint_truth import Truth
+from crossmodal.diagrams.run.record import Tick
+from crossmodal.systems.port_values import (
     JointMechanicsBelief,
     JointMechanicsBeliefs,
     JointType,

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
-from diagrams.run.calibration import Calibration
-from diagrams.run.experiment import CampaignPlot, Column, Experiment, Metric
-from diagrams.run.own_object import OwnObject
-from diagrams.run.record import EpisodeRecord, Event, Quantity
-from diagrams.run.scenario import Scenario
-from diagrams.run.sensor_streams.codecs import Topic
-from diagrams.run.yaml_input.schema import ScenarioError, suggestion
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.run.experiment import CampaignPlot, Column, Experiment, Metric
+from crossmodal.diagrams.run.own_object import OwnObject
+from crossmodal.diagrams.run.record import EpisodeRecord, Event, Quantity
+from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.sensor_streams.codecs import Topic
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,11 +13,11 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
-from maths import se3
-from maths.arrays import Array
-from maths.pinhole import Intrinsics
-from maths.validation import number
-from systems.sensors.randomness import make_generator
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.maths.validation import number
+from crossmodal.systems.sensors.randomness import make_generator
 
 
 @dataclass(kw_only=True)

@@ -12,18 +12,23 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, PortDataType, System
 
-from diagrams.run.application import Application, Station, check_quantities
-from diagrams.run.calibration import Calibration
-from diagrams.run.process import peak_memory
-from diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
-from diagrams.run.recorded_scenario import as_recorded
-from diagrams.run.recorder import STATUS_PORT, EpisodeRecorder, RecorderConfig, TickStopwatch
-from diagrams.run.scenario import Scenario
-from diagrams.run.sensor_streams.log import SensorLogWriter, SensorRecorder, make_streams
-from diagrams.run.sensor_streams.stream_faults import add_stream_faults
-from diagrams.run.ticks import advance_by_ticks
-from diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
-from maths.compiled import compilation_timed
+from crossmodal.diagrams.run.application import Application, Station, check_quantities
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.run.process import peak_memory
+from crossmodal.diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
+from crossmodal.diagrams.run.recorded_scenario import as_recorded
+from crossmodal.diagrams.run.recorder import (
+    STATUS_PORT,
+    EpisodeRecorder,
+    RecorderConfig,
+    TickStopwatch,
+)
+from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.sensor_streams.log import SensorLogWriter, SensorRecorder, make_streams
+from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
+from crossmodal.diagrams.run.ticks import advance_by_ticks
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
+from crossmodal.maths.compiled import compilation_timed
 
 SCENE_PORT = "cheat_query_object"  # Of a station whose scene Meshcat can draw.
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 
 @dataclass(kw_only=True)

@@ -13,16 +13,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from diagrams.run.application import Application
-from diagrams.run.folder.own_files import held
-from diagrams.run.folder.run_folder import FILES, SUMMARY_FILE, finished_summary, write_scenario
-from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_input.schema import ScenarioError, one_line
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.folder.own_files import held
+from crossmodal.diagrams.run.folder.run_folder import (
+    FILES,
+    SUMMARY_FILE,
+    finished_summary,
+    write_scenario,
+)
+from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
 ERROR_FILE = "error.txt"  # The reason in its first line, then the traceback.
 LOG_FILE = "log.txt"
 # Runs the scenario in the folder that it is given, and ends when its standard input is closed.
-_COMMAND = (sys.executable, "-m", "diagrams.commands.episode")
+_COMMAND = (sys.executable, "-m", "crossmodal.diagrams.commands.episode")
 _STATUS = Path("/proc/self/status")
 _RUNNING: set[subprocess.Popen[bytes]] = set()
 
@@ -63,15 +68,13 @@ def run_apart(
             log = (folder / LOG_FILE).open("wb")
     except (OSError, ScenarioError) as error:
         return failed_summary(scenario, one_line(error))
-    root = str(Path(__file__).parents[2])
-    paths = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
     with log:
         process = subprocess.Popen(
             [*_COMMAND, str(folder.resolve())],
             stdin=subprocess.PIPE,
             stdout=log,
             stderr=log,
-            env={**os.environ, **environment, "PYTHONPATH": paths},
+            env={**os.environ, **environment},
             start_new_session=True,  # A Ctrl-C is for the one who started it.
         )
     _RUNNING.add(process)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from maths.immutable import Immutable
+from crossmodal.maths.immutable import Immutable
 
 if TYPE_CHECKING:
-    from diagrams.run.calibration import Calibration
+    from crossmodal.diagrams.run.calibration import Calibration
 
 
 @dataclass(frozen=True, kw_only=True)

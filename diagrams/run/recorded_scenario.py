@@ -6,9 +6,9 @@ from typing import Any
 import yaml
 from pydrake.common.yaml import yaml_dump_typed
 
-from diagrams.run.application import Application
-from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 # What of a scenario may be replaced when it is replayed: what perceives, and what happens to the
 # streams on their way there, not what was measured.

@@ -11,10 +11,17 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, InputPort, LeafSystem, State
 from pydrake.systems.sensors import ImageRgba8U
 
-from diagrams.run.record import EstimatorRecord, Event, Picture, Quantity, TaskStatus, Tick
-from maths.validation import check, number
-from systems.port_values import StampedImage
-from systems.ticks import tick_period
+from crossmodal.diagrams.run.record import (
+    EstimatorRecord,
+    Event,
+    Picture,
+    Quantity,
+    TaskStatus,
+    Tick,
+)
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.port_values import StampedImage
+from crossmodal.systems.ticks import tick_period
 
 STATUS_PORT = "task_status"  # Of a station that says what the robot does.
 

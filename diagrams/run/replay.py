@@ -12,18 +12,23 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, System
 from pydrake.systems.sensors import ImageRgba8U
 
-from diagrams.run.application import Application
-from diagrams.run.episode import build_estimators, building, connect_recorder, stream_models
-from diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE
-from diagrams.run.record import EpisodeRecord
-from diagrams.run.recorded_scenario import REPLACEABLE, check_unchanged, is_replaceable
-from diagrams.run.recorder import EpisodeRecorder, RecorderConfig
-from diagrams.run.scenario import Scenario
-from diagrams.run.sensor_streams.log import SensorLog, SensorReplay, make_streams
-from diagrams.run.sensor_streams.stream_faults import add_stream_faults
-from diagrams.run.ticks import advance_by_ticks
-from diagrams.run.yaml_input.schema import ScenarioError
-from systems.port_values import StampedImage
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.episode import (
+    build_estimators,
+    building,
+    connect_recorder,
+    stream_models,
+)
+from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE
+from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.run.recorded_scenario import REPLACEABLE, check_unchanged, is_replaceable
+from crossmodal.diagrams.run.recorder import EpisodeRecorder, RecorderConfig
+from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.sensor_streams.log import SensorLog, SensorReplay, make_streams
+from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
+from crossmodal.diagrams.run.ticks import advance_by_ticks
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.systems.port_values import StampedImage
 
 
 def check_recorded(folder: Path, overrides: Sequence[str] = ()) -> Path:

@@ -13,13 +13,18 @@ from typing import Any, TypeVar
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
-from diagrams.run.calibration import CalibrationConfig, Camera
-from diagrams.run.yaml_input.schema import ScenarioError, apply_override, load_typed, read_yaml
-from diagrams.run.yaml_input.units import without_units
-from maths.pinhole import Intrinsics
-from maths.validation import check, number, numbers
-from systems.sensors.stream_fault import StreamFault
-from systems.ticks import tick_period
+from crossmodal.diagrams.run.calibration import CalibrationConfig, Camera
+from crossmodal.diagrams.run.yaml_input.schema import (
+    ScenarioError,
+    apply_override,
+    load_typed,
+    read_yaml,
+)
+from crossmodal.diagrams.run.yaml_input.units import without_units
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.maths.validation import check, number, numbers
+from crossmodal.systems.sensors.stream_fault import StreamFault
+from crossmodal.systems.ticks import tick_period
 
 S = TypeVar("S", bound="Scenario")
 

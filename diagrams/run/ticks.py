@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from pydrake.systems.analysis import Simulator
 
-from diagrams.run.recorder import EpisodeRecorder
+from crossmodal.diagrams.run.recorder import EpisodeRecorder
 
 _SAME_INSTANT = 1e-9  # [s]
 

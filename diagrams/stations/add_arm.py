@@ -5,12 +5,16 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable, ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
-from controllers.arm.impedance import ImpedanceConfig, ImpedanceController
-from controllers.arm.kinematics import ArmModel
-from diagrams.stations.naming import own_seed, prefixed
-from maths.arrays import Array
-from systems.sensors.joint_encoders import JointEncoders, JointEncodersConfig
-from systems.sensors.wrist_wrench import ReactionWrench, WristWrenchConfig, WristWrenchSensor
+from crossmodal.controllers.arm.impedance import ImpedanceConfig, ImpedanceController
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.diagrams.stations.naming import own_seed, prefixed
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.sensors.joint_encoders import JointEncoders, JointEncodersConfig
+from crossmodal.systems.sensors.wrist_wrench import (
+    ReactionWrench,
+    WristWrenchConfig,
+    WristWrenchSensor,
+)
 
 
 def add_encoders(

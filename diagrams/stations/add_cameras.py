@@ -6,12 +6,16 @@ from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
-from diagrams.run.calibration import Calibration, Camera, draw_camera
-from diagrams.run.scenario import Scenario
-from diagrams.stations.add_rgbd_camera import add_renderers, add_rgbd_camera, add_robot_mask
-from diagrams.stations.naming import owner_among
-from systems.sensors.rgbd_camera import CameraNoiseConfig
-from systems.sensors.robot_mask import MaskedRobot, RobotMaskConfig
+from crossmodal.diagrams.run.calibration import Calibration, Camera, draw_camera
+from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.stations.add_rgbd_camera import (
+    add_renderers,
+    add_rgbd_camera,
+    add_robot_mask,
+)
+from crossmodal.diagrams.stations.naming import owner_among
+from crossmodal.systems.sensors.rgbd_camera import CameraNoiseConfig
+from crossmodal.systems.sensors.robot_mask import MaskedRobot, RobotMaskConfig
 
 
 def add_cameras(

@@ -21,15 +21,15 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.sensors import RgbdSensor
 
-from diagrams.run.calibration import Camera
-from diagrams.run.scenario import Disturbances
-from diagrams.stations.lighting import Lighting
-from diagrams.stations.naming import own_seed, prefixed
-from plants.camera_view import renderer_intrinsics
-from systems.sensors.image_delay import ImageDelay
-from systems.sensors.image_stamps import ImageStamps
-from systems.sensors.rgbd_camera import CameraNoise, CameraNoiseConfig
-from systems.sensors.robot_mask import MaskedRobot, RobotMask, RobotMaskConfig
+from crossmodal.diagrams.run.calibration import Camera
+from crossmodal.diagrams.run.scenario import Disturbances
+from crossmodal.diagrams.stations.lighting import Lighting
+from crossmodal.diagrams.stations.naming import own_seed, prefixed
+from crossmodal.plants.camera_view import renderer_intrinsics
+from crossmodal.systems.sensors.image_delay import ImageDelay
+from crossmodal.systems.sensors.image_stamps import ImageStamps
+from crossmodal.systems.sensors.rgbd_camera import CameraNoise, CameraNoiseConfig
+from crossmodal.systems.sensors.robot_mask import MaskedRobot, RobotMask, RobotMaskConfig
 
 # A visual that accepts the colour renderer only is transparent.
 _RENDERERS = ("colour", "depth")

@@ -7,12 +7,12 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
 
-from diagrams.run.scenario import Interval
-from diagrams.stations.naming import own_seed, prefixed
-from diagrams.stations.occurrence import Occurrence
-from plants.hands.pneumatic_hand import PneumaticHand, PneumaticHandConfig
-from plants.hands.soft_hand import finger_selection
-from systems.sensors.air_pressure import PressureSensor, PressureSensorConfig
+from crossmodal.diagrams.run.scenario import Interval
+from crossmodal.diagrams.stations.naming import own_seed, prefixed
+from crossmodal.diagrams.stations.occurrence import Occurrence
+from crossmodal.plants.hands.pneumatic_hand import PneumaticHand, PneumaticHandConfig
+from crossmodal.plants.hands.soft_hand import finger_selection
+from crossmodal.systems.sensors.air_pressure import PressureSensor, PressureSensorConfig
 
 
 def add_soft_hand(

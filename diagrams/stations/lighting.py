@@ -2,8 +2,8 @@
 
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from diagrams.run.scenario import Disturbances
-from diagrams.stations.occurrence import occurs
+from crossmodal.diagrams.run.scenario import Disturbances
+from crossmodal.diagrams.stations.occurrence import occurs
 
 
 class Lighting(LeafSystem):

@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
-from systems.sensors.randomness import make_generator
+from crossmodal.systems.sensors.randomness import make_generator
 
 
 def prefixed(owner: str, name: str) -> str:

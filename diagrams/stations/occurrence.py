@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from diagrams.run.scenario import Interval
+from crossmodal.diagrams.run.scenario import Interval
 
 
 def occurs(intervals: Iterable[Interval], time: float) -> float:

@@ -14,14 +14,14 @@ from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, System
 
-from diagrams.drawing.diagram_drawing import leaf_systems, wires
-from systems.sensors.rgbd_camera import CameraNoise
-from systems.sensors.sampled_sensor import SampledSensor
+from crossmodal.diagrams.drawing.diagram_drawing import leaf_systems, wires
+from crossmodal.systems.sensors.rgbd_camera import CameraNoise
+from crossmodal.systems.sensors.sampled_sensor import SampledSensor
 
 # What turns truth into measurements: a path ends here.
 SENSORS = (CameraNoise, SampledSensor)
 # What may know the truth besides sensors: what simulates, wires, records and draws.
-WORLD_ROOMS = ("plants", "diagrams", "pydrake")
+WORLD_ROOMS = ("crossmodal.plants", "crossmodal.diagrams", "pydrake")
 
 
 def truth_paths(diagram: Diagram) -> list[str]:
@@ -49,9 +49,9 @@ def truth_paths(diagram: Diagram) -> list[str]:
 
 def _belongs_to_robot(system: System) -> bool:
     module = type(system).__module__
-    room = module.partition(".")[0]
-    is_sensor = isinstance(system, SENSORS) or module.startswith("systems.sensors")
-    return room not in WORLD_ROOMS and not is_sensor
+    is_sensor = isinstance(system, SENSORS) or module.startswith("crossmodal.systems.sensors.")
+    of_the_world = module.startswith(tuple(f"{room}." for room in WORLD_ROOMS))
+    return not of_the_world and not is_sensor
 
 
 def truth_references(diagram: Diagram) -> list[str]:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from maths.arrays import Array
-from maths.validation import check, number, numbers
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number, numbers
 
 ATMOSPHERE = 101_325.0  # [Pa]
 

@@ -6,8 +6,8 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 
-from maths.arrays import Array
-from models import SDF_DIR
+from crossmodal.maths.arrays import Array
+from crossmodal.models import SDF_DIR
 
 HAND_FILE = SDF_DIR / "soft_hand.sdf"
 FINGER_JOINTS = [

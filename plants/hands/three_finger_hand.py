@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 JOINTS = [f"{finger}_joint_{n}" for finger in ("thumb", "left", "right") for n in (1, 2)]
 

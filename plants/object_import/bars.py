@@ -7,7 +7,7 @@ import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 _SPACING = 0.002  # Between points on the outline of a section, [m].
 _FINGERS = 0.036  # From the frame to the outermost fingers, along the bar, [m].

@@ -40,10 +40,10 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.framework import Context
 
-from maths.arrays import Array
-from plants.object_import.meshes import Warn, encloses_volume, write_png
-from plants.object_import.model_source import ModelSource
-from plants.screw_axis import screw_axis
+from crossmodal.maths.arrays import Array
+from crossmodal.plants.object_import.meshes import Warn, encloses_volume, write_png
+from crossmodal.plants.object_import.model_source import ModelSource
+from crossmodal.plants.screw_axis import screw_axis
 
 DENSITY = 600.0  # Of wood, for links whose mass the file does not give, [kg/m^3].
 _HULL_DENSITY = 150.0  # Of the hull of a mesh that encloses nothing: a hollow thing, [kg/m^3].

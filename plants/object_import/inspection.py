@@ -13,12 +13,17 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, FrameIndex, Joint, RigidBody
 from pydrake.systems.framework import Context
 
-from maths.arrays import Array
-from plants.object_import.bars import Bar, bar_at
-from plants.object_import.flat_model import flat_names, moves, parent_joints, written_joints
-from plants.object_import.model_source import Repair, read_model
-from plants.object_import.object_import import parse
-from plants.object_import.solids import solid_of
+from crossmodal.maths.arrays import Array
+from crossmodal.plants.object_import.bars import Bar, bar_at
+from crossmodal.plants.object_import.flat_model import (
+    flat_names,
+    moves,
+    parent_joints,
+    written_joints,
+)
+from crossmodal.plants.object_import.model_source import Repair, read_model
+from crossmodal.plants.object_import.object_import import parse
+from crossmodal.plants.object_import.solids import solid_of
 
 _MOST_FACES = 50_000  # Larger meshes are not searched for handles.
 _SHORTEST, _LONGEST, _SLENDER = 0.08, 1.0, 2.0  # Of a handle, [m]; its length over its thickness.

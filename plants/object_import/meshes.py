@@ -9,7 +9,7 @@ import trimesh
 from PIL import Image
 from trimesh.resolvers import Resolver
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 Warn = Callable[[str], None]
 

@@ -9,8 +9,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from maths.arrays import Array
-from plants.object_import.meshes import (
+from crossmodal.maths.arrays import Array
+from crossmodal.plants.object_import.meshes import (
     LARGEST,
     MANY_FACES,
     Surface,
@@ -21,8 +21,8 @@ from plants.object_import.meshes import (
     write_contact_obj,
     write_obj,
 )
-from plants.object_import.model_files import MeshFiles, ModelFiles, is_image
-from plants.object_import.scaling import scale_lengths
+from crossmodal.plants.object_import.model_files import MeshFiles, ModelFiles, is_image
+from crossmodal.plants.object_import.scaling import scale_lengths
 
 _MODEL_TYPES = {"robot": "URDF", "sdf": "SDF"}
 _SCENERY = ("sun", "ground_plane")  # Gazebo's own, in most of its worlds.

@@ -13,8 +13,8 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, Multibody
 from pydrake.multibody.tree import BodyIndex, FixedOffsetFrame, Frame, FrameIndex, Joint, RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
-from plants.object_import import MODEL_FILE
-from plants.object_import.flat_model import (
+from crossmodal.plants.object_import import MODEL_FILE
+from crossmodal.plants.object_import.flat_model import (
     DENSITY,
     Chain,
     FlatModelWriter,
@@ -23,8 +23,8 @@ from plants.object_import.flat_model import (
     flat_names,
     parent_joints,
 )
-from plants.object_import.meshes import Warn
-from plants.object_import.model_source import ModelSource, Repair, read_model
+from crossmodal.plants.object_import.meshes import Warn
+from crossmodal.plants.object_import.model_source import ModelSource, Repair, read_model
 
 
 @dataclass(kw_only=True)

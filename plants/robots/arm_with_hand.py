@@ -7,8 +7,8 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, ModelInstanceIndex
 
-from maths.arrays import Array
-from plants.parsing import add_model, make_parser
+from crossmodal.maths.arrays import Array
+from crossmodal.plants.parsing import add_model, make_parser
 
 
 @dataclass(kw_only=True, frozen=True)

@@ -6,7 +6,7 @@ from pydrake.multibody.inverse_kinematics import InverseKinematics
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.solvers import Solve
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 _RESTARTS = 8
 

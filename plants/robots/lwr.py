@@ -1,7 +1,7 @@
 """The seven-joint KUKA LWR 4, with a hand that holds a tool or with a tactile fingertip."""
 
-from models import SDF_DIR
-from plants.robots.arm_with_hand import ArmWithHand
+from crossmodal.models import SDF_DIR
+from crossmodal.plants.robots.arm_with_hand import ArmWithHand
 
 ARM_JOINTS = [f"joint_{number}" for number in range(1, 8)]
 LWR_WITH_THREE_FINGERS = ArmWithHand(

@@ -10,8 +10,8 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlan
 from pydrake.multibody.tree import BodyIndex, Frame, RevoluteJoint
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from maths.arrays import Array
-from maths.validation import check, number, require
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number, require
 
 # A hand that leads the flap: its stiffness and damping about the hinge, [N m/rad], [N m s/rad]. A
 # flap weighs so little that more damping would not be stable with a plant's steps of 2.5 ms.

@@ -12,8 +12,8 @@ from pydrake.geometry import (
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, RevoluteJoint
 
-from plants.parsing import add_model, make_parser
-from plants.tools.wiper import EDGE_FRAME, HANDLE_FRAME, HINGE
+from crossmodal.plants.parsing import add_model, make_parser
+from crossmodal.plants.tools.wiper import EDGE_FRAME, HANDLE_FRAME, HINGE
 
 
 def check_tool(model: Path | str) -> None:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.validation import check, numbers, require
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, numbers, require
 
 HINGE, HANDLE_FRAME, EDGE_FRAME, FLAP = "hinge", "handle", "edge", "flap"
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from maths.arrays import Array
-from systems.port_values import DisplacementBelief
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import DisplacementBelief
 
 CAMERA, FINGER, HOLDER = "camera", "finger", "holder"
 NAMES = (CAMERA, HOLDER, FINGER)

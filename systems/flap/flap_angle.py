@@ -5,14 +5,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from pydrake.systems.framework import Context
 
-from maths.arrays import Array
-from maths.gaussian import joseph_update
-from maths.immutable import Immutable
-from maths.validation import check, number
-from systems.depth_camera import DepthCamera, angle_variance
-from systems.flap.flap_lever import lever
-from systems.flap.flap_normals import angle_about, turned_normal
-from systems.port_values import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import joseph_update
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.depth_camera import DepthCamera, angle_variance
+from crossmodal.systems.flap.flap_lever import lever
+from crossmodal.systems.flap.flap_normals import angle_about, turned_normal
+from crossmodal.systems.port_values import (
     UNKNOWN_ANGLE,
     UNKNOWN_FINGERTIP,
     UNKNOWN_HINGE,
@@ -22,8 +22,8 @@ from systems.port_values import (
     HingeBelief,
     unseen,
 )
-from systems.recursive_filter import RecursiveFilter
-from systems.ticks import tick_period
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)

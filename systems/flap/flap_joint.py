@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 from pydrake.systems.framework import Context
 
-from systems.depth_camera import DepthCamera, tilt_covariance
-from systems.flap.displacements import CAMERA, FINGER, NAMES
-from systems.flap.flap_joint_model import (
+from crossmodal.systems.depth_camera import DepthCamera, tilt_covariance
+from crossmodal.systems.flap.displacements import CAMERA, FINGER, NAMES
+from crossmodal.systems.flap.flap_joint_model import (
     FlapJointConfig,
     FlapJointModel,
     FlapJointState,
     expected_normal,
 )
-from systems.flap.flap_joint_readout import read_joint_angle, read_joint_hinge
-from systems.flap.flap_pose import flap_pose, without_position
-from systems.flap.hinge_keyframes import begin, merge
-from systems.flap.hinge_limits import HingeLimitsConfig
-from systems.port_values import (
+from crossmodal.systems.flap.flap_joint_readout import read_joint_angle, read_joint_hinge
+from crossmodal.systems.flap.flap_pose import flap_pose, without_position
+from crossmodal.systems.flap.hinge_keyframes import begin, merge
+from crossmodal.systems.flap.hinge_limits import HingeLimitsConfig
+from crossmodal.systems.port_values import (
     UNKNOWN_FINGERTIP,
     DisplacementBelief,
     FingertipContact,
@@ -26,7 +26,7 @@ from systems.port_values import (
     unknown_displacements,
     unseen,
 )
-from systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.recursive_filter import RecursiveFilter
 
 
 def corrected(

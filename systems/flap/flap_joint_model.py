@@ -4,22 +4,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.immutable import Immutable
-from maths.validation import check, number
-from systems.depth_camera import DepthCamera
-from systems.flap.flap_normals import turned_normal
-from systems.flap.hinge_keyframes import Keyframe
-from systems.flap.hinge_limits import HingeLimitsConfig
-from systems.kinematics.joint_filters import JointFilters, JointFiltersState
-from systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
-from systems.kinematics.measurement_errors import MeasurementErrorsConfig
-from systems.port_values import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.depth_camera import DepthCamera
+from crossmodal.systems.flap.flap_normals import turned_normal
+from crossmodal.systems.flap.hinge_keyframes import Keyframe
+from crossmodal.systems.flap.hinge_limits import HingeLimitsConfig
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersState
+from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
+from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
+from crossmodal.systems.port_values import (
     DisplacementBelief,
     JointModelBelief,
     JointType,
 )
-from systems.ticks import tick_period
+from crossmodal.systems.ticks import tick_period
 
 
 def _filters() -> JointFiltersConfig:

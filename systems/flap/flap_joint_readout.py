@@ -2,18 +2,18 @@
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array
-from systems.depth_camera import angle_variance
-from systems.flap.displacements import CAMERA, FINGER, HOLDER
-from systems.flap.flap_joint_model import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.depth_camera import angle_variance
+from crossmodal.systems.flap.displacements import CAMERA, FINGER, HOLDER
+from crossmodal.systems.flap.flap_joint_model import (
     FlapJointConfig,
     FlapJointModel,
     FlapJointState,
     expected_normal,
 )
-from systems.flap.hinge_limits import HingeLimitsConfig, is_believed
-from systems.port_values import (
+from crossmodal.systems.flap.hinge_limits import HingeLimitsConfig, is_believed
+from crossmodal.systems.port_values import (
     UNKNOWN_ANGLE,
     UNKNOWN_HINGE,
     FlapAngleBelief,

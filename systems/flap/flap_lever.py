@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maths.arrays import Array
-from systems.port_values import FingertipContact, HingeBelief, displacement_at
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import FingertipContact, HingeBelief, displacement_at
 
 
 class Lever(NamedTuple):

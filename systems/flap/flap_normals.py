@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 
 def turned_normal(k: Array, n0: Array, angle: float) -> Array:

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array
-from systems.port_values import FingertipContact
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import FingertipContact
 
 
 class FlapPose(NamedTuple):

@@ -4,9 +4,9 @@ import cv2
 import numba
 import numpy as np
 
-from maths.arrays import Array, Mask
-from systems.depth_camera import DepthCamera
-from systems.flap.local_planes import InverseDepth, inverse_depth
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.systems.depth_camera import DepthCamera
+from crossmodal.systems.flap.local_planes import InverseDepth, inverse_depth
 
 
 def crop(

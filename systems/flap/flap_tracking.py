@@ -6,26 +6,26 @@ import numpy as np
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U
 
-from maths.arrays import Array, Mask
-from maths.immutable import Immutable
-from systems.depth_camera import DepthCamera, plane_jacobian, seen_covariance
-from systems.flap.flap_region import ahead, crop
-from systems.flap.flap_tracking_config import FlapTrackingConfig, check_flap_tracking
-from systems.flap.plane_fit import (
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.depth_camera import DepthCamera, plane_jacobian, seen_covariance
+from crossmodal.systems.flap.flap_region import ahead, crop
+from crossmodal.systems.flap.flap_tracking_config import FlapTrackingConfig, check_flap_tracking
+from crossmodal.systems.flap.plane_fit import (
     PlaneFit,
     fit_plane,
     plane_covariance,
     refine_plane,
     world_plane,
 )
-from systems.flap.tool_segmentation import (
+from crossmodal.systems.flap.tool_segmentation import (
     Parts,
     angle_between,
     interior,
     measured_scale,
     segment,
 )
-from systems.port_values import (
+from crossmodal.systems.port_values import (
     UNKNOWN_END_EFFECTOR,
     UNKNOWN_FINGERTIP,
     EndEffectorBelief,
@@ -33,7 +33,7 @@ from systems.port_values import (
     FlapPlane,
     unseen,
 )
-from systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.recursive_filter import RecursiveFilter
 
 
 @dataclass(frozen=True, kw_only=True)

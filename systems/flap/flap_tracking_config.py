@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from maths.validation import check, number, require
-from systems.ticks import tick_period
+from crossmodal.maths.validation import check, number, require
+from crossmodal.systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)

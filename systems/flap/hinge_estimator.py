@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydrake.systems.framework import Context
 
-from maths.arrays import Array
-from maths.immutable import Immutable
-from maths.validation import check, number
-from maths.vectors import tangent_basis
-from systems.flap.displacements import CAMERA, FINGER, NAMES, holder_given_others
-from systems.flap.hinge_geometry import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number
+from crossmodal.maths.vectors import tangent_basis
+from crossmodal.systems.flap.displacements import CAMERA, FINGER, NAMES, holder_given_others
+from crossmodal.systems.flap.hinge_geometry import (
     AXIS,
     DISPLACEMENTS,
     POINT,
@@ -21,10 +21,10 @@ from systems.flap.hinge_geometry import (
     first_model,
     front_normal,
 )
-from systems.flap.hinge_keyframes import Keyframe, StackedKeyframes, append, begin, stack
-from systems.flap.hinge_limits import HingeLimitsConfig, is_believed
-from systems.flap.hinge_solver import make_priors, solve
-from systems.port_values import (
+from crossmodal.systems.flap.hinge_keyframes import Keyframe, StackedKeyframes, append, begin, stack
+from crossmodal.systems.flap.hinge_limits import HingeLimitsConfig, is_believed
+from crossmodal.systems.flap.hinge_solver import make_priors, solve
+from crossmodal.systems.port_values import (
     UNKNOWN_FINGERTIP,
     UNKNOWN_HINGE,
     DisplacementBelief,
@@ -34,8 +34,8 @@ from systems.port_values import (
     unknown_displacements,
     unseen,
 )
-from systems.recursive_filter import RecursiveFilter
-from systems.ticks import tick_period
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)

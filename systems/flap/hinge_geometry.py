@@ -19,9 +19,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.vectors import tangent_basis
-from systems.flap.hinge_keyframes import StackedKeyframes
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.vectors import tangent_basis
+from crossmodal.systems.flap.hinge_keyframes import StackedKeyframes
 
 # Places of the unknowns in the vector of corrections.
 AXIS, POINT, OFFSETS, CONTACT, CAMERA, TOUCH = (

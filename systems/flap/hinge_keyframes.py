@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maths.arrays import Array, Mask
-from maths.immutable import Immutable
-from systems.port_values import FingertipContact, FlapPlane
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.port_values import FingertipContact, FlapPlane
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.validation import number
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import number
 
 
 @dataclass(kw_only=True)

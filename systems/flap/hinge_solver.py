@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maths.arrays import Array
-from systems.flap.hinge_geometry import (
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.flap.hinge_geometry import (
     CAMERA,
     CONTACT,
     DISPLACEMENTS,
@@ -18,7 +18,7 @@ from systems.flap.hinge_geometry import (
     corrected,
     linearise,
 )
-from systems.flap.hinge_keyframes import StackedKeyframes
+from crossmodal.systems.flap.hinge_keyframes import StackedKeyframes
 
 _TAIL = 5.0  # Degrees of freedom of the Student distribution of a keyframe's residuals.
 

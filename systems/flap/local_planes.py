@@ -9,7 +9,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from maths.arrays import Array, Ids, Mask
+from crossmodal.maths.arrays import Array, Ids, Mask
 
 
 class InverseDepth(NamedTuple):

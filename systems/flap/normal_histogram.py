@@ -9,7 +9,7 @@ RoboCup 2011; of the 11 x 11 bins, the paper that `flap_tracking` names.
 
 import numpy as np
 
-from maths.arrays import Array, Ids
+from crossmodal.maths.arrays import Array, Ids
 
 BINS = 11
 

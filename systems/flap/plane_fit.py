@@ -6,8 +6,8 @@ import cv2
 import numba
 import numpy as np
 
-from maths.arrays import Array, Mask
-from systems.flap.local_planes import InverseDepth
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.systems.flap.local_planes import InverseDepth
 
 
 class PlaneFit(NamedTuple):

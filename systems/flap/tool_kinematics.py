@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydrake.systems.framework import Context
 
-from maths import se3
-from maths.arrays import Array
-from maths.immutable import Immutable
-from maths.validation import check, number
-from systems.flap.flap_lever import lever, place_error
-from systems.port_values import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.flap.flap_lever import lever, place_error
+from crossmodal.systems.port_values import (
     UNKNOWN_ANGLE,
     UNKNOWN_END_EFFECTOR,
     UNKNOWN_FINGERTIP,
@@ -23,8 +23,8 @@ from systems.port_values import (
     ToolBelief,
     displacement_at,
 )
-from systems.recursive_filter import RecursiveFilter
-from systems.ticks import tick_period
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)

@@ -5,11 +5,16 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from maths.arrays import Array, Ids, Mask
-from systems.flap.flap_tracking_config import DepthSensorConfig, FlapTrackingConfig
-from systems.flap.local_planes import InverseDepth, LocalPlanes, fit_local_planes, normals
-from systems.flap.normal_histogram import cluster_normals
-from systems.flap.plane_fit import PlaneFit, fit_plane, refine_plane
+from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.systems.flap.flap_tracking_config import DepthSensorConfig, FlapTrackingConfig
+from crossmodal.systems.flap.local_planes import (
+    InverseDepth,
+    LocalPlanes,
+    fit_local_planes,
+    normals,
+)
+from crossmodal.systems.flap.normal_histogram import cluster_normals
+from crossmodal.systems.flap.plane_fit import PlaneFit, fit_plane, refine_plane
 
 _ROUNDS = 4  # Of fitting two planes, each to its own side.
 _CLEAR_ROUNDS = 2  # Of fitting both where they are apart.

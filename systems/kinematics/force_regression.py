@@ -22,8 +22,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.immutable import Immutable
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
 
 # rho between samples; at 15 Hz from none to some 7 s.
 MEMORIES = np.array([0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99])

@@ -5,18 +5,18 @@ import math
 import numpy as np
 import scipy.special
 
-from maths.arrays import Array
-from maths.compiled import hot
-from systems.kinematics.joint_solver.joint_fit import off_path
-from systems.kinematics.joint_solver.joint_geometry import RIGID
-from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.noise_scale import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.systems.kinematics.joint_solver.joint_fit import off_path
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import RIGID
+from crossmodal.systems.kinematics.joint_solver.joint_models import Models
+from crossmodal.systems.kinematics.joint_solver.noise_scale import (
     NoiseScale,
     degrees_of_freedom,
     own_scale,
 )
-from systems.kinematics.joint_solver.path_floor import FLOORS, floor
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+from crossmodal.systems.kinematics.joint_solver.path_floor import FLOORS, floor
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 _INSIDE = 0.95  # Probability of the bounds.
 _TAIL = 0.5 - 0.5 * _INSIDE

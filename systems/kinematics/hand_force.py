@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array
-from maths.immutable import Immutable
-from systems.kinematics.joint_screws import bracket
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.kinematics.joint_screws import bracket
 
 
 @dataclass(frozen=True, kw_only=True)

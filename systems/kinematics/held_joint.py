@@ -6,11 +6,11 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from maths import se3
-from maths.arrays import Array
-from maths.validation import check, number
-from systems.kinematics.joint_screws import screw
-from systems.port_values import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.kinematics.joint_screws import screw
+from crossmodal.systems.port_values import (
     HELD_BODY,
     MOVING_TYPES,
     STATIC_BODY,

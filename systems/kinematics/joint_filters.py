@@ -41,13 +41,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array
-from maths.validation import check
-from systems.kinematics.goodness_of_fit import claim, most_certainty
-from systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
-from systems.kinematics.joint_filters_readout import read_joint, still_joint
-from systems.kinematics.joint_filters_start import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check
+from crossmodal.systems.kinematics.goodness_of_fit import claim, most_certainty
+from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
+from crossmodal.systems.kinematics.joint_filters_readout import read_joint, still_joint
+from crossmodal.systems.kinematics.joint_filters_start import (
     LEAST_NOISE,
     finite,
     initial_state,
@@ -55,46 +55,46 @@ from systems.kinematics.joint_filters_start import (
     rebased_state,
     solver_priors,
 )
-from systems.kinematics.joint_filters_state import TYPES, JointFiltersState, skip
-from systems.kinematics.joint_solver.free_motion import settle
-from systems.kinematics.joint_solver.joint_geometry import (
+from crossmodal.systems.kinematics.joint_filters_state import TYPES, JointFiltersState, skip
+from crossmodal.systems.kinematics.joint_solver.free_motion import settle
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     FREE,
     MOVING,
     PRISMATIC,
     RIGID,
 )
-from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.joint_readout import (
+from crossmodal.systems.kinematics.joint_solver.joint_models import Models
+from crossmodal.systems.kinematics.joint_solver.joint_readout import (
     predict_pose,
 )
-from systems.kinematics.joint_solver.joint_update import update as update_models
-from systems.kinematics.joint_solver.noise_correlation import (
+from crossmodal.systems.kinematics.joint_solver.joint_update import update as update_models
+from crossmodal.systems.kinematics.joint_solver.noise_correlation import (
     NoiseCorrelation,
     correlations,
     inflation,
     observe_correlation,
 )
-from systems.kinematics.joint_solver.noise_scale import (
+from crossmodal.systems.kinematics.joint_solver.noise_scale import (
     MEASURED,
     NoiseScale,
     mean_claim,
     observe,
     own_scale,
 )
-from systems.kinematics.joint_solver.path_floor import floor, with_likelier_floor
-from systems.kinematics.joint_solver.pose_keyframes import (
+from crossmodal.systems.kinematics.joint_solver.path_floor import floor, with_likelier_floor
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import (
     copy_keyframes,
     rescale,
 )
-from systems.kinematics.joint_solver.type_evidence import likelier_strays, type_evidence
-from systems.kinematics.measurement_errors import (
+from crossmodal.systems.kinematics.joint_solver.type_evidence import likelier_strays, type_evidence
+from crossmodal.systems.kinematics.measurement_errors import (
     EXACT,
     correlated_shares,
     error_shares,
     is_correlated,
     white_equivalent,
 )
-from systems.kinematics.pose_checks import (
+from crossmodal.systems.kinematics.pose_checks import (
     SkipReason,
     covariance_array,
     covariance_fault,
@@ -102,7 +102,7 @@ from systems.kinematics.pose_checks import (
     pose_fault,
     time_fault,
 )
-from systems.port_values import JointBelief, JointType, PoseBelief
+from crossmodal.systems.port_values import JointBelief, JointType, PoseBelief
 
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
 _RESTART_EVERY = 16  # Updates between fresh starts where the axis is better known than that.

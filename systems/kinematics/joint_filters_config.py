@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from maths.validation import number, numbers
-from systems.kinematics.joint_solver.pose_keyframes import FIRST, RECENT
-from systems.kinematics.measurement_errors import MeasurementErrorsConfig
+from crossmodal.maths.validation import number, numbers
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import FIRST, RECENT
+from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
 
 
 @dataclass(kw_only=True)

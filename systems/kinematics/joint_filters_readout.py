@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from systems.kinematics.joint_filters_config import JointFiltersConfig
-from systems.kinematics.joint_filters_state import JointFiltersState
-from systems.kinematics.joint_solver.joint_geometry import SCREW, turns
-from systems.kinematics.joint_solver.joint_pitch import pitch_posterior
-from systems.kinematics.joint_solver.joint_readout import read_moving
-from systems.port_values import JointModelBelief
+from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
+from crossmodal.systems.kinematics.joint_filters_state import JointFiltersState
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import SCREW, turns
+from crossmodal.systems.kinematics.joint_solver.joint_pitch import pitch_posterior
+from crossmodal.systems.kinematics.joint_solver.joint_readout import read_moving
+from crossmodal.systems.port_values import JointModelBelief
 
 _NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 

@@ -4,23 +4,36 @@ from dataclasses import replace
 
 import numpy as np
 
-from maths.arrays import Array
-from systems.kinematics.joint_filters_config import JointFiltersConfig
-from systems.kinematics.joint_filters_state import JointFiltersState
-from systems.kinematics.joint_solver.axis_prior import may_be_far
-from systems.kinematics.joint_solver.free_motion import free_motion
-from systems.kinematics.joint_solver.joint_geometry import JOINTS, PRISMATIC, RIGID, dimension
-from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
-from systems.kinematics.joint_solver.joint_pitch import WIDEST
-from systems.kinematics.joint_solver.joint_reference import keep_axes
-from systems.kinematics.joint_solver.joint_solver import Priors
-from systems.kinematics.joint_solver.noise_correlation import (
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
+from crossmodal.systems.kinematics.joint_filters_state import JointFiltersState
+from crossmodal.systems.kinematics.joint_solver.axis_prior import may_be_far
+from crossmodal.systems.kinematics.joint_solver.free_motion import free_motion
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
+    JOINTS,
+    PRISMATIC,
+    RIGID,
+    dimension,
+)
+from crossmodal.systems.kinematics.joint_solver.joint_models import (
+    AXIS_SPREAD,
+    Models,
+    initial_models,
+)
+from crossmodal.systems.kinematics.joint_solver.joint_pitch import WIDEST
+from crossmodal.systems.kinematics.joint_solver.joint_reference import keep_axes
+from crossmodal.systems.kinematics.joint_solver.joint_solver import Priors
+from crossmodal.systems.kinematics.joint_solver.noise_correlation import (
     initial_noise_correlation,
     observe_correlation,
 )
-from systems.kinematics.joint_solver.noise_scale import UNKNOWN, initial_noise_scale, observe
-from systems.kinematics.joint_solver.pose_keyframes import append, empty_keyframes
-from systems.kinematics.measurement_errors import is_correlated, white_equivalent
+from crossmodal.systems.kinematics.joint_solver.noise_scale import (
+    UNKNOWN,
+    initial_noise_scale,
+    observe,
+)
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import append, empty_keyframes
+from crossmodal.systems.kinematics.measurement_errors import is_correlated, white_equivalent
 
 _NO_OUTLIERS = np.zeros(7)
 LEAST_NOISE = 1e-10  # Variance up to which a measurement is exact, [rad^2, m^2].

@@ -4,26 +4,26 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from maths.arrays import Array
-from maths.immutable import Immutable
-from systems.kinematics.goodness_of_fit import reduced_chi_square
-from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.noise_correlation import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.kinematics.goodness_of_fit import reduced_chi_square
+from crossmodal.systems.kinematics.joint_solver.joint_models import Models
+from crossmodal.systems.kinematics.joint_solver.noise_correlation import (
     NoiseCorrelation,
     correlations,
 )
-from systems.kinematics.joint_solver.noise_scale import (
+from crossmodal.systems.kinematics.joint_solver.noise_scale import (
     NoiseScale,
     own_scale,
 )
-from systems.kinematics.joint_solver.path_floor import FLOORS
-from systems.kinematics.joint_solver.pose_keyframes import (
+from crossmodal.systems.kinematics.joint_solver.path_floor import FLOORS
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import (
     Keyframes,
 )
-from systems.kinematics.pose_checks import (
+from crossmodal.systems.kinematics.pose_checks import (
     SkipReason,
 )
-from systems.port_values import JointFit, JointType
+from crossmodal.systems.port_values import JointFit, JointType
 
 TYPES = (
     JointType.PRISMATIC,

@@ -10,19 +10,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maths import se3
-from maths.immutable import Immutable
-from systems.kinematics.joint_filters import JointFilters, JointFiltersState, skip
-from systems.kinematics.joint_pairs import (
+from crossmodal.maths import se3
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersState, skip
+from crossmodal.systems.kinematics.joint_pairs import (
     Pair,
     constant_error,
     due_pairs,
     measured_pose,
     possible_pairs,
 )
-from systems.kinematics.kinematic_model_config import KinematicModelConfig
-from systems.kinematics.pose_checks import SkipReason, covariance_fault, pose_fault
-from systems.port_values import (
+from crossmodal.systems.kinematics.kinematic_model_config import KinematicModelConfig
+from crossmodal.systems.kinematics.pose_checks import SkipReason, covariance_fault, pose_fault
+from crossmodal.systems.port_values import (
     HEALTHY,
     HELD_BODY,
     STATIC_BODY,

@@ -5,13 +5,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from pydrake.systems.framework import Context
 
-from maths import se3
-from maths.arrays import Array
-from maths.immutable import Immutable
-from systems.kinematics.hand_force import HandForce
-from systems.kinematics.joint_mechanics_config import JointMechanicsConfig
-from systems.kinematics.joint_mechanics_filters import JointMechanicsFilters, JointMechanicsState
-from systems.port_values import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.kinematics.hand_force import HandForce
+from crossmodal.systems.kinematics.joint_mechanics_config import JointMechanicsConfig
+from crossmodal.systems.kinematics.joint_mechanics_filters import (
+    JointMechanicsFilters,
+    JointMechanicsState,
+)
+from crossmodal.systems.port_values import (
     HELD_BODY,
     STATIC_BODY,
     UNKNOWN_END_EFFECTOR,
@@ -24,7 +27,7 @@ from systems.port_values import (
     JointBeliefs,
     JointMechanicsBeliefs,
 )
-from systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.recursive_filter import RecursiveFilter
 
 _DOWN_W = np.array([0.0, 0.0, -1.0])
 # Of a sensor's zero, however long it was watched: it drifts, and turns with the hand's weight.

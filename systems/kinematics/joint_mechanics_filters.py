@@ -24,21 +24,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr
 
-from maths.arrays import Array
-from maths.immutable import Immutable
-from maths.validation import check
-from maths.vectors import cross
-from systems.kinematics.force_regression import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check
+from crossmodal.maths.vectors import cross
+from crossmodal.systems.kinematics.force_regression import (
     ForceFit,
     ForceMoments,
     fit_force,
     no_moments,
     observe,
 )
-from systems.kinematics.hand_force import HandForce, hand_screw_covariance
-from systems.kinematics.joint_mechanics_config import JointMechanicsConfig
-from systems.kinematics.joint_screws import screw_belief, speed_at
-from systems.kinematics.joint_stops import (
+from crossmodal.systems.kinematics.hand_force import HandForce, hand_screw_covariance
+from crossmodal.systems.kinematics.joint_mechanics_config import JointMechanicsConfig
+from crossmodal.systems.kinematics.joint_screws import screw_belief, speed_at
+from crossmodal.systems.kinematics.joint_stops import (
     Excess,
     Rest,
     begin_rest,
@@ -49,7 +49,7 @@ from systems.kinematics.joint_stops import (
     pushed_on,
     remember,
 )
-from systems.port_values import (
+from crossmodal.systems.port_values import (
     HELD_BODY,
     MOVING_TYPES,
     STATIC_BODY,

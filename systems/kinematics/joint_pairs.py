@@ -8,11 +8,11 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array
-from systems.kinematics.joint_filters import JointFiltersState
-from systems.kinematics.joint_filters_start import finite
-from systems.port_values import STATIC_BODY, BodyMotion, PoseBelief
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.kinematics.joint_filters import JointFiltersState
+from crossmodal.systems.kinematics.joint_filters_start import finite
+from crossmodal.systems.port_values import STATIC_BODY, BodyMotion, PoseBelief
 
 Pair = tuple[int, int]
 

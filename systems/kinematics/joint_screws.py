@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array
-from maths.vectors import cross
-from systems.port_values import JointModelBelief, JointType
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.vectors import cross
+from crossmodal.systems.port_values import JointModelBelief, JointType
 
 
 def screw(joint_type: JointType, model: JointModelBelief) -> Array:

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.immutable import Immutable
-from systems.port_values import LatchBelief, LimitBelief
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.port_values import LatchBelief, LimitBelief
 
 _MOST = 16  # Rests that are remembered.
 NO_LATCH = LatchBelief(

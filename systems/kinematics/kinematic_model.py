@@ -4,9 +4,9 @@ from functools import partial
 
 from pydrake.systems.framework import Context
 
-from maths.validation import check
-from systems.kinematics.joint_filters import JointFilters
-from systems.kinematics.joint_graph import (
+from crossmodal.maths.validation import check
+from crossmodal.systems.kinematics.joint_filters import JointFilters
+from crossmodal.systems.kinematics.joint_graph import (
     EMPTY_GRAPH,
     JointGraphState,
     known_bodies,
@@ -14,9 +14,9 @@ from systems.kinematics.joint_graph import (
     predict_bodies,
     update_graph,
 )
-from systems.kinematics.kinematic_model_config import KinematicModelConfig
-from systems.port_values import BodyMotions, JointBeliefs
-from systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.kinematics.kinematic_model_config import KinematicModelConfig
+from crossmodal.systems.port_values import BodyMotions, JointBeliefs
+from crossmodal.systems.recursive_filter import RecursiveFilter
 
 
 class KinematicModel(RecursiveFilter):

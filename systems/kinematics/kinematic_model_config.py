@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from maths.validation import number
-from systems.kinematics.joint_filters_config import JointFiltersConfig
-from systems.ticks import tick_period
+from crossmodal.maths.validation import number
+from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
+from crossmodal.systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)

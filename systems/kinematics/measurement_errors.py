@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.validation import number
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import number
 
 _LEAST_WHITE = 1e-2  # Least share of a measurement's own variance that is white.
 EXACT = 1e-12 * np.eye(6)  # Added to every covariance, for exact ones, [rad^2, m^2].

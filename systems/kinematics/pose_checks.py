@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from maths import cholesky
-from maths.arrays import Array
-from maths.compiled import hot
+from crossmodal.maths import cholesky
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
 
 FARTHEST = 1e6  # Distance between parent and child from which it is no place, [m].
 _ORTHONORMAL = 1e-3  # Largest entry of R^T R - I.

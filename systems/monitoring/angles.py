@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maths.arrays import Array, Mask
-from maths.immutable import Immutable
-from maths.validation import number
-from systems.monitoring.offsets import DRIFTING, OFFSET, Offsets, without_gone
-from systems.port_values import SampleWindow
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import number
+from crossmodal.systems.monitoring.offsets import DRIFTING, OFFSET, Offsets, without_gone
+from crossmodal.systems.port_values import SampleWindow
 
 
 @dataclass(kw_only=True)

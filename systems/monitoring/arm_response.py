@@ -14,10 +14,10 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from maths.arrays import Array
-from maths.validation import number
-from systems.monitoring.steps import Step
-from systems.port_values import SampleWindow
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import number
+from crossmodal.systems.monitoring.steps import Step
+from crossmodal.systems.port_values import SampleWindow
 
 
 @dataclass(kw_only=True)

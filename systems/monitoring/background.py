@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from maths.arrays import Array, Mask
-from maths.immutable import Immutable
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.immutable import Immutable
 
 _EVERY = 4  # Of the rows and columns that are looked at; noise is correlated over some pixels.
 _ROUNDS = 8

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.immutable import Immutable
-from maths.validation import number
-from systems.monitoring.background import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import number
+from crossmodal.systems.monitoring.background import (
     Background,
     block_means,
     law_of_most,

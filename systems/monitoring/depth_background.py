@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths.arrays import Array, Mask
-from maths.validation import number
-from systems.monitoring.background import (
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.validation import number
+from crossmodal.systems.monitoring.background import (
     Background,
     block_means,
     law_of_most,

@@ -10,14 +10,18 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
-from maths.immutable import Immutable
-from maths.validation import check, number
-from systems.monitoring.background import Background
-from systems.monitoring.black_level import BlackLevelConfig, watch_grey
-from systems.monitoring.depth_background import DepthBackgroundConfig, watch_depth
-from systems.monitoring.window_monitor import Monitored, WindowMonitorConfig, check_window
-from systems.port_values import SampleWindow, StampedImage, StreamHealth
-from systems.recursive_filter import RecursiveFilter
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.monitoring.background import Background
+from crossmodal.systems.monitoring.black_level import BlackLevelConfig, watch_grey
+from crossmodal.systems.monitoring.depth_background import DepthBackgroundConfig, watch_depth
+from crossmodal.systems.monitoring.window_monitor import (
+    Monitored,
+    WindowMonitorConfig,
+    check_window,
+)
+from crossmodal.systems.port_values import SampleWindow, StampedImage, StreamHealth
+from crossmodal.systems.recursive_filter import RecursiveFilter
 
 CHANGED = "the depth of what stands still has changed"
 BRIGHTER = "a grey value is added to what stands still"

@@ -5,9 +5,9 @@ from typing import Protocol
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.immutable import Immutable
-from systems.port_values import SampleWindow
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.port_values import SampleWindow
 
 OFFSET = "readings have jumped or drifted, which is taken out"
 DRIFTING = "readings drift, which is taken out"

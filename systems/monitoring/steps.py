@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from maths.arrays import Array
-from maths.validation import number
-from systems.monitoring.offsets import OFFSET, Offsets, without_gone
-from systems.port_values import SampleWindow
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import number
+from crossmodal.systems.monitoring.offsets import OFFSET, Offsets, without_gone
+from crossmodal.systems.port_values import SampleWindow
 
 _REMEMBERED = 0.25  # Of the joints' motion, [s].
 

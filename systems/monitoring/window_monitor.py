@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context
 
-from maths.arrays import Array
-from maths.immutable import Immutable
-from maths.validation import check, number
-from systems.monitoring.offsets import OffsetModel, Offsets
-from systems.port_values import HEALTHY, SampleWindow, StreamHealth
-from systems.recursive_filter import RecursiveFilter
-from systems.ticks import tick_period
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.monitoring.offsets import OffsetModel, Offsets
+from crossmodal.systems.port_values import HEALTHY, SampleWindow, StreamHealth
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.ticks import tick_period
 
 NO_SAMPLES = "no samples"
 NOT_FINITE = "readings that are no numbers"

@@ -11,7 +11,7 @@ covariance is that of the displacement since then.
 Port values are read-only: what `Eval` returns is shared by all readers.
 """
 
-from systems.port_values.bodies import (
+from crossmodal.systems.port_values.bodies import (
     HELD_BODY,
     STATIC_BODY,
     BodyMotion,
@@ -20,8 +20,8 @@ from systems.port_values.bodies import (
     BodyPredictions,
     HeldBody,
 )
-from systems.port_values.features import FeatureBelief, no_features
-from systems.port_values.flap import (
+from crossmodal.systems.port_values.features import FeatureBelief, no_features
+from crossmodal.systems.port_values.flap import (
     UNKNOWN_ANGLE,
     UNKNOWN_HINGE,
     UNKNOWN_TOOL,
@@ -31,7 +31,7 @@ from systems.port_values.flap import (
     ToolBelief,
     unseen,
 )
-from systems.port_values.grasp import (
+from crossmodal.systems.port_values.grasp import (
     NO_SLIP,
     UNKNOWN_LOAD,
     GraspBelief,
@@ -39,15 +39,15 @@ from systems.port_values.grasp import (
     HandLoad,
     SlipBelief,
 )
-from systems.port_values.images import StampedImage
-from systems.port_values.joint_mechanics import (
+from crossmodal.systems.port_values.images import StampedImage
+from crossmodal.systems.port_values.joint_mechanics import (
     JointMechanics,
     JointMechanicsBelief,
     JointMechanicsBeliefs,
     LatchBelief,
     LimitBelief,
 )
-from systems.port_values.joints import (
+from crossmodal.systems.port_values.joints import (
     MOVING_TYPES,
     JointBelief,
     JointBeliefs,
@@ -55,21 +55,21 @@ from systems.port_values.joints import (
     JointModelBelief,
     JointType,
 )
-from systems.port_values.motions import (
+from crossmodal.systems.port_values.motions import (
     NO_POSE,
     UNKNOWN_END_EFFECTOR,
     EndEffectorBelief,
     MotionBelief,
     PoseBelief,
 )
-from systems.port_values.registration import (
+from crossmodal.systems.port_values.registration import (
     DisplacementBelief,
     displacement_at,
     unknown_displacements,
 )
-from systems.port_values.samples import SampleWindow
-from systems.port_values.streams import HEALTHY, StreamHealth
-from systems.port_values.tactile import (
+from crossmodal.systems.port_values.samples import SampleWindow
+from crossmodal.systems.port_values.streams import HEALTHY, StreamHealth
+from crossmodal.systems.port_values.tactile import (
     NO_CONTACT,
     UNKNOWN_FINGERTIP,
     FingertipContact,

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from maths.arrays import Array, Ids
-from systems.port_values.motions import MotionBelief, PoseBelief
+from crossmodal.maths.arrays import Array, Ids
+from crossmodal.systems.port_values.motions import MotionBelief, PoseBelief
 
 STATIC_BODY = 0  # The environment, which never moves.
 HELD_BODY = 1  # The body that the hand holds; vision numbers its own from 2 on.

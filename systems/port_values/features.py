@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths.arrays import Array, Ids
+from crossmodal.maths.arrays import Array, Ids
 
 
 @dataclass(kw_only=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from maths.immutable import Immutable
+from crossmodal.maths.immutable import Immutable
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from maths.arrays import Array
-from systems.port_values.joints import JointType
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values.joints import JointType
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 
 class JointType(StrEnum):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 
 @dataclass(kw_only=True)

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from maths.immutable import Immutable
+from crossmodal.maths.immutable import Immutable
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 Layers = list[tuple[Array, Array]]
 

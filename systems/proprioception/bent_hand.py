@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array
-from maths.vectors import cross
-from systems.port_values import EndEffectorBelief, PoseBelief
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.vectors import cross
+from crossmodal.systems.port_values import EndEffectorBelief, PoseBelief
 
 
 @dataclass(kw_only=True)

@@ -8,12 +8,12 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
 
-from maths import se3
-from maths.arrays import Array
-from maths.validation import check, number, numbers, require
-from systems.port_values import EndEffectorBelief, SampleWindow
-from systems.recursive_filter import RecursiveFilter
-from systems.ticks import tick_period
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number, numbers, require
+from crossmodal.systems.port_values import EndEffectorBelief, SampleWindow
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)

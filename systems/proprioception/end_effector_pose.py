@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.systems.framework import Context
 
-from maths.arrays import Array
-from maths.validation import check, number
-from systems.arm_pose import ArmPose, joints_at, offset_variances
-from systems.port_values import UNKNOWN_END_EFFECTOR, EndEffectorBelief, SampleWindow
-from systems.recursive_filter import RecursiveFilter
-from systems.ticks import tick_period
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.arm_pose import ArmPose, joints_at, offset_variances
+from crossmodal.systems.port_values import UNKNOWN_END_EFFECTOR, EndEffectorBelief, SampleWindow
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)

@@ -3,10 +3,10 @@
 import numba
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array
-from maths.gaussian import chi_square_gate, diagonal_blocks
-from maths.rigid_points import pose_jacobian
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import chi_square_gate, diagonal_blocks
+from crossmodal.maths.rigid_points import pose_jacobian
 
 GATE = chi_square_gate(0.001, 3)  # Squared distance beyond which a feature is an outlier.
 _ITERATIONS = 10

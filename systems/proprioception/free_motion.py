@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array
-from maths.vectors import cross
-from systems.port_values import GraspBelief, GraspType
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.vectors import cross
+from crossmodal.systems.port_values import GraspBelief, GraspType
 
 
 @dataclass(kw_only=True)

@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array
-from maths.gaussian import log_likelihood
-from maths.validation import number
-from systems.port_values import PoseBelief
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import log_likelihood
+from crossmodal.maths.validation import number
+from crossmodal.systems.port_values import PoseBelief
 
 
 @dataclass(kw_only=True)

@@ -18,13 +18,13 @@ from dataclasses import dataclass, replace
 import numba
 import numpy as np
 
-from maths import error_state, se3
-from maths.arrays import Array
-from maths.gaussian import joseph_update, log_likelihood, nees, symmetric
-from maths.vectors import cross, tangent_basis
-from systems.port_values import GraspType
-from systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
-from systems.proprioception.grasp_model_config import GraspModelConfig, morphology
+from crossmodal.maths import error_state, se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import joseph_update, log_likelihood, nees, symmetric
+from crossmodal.maths.vectors import cross, tangent_basis
+from crossmodal.systems.port_values import GraspType
+from crossmodal.systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
+from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig, morphology
 
 HELD_TYPES = (GraspType.PERFECT, GraspType.REVOLUTE, GraspType.CYLINDRICAL)
 _PLAUSIBLE = 3.0  # Deviation from the morphology that costs nothing, in standard deviations.

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context
 
-from maths import se3
-from maths.arrays import Array
-from maths.immutable import Immutable
-from systems.port_values import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.port_values import (
     HELD_BODY,
     NO_SLIP,
     UNKNOWN_END_EFFECTOR,
@@ -20,9 +20,9 @@ from systems.port_values import (
     PoseBelief,
     SlipBelief,
 )
-from systems.proprioception.bent_hand import BentHand, bent_hand
-from systems.proprioception.grasp_failure import GraspFailure, compare, unseen
-from systems.proprioception.grasp_filters import (
+from crossmodal.systems.proprioception.bent_hand import BentHand, bent_hand
+from crossmodal.systems.proprioception.grasp_failure import GraspFailure, compare, unseen
+from crossmodal.systems.proprioception.grasp_filters import (
     HELD_TYPES,
     GraspFilter,
     correct_filter,
@@ -32,13 +32,13 @@ from systems.proprioception.grasp_filters import (
     predict_filter,
     start_filter,
 )
-from systems.proprioception.grasp_model_config import (
+from crossmodal.systems.proprioception.grasp_model_config import (
     GraspModelConfig,
     check_grasp_model,
     morphology,
     prior_probabilities,
 )
-from systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.recursive_filter import RecursiveFilter
 
 TYPES = (*HELD_TYPES, GraspType.FAILED)
 

@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.validation import check, number, numbers, require
-from systems.proprioception.grasp_failure import GraspFailureConfig
-from systems.ticks import tick_period
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number, numbers, require
+from crossmodal.systems.proprioception.grasp_failure import GraspFailureConfig
+from crossmodal.systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)

@@ -7,27 +7,27 @@ import numpy as np
 from pydrake.math import RollPitchYaw
 from pydrake.systems.framework import Context
 
-from maths import se3
-from maths.arrays import Array
-from maths.validation import check, number, numbers, require
-from models import WEIGHTS_DIR
-from systems.port_values import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number, numbers, require
+from crossmodal.models import WEIGHTS_DIR
+from crossmodal.systems.port_values import (
     UNKNOWN_END_EFFECTOR,
     UNKNOWN_LOAD,
     HandLoad,
     PoseBelief,
     SampleWindow,
 )
-from systems.proprioception.bending_network import (
+from crossmodal.systems.proprioception.bending_network import (
     BendingNetwork,
     bending_jacobian,
     load_network,
     predict_bending,
     predict_deviation,
 )
-from systems.proprioception.bent_hand import screw
-from systems.recursive_filter import RecursiveFilter
-from systems.ticks import tick_period
+from crossmodal.systems.proprioception.bent_hand import screw
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.ticks import tick_period
 
 GRAVITY = 9.81  # [m/s^2]
 CERTAIN = 1e-12  # Variance of a pose that is known by definition, [rad^2, m^2].

@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from maths import error_state, se3
-from maths.arrays import Array, Ids
-from maths.gaussian import nees, schmidt_update, symmetric
-from maths.vectors import cross
-from systems.port_values import GraspBelief, GraspType, PoseBelief
-from systems.proprioception.bent_hand import BentHand, screw
-from systems.proprioception.free_motion import free_motion, line_sensitivity
-from systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
-from systems.proprioception.held_body_state import BodyState, Layout
+from crossmodal.maths import error_state, se3
+from crossmodal.maths.arrays import Array, Ids
+from crossmodal.maths.gaussian import nees, schmidt_update, symmetric
+from crossmodal.maths.vectors import cross
+from crossmodal.systems.port_values import GraspBelief, GraspType, PoseBelief
+from crossmodal.systems.proprioception.bent_hand import BentHand, screw
+from crossmodal.systems.proprioception.free_motion import free_motion, line_sensitivity
+from crossmodal.systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
+from crossmodal.systems.proprioception.held_body_state import BodyState, Layout
 
 _LOOSE_TYPES = (GraspType.REVOLUTE, GraspType.CYLINDRICAL)
 _POSE = slice(0, 6)

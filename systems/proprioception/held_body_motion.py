@@ -7,11 +7,11 @@ import numpy as np
 from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, InputPort
 
-from maths import se3
-from maths.arrays import Array, Ids
-from maths.immutable import Immutable
-from maths.validation import check
-from systems.port_values import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array, Ids
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check
+from crossmodal.systems.port_values import (
     HELD_BODY,
     NO_POSE,
     NO_SLIP,
@@ -27,12 +27,12 @@ from systems.port_values import (
     PoseBelief,
     no_features,
 )
-from systems.proprioception.bent_hand import bent_hand
-from systems.proprioception.feature_registration import GATE, register
-from systems.proprioception.grasp_failure import GraspFailureConfig
-from systems.proprioception.grasp_model import initial_grasp
-from systems.proprioception.grasp_model_config import GraspModelConfig
-from systems.proprioception.held_body_filter import (
+from crossmodal.systems.proprioception.bent_hand import bent_hand
+from crossmodal.systems.proprioception.feature_registration import GATE, register
+from crossmodal.systems.proprioception.grasp_failure import GraspFailureConfig
+from crossmodal.systems.proprioception.grasp_model import initial_grasp
+from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
+from crossmodal.systems.proprioception.held_body_filter import (
     correct_body,
     predict_body,
     reset_body,
@@ -40,9 +40,9 @@ from systems.proprioception.held_body_filter import (
     start_body,
     with_velocity,
 )
-from systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
-from systems.proprioception.held_body_state import BodyState
-from systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
+from crossmodal.systems.proprioception.held_body_state import BodyState
+from crossmodal.systems.recursive_filter import RecursiveFilter
 
 
 def is_known(end_effector: EndEffectorBelief, config: HeldBodyMotionConfig) -> bool:

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from maths.validation import number
-from systems.ticks import tick_period
+from crossmodal.maths.validation import number
+from crossmodal.systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)

@@ -22,10 +22,10 @@ are not corrected.
 
 from dataclasses import dataclass
 
-from maths.arrays import Array, Ids
-from maths.immutable import Immutable
-from systems.port_values import GraspType, PoseBelief
-from systems.proprioception.bent_hand import BentHand
+from crossmodal.maths.arrays import Array, Ids
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.port_values import GraspType, PoseBelief
+from crossmodal.systems.proprioception.bent_hand import BentHand
 
 
 @dataclass(frozen=True)

@@ -13,18 +13,18 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context
 
-from maths.arrays import Array
-from maths.immutable import Immutable
-from maths.validation import check, number
-from systems.port_values import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.port_values import (
     NO_SLIP,
     UNKNOWN_END_EFFECTOR,
     UNKNOWN_LOAD,
     HandLoad,
     SlipBelief,
 )
-from systems.recursive_filter import RecursiveFilter
-from systems.ticks import tick_period
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)

@@ -7,19 +7,23 @@ import numpy as np
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F
 
-from maths.arrays import Array
-from maths.immutable import Immutable
-from maths.validation import check, number
-from systems.arm_pose import joints_at, offset_variances
-from systems.depth_camera import DepthCamera
-from systems.port_values import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.arm_pose import joints_at, offset_variances
+from crossmodal.systems.depth_camera import DepthCamera
+from crossmodal.systems.port_values import (
     DisplacementBelief,
     SampleWindow,
     unknown_displacements,
 )
-from systems.recursive_filter import RecursiveFilter
-from systems.registration.registration_prior import CalibratedArm, prior_covariance, readout
-from systems.registration.registration_solver import (
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.registration.registration_prior import (
+    CalibratedArm,
+    prior_covariance,
+    readout,
+)
+from crossmodal.systems.registration.registration_solver import (
     Matches,
     body_weights,
     displacement_rows,
@@ -28,8 +32,8 @@ from systems.registration.registration_solver import (
     robust_weights,
     surface,
 )
-from systems.registration.robot_view import Joints, RobotView
-from systems.ticks import tick_period
+from crossmodal.systems.registration.robot_view import Joints, RobotView
+from crossmodal.systems.ticks import tick_period
 
 CAMERA = "camera"
 _MEDIAN_TO_SIGMA = 1.4826  # Of a normal distribution's absolute values.

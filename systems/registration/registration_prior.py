@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths.arrays import Array
-from systems.depth_camera import DepthCamera, displacement_covariance
-from systems.port_values import displacement_at
-from systems.registration.registration_solver import FOCAL, SCALE, Unknowns, distortion
-from systems.registration.robot_view import Joints
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.depth_camera import DepthCamera, displacement_covariance
+from crossmodal.systems.port_values import displacement_at
+from crossmodal.systems.registration.registration_solver import FOCAL, SCALE, Unknowns, distortion
+from crossmodal.systems.registration.robot_view import Joints
 
 
 @dataclass(frozen=True, kw_only=True)

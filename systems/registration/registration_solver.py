@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.pinhole import project
-from systems.port_values import displacement_at
-from systems.registration.robot_view import Joints, RobotImage, RobotView
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.pinhole import project
+from crossmodal.systems.port_values import displacement_at
+from crossmodal.systems.registration.robot_view import Joints, RobotImage, RobotView
 
 SCALE, FOCAL, FIRST_ARM = 6, 7, 8  # Places among the unknowns; before them the camera's (6,).
 _LEAST_COSINE = 0.2  # Between ray and normal, below which a surface is only grazed.

@@ -10,8 +10,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, JacobianWrtVariable
 from pydrake.systems.sensors import CameraInfo
 
-from maths.arrays import Array, Mask
-from systems.sensors.robot_camera import RobotCamera
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.systems.sensors.robot_camera import RobotCamera
 
 Labels = npt.NDArray[np.int16]
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtri
 
-from maths.validation import number
+from crossmodal.maths.validation import number
 
 Bytes = npt.NDArray[np.uint8]
 

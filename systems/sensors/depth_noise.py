@@ -7,9 +7,9 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from maths.arrays import Array, Mask
-from maths.validation import check, number, require
-from systems.sensors.randomness import random_bytes
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.validation import check, number, require
+from crossmodal.systems.sensors.randomness import random_bytes
 
 Depth = npt.NDArray[np.float32]
 

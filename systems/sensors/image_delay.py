@@ -9,8 +9,8 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, LeafSystem, State
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
-from maths.immutable import Immutable
-from systems.port_values.images import copied
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.port_values.images import copied
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, InputPort, LeafSystem
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
-from systems.port_values import StampedImage
-from systems.port_values.images import copied
+from crossmodal.systems.port_values import StampedImage
+from crossmodal.systems.port_values.images import copied
 
 
 class ImageStamps(LeafSystem):

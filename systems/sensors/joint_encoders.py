@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.validation import check, number, require
-from systems.sensors.randomness import WhiteNoise, make_generator
-from systems.sensors.sampled_sensor import SampledSensor
-from systems.ticks import tick_period
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number, require
+from crossmodal.systems.sensors.randomness import WhiteNoise, make_generator
+from crossmodal.systems.sensors.sampled_sensor import SampledSensor
+from crossmodal.systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)

@@ -5,7 +5,7 @@ import zlib
 import numpy as np
 import numpy.typing as npt
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 _BLOCK = 1024
 

@@ -7,8 +7,8 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, LeafSystem, State
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
-from maths.validation import check, number
-from systems.sensors.colour_noise import (
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.sensors.colour_noise import (
     ColourNoiseConfig,
     mean_grey,
     measure_colour,
@@ -16,14 +16,14 @@ from systems.sensors.colour_noise import (
     noisy_response,
     response,
 )
-from systems.sensors.depth_noise import (
+from crossmodal.systems.sensors.depth_noise import (
     DepthNoiseConfig,
     check_depth_noise,
     correlated_noise,
     measure_depth,
     returns,
 )
-from systems.sensors.randomness import make_generator, random_bytes
+from crossmodal.systems.sensors.randomness import make_generator, random_bytes
 
 _PANE = 1e-3  # By how much a surface lies before another at least, [m].
 _NOISE_RATE = 30.0  # How often the noise is another one, [Hz].

@@ -13,9 +13,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U
 
-from maths.arrays import Array, Ids
-from maths.validation import check, number, require
-from systems.sensors.robot_camera import RobotCamera
+from crossmodal.maths.arrays import Array, Ids
+from crossmodal.maths.validation import check, number, require
+from crossmodal.systems.sensors.robot_camera import RobotCamera
 
 Depth = npt.NDArray[np.float32]
 

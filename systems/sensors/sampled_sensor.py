@@ -6,8 +6,8 @@ import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
-from maths.arrays import Array
-from systems.port_values import SampleWindow
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import SampleWindow
 
 _TIME_TOLERANCE = 1e-9  # Far above rounding, far below a period, [s].
 

@@ -8,11 +8,11 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, LeafSystem, State
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
-from maths.arrays import Array
-from maths.immutable import Immutable
-from maths.validation import check, number, numbers
-from systems.port_values import SampleWindow, StampedImage
-from systems.sensors.randomness import make_generator
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number, numbers
+from crossmodal.systems.port_values import SampleWindow, StampedImage
+from crossmodal.systems.sensors.randomness import make_generator
 
 # What each kind of fault does to a stream; an image or a vector stays where no new one arrives.
 FAULTS = {

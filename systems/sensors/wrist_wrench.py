@@ -9,11 +9,11 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from maths.arrays import Array
-from maths.validation import check, number, require
-from systems.sensors.randomness import WhiteNoise, make_generator
-from systems.sensors.sampled_sensor import SampledSensor
-from systems.ticks import tick_period
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number, require
+from crossmodal.systems.sensors.randomness import WhiteNoise, make_generator
+from crossmodal.systems.sensors.sampled_sensor import SampledSensor
+from crossmodal.systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)

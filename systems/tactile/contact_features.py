@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths.arrays import Array, Mask
-from maths.validation import check, number, require
-from systems.port_values import NO_CONTACT, TactileContact
-from systems.tactile.taxel_layout import TaxelLayout, surface_normals
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.validation import check, number, require
+from crossmodal.systems.port_values import NO_CONTACT, TactileContact
+from crossmodal.systems.tactile.taxel_layout import TaxelLayout, surface_normals
 
 _FILLINGS = 6  # Steps in which the forces of left-out taxels are found.
 _NEAREST = 3  # Number of taxels whose distance to a contact is the spacing there.

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from pydrake.systems.framework import Context
 
-from maths import se3
-from maths.arrays import Array
-from maths.immutable import Immutable
-from maths.validation import check, number
-from systems.arm_pose import ArmPose, joints_at, offset_variances
-from systems.port_values import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.arm_pose import ArmPose, joints_at, offset_variances
+from crossmodal.systems.port_values import (
     NO_CONTACT,
     UNKNOWN_FINGERTIP,
     FingertipContact,
@@ -18,17 +18,17 @@ from systems.port_values import (
     StreamHealth,
     TactileContact,
 )
-from systems.recursive_filter import RecursiveFilter
-from systems.tactile.contact_features import (
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.tactile.contact_features import (
     ContactFeaturesConfig,
     check_features,
     contact_of_taxels,
     lasting_covariance,
 )
-from systems.tactile.skin import indentation
-from systems.tactile.taxel_layout import TaxelLayout, surface_normals
-from systems.tactile.taxel_monitor import TaxelState, next_taxel_state, unheard_taxels
-from systems.ticks import tick_period
+from crossmodal.systems.tactile.skin import indentation
+from crossmodal.systems.tactile.taxel_layout import TaxelLayout, surface_normals
+from crossmodal.systems.tactile.taxel_monitor import TaxelState, next_taxel_state, unheard_taxels
+from crossmodal.systems.ticks import tick_period
 
 
 @dataclass(kw_only=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from maths.arrays import Array
+from crossmodal.maths.arrays import Array
 
 _POISSON = 0.5  # Of silicone, which keeps its volume.
 

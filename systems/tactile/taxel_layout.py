@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.immutable import Immutable
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
 
 # Semi-axes (3,) of the fingertip's surface along the axes of S, [m].
 SEMI_AXES = np.array([0.010, 0.010, 0.015])

@@ -6,16 +6,16 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context
 
-from maths.arrays import Array, Mask
-from maths.immutable import Immutable
-from systems.port_values import NO_CONTACT, StreamHealth, TactileContact
-from systems.recursive_filter import RecursiveFilter
-from systems.tactile.contact_features import (
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.port_values import NO_CONTACT, StreamHealth, TactileContact
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.tactile.contact_features import (
     ContactFeaturesConfig,
     check_features,
     contact_of_taxels,
 )
-from systems.tactile.taxel_layout import TaxelLayout
+from crossmodal.systems.tactile.taxel_layout import TaxelLayout
 
 _PLAIN = 3.0  # A force that is no noise, as a multiple of the least that counts.
 _KEPT = 0.8  # Share of their force that the others keep while one falls silent.

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from maths.arrays import Array, Mask
+from crossmodal.maths.arrays import Array, Mask
 
 
 def transform(X_AB: Array, p_B: Array) -> Array:

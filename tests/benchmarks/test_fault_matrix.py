@@ -18,8 +18,8 @@ from benchmarks.fault_matrix import (
     figures,
     read_outcomes,
 )
-from systems.port_values import SampleWindow, StampedImage
-from systems.sensors.stream_fault import FAULTS, check_fault
+from crossmodal.systems.port_values import SampleWindow, StampedImage
+from crossmodal.systems.sensors.stream_fault import FAULTS, check_fault
 
 LENGTHS = {"joint_state_window": 14, "wrench_window": 6, "pressure_window": 4}
 HEALTHY = Outcome(

@@ -5,12 +5,12 @@ from functools import cache
 import numpy as np
 from pydrake.math import RigidTransform
 
-from controllers.arm.impedance import (
+from crossmodal.controllers.arm.impedance import (
     DesiredMotion,
 )
-from controllers.arm.kinematics import ArmModel
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.wam import WAM_WITH_SOFT_HAND
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
+from crossmodal.plants.robots.wam import WAM_WITH_SOFT_HAND
 
 Q = np.array(
     [-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.1]

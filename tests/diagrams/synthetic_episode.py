@@ -7,14 +7,14 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, State
 
-from diagrams.crossmodal.scenario import Scenario
-from diagrams.joints.joint_truth import JointTruth, Truth, truth_of
-from diagrams.run.calibration import Calibration, CalibrationErrors, Camera, calibrated
-from diagrams.run.record import EpisodeRecord, EstimatorRecord, Event, Picture, Tick
-from diagrams.run.scenario import CameraConfig, Interval
-from maths import se3
-from maths.arrays import Array
-from systems.port_values import (
+from crossmodal.diagrams.crossmodal.scenario import Scenario
+from crossmodal.diagrams.joints.joint_truth import JointTruth, Truth, truth_of
+from crossmodal.diagrams.run.calibration import Calibration, CalibrationErrors, Camera, calibrated
+from crossmodal.diagrams.run.record import EpisodeRecord, EstimatorRecord, Event, Picture, Tick
+from crossmodal.diagrams.run.scenario import CameraConfig, Interval
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import (
     HELD_BODY,
     STATIC_BODY,
     BodyMotion,

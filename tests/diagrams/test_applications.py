@@ -7,7 +7,7 @@ import pytest
 from synthetic_episode import LIGHTS_OFF, synthetic_episode
 from typer.testing import CliRunner
 
-from diagrams.applications import (
+from crossmodal.diagrams.applications import (
     OWN,
     applications,
     experiments,
@@ -16,18 +16,18 @@ from diagrams.applications import (
     read_run,
     scenario_files,
 )
-from diagrams.command_line import app
-from diagrams.run.folder.run_folder import write_run
-from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.command_line import app
+from crossmodal.diagrams.run.folder.run_folder import write_run
+from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 RUNNER = CliRunner()
 TOY = """
 from dataclasses import dataclass
 from pathlib import Path
 
-from diagrams.run.application import Application, Results
-from diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.application import Application, Results
+from crossmodal.diagrams.run.scenario import Scenario
 
 
 @dataclass(kw_only=True)

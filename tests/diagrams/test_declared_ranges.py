@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagrams.applications import OWN, applications
-from diagrams.crossmodal.scenario import Scenario
-from diagrams.run.scenario import parse_scenario
-from diagrams.run.yaml_input.schema import ScenarioError
-from maths.validation import declared, number
+from crossmodal.diagrams.applications import OWN, applications
+from crossmodal.diagrams.crossmodal.scenario import Scenario
+from crossmodal.diagrams.run.scenario import parse_scenario
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.maths.validation import declared, number
 
 OWN_APPLICATIONS = ("pendulum/pendulum.py", "two_arms/two_arms.py")
 ELEMENT = 0  # In a path: of a list. Keys of mappings and names of fields are text.

@@ -7,15 +7,25 @@ from collections.abc import Iterator
 import pytest
 from pydrake.systems.framework import Diagram, System
 
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.meshcat_view import MeshcatView, MeshcatViewConfig
-from diagrams.drawing.meshcat import start_meshcat
-from diagrams.run.episode import Episode
-from diagrams.run.record import TaskStatus
-from diagrams.run.recorder import STATUS_PORT
-from diagrams.run.sensor_streams.log import SensorLog, SensorRecorder, SensorReplay, make_streams
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.meshcat_view import MeshcatView, MeshcatViewConfig
+from crossmodal.diagrams.drawing.meshcat import start_meshcat
+from crossmodal.diagrams.run.episode import Episode
+from crossmodal.diagrams.run.record import TaskStatus
+from crossmodal.diagrams.run.recorder import STATUS_PORT
+from crossmodal.diagrams.run.sensor_streams.log import (
+    SensorLog,
+    SensorRecorder,
+    SensorReplay,
+    make_streams,
+)
 
-_ROOMS = ("systems.", "controllers.", "plants.", "diagrams.")
+_ROOMS = (
+    "crossmodal.systems.",
+    "crossmodal.controllers.",
+    "crossmodal.plants.",
+    "crossmodal.diagrams.",
+)
 
 
 def systems_within(diagram: Diagram) -> Iterator[System]:

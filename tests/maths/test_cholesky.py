@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from maths import cholesky
+from crossmodal.maths import cholesky
 
 
 def _spd(n: int) -> np.ndarray:

@@ -8,9 +8,8 @@ import numba
 import pytest
 from numba.core.registry import CPUDispatcher
 
-import maths
-import systems
-from maths.compiled import compilation_timed, hot
+from crossmodal import maths, systems
+from crossmodal.maths.compiled import compilation_timed, hot
 
 
 @pytest.mark.parametrize("package", [maths, systems])

@@ -10,38 +10,41 @@ from pathlib import Path
 
 from numba.core.registry import CPUDispatcher
 
-import maths
-import systems
-from maths.compiled_cache import _AllSources, sources_stamp
+from crossmodal import maths, systems
+from crossmodal.maths.compiled_cache import _AllSources, sources_stamp
 
 CALLER = """
-from maths.compiled import hot
-from systems.callee import double
+from crossmodal.maths.compiled import hot
+from crossmodal.systems.callee import double
 
 @hot
 def quadruple(x: float) -> float:
     return double(double(x))
 """
 CALLEE = """
-from maths.compiled import hot
-from systems.constants import TWO
+from crossmodal.maths.compiled import hot
+from crossmodal.systems.constants import TWO
 
 @hot
 def double(x: float) -> float:
     return TWO * x
 """
 PRINT = """
-from systems.caller import quadruple
+from crossmodal.systems.caller import quadruple
 print(quadruple(1.0), sum(quadruple.stats.cache_hits.values()))
 """
 
 
 def _checkout(folder: Path) -> Path:
     """A small checkout of its own; returns its folder of systems."""
-    shutil.copytree(Path(maths.__file__).parent, folder / "maths")
-    shutil.rmtree(folder / "maths" / "__pycache__", ignore_errors=True)
-    package = folder / "systems"
-    package.mkdir()
+    package = folder / "crossmodal" / "systems"
+    package.mkdir(parents=True)
+    (folder / "crossmodal" / "__init__.py").touch()
+    shutil.copytree(
+        Path(maths.__file__).parent,
+        folder / "crossmodal" / "maths",
+        ignore=shutil.ignore_patterns("__pycache__"),
+    )
     shutil.copy(systems.__file__, package)
     (package / "caller.py").write_text(CALLER)
     (package / "callee.py").write_text(CALLEE)
@@ -78,7 +81,9 @@ def test_a_type_that_has_moved_to_another_module_is_not_looked_for_in_the_old_on
     package = _checkout(tmp_path)
     point = "from typing import NamedTuple\n\nclass Point(NamedTuple):\n    x: float\n"
     (package / "here.py").write_text(point)
-    caller = CALLER.replace("systems.callee import double", "systems.here import Point")
+    caller = CALLER.replace(
+        "crossmodal.systems.callee import double", "crossmodal.systems.here import Point"
+    )
     caller = caller.replace("(x: float)", "(p: Point)").replace("double(double(x))", "4.0 * p.x")
     script = PRINT.replace("import quadruple", "import Point, quadruple").replace(
         "1.0", "Point(1.0)"

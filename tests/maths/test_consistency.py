@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from maths.consistency import (
+from crossmodal.maths.consistency import (
     chi_square_bounds,
     is_consistent,
     normalised_squared_error,

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from maths import error_state
-from maths.arrays import Array
-from maths.gaussian import joseph_update
+from crossmodal.maths import error_state
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import joseph_update
 
 PART = slice(2, 5)
 

@@ -5,7 +5,13 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import chi2, multivariate_normal
 
-from maths.gaussian import chi_square_gate, joseph_update, log_likelihood, nees, schmidt_update
+from crossmodal.maths.gaussian import (
+    chi_square_gate,
+    joseph_update,
+    log_likelihood,
+    nees,
+    schmidt_update,
+)
 
 
 def _spd(rng: np.random.Generator, n: int) -> np.ndarray:

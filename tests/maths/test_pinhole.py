@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from maths.pinhole import Intrinsics, project
+from crossmodal.maths.pinhole import Intrinsics, project
 
 CAMERA = Intrinsics(
     width=640, height=480, focal_x=500.0, focal_y=400.0, center_x=310.0, center_y=245.0

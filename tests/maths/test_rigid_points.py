@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from maths import se3
-from maths.rigid_points import pose_jacobian
+from crossmodal.maths import se3
+from crossmodal.maths.rigid_points import pose_jacobian
 
 
 def test_pose_jacobian_is_the_derivative_of_a_moved_point() -> None:

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import RigidTransform
 
-from maths import se3
+from crossmodal.maths import se3
 
 ANGLES = [0.0, 1e-9, 1e-5, 0.99e-4, 1.01e-4, 0.0099, 0.0101, 0.5, 2.0, np.pi - 1e-3, np.pi - 1e-7]
 

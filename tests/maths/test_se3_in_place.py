@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maths import se3
-from maths.se3_in_place import perturb, pose_difference, relative_log
+from crossmodal.maths import se3
+from crossmodal.maths.se3_in_place import perturb, pose_difference, relative_log
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.5, 3.0, np.pi - 1e-6])

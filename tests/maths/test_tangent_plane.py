@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from maths.tangent_plane import normal_basis, transport
+from crossmodal.maths.tangent_plane import normal_basis, transport
 
 
 @pytest.mark.parametrize("axis", [[0, 0, 1.0], [0, -1.0, 0], [1.0, 0, 0], [0.6, 0.0, 0.8]])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maths.units import in_unit
+from crossmodal.maths.units import in_unit
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_array_equal
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
-from maths.validation import check, declared, number, numbers, require
+from crossmodal.maths.validation import check, declared, number, numbers, require
 
 
 @dataclass(kw_only=True)

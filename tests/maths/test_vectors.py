@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maths.vectors import cross, tangent_basis
+from crossmodal.maths.vectors import cross, tangent_basis
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -15,8 +15,8 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
-from maths.pinhole import Intrinsics
-from plants.camera_view import renderer_intrinsics
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.plants.camera_view import renderer_intrinsics
 
 
 @pytest.mark.parametrize("center", [(319.0, 239.0), (300.0, 250.0)])

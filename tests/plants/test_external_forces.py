@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, SpatialInertia
 
-from plants.external_forces import ExternalForce, ExternalForces
+from crossmodal.plants.external_forces import ExternalForce, ExternalForces
 
 X_BF = RigidTransform(RollPitchYaw(0.0, 0.0, np.pi / 2.0), [0.1, 0.2, 0.3])
 

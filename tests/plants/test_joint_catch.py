@@ -6,9 +6,14 @@ from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
-from models import SDF_DIR
-from plants.joint_catch import JointCatch
-from plants.scene import ManipulationScene, ObjectPlacement, PlantConfig, add_manipulation_scene
+from crossmodal.models import SDF_DIR
+from crossmodal.plants.joint_catch import JointCatch
+from crossmodal.plants.scene import (
+    ManipulationScene,
+    ObjectPlacement,
+    PlantConfig,
+    add_manipulation_scene,
+)
 
 
 @pytest.fixture(scope="module")

@@ -13,9 +13,9 @@ from pydrake.multibody.tree import ScrewJoint
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from models import SDF_DIR
-from plants.joint_friction import JointFriction
-from plants.scene import (
+from crossmodal.models import SDF_DIR
+from crossmodal.plants.joint_friction import JointFriction
+from crossmodal.plants.scene import (
     ManipulationScene,
     ObjectPlacement,
     PlantConfig,

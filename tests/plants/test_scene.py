@@ -10,11 +10,11 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from models import SDF_DIR
-from plants.joint_friction import JointFriction
-from plants.robots.arm_with_hand import add_robot, hand_load, make_arm_with_load
-from plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
-from plants.scene import (
+from crossmodal.models import SDF_DIR
+from crossmodal.plants.joint_friction import JointFriction
+from crossmodal.plants.robots.arm_with_hand import add_robot, hand_load, make_arm_with_load
+from crossmodal.plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
+from crossmodal.plants.scene import (
     ManipulationScene,
     ObjectPlacement,
     PlantConfig,

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from diagrams.applications import load_scenario
-from diagrams.run.replay import check_recorded, replay
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.run.replay import check_recorded, replay
 
 FOLDER = Path(__file__).parent
 SOURCES = sorted(FOLDER.glob("*.yaml"))  # What was simulated.

@@ -17,8 +17,8 @@ from outputs import (
 )
 from typer.testing import CliRunner
 
-from diagrams.command_line import app
-from diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE
+from crossmodal.diagrams.command_line import app
+from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE
 
 FILES = (SCENARIO_FILE, SENSORS_FILE, OUTPUTS_FILE)
 JOINTS = {

@@ -12,9 +12,9 @@ from pathlib import Path
 import yaml
 from pydrake.common.yaml import yaml_dump_typed
 
-from diagrams.applications import load_scenario
-from diagrams.run.episode import run_episode
-from diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.run.episode import run_episode
+from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE
 from tests.recordings.outputs import (
     OUTPUTS_FILE,
     SOURCES,

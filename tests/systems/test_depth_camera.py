@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maths import se3
-from maths.arrays import Array
-from maths.pinhole import Intrinsics
-from systems.depth_camera import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.systems.depth_camera import (
     DepthCamera,
     angle_variance,
     displacement_covariance,

@@ -4,12 +4,12 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from maths.validation import number
-from systems.ticks import require_ticks, whole_ticks
-from systems.vision.bodies.body_tracker_state import no_bodies
-from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
-from systems.vision.features.feature_motion_config import FeatureMotionConfig
-from systems.vision.features.feature_tracks import no_tracks
+from crossmodal.maths.validation import number
+from crossmodal.systems.ticks import require_ticks, whole_ticks
+from crossmodal.systems.vision.bodies.body_tracker_state import no_bodies
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
+from crossmodal.systems.vision.features.feature_tracks import no_tracks
 
 CAMERA_PERIOD = 1.0 / 30.0  # [s]
 

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagrams.crossmodal.inspection.report import likely_handles, report, run_command
-from diagrams.crossmodal.objects.object_import import (
+from crossmodal.diagrams.crossmodal.inspection.report import likely_handles, report, run_command
+from crossmodal.diagrams.crossmodal.objects.object_import import (
     WIDEST_PULL,
     imported,
     in_words,
     pull_error,
 )
-from diagrams.crossmodal.objects.object_model import read_object_model
-from diagrams.crossmodal.own_object import own_object_assignments
-from diagrams.crossmodal.scenario import Scenario
-from diagrams.run.own_object import OwnObject
-from diagrams.run.yaml_input.schema import ScenarioError
-from plants.object_import.inspection import inspect_model
+from crossmodal.diagrams.crossmodal.objects.object_model import read_object_model
+from crossmodal.diagrams.crossmodal.own_object import own_object_assignments
+from crossmodal.diagrams.crossmodal.scenario import Scenario
+from crossmodal.diagrams.run.own_object import OwnObject
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.plants.object_import.inspection import inspect_model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,7 +53,7 @@ def inspected(
         own.pull_direction = _pull_as_it_opens(own, base, scenario)
     chosen = load(own_object_assignments(base, scenario, own))
     assert isinstance(chosen, Scenario)
-    from diagrams.crossmodal.inspection.picture import picture
+    from crossmodal.diagrams.crossmodal.inspection.picture import picture
 
     options = [
         ("--joint", own.joint),

@@ -21,18 +21,18 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
-from diagrams.crossmodal.robot_config import ARM, HAND
-from diagrams.crossmodal.scenario import Scenario
-from diagrams.crossmodal.station.station import draw_placements
-from diagrams.drawing import palette
-from diagrams.drawing.plot_style import STYLE, new_figure
-from diagrams.run.scenario import looking_at
-from maths.arrays import Array
-from plants.object_import.solids import solid_of
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.inverse_kinematics import inverse_kinematics
-from plants.robots.wam import WAM_WITH_SOFT_HAND
-from plants.scene import ManipulationScene, add_manipulation_scene, facing
+from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
+from crossmodal.diagrams.crossmodal.scenario import Scenario
+from crossmodal.diagrams.crossmodal.station.station import draw_placements
+from crossmodal.diagrams.drawing import palette
+from crossmodal.diagrams.drawing.plot_style import STYLE, new_figure
+from crossmodal.diagrams.run.scenario import looking_at
+from crossmodal.maths.arrays import Array
+from crossmodal.plants.object_import.solids import solid_of
+from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
+from crossmodal.plants.robots.inverse_kinematics import inverse_kinematics
+from crossmodal.plants.robots.wam import WAM_WITH_SOFT_HAND
+from crossmodal.plants.scene import ManipulationScene, add_manipulation_scene, facing
 
 _WIDTH, _HEIGHT = 720, 600  # Of the rendered picture, [pixels].
 _ARROW = 0.25  # Length of the one that shows the pull, [m].

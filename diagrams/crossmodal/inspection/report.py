@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.crossmodal.objects.grasp_checks import faults_of_bar
-from plants.hands.soft_hand import SOFT_HAND_RANGE
-from plants.object_import.inspection import Handle, Inspection, JointFacts
+from crossmodal.diagrams.crossmodal.objects.grasp_checks import faults_of_bar
+from crossmodal.plants.hands.soft_hand import SOFT_HAND_RANGE
+from crossmodal.plants.object_import.inspection import Handle, Inspection, JointFacts
 
 
 def likely_handles(found: Inspection) -> list[Handle]:

@@ -9,10 +9,10 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
-from diagrams.crossmodal.objects.object_model import parse_alone
-from plants.hands.soft_hand import SOFT_HAND_RANGE, GraspRange
-from plants.object_import.bars import Bar, bar_at
-from plants.object_import.solids import bounds_overlap, shapes_of, solid_of, turned
+from crossmodal.diagrams.crossmodal.objects.object_model import parse_alone
+from crossmodal.plants.hands.soft_hand import SOFT_HAND_RANGE, GraspRange
+from crossmodal.plants.object_import.bars import Bar, bar_at
+from crossmodal.plants.object_import.solids import bounds_overlap, shapes_of, solid_of, turned
 
 _ALIKE, _UNLIKE = 0.8, 0.5  # Overlap of the bounds of what is seen and what is touched.
 _QUARTER_TURNS = [

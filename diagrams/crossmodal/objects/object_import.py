@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagrams.crossmodal.objects.object_model import ObjectModel
-from diagrams.run.yaml_input.schema import ScenarioError
-from plants.object_import import COPIED_FOLDERS, MODEL_FILE
+from crossmodal.diagrams.crossmodal.objects.object_model import ObjectModel
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.plants.object_import import COPIED_FOLDERS, MODEL_FILE
 
 if TYPE_CHECKING:
-    from plants.object_import.object_import import ImportedObject
+    from crossmodal.plants.object_import.object_import import ImportedObject
 
 WIDEST_PULL = 60.0  # From the way that the joint allows, [deg].
 
@@ -33,7 +33,7 @@ def imported(
     Raises:
         ScenarioError: where the model cannot be converted.
     """
-    from plants.object_import.object_import import import_object  # Slow: trimesh.
+    from crossmodal.plants.object_import.object_import import import_object  # Slow: trimesh.
 
     store = Path(_store().name)
     with tempfile.TemporaryDirectory(dir=store) as scratch:
@@ -109,7 +109,7 @@ def check_pull(facts: ObjectModel, pull_direction: np.ndarray, joint: str, frame
 
 def check_grasp(model: Path, frame: str, source: str) -> None:
     """Warns of a bar that the hand may not hold, and of looks that do not fit the touch."""
-    from diagrams.crossmodal.objects.grasp_checks import model_warnings  # Slow: trimesh.
+    from crossmodal.diagrams.crossmodal.objects.grasp_checks import model_warnings  # Slow: trimesh.
 
     for line in model_warnings(model, frame, source):
         warnings.warn(line, ObjectWarning, stacklevel=2)

@@ -12,9 +12,9 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
-from diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
-from plants.parsing import make_parser
-from systems.port_values import MOVING_TYPES, JointType
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
+from crossmodal.plants.parsing import make_parser
+from crossmodal.systems.port_values import MOVING_TYPES, JointType
 
 
 @dataclass(kw_only=True)

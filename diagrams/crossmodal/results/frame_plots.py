@@ -8,20 +8,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from diagrams.crossmodal.modalities import LABELS
-from diagrams.crossmodal.results.report import (
+from crossmodal.diagrams.crossmodal.modalities import LABELS
+from crossmodal.diagrams.crossmodal.results.report import (
     describe_configuration,
     describe_fit,
     describe_pitch,
 )
-from diagrams.drawing.plot_style import STYLE, new_figure
-from diagrams.joints.joint_drawing import draw_joint, joint_color
-from diagrams.joints.joint_episode import JointEpisode
-from diagrams.joints.joint_metrics import bodies_of, joint_now, joints_of, motion_start
-from diagrams.joints.joint_palette import body_color, body_label
-from diagrams.joints.joint_truth import Truth
-from diagrams.run.record import Picture, Tick
-from systems.port_values import (
+from crossmodal.diagrams.drawing.plot_style import STYLE, new_figure
+from crossmodal.diagrams.joints.joint_drawing import draw_joint, joint_color
+from crossmodal.diagrams.joints.joint_episode import JointEpisode
+from crossmodal.diagrams.joints.joint_metrics import bodies_of, joint_now, joints_of, motion_start
+from crossmodal.diagrams.joints.joint_palette import body_color, body_label
+from crossmodal.diagrams.joints.joint_truth import Truth
+from crossmodal.diagrams.run.record import Picture, Tick
+from crossmodal.systems.port_values import (
     MOVING_TYPES,
     STATIC_BODY,
     BodyMotions,

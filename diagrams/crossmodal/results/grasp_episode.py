@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform
 
-from diagrams.crossmodal.modalities import LABELS
-from diagrams.crossmodal.task import GRASP_LOST
-from diagrams.run.record import EpisodeRecord, Quantity, Tick
-from maths import se3
-from maths.arrays import Array, Mask
-from systems.port_values import GraspType
+from crossmodal.diagrams.crossmodal.modalities import LABELS
+from crossmodal.diagrams.crossmodal.task import GRASP_LOST
+from crossmodal.diagrams.run.record import EpisodeRecord, Quantity, Tick
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.systems.port_values import GraspType
 
 # Where hand and handle truly are; the handle's y lies along its bar.
 GRASP_QUANTITIES = (

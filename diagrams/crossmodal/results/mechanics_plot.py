@@ -10,12 +10,17 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from diagrams.crossmodal.modalities import COLORS, LABELS
-from diagrams.drawing import palette
-from diagrams.drawing.plot_style import STYLE, new_figure
-from diagrams.joints.joint_episode import JointEpisode
-from diagrams.joints.mechanics_record import CLAIMED, TickMechanics, mechanics_at, true_range
-from systems.port_values import JointType, LimitBelief
+from crossmodal.diagrams.crossmodal.modalities import COLORS, LABELS
+from crossmodal.diagrams.drawing import palette
+from crossmodal.diagrams.drawing.plot_style import STYLE, new_figure
+from crossmodal.diagrams.joints.joint_episode import JointEpisode
+from crossmodal.diagrams.joints.mechanics_record import (
+    CLAIMED,
+    TickMechanics,
+    mechanics_at,
+    true_range,
+)
+from crossmodal.systems.port_values import JointType, LimitBelief
 
 _UNITS = {
     JointType.PRISMATIC: (100.0, "cm", "N"),

@@ -5,9 +5,9 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from diagrams.evaluation.campaign import Campaign
-from diagrams.evaluation.campaign_plots import common_events, draw_metrics, draw_spreads
-from diagrams.evaluation.metric_table import (
+from crossmodal.diagrams.evaluation.campaign import Campaign
+from crossmodal.diagrams.evaluation.campaign_plots import common_events, draw_metrics, draw_spreads
+from crossmodal.diagrams.evaluation.metric_table import (
     count,
     count_of_known,
     mean_and_deviation,
@@ -15,9 +15,9 @@ from diagrams.evaluation.metric_table import (
     median_and_range,
     tidy_metrics,
 )
-from diagrams.joints.joint_errors import error_panels, read_errors
-from diagrams.run.experiment import CampaignPlot, Column, Metric
-from systems.port_values import MOVING_TYPES
+from crossmodal.diagrams.joints.joint_errors import error_panels, read_errors
+from crossmodal.diagrams.run.experiment import CampaignPlot, Column, Metric
+from crossmodal.systems.port_values import MOVING_TYPES
 
 
 def _joint(record: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -9,13 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from diagrams.crossmodal.modalities import COLORS, LABELS
-from diagrams.drawing import palette
-from diagrams.drawing.plot_style import STYLE, mark_leaving, mark_times, new_figure
-from diagrams.joints.joint_episode import JointEpisode
-from diagrams.joints.joint_metrics import JointSeries, last_seen, motion_start
-from maths.arrays import Array
-from systems.port_values import JointType
+from crossmodal.diagrams.crossmodal.modalities import COLORS, LABELS
+from crossmodal.diagrams.drawing import palette
+from crossmodal.diagrams.drawing.plot_style import STYLE, mark_leaving, mark_times, new_figure
+from crossmodal.diagrams.joints.joint_episode import JointEpisode
+from crossmodal.diagrams.joints.joint_metrics import JointSeries, last_seen, motion_start
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import JointType
 
 _UNIT = {
     JointType.PRISMATIC: (1000.0, "mm"),

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from diagrams.crossmodal.modalities import LABELS
-from diagrams.crossmodal.results.grasp_episode import grasp_lines
-from diagrams.crossmodal.task import GRASP_LOST
-from diagrams.drawing.digits import fixed, written
-from diagrams.evaluation.stream_faults import fault_lines
-from diagrams.joints.joint_episode import JointEpisode
-from diagrams.joints.joint_metrics import axis_sign, configuration_since_grasp, last_seen
-from diagrams.joints.joint_truth import Truth
-from diagrams.joints.mechanics_record import mechanics_line
-from systems.port_values import MOVING_TYPES, JointBelief, JointType
+from crossmodal.diagrams.crossmodal.modalities import LABELS
+from crossmodal.diagrams.crossmodal.results.grasp_episode import grasp_lines
+from crossmodal.diagrams.crossmodal.task import GRASP_LOST
+from crossmodal.diagrams.drawing.digits import fixed, written
+from crossmodal.diagrams.evaluation.stream_faults import fault_lines
+from crossmodal.diagrams.joints.joint_episode import JointEpisode
+from crossmodal.diagrams.joints.joint_metrics import axis_sign, configuration_since_grasp, last_seen
+from crossmodal.diagrams.joints.joint_truth import Truth
+from crossmodal.diagrams.joints.mechanics_record import mechanics_line
+from crossmodal.systems.port_values import MOVING_TYPES, JointBelief, JointType
 
 
 def describe_configuration(joint: JointBelief | None, truth: Truth, time: float) -> str:

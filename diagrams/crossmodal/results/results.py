@@ -6,23 +6,28 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.crossmodal.results.frame_plots import draw_frames
-from diagrams.crossmodal.results.grasp_episode import grasp_episode, summarise_grasp
-from diagrams.crossmodal.results.mechanics_plot import draw_mechanics
-from diagrams.crossmodal.results.plots import draw_configurations, draw_errors
-from diagrams.crossmodal.results.report import report
-from diagrams.crossmodal.task import can_be_judged, task_failure, task_phases, turning_time
-from diagrams.evaluation.estimates import Row, estimates_table, scalar, vector
-from diagrams.evaluation.stream_faults import (
+from crossmodal.diagrams.crossmodal.results.frame_plots import draw_frames
+from crossmodal.diagrams.crossmodal.results.grasp_episode import grasp_episode, summarise_grasp
+from crossmodal.diagrams.crossmodal.results.mechanics_plot import draw_mechanics
+from crossmodal.diagrams.crossmodal.results.plots import draw_configurations, draw_errors
+from crossmodal.diagrams.crossmodal.results.report import report
+from crossmodal.diagrams.crossmodal.task import (
+    can_be_judged,
+    task_failure,
+    task_phases,
+    turning_time,
+)
+from crossmodal.diagrams.evaluation.estimates import Row, estimates_table, scalar, vector
+from crossmodal.diagrams.evaluation.stream_faults import (
     fault_events,
     fault_spans,
     health_rows,
 )
-from diagrams.joints.joint_episode import JointEpisode, joint_episode
-from diagrams.joints.joint_record import joint_rows, summarise_joint
-from diagrams.joints.mechanics_record import mechanics_rows, summarise_mechanics
-from diagrams.run.application import Results
-from diagrams.run.record import EpisodeRecord, Tick
+from crossmodal.diagrams.joints.joint_episode import JointEpisode, joint_episode
+from crossmodal.diagrams.joints.joint_record import joint_rows, summarise_joint
+from crossmodal.diagrams.joints.mechanics_record import mechanics_rows, summarise_mechanics
+from crossmodal.diagrams.run.application import Results
+from crossmodal.diagrams.run.record import EpisodeRecord, Tick
 
 
 def evaluate(record: EpisodeRecord) -> Results:

@@ -1,6 +1,6 @@
 """What of a scene is inside something else before anything moves."""
 
-from diagrams.crossmodal.station.station import ManipulationStation
+from crossmodal.diagrams.crossmodal.station.station import ManipulationStation
 
 _DEEPEST_OVERLAP = 0.005  # [m]
 

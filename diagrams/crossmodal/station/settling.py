@@ -8,11 +8,11 @@ from pydrake.multibody.tree import Joint
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from diagrams.crossmodal.robot_config import ARM, HAND
-from diagrams.crossmodal.scenario import Scenario
-from maths.arrays import Array
-from plants.joint_friction import JointFriction
-from plants.scene import ManipulationScene, ObjectPlacement, add_manipulation_scene
+from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
+from crossmodal.diagrams.crossmodal.scenario import Scenario
+from crossmodal.maths.arrays import Array
+from crossmodal.plants.joint_friction import JointFriction
+from crossmodal.plants.scene import ManipulationScene, ObjectPlacement, add_manipulation_scene
 
 _MOST = 0.02  # Way of a handle that the hand still closes around, [m].
 

@@ -12,24 +12,29 @@ from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import Adder
 
-from diagrams.crossmodal.robot_config import ARM, HAND
-from diagrams.crossmodal.scenario import ObjectConfig, Scenario, object_model_file
-from diagrams.crossmodal.station.station_control import add_control, taught_postures
-from diagrams.crossmodal.station.station_sensors import add_proprioception, add_vision
-from diagrams.crossmodal.station.wiring import StationWiring
-from diagrams.crossmodal.task import ManipulationStatus
-from diagrams.joints.joint_truth import ObjectTruth
-from diagrams.run.calibration import Calibration, draw_base
-from diagrams.run.recorder import STATUS_PORT
-from diagrams.stations.true_pose import add_true_pose
-from maths.arrays import Array
-from plants.external_forces import ExternalForces
-from plants.joint_catch import JointCatch
-from plants.joint_friction import JointFriction
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.wam import WAM_WITH_SOFT_HAND
-from plants.scene import ManipulationScene, ObjectPlacement, add_manipulation_scene, facing
-from systems.sensors.randomness import make_generator
+from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
+from crossmodal.diagrams.crossmodal.scenario import ObjectConfig, Scenario, object_model_file
+from crossmodal.diagrams.crossmodal.station.station_control import add_control, taught_postures
+from crossmodal.diagrams.crossmodal.station.station_sensors import add_proprioception, add_vision
+from crossmodal.diagrams.crossmodal.station.wiring import StationWiring
+from crossmodal.diagrams.crossmodal.task import ManipulationStatus
+from crossmodal.diagrams.joints.joint_truth import ObjectTruth
+from crossmodal.diagrams.run.calibration import Calibration, draw_base
+from crossmodal.diagrams.run.recorder import STATUS_PORT
+from crossmodal.diagrams.stations.true_pose import add_true_pose
+from crossmodal.maths.arrays import Array
+from crossmodal.plants.external_forces import ExternalForces
+from crossmodal.plants.joint_catch import JointCatch
+from crossmodal.plants.joint_friction import JointFriction
+from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
+from crossmodal.plants.robots.wam import WAM_WITH_SOFT_HAND
+from crossmodal.plants.scene import (
+    ManipulationScene,
+    ObjectPlacement,
+    add_manipulation_scene,
+    facing,
+)
+from crossmodal.systems.sensors.randomness import make_generator
 
 
 @dataclass(kw_only=True)

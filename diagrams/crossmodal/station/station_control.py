@@ -7,23 +7,23 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder, System
 from pydrake.systems.primitives import ZeroOrderHold
 
-from controllers.arm.kinematics import ArmModel
-from controllers.arm.motion_switch import MotionSwitch
-from controllers.interaction.bending_excitation import BendingExcitation
-from controllers.interaction.exploration import ExplorationController
-from controllers.interaction.grasp_decisions import Goal
-from controllers.interaction.grasp_sequence import GraspSequence
-from controllers.interaction.joint_memory import JointMemory
-from controllers.interaction.pull_direction import PullDirection
-from controllers.interaction.trajectory_generator import TrajectoryGenerator
-from diagrams.crossmodal.robot_config import ARM
-from diagrams.crossmodal.station.wiring import StationWiring
-from diagrams.stations.add_arm import add_impedance_control
-from maths import se3
-from maths.arrays import Array
-from plants.robots.inverse_kinematics import inverse_kinematics
-from plants.scene import facing
-from systems.sensors.joint_encoders import JointEncoders
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.arm.motion_switch import MotionSwitch
+from crossmodal.controllers.interaction.bending_excitation import BendingExcitation
+from crossmodal.controllers.interaction.exploration import ExplorationController
+from crossmodal.controllers.interaction.grasp_decisions import Goal
+from crossmodal.controllers.interaction.grasp_sequence import GraspSequence
+from crossmodal.controllers.interaction.joint_memory import JointMemory
+from crossmodal.controllers.interaction.pull_direction import PullDirection
+from crossmodal.controllers.interaction.trajectory_generator import TrajectoryGenerator
+from crossmodal.diagrams.crossmodal.robot_config import ARM
+from crossmodal.diagrams.crossmodal.station.wiring import StationWiring
+from crossmodal.diagrams.stations.add_arm import add_impedance_control
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.plants.robots.inverse_kinematics import inverse_kinematics
+from crossmodal.plants.scene import facing
+from crossmodal.systems.sensors.joint_encoders import JointEncoders
 
 # What commands the arm, each in place of those before it.
 MOTION_SOURCES = ("sequence", "exploration", "return")

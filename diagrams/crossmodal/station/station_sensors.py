@@ -1,18 +1,18 @@
 """The sensors of a station and their wires: what the body feels and what the eye sees."""
 
-from controllers.interaction.grasp_sequence import GraspSequence
-from diagrams.crossmodal.robot_config import ARM, HAND
-from diagrams.crossmodal.station.wiring import StationWiring
-from diagrams.run.calibration import Calibration
-from diagrams.stations.add_arm import add_encoders, add_wrist_wrench
-from diagrams.stations.add_cameras import add_cameras, add_robot_masks
-from diagrams.stations.add_soft_hand import add_soft_hand
-from maths.arrays import Array
-from plants.hands.soft_hand import CLOSED_POSTURE
-from plants.robots.arm_with_hand import add_robot
-from plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
-from systems.sensors.joint_encoders import JointEncoders
-from systems.sensors.robot_mask import MaskedRobot
+from crossmodal.controllers.interaction.grasp_sequence import GraspSequence
+from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
+from crossmodal.diagrams.crossmodal.station.wiring import StationWiring
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.stations.add_arm import add_encoders, add_wrist_wrench
+from crossmodal.diagrams.stations.add_cameras import add_cameras, add_robot_masks
+from crossmodal.diagrams.stations.add_soft_hand import add_soft_hand
+from crossmodal.maths.arrays import Array
+from crossmodal.plants.hands.soft_hand import CLOSED_POSTURE
+from crossmodal.plants.robots.arm_with_hand import add_robot
+from crossmodal.plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
+from crossmodal.systems.sensors.joint_encoders import JointEncoders
+from crossmodal.systems.sensors.robot_mask import MaskedRobot
 
 
 def add_proprioception(wiring: StationWiring, q_grasp: Array) -> JointEncoders:

@@ -6,8 +6,8 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
-from diagrams.crossmodal.scenario import Scenario
-from plants.scene import ManipulationScene
+from crossmodal.diagrams.crossmodal.scenario import Scenario
+from crossmodal.plants.scene import ManipulationScene
 
 
 @dataclass(kw_only=True)

@@ -8,25 +8,25 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.crossmodal.estimators import make_network
-from diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve
-from diagrams.crossmodal.studies.ablations import Ablation, find_ablation
-from diagrams.drawing.digits import written
-from diagrams.run.application import Application
-from diagrams.run.episode import run_episode
-from diagrams.run.folder.fingerprint import fingerprint
-from diagrams.run.folder.own_files import held
-from diagrams.run.folder.run_folder import (
+from crossmodal.diagrams.crossmodal.estimators import make_network
+from crossmodal.diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve
+from crossmodal.diagrams.crossmodal.studies.ablations import Ablation, find_ablation
+from crossmodal.diagrams.drawing.digits import written
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.episode import run_episode
+from crossmodal.diagrams.run.folder.fingerprint import fingerprint
+from crossmodal.diagrams.run.folder.own_files import held
+from crossmodal.diagrams.run.folder.run_folder import (
     FILES,
     SENSORS_FILE,
     without_nan,
     write_run,
     write_text,
 )
-from diagrams.run.record import EpisodeRecord
-from diagrams.run.replay import replay
-from diagrams.run.scenario import parse_scenario, read_document
-from systems.port_values import JointType
+from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.run.replay import replay
+from crossmodal.diagrams.run.scenario import parse_scenario, read_document
+from crossmodal.systems.port_values import JointType
 
 _RESULT_FILE = "ablation.json"
 WIRINGS = ("whole", "cut")

@@ -6,7 +6,7 @@ them twice, whole and with the wire cut, so that nothing else differs.
 
 from dataclasses import dataclass, field
 
-from diagrams.run.yaml_input.schema import ScenarioError, suggestion
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 
 
 @dataclass(kw_only=True)

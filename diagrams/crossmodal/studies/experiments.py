@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from diagrams.crossmodal.results.metrics import TRIAL_METRICS
-from diagrams.run.experiment import Experiment, Reference
+from crossmodal.diagrams.crossmodal.results.metrics import TRIAL_METRICS
+from crossmodal.diagrams.run.experiment import Experiment, Reference
 
 # What a reader of the tables has to know.
 _AFTER_A_RETURN = (

@@ -6,17 +6,20 @@ import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 
-from controllers.interaction.bending_excitation import BendingExcitationConfig
-from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
-from diagrams.crossmodal.calibration import make_calibration
-from diagrams.crossmodal.scenario import Scenario
-from diagrams.crossmodal.station.station import ManipulationStation, make_manipulation_station
-from diagrams.run.scenario import CameraConfig
-from maths import se3
-from maths.arrays import Array
-from models import SDF_DIR
-from plants.scene import ObjectPlacement
-from systems.proprioception.hand_bending import HandBendingConfig, load_reading
+from crossmodal.controllers.interaction.bending_excitation import BendingExcitationConfig
+from crossmodal.controllers.interaction.grasp_sequence_config import GraspSequenceConfig
+from crossmodal.diagrams.crossmodal.calibration import make_calibration
+from crossmodal.diagrams.crossmodal.scenario import Scenario
+from crossmodal.diagrams.crossmodal.station.station import (
+    ManipulationStation,
+    make_manipulation_station,
+)
+from crossmodal.diagrams.run.scenario import CameraConfig
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.models import SDF_DIR
+from crossmodal.plants.scene import ObjectPlacement
+from crossmodal.systems.proprioception.hand_bending import HandBendingConfig, load_reading
 
 NOMINAL_HANDLE = np.array([0.865, -0.25, 0.86])  # Where the chest stands, p_WO, [m].
 

@@ -5,12 +5,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from diagrams.crossmodal.training.hand_bending_data import simulate_interaction
-from diagrams.crossmodal.training.hand_bending_training import Interaction, search_topology, train
-from diagrams.evaluation.campaign_report import made_by
-from diagrams.run.folder.run_folder import write_atomically, write_text
-from models import WEIGHTS_DIR
-from systems.proprioception.bending_network import save_network
+from crossmodal.diagrams.crossmodal.training.hand_bending_data import simulate_interaction
+from crossmodal.diagrams.crossmodal.training.hand_bending_training import (
+    Interaction,
+    search_topology,
+    train,
+)
+from crossmodal.diagrams.evaluation.campaign_report import made_by
+from crossmodal.diagrams.run.folder.run_folder import write_atomically, write_text
+from crossmodal.models import WEIGHTS_DIR
+from crossmodal.systems.proprioception.bending_network import save_network
 
 INTERACTIONS = 15
 FILES = ("hand_bending.npz", "hand_bending.md")  # Weights and card.

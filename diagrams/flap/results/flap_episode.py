@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.flap.flip_status import FLIPPING, RETREATING, TO_TABLE
-from diagrams.flap.results.tip_line import TipLine, tip_line
-from diagrams.flap.truth import UNKNOWN_FLAP, FlapTruth
-from diagrams.run.record import EpisodeRecord, Tick
-from diagrams.run.recorder import STATUS_PORT
-from maths.arrays import Array, Mask
-from systems.port_values import UNKNOWN_TOOL, ToolBelief, unseen
+from crossmodal.diagrams.flap.flip_status import FLIPPING, RETREATING, TO_TABLE
+from crossmodal.diagrams.flap.results.tip_line import TipLine, tip_line
+from crossmodal.diagrams.flap.truth import UNKNOWN_FLAP, FlapTruth
+from crossmodal.diagrams.run.record import EpisodeRecord, Tick
+from crossmodal.diagrams.run.recorder import STATUS_PORT
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.systems.port_values import UNKNOWN_TOOL, ToolBelief, unseen
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from diagrams.flap.results.flap_episode import FlapSeries, TrueFlap
-from maths.arrays import Array, Mask
+from crossmodal.diagrams.flap.results.flap_episode import FlapSeries, TrueFlap
+from crossmodal.maths.arrays import Array, Mask
 
 JUDGED_FROM = float(np.deg2rad(30.0))  # From this angle on the hinge and the vectors count.
 SETTLING = 2.0  # After the flipping began, [s].

@@ -5,13 +5,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from diagrams.drawing.plot_style import STYLE, new_figure
-from diagrams.flap.estimator_names import COLORS, LABELS
-from diagrams.flap.results.flap_episode import FlapEpisode
-from diagrams.run.calibration import Camera
-from diagrams.run.record import Picture, Tick
-from maths.arrays import Array
-from systems.port_values import UNKNOWN_FINGERTIP, UNKNOWN_TOOL, FlapPlane, ToolBelief, unseen
+from crossmodal.diagrams.drawing.plot_style import STYLE, new_figure
+from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
+from crossmodal.diagrams.flap.results.flap_episode import FlapEpisode
+from crossmodal.diagrams.run.calibration import Camera
+from crossmodal.diagrams.run.record import Picture, Tick
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import (
+    UNKNOWN_FINGERTIP,
+    UNKNOWN_TOOL,
+    FlapPlane,
+    ToolBelief,
+    unseen,
+)
 
 _COLUMNS, _ROWS = 3, 2
 _AXIS_LENGTH = 0.25  # [m]

@@ -4,10 +4,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagrams.drawing import palette
-from diagrams.drawing.plot_style import STYLE, new_figure
-from diagrams.flap.estimator_names import COLORS, LABELS
-from diagrams.flap.results.flap_episode import FlapEpisode
+from crossmodal.diagrams.drawing import palette
+from crossmodal.diagrams.drawing.plot_style import STYLE, new_figure
+from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
+from crossmodal.diagrams.flap.results.flap_episode import FlapEpisode
 
 
 def draw_line(episode: FlapEpisode) -> Figure | None:

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from diagrams.evaluation.metric_table import count, mean_share, median_and_range
-from diagrams.run.experiment import Column, Metric
+from crossmodal.diagrams.evaluation.metric_table import count, mean_share, median_and_range
+from crossmodal.diagrams.run.experiment import Column, Metric
 
 
 def _flap(key: str) -> Callable[[Mapping[str, Any]], Any]:

@@ -7,11 +7,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from diagrams.drawing import palette
-from diagrams.drawing.plot_style import STYLE, mark_leaving, mark_times, new_figure
-from diagrams.flap.estimator_names import COLORS, LABELS
-from diagrams.flap.results.flap_episode import FlapEpisode
-from maths.arrays import Array, Mask
+from crossmodal.diagrams.drawing import palette
+from crossmodal.diagrams.drawing.plot_style import STYLE, mark_leaving, mark_times, new_figure
+from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
+from crossmodal.diagrams.flap.results.flap_episode import FlapEpisode
+from crossmodal.maths.arrays import Array, Mask
 
 _XYZ = ("#CC3311", "#228833", "#0077BB")
 _STYLES = {"geometric": "-", "filtered": "--"}

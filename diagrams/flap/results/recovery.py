@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.flap.results.flap_episode import TrueFlap
-from plants.tools.flap_jerk import FlapJerk
+from crossmodal.diagrams.flap.results.flap_episode import TrueFlap
+from crossmodal.plants.tools.flap_jerk import FlapJerk
 
 KEPT = 1.0  # A contact that lasts so long has come back, [s].
 

@@ -7,24 +7,24 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.drawing.digits import fixed, written
-from diagrams.evaluation.estimates import Row, estimates_table, scalar, vector
-from diagrams.evaluation.stream_faults import (
+from crossmodal.diagrams.drawing.digits import fixed, written
+from crossmodal.diagrams.evaluation.estimates import Row, estimates_table, scalar, vector
+from crossmodal.diagrams.evaluation.stream_faults import (
     fault_events,
     fault_lines,
     fault_spans,
     health_rows,
 )
-from diagrams.flap.estimator_names import LABELS
-from diagrams.flap.results.flap_episode import FlapEpisode, flap_episode
-from diagrams.flap.results.flap_measures import measure_estimation, measure_servoing
-from diagrams.flap.results.frame_plots import draw_frames
-from diagrams.flap.results.line_plots import draw_line
-from diagrams.flap.results.plots import draw_angle, draw_servoing, draw_tool
-from diagrams.flap.results.recovery import summarise_recoveries
-from diagrams.flap.results.task import can_be_judged, line_note, task_failure
-from diagrams.run.application import Results
-from diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.flap.estimator_names import LABELS
+from crossmodal.diagrams.flap.results.flap_episode import FlapEpisode, flap_episode
+from crossmodal.diagrams.flap.results.flap_measures import measure_estimation, measure_servoing
+from crossmodal.diagrams.flap.results.frame_plots import draw_frames
+from crossmodal.diagrams.flap.results.line_plots import draw_line
+from crossmodal.diagrams.flap.results.plots import draw_angle, draw_servoing, draw_tool
+from crossmodal.diagrams.flap.results.recovery import summarise_recoveries
+from crossmodal.diagrams.flap.results.task import can_be_judged, line_note, task_failure
+from crossmodal.diagrams.run.application import Results
+from crossmodal.diagrams.run.record import EpisodeRecord
 
 
 def evaluate(record: EpisodeRecord) -> Results:

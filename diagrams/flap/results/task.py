@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from diagrams.flap.results.flap_episode import TrueFlap
-from diagrams.flap.results.flap_measures import Servoing
-from diagrams.flap.results.tip_line import line_finished
-from diagrams.flap.scenario import Scenario, Task
-from diagrams.run.record import EpisodeRecord
-from diagrams.run.recorder import STATUS_PORT
+from crossmodal.diagrams.flap.results.flap_episode import TrueFlap
+from crossmodal.diagrams.flap.results.flap_measures import Servoing
+from crossmodal.diagrams.flap.results.tip_line import line_finished
+from crossmodal.diagrams.flap.scenario import Scenario, Task
+from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.run.recorder import STATUS_PORT
 
 
 def can_be_judged(truth: TrueFlap) -> bool:

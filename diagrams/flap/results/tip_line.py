@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagrams.flap.flip_status import DONE, FLIPPING, ON_LINE
-from diagrams.run.record import EpisodeRecord, Tick
-from diagrams.run.recorder import STATUS_PORT
-from maths.arrays import Array, Mask
-from systems.port_values import UNKNOWN_TOOL, ToolBelief
+from crossmodal.diagrams.flap.flip_status import DONE, FLIPPING, ON_LINE
+from crossmodal.diagrams.run.record import EpisodeRecord, Tick
+from crossmodal.diagrams.run.recorder import STATUS_PORT
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.systems.port_values import UNKNOWN_TOOL, ToolBelief
 
 
 @dataclass(frozen=True, kw_only=True)

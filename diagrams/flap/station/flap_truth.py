@@ -8,11 +8,11 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, RevoluteJoint
 from pydrake.systems.framework import Context, LeafSystem
 
-from diagrams.flap.robot_config import TOOL
-from diagrams.flap.station.wiring import StationWiring
-from diagrams.flap.truth import UNKNOWN_FLAP, FlapTruth
-from plants.tools.wiper import EDGE_FRAME
-from systems.sensors.taxels import pressure_on
+from crossmodal.diagrams.flap.robot_config import TOOL
+from crossmodal.diagrams.flap.station.wiring import StationWiring
+from crossmodal.diagrams.flap.truth import UNKNOWN_FLAP, FlapTruth
+from crossmodal.plants.tools.wiper import EDGE_FRAME
+from crossmodal.systems.sensors.taxels import pressure_on
 
 
 class FlapTruthSource(LeafSystem):

@@ -11,15 +11,21 @@ from pydrake.multibody.tree import RevoluteJoint
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
 
-from diagrams.flap.robot_config import FINGER_ARM, FINGERTIP, HOLDER_ARM, HOLDER_HAND, TOOL
-from diagrams.flap.scenario import Scenario
-from diagrams.flap.station.tool_placement import ToolPlacement
-from maths.arrays import Array
-from plants.hands.three_finger_hand import closed_posture, grip_torques
-from plants.robots.inverse_kinematics import inverse_kinematics
-from plants.scene import ManipulationScene, ObjectPlacement, add_manipulation_scene
-from plants.tools.held_tool import make_touchable
-from plants.tools.wiper import EDGE_FRAME, HANDLE_FRAME, HINGE
+from crossmodal.diagrams.flap.robot_config import (
+    FINGER_ARM,
+    FINGERTIP,
+    HOLDER_ARM,
+    HOLDER_HAND,
+    TOOL,
+)
+from crossmodal.diagrams.flap.scenario import Scenario
+from crossmodal.diagrams.flap.station.tool_placement import ToolPlacement
+from crossmodal.maths.arrays import Array
+from crossmodal.plants.hands.three_finger_hand import closed_posture, grip_torques
+from crossmodal.plants.robots.inverse_kinematics import inverse_kinematics
+from crossmodal.plants.scene import ManipulationScene, ObjectPlacement, add_manipulation_scene
+from crossmodal.plants.tools.held_tool import make_touchable
+from crossmodal.plants.tools.wiper import EDGE_FRAME, HANDLE_FRAME, HINGE
 
 # Elbows up and outward, all joints far from their limits.
 _HOLDER_GUESS = np.array([-0.2, -0.43, 0.97, 1.19, 1.12, -0.89, 0.16])

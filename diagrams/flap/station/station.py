@@ -10,27 +10,31 @@ import numpy as np
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
-from diagrams.flap.robot_config import FINGER, HOLDER, HOLDER_HAND, ROBOTS, TOOL
-from diagrams.flap.scenario import Scenario
-from diagrams.flap.station.flap_truth import add_flap_truth
-from diagrams.flap.station.settling import Start, add_scene, settled_start
-from diagrams.flap.station.station_control import (
+from crossmodal.diagrams.flap.robot_config import FINGER, HOLDER, HOLDER_HAND, ROBOTS, TOOL
+from crossmodal.diagrams.flap.scenario import Scenario
+from crossmodal.diagrams.flap.station.flap_truth import add_flap_truth
+from crossmodal.diagrams.flap.station.settling import Start, add_scene, settled_start
+from crossmodal.diagrams.flap.station.station_control import (
     add_drives,
     add_flip_control,
     add_line_control,
     hold_still,
 )
-from diagrams.flap.station.station_sensors import add_joint_sensors, add_taxels, add_vision
-from diagrams.flap.station.tool_placement import draw_tool
-from diagrams.flap.station.wiring import StationWiring
-from diagrams.run.calibration import Calibration, draw_base
-from diagrams.stations.true_pose import add_true_pose
-from plants.external_forces import ExternalForces
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.scene import ManipulationScene
-from plants.tools.flap_jerk import FlapJerks
-from plants.tools.wiper import EDGE_FRAME
-from systems.tactile.taxel_layout import SEMI_AXES
+from crossmodal.diagrams.flap.station.station_sensors import (
+    add_joint_sensors,
+    add_taxels,
+    add_vision,
+)
+from crossmodal.diagrams.flap.station.tool_placement import draw_tool
+from crossmodal.diagrams.flap.station.wiring import StationWiring
+from crossmodal.diagrams.run.calibration import Calibration, draw_base
+from crossmodal.diagrams.stations.true_pose import add_true_pose
+from crossmodal.plants.external_forces import ExternalForces
+from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
+from crossmodal.plants.scene import ManipulationScene
+from crossmodal.plants.tools.flap_jerk import FlapJerks
+from crossmodal.plants.tools.wiper import EDGE_FRAME
+from crossmodal.systems.tactile.taxel_layout import SEMI_AXES
 
 _VIEWS = 9  # Angles of the flap at which a camera is asked whether it sees it.
 

@@ -4,15 +4,21 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
-from diagrams.flap.flip_control import make_flip_control
-from diagrams.flap.flip_status import FlipStatus
-from diagrams.flap.line_control import make_line_control
-from diagrams.flap.robot_config import FINGER, FINGER_ARM, HOLDER, HOLDER_ARM, HOLDER_HAND
-from diagrams.flap.station.wiring import StationWiring
-from diagrams.run.recorder import STATUS_PORT
-from diagrams.stations.naming import prefixed
-from maths.arrays import Array
-from systems.sensors.joint_encoders import JointEncoders
+from crossmodal.diagrams.flap.flip_control import make_flip_control
+from crossmodal.diagrams.flap.flip_status import FlipStatus
+from crossmodal.diagrams.flap.line_control import make_line_control
+from crossmodal.diagrams.flap.robot_config import (
+    FINGER,
+    FINGER_ARM,
+    HOLDER,
+    HOLDER_ARM,
+    HOLDER_HAND,
+)
+from crossmodal.diagrams.flap.station.wiring import StationWiring
+from crossmodal.diagrams.run.recorder import STATUS_PORT
+from crossmodal.diagrams.stations.naming import prefixed
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.sensors.joint_encoders import JointEncoders
 
 
 def add_drives(wiring: StationWiring) -> dict[str, InputPort]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import OutputPort
 
-from diagrams.flap.robot_config import (
+from crossmodal.diagrams.flap.robot_config import (
     FINGER,
     FINGER_ARM,
     FINGERTIP,
@@ -15,18 +15,18 @@ from diagrams.flap.robot_config import (
     HOLDER_HAND,
     ROBOTS,
 )
-from diagrams.flap.station.wiring import StationWiring
-from diagrams.run.sensor_streams.stream_faults import add_stream_faults
-from diagrams.stations.add_arm import add_encoders
-from diagrams.stations.add_cameras import add_cameras, add_robot_masks
-from diagrams.stations.naming import own_seed, prefixed
-from plants.hands.three_finger_hand import JOINTS
-from plants.robots.arm_with_hand import add_robot
-from plants.robots.lwr import ARM_JOINTS
-from systems.sensors.joint_encoders import JointEncoders
-from systems.sensors.robot_mask import MaskedRobot
-from systems.sensors.taxels import TaxelForces, TaxelSensor, draw_places
-from systems.tactile.taxel_layout import TaxelLayout
+from crossmodal.diagrams.flap.station.wiring import StationWiring
+from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
+from crossmodal.diagrams.stations.add_arm import add_encoders
+from crossmodal.diagrams.stations.add_cameras import add_cameras, add_robot_masks
+from crossmodal.diagrams.stations.naming import own_seed, prefixed
+from crossmodal.plants.hands.three_finger_hand import JOINTS
+from crossmodal.plants.robots.arm_with_hand import add_robot
+from crossmodal.plants.robots.lwr import ARM_JOINTS
+from crossmodal.systems.sensors.joint_encoders import JointEncoders
+from crossmodal.systems.sensors.robot_mask import MaskedRobot
+from crossmodal.systems.sensors.taxels import TaxelForces, TaxelSensor, draw_places
+from crossmodal.systems.tactile.taxel_layout import TaxelLayout
 
 # By owner: the model instances of arm and hand.
 _MODELS = {HOLDER: (HOLDER_ARM, HOLDER_HAND), FINGER: (FINGER_ARM, FINGERTIP)}

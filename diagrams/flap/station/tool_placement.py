@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from diagrams.flap.scenario import Scenario
-from maths.arrays import Array
-from plants.tools.wiper import draw_wiper, wiper_sdf
-from systems.sensors.randomness import make_generator
+from crossmodal.diagrams.flap.scenario import Scenario
+from crossmodal.maths.arrays import Array
+from crossmodal.plants.tools.wiper import draw_wiper, wiper_sdf
+from crossmodal.systems.sensors.randomness import make_generator
 
 
 @dataclass(frozen=True, kw_only=True)

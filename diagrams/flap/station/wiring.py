@@ -6,12 +6,12 @@ from pydrake.geometry import GeometryId, Role
 from pydrake.multibody.tree import Frame, RevoluteJoint
 from pydrake.systems.framework import DiagramBuilder
 
-from diagrams.flap.robot_config import FINGERTIP, TOOL
-from diagrams.flap.scenario import Scenario
-from diagrams.flap.station.settling import Start
-from diagrams.run.calibration import Calibration
-from plants.scene import ManipulationScene
-from plants.tools.wiper import HINGE
+from crossmodal.diagrams.flap.robot_config import FINGERTIP, TOOL
+from crossmodal.diagrams.flap.scenario import Scenario
+from crossmodal.diagrams.flap.station.settling import Start
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.plants.scene import ManipulationScene
+from crossmodal.plants.tools.wiper import HINGE
 
 
 @dataclass(kw_only=True)

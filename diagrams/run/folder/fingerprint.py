@@ -10,8 +10,8 @@ from pathlib import Path
 
 from pydrake.common.yaml import yaml_dump_typed
 
-from diagrams.run.application import Application
-from diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.scenario import Scenario
 
 _PACKAGES = ("maths", "models", "plants", "systems", "controllers", "diagrams")
 _SOURCE_TYPES = {".py", ".sdf", ".urdf", ".yaml", ".obj", ".mtl", ".png", ".npz", ".pt"}
@@ -68,7 +68,7 @@ def only_shows(place: str) -> bool:
 @cache
 def source_hash() -> str:
     """Hash of every file that can change an episode, as they were when it was first asked for."""
-    root = Path(__file__).parents[3]
+    root = Path(__file__).parents[3]  # The package `crossmodal`.
     digest = hashlib.sha256()
     for package in _PACKAGES:
         for path in sorted((root / package).rglob("*")):

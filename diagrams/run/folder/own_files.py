@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from typing import TextIO
 
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 MANIFEST = ".run-files"  # A JSON string in each line: a path relative to the folder.
 

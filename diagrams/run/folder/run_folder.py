@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
 
-from diagrams.run.application import Application, Results
-from diagrams.run.folder.fingerprint import fingerprint, versions
-from diagrams.run.folder.own_files import OwnFiles
-from diagrams.run.record import EpisodeRecord
-from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_input.schema import ScenarioError, one_line
+from crossmodal.diagrams.run.application import Application, Results
+from crossmodal.diagrams.run.folder.fingerprint import fingerprint, versions
+from crossmodal.diagrams.run.folder.own_files import OwnFiles
+from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -157,7 +157,7 @@ class RunWriter:
 
     def write_pictures(self) -> None:
         """Writes what shows the results; it is large."""
-        from diagrams.drawing.plot_style import save
+        from crossmodal.diagrams.drawing.plot_style import save
 
         for name, figure in self._figures.items():
             try:

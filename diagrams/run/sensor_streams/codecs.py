@@ -15,8 +15,8 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
-from maths.arrays import Array
-from systems.port_values import SampleWindow, StampedImage
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import SampleWindow, StampedImage
 
 Stamped = tuple[int, Any]  # Instant [ns] and message.
 

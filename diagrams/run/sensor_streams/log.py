@@ -23,7 +23,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from zstandard import ZstdError
 
-from diagrams.run.sensor_streams.codecs import (
+from crossmodal.diagrams.run.sensor_streams.codecs import (
     DEFINITIONS,
     Codec,
     Stamped,
@@ -32,8 +32,8 @@ from diagrams.run.sensor_streams.codecs import (
     definition,
     nanoseconds,
 )
-from diagrams.run.sensor_streams.mcap_checksums import ChecksummedWriter, check_bytes
-from diagrams.run.yaml_input.schema import ScenarioError, one_line
+from crossmodal.diagrams.run.sensor_streams.mcap_checksums import ChecksummedWriter, check_bytes
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
 _METADATA = "episode"
 # What the library raises, of its own and of others, while it reads a file with wrong bytes.

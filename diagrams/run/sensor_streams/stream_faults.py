@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder, OutputPort, PortDataType, System
 
-from diagrams.run.yaml_input.schema import suggestion
-from systems.sensors.stream_fault import FailingStream, StreamFault
+from crossmodal.diagrams.run.yaml_input.schema import suggestion
+from crossmodal.systems.sensors.stream_fault import FailingStream, StreamFault
 
 
 def add_stream_faults(

@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 from pydrake.common.yaml import yaml_dump, yaml_dump_typed, yaml_load_typed
 
-from diagrams.run.yaml_input.loader import MOST_LEVELS, load_yaml
+from crossmodal.diagrams.run.yaml_input.loader import MOST_LEVELS, load_yaml
 
 T = TypeVar("T")
 _MOST_BYTES = 1_000_000  # Of a file: what comes with the program has some thousand.

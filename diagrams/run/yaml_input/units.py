@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.run.yaml_input.schema import ScenarioError, is_number
-from maths.units import in_unit
-from maths.validation import declared
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, is_number
+from crossmodal.maths.units import in_unit
+from crossmodal.maths.validation import declared
 
 _NUMBER = r"[-+]?(?:\d{1,20}\.?\d{0,20}|\.\d{1,20})(?:[eE][-+]?\d{1,3})?"
 _MEASURE = re.compile(rf"\s*({_NUMBER})\s*((?:1/)?[A-Za-z].{{0,30}})")

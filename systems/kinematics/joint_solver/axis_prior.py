@@ -8,8 +8,8 @@ and a straight path does not send it to infinity.
 
 import numpy as np
 
-from maths.compiled import hot
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+from crossmodal.maths.compiled import hot
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 _FARTHER = (1.0, 4.0, 16.0)  # Multiples of the nearest scale.
 _WELL_SEEN = 0.1**2  # Variance of a measured rotation, [rad^2].

@@ -9,24 +9,24 @@ hinge is an integral over k, about the slide's own solution.
 
 import numpy as np
 
-from maths import cholesky
-from maths.arrays import Array
-from maths.compiled import hot
-from systems.kinematics.joint_solver.axis_prior import axis_prior
-from systems.kinematics.joint_solver.joint_chain import new_chain, run_chain
-from systems.kinematics.joint_solver.joint_geometry import (
+from crossmodal.maths import cholesky
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.systems.kinematics.joint_solver.axis_prior import axis_prior
+from crossmodal.systems.kinematics.joint_solver.joint_chain import new_chain, run_chain
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     BENT_SLIDE,
     PARAMETERS,
     PRISMATIC,
     dimension,
 )
-from systems.kinematics.joint_solver.joint_linearisation import (
+from crossmodal.systems.kinematics.joint_solver.joint_linearisation import (
     Linear,
     add_prior,
 )
-from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, has_prior
-from systems.kinematics.joint_solver.joint_solver import Priors
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+from crossmodal.systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, has_prior
+from crossmodal.systems.kinematics.joint_solver.joint_solver import Priors
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 _POINTS = 20  # Of the integral, in distance and in direction.
 _DEVIATIONS = 6.0  # Beyond which a curvature is out of the question.

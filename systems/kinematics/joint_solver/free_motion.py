@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maths import cholesky
-from maths.arrays import Array
-from maths.compiled import hot
-from maths.se3_in_place import pose_difference
-from systems.kinematics.joint_solver.outliers import blend, inlier_share
-from systems.kinematics.joint_solver.pose_keyframes import (
+from crossmodal.maths import cholesky
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.se3_in_place import pose_difference
+from crossmodal.systems.kinematics.joint_solver.outliers import blend, inlier_share
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import (
     FREE_WAYS,
     MEMORY,
     Keyframes,

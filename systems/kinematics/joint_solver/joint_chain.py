@@ -17,13 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maths import cholesky
-from maths.arrays import Array
-from maths.compiled import hot
-from systems.kinematics.joint_solver.joint_geometry import PARAMETERS
-from systems.kinematics.joint_solver.joint_linearisation import Linear
-from systems.kinematics.joint_solver.outliers import inlier_share
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+from crossmodal.maths import cholesky
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import PARAMETERS
+from crossmodal.systems.kinematics.joint_solver.joint_linearisation import Linear
+from crossmodal.systems.kinematics.joint_solver.outliers import inlier_share
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 _SURPRISE = 3.0  # Standard deviations off the expected from which a jump is considered.
 

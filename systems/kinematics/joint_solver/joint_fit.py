@@ -2,21 +2,21 @@
 
 import numpy as np
 
-from maths import cholesky
-from maths.arrays import Array
-from maths.compiled import hot
-from maths.se3_in_place import pose_difference
-from maths.tangent_plane import tangent_basis
-from systems.kinematics.joint_solver.joint_geometry import (
+from crossmodal.maths import cholesky
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.se3_in_place import pose_difference
+from crossmodal.maths.tangent_plane import tangent_basis
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     RIGID,
     child_pose,
     dimension,
     jacobian,
     screw_twists,
 )
-from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.noise_scale import MEASURED
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes, floor_share
+from crossmodal.systems.kinematics.joint_solver.joint_models import Models
+from crossmodal.systems.kinematics.joint_solver.noise_scale import MEASURED
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import Keyframes, floor_share
 
 
 @hot

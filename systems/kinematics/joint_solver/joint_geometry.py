@@ -13,10 +13,10 @@ this order: Y's right perturbation, then a and c along the same two unit vectors
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.compiled import hot
-from maths.se3_in_place import perturb
-from maths.tangent_plane import tangent_basis
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.se3_in_place import perturb
+from crossmodal.maths.tangent_plane import tangent_basis
 
 PRISMATIC, REVOLUTE, SCREW, RIGID = 0, 1, 2, 3
 MOVING = (PRISMATIC, REVOLUTE, SCREW)

@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.compiled import hot
-from maths.se3_in_place import pose_difference, relative_log
-from maths.tangent_plane import tangent_basis
-from systems.kinematics.joint_solver.axis_prior import axis_prior
-from systems.kinematics.joint_solver.joint_geometry import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.se3_in_place import pose_difference, relative_log
+from crossmodal.maths.tangent_plane import tangent_basis
+from crossmodal.systems.kinematics.joint_solver.axis_prior import axis_prior
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     PARAMETERS,
     RIGID,
     SCREW,
@@ -29,10 +29,10 @@ from systems.kinematics.joint_solver.joint_geometry import (
     screw_twists,
     turns,
 )
-from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, has_prior
-from systems.kinematics.joint_solver.joint_pitch import WIDEST
-from systems.kinematics.joint_solver.outliers import blend, weigh_residual
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+from crossmodal.systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, has_prior
+from crossmodal.systems.kinematics.joint_solver.joint_pitch import WIDEST
+from crossmodal.systems.kinematics.joint_solver.outliers import blend, weigh_residual
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 
 class Linear(NamedTuple):

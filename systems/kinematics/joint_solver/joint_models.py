@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.compiled import hot
-from systems.kinematics.joint_solver.joint_geometry import JOINTS, PARAMETERS
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import JOINTS, PARAMETERS
 
 AXIS_SPREAD = 1.2  # Deviation per direction of an axis anywhere on the sphere, [rad].
 

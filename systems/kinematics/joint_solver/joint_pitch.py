@@ -12,7 +12,7 @@ likelihood of the pitch, all other parameters marginalised, is near normal.
 
 import numpy as np
 
-from maths.compiled import hot
+from crossmodal.maths.compiled import hot
 
 PITCHES = (1e-3, 1e-2, 1e-1)  # Standard deviations, the widest last, [m/rad].
 WIDEST = PITCHES[-1]

@@ -5,11 +5,11 @@ Frames: P parent, B child, F the child's measured reference pose.
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.compiled import hot
-from maths.se3_in_place import relative_log
-from maths.tangent_plane import tangent_basis
-from systems.kinematics.joint_solver.joint_geometry import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.se3_in_place import relative_log
+from crossmodal.maths.tangent_plane import tangent_basis
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     RIGID,
     child_pose,
     dimension,
@@ -17,7 +17,7 @@ from systems.kinematics.joint_solver.joint_geometry import (
     screw_twists,
     turns,
 )
-from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
+from crossmodal.systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models
 
 
 @hot

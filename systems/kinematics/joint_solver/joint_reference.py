@@ -2,19 +2,23 @@
 
 import numpy as np
 
-from maths.gaussian import symmetric
-from systems.kinematics.joint_solver.axis_prior import axis_prior
-from systems.kinematics.joint_solver.joint_geometry import (
+from crossmodal.maths.gaussian import symmetric
+from crossmodal.systems.kinematics.joint_solver.axis_prior import axis_prior
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     MOVING,
     PARAMETERS,
     SCREW,
     dimension,
     turns,
 )
-from systems.kinematics.joint_solver.joint_linearisation import embedding
-from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
-from systems.kinematics.joint_solver.joint_pitch import WIDEST, pitch_evidence
-from systems.kinematics.joint_solver.pose_keyframes import MEMORY
+from crossmodal.systems.kinematics.joint_solver.joint_linearisation import embedding
+from crossmodal.systems.kinematics.joint_solver.joint_models import (
+    AXIS_SPREAD,
+    Models,
+    initial_models,
+)
+from crossmodal.systems.kinematics.joint_solver.joint_pitch import WIDEST, pitch_evidence
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import MEMORY
 
 
 def keep_axes(old: Models, axis_distance: float, far: bool) -> Models:

@@ -8,14 +8,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maths import cholesky
-from maths.arrays import Array
-from maths.compiled import hot
-from maths.tangent_plane import transport
-from systems.kinematics.joint_solver.axis_prior import may_be_far
-from systems.kinematics.joint_solver.free_motion import FreeMotion
-from systems.kinematics.joint_solver.joint_chain import Chain, new_chain, run_chain, smooth, solve
-from systems.kinematics.joint_solver.joint_geometry import (
+from crossmodal.maths import cholesky
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.tangent_plane import transport
+from crossmodal.systems.kinematics.joint_solver.axis_prior import may_be_far
+from crossmodal.systems.kinematics.joint_solver.free_motion import FreeMotion
+from crossmodal.systems.kinematics.joint_solver.joint_chain import (
+    Chain,
+    new_chain,
+    run_chain,
+    smooth,
+    solve,
+)
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     PARAMETERS,
     PRISMATIC,
     RIGID,
@@ -24,10 +30,14 @@ from systems.kinematics.joint_solver.joint_geometry import (
     retract,
     turns,
 )
-from systems.kinematics.joint_solver.joint_linearisation import Linear, linearise, new_linear
-from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.joint_pitch import pitch_evidence
-from systems.kinematics.joint_solver.pose_keyframes import RECENT, Keyframes
+from crossmodal.systems.kinematics.joint_solver.joint_linearisation import (
+    Linear,
+    linearise,
+    new_linear,
+)
+from crossmodal.systems.kinematics.joint_solver.joint_models import Models
+from crossmodal.systems.kinematics.joint_solver.joint_pitch import pitch_evidence
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import RECENT, Keyframes
 
 _CONVERGED = 0.1  # Gain in log likelihood below which no further step is made, [nat].
 _SHORTER = 0.3  # Share of a step that is tried where the whole of it has lost likelihood.

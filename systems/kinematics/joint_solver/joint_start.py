@@ -6,12 +6,12 @@ direction of the child's twists is tried beside it until the axis is known.
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.compiled import hot
-from maths.se3_in_place import relative_log
-from maths.tangent_plane import normal_basis
-from maths.vectors import cross
-from systems.kinematics.joint_solver.joint_geometry import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.se3_in_place import relative_log
+from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.maths.vectors import cross
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     MOVING,
     PRISMATIC,
     REVOLUTE,
@@ -19,10 +19,10 @@ from systems.kinematics.joint_solver.joint_geometry import (
     SCREW,
     dimension,
 )
-from systems.kinematics.joint_solver.joint_models import Models, has_prior
-from systems.kinematics.joint_solver.joint_pitch import WIDEST
-from systems.kinematics.joint_solver.outliers import weigh_residual
-from systems.kinematics.joint_solver.pose_keyframes import FIRST, Keyframes
+from crossmodal.systems.kinematics.joint_solver.joint_models import Models, has_prior
+from crossmodal.systems.kinematics.joint_solver.joint_pitch import WIDEST
+from crossmodal.systems.kinematics.joint_solver.outliers import weigh_residual
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import FIRST, Keyframes
 
 _SIGNIFICANT = 4.0  # Standard deviations of q from zero at which its sign is decided.
 _MOVED = 10.0  # Log evidence over the rigid model's at which its sign is decided, [nat].

@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from maths import cholesky
-from maths.arrays import Array
-from maths.compiled import hot
-from maths.se3_in_place import relative_log
-from maths.tangent_plane import tangent_basis
-from systems.kinematics.joint_solver import pose_keyframes
-from systems.kinematics.joint_solver.free_motion import explain, free_evidence, settle
-from systems.kinematics.joint_solver.joint_fit import measured_directions
-from systems.kinematics.joint_solver.joint_geometry import (
+from crossmodal.maths import cholesky
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.se3_in_place import relative_log
+from crossmodal.maths.tangent_plane import tangent_basis
+from crossmodal.systems.kinematics.joint_solver import pose_keyframes
+from crossmodal.systems.kinematics.joint_solver.free_motion import explain, free_evidence, settle
+from crossmodal.systems.kinematics.joint_solver.joint_fit import measured_directions
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     FREE,
     JOINTS,
     MOVING,
@@ -21,20 +21,20 @@ from systems.kinematics.joint_solver.joint_geometry import (
     SCREW,
     screw_twists,
 )
-from systems.kinematics.joint_solver.joint_linearisation import (
+from crossmodal.systems.kinematics.joint_solver.joint_linearisation import (
     add_keyframes,
     clear,
     embedding,
     new_linear,
     prior_offset,
 )
-from systems.kinematics.joint_solver.joint_models import Models, has_prior
-from systems.kinematics.joint_solver.joint_solver import (
+from crossmodal.systems.kinematics.joint_solver.joint_models import Models, has_prior
+from crossmodal.systems.kinematics.joint_solver.joint_solver import (
     Priors,
     solve_moving,
     solve_rigid,
 )
-from systems.kinematics.joint_solver.joint_start import (
+from crossmodal.systems.kinematics.joint_solver.joint_start import (
     circle_start,
     copy_model,
     decide_sign,
@@ -42,7 +42,7 @@ from systems.kinematics.joint_solver.joint_start import (
     reverse_axis,
     start_from_revolute,
 )
-from systems.kinematics.joint_solver.pose_keyframes import MEMORY, Keyframes
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import MEMORY, Keyframes
 
 _STREAK = 3  # Most outliers in a row.
 STEPS = 6  # Most linearisations of one update.

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from maths import cholesky
-from maths.arrays import Array
-from maths.compiled import hot
-from systems.kinematics.joint_solver.noise_scale import MEASURED, off_geodesic
+from crossmodal.maths import cholesky
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.systems.kinematics.joint_solver.noise_scale import MEASURED, off_geodesic
 
 _LAG = 4  # Frames between poses that are farther away.
 _SIZE = 2 * _LAG + 1

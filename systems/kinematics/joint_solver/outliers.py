@@ -8,8 +8,8 @@ the keyframe is then weighted for good.
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.compiled import hot
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
 
 
 @hot

@@ -9,14 +9,14 @@ one is kept under which all keyframes are likeliest, whatever the type.
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.compiled import hot
-from systems.kinematics.joint_solver import pose_keyframes
-from systems.kinematics.joint_solver.joint_geometry import FREE
-from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.joint_solver import Priors
-from systems.kinematics.joint_solver.joint_update import STEPS, restart, solve_all
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.systems.kinematics.joint_solver import pose_keyframes
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import FREE
+from crossmodal.systems.kinematics.joint_solver.joint_models import Models
+from crossmodal.systems.kinematics.joint_solver.joint_solver import Priors
+from crossmodal.systems.kinematics.joint_solver.joint_update import STEPS, restart, solve_all
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 FLOORS = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # Multiples of standard deviations, see `floor`.
 # Variance [rad^2, m^2] by which a joint usually strays: doors, drawers and lids have play.

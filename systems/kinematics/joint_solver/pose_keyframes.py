@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maths import cholesky
-from maths.arrays import Array, Ids
-from maths.compiled import hot
-from maths.se3_in_place import perturb, relative_log
+from crossmodal.maths import cholesky
+from crossmodal.maths.arrays import Array, Ids
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.se3_in_place import perturb, relative_log
 
 RECENT = 4  # Newest keyframes, which stay single measurements: they say the present velocity.
 FIRST = 4  # Oldest keyframes, which are never marginalised: they say where the motion started.

@@ -9,13 +9,18 @@ linearised.
 
 import numpy as np
 
-from maths import cholesky
-from maths.arrays import Array
-from maths.compiled import hot
-from systems.kinematics.joint_solver.axis_prior import may_be_far
-from systems.kinematics.joint_solver.bent_slide import far_evidence
-from systems.kinematics.joint_solver.joint_chain import Chain, new_chain, run_chain, solve
-from systems.kinematics.joint_solver.joint_geometry import (
+from crossmodal.maths import cholesky
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.systems.kinematics.joint_solver.axis_prior import may_be_far
+from crossmodal.systems.kinematics.joint_solver.bent_slide import far_evidence
+from crossmodal.systems.kinematics.joint_solver.joint_chain import (
+    Chain,
+    new_chain,
+    run_chain,
+    solve,
+)
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     BENT_SLIDE,
     JOINTS,
     PARAMETERS,
@@ -24,17 +29,21 @@ from systems.kinematics.joint_solver.joint_geometry import (
     SCREW,
     dimension,
 )
-from systems.kinematics.joint_solver.joint_linearisation import (
+from crossmodal.systems.kinematics.joint_solver.joint_linearisation import (
     Linear,
     add_priors,
     clear,
     new_linear,
 )
-from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.joint_pitch import pitch_evidence
-from systems.kinematics.joint_solver.joint_solver import Priors, lever, trusted
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
-from systems.kinematics.joint_solver.stray_series import add_keyframes, marginalise, new_series
+from crossmodal.systems.kinematics.joint_solver.joint_models import Models
+from crossmodal.systems.kinematics.joint_solver.joint_pitch import pitch_evidence
+from crossmodal.systems.kinematics.joint_solver.joint_solver import Priors, lever, trusted
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import Keyframes
+from crossmodal.systems.kinematics.joint_solver.stray_series import (
+    add_keyframes,
+    marginalise,
+    new_series,
+)
 
 _ROUGH = 0.25  # Standard deviation of what is independent still, as a share of the strays'.
 _FAR_BEHIND = 200.0  # Log evidence below the most from which it makes no difference, [nat].

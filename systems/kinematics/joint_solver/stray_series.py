@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maths import cholesky
-from maths.arrays import Array
-from maths.compiled import hot
-from maths.se3_in_place import pose_difference
-from maths.tangent_plane import tangent_basis
-from systems.kinematics.joint_solver.joint_geometry import (
+from crossmodal.maths import cholesky
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.se3_in_place import pose_difference
+from crossmodal.maths.tangent_plane import tangent_basis
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     BENT_SLIDE,
     PARAMETERS,
     PRISMATIC,
@@ -24,14 +24,14 @@ from systems.kinematics.joint_solver.joint_geometry import (
     jacobian,
     screw_twists,
 )
-from systems.kinematics.joint_solver.joint_linearisation import (
+from crossmodal.systems.kinematics.joint_solver.joint_linearisation import (
     Linear,
     add_normal_equations,
     free_configuration,
     weigh,
 )
-from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes, floor_share
+from crossmodal.systems.kinematics.joint_solver.joint_models import Models
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import Keyframes, floor_share
 
 _WAVES = 4  # Of the series.
 

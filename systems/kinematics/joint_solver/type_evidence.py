@@ -7,21 +7,21 @@ Where strays from the path are smooth (`smooth_strays`), that counts for all typ
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.compiled import hot
-from systems.kinematics.joint_solver.axis_prior import may_be_far
-from systems.kinematics.joint_solver.joint_geometry import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.systems.kinematics.joint_solver.axis_prior import may_be_far
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     JOINTS,
     PRISMATIC,
     REVOLUTE,
     SCREW,
 )
-from systems.kinematics.joint_solver.joint_models import Models
-from systems.kinematics.joint_solver.joint_pitch import hinge_evidence
-from systems.kinematics.joint_solver.joint_solver import Priors
-from systems.kinematics.joint_solver.path_floor import FLOORS, STRAY, floor, whose_turn
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
-from systems.kinematics.joint_solver.smooth_strays import bend, smooth_evidence
+from crossmodal.systems.kinematics.joint_solver.joint_models import Models
+from crossmodal.systems.kinematics.joint_solver.joint_pitch import hinge_evidence
+from crossmodal.systems.kinematics.joint_solver.joint_solver import Priors
+from crossmodal.systems.kinematics.joint_solver.path_floor import FLOORS, STRAY, floor, whose_turn
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import Keyframes
+from crossmodal.systems.kinematics.joint_solver.smooth_strays import bend, smooth_evidence
 
 _UNUSUAL = 5.0  # Log odds against smooth strays at all, [nat].
 # How many of `FLOORS` smooth strays may have; with the largest a ball would be a hinge that bends.

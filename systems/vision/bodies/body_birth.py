@@ -4,23 +4,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from maths.arrays import Array, Ids, Mask
-from systems.port_values import STATIC_BODY, PoseBelief
-from systems.ticks import whole_ticks
-from systems.vision.bodies import body_filter, body_tracking, held_body
-from systems.vision.bodies.body_tracker_state import (
+from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.systems.port_values import STATIC_BODY, PoseBelief
+from crossmodal.systems.ticks import whole_ticks
+from crossmodal.systems.vision.bodies import body_filter, body_tracking, held_body
+from crossmodal.systems.vision.bodies.body_tracker_state import (
     BodyTrackerState,
     RestPositions,
     TrackedBody,
 )
-from systems.vision.bodies.feature_displacements import (
+from crossmodal.systems.vision.bodies.feature_displacements import (
     Displacements,
     displacements,
     squared_distances,
 )
-from systems.vision.bodies.feature_history import FeatureHistory
-from systems.vision.bodies.motion_consensus import Consensus, find_consensus, stillness
-from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.systems.vision.bodies.feature_history import FeatureHistory
+from crossmodal.systems.vision.bodies.motion_consensus import Consensus, find_consensus, stillness
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 
 def free_motion(

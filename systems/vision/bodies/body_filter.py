@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from maths import error_state, se3
-from maths.arrays import Array, Ids, Mask
-from maths.gaussian import diagonal_blocks
-from maths.immutable import Immutable
-from maths.rigid_points import pose_jacobian
+from crossmodal.maths import error_state, se3
+from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.maths.gaussian import diagonal_blocks
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.rigid_points import pose_jacobian
 
 _POSE = slice(0, 6)
 _MOTION = 12

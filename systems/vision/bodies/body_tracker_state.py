@@ -4,12 +4,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from maths.arrays import Array, Ids
-from maths.immutable import Immutable
-from systems.ticks import whole_ticks
-from systems.vision.bodies.body_filter import BodyFilter
-from systems.vision.bodies.feature_history import FeatureHistory, no_history
-from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.maths.arrays import Array, Ids
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.ticks import whole_ticks
+from crossmodal.systems.vision.bodies.body_filter import BodyFilter
+from crossmodal.systems.vision.bodies.feature_history import FeatureHistory, no_history
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 
 @dataclass(kw_only=True)

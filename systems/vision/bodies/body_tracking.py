@@ -4,20 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array, Ids, Mask
-from systems.port_values import FeatureBelief
-from systems.ticks import whole_ticks
-from systems.vision.bodies import body_filter
-from systems.vision.bodies.body_filter import BodyFilter
-from systems.vision.bodies.body_tracker_state import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.systems.port_values import FeatureBelief
+from crossmodal.systems.ticks import whole_ticks
+from crossmodal.systems.vision.bodies import body_filter
+from crossmodal.systems.vision.bodies.body_filter import BodyFilter
+from crossmodal.systems.vision.bodies.body_tracker_state import (
     BodyTrackerState,
     RestPositions,
     TrackedBody,
 )
-from systems.vision.bodies.feature_displacements import displacements, squared_distances
-from systems.vision.bodies.feature_history import FeatureHistory, remember
-from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.systems.vision.bodies.feature_displacements import displacements, squared_distances
+from crossmodal.systems.vision.bodies.feature_history import FeatureHistory, remember
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 
 def predict(config: RigidBodyMotionConfig, body: BodyFilter) -> BodyFilter:

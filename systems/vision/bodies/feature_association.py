@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.rigid_points import pose_jacobian
-from systems.port_values import STATIC_BODY
-from systems.ticks import whole_ticks
-from systems.vision.bodies import body_filter, held_body
-from systems.vision.bodies.body_tracker_state import TrackedBody
-from systems.vision.bodies.body_tracking import corrected
-from systems.vision.bodies.feature_displacements import displacements, squared_distances
-from systems.vision.bodies.feature_history import OUTLIER, FeatureHistory, forget
-from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.rigid_points import pose_jacobian
+from crossmodal.systems.port_values import STATIC_BODY
+from crossmodal.systems.ticks import whole_ticks
+from crossmodal.systems.vision.bodies import body_filter, held_body
+from crossmodal.systems.vision.bodies.body_tracker_state import TrackedBody
+from crossmodal.systems.vision.bodies.body_tracking import corrected
+from crossmodal.systems.vision.bodies.feature_displacements import displacements, squared_distances
+from crossmodal.systems.vision.bodies.feature_history import OUTLIER, FeatureHistory, forget
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 
 def body_against_static(

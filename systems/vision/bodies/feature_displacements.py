@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from maths.arrays import Array, Ids, Mask
-from systems.vision.bodies.feature_history import FeatureHistory
+from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.systems.vision.bodies.feature_history import FeatureHistory
 
 REST_COUNT = 20  # Samples that a feature's rest counts as.
 

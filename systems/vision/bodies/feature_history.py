@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maths.arrays import Array, Ids, Mask
-from maths.immutable import Immutable
-from systems.port_values import STATIC_BODY, FeatureBelief
+from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.port_values import STATIC_BODY, FeatureBelief
 
 OUTLIER = -1  # Body number of features that were rejected by theirs.
 

@@ -8,17 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array, Ids
-from maths.gaussian import chi_square_gate
-from maths.rigid_points import pose_jacobian
-from systems.port_values import HELD_BODY, STATIC_BODY, PoseBelief
-from systems.ticks import whole_ticks
-from systems.vision.bodies import body_filter, body_tracking
-from systems.vision.bodies.body_tracker_state import TrackedBody
-from systems.vision.bodies.feature_displacements import displacements, squared_distances
-from systems.vision.bodies.feature_history import FeatureHistory, forget
-from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array, Ids
+from crossmodal.maths.gaussian import chi_square_gate
+from crossmodal.maths.rigid_points import pose_jacobian
+from crossmodal.systems.port_values import HELD_BODY, STATIC_BODY, PoseBelief
+from crossmodal.systems.ticks import whole_ticks
+from crossmodal.systems.vision.bodies import body_filter, body_tracking
+from crossmodal.systems.vision.bodies.body_tracker_state import TrackedBody
+from crossmodal.systems.vision.bodies.feature_displacements import displacements, squared_distances
+from crossmodal.systems.vision.bodies.feature_history import FeatureHistory, forget
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 _UNLIKELY = chi_square_gate(0.001, 6)  # Squared distance of a pose that is not the same one.
 

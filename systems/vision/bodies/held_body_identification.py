@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 
-from maths import se3
-from maths.arrays import Array
-from maths.gaussian import chi_square_gate, nees
-from systems.port_values import PoseBelief
-from systems.vision.bodies.body_filter import BodyFilter
-from systems.vision.bodies.body_tracker_state import TrackedBody
-from systems.vision.bodies.feature_history import FeatureHistory
-from systems.vision.bodies.held_body import find_held
-from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import chi_square_gate, nees
+from crossmodal.systems.port_values import PoseBelief
+from crossmodal.systems.vision.bodies.body_filter import BodyFilter
+from crossmodal.systems.vision.bodies.body_tracker_state import TrackedBody
+from crossmodal.systems.vision.bodies.feature_history import FeatureHistory
+from crossmodal.systems.vision.bodies.held_body import find_held
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 _UNLIKELY = chi_square_gate(0.001, 6)  # Squared distance of a pose that is not the same one.
 

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array, Ids, Mask
-from maths.rigid_points import pose_jacobian
-from systems.vision.bodies.feature_displacements import Displacements, squared_distances
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.maths.rigid_points import pose_jacobian
+from crossmodal.systems.vision.bodies.feature_displacements import Displacements, squared_distances
 
 
 @dataclass(kw_only=True)

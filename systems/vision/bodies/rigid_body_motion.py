@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from pydrake.systems.framework import Context, InputPort
 
-from maths import se3
-from maths.arrays import Array
-from maths.pinhole import Intrinsics, project
-from systems.port_values import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.pinhole import Intrinsics, project
+from crossmodal.systems.port_values import (
     NO_POSE,
     STATIC_BODY,
     BodyMotion,
@@ -19,19 +19,19 @@ from systems.port_values import (
     PoseBelief,
     no_features,
 )
-from systems.recursive_filter import RecursiveFilter
-from systems.vision import camera_geometry
-from systems.vision.bodies import body_tracking, feature_association, held_body
-from systems.vision.bodies.body_birth import give_birth
-from systems.vision.bodies.body_tracker_state import (
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.vision import camera_geometry
+from crossmodal.systems.vision.bodies import body_tracking, feature_association, held_body
+from crossmodal.systems.vision.bodies.body_birth import give_birth
+from crossmodal.systems.vision.bodies.body_tracker_state import (
     BodyTrackerState,
     TrackedBody,
     no_bodies,
 )
-from systems.vision.bodies.feature_displacements import displacements
-from systems.vision.bodies.feature_history import FeatureHistory
-from systems.vision.bodies.held_body_identification import identify_held_body
-from systems.vision.bodies.rigid_body_motion_config import (
+from crossmodal.systems.vision.bodies.feature_displacements import displacements
+from crossmodal.systems.vision.bodies.feature_history import FeatureHistory
+from crossmodal.systems.vision.bodies.held_body_identification import identify_held_body
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import (
     RigidBodyMotionConfig,
     check_rigid_body_motion,
 )

@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from maths.arrays import Array
-from maths.gaussian import chi_square_gate
-from maths.validation import check, number
-from systems.ticks import require_ticks, tick_period, whole_ticks
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import chi_square_gate
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.ticks import require_ticks, tick_period, whole_ticks
 
 
 @dataclass(kw_only=True)

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from maths.arrays import Array, Ids
+from crossmodal.maths.arrays import Array, Ids
 
 Image = npt.NDArray[np.float32]
 Byte = npt.NDArray[np.uint8]

@@ -5,17 +5,17 @@ import numpy as np
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
-from maths.arrays import Array
-from maths.pinhole import Intrinsics
-from systems.port_values import no_features
-from systems.recursive_filter import RecursiveFilter
-from systems.vision.features import feature_detection
-from systems.vision.features.feature_motion_config import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.systems.port_values import no_features
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.vision.features import feature_detection
+from crossmodal.systems.vision.features.feature_motion_config import (
     FeatureMotionConfig,
     check_feature_motion,
 )
-from systems.vision.features.feature_tracking import track
-from systems.vision.features.feature_tracks import (
+from crossmodal.systems.vision.features.feature_tracking import track
+from crossmodal.systems.vision.features.feature_tracks import (
     FeatureTracks,
     Frame,
     belief,

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from maths.validation import check, number
-from systems.ticks import require_ticks, tick_period
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.ticks import require_ticks, tick_period
 
 
 @dataclass(kw_only=True)

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array, Ids, Mask
-from maths.pinhole import project
-from systems.port_values import FeatureBelief
-from systems.ticks import whole_ticks
-from systems.vision import camera_geometry
-from systems.vision.features import patch_registration, patch_templates
-from systems.vision.features.feature_motion_config import FeatureMotionConfig
-from systems.vision.features.feature_tracks import Byte, FeatureTracks, Frame
-from systems.vision.features.patch_templates import Image
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.maths.pinhole import project
+from crossmodal.systems.port_values import FeatureBelief
+from crossmodal.systems.ticks import whole_ticks
+from crossmodal.systems.vision import camera_geometry
+from crossmodal.systems.vision.features import patch_registration, patch_templates
+from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
+from crossmodal.systems.vision.features.feature_tracks import Byte, FeatureTracks, Frame
+from crossmodal.systems.vision.features.patch_templates import Image
 
 
 def _starts(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> tuple[Array, Array]:

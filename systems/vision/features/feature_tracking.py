@@ -4,16 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array, Mask
-from maths.pinhole import project
-from systems.port_values import FeatureBelief
-from systems.ticks import whole_ticks
-from systems.vision import camera_geometry
-from systems.vision.features import feature_detection, patch_registration, patch_templates
-from systems.vision.features.feature_motion_config import FeatureMotionConfig
-from systems.vision.features.feature_search import search
-from systems.vision.features.feature_tracks import FeatureTracks, Frame, locate
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.pinhole import project
+from crossmodal.systems.port_values import FeatureBelief
+from crossmodal.systems.ticks import whole_ticks
+from crossmodal.systems.vision import camera_geometry
+from crossmodal.systems.vision.features import (
+    feature_detection,
+    patch_registration,
+    patch_templates,
+)
+from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
+from crossmodal.systems.vision.features.feature_search import search
+from crossmodal.systems.vision.features.feature_tracks import FeatureTracks, Frame, locate
 
 
 def follow(

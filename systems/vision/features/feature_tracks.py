@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from maths.arrays import Array, Ids, Mask
-from maths.immutable import Immutable
-from systems.port_values import FeatureBelief
-from systems.ticks import whole_ticks
-from systems.vision import camera_geometry
-from systems.vision.features.feature_motion_config import FeatureMotionConfig
-from systems.vision.features.patch_templates import Image, Templates
+from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.port_values import FeatureBelief
+from crossmodal.systems.ticks import whole_ticks
+from crossmodal.systems.vision import camera_geometry
+from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
+from crossmodal.systems.vision.features.patch_templates import Image, Templates
 
 Byte = npt.NDArray[np.uint8]
 

@@ -11,8 +11,8 @@ Source: S. Baker and I. Matthews, Lucas-Kanade 20 Years On: A Unifying Framework
 import numba
 import numpy as np
 
-from maths.arrays import Array
-from systems.vision.features.patch_templates import (
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.vision.features.patch_templates import (
     Image,
     Templates,
     correlation,

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from maths.arrays import Array, Ids, Mask
+from crossmodal.maths.arrays import Array, Ids, Mask
 
 Image = npt.NDArray[np.float32]
 

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
 
-from controllers.arm.impedance import (
+from crossmodal.controllers.arm.impedance import (
     DesiredMotion,
     ImpedanceConfig,
     ImpedanceController,
@@ -15,7 +15,7 @@ from controllers.arm.impedance import (
     impedance_wrench,
     posture_torque,
 )
-from maths import se3
+from crossmodal.maths import se3
 
 
 def gains(scale: float) -> ImpedanceGains:

@@ -2,7 +2,7 @@
 
 from numpy.testing import assert_allclose
 
-from controllers.arm.minimum_jerk import PEAK_RATE, minimum_jerk
+from crossmodal.controllers.arm.minimum_jerk import PEAK_RATE, minimum_jerk
 
 
 def test_the_blend_has_the_derivatives_it_claims() -> None:

@@ -6,7 +6,7 @@ from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, State
 
-from controllers.arm.motion_switch import MotionSwitch
+from crossmodal.controllers.arm.motion_switch import MotionSwitch
 
 NAMES = ("first", "second", "third")
 

@@ -7,16 +7,16 @@ from numpy.testing import assert_allclose
 from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
 
-from controllers.arm.impedance import (
+from crossmodal.controllers.arm.impedance import (
     DesiredMotion,
 )
-from controllers.interaction.exploration import (
+from crossmodal.controllers.interaction.exploration import (
     ExplorationConfig,
     ExplorationController,
     explore_step,
 )
-from controllers.interaction.phases import Phase
-from maths import se3
+from crossmodal.controllers.interaction.phases import Phase
+from crossmodal.maths import se3
 
 BACK = np.array([0.0, 0.0, -1.0])
 

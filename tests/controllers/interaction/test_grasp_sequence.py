@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from controllers.interaction.grasp_decisions import Goal, Perceived, SequenceState, next_state
-from controllers.interaction.grasp_motion import approach_motion, release_motion
-from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
-from controllers.interaction.phases import Phase
-from maths import se3
+from crossmodal.controllers.interaction.grasp_decisions import (
+    Goal,
+    Perceived,
+    SequenceState,
+    next_state,
+)
+from crossmodal.controllers.interaction.grasp_motion import approach_motion, release_motion
+from crossmodal.controllers.interaction.grasp_sequence_config import GraspSequenceConfig
+from crossmodal.controllers.interaction.phases import Phase
+from crossmodal.maths import se3
 
 CONFIG = GraspSequenceConfig()
 GOAL = Goal(configuration=0.2, return_to_start=True)

@@ -5,9 +5,9 @@ import pytest
 from known_arm import STILL, Q, arm_model
 from pydrake.systems.analysis import Simulator
 
-from controllers.interaction.grasp_sequence import GraspSequence
-from controllers.interaction.grasp_sequence_config import GraspSequenceConfig
-from controllers.interaction.phases import Phase
+from crossmodal.controllers.interaction.grasp_sequence import GraspSequence
+from crossmodal.controllers.interaction.grasp_sequence_config import GraspSequenceConfig
+from crossmodal.controllers.interaction.phases import Phase
 
 
 def test_the_sequence_goes_through_its_phases_and_stops_after_its_travel() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from controllers.interaction import joint_memory
+from crossmodal.controllers.interaction import joint_memory
 
 NOTHING = np.concatenate([np.full(14, np.nan), np.zeros(2)])
 PERIOD, PATIENCE = 0.01, 0.5

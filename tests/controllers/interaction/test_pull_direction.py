@@ -6,9 +6,9 @@ from known_arm import Q, arm_model
 from numpy.testing import assert_allclose
 from pydrake.systems.analysis import Simulator
 
-from controllers.interaction.phases import Phase
-from controllers.interaction.pull_direction import PullDirection, PullDirectionConfig
-from maths import se3
+from crossmodal.controllers.interaction.phases import Phase
+from crossmodal.controllers.interaction.pull_direction import PullDirection, PullDirectionConfig
+from crossmodal.maths import se3
 
 BACK = np.array([0.0, 0.0, -1.0])
 

@@ -8,9 +8,9 @@ from known_arm import STILL, arm_model
 from numpy.testing import assert_allclose
 from pydrake.systems.analysis import Simulator
 
-from controllers.arm.impedance import DesiredMotion, ImpedanceGains
-from controllers.interaction.phases import Phase
-from controllers.interaction.trajectory_generator import (
+from crossmodal.controllers.arm.impedance import DesiredMotion, ImpedanceGains
+from crossmodal.controllers.interaction.phases import Phase
+from crossmodal.controllers.interaction.trajectory_generator import (
     Plan,
     TrajectoryGenerator,
     TrajectoryGeneratorConfig,
@@ -18,7 +18,7 @@ from controllers.interaction.trajectory_generator import (
     path_gains,
     plan_duration,
 )
-from maths import se3
+from crossmodal.maths import se3
 
 
 def about_vertical(point: np.ndarray) -> np.ndarray:

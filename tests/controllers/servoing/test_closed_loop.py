@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from trial_scene import Outcome, Trial, simulate
 
-from controllers.servoing.flip_config import FlipSequenceConfig
-from controllers.servoing.flip_decisions import FlipPhase
-from diagrams.flap.flip_control import FlipControlConfig
+from crossmodal.controllers.servoing.flip_config import FlipSequenceConfig
+from crossmodal.controllers.servoing.flip_decisions import FlipPhase
+from crossmodal.diagrams.flap.flip_control import FlipControlConfig
 
 SETTLED = 1.0  # After the flip has begun, [s].
 

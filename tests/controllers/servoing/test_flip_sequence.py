@@ -9,10 +9,10 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
-from controllers.arm.kinematics import ArmModel
-from controllers.servoing.contact_search import turned_about, twist_towards
-from controllers.servoing.flip_config import FlipSequenceConfig
-from controllers.servoing.flip_decisions import (
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.servoing.contact_search import turned_about, twist_towards
+from crossmodal.controllers.servoing.flip_config import FlipSequenceConfig
+from crossmodal.controllers.servoing.flip_decisions import (
     FIRST,
     Felt,
     FlipPhase,
@@ -20,16 +20,16 @@ from controllers.servoing.flip_decisions import (
     next_flip_state,
     own_turn,
 )
-from controllers.servoing.flip_sequence import (
+from crossmodal.controllers.servoing.flip_sequence import (
     FlipSequence,
     approach_twist,
     feed_forward,
     tactile_projector,
 )
-from maths import se3
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.lwr import LWR_WITH_FINGERTIP
-from systems.port_values import NO_CONTACT, HingeBelief, TactileContact
+from crossmodal.maths import se3
+from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
+from crossmodal.plants.robots.lwr import LWR_WITH_FINGERTIP
+from crossmodal.systems.port_values import NO_CONTACT, HingeBelief, TactileContact
 
 CONFIG = FlipSequenceConfig()
 HINGE = HingeBelief(

@@ -5,15 +5,15 @@ import pytest
 from numpy.testing import assert_allclose
 from pydrake.common.value import AbstractValue
 
-from controllers.servoing.tactile_servoing import (
+from crossmodal.controllers.servoing.tactile_servoing import (
     Pid,
     TactileServoing,
     TactileServoingConfig,
     feature_errors,
     inverted_sensor_jacobian,
 )
-from maths import se3
-from systems.port_values import NO_CONTACT, TactileContact
+from crossmodal.maths import se3
+from crossmodal.systems.port_values import NO_CONTACT, TactileContact
 
 AXES = np.array([0.010, 0.010, 0.015])
 STIFFNESS = 1000.0  # [N/m]

@@ -12,10 +12,10 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from controllers.arm.kinematics import ArmModel
-from controllers.servoing.flip_decisions import FlipPhase
-from controllers.servoing.tool_line import ToolLine, tip_twist
-from controllers.servoing.tool_line_decisions import (
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.servoing.flip_decisions import FlipPhase
+from crossmodal.controllers.servoing.tool_line import ToolLine, tip_twist
+from crossmodal.controllers.servoing.tool_line_decisions import (
     LinePhase,
     LineState,
     ToolLineConfig,
@@ -24,12 +24,12 @@ from controllers.servoing.tool_line_decisions import (
     posture_on_table,
     unusable,
 )
-from diagrams.flap.flip_control import FlipControlConfig
-from diagrams.flap.line_control import make_line_control
-from maths import se3
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.lwr import LWR_WITH_THREE_FINGERS
-from systems.port_values import UNKNOWN_TOOL, HingeBelief, ToolBelief
+from crossmodal.diagrams.flap.flip_control import FlipControlConfig
+from crossmodal.diagrams.flap.line_control import make_line_control
+from crossmodal.maths import se3
+from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
+from crossmodal.plants.robots.lwr import LWR_WITH_THREE_FINGERS
+from crossmodal.systems.port_values import UNKNOWN_TOOL, HingeBelief, ToolBelief
 
 CONFIG = ToolLineConfig()
 Q = np.array([-0.2, -0.43, 0.97, 1.19, 1.12, -0.89, 0.16])  # The hand lies along y.

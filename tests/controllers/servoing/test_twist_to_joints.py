@@ -8,11 +8,15 @@ from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
-from controllers.arm.kinematics import ArmModel
-from controllers.servoing.twist_to_joints import JointLimits, TwistToJoints, TwistToJointsConfig
-from maths import se3
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.lwr import LWR_WITH_FINGERTIP
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.servoing.twist_to_joints import (
+    JointLimits,
+    TwistToJoints,
+    TwistToJointsConfig,
+)
+from crossmodal.maths import se3
+from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
+from crossmodal.plants.robots.lwr import LWR_WITH_FINGERTIP
 
 Q = np.array([-0.22, -0.63, -0.39, 1.6, 1.4, 1.01, -0.83])
 CONFIG = TwistToJointsConfig()

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from controllers.servoing.twists import from_contact, in_world
-from maths import se3
+from crossmodal.controllers.servoing.twists import from_contact, in_world
+from crossmodal.maths import se3
 
 RNG = np.random.default_rng(0)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from controllers.servoing.visual_servoing import (
+from crossmodal.controllers.servoing.visual_servoing import (
     VisualServoingConfig,
     fused_distance,
     hinge_distance,
@@ -12,8 +12,8 @@ from controllers.servoing.visual_servoing import (
     servoing_twist,
     towards_hinge,
 )
-from maths import se3
-from systems.port_values import FlapAngleBelief, HingeBelief
+from crossmodal.maths import se3
+from crossmodal.systems.port_values import FlapAngleBelief, HingeBelief
 
 CONFIG = VisualServoingConfig()
 P_SC = np.array([0.0, 0.01, 0.0])

@@ -19,12 +19,12 @@ from pydrake.multibody.tree import FixedOffsetFrame, PdControllerGains
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem, State
 
-from controllers.servoing.flip_decisions import FlipPhase
-from diagrams.flap.flip_control import FlipControlConfig, make_flip_control
-from maths.arrays import Array
-from systems.port_values import FlapAngleBelief, HingeBelief
-from systems.sensors.randomness import WhiteNoise
-from systems.tactile.taxel_layout import SEMI_AXES, fingertip_layout
+from crossmodal.controllers.servoing.flip_decisions import FlipPhase
+from crossmodal.diagrams.flap.flip_control import FlipControlConfig, make_flip_control
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import FlapAngleBelief, HingeBelief
+from crossmodal.systems.sensors.randomness import WhiteNoise
+from crossmodal.systems.tactile.taxel_layout import SEMI_AXES, fingertip_layout
 
 K_W = np.array([0.0, -1.0, 0.0])  # Axis of the hinge, through the world's origin.
 GAP = 0.004  # Between fingertip and edge at the start, [m].

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from synthetic_episode import synthetic_episode
 
-from diagrams.run.application import Application
-from diagrams.run.record import EpisodeRecord
-from diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.run.scenario import Scenario
 
 Progress = Callable[[float], None] | None
 
@@ -42,7 +42,7 @@ def fake_episode(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
     ) -> EpisodeRecord:
         import warnings
 
-        from diagrams.run.episode import StationWarning
+        from crossmodal.diagrams.run.episode import StationWarning
 
         fake.runs.append((scenario.name, scenario.seed, meshcat is not None))
         if fake.warning:
@@ -62,5 +62,5 @@ def fake_episode(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
                     record.interrupted = True
         return record
 
-    monkeypatch.setattr("diagrams.run.episode.run_episode", run_episode)
+    monkeypatch.setattr("crossmodal.diagrams.run.episode.run_episode", run_episode)
     return fake

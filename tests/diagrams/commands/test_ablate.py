@@ -4,8 +4,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from diagrams.command_line import app
-from diagrams.crossmodal.studies import ablation_study
+from crossmodal.diagrams.command_line import app
+from crossmodal.diagrams.crossmodal.studies import ablation_study
 
 
 def test_each_finished_run_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from diagrams import command_line
-from diagrams.command_line import app
+from crossmodal.diagrams import command_line
+from crossmodal.diagrams.command_line import app
 
 RUNNER = CliRunner()
 
@@ -46,7 +46,7 @@ def test_bad_input_is_answered_in_one_line_with_status_two(
 ) -> None:
     Path("malformed.yaml").write_text("a: [1\n")
     monkeypatch.setattr(
-        "diagrams.run.episode.build_estimators",
+        "crossmodal.diagrams.run.episode.build_estimators",
         lambda application, scenario: dict.fromkeys(scenario.modalities),
     )
     result = RUNNER.invoke(app, arguments)

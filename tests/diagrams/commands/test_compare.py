@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from diagrams.command_line import app
+from crossmodal.diagrams.command_line import app
 
 RUNNER = CliRunner()
 

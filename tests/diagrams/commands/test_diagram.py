@@ -3,8 +3,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from diagrams.command_line import app
-from diagrams.drawing import diagram_drawing
+from crossmodal.diagrams.command_line import app
+from crossmodal.diagrams.drawing import diagram_drawing
 
 
 def test_a_drawing_without_a_place_goes_to_the_runs(monkeypatch: pytest.MonkeyPatch) -> None:

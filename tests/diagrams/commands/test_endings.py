@@ -4,7 +4,7 @@ import signal
 import pytest
 import typer
 
-from diagrams.commands.endings import BAD_INPUT, GentleInterrupt, one_line_errors
+from crossmodal.diagrams.commands.endings import BAD_INPUT, GentleInterrupt, one_line_errors
 
 
 def test_an_interrupt_waits_for_the_step_to_end_and_a_second_one_does_not() -> None:

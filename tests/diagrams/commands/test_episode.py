@@ -3,17 +3,16 @@
 import subprocess
 from pathlib import Path
 
-from diagrams.applications import load_scenario
-from diagrams.commands.episode import run_here
-from diagrams.run import process
-from diagrams.run.folder.run_folder import write_scenario, write_text
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.commands.episode import run_here
+from crossmodal.diagrams.run import process
+from crossmodal.diagrams.run.folder.run_folder import write_scenario, write_text
 
 
 def test_it_ends_with_the_one_that_started_it(tmp_path: Path) -> None:
     write_scenario(tmp_path, *load_scenario("drawer"))
     command = [*process._COMMAND, str(tmp_path)]
-    root = Path(process.__file__).parents[2]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, cwd=root) as child:
+    with subprocess.Popen(command, stdin=subprocess.PIPE) as child:
         pass  # Closes its input.
     assert child.returncode == 1
     assert not (tmp_path / "summary.json").exists()

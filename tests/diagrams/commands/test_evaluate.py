@@ -6,17 +6,17 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from diagrams.command_line import app
-from diagrams.commands.episode import run_here
-from diagrams.crossmodal.application import APPLICATION
-from diagrams.evaluation.campaign_report import OVERVIEW_FILES
-from diagrams.run import process
-from diagrams.run.application import Application
-from diagrams.run.experiment import CampaignPlot
-from diagrams.run.folder.own_files import held
-from diagrams.run.folder.run_folder import finished_summary, write_scenario
-from diagrams.run.process import failed_summary
-from diagrams.run.scenario import Scenario
+from crossmodal.diagrams.command_line import app
+from crossmodal.diagrams.commands.episode import run_here
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.evaluation.campaign_report import OVERVIEW_FILES
+from crossmodal.diagrams.run import process
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.experiment import CampaignPlot
+from crossmodal.diagrams.run.folder.own_files import held
+from crossmodal.diagrams.run.folder.run_folder import finished_summary, write_scenario
+from crossmodal.diagrams.run.process import failed_summary
+from crossmodal.diagrams.run.scenario import Scenario
 
 RUNNER = CliRunner()
 
@@ -77,7 +77,7 @@ def test_all_experiments_end_in_one_table_and_single_ones_are_taken_over(
 ) -> None:
     names = ("drawer", "drawer-lights-off")
     monkeypatch.setattr(
-        "diagrams.applications.experiments", lambda: {n: APPLICATION for n in names}
+        "crossmodal.diagrams.applications.experiments", lambda: {n: APPLICATION for n in names}
     )
     assert RUNNER.invoke(app, ["evaluate", "drawer", "--seeds", "1"]).exit_code == 0
     result = RUNNER.invoke(app, ["evaluate", "all", "--seeds", "1"])
@@ -120,7 +120,7 @@ def test_an_error_while_drawing_leaves_tables_and_page(monkeypatch: pytest.Monke
     first = next(iter(APPLICATION.campaign_plots))
     plots = {first: CampaignPlot(caption="", draw=fail)}
     monkeypatch.setattr(
-        "diagrams.applications._load",
+        "crossmodal.diagrams.applications._load",
         lambda _: {"crossmodal": replace(APPLICATION, campaign_plots=plots)},
     )
     result = RUNNER.invoke(app, ["evaluate", "drawer", "--seeds", "1", "--out", "here"])

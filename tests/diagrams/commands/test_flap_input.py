@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from diagrams.command_line import app
+from crossmodal.diagrams.command_line import app
 
 EXAMPLE = Path(__file__).parents[3] / "models" / "examples" / "squeegee.sdf"
 # What is changed in the file of a tool, and a part of the answer.
@@ -37,7 +37,7 @@ def nothing_is_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*_: object, **__: object) -> None:
         raise AssertionError("nothing is simulated")
 
-    monkeypatch.setattr("diagrams.run.episode.Episode.Run", never)
+    monkeypatch.setattr("crossmodal.diagrams.run.episode.Episode.Run", never)
 
 
 def check(arguments: list[str], expected: str) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from diagrams import command_line
+from crossmodal.diagrams import command_line
 
 CROSSMODAL = "system: crossmodal\n"
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
@@ -307,7 +307,7 @@ ARGUMENTS: list[tuple[list[str], str]] = [
 
 @pytest.fixture(autouse=True)
 def nothing_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("diagrams.commands.run.write_and_report", lambda *_: 0)
+    monkeypatch.setattr("crossmodal.diagrams.commands.run.write_and_report", lambda *_: 0)
 
 
 @pytest.fixture
@@ -322,8 +322,8 @@ def things(monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*_: Any, **__: Any) -> Any:
         raise AssertionError("nothing is simulated")
 
-    monkeypatch.setattr("diagrams.evaluation.campaign.run", never)
-    monkeypatch.setattr("diagrams.crossmodal.studies.ablation_study.run_episode", never)
+    monkeypatch.setattr("crossmodal.diagrams.evaluation.campaign.run", never)
+    monkeypatch.setattr("crossmodal.diagrams.crossmodal.studies.ablation_study.run_episode", never)
 
 
 def answer(

@@ -6,8 +6,8 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from diagrams.command_line import app
-from models import MODELS_DIR
+from crossmodal.diagrams.command_line import app
+from crossmodal.models import MODELS_DIR
 
 RUNNER = CliRunner()
 EXAMPLE = MODELS_DIR / "examples" / "two_drawers.urdf"

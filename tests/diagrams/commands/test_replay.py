@@ -6,9 +6,9 @@ import pytest
 from synthetic_episode import synthetic_episode
 from typer.testing import CliRunner
 
-from diagrams.applications import load_scenario
-from diagrams.command_line import app
-from diagrams.run.folder.run_folder import write_scenario
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.command_line import app
+from crossmodal.diagrams.run.folder.run_folder import write_scenario
 
 RUNNER = CliRunner()
 
@@ -57,7 +57,7 @@ def test_a_replay_gives_the_verdict_of_its_run_or_none(
                 tick.values = {k: v for k, v in tick.values.items() if "cheat_" not in k}
         return record
 
-    monkeypatch.setattr("diagrams.run.replay.replay", replay)
+    monkeypatch.setattr("crossmodal.diagrams.run.replay.replay", replay)
     write_scenario(Path("run"), *load_scenario("drawer"))
     Path("run/sensors.mcap").touch()
     result = RUNNER.invoke(app, ["replay", "run"])

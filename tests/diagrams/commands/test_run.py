@@ -7,8 +7,8 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from diagrams.command_line import app
-from models import MODELS_DIR
+from crossmodal.diagrams.command_line import app
+from crossmodal.models import MODELS_DIR
 
 RUNNER = CliRunner()
 EXAMPLE = MODELS_DIR / "examples" / "two_drawers.urdf"
@@ -133,7 +133,7 @@ def test_what_was_perceived_is_said_and_kept_where_the_pictures_do_not_fit(
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("diagrams.drawing.plot_style.save", full)
+    monkeypatch.setattr("crossmodal.diagrams.drawing.plot_style.save", full)
     result = RUNNER.invoke(app, ["run", "drawer", "--out", "here", "--no-recording"])
     assert result.exit_code == 1
     assert "Perceived joint:" in result.output
@@ -150,7 +150,7 @@ def test_an_error_while_drawing_is_said_in_one_line_after_the_results(
     def fail(*_: object) -> None:
         raise IndexError("list index out of range")
 
-    monkeypatch.setattr("diagrams.crossmodal.results.results.draw_errors", fail)
+    monkeypatch.setattr("crossmodal.diagrams.crossmodal.results.results.draw_errors", fail)
     result = RUNNER.invoke(app, ["run", "drawer", "--out", "here", "--no-recording"])
     assert result.exit_code == 1
     assert "Perceived joint:" in result.output

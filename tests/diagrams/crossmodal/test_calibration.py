@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.calibration import make_calibration
-from diagrams.run.calibration import Calibration
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.calibration import make_calibration
+from crossmodal.diagrams.run.calibration import Calibration
 
 
 def calibration(*overrides: str) -> Calibration:

@@ -7,19 +7,19 @@ import pytest
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.application import APPLICATION, QUANTITIES
-from diagrams.crossmodal.estimators import CROSSMODAL_WIRES, MODALITIES, make_network
-from diagrams.crossmodal.scenario import Scenario
-from diagrams.drawing.diagram_drawing import leaf_systems, wires
-from diagrams.run.application import Station
-from diagrams.run.calibration import Calibration
-from diagrams.run.episode import Episode, build_estimators, build_station
-from diagrams.run.yaml_input.schema import ScenarioError
-from diagrams.stations.truth_paths import truth_paths
-from systems.port_values import HELD_BODY, SampleWindow
-from systems.proprioception.grasp_model import initial_grasp
-from systems.proprioception.grasp_model_config import GraspModelConfig
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.application import APPLICATION, QUANTITIES
+from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_WIRES, MODALITIES, make_network
+from crossmodal.diagrams.crossmodal.scenario import Scenario
+from crossmodal.diagrams.drawing.diagram_drawing import leaf_systems, wires
+from crossmodal.diagrams.run.application import Station
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.run.episode import Episode, build_estimators, build_station
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.stations.truth_paths import truth_paths
+from crossmodal.systems.port_values import HELD_BODY, SampleWindow
+from crossmodal.systems.proprioception.grasp_model import initial_grasp
+from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 
 Q = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0])
 

@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.application import APPLICATION
-from diagrams.run.application import Results
-from diagrams.run.replay import replay
-from systems.sensors.stream_fault import StreamFault
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.run.application import Results
+from crossmodal.diagrams.run.replay import replay
+from crossmodal.systems.sensors.stream_fault import StreamFault
 
 FAULTS = {
     "joint_state": StreamFault(stream="joint_state_window", kind="silent", start=4.5, end=5.2),

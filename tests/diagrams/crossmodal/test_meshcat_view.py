@@ -9,14 +9,18 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from synthetic_episode import ReplayedBeliefs, connect_all, nudged, synthetic_episode
 
-from diagrams.crossmodal import meshcat_view
-from diagrams.crossmodal.meshcat_view import MeshcatView, MeshcatViewConfig, rigid_transform
-from diagrams.drawing.meshcat import start_meshcat
-from diagrams.drawing.text_board import text_board
-from diagrams.joints.joint_episode import joint_episode
-from diagrams.joints.joint_palette import JOINT, body_color, body_label
-from diagrams.run.episode import recorded_page
-from systems.port_values import HELD_BODY, STATIC_BODY, JointType
+from crossmodal.diagrams.crossmodal import meshcat_view
+from crossmodal.diagrams.crossmodal.meshcat_view import (
+    MeshcatView,
+    MeshcatViewConfig,
+    rigid_transform,
+)
+from crossmodal.diagrams.drawing.meshcat import start_meshcat
+from crossmodal.diagrams.drawing.text_board import text_board
+from crossmodal.diagrams.joints.joint_episode import joint_episode
+from crossmodal.diagrams.joints.joint_palette import JOINT, body_color, body_label
+from crossmodal.diagrams.run.episode import recorded_page
+from crossmodal.systems.port_values import HELD_BODY, STATIC_BODY, JointType
 
 
 @pytest.fixture(scope="module")

@@ -12,25 +12,25 @@ import pytest
 from numpy.testing import assert_allclose
 from synthetic_episode import empty_episode
 
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.application import APPLICATION
-from diagrams.crossmodal.objects.object_import import ObjectWarning, check_pull
-from diagrams.crossmodal.objects.object_model import read_object_model
-from diagrams.crossmodal.own_object import keep_files, own_object_assignments
-from diagrams.crossmodal.scenario import Scenario, object_model_file
-from diagrams.crossmodal.station.overlaps import overlaps
-from diagrams.crossmodal.station.settling import settling
-from diagrams.crossmodal.station.station import (
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.crossmodal.objects.object_import import ObjectWarning, check_pull
+from crossmodal.diagrams.crossmodal.objects.object_model import read_object_model
+from crossmodal.diagrams.crossmodal.own_object import keep_files, own_object_assignments
+from crossmodal.diagrams.crossmodal.scenario import Scenario, object_model_file
+from crossmodal.diagrams.crossmodal.station.overlaps import overlaps
+from crossmodal.diagrams.crossmodal.station.settling import settling
+from crossmodal.diagrams.crossmodal.station.station import (
     ManipulationStation,
     draw_placements,
     make_manipulation_station,
 )
-from diagrams.run.episode import StationWarning, build_station
-from diagrams.run.folder.fingerprint import scenario_hash
-from diagrams.run.folder.run_folder import write_run, write_scenario
-from diagrams.run.own_object import OwnObject
-from diagrams.run.yaml_input.schema import ScenarioError
-from models import MODELS_DIR
+from crossmodal.diagrams.run.episode import StationWarning, build_station
+from crossmodal.diagrams.run.folder.fingerprint import scenario_hash
+from crossmodal.diagrams.run.folder.run_folder import write_run, write_scenario
+from crossmodal.diagrams.run.own_object import OwnObject
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.models import MODELS_DIR
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore::diagrams.crossmodal.objects.object_import.ObjectWarning"

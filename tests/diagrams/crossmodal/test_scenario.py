@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
 
-from diagrams.applications import load_scenario, scenarios_of
-from diagrams.crossmodal.application import APPLICATION
-from diagrams.crossmodal.estimators import MODALITIES
-from diagrams.crossmodal.scenario import Scenario, object_model_file
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.applications import load_scenario, scenarios_of
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.crossmodal.estimators import MODALITIES
+from crossmodal.diagrams.crossmodal.scenario import Scenario, object_model_file
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 
 def loaded(name: str, *overrides: str) -> Scenario:

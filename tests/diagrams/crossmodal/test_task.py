@@ -7,21 +7,21 @@ import pytest
 from numpy.testing import assert_allclose
 from synthetic_episode import synthetic_episode
 
-from controllers.interaction.phases import Phase as ControlPhase
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.results.results import evaluate
-from diagrams.crossmodal.scenario import Task
-from diagrams.crossmodal.task import (
+from crossmodal.controllers.interaction.phases import Phase as ControlPhase
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.results.results import evaluate
+from crossmodal.diagrams.crossmodal.scenario import Task
+from crossmodal.diagrams.crossmodal.task import (
     ManipulationStatus,
     task_failure,
     task_phases,
     task_status,
 )
-from diagrams.joints.joint_truth import UNKNOWN_JOINT, Truth
-from diagrams.run.episode import run_episode
-from diagrams.run.record import Event, TaskStatus
-from diagrams.run.yaml_input.schema import ScenarioError
-from systems.port_values import JointType
+from crossmodal.diagrams.joints.joint_truth import UNKNOWN_JOINT, Truth
+from crossmodal.diagrams.run.episode import run_episode
+from crossmodal.diagrams.run.record import Event, TaskStatus
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.systems.port_values import JointType
 
 TASK = Task(goal=0.2, return_to_start=True, tolerance=0.05)
 

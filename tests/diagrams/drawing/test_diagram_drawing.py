@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
-from diagrams.applications import load_scenario
-from diagrams.drawing import diagram_drawing
-from diagrams.drawing.diagram_drawing import diagram_dot, render_svg, wires, words
-from diagrams.run.episode import build_estimators
-from maths.arrays import Array
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.drawing import diagram_drawing
+from crossmodal.diagrams.drawing.diagram_drawing import diagram_dot, render_svg, wires, words
+from crossmodal.diagrams.run.episode import build_estimators
+from crossmodal.maths.arrays import Array
 
 
 def fake_filter(name: str, package: str, inputs: list[str], outputs: list[str]) -> LeafSystem:
@@ -36,7 +36,7 @@ def network() -> Diagram:
         "bodies",
         fake_filter(
             "RigidBodyMotion",
-            "systems.vision.bodies.rigid_body_motion",
+            "crossmodal.systems.vision.bodies.rigid_body_motion",
             ["features_estimated", "joint_predictions"],
             ["body_motions_estimated"],
         ),
@@ -50,7 +50,7 @@ def network() -> Diagram:
         "joints",
         fake_filter(
             "KinematicModel",
-            "systems.kinematics.kinematic_model",
+            "crossmodal.systems.kinematics.kinematic_model",
             ["body_motions"],
             ["bodies_predicted"],
         ),
@@ -91,7 +91,7 @@ def test_measurements_are_solid_and_predictions_dashed() -> None:
 def test_one_of_several_of_a_kind_is_called_by_its_own_name() -> None:
     builder = DiagramBuilder()
     for name in ("left_camera_noise", "right_eye", None):
-        system = fake_filter("CameraNoise", "systems.sensors.rgbd_camera", [], ["x"])
+        system = fake_filter("CameraNoise", "crossmodal.systems.sensors.rgbd_camera", [], ["x"])
         builder.AddNamedSystem(name, system) if name else builder.AddSystem(system)
     dot = diagram_dot(builder.Build(), "two cameras")
     for label in ("left camera noise", "camera noise\\nright eye", "camera noise"):

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from diagrams.drawing.digits import fixed, written, written_range
+from crossmodal.diagrams.drawing.digits import fixed, written, written_range
 
 
 @pytest.mark.parametrize(

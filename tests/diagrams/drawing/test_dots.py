@@ -4,8 +4,8 @@ from base64 import b64decode
 import numpy as np
 from pydrake.geometry import Rgba
 
-from diagrams.drawing.dots import set_dots
-from diagrams.drawing.meshcat import start_meshcat
+from crossmodal.diagrams.drawing.dots import set_dots
+from crossmodal.diagrams.drawing.meshcat import start_meshcat
 
 FRONT, BACK = 0, 1  # Of faces, as three.js numbers them.
 

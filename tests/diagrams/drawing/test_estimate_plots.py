@@ -3,11 +3,11 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from diagrams.crossmodal.estimators import CROSSMODAL_WIRES
-from diagrams.crossmodal.modalities import COLORS
-from diagrams.drawing import palette
-from diagrams.drawing.estimate_plots import draw_estimates, draw_probabilities
-from diagrams.evaluation.estimates import estimates_table, scalar
+from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_WIRES
+from crossmodal.diagrams.crossmodal.modalities import COLORS
+from crossmodal.diagrams.drawing import palette
+from crossmodal.diagrams.drawing.estimate_plots import draw_estimates, draw_probabilities
+from crossmodal.diagrams.evaluation.estimates import estimates_table, scalar
 
 
 @pytest.fixture

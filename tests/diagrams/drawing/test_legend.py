@@ -1,5 +1,5 @@
-from diagrams.drawing.legend import Entry, legend_image, show_legend
-from diagrams.drawing.meshcat import start_meshcat
+from crossmodal.diagrams.drawing.legend import Entry, legend_image, show_legend
+from crossmodal.diagrams.drawing.meshcat import start_meshcat
 
 ENTRIES: list[Entry] = [
     ("dot", "#FFCC22", "features of the held body"),

@@ -1,6 +1,6 @@
 import pytest
 
-from diagrams.drawing.meshcat import start_meshcat
+from crossmodal.diagrams.drawing.meshcat import start_meshcat
 
 
 def test_the_server_is_for_this_machine_only() -> None:

@@ -1,8 +1,8 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from diagrams.drawing.plot_style import mark_leaving, mark_times, new_figure
-from maths.arrays import Array
+from crossmodal.diagrams.drawing.plot_style import mark_leaving, mark_times, new_figure
+from crossmodal.maths.arrays import Array
 
 TIMES = np.arange(0.0, 10.0, 0.1)
 

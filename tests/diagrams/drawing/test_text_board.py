@@ -3,7 +3,7 @@ import json
 import numpy as np
 from numpy.testing import assert_allclose
 
-from diagrams.drawing.text_board import text_board
+from crossmodal.diagrams.drawing.text_board import text_board
 
 
 def test_a_text_board_is_as_wide_as_its_text() -> None:

@@ -20,8 +20,8 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
-from diagrams.drawing.meshcat import start_meshcat
-from diagrams.drawing.textures import textured_box, textured_boxes
+from crossmodal.diagrams.drawing.meshcat import start_meshcat
+from crossmodal.diagrams.drawing.textures import textured_box, textured_boxes
 
 
 def contents(mesh: Mesh) -> dict:

@@ -12,9 +12,9 @@ import pytest
 from matplotlib.figure import Figure
 from synthetic_episode import synthetic_episode
 
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.application import APPLICATION
-from diagrams.evaluation.campaign import (
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.evaluation.campaign import (
     Campaign,
     DamageWarning,
     Workers,
@@ -25,11 +25,16 @@ from diagrams.evaluation.campaign import (
     prepare,
     run,
 )
-from diagrams.evaluation.campaign_report import write_campaign
-from diagrams.evaluation.folder_checksums import write_checksums
-from diagrams.run import process
-from diagrams.run.folder.run_folder import finished_summary, write_run, write_scenario, write_text
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.evaluation.campaign_report import write_campaign
+from crossmodal.diagrams.evaluation.folder_checksums import write_checksums
+from crossmodal.diagrams.run import process
+from crossmodal.diagrams.run.folder.run_folder import (
+    finished_summary,
+    write_run,
+    write_scenario,
+    write_text,
+)
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 # Stands for an episode's process: odd seeds die, others take over a run that was prepared.
 WORKER = """

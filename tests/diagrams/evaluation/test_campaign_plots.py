@@ -4,15 +4,15 @@ import numpy as np
 from matplotlib.colors import to_hex
 from toy_application import TOY, toy_summary
 
-from diagrams.evaluation.campaign_plots import (
+from crossmodal.diagrams.evaluation.campaign_plots import (
     Panel,
     common_events,
     draw_metrics,
     draw_spreads,
     spread,
 )
-from diagrams.evaluation.metric_table import tidy_metrics
-from diagrams.run.scenario import Disturbances, Interval
+from crossmodal.diagrams.evaluation.metric_table import tidy_metrics
+from crossmodal.diagrams.run.scenario import Disturbances, Interval
 
 NAN = float("nan")
 

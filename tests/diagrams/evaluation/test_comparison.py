@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 from toy_application import TOY, toy_summary
 
-from diagrams.evaluation.comparison import (
+from crossmodal.diagrams.evaluation.comparison import (
     Compared,
     comparison,
     comparison_page,
@@ -16,9 +16,9 @@ from diagrams.evaluation.comparison import (
     read_compared,
     scenarios_table,
 )
-from diagrams.evaluation.folder_checksums import write_checksums
-from diagrams.run.application import Application
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.evaluation.folder_checksums import write_checksums
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 
 def find(system: str, source: str) -> Application:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from diagrams.evaluation.estimates import (
+from crossmodal.diagrams.evaluation.estimates import (
     COLUMNS,
     Row,
     error_metrics,
@@ -16,11 +16,11 @@ from diagrams.evaluation.estimates import (
     scalar,
     vector,
 )
-from diagrams.run.application import Results
-from diagrams.run.calibration import Calibration
-from diagrams.run.folder.run_folder import without_nan
-from diagrams.run.record import EpisodeRecord, EstimatorRecord, Tick
-from diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.application import Results
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.run.folder.run_folder import without_nan
+from crossmodal.diagrams.run.record import EpisodeRecord, EstimatorRecord, Tick
+from crossmodal.diagrams.run.scenario import Scenario
 
 UNITS = {"angle": "rad", "place": "m"}
 ERRORS = {"left": [0.1, -0.3, 0.1], "right": [0.0, 0.0, 0.2]}

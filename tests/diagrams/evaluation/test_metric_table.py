@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from toy_application import TOY, toy_summary
 
-from diagrams.crossmodal.application import APPLICATION
-from diagrams.evaluation.metric_table import (
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.evaluation.metric_table import (
     COLUMNS,
     count,
     count_of_known,
@@ -21,7 +21,7 @@ from diagrams.evaluation.metric_table import (
     seed_ranges,
     tidy_metrics,
 )
-from diagrams.run.experiment import Experiment, Reference
+from crossmodal.diagrams.run.experiment import Experiment, Reference
 
 NAN = float("nan")
 EXPERIMENT = Experiment(

@@ -1,7 +1,7 @@
 import pytest
 
-from diagrams.evaluation.seeds import parse_seeds
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.evaluation.seeds import parse_seeds
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 
 @pytest.mark.parametrize(

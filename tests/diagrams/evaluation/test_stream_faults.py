@@ -2,17 +2,17 @@
 
 from dataclasses import asdict
 
-from diagrams.evaluation.stream_faults import (
+from crossmodal.diagrams.evaluation.stream_faults import (
     FaultSpan,
     fault_events,
     fault_lines,
     fault_spans,
     health_rows,
 )
-from diagrams.run.calibration import Calibration
-from diagrams.run.record import EpisodeRecord, EstimatorRecord, Tick
-from diagrams.run.scenario import Scenario
-from systems.port_values import StreamHealth
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.run.record import EpisodeRecord, EstimatorRecord, Tick
+from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.systems.port_values import StreamHealth
 
 HEALTH = ["", "silent", "silent", "", "stuck"]
 

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-from diagrams.evaluation.metric_table import count, median_and_range
-from diagrams.run.application import Application, Station
-from diagrams.run.experiment import Column, Experiment, Metric, Reference
-from diagrams.run.scenario import Scenario
+from crossmodal.diagrams.evaluation.metric_table import count, median_and_range
+from crossmodal.diagrams.run.application import Application, Station
+from crossmodal.diagrams.run.experiment import Column, Experiment, Metric, Reference
+from crossmodal.diagrams.run.scenario import Scenario
 
 
 def _nothing(*_: Any) -> Any:

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import pytest
 
-from diagrams.flap.scenario import SCENARIO_FOLDER, Scenario, resolve
-from diagrams.run.scenario import parse_scenario, read_document
+from crossmodal.diagrams.flap.scenario import SCENARIO_FOLDER, Scenario, resolve
+from crossmodal.diagrams.run.scenario import parse_scenario, read_document
 
 Load = Callable[..., Scenario]
 

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
 
-from diagrams.applications import applications, load_scenario, scenarios_of
-from diagrams.drawing.meshcat import start_meshcat
-from diagrams.flap.application import APPLICATION, PERCEIVED
-from diagrams.flap.estimator_names import ESTIMATORS
-from diagrams.flap.estimators import make_estimator
-from diagrams.flap.experiments import EXPERIMENTS
-from diagrams.flap.meshcat_view import MeshcatView, MeshcatViewConfig
-from diagrams.run.episode import Episode
-from diagrams.run.folder.run_folder import write_run
-from diagrams.run.record import EpisodeRecord
-from diagrams.run.replay import replay
-from diagrams.stations.truth_paths import truth_paths, truth_references
+from crossmodal.diagrams.applications import applications, load_scenario, scenarios_of
+from crossmodal.diagrams.drawing.meshcat import start_meshcat
+from crossmodal.diagrams.flap.application import APPLICATION, PERCEIVED
+from crossmodal.diagrams.flap.estimator_names import ESTIMATORS
+from crossmodal.diagrams.flap.estimators import make_estimator
+from crossmodal.diagrams.flap.experiments import EXPERIMENTS
+from crossmodal.diagrams.flap.meshcat_view import MeshcatView, MeshcatViewConfig
+from crossmodal.diagrams.run.episode import Episode
+from crossmodal.diagrams.run.folder.run_folder import write_run
+from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.run.replay import replay
+from crossmodal.diagrams.stations.truth_paths import truth_paths, truth_references
 
 ESTIMATES = {"axis", "theta", "L1", "L2", "flap_seen", "stream_age", "stream_fault"}
 

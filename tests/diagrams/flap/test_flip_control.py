@@ -8,14 +8,14 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, System
 
-from diagrams.flap.flip_control import FlipControlConfig, joint_limits, make_flip_control
-from diagrams.flap.flip_status import FlipStatus
-from diagrams.flap.line_control import make_line_control
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.lwr import LWR_WITH_FINGERTIP, LWR_WITH_THREE_FINGERS
-from systems.arm_pose import ArmPose
-from systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
-from systems.tactile.taxel_layout import fingertip_layout
+from crossmodal.diagrams.flap.flip_control import FlipControlConfig, joint_limits, make_flip_control
+from crossmodal.diagrams.flap.flip_status import FlipStatus
+from crossmodal.diagrams.flap.line_control import make_line_control
+from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
+from crossmodal.plants.robots.lwr import LWR_WITH_FINGERTIP, LWR_WITH_THREE_FINGERS
+from crossmodal.systems.arm_pose import ArmPose
+from crossmodal.systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
+from crossmodal.systems.tactile.taxel_layout import fingertip_layout
 
 Q = np.array([-0.22, -0.63, -0.39, 1.6, 1.4, 1.01, -0.83])
 

@@ -2,10 +2,17 @@
 
 from pydrake.common.value import AbstractValue
 
-from controllers.servoing.flip_decisions import FlipPhase
-from controllers.servoing.tool_line_decisions import LinePhase
-from diagrams.flap.flip_status import DONE, FLIPPING, ON_LINE, TO_TABLE, FlipStatus, flip_status
-from diagrams.run.record import TaskStatus
+from crossmodal.controllers.servoing.flip_decisions import FlipPhase
+from crossmodal.controllers.servoing.tool_line_decisions import LinePhase
+from crossmodal.diagrams.flap.flip_status import (
+    DONE,
+    FLIPPING,
+    ON_LINE,
+    TO_TABLE,
+    FlipStatus,
+    flip_status,
+)
+from crossmodal.diagrams.run.record import TaskStatus
 
 
 def test_only_the_last_phases_end_the_episode():

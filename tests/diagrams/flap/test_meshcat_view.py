@@ -6,8 +6,8 @@ import numpy as np
 from numpy.testing import assert_allclose
 from pydrake.systems.analysis import Simulator
 
-from diagrams.flap.meshcat_view import MeshcatView, MeshcatViewConfig
-from systems.tactile.taxel_layout import fingertip_layout
+from crossmodal.diagrams.flap.meshcat_view import MeshcatView, MeshcatViewConfig
+from crossmodal.systems.tactile.taxel_layout import fingertip_layout
 
 LINE = np.array([0.6, 0.0, 0.2]), np.array([0.4, 0.0, 0.2])
 

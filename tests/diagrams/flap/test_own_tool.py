@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from diagrams.flap.own_tool import identity, keep_files, own_tool_assignments, tool_files
-from diagrams.flap.scenario import Scenario
-from diagrams.run.own_object import OwnObject
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.flap.own_tool import identity, keep_files, own_tool_assignments, tool_files
+from crossmodal.diagrams.flap.scenario import Scenario
+from crossmodal.diagrams.run.own_object import OwnObject
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 Load = Callable[..., Scenario]
 EXAMPLE = Path(__file__).parents[3] / "models" / "examples" / "squeegee.sdf"

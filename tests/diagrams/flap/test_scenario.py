@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from diagrams.flap.calibration import make_calibration
-from diagrams.flap.scenario import Scenario
-from diagrams.run.calibration import draw_base
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.flap.calibration import make_calibration
+from crossmodal.diagrams.flap.scenario import Scenario
+from crossmodal.diagrams.run.calibration import draw_base
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 Load = Callable[..., Scenario]
 

@@ -4,7 +4,7 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from synthetic_episode import joint_belief, synthetic_episode
 
-from diagrams.joints.joint_drawing import (
+from crossmodal.diagrams.joints.joint_drawing import (
     HELIX_RADIUS,
     draw_joint,
     helix_along,
@@ -12,7 +12,7 @@ from diagrams.joints.joint_drawing import (
     sketch_joint,
     uncertainty_outline,
 )
-from systems.port_values import JointType
+from crossmodal.systems.port_values import JointType
 
 
 def test_a_sketch_points_to_growing_opening_whatever_the_signs() -> None:

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from synthetic_episode import synthetic_episode, without_truth
 
-from diagrams.crossmodal.application import APPLICATION
-from diagrams.joints.joint_episode import joint_episode
-from diagrams.joints.joint_errors import error_panels, errors_over_time, read_errors
-from diagrams.run.folder.run_folder import write_run
-from diagrams.run.record import EpisodeRecord
-from systems.port_values import JointType
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.joints.joint_episode import joint_episode
+from crossmodal.diagrams.joints.joint_errors import error_panels, errors_over_time, read_errors
+from crossmodal.diagrams.run.folder.run_folder import write_run
+from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.systems.port_values import JointType
 
 NAMES = ("vision", "proprioception", "crossmodal")
 

@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 from synthetic_episode import body_motion, joint_belief, synthetic_episode
 
-from diagrams.joints.joint_episode import joint_episode
-from diagrams.joints.joint_metrics import (
+from crossmodal.diagrams.joints.joint_episode import joint_episode
+from crossmodal.diagrams.joints.joint_metrics import (
     axis_angle_error,
     axis_distance_error,
     axis_nees,
@@ -24,10 +24,10 @@ from diagrams.joints.joint_metrics import (
     turning_point,
     type_settled_at,
 )
-from diagrams.joints.joint_truth import Truth
-from diagrams.run.record import Tick
-from maths.consistency import share_inside
-from systems.port_values import (
+from crossmodal.diagrams.joints.joint_truth import Truth
+from crossmodal.diagrams.run.record import Tick
+from crossmodal.maths.consistency import share_inside
+from crossmodal.systems.port_values import (
     HELD_BODY,
     BodyMotions,
     JointBelief,

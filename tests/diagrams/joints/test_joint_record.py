@@ -6,9 +6,9 @@ import numpy as np
 from numpy.testing import assert_allclose
 from synthetic_episode import LIGHTS_OFF, empty_episode, synthetic_episode, without_truth
 
-from diagrams.joints.joint_episode import joint_episode
-from diagrams.joints.joint_record import joint_rows, summarise_joint
-from diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.joints.joint_episode import joint_episode
+from crossmodal.diagrams.joints.joint_record import joint_rows, summarise_joint
+from crossmodal.diagrams.run.record import EpisodeRecord
 
 JOINT_KEYS = {"name", "type_true", "type_estimated", "probability", "configuration_true",
               "configuration_estimated", "configuration_error", "axis_angle_error",

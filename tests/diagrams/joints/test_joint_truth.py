@@ -8,10 +8,10 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, Joint, ScrewJoint, SpatialInertia, UnitInertia
 from synthetic_episode import GRASP_TIME, empty_episode, synthetic_episode, without_truth
 
-from diagrams.joints.joint_truth import ObjectTruth, joint_constants, truth_of
-from models import SDF_DIR
-from plants.parsing import make_parser
-from systems.port_values import JointType
+from crossmodal.diagrams.joints.joint_truth import ObjectTruth, joint_constants, truth_of
+from crossmodal.models import SDF_DIR
+from crossmodal.plants.parsing import make_parser
+from crossmodal.systems.port_values import JointType
 
 X_WO = RigidTransform([0.9, 0.1, 0.8])
 

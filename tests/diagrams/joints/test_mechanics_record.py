@@ -9,19 +9,19 @@ from numpy.testing import assert_allclose
 from pydrake.multibody.plant import MultibodyPlant
 from synthetic_episode import synthetic_episode, without_truth
 
-from diagrams.crossmodal.application import APPLICATION
-from diagrams.crossmodal.results.mechanics_plot import draw_mechanics
-from diagrams.crossmodal.results.results import evaluate
-from diagrams.evaluation.metric_table import tidy_metrics
-from diagrams.joints.joint_episode import joint_episode
-from diagrams.joints.joint_metrics import joints_of
-from diagrams.joints.joint_truth import JointMechanicsTruth, joint_mechanics
-from diagrams.joints.mechanics_record import mechanics_line
-from diagrams.run.folder.run_folder import summarise
-from diagrams.run.record import EpisodeRecord
-from models import SDF_DIR
-from plants.parsing import make_parser
-from systems.port_values import (
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.crossmodal.results.mechanics_plot import draw_mechanics
+from crossmodal.diagrams.crossmodal.results.results import evaluate
+from crossmodal.diagrams.evaluation.metric_table import tidy_metrics
+from crossmodal.diagrams.joints.joint_episode import joint_episode
+from crossmodal.diagrams.joints.joint_metrics import joints_of
+from crossmodal.diagrams.joints.joint_truth import JointMechanicsTruth, joint_mechanics
+from crossmodal.diagrams.joints.mechanics_record import mechanics_line
+from crossmodal.diagrams.run.folder.run_folder import summarise
+from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.models import SDF_DIR
+from crossmodal.plants.parsing import make_parser
+from crossmodal.systems.port_values import (
     HELD_BODY,
     JointBeliefs,
     JointMechanics,

@@ -9,13 +9,13 @@ from pydrake.examples import PendulumPlant
 from pydrake.systems.framework import DiagramBuilder
 from scipy.linalg import expm
 
-from diagrams.evaluation.estimates import error_metrics, evaluate_rows, scalar
-from diagrams.run.application import Application, Experiment, Quantity, Scenario, Station
-from maths.validation import number
-from systems.port_values import SampleWindow
-from systems.recursive_filter import RecursiveFilter
-from systems.sensors.randomness import WhiteNoise
-from systems.sensors.sampled_sensor import SampledSensor
+from crossmodal.diagrams.evaluation.estimates import error_metrics, evaluate_rows, scalar
+from crossmodal.diagrams.run.application import Application, Experiment, Quantity, Scenario, Station
+from crossmodal.maths.validation import number
+from crossmodal.systems.port_values import SampleWindow
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.sensors.randomness import WhiteNoise
+from crossmodal.systems.sensors.sampled_sensor import SampledSensor
 
 
 @dataclass(kw_only=True)

@@ -10,10 +10,10 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from diagrams.applications import OWN, load_scenario
-from diagrams.command_line import app
-from diagrams.commands.endings import GentleInterrupt
-from diagrams.run.folder.fingerprint import fingerprint
+from crossmodal.diagrams.applications import OWN, load_scenario
+from crossmodal.diagrams.command_line import app
+from crossmodal.diagrams.commands.endings import GentleInterrupt
+from crossmodal.diagrams.run.folder.fingerprint import fingerprint
 
 FILE = Path(__file__).with_name("pendulum.py")
 NOISE = 0.02  # Of the encoder, [rad].

@@ -9,13 +9,13 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, System
 from pydrake.systems.primitives import ConstantVectorSource
 
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.application import APPLICATION as CROSSMODAL
-from diagrams.run.application import Application, Station, check_quantities
-from diagrams.run.episode import Episode, build_estimators
-from diagrams.run.record import Quantity
-from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.application import APPLICATION as CROSSMODAL
+from crossmodal.diagrams.run.application import Application, Station, check_quantities
+from crossmodal.diagrams.run.episode import Episode, build_estimators
+from crossmodal.diagrams.run.record import Quantity
+from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 
 class Ports(LeafSystem):

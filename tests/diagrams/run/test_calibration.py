@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from diagrams.run.calibration import (
+from crossmodal.diagrams.run.calibration import (
     CalibrationErrors,
     Camera,
     calibrated,
@@ -16,10 +16,10 @@ from diagrams.run.calibration import (
     pose_covariance,
     realistic_errors,
 )
-from maths import se3
-from maths.arrays import Array
-from maths.pinhole import Intrinsics
-from maths.validation import check
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.maths.validation import check
 
 SEEDS = 2000
 CAMERA = Camera(

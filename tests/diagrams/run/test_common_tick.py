@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from diagrams.run.common_tick import with_common_tick
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.run.common_tick import with_common_tick
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 
 @dataclass(kw_only=True)

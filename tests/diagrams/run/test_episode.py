@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.application import APPLICATION
-from diagrams.joints.joint_episode import JointEpisode, joint_episode
-from diagrams.run.episode import build_station, run_episode
-from diagrams.run.folder.run_folder import SUMMARY_FILE, write_run
-from diagrams.run.yaml_input.schema import ScenarioError
-from systems.port_values import JointType
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.joints.joint_episode import JointEpisode, joint_episode
+from crossmodal.diagrams.run.episode import build_station, run_episode
+from crossmodal.diagrams.run.folder.run_folder import SUMMARY_FILE, write_run
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.systems.port_values import JointType
 
 TIMINGS = {"wall_time", "real_time_factor", "peak_memory", "tick"}
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from diagrams.applications import load_scenario
-from diagrams.run import process
-from diagrams.run.process import EpisodeWarning, peak_memory, run_apart, thread_limits
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.run import process
+from crossmodal.diagrams.run.process import EpisodeWarning, peak_memory, run_apart, thread_limits
 
 
 def test_an_episode_whose_folder_cannot_be_made_is_a_failure(tmp_path: Path) -> None:

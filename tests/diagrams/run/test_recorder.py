@@ -8,11 +8,11 @@ from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 from synthetic_episode import PERIOD, ReplayedBeliefs, connect_all, synthetic_episode
 
-from diagrams.crossmodal.application import QUANTITIES
-from diagrams.joints.joint_truth import TRUTH_QUANTITIES
-from diagrams.run.record import Quantity, TaskStatus
-from diagrams.run.recorder import EpisodeRecorder, RecorderConfig, TickStopwatch
-from systems.port_values import StampedImage
+from crossmodal.diagrams.crossmodal.application import QUANTITIES
+from crossmodal.diagrams.joints.joint_truth import TRUTH_QUANTITIES
+from crossmodal.diagrams.run.record import Quantity, TaskStatus
+from crossmodal.diagrams.run.recorder import EpisodeRecorder, RecorderConfig, TickStopwatch
+from crossmodal.systems.port_values import StampedImage
 
 
 class FakeCamera(LeafSystem):

@@ -11,30 +11,30 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose
 
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.application import APPLICATION, TOPICS
-from diagrams.crossmodal.estimators import CROSSMODAL_WIRES, make_network
-from diagrams.crossmodal.scenario import Scenario
-from diagrams.joints.joint_episode import JointEpisode, joint_episode
-from diagrams.run.episode import build_estimators, stream_models
-from diagrams.run.folder.run_folder import (
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.application import APPLICATION, TOPICS
+from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_WIRES, make_network
+from crossmodal.diagrams.crossmodal.scenario import Scenario
+from crossmodal.diagrams.joints.joint_episode import JointEpisode, joint_episode
+from crossmodal.diagrams.run.episode import build_estimators, stream_models
+from crossmodal.diagrams.run.folder.run_folder import (
     ESTIMATES_FILE,
     SENSORS_FILE,
     SUMMARY_FILE,
     summarise,
     write_run,
 )
-from diagrams.run.record import Tick
-from diagrams.run.replay import check_recorded, replay
-from diagrams.run.sensor_streams.log import (
+from crossmodal.diagrams.run.record import Tick
+from crossmodal.diagrams.run.replay import check_recorded, replay
+from crossmodal.diagrams.run.sensor_streams.log import (
     SensorLog,
     SensorLogWriter,
     SensorReplay,
     Stream,
     make_streams,
 )
-from diagrams.run.yaml_input.schema import ScenarioError
-from systems.port_values import HELD_BODY, BodyMotion
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.systems.port_values import HELD_BODY, BodyMotion
 
 WIRINGS: dict[str, tuple[str, list[str]]] = {
     "crossmodal": ("crossmodal", []),

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from diagrams.run.episode import building
-from diagrams.run.scenario import (
+from crossmodal.diagrams.run.episode import building
+from crossmodal.diagrams.run.scenario import (
     CameraConfig,
     Disturbances,
     Interval,
@@ -16,7 +16,7 @@ from diagrams.run.scenario import (
     parse_scenario,
     read_document,
 )
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 PATH = Path("mine.yaml")
 

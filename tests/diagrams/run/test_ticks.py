@@ -6,9 +6,9 @@ from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
-from diagrams.run.record import Quantity, TaskStatus
-from diagrams.run.recorder import STATUS_PORT, EpisodeRecorder, RecorderConfig
-from diagrams.run.ticks import advance_by_ticks
+from crossmodal.diagrams.run.record import Quantity, TaskStatus
+from crossmodal.diagrams.run.recorder import STATUS_PORT, EpisodeRecorder, RecorderConfig
+from crossmodal.diagrams.run.ticks import advance_by_ticks
 
 PERIOD = 1 / 15
 PHASES = {10: TaskStatus(phase="pulling"), 20: TaskStatus(phase="stopped", done=True)}

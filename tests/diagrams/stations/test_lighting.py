@@ -1,7 +1,7 @@
 import pytest
 
-from diagrams.run.scenario import Disturbances, Interval
-from diagrams.stations.lighting import Lighting
+from crossmodal.diagrams.run.scenario import Disturbances, Interval
+from crossmodal.diagrams.stations.lighting import Lighting
 
 
 @pytest.mark.parametrize(

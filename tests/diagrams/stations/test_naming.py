@@ -2,7 +2,7 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Adder, ConstantVectorSource
 
-from diagrams.stations.naming import estimator_of, own_seed, owner_among, prefixed
+from crossmodal.diagrams.stations.naming import estimator_of, own_seed, owner_among, prefixed
 
 
 def test_the_only_one_needs_no_name() -> None:

@@ -2,8 +2,8 @@
 
 import pytest
 
-from diagrams.run.scenario import Interval
-from diagrams.stations.occurrence import Occurrence
+from crossmodal.diagrams.run.scenario import Interval
+from crossmodal.diagrams.stations.occurrence import Occurrence
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import FixedOffsetFrame, SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
-from diagrams.stations.true_pose import add_true_pose
+from crossmodal.diagrams.stations.true_pose import add_true_pose
 
 
 def test_a_frame_goes_with_its_body() -> None:

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from pydrake.systems.framework import Diagram, System
 
-from diagrams.applications import load_scenario, scenario_files
-from diagrams.run.episode import Episode
-from diagrams.stations.truth_paths import truth_paths, truth_references
+from crossmodal.diagrams.applications import load_scenario, scenario_files
+from crossmodal.diagrams.run.episode import Episode
+from crossmodal.diagrams.stations.truth_paths import truth_paths, truth_references
 
 
 def built(name: str) -> Episode:

@@ -10,17 +10,17 @@ from mcap.reader import make_reader
 from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.systems.framework import Context
 
-from diagrams.applications import OWN, load_scenario
-from diagrams.drawing.diagram_drawing import diagram_dot, render_svg
-from diagrams.run.application import Application
-from diagrams.run.calibration import draw_base, draw_camera
-from diagrams.run.episode import Episode, build_station, run_episode
-from diagrams.run.folder.run_folder import SENSORS_FILE, write_run
-from diagrams.run.record import EpisodeRecord
-from diagrams.run.replay import check_recorded, replay
-from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_input.schema import ScenarioError
-from diagrams.stations.truth_paths import truth_paths, truth_references
+from crossmodal.diagrams.applications import OWN, load_scenario
+from crossmodal.diagrams.drawing.diagram_drawing import diagram_dot, render_svg
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.calibration import draw_base, draw_camera
+from crossmodal.diagrams.run.episode import Episode, build_station, run_episode
+from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE, write_run
+from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.run.replay import check_recorded, replay
+from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.stations.truth_paths import truth_paths, truth_references
 
 FOLDER = Path(__file__).parent
 FILE = FOLDER / "two_arms.yaml"

@@ -11,11 +11,11 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 
-from controllers.arm.impedance import DesiredMotion, ImpedanceConfig, ImpedanceGains
-from controllers.arm.kinematics import ArmModel
-from diagrams.evaluation.estimates import Row, error_metrics, evaluate_rows, vector
-from diagrams.run.application import Application, Quantity, Station
-from diagrams.run.calibration import (
+from crossmodal.controllers.arm.impedance import DesiredMotion, ImpedanceConfig, ImpedanceGains
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.diagrams.evaluation.estimates import Row, error_metrics, evaluate_rows, vector
+from crossmodal.diagrams.run.application import Application, Quantity, Station
+from crossmodal.diagrams.run.calibration import (
     ArmCalibration,
     Calibration,
     Camera,
@@ -23,38 +23,45 @@ from diagrams.run.calibration import (
     draw_base,
     pose_covariance,
 )
-from diagrams.run.episode import SCENE_PORT
-from diagrams.run.record import Tick
-from diagrams.run.scenario import Scenario
-from diagrams.run.yaml_input.schema import ScenarioError
-from diagrams.stations.add_arm import add_encoders, add_impedance_control, add_wrist_wrench
-from diagrams.stations.add_cameras import add_cameras, add_robot_masks
-from diagrams.stations.add_soft_hand import add_soft_hand
-from diagrams.stations.naming import estimator_of
-from diagrams.stations.true_pose import add_true_pose
-from maths.validation import number, numbers
-from models import SDF_DIR
-from plants.hands.pneumatic_hand import PneumaticHandConfig
-from plants.joint_friction import JointFriction
-from plants.robots.arm_with_hand import add_robot, make_arm_with_load
-from plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
-from plants.scene import (
+from crossmodal.diagrams.run.episode import SCENE_PORT
+from crossmodal.diagrams.run.record import Tick
+from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.stations.add_arm import (
+    add_encoders,
+    add_impedance_control,
+    add_wrist_wrench,
+)
+from crossmodal.diagrams.stations.add_cameras import add_cameras, add_robot_masks
+from crossmodal.diagrams.stations.add_soft_hand import add_soft_hand
+from crossmodal.diagrams.stations.naming import estimator_of
+from crossmodal.diagrams.stations.true_pose import add_true_pose
+from crossmodal.maths.validation import number, numbers
+from crossmodal.models import SDF_DIR
+from crossmodal.plants.hands.pneumatic_hand import PneumaticHandConfig
+from crossmodal.plants.joint_friction import JointFriction
+from crossmodal.plants.robots.arm_with_hand import add_robot, make_arm_with_load
+from crossmodal.plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
+from crossmodal.plants.scene import (
     ManipulationScene,
     ObjectPlacement,
     PlantConfig,
     add_manipulation_scene,
     nominal_pose,
 )
-from systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig
-from systems.port_values import UNKNOWN_END_EFFECTOR, no_features
-from systems.proprioception.end_effector_motion import EndEffectorMotion, EndEffectorMotionConfig
-from systems.sensors.air_pressure import PressureSensorConfig
-from systems.sensors.joint_encoders import JointEncoders, JointEncodersConfig
-from systems.sensors.rgbd_camera import CameraNoiseConfig
-from systems.sensors.robot_mask import MaskedRobot, RobotMaskConfig
-from systems.sensors.wrist_wrench import WristWrenchConfig
-from systems.vision.features.feature_motion import FeatureMotion
-from systems.vision.features.feature_motion_config import FeatureMotionConfig
+from crossmodal.systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig
+from crossmodal.systems.port_values import UNKNOWN_END_EFFECTOR, no_features
+from crossmodal.systems.proprioception.end_effector_motion import (
+    EndEffectorMotion,
+    EndEffectorMotionConfig,
+)
+from crossmodal.systems.sensors.air_pressure import PressureSensorConfig
+from crossmodal.systems.sensors.joint_encoders import JointEncoders, JointEncodersConfig
+from crossmodal.systems.sensors.rgbd_camera import CameraNoiseConfig
+from crossmodal.systems.sensors.robot_mask import MaskedRobot, RobotMaskConfig
+from crossmodal.systems.sensors.wrist_wrench import WristWrenchConfig
+from crossmodal.systems.vision.features.feature_motion import FeatureMotion
+from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
 
 SIDES = ("left", "right")
 GAINS = ImpedanceGains(

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from pydrake.systems.analysis import Simulator
 
-from plants.hands.pneumatic_hand import (
+from crossmodal.plants.hands.pneumatic_hand import (
     ATMOSPHERE,
     PneumaticHand,
     PneumaticHandConfig,

@@ -22,9 +22,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
-from plants.hands.pneumatic_hand import PneumaticHand, PneumaticHandConfig
-from plants.hands.soft_hand import HAND_FILE, SOFT_HAND_RANGE, finger_selection
-from plants.parsing import add_model, make_parser
+from crossmodal.plants.hands.pneumatic_hand import PneumaticHand, PneumaticHandConfig
+from crossmodal.plants.hands.soft_hand import HAND_FILE, SOFT_HAND_RANGE, finger_selection
+from crossmodal.plants.parsing import add_model, make_parser
 
 CAN = SOFT_HAND_RANGE
 

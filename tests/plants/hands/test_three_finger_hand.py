@@ -4,9 +4,9 @@ from numpy.testing import assert_allclose
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from models import SDF_DIR
-from plants.hands.three_finger_hand import JOINTS, closed_posture, grip_torques
-from plants.parsing import add_model, make_parser
+from crossmodal.models import SDF_DIR
+from crossmodal.plants.hands.three_finger_hand import JOINTS, closed_posture, grip_torques
+from crossmodal.plants.parsing import add_model, make_parser
 
 THICKNESS = 0.021
 PAD = {"thumb": 0.010, "left": -0.010, "right": -0.010}  # x of the pad's surface in its link, [m].

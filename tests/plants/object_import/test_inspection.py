@@ -7,9 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 from wild_models import write_cabinet
 
-from models import MODELS_DIR
-from plants.object_import.inspection import inspect_model
-from plants.object_import.object_import import import_object
+from crossmodal.models import MODELS_DIR
+from crossmodal.plants.object_import.inspection import inspect_model
+from crossmodal.plants.object_import.object_import import import_object
 
 EXAMPLE = MODELS_DIR / "examples" / "two_drawers.urdf"
 BARE = """<robot name='m'><link name='case'><visual><origin xyz='-0.2 0 0'/><geometry>

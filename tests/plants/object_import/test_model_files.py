@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 from PIL import Image
 from wild_models import box
 
-from plants.object_import.model_files import ModelFiles
-from plants.object_import.object_import import ImportedObject, import_object
+from crossmodal.plants.object_import.model_files import ModelFiles
+from crossmodal.plants.object_import.object_import import ImportedObject, import_object
 
 SECRET = b"-----BEGIN OPENSSH PRIVATE KEY-----"
 

@@ -13,8 +13,8 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 from wild_models import box, write_cabinet, write_chest, write_door
 
-from models import SDF_DIR
-from plants.object_import.object_import import ImportedObject, import_object
+from crossmodal.models import SDF_DIR
+from crossmodal.plants.object_import.object_import import ImportedObject, import_object
 
 BOX = "<geometry><box size='0.1 0.1 0.1'/></geometry>"
 

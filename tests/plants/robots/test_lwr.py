@@ -4,9 +4,9 @@ from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 
-from maths.arrays import Array
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.lwr import LWR_WITH_FINGERTIP
+from crossmodal.maths.arrays import Array
+from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
+from crossmodal.plants.robots.lwr import LWR_WITH_FINGERTIP
 
 D = (0.3105, 0.0, 0.4, 0.0, 0.39, 0.0, 0.078)
 ALPHA = np.deg2rad([90, -90, -90, 90, 90, -90, 0])

@@ -7,9 +7,9 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from plants.parsing import add_model, make_parser
-from plants.tools.flap_jerk import FlapJerk, FlapJerks, share_of_way
-from plants.tools.wiper import EDGE_FRAME, HINGE, WiperConfig, draw_wiper, wiper_sdf
+from crossmodal.plants.parsing import add_model, make_parser
+from crossmodal.plants.tools.flap_jerk import FlapJerk, FlapJerks, share_of_way
+from crossmodal.plants.tools.wiper import EDGE_FRAME, HINGE, WiperConfig, draw_wiper, wiper_sdf
 
 STEP = 0.0025  # [s]
 

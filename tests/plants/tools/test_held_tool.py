@@ -8,9 +8,9 @@ from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from plants.parsing import add_model, make_parser
-from plants.tools.held_tool import check_tool, make_touchable
-from plants.tools.wiper import WiperConfig, draw_wiper, wiper_sdf
+from crossmodal.plants.parsing import add_model, make_parser
+from crossmodal.plants.tools.held_tool import check_tool, make_touchable
+from crossmodal.plants.tools.wiper import WiperConfig, draw_wiper, wiper_sdf
 
 BODY = '<link name="body"/><link name="flap"/>'
 JOINT = """<joint name="{name}" type="{type}"><parent>body</parent><child>flap</child>

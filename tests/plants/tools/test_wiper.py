@@ -5,8 +5,8 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, Multibody
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from plants.parsing import add_model, make_parser
-from plants.tools.wiper import Wiper, WiperConfig, draw_wiper, wiper_sdf
+from crossmodal.plants.parsing import add_model, make_parser
+from crossmodal.plants.tools.wiper import Wiper, WiperConfig, draw_wiper, wiper_sdf
 
 
 def wiper(seed: int = 0) -> Wiper:

@@ -11,17 +11,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from synthetic_flap import P_WE, PERIOD, Laboratory
 
-from maths.arrays import Array
-from maths.gaussian import nees
-from maths.vectors import tangent_basis
-from systems.flap.flap_angle import UNTOUCHED, FlapAngleConfig, read_angle, update_angle
-from systems.flap.flap_joint import update_joint
-from systems.flap.flap_joint_model import FlapJointConfig, FlapJointModel, FlapJointState
-from systems.flap.flap_joint_readout import read_joint_angle, read_joint_hinge
-from systems.flap.hinge_estimator import HingeEstimatorConfig, HingeState, update_hinge
-from systems.flap.hinge_limits import HingeLimitsConfig
-from systems.flap.tool_kinematics import tool_link
-from systems.port_values import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import nees
+from crossmodal.maths.vectors import tangent_basis
+from crossmodal.systems.flap.flap_angle import UNTOUCHED, FlapAngleConfig, read_angle, update_angle
+from crossmodal.systems.flap.flap_joint import update_joint
+from crossmodal.systems.flap.flap_joint_model import FlapJointConfig, FlapJointModel, FlapJointState
+from crossmodal.systems.flap.flap_joint_readout import read_joint_angle, read_joint_hinge
+from crossmodal.systems.flap.hinge_estimator import HingeEstimatorConfig, HingeState, update_hinge
+from crossmodal.systems.flap.hinge_limits import HingeLimitsConfig
+from crossmodal.systems.flap.tool_kinematics import tool_link
+from crossmodal.systems.port_values import (
     DisplacementBelief,
     FingertipContact,
     FlapAngleBelief,

@@ -9,17 +9,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array
-from maths.pinhole import Intrinsics
-from systems.depth_camera import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.systems.depth_camera import (
     DepthCamera,
     displacement_covariance,
     plane_jacobian,
     seen_covariance,
 )
-from systems.flap.displacements import CAMERA, FINGER, HOLDER, NAMES
-from systems.port_values import (
+from crossmodal.systems.flap.displacements import CAMERA, FINGER, HOLDER, NAMES
+from crossmodal.systems.port_values import (
     DisplacementBelief,
     EndEffectorBelief,
     FingertipContact,
@@ -27,7 +27,7 @@ from systems.port_values import (
     TactileContact,
     unseen,
 )
-from systems.sensors.depth_noise import (
+from crossmodal.systems.sensors.depth_noise import (
     DepthNoiseConfig,
     correlated_noise,
     measure_depth,

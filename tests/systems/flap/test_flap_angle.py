@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 from synthetic_flap import PERIOD, Errors, Laboratory
 
-from maths.arrays import Array
-from maths.consistency import chi_square_bounds
-from systems.flap.flap_angle import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.consistency import chi_square_bounds
+from crossmodal.systems.flap.flap_angle import (
     UNTOUCHED,
     FlapAngleConfig,
     FlapAngleState,
@@ -21,8 +21,8 @@ from systems.flap.flap_angle import (
     read_angle,
     update_angle,
 )
-from systems.flap.flap_normals import angle_about, turned_normal
-from systems.port_values import UNKNOWN_FINGERTIP, UNKNOWN_HINGE, HingeBelief, unseen
+from crossmodal.systems.flap.flap_normals import angle_about, turned_normal
+from crossmodal.systems.port_values import UNKNOWN_FINGERTIP, UNKNOWN_HINGE, HingeBelief, unseen
 
 CONFIG = FlapAngleConfig()
 EXACT = Errors(

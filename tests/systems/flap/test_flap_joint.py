@@ -8,12 +8,12 @@ from flap_episode import DEGREES, LIMITS, Episode, run
 from numpy.testing import assert_allclose
 from synthetic_flap import PERIOD, Laboratory
 
-from maths.consistency import chi_square_bounds
-from systems.flap.flap_joint import update_joint
-from systems.flap.flap_joint_model import FlapJointConfig, FlapJointModel, FlapJointState
-from systems.flap.flap_joint_readout import read_joint_angle
-from systems.flap.flap_pose import flap_pose, least_rotation, without_position
-from systems.port_values import UNKNOWN_FINGERTIP, unseen
+from crossmodal.maths.consistency import chi_square_bounds
+from crossmodal.systems.flap.flap_joint import update_joint
+from crossmodal.systems.flap.flap_joint_model import FlapJointConfig, FlapJointModel, FlapJointState
+from crossmodal.systems.flap.flap_joint_readout import read_joint_angle
+from crossmodal.systems.flap.flap_pose import flap_pose, least_rotation, without_position
+from crossmodal.systems.port_values import UNKNOWN_FINGERTIP, unseen
 
 
 @pytest.fixture(scope="module")

@@ -10,14 +10,19 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSy
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U
 from synthetic_flap import PERIOD, Errors, Laboratory, ideal_depth, measured_depth
 
-from systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
-from systems.flap.flap_joint import FlapJoint
-from systems.flap.flap_joint_model import FlapJointConfig
-from systems.flap.flap_tracking import FlapTracker
-from systems.flap.flap_tracking_config import FlapTrackingConfig
-from systems.flap.hinge_estimator import HingeEstimator, HingeEstimatorConfig
-from systems.flap.tool_kinematics import ToolKinematics, ToolKinematicsConfig
-from systems.port_values import UNKNOWN_FINGERTIP, FlapAngleBelief, HingeBelief, ToolBelief
+from crossmodal.systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
+from crossmodal.systems.flap.flap_joint import FlapJoint
+from crossmodal.systems.flap.flap_joint_model import FlapJointConfig
+from crossmodal.systems.flap.flap_tracking import FlapTracker
+from crossmodal.systems.flap.flap_tracking_config import FlapTrackingConfig
+from crossmodal.systems.flap.hinge_estimator import HingeEstimator, HingeEstimatorConfig
+from crossmodal.systems.flap.tool_kinematics import ToolKinematics, ToolKinematicsConfig
+from crossmodal.systems.port_values import (
+    UNKNOWN_FINGERTIP,
+    FlapAngleBelief,
+    HingeBelief,
+    ToolBelief,
+)
 
 EXACT = Errors(
     camera_rotation=1e-6, camera_translation=1e-6, depth_scale=1e-6, arm_rotation=1e-6,

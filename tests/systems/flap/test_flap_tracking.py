@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from synthetic_flap import Errors, Laboratory, ideal_depth, measured_depth
 
-from maths.arrays import Array
-from maths.consistency import chi_square_bounds
-from systems.flap.flap_tracking import FlapTrack, track_flap
-from systems.flap.flap_tracking_config import FlapTrackingConfig, check_flap_tracking
-from systems.flap.local_planes import fit_local_planes, inverse_depth, normals
-from systems.flap.plane_fit import fit_plane, world_plane
-from systems.flap.tool_segmentation import angle_between
-from systems.port_values import UNKNOWN_FINGERTIP, unseen
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.consistency import chi_square_bounds
+from crossmodal.systems.flap.flap_tracking import FlapTrack, track_flap
+from crossmodal.systems.flap.flap_tracking_config import FlapTrackingConfig, check_flap_tracking
+from crossmodal.systems.flap.local_planes import fit_local_planes, inverse_depth, normals
+from crossmodal.systems.flap.plane_fit import fit_plane, world_plane
+from crossmodal.systems.flap.tool_segmentation import angle_between
+from crossmodal.systems.port_values import UNKNOWN_FINGERTIP, unseen
 
 EXACT = Errors(
     camera_rotation=0.0, camera_translation=0.0, depth_scale=0.0, arm_rotation=0.0,

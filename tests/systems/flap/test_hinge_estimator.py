@@ -5,9 +5,9 @@ import pytest
 from flap_episode import DEGREES, LIMITS, Episode, run
 from synthetic_flap import PERIOD, Laboratory
 
-from maths.consistency import chi_square_bounds
-from systems.flap.hinge_estimator import HingeEstimatorConfig, HingeState, update_hinge
-from systems.port_values import UNKNOWN_FINGERTIP
+from crossmodal.maths.consistency import chi_square_bounds
+from crossmodal.systems.flap.hinge_estimator import HingeEstimatorConfig, HingeState, update_hinge
+from crossmodal.systems.port_values import UNKNOWN_FINGERTIP
 
 SEEDS = range(10)
 

@@ -7,9 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 from synthetic_flap import Tool
 
-from maths.arrays import Array
-from maths.vectors import tangent_basis
-from systems.flap.hinge_geometry import (
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.vectors import tangent_basis
+from crossmodal.systems.flap.hinge_geometry import (
     SIZE,
     HingeModel,
     corrected,
@@ -19,8 +19,8 @@ from systems.flap.hinge_geometry import (
     front_normal,
     linearise,
 )
-from systems.flap.hinge_keyframes import StackedKeyframes
-from systems.flap.hinge_solver import make_priors, solve
+from crossmodal.systems.flap.hinge_keyframes import StackedKeyframes
+from crossmodal.systems.flap.hinge_solver import make_priors, solve
 
 TOOL = Tool(k_W=np.array([0.1, -0.99, 0.05]) / np.linalg.norm([0.1, -0.99, 0.05]))
 CAMERA = np.array([0.9, 0.0, 0.1])

@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maths.arrays import Array
-from systems.flap.normal_histogram import BINS, cluster_normals, mean_normal, normal_histogram
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.flap.normal_histogram import (
+    BINS,
+    cluster_normals,
+    mean_normal,
+    normal_histogram,
+)
 
 RADIUS, SHARE = 0.2, 0.08
 

@@ -6,17 +6,26 @@ import numpy as np
 from numpy.testing import assert_allclose
 from synthetic_flap import Laboratory
 
-from controllers.servoing.flip_decisions import FlipPhase
-from controllers.servoing.tool_line_decisions import LineState, ToolLineConfig, next_line_state
-from maths import se3
-from systems.flap.flap_lever import lever, place_error
-from systems.flap.tool_kinematics import (
+from crossmodal.controllers.servoing.flip_decisions import FlipPhase
+from crossmodal.controllers.servoing.tool_line_decisions import (
+    LineState,
+    ToolLineConfig,
+    next_line_state,
+)
+from crossmodal.maths import se3
+from crossmodal.systems.flap.flap_lever import lever, place_error
+from crossmodal.systems.flap.tool_kinematics import (
     ToolKinematicsConfig,
     ToolState,
     tool_link,
     update_tool,
 )
-from systems.port_values import UNKNOWN_FINGERTIP, FlapAngleBelief, HingeBelief, ToolBelief
+from crossmodal.systems.port_values import (
+    UNKNOWN_FINGERTIP,
+    FlapAngleBelief,
+    HingeBelief,
+    ToolBelief,
+)
 
 LAB = Laboratory(1)
 THETA = 0.8

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from synthetic_flap import INTRINSICS
 
-from maths.arrays import Array
-from systems.depth_camera import DepthCamera
-from systems.flap.flap_region import crop
-from systems.flap.flap_tracking_config import DepthSensorConfig, FlapTrackingConfig
-from systems.flap.local_planes import InverseDepth, inverse_depth
-from systems.flap.tool_segmentation import (
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.depth_camera import DepthCamera
+from crossmodal.systems.flap.flap_region import crop
+from crossmodal.systems.flap.flap_tracking_config import DepthSensorConfig, FlapTrackingConfig
+from crossmodal.systems.flap.local_planes import InverseDepth, inverse_depth
+from crossmodal.systems.flap.tool_segmentation import (
     Parts,
     angle_between,
     measured_scale,
     segment,
 )
-from systems.sensors.depth_noise import correlated_noise
+from crossmodal.systems.sensors.depth_noise import correlated_noise
 
 CONFIG = FlapTrackingConfig()
 NOISE = 2e-3  # Standard deviation of the inverse depth, [1/m].

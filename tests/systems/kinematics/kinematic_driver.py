@@ -5,9 +5,9 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
-from maths import se3
-from systems.kinematics.kinematic_model import KinematicModel
-from systems.port_values import (
+from crossmodal.maths import se3
+from crossmodal.systems.kinematics.kinematic_model import KinematicModel
+from crossmodal.systems.port_values import (
     HELD_BODY,
     BodyMotion,
     BodyMotions,

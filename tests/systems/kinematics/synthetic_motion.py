@@ -5,10 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maths import se3
-from maths.arrays import Array
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig, JointFiltersState
-from systems.port_values import JointType
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.kinematics.joint_filters import (
+    JointFilters,
+    JointFiltersConfig,
+    JointFiltersState,
+)
+from crossmodal.systems.port_values import JointType
 
 RATE = 15.0  # [Hz]
 Motion = Callable[[Array], Array]

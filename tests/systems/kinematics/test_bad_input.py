@@ -8,10 +8,14 @@ import pytest
 from numpy.testing import assert_allclose
 from synthetic_motion import Run, Scene, simulate
 
-from maths import se3
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig, JointFiltersState
-from systems.kinematics.pose_checks import SkipReason, covariance_fault, pose_fault
-from systems.port_values import JointType
+from crossmodal.maths import se3
+from crossmodal.systems.kinematics.joint_filters import (
+    JointFilters,
+    JointFiltersConfig,
+    JointFiltersState,
+)
+from crossmodal.systems.kinematics.pose_checks import SkipReason, covariance_fault, pose_fault
+from crossmodal.systems.port_values import JointType
 
 SCENE = Scene(joint=JointType.REVOLUTE, seconds=6.0)
 BAD_AT = 40

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from synthetic_motion import RATE, Motion, Scene, at_rest, filter_states, simulate
 
-from maths import se3
-from maths.arrays import Array
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
-from systems.port_values import JointType
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.port_values import JointType
 
 PRISMATIC, REVOLUTE = JointType.PRISMATIC, JointType.REVOLUTE
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from synthetic_motion import RATE, Scene, filter_states, simulate, to_and_fro
 
-from maths import se3
-from systems.kinematics.goodness_of_fit import claim, most_certainty, reduced_chi_square
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
-from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, RIGID
-from systems.port_values import JointType
+from crossmodal.maths import se3
+from crossmodal.systems.kinematics.goodness_of_fit import claim, most_certainty, reduced_chi_square
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import PRISMATIC, RIGID
+from crossmodal.systems.port_values import JointType
 
 
 @pytest.mark.parametrize("joint", [JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID])

@@ -7,15 +7,15 @@ import pytest
 from numpy.testing import assert_allclose
 from pydrake.common.value import AbstractValue
 
-from maths import se3
-from systems.kinematics.held_joint import (
+from crossmodal.maths import se3
+from crossmodal.systems.kinematics.held_joint import (
     HeldJoint,
     HeldJointConfig,
     choose_joint,
     end_effector_screw,
 )
-from systems.kinematics.joint_screws import screw
-from systems.port_values import (
+from crossmodal.systems.kinematics.joint_screws import screw
+from crossmodal.systems.port_values import (
     HELD_BODY,
     STATIC_BODY,
     BodyMotion,
@@ -27,7 +27,7 @@ from systems.port_values import (
     JointType,
     MotionBelief,
 )
-from systems.proprioception.bent_hand import free_rotation
+from crossmodal.systems.proprioception.bent_hand import free_rotation
 
 CONFIG = HeldJointConfig()
 

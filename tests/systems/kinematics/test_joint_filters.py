@@ -10,16 +10,19 @@ from numpy.testing import assert_allclose
 from pydrake.common.yaml import yaml_load_typed
 from synthetic_motion import Scene, at_rest, filter_states, simulate, stop_and_go, to_and_fro
 
-from maths import se3
-from maths.consistency import is_consistent
-from maths.tangent_plane import normal_basis
-from systems.kinematics.joint_filters import (
+from crossmodal.maths import se3
+from crossmodal.maths.consistency import is_consistent
+from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.systems.kinematics.joint_filters import (
     JointFilters,
     JointFiltersConfig,
     JointFiltersState,
 )
-from systems.kinematics.measurement_errors import MeasurementErrorsConfig, white_equivalent
-from systems.port_values import JointModelBelief, JointType
+from crossmodal.systems.kinematics.measurement_errors import (
+    MeasurementErrorsConfig,
+    white_equivalent,
+)
+from crossmodal.systems.port_values import JointModelBelief, JointType
 
 PRISMATIC, REVOLUTE = JointType.PRISMATIC, JointType.REVOLUTE
 SCREW = JointType.SCREW
@@ -273,7 +276,8 @@ WITHOUT_DRAKE = """
 import sys
 sys.modules["pydrake"] = None  # Any import of it fails.
 import numpy as np
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig, __doc__ as text
+from crossmodal.systems.kinematics.joint_filters import __doc__ as text
+from crossmodal import JointFilters, JointFiltersConfig
 rng, covariance, time = np.random.default_rng(0), 1e-6 * np.eye(6), 0.0
 X_PB = np.eye(4)
 measurements = []

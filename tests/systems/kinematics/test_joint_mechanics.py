@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 from pydrake.common.value import Value
 
-from maths import se3
-from maths.arrays import Array
-from maths.consistency import chi_square_bounds, normalised_squared_error
-from systems.kinematics.hand_force import HandForce, hand_screw_covariance
-from systems.kinematics.joint_mechanics import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.consistency import chi_square_bounds, normalised_squared_error
+from crossmodal.systems.kinematics.hand_force import HandForce, hand_screw_covariance
+from crossmodal.systems.kinematics.joint_mechanics import (
     HeldJointMechanics,
     JointMechanicsFilter,
     hand_force,
     watch_free_hand,
 )
-from systems.kinematics.joint_mechanics_config import JointMechanicsConfig
-from systems.kinematics.joint_mechanics_filters import JointMechanicsFilters
-from systems.kinematics.joint_screws import screw_belief, speed_at
-from systems.port_values import (
+from crossmodal.systems.kinematics.joint_mechanics_config import JointMechanicsConfig
+from crossmodal.systems.kinematics.joint_mechanics_filters import JointMechanicsFilters
+from crossmodal.systems.kinematics.joint_screws import screw_belief, speed_at
+from crossmodal.systems.port_values import (
     HELD_BODY,
     EndEffectorBelief,
     HandLoad,

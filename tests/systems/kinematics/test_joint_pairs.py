@@ -5,10 +5,10 @@ import pytest
 from kinematic_driver import COVARIANCE, REFERENCE_ERROR, Driver, sliding_body
 from numpy.testing import assert_allclose
 
-from maths import se3
-from systems.kinematics.joint_pairs import possible_pairs, relative_pose
-from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
-from systems.port_values import (
+from crossmodal.maths import se3
+from crossmodal.systems.kinematics.joint_pairs import possible_pairs, relative_pose
+from crossmodal.systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
+from crossmodal.systems.port_values import (
     BodyMotion,
     JointType,
     PoseBelief,

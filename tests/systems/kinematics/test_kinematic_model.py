@@ -12,14 +12,14 @@ from pydrake.common.yaml import yaml_load_typed
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
-from maths import se3
-from maths.consistency import chi_square_bounds
-from maths.gaussian import nees
-from systems.kinematics.joint_filters import JointFiltersConfig
-from systems.kinematics.joint_graph import merge_bodies
-from systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
-from systems.kinematics.measurement_errors import MeasurementErrorsConfig
-from systems.port_values import (
+from crossmodal.maths import se3
+from crossmodal.maths.consistency import chi_square_bounds
+from crossmodal.maths.gaussian import nees
+from crossmodal.systems.kinematics.joint_filters import JointFiltersConfig
+from crossmodal.systems.kinematics.joint_graph import merge_bodies
+from crossmodal.systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
+from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
+from crossmodal.systems.port_values import (
     HEALTHY,
     HELD_BODY,
     BodyMotion,

@@ -5,12 +5,12 @@ import pytest
 from numpy.testing import assert_allclose
 from synthetic_motion import Run, Scene, simulate
 
-from maths import se3
-from maths.consistency import is_consistent
-from maths.tangent_plane import normal_basis
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
-from systems.kinematics.measurement_errors import MeasurementErrorsConfig
-from systems.port_values import JointModelBelief, JointType
+from crossmodal.maths import se3
+from crossmodal.maths.consistency import is_consistent
+from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
+from crossmodal.systems.port_values import JointModelBelief, JointType
 
 PRISMATIC, REVOLUTE, SCREW = JointType.PRISMATIC, JointType.REVOLUTE, JointType.SCREW
 

@@ -9,8 +9,8 @@ from benchmarks.joint_robustness import evaluate_case
 from benchmarks.joint_streams import simulate_stream, stream_configs
 from benchmarks.real_tracks import believe, read_tracks, residual
 from benchmarks.robustness_streams import all_cases
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
-from systems.port_values import JointType
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.port_values import JointType
 
 CASES = {case.name: case for case in all_cases()}
 TRACKS = {track.name: track for track in read_tracks()}

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from benchmarks.robustness_streams import Case, RobustnessStream, all_cases, simulate_case
-from maths import se3
-from maths.arrays import Array
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
-from systems.kinematics.joint_filters_state import JointFiltersState
-from systems.kinematics.pose_checks import SkipReason
-from systems.port_values import JointBelief, JointType
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.kinematics.joint_filters_state import JointFiltersState
+from crossmodal.systems.kinematics.pose_checks import SkipReason
+from crossmodal.systems.port_values import JointBelief, JointType
 
 CASES = {case.name: case for case in all_cases()}
 NO_ROTATION = np.diag([np.inf] * 3 + [0.0] * 3)

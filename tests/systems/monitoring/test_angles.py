@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from maths.arrays import Array
-from systems.monitoring.angles import AngleOffsets, AnglesConfig, follow_rates
-from systems.monitoring.offsets import DRIFTING, OFFSET
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.monitoring.angles import AngleOffsets, AnglesConfig, follow_rates
+from crossmodal.systems.monitoring.offsets import DRIFTING, OFFSET
 
 CONFIG = AnglesConfig()
 STEP, TICK = 0.005, 1.0 / 15.0

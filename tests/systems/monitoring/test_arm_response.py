@@ -6,10 +6,10 @@ from numpy.testing import assert_allclose
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import PrismaticJoint, SpatialInertia, UnitInertia
 
-from maths.arrays import Array
-from systems.monitoring.arm_response import ArmResponse, ArmResponseConfig
-from systems.monitoring.steps import Step
-from systems.port_values import SampleWindow
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.monitoring.arm_response import ArmResponse, ArmResponseConfig
+from crossmodal.systems.monitoring.steps import Step
+from crossmodal.systems.port_values import SampleWindow
 
 MASS = 2.0
 CONFIG = ArmResponseConfig()

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
-from systems.monitoring.background import (
+from crossmodal.systems.monitoring.background import (
     Background,
     block_means,
     law_of_most,

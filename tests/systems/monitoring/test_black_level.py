@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from maths.arrays import Array
-from systems.monitoring.background import Background
-from systems.monitoring.black_level import BlackLevelConfig, law_of_grey, watch_grey
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.monitoring.background import Background
+from crossmodal.systems.monitoring.black_level import BlackLevelConfig, law_of_grey, watch_grey
 
 CONFIG = BlackLevelConfig()
 HEIGHT, WIDTH = 240, 320

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from maths.arrays import Array
-from systems.monitoring.background import Background
-from systems.monitoring.depth_background import DepthBackgroundConfig, watch_depth
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.monitoring.background import Background
+from crossmodal.systems.monitoring.depth_background import DepthBackgroundConfig, watch_depth
 
 CONFIG = DepthBackgroundConfig()
 HEIGHT, WIDTH = 240, 320

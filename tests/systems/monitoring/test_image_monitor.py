@@ -6,16 +6,16 @@ from numpy.testing import assert_array_equal
 from pydrake.common.value import AbstractValue
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
-from maths.arrays import Array
-from systems.monitoring.image_monitor import (
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.monitoring.image_monitor import (
     APART,
     BRIGHTER,
     DARKER,
     ImageMonitor,
     ImageMonitorConfig,
 )
-from systems.monitoring.window_monitor import NO_SAMPLES, NOT_FINITE, OUT_OF_TIME, STUCK
-from systems.port_values import StampedImage
+from crossmodal.systems.monitoring.window_monitor import NO_SAMPLES, NOT_FINITE, OUT_OF_TIME, STUCK
+from crossmodal.systems.port_values import StampedImage
 
 TICK = 0.1
 CONFIG = ImageMonitorConfig(period=TICK, stale_after=0.15)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from maths.arrays import Array
-from systems.monitoring.offsets import OFFSET, Offsets
-from systems.monitoring.steps import IsolatedSteps, StepsConfig, find_steps
-from systems.port_values import SampleWindow
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.monitoring.offsets import OFFSET, Offsets
+from crossmodal.systems.monitoring.steps import IsolatedSteps, StepsConfig, find_steps
+from crossmodal.systems.port_values import SampleWindow
 
 CONFIG = StepsConfig()
 STEP = 0.01

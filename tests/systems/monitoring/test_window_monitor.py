@@ -5,11 +5,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.common.value import AbstractValue
 
-from maths.arrays import Array
-from systems.monitoring.angles import AnglesByRates, AnglesConfig
-from systems.monitoring.offsets import OFFSET
-from systems.monitoring.steps import IsolatedSteps, StepsConfig
-from systems.monitoring.window_monitor import (
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.monitoring.angles import AnglesByRates, AnglesConfig
+from crossmodal.systems.monitoring.offsets import OFFSET
+from crossmodal.systems.monitoring.steps import IsolatedSteps, StepsConfig
+from crossmodal.systems.monitoring.window_monitor import (
     NO_SAMPLES,
     NOT_FINITE,
     OUT_OF_TIME,
@@ -19,7 +19,7 @@ from systems.monitoring.window_monitor import (
     WindowMonitorConfig,
     check_window,
 )
-from systems.port_values import SampleWindow
+from crossmodal.systems.port_values import SampleWindow
 
 TICK, STEP = 0.1, 0.01
 CONFIG = WindowMonitorConfig(period=TICK)

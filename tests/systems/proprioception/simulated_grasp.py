@@ -7,8 +7,8 @@ import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from maths import se3
-from systems.port_values import (
+from crossmodal.maths import se3
+from crossmodal.systems.port_values import (
     HELD_BODY,
     NO_SLIP,
     BodyMotion,
@@ -21,11 +21,11 @@ from systems.port_values import (
     PoseBelief,
     SlipBelief,
 )
-from systems.proprioception.bent_hand import screw
-from systems.proprioception.grasp_model import GraspModel
-from systems.proprioception.grasp_model_config import GraspModelConfig
-from systems.proprioception.held_body_motion import HeldBodyMotion
-from systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
+from crossmodal.systems.proprioception.bent_hand import screw
+from crossmodal.systems.proprioception.grasp_model import GraspModel
+from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
+from crossmodal.systems.proprioception.held_body_motion import HeldBodyMotion
+from crossmodal.systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
 
 PERIOD = 1.0 / 15.0
 X_WH_START = np.array(

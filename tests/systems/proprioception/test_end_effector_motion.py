@@ -8,10 +8,10 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 from scipy.stats import chi2
 
-from maths import se3
-from models import SDF_DIR
-from systems.port_values import EndEffectorBelief, SampleWindow
-from systems.proprioception.end_effector_motion import (
+from crossmodal.maths import se3
+from crossmodal.models import SDF_DIR
+from crossmodal.systems.port_values import EndEffectorBelief, SampleWindow
+from crossmodal.systems.proprioception.end_effector_motion import (
     EndEffectorMotion,
     EndEffectorMotionConfig,
     calibration_bias_jacobian,

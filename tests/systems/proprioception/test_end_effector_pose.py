@@ -5,13 +5,16 @@ import pytest
 from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform
 
-from maths import se3
-from maths.consistency import normalised_squared_error
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.lwr import LWR_WITH_THREE_FINGERS
-from systems.arm_pose import ArmPose, joints_at, offset_variances
-from systems.port_values import SampleWindow
-from systems.proprioception.end_effector_pose import EndEffectorPose, EndEffectorPoseConfig
+from crossmodal.maths import se3
+from crossmodal.maths.consistency import normalised_squared_error
+from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
+from crossmodal.plants.robots.lwr import LWR_WITH_THREE_FINGERS
+from crossmodal.systems.arm_pose import ArmPose, joints_at, offset_variances
+from crossmodal.systems.port_values import SampleWindow
+from crossmodal.systems.proprioception.end_effector_pose import (
+    EndEffectorPose,
+    EndEffectorPoseConfig,
+)
 
 Q = np.array([-0.2, -0.43, 0.97, 1.19, 1.12, -0.89, 0.16])
 BASE = np.diag(np.repeat([0.005, 0.003], 3) ** 2)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from maths import se3
-from systems.proprioception.feature_registration import register
+from crossmodal.maths import se3
+from crossmodal.systems.proprioception.feature_registration import register
 
 
 def features(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -5,9 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from maths import se3
-from systems.port_values import PoseBelief
-from systems.proprioception.grasp_failure import GraspFailure, GraspFailureConfig, compare
+from crossmodal.maths import se3
+from crossmodal.systems.port_values import PoseBelief
+from crossmodal.systems.proprioception.grasp_failure import (
+    GraspFailure,
+    GraspFailureConfig,
+    compare,
+)
 
 CONFIG = GraspFailureConfig()
 P_HA = np.array([0.0, 0.0, 0.1])

@@ -5,12 +5,12 @@ import pytest
 from pydrake.common.value import AbstractValue
 from simulated_grasp import Episode, Scene, Tick, pull, run, swing
 
-from maths import se3
-from maths.vectors import tangent_basis
-from systems.port_values import NO_SLIP, BodyMotions, GraspBelief, GraspType, SlipBelief
-from systems.proprioception.grasp_filters import grasp_displacement
-from systems.proprioception.grasp_model import GraspModel, initial_grasp
-from systems.proprioception.grasp_model_config import GraspModelConfig
+from crossmodal.maths import se3
+from crossmodal.maths.vectors import tangent_basis
+from crossmodal.systems.port_values import NO_SLIP, BodyMotions, GraspBelief, GraspType, SlipBelief
+from crossmodal.systems.proprioception.grasp_filters import grasp_displacement
+from crossmodal.systems.proprioception.grasp_model import GraspModel, initial_grasp
+from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 
 CONFIG = GraspModelConfig()
 SCENES = {

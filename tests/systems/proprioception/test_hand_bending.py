@@ -8,14 +8,14 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RollPitchYaw
 from synthetic_hand import PRELOAD, bending_path, interaction, reading
 
-from diagrams.crossmodal.training.hand_bending_training import (
+from crossmodal.diagrams.crossmodal.training.hand_bending_training import (
     relative_to_first,
     search_topology,
     train,
 )
-from maths import se3
-from systems.port_values import EndEffectorBelief, PoseBelief, SampleWindow
-from systems.proprioception.bending_network import (
+from crossmodal.maths import se3
+from crossmodal.systems.port_values import EndEffectorBelief, PoseBelief, SampleWindow
+from crossmodal.systems.proprioception.bending_network import (
     BendingNetwork,
     bending_jacobian,
     load_network,
@@ -23,7 +23,11 @@ from systems.proprioception.bending_network import (
     predict_deviation,
     save_network,
 )
-from systems.proprioception.hand_bending import HandBending, HandBendingConfig, hand_weight
+from crossmodal.systems.proprioception.hand_bending import (
+    HandBending,
+    HandBendingConfig,
+    hand_weight,
+)
 
 CONFIG = HandBendingConfig()
 ACTIVE_TICK = 20

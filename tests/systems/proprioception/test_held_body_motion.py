@@ -8,8 +8,8 @@ from pydrake.common.value import AbstractValue
 from scipy.stats import chi2
 from simulated_grasp import Episode, Scene, Tick, body_error, body_nees, pull, run, swing
 
-from maths import se3
-from systems.port_values import (
+from crossmodal.maths import se3
+from crossmodal.systems.port_values import (
     HELD_BODY,
     NO_SLIP,
     GraspBelief,
@@ -17,20 +17,20 @@ from systems.port_values import (
     PoseBelief,
     SlipBelief,
 )
-from systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
-from systems.proprioception.free_motion import free_motion, line_sensitivity
-from systems.proprioception.grasp_filters import free_projection
-from systems.proprioception.grasp_model import initial_grasp
-from systems.proprioception.grasp_model_config import GraspModelConfig
-from systems.proprioception.held_body_filter import (
+from crossmodal.systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
+from crossmodal.systems.proprioception.free_motion import free_motion, line_sensitivity
+from crossmodal.systems.proprioception.grasp_filters import free_projection
+from crossmodal.systems.proprioception.grasp_model import initial_grasp
+from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
+from crossmodal.systems.proprioception.held_body_filter import (
     correct_body,
     predict_body,
     reset_body,
     start_body,
 )
-from systems.proprioception.held_body_motion import HeldBodyMotion
-from systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
-from systems.proprioception.held_body_state import BodyState, Layout
+from crossmodal.systems.proprioception.held_body_motion import HeldBodyMotion
+from crossmodal.systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
+from crossmodal.systems.proprioception.held_body_state import BodyState, Layout
 
 CONFIG = HeldBodyMotionConfig()
 LAYOUT = Layout(6)

@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
 
-from systems.port_values import NO_SLIP, UNKNOWN_END_EFFECTOR, UNKNOWN_LOAD, HandLoad, SlipBelief
-from systems.proprioception.slip_detection import (
+from crossmodal.systems.port_values import (
+    NO_SLIP,
+    UNKNOWN_END_EFFECTOR,
+    UNKNOWN_LOAD,
+    HandLoad,
+    SlipBelief,
+)
+from crossmodal.systems.proprioception.slip_detection import (
     SlipDetection,
     SlipDetectionConfig,
     force_odds,

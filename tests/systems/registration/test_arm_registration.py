@@ -12,15 +12,15 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInertia
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F
 
-from maths import se3
-from maths.arrays import Array
-from maths.pinhole import Intrinsics
-from systems.depth_camera import DepthCamera
-from systems.port_values import DisplacementBelief, SampleWindow, displacement_at
-from systems.registration.arm_registration import ArmRegistration, ArmRegistrationConfig
-from systems.registration.registration_prior import CalibratedArm
-from systems.registration.registration_solver import body_weights, distortion
-from systems.registration.robot_view import ArmChain, RobotView
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.systems.depth_camera import DepthCamera
+from crossmodal.systems.port_values import DisplacementBelief, SampleWindow, displacement_at
+from crossmodal.systems.registration.arm_registration import ArmRegistration, ArmRegistrationConfig
+from crossmodal.systems.registration.registration_prior import CalibratedArm
+from crossmodal.systems.registration.registration_solver import body_weights, distortion
+from crossmodal.systems.registration.robot_view import ArmChain, RobotView
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 290.0
 INTRINSICS = Intrinsics(

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from systems.sensors.air_pressure import PressureSensor, PressureSensorConfig
+from crossmodal.systems.sensors.air_pressure import PressureSensor, PressureSensorConfig
 
 
 def test_noise_and_bias_have_their_deviations():

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from maths.validation import check
-from systems.sensors.colour_noise import (
+from crossmodal.maths.validation import check
+from crossmodal.systems.sensors.colour_noise import (
     ColourNoiseConfig,
     mean_grey,
     measure_colour,
@@ -10,7 +10,7 @@ from systems.sensors.colour_noise import (
     noisy_response,
     response,
 )
-from systems.sensors.randomness import random_bytes
+from crossmodal.systems.sensors.randomness import random_bytes
 
 CONFIG = ColourNoiseConfig()
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from systems.sensors.depth_noise import (
+from crossmodal.systems.sensors.depth_noise import (
     DepthNoiseConfig,
     check_depth_noise,
     correlated_noise,

@@ -5,7 +5,7 @@ from numpy.testing import assert_array_equal
 from pydrake.common.value import AbstractValue
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
-from systems.sensors.image_stamps import ImageStamps
+from crossmodal.systems.sensors.image_stamps import ImageStamps
 
 
 def test_an_image_is_stamped_with_the_tick_and_keeps_its_pixels_for_good() -> None:

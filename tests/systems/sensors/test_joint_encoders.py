@@ -4,8 +4,12 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from models import SDF_DIR
-from systems.sensors.joint_encoders import JointEncoders, JointEncodersConfig, draw_joint_offset
+from crossmodal.models import SDF_DIR
+from crossmodal.systems.sensors.joint_encoders import (
+    JointEncoders,
+    JointEncodersConfig,
+    draw_joint_offset,
+)
 
 
 @pytest.fixture(scope="module")

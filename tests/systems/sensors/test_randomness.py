@@ -1,6 +1,6 @@
 import numpy as np
 
-from systems.sensors.randomness import WhiteNoise, make_generator, random_bytes
+from crossmodal.systems.sensors.randomness import WhiteNoise, make_generator, random_bytes
 
 
 def test_white_noise_is_a_function_of_seed_name_and_index():

@@ -6,7 +6,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
-from systems.sensors.rgbd_camera import CameraNoise, CameraNoiseConfig
+from crossmodal.systems.sensors.rgbd_camera import CameraNoise, CameraNoiseConfig
 
 WIDTH, HEIGHT = 160, 120
 INTRINSICS = CameraInfo(WIDTH, HEIGHT, 144.0, 144.0, 79.5, 59.5)

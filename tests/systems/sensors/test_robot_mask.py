@@ -18,7 +18,7 @@ from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInert
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, RgbdSensor
 
-from systems.sensors.robot_mask import (
+from crossmodal.systems.sensors.robot_mask import (
     MaskedRobot,
     RobotMask,
     RobotMaskConfig,

@@ -4,8 +4,8 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from systems.port_values import SampleWindow
-from systems.sensors.sampled_sensor import SampledSensor, latest_sample
+from crossmodal.systems.port_values import SampleWindow
+from crossmodal.systems.sensors.sampled_sensor import SampledSensor, latest_sample
 
 TICK = 1.0 / 15.0
 

@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.common.value import AbstractValue
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
-from maths.arrays import Array
-from systems.port_values import SampleWindow, StampedImage
-from systems.sensors.stream_fault import FAULTS, FailingStream, StreamFault
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import SampleWindow, StampedImage
+from crossmodal.systems.sensors.stream_fault import FAULTS, FailingStream, StreamFault
 
 PERIOD = 0.1
 EMPTY = SampleWindow(times=np.zeros(0), values=np.zeros((0, 2)))

@@ -7,9 +7,9 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from models import SDF_DIR
-from plants.parsing import add_model, make_parser
-from systems.sensors.taxels import (
+from crossmodal.models import SDF_DIR
+from crossmodal.plants.parsing import add_model, make_parser
+from crossmodal.systems.sensors.taxels import (
     TaxelFault,
     TaxelForces,
     TaxelsConfig,
@@ -19,7 +19,7 @@ from systems.sensors.taxels import (
     felt_shares,
     pressure_on,
 )
-from systems.tactile.taxel_layout import fingertip_layout
+from crossmodal.systems.tactile.taxel_layout import fingertip_layout
 
 LAYOUT = fingertip_layout()
 SPREAD = 0.0025

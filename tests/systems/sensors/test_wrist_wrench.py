@@ -7,7 +7,7 @@ from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from systems.sensors.wrist_wrench import (
+from crossmodal.systems.sensors.wrist_wrench import (
     ReactionWrench,
     WristWrenchConfig,
     WristWrenchSensor,

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from systems.sensors.taxels import calibration_factor, felt_shares
-from systems.tactile.contact_features import (
+from crossmodal.systems.sensors.taxels import calibration_factor, felt_shares
+from crossmodal.systems.tactile.contact_features import (
     ContactFeaturesConfig,
     contact_of_taxels,
     contact_position,
     noise_covariance,
 )
-from systems.tactile.taxel_layout import SEMI_AXES as AXES
-from systems.tactile.taxel_layout import fingertip_layout
+from crossmodal.systems.tactile.taxel_layout import SEMI_AXES as AXES
+from crossmodal.systems.tactile.taxel_layout import fingertip_layout
 
 LAYOUT, CONFIG = fingertip_layout(), ContactFeaturesConfig()
 ALL = np.ones(12, bool)

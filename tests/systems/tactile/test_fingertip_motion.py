@@ -10,21 +10,21 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable
 
-from diagrams.run.calibration import pose_covariance
-from maths import se3
-from plants.robots.arm_with_hand import make_arm_with_load
-from plants.robots.lwr import LWR_WITH_FINGERTIP
-from systems.arm_pose import ArmPose
-from systems.port_values import NO_CONTACT, FingertipContact, SampleWindow
-from systems.tactile.fingertip_motion import (
+from crossmodal.diagrams.run.calibration import pose_covariance
+from crossmodal.maths import se3
+from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
+from crossmodal.plants.robots.lwr import LWR_WITH_FINGERTIP
+from crossmodal.systems.arm_pose import ArmPose
+from crossmodal.systems.port_values import NO_CONTACT, FingertipContact, SampleWindow
+from crossmodal.systems.tactile.fingertip_motion import (
     FingertipMotion,
     FingertipMotionConfig,
     health_of,
     new_samples,
     with_velocity,
 )
-from systems.tactile.taxel_layout import fingertip_layout
-from systems.tactile.taxel_monitor import next_taxel_state, unheard_taxels
+from crossmodal.systems.tactile.taxel_layout import fingertip_layout
+from crossmodal.systems.tactile.taxel_monitor import next_taxel_state, unheard_taxels
 
 Q = np.array([-0.22, -0.63, -0.39, 1.6, 1.4, 1.01, -0.83])
 CONFIG = FingertipMotionConfig()

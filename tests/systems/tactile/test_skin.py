@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from systems.tactile.skin import indentation
+from crossmodal.systems.tactile.skin import indentation
 
 SPHERE = np.array([0.01, 0.01, 0.01])
 

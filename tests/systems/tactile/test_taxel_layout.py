@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from systems.tactile.taxel_layout import SEMI_AXES, fingertip_layout, pad_layout
+from crossmodal.systems.tactile.taxel_layout import SEMI_AXES, fingertip_layout, pad_layout
 
 
 def test_every_taxel_lies_on_the_ellipsoid_with_its_normal_out_of_it() -> None:

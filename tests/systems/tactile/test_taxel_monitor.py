@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from systems.port_values import StreamHealth
-from systems.tactile.contact_features import ContactFeaturesConfig
-from systems.tactile.taxel_layout import fingertip_layout
-from systems.tactile.taxel_monitor import (
+from crossmodal.systems.port_values import StreamHealth
+from crossmodal.systems.tactile.contact_features import ContactFeaturesConfig
+from crossmodal.systems.tactile.taxel_layout import fingertip_layout
+from crossmodal.systems.tactile.taxel_monitor import (
     TaxelMonitor,
     TaxelState,
     next_taxel_state,

@@ -29,8 +29,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, System
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
-from maths.pinhole import Intrinsics
-from plants.camera_view import renderer_intrinsics
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.plants.camera_view import renderer_intrinsics
 
 PERIOD = 1.0 / 15.0
 FOCAL = 320.0 / np.tan(np.deg2rad(29.0))

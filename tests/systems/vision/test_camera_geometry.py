@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from maths.pinhole import project
-from systems.vision import camera_geometry
+from crossmodal.maths.pinhole import project
+from crossmodal.systems.vision import camera_geometry
 
 K = np.array([577.3, 577.3, 319.0, 239.0])
 NOISE = np.array([1.2e-3, 1.9e-3, 0.4, 0.0])

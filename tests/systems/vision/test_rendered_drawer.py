@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from maths import se3
-from maths.pinhole import Intrinsics
-from systems.port_values import BodyMotion
-from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
-from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
-from systems.vision.features.feature_motion import FeatureMotion
-from systems.vision.features.feature_motion_config import FeatureMotionConfig
+from crossmodal.maths import se3
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.systems.port_values import BodyMotion
+from crossmodal.systems.vision.bodies.rigid_body_motion import RigidBodyMotion
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.systems.vision.features.feature_motion import FeatureMotion
+from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
 
 NEES_BOUND = 22.46  # Chi-square of 6 dof that 0.1 % exceed.
 

@@ -3,8 +3,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagrams.crossmodal.inspection.report import report
-from plants.object_import.inspection import Inspection, JointFacts
+from crossmodal.diagrams.crossmodal.inspection.report import report
+from crossmodal.plants.object_import.inspection import Inspection, JointFacts
 
 
 @pytest.mark.parametrize(

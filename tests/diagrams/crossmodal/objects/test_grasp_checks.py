@@ -8,11 +8,11 @@ import trimesh
 from numpy.testing import assert_allclose
 from trimesh.transformations import rotation_matrix
 
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.objects.grasp_checks import grasp_faults, model_warnings
-from diagrams.crossmodal.scenario import object_model_file
-from plants.hands.soft_hand import SOFT_HAND_RANGE
-from plants.object_import.bars import bar_at
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.objects.grasp_checks import grasp_faults, model_warnings
+from crossmodal.diagrams.crossmodal.scenario import object_model_file
+from crossmodal.plants.hands.soft_hand import SOFT_HAND_RANGE
+from crossmodal.plants.object_import.bars import bar_at
 
 
 def bar(

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from diagrams.crossmodal.objects.object_model import ObjectModel, read_object_model
-from models import SDF_DIR
-from systems.port_values import JointType
+from crossmodal.diagrams.crossmodal.objects.object_model import ObjectModel, read_object_model
+from crossmodal.models import SDF_DIR
+from crossmodal.systems.port_values import JointType
 
 
 def facts(model: str, joint: str) -> ObjectModel:

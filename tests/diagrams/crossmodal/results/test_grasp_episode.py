@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform, RollPitchYaw
 from synthetic_episode import GRASP_TIME, empty_episode, synthetic_episode
 
-from diagrams.crossmodal.results.grasp_episode import (
+from crossmodal.diagrams.crossmodal.results.grasp_episode import (
     GRASP_QUANTITIES,
     bar_shift,
     grasp_episode,
@@ -16,12 +16,12 @@ from diagrams.crossmodal.results.grasp_episode import (
     last_since,
     summarise_grasp,
 )
-from diagrams.crossmodal.results.results import evaluate
-from diagrams.crossmodal.task import GRASP_LOST
-from diagrams.run.record import EpisodeRecord, Event
-from systems.port_values import GraspType
-from systems.proprioception.grasp_model import initial_grasp
-from systems.proprioception.grasp_model_config import GraspModelConfig
+from crossmodal.diagrams.crossmodal.results.results import evaluate
+from crossmodal.diagrams.crossmodal.task import GRASP_LOST
+from crossmodal.diagrams.run.record import EpisodeRecord, Event
+from crossmodal.systems.port_values import GraspType
+from crossmodal.systems.proprioception.grasp_model import initial_grasp
+from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 
 HAND, HANDLE = (quantity.port for quantity in GRASP_QUANTITIES)
 EMPTY = replace(

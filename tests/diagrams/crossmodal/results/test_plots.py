@@ -7,16 +7,16 @@ import pytest
 from matplotlib.figure import Figure
 from synthetic_episode import empty_episode, nudged, synthetic_episode, without_truth
 
-from diagrams.crossmodal.modalities import COLORS
-from diagrams.crossmodal.results.frame_plots import draw_frames
-from diagrams.crossmodal.results.plots import draw_configurations, draw_errors
-from diagrams.crossmodal.results.report import written_configuration
-from diagrams.crossmodal.results.results import evaluate
-from diagrams.drawing.plot_style import save
-from diagrams.evaluation.campaign_plots import common_events
-from diagrams.joints.joint_episode import JointEpisode, joint_episode
-from diagrams.joints.joint_errors import error_panels, errors_over_time
-from systems.port_values import JointType
+from crossmodal.diagrams.crossmodal.modalities import COLORS
+from crossmodal.diagrams.crossmodal.results.frame_plots import draw_frames
+from crossmodal.diagrams.crossmodal.results.plots import draw_configurations, draw_errors
+from crossmodal.diagrams.crossmodal.results.report import written_configuration
+from crossmodal.diagrams.crossmodal.results.results import evaluate
+from crossmodal.diagrams.drawing.plot_style import save
+from crossmodal.diagrams.evaluation.campaign_plots import common_events
+from crossmodal.diagrams.joints.joint_episode import JointEpisode, joint_episode
+from crossmodal.diagrams.joints.joint_errors import error_panels, errors_over_time
+from crossmodal.systems.port_values import JointType
 
 
 def episode(joint_type: JointType = JointType.PRISMATIC) -> JointEpisode:

@@ -8,16 +8,16 @@ import pytest
 from numpy.testing import assert_allclose
 from synthetic_episode import PITCH, empty_episode, synthetic_episode, without_truth
 
-from diagrams.crossmodal.application import APPLICATION
-from diagrams.crossmodal.results.report import final_beliefs
-from diagrams.crossmodal.results.results import evaluate
-from diagrams.evaluation.estimates import COLUMNS
-from diagrams.evaluation.metric_table import tidy_metrics
-from diagrams.joints.joint_episode import joint_episode
-from diagrams.joints.joint_record import summarise_joint
-from diagrams.run.folder.run_folder import summarise
-from diagrams.run.record import EpisodeRecord
-from systems.port_values import JointType
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.crossmodal.results.report import final_beliefs
+from crossmodal.diagrams.crossmodal.results.results import evaluate
+from crossmodal.diagrams.evaluation.estimates import COLUMNS
+from crossmodal.diagrams.evaluation.metric_table import tidy_metrics
+from crossmodal.diagrams.joints.joint_episode import joint_episode
+from crossmodal.diagrams.joints.joint_record import summarise_joint
+from crossmodal.diagrams.run.folder.run_folder import summarise
+from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.systems.port_values import JointType
 
 
 def joints_at_the_end(record: EpisodeRecord) -> dict[str, dict]:

@@ -7,15 +7,15 @@ import pytest
 from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform
 
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.application import APPLICATION
-from diagrams.crossmodal.scenario import Scenario
-from diagrams.crossmodal.station.station import (
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.crossmodal.scenario import Scenario
+from crossmodal.diagrams.crossmodal.station.station import (
     ManipulationStation,
     draw_placements,
     make_manipulation_station,
 )
-from diagrams.run.calibration import Camera
+from crossmodal.diagrams.run.calibration import Camera
 
 
 def make_station(*given: str) -> tuple[ManipulationStation, Camera]:

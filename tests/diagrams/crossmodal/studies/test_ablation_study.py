@@ -6,16 +6,16 @@ from pathlib import Path
 import pytest
 from synthetic_episode import synthetic_episode
 
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.application import APPLICATION
-from diagrams.crossmodal.estimators import CROSSMODAL_WIRES
-from diagrams.crossmodal.studies import ablation_study
-from diagrams.crossmodal.studies.ablation_study import run_ablation, table
-from diagrams.crossmodal.studies.ablations import ABLATIONS, Ablation, find_ablation
-from diagrams.run.folder.fingerprint import fingerprint
-from diagrams.run.folder.own_files import OwnFiles
-from diagrams.run.record import EpisodeRecord
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_WIRES
+from crossmodal.diagrams.crossmodal.studies import ablation_study
+from crossmodal.diagrams.crossmodal.studies.ablation_study import run_ablation, table
+from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS, Ablation, find_ablation
+from crossmodal.diagrams.run.folder.fingerprint import fingerprint
+from crossmodal.diagrams.run.folder.own_files import OwnFiles
+from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 
 def joint(error: float | None, estimated: str = "prismatic") -> dict:

@@ -1,9 +1,9 @@
 import pytest
 
-from diagrams.crossmodal.application import APPLICATION
-from diagrams.crossmodal.scenario import SCENARIO_FOLDER
-from diagrams.crossmodal.studies.experiments import EXPERIMENTS
-from diagrams.evaluation.metric_table import EPISODE_METRICS, TICK_METRICS
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.crossmodal.scenario import SCENARIO_FOLDER
+from crossmodal.diagrams.crossmodal.studies.experiments import EXPERIMENTS
+from crossmodal.diagrams.evaluation.metric_table import EPISODE_METRICS, TICK_METRICS
 
 METRICS = {
     metric.name: metric for metric in (*EPISODE_METRICS, *APPLICATION.metrics, *TICK_METRICS)

@@ -2,9 +2,12 @@ from pathlib import Path
 
 import pytest
 
-from diagrams.crossmodal.training import network_training
-from diagrams.crossmodal.training.network_training import hand_bending_card, train_hand_bending
-from diagrams.run.folder.fingerprint import versions
+from crossmodal.diagrams.crossmodal.training import network_training
+from crossmodal.diagrams.crossmodal.training.network_training import (
+    hand_bending_card,
+    train_hand_bending,
+)
+from crossmodal.diagrams.run.folder.fingerprint import versions
 
 ERROR = {"rotation_rms_deg": 1.234, "translation_rms_mm": 2.5}
 FACTS = {"data": "15 interactions", "split": "pairs", "metric": "rms", "command": "train",

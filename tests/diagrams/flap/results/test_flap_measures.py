@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from diagrams.flap.results.flap_episode import FlapSeries, TrueFlap
-from diagrams.flap.results.flap_measures import (
+from crossmodal.diagrams.flap.results.flap_episode import FlapSeries, TrueFlap
+from crossmodal.diagrams.flap.results.flap_measures import (
     aligned_after,
     angles_between,
     longest_run,

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagrams.flap.results.flap_episode import TrueFlap
-from diagrams.flap.results.recovery import recovery, summarise_recoveries
-from plants.tools.flap_jerk import FlapJerk
+from crossmodal.diagrams.flap.results.flap_episode import TrueFlap
+from crossmodal.diagrams.flap.results.recovery import recovery, summarise_recoveries
+from crossmodal.plants.tools.flap_jerk import FlapJerk
 
 TIMES = np.arange(300) / 15.0
 JERK = FlapJerk(start=4.99, end=5.3)

@@ -7,9 +7,9 @@ import pytest
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform
 
-from diagrams.flap.flip_status import DONE, FLIPPING, ON_LINE, TO_TABLE
-from diagrams.flap.results.tip_line import tip_line
-from diagrams.run.record import EpisodeRecord, EstimatorRecord, Event, TaskStatus, Tick
+from crossmodal.diagrams.flap.flip_status import DONE, FLIPPING, ON_LINE, TO_TABLE
+from crossmodal.diagrams.flap.results.tip_line import tip_line
+from crossmodal.diagrams.run.record import EpisodeRecord, EstimatorRecord, Event, TaskStatus, Tick
 
 START, END = np.array([0.575, 0.05, 0.175]), np.array([0.425, 0.05, 0.175])
 P_FT = np.array([0.002, 0.055, 0.0])  # Where the finger touched the edge.

@@ -6,24 +6,24 @@ from pathlib import Path
 import grimp
 import pytest
 
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.application import APPLICATION
-from diagrams.run.folder.fingerprint import PRESENTATION, only_shows, scenario_hash
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.run.folder.fingerprint import PRESENTATION, only_shows, scenario_hash
 
 ROOT = Path(__file__).parents[4]
 # Who may use what only shows: it is drawn, listed or measured there, and nothing computed with it.
 USERS = {
-    "diagrams.crossmodal.application",
-    "diagrams.crossmodal.results.results",
-    "diagrams.crossmodal.studies.ablation_study",  # Its table.
-    "diagrams.crossmodal.training.network_training",  # By which program, on its card.
-    "diagrams.evaluation.estimates",
-    "diagrams.flap.application",
-    "diagrams.flap.results.results",
-    "diagrams.joints.mechanics_record",  # The digits of a printed line.
-    "diagrams.run.episode",  # How much memory it took.
-    "diagrams.run.folder.run_folder",
-    "diagrams.stations.truth_paths",  # Names in a message.
+    "crossmodal.diagrams.crossmodal.application",
+    "crossmodal.diagrams.crossmodal.results.results",
+    "crossmodal.diagrams.crossmodal.studies.ablation_study",  # Its table.
+    "crossmodal.diagrams.crossmodal.training.network_training",  # By which program, on its card.
+    "crossmodal.diagrams.evaluation.estimates",
+    "crossmodal.diagrams.flap.application",
+    "crossmodal.diagrams.flap.results.results",
+    "crossmodal.diagrams.joints.mechanics_record",  # The digits of a printed line.
+    "crossmodal.diagrams.run.episode",  # How much memory it took.
+    "crossmodal.diagrams.run.folder.run_folder",
+    "crossmodal.diagrams.stations.truth_paths",  # Names in a message.
 }
 
 
@@ -40,11 +40,10 @@ def test_what_only_shows_is_there(place: str) -> None:
 
 
 def test_nothing_that_decides_an_episode_s_numbers_uses_what_only_shows() -> None:
-    packages = ("maths", "models", "plants", "systems", "controllers", "diagrams")
-    graph = grimp.build_graph(*packages, cache_dir=None)
+    graph = grimp.build_graph("crossmodal", cache_dir=None)
 
     def shows(module: str) -> bool:
-        path = module.replace(".", "/")
+        path = module.removeprefix("crossmodal.").replace(".", "/")
         return only_shows(path) or only_shows(f"{path}.py")
 
     used = {

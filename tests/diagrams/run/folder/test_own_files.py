@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from diagrams.run.folder.own_files import MANIFEST, OwnFiles, held
-from diagrams.run.folder.run_folder import FILES, write_text
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.run.folder.own_files import MANIFEST, OwnFiles, held
+from crossmodal.diagrams.run.folder.run_folder import FILES, write_text
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 
 def run(folder: Path, *names: str, force: bool = False) -> None:
@@ -96,12 +96,12 @@ def test_a_second_run_into_the_same_folder_waits_for_the_end_of_the_first(tmp_pa
 def test_a_killed_run_holds_its_folder_no_more_and_its_partial_files_go(tmp_path: Path) -> None:
     code = (
         "import os; from pathlib import Path; from diagrams.run.folder.own_files import held;"
-        "from diagrams.run.folder.run_folder import FILES, write_atomically;"
+        "from crossmodal.diagrams.run.folder.run_folder import FILES, write_atomically;"
         f"own = held(Path({str(tmp_path / 'run')!r}), FILES).__enter__();"
         "write_atomically(own.place('sensors.mcap'),"
         " lambda path: (path.write_text('half'), os.kill(os.getpid(), 9)))"
     )
-    subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[4], check=False)
+    subprocess.run([sys.executable, "-c", code], check=False)
     names = [path.name for path in (tmp_path / "run").iterdir()]
     assert any(name.endswith("-sensors.mcap") for name in names)
     run(tmp_path / "run", "scenario.yaml")

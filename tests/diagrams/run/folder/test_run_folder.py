@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from synthetic_episode import empty_episode, synthetic_episode
 
-from diagrams.applications import load_scenario
-from diagrams.crossmodal.application import APPLICATION
-from diagrams.run.folder.own_files import MANIFEST
-from diagrams.run.folder.run_folder import (
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.run.folder.own_files import MANIFEST
+from crossmodal.diagrams.run.folder.run_folder import (
     PLOT_FOLDER,
     SENSORS_FILE,
     RunWriter,
@@ -26,8 +26,8 @@ from diagrams.run.folder.run_folder import (
     write_run,
     write_text,
 )
-from diagrams.run.record import EpisodeRecord
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 FILES = {
     "scenario.yaml",

@@ -13,9 +13,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
-from diagrams.joints.joint_truth import UNKNOWN_JOINT, JointTruth
-from diagrams.run.record import TaskStatus
-from diagrams.run.sensor_streams.codecs import (
+from crossmodal.diagrams.joints.joint_truth import UNKNOWN_JOINT, JointTruth
+from crossmodal.diagrams.run.record import TaskStatus
+from crossmodal.diagrams.run.sensor_streams.codecs import (
     DEFINITIONS,
     JOINT_STATES,
     WRENCHES,
@@ -24,8 +24,8 @@ from diagrams.run.sensor_streams.codecs import (
     codec_for,
     definition,
 )
-from maths.arrays import Array
-from systems.port_values import SampleWindow, StampedImage
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import SampleWindow, StampedImage
 
 NOW = 3_066_666_667  # [ns]
 RNG = np.random.default_rng(0)

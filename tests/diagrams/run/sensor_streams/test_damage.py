@@ -8,10 +8,15 @@ import pytest
 from mcap_ros2.writer import Writer as Ros2Writer
 from pydrake.systems.sensors import ImageRgba8U
 
-from diagrams.run.sensor_streams import log as log_module
-from diagrams.run.sensor_streams.log import SensorLog, SensorLogWriter, Stream, make_streams
-from diagrams.run.yaml_input.schema import ScenarioError
-from systems.port_values import SampleWindow
+from crossmodal.diagrams.run.sensor_streams import log as log_module
+from crossmodal.diagrams.run.sensor_streams.log import (
+    SensorLog,
+    SensorLogWriter,
+    Stream,
+    make_streams,
+)
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.systems.port_values import SampleWindow
 
 TICKS = 6
 

@@ -8,11 +8,16 @@ from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
-from diagrams.crossmodal.application import TOPICS
-from diagrams.run.record import TaskStatus
-from diagrams.run.sensor_streams.log import SensorLog, SensorLogWriter, Stream, make_streams
-from diagrams.run.yaml_input.schema import ScenarioError
-from systems.port_values import SampleWindow, StampedImage
+from crossmodal.diagrams.crossmodal.application import TOPICS
+from crossmodal.diagrams.run.record import TaskStatus
+from crossmodal.diagrams.run.sensor_streams.log import (
+    SensorLog,
+    SensorLogWriter,
+    Stream,
+    make_streams,
+)
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.systems.port_values import SampleWindow, StampedImage
 
 PERIOD = 1 / 15
 IMAGES = {

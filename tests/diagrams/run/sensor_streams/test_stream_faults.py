@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagrams.applications import OWN, load_scenario
-from diagrams.run.episode import run_episode
-from diagrams.run.folder.run_folder import SENSORS_FILE, write_run
-from diagrams.run.replay import check_recorded, replay
-from diagrams.run.scenario import Disturbances
-from diagrams.run.yaml_input.schema import ScenarioError
-from systems.sensors.stream_fault import StreamFault
+from crossmodal.diagrams.applications import OWN, load_scenario
+from crossmodal.diagrams.run.episode import run_episode
+from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE, write_run
+from crossmodal.diagrams.run.replay import check_recorded, replay
+from crossmodal.diagrams.run.scenario import Disturbances
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.systems.sensors.stream_fault import StreamFault
 
 PENDULUM = Path(__file__).parents[2] / "pendulum" / "pendulum.py"
 SHORT = ["duration=2.0"]

@@ -9,9 +9,9 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from diagrams.run.scenario import Scenario, parse_scenario, read_document
-from diagrams.run.yaml_input.loader import MOST_LEVELS, load_yaml
-from diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.run.scenario import Scenario, parse_scenario, read_document
+from crossmodal.diagrams.run.yaml_input.loader import MOST_LEVELS, load_yaml
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 SEARCH = settings(
     max_examples=300,

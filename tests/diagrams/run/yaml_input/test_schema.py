@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagrams.run.yaml_input.schema import (
+from crossmodal.diagrams.run.yaml_input.schema import (
     ScenarioError,
     apply_override,
     load_typed,

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from diagrams.applications import load_scenario
-from diagrams.run.yaml_input.schema import ScenarioError, load_typed
-from diagrams.run.yaml_input.units import check_units, without_units
-from maths.validation import number, numbers
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, load_typed
+from crossmodal.diagrams.run.yaml_input.units import check_units, without_units
+from crossmodal.maths.validation import number, numbers
 
 
 @dataclass(kw_only=True)

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 
-from systems.kinematics.joint_solver.axis_prior import axis_prior
+from crossmodal.systems.kinematics.joint_solver.axis_prior import axis_prior
 
 SIGMA = 0.6
 

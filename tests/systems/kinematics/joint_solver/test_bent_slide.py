@@ -5,11 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from benchmarks.robustness_streams import all_cases, simulate_case
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
-from systems.kinematics.joint_solver.bent_slide import log_mean_likelihood
-from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE
-from systems.kinematics.joint_solver.type_evidence import type_evidence
-from systems.port_values import JointType
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.kinematics.joint_solver.bent_slide import log_mean_likelihood
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE
+from crossmodal.systems.kinematics.joint_solver.type_evidence import type_evidence
+from crossmodal.systems.port_values import JointType
 
 CASES = {case.name: case for case in all_cases()}
 

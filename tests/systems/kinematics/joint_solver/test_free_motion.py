@@ -6,11 +6,11 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 from scipy.stats import multivariate_normal
 
-from maths import se3
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
-from systems.kinematics.joint_solver import free_motion, pose_keyframes
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
-from systems.port_values import JointType
+from crossmodal.maths import se3
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.kinematics.joint_solver import free_motion, pose_keyframes
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import Keyframes
+from crossmodal.systems.port_values import JointType
 
 WALK = np.repeat([0.09, 0.01], 3)
 VELOCITY = np.repeat([0.1, 0.02], 3)

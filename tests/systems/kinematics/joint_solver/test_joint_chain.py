@@ -5,12 +5,17 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 
-from maths import se3
-from maths.se3_in_place import pose_difference
-from maths.tangent_plane import tangent_basis
-from systems.kinematics.joint_solver import pose_keyframes
-from systems.kinematics.joint_solver.joint_chain import new_chain, run_chain, smooth, solve
-from systems.kinematics.joint_solver.joint_geometry import (
+from crossmodal.maths import se3
+from crossmodal.maths.se3_in_place import pose_difference
+from crossmodal.maths.tangent_plane import tangent_basis
+from crossmodal.systems.kinematics.joint_solver import pose_keyframes
+from crossmodal.systems.kinematics.joint_solver.joint_chain import (
+    new_chain,
+    run_chain,
+    smooth,
+    solve,
+)
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     PARAMETERS,
     PRISMATIC,
     REVOLUTE,
@@ -20,10 +25,14 @@ from systems.kinematics.joint_solver.joint_geometry import (
     retract,
     turns,
 )
-from systems.kinematics.joint_solver.joint_linearisation import linearise, new_linear
-from systems.kinematics.joint_solver.joint_models import AXIS_SPREAD, Models, initial_models
-from systems.kinematics.joint_solver.joint_pitch import WIDEST
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+from crossmodal.systems.kinematics.joint_solver.joint_linearisation import linearise, new_linear
+from crossmodal.systems.kinematics.joint_solver.joint_models import (
+    AXIS_SPREAD,
+    Models,
+    initial_models,
+)
+from crossmodal.systems.kinematics.joint_solver.joint_pitch import WIDEST
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 K = 7
 S, SIGMA_V, SIGMA_C = 2e-3, 0.2, 0.6

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maths import se3
-from maths.tangent_plane import tangent_basis
-from systems.kinematics.joint_solver.joint_geometry import (
+from crossmodal.maths import se3
+from crossmodal.maths.tangent_plane import tangent_basis
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     BENT_SLIDE,
     PARAMETERS,
     PRISMATIC,

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import norm
 
-from systems.kinematics.joint_solver.joint_pitch import (
+from crossmodal.systems.kinematics.joint_solver.joint_pitch import (
     PITCHES,
     WIDEST,
     hinge_evidence,

@@ -5,16 +5,20 @@ import pytest
 from numpy.testing import assert_allclose
 
 from benchmarks.robustness_streams import all_cases, simulate_case
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
-from systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE
-from systems.kinematics.joint_solver.joint_models import Models, initial_models
-from systems.kinematics.joint_solver.joint_solver import solve_moving
-from systems.kinematics.joint_solver.joint_start import (
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import PRISMATIC, REVOLUTE
+from crossmodal.systems.kinematics.joint_solver.joint_models import Models, initial_models
+from crossmodal.systems.kinematics.joint_solver.joint_solver import solve_moving
+from crossmodal.systems.kinematics.joint_solver.joint_start import (
     circle_start,
     fresh_start,
     reverse_axis,
 )
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes, append, empty_keyframes
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import (
+    Keyframes,
+    append,
+    empty_keyframes,
+)
 
 DISTANCE = 0.6  # Prior of an axis' place, [m].
 CASES = {case.name: case for case in all_cases()}

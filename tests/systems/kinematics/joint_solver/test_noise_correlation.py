@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maths import se3
-from systems.kinematics.joint_solver.noise_correlation import (
+from crossmodal.maths import se3
+from crossmodal.systems.kinematics.joint_solver.noise_correlation import (
     correlations,
     inflation,
     initial_noise_correlation,
     observe_correlation,
 )
-from systems.kinematics.joint_solver.noise_scale import mean_claim
+from crossmodal.systems.kinematics.joint_solver.noise_scale import mean_claim
 
 SCALE = np.repeat([0.01, 0.003], 3)
 

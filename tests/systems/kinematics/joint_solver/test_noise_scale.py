@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maths import se3
-from systems.kinematics.joint_solver.noise_scale import (
+from crossmodal.maths import se3
+from crossmodal.systems.kinematics.joint_solver.noise_scale import (
     UNKNOWN,
     NoiseScale,
     initial_noise_scale,

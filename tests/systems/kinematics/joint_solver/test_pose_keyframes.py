@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maths import se3
-from systems.kinematics.joint_solver import pose_keyframes
-from systems.kinematics.joint_solver.pose_keyframes import Keyframes
+from crossmodal.maths import se3
+from crossmodal.systems.kinematics.joint_solver import pose_keyframes
+from crossmodal.systems.kinematics.joint_solver.pose_keyframes import Keyframes
 
 OUTLIERS = np.zeros(7)  # None.
 

@@ -5,12 +5,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from benchmarks.robustness_streams import all_cases, simulate_case
-from maths import se3
-from maths.arrays import Array
-from maths.se3_in_place import pose_difference
-from systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
-from systems.kinematics.joint_filters_state import JointFiltersState
-from systems.kinematics.joint_solver.joint_geometry import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.se3_in_place import pose_difference
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.kinematics.joint_filters_state import JointFiltersState
+from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     MOVING,
     PRISMATIC,
     REVOLUTE,
@@ -19,9 +19,13 @@ from systems.kinematics.joint_solver.joint_geometry import (
     dimension,
     retract,
 )
-from systems.kinematics.joint_solver.joint_linearisation import new_linear
-from systems.kinematics.joint_solver.smooth_strays import smooth_evidence
-from systems.kinematics.joint_solver.stray_series import add_keyframes, marginalise, new_series
+from crossmodal.systems.kinematics.joint_solver.joint_linearisation import new_linear
+from crossmodal.systems.kinematics.joint_solver.smooth_strays import smooth_evidence
+from crossmodal.systems.kinematics.joint_solver.stray_series import (
+    add_keyframes,
+    marginalise,
+    new_series,
+)
 
 CASES = {case.name: case for case in all_cases()}
 STRAYS = np.diag(np.repeat([5e-3**2, 1.5e-3**2], 3))

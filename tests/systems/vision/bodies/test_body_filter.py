@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maths import se3
-from maths.arrays import Array
-from maths.rigid_points import pose_jacobian
-from systems.vision.bodies import body_filter
-from systems.vision.bodies.body_filter import BodyFilter
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.rigid_points import pose_jacobian
+from crossmodal.systems.vision.bodies import body_filter
+from crossmodal.systems.vision.bodies.body_filter import BodyFilter
 
 RNG = np.random.default_rng(0)
 X_REFERENCE = se3.exp(np.array([0.2, -0.1, 0.3, 1.0, 0.2, 0.5]))

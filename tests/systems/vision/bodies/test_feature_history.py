@@ -3,11 +3,16 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from maths import se3
-from maths.arrays import Array
-from systems.port_values import FeatureBelief
-from systems.vision.bodies.feature_displacements import displacements, squared_distances
-from systems.vision.bodies.feature_history import OUTLIER, FeatureHistory, no_history, remember
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import FeatureBelief
+from crossmodal.systems.vision.bodies.feature_displacements import displacements, squared_distances
+from crossmodal.systems.vision.bodies.feature_history import (
+    OUTLIER,
+    FeatureHistory,
+    no_history,
+    remember,
+)
 
 RNG = np.random.default_rng(0)
 WINDOW = 12

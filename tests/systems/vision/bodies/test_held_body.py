@@ -5,20 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maths import se3
-from maths.arrays import Array
-from systems.port_values import HELD_BODY, STATIC_BODY, FeatureBelief, PoseBelief
-from systems.ticks import whole_ticks
-from systems.vision.bodies.body_tracker_state import TrackedBody
-from systems.vision.bodies.feature_association import associate, merged
-from systems.vision.bodies.feature_history import FeatureHistory, no_history, remember
-from systems.vision.bodies.held_body import (
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import HELD_BODY, STATIC_BODY, FeatureBelief, PoseBelief
+from crossmodal.systems.ticks import whole_ticks
+from crossmodal.systems.vision.bodies.body_tracker_state import TrackedBody
+from crossmodal.systems.vision.bodies.feature_association import associate, merged
+from crossmodal.systems.vision.bodies.feature_history import FeatureHistory, no_history, remember
+from crossmodal.systems.vision.bodies.held_body import (
     start,
     takes_handle_along,
     without_features_of_others,
     without_nudges,
 )
-from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 CONFIG = RigidBodyMotionConfig()
 WINDOW = whole_ticks(CONFIG.history.window, CONFIG.period)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maths import se3
-from systems.port_values import HELD_BODY, PoseBelief
-from systems.vision.bodies import body_filter
-from systems.vision.bodies.body_filter import BodyFilter
-from systems.vision.bodies.body_tracker_state import RestPositions, TrackedBody
-from systems.vision.bodies.held_body_identification import moved_frame, moves_with_hand
-from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.maths import se3
+from crossmodal.systems.port_values import HELD_BODY, PoseBelief
+from crossmodal.systems.vision.bodies import body_filter
+from crossmodal.systems.vision.bodies.body_filter import BodyFilter
+from crossmodal.systems.vision.bodies.body_tracker_state import RestPositions, TrackedBody
+from crossmodal.systems.vision.bodies.held_body_identification import moved_frame, moves_with_hand
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
 T = se3.exp(np.array([0.3, -0.2, 0.1, 0.2, 0.1, -0.3]))
 NOISE = np.tile(np.diag([1e-6, 2e-6, 4e-6]), (8, 1, 1))

@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maths import se3
-from systems.vision.bodies.feature_displacements import Displacements, squared_distances
-from systems.vision.bodies.motion_consensus import find_consensus, rigid_motions, stillness
+from crossmodal.maths import se3
+from crossmodal.systems.vision.bodies.feature_displacements import Displacements, squared_distances
+from crossmodal.systems.vision.bodies.motion_consensus import (
+    find_consensus,
+    rigid_motions,
+    stillness,
+)
 
 RNG = np.random.default_rng(0)
 SIGMA = 5e-4

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from maths import se3
-from maths.pinhole import Intrinsics
-from systems.port_values import (
+from crossmodal.maths import se3
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.systems.port_values import (
     HELD_BODY,
     NO_POSE,
     BodyMotion,
@@ -18,9 +18,9 @@ from systems.port_values import (
     FeatureBelief,
     PoseBelief,
 )
-from systems.ticks import whole_ticks
-from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
-from systems.vision.bodies.rigid_body_motion_config import (
+from crossmodal.systems.ticks import whole_ticks
+from crossmodal.systems.vision.bodies.rigid_body_motion import RigidBodyMotion
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import (
     AssociationConfig,
     BodyBirthConfig,
     FeatureHistoryConfig,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from systems.vision.features import feature_detection
+from crossmodal.systems.vision.features import feature_detection
 
 EVERYWHERE = np.full((480, 640), 255, np.uint8)
 

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
-from maths.pinhole import Intrinsics
-from systems.port_values import FeatureBelief
-from systems.vision.bodies.rigid_body_motion import RigidBodyMotion
-from systems.vision.features.feature_motion import FeatureMotion
-from systems.vision.features.feature_motion_config import (
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.systems.port_values import FeatureBelief
+from crossmodal.systems.vision.bodies.rigid_body_motion import RigidBodyMotion
+from crossmodal.systems.vision.features.feature_motion import FeatureMotion
+from crossmodal.systems.vision.features.feature_motion_config import (
     DetectionConfig,
     FeatureMotionConfig,
     FlowConfig,
     RegistrationConfig,
     TrackManagementConfig,
 )
-from systems.vision.features.feature_tracks import no_tracks
+from crossmodal.systems.vision.features.feature_tracks import no_tracks
 
 X_WC = np.eye(4)
 Z = 1.0
@@ -225,7 +225,7 @@ def test_the_documented_ports_are_the_declared_ones(system_class: type, camera: 
     if system_class is FeatureMotion:
         system = FeatureMotion(FeatureMotionConfig(), camera, X_WC)
     else:
-        from systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+        from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
         system = RigidBodyMotion(RigidBodyMotionConfig(), camera, X_WC, True)
     block = re.search(

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from systems.vision.features import patch_registration, patch_templates
+from crossmodal.systems.vision.features import patch_registration, patch_templates
 
 RNG = np.random.default_rng(0)
 WAVES = RNG.normal(0.0, 0.25, (30, 2))

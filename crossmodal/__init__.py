@@ -1,0 +1,54 @@
+"""Interactive perception in Drake: a robot moves something and reads what its senses say together.
+
+The names below are imported when they are first used, so that `import crossmodal` costs nothing.
+
+- `JointFilters`, `JointFiltersConfig`: the joints between moving bodies, from poses of any tracker.
+- `load_scenario`, `run_episode`, `replay`, `read_run`: episodes, and what they leave.
+- `Application`, `Scenario`, `Station`: what an application of one's own is made of.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from crossmodal.diagrams.applications import load_scenario, read_run
+    from crossmodal.diagrams.run.application import Application, Station
+    from crossmodal.diagrams.run.episode import run_episode
+    from crossmodal.diagrams.run.replay import replay
+    from crossmodal.diagrams.run.scenario import Scenario
+    from crossmodal.systems.kinematics.joint_filters import JointFilters
+    from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
+
+__all__ = [
+    "Application",
+    "JointFilters",
+    "JointFiltersConfig",
+    "Scenario",
+    "Station",
+    "load_scenario",
+    "read_run",
+    "replay",
+    "run_episode",
+]
+
+_MODULES = {
+    "Application": "diagrams.run.application",
+    "JointFilters": "systems.kinematics.joint_filters",
+    "JointFiltersConfig": "systems.kinematics.joint_filters_config",
+    "Scenario": "diagrams.run.scenario",
+    "Station": "diagrams.run.application",
+    "load_scenario": "diagrams.applications",
+    "read_run": "diagrams.applications",
+    "replay": "diagrams.run.replay",
+    "run_episode": "diagrams.run.episode",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module 'crossmodal' has no attribute '{name}'")
+    return getattr(importlib.import_module(f"crossmodal.{_MODULES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -2,9 +2,9 @@
 
 An interaction is (inputs (T, 10), labels (T, 6)): the readings that
 `crossmodal.systems.proprioception.bending_network` describes, one row per tick from the first
-instant of the grasp, and log X_EH. The object is fixed and held, so the bent hand stays where it was
-when the grasp closed: X_EH(t) = X_WE(t)^-1 X_WE(0). Labels that do not start at zero are made relative
-to their first row, and the networks learn f(u_t - u_0) - f(0), as they are used.
+instant of the grasp, and log X_EH. The object is fixed and held, so the bent hand stays where it
+was when the grasp closed: X_EH(t) = X_WE(t)^-1 X_WE(0). Labels that do not start at zero are made
+relative to their first row, and the networks learn f(u_t - u_0) - f(0), as they are used.
 
 All networks of a run (the full one and the partial ones) are trained together as one batch.
 """

@@ -56,7 +56,7 @@ class RecursiveFilter(LeafSystem):
     ) -> Any:
         tickets: set[DependencyTicket] = {self.input_port_ticket(p.get_index()) for p in inputs}
         tickets |= {self.time_ticket(), self.abstract_state_ticket(self._state_index)}
-        producer = ValueProducer(lambda: Value[object](None), calc)
+        producer = ValueProducer(lambda: Value[object](self._initial), calc)
         return self.DeclareCacheEntry(description, producer, tickets)
 
     def _declare_estimated(self, name: str, project: Callable[[Any], Any]) -> None:

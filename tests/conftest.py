@@ -1,8 +1,29 @@
-"""One short recorded episode for all tests that look at a run's folder."""
+"""What all tests share: a recorded episode, and Drake's newer refusal of None."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from pydrake.common.value import AbstractValue, Value
+
+
+@pytest.fixture(scope="session", autouse=True)
+def none_is_no_value() -> None:
+    """Ports and states refuse None, as they do in Drake's wheels for Python 3.12 and later."""
+
+    def refusing(function: Callable[..., Any], place: int) -> Callable[..., Any]:
+        def checked(*arguments: Any) -> Any:
+            if len(arguments) > place and arguments[place] is None:
+                raise TypeError("None is no value of a port or a state")
+            return function(*arguments)
+
+        return checked
+
+    of_objects: Any = Value[object]
+    of_objects.__init__ = refusing(of_objects.__init__, 1)
+    of_objects.set_value = refusing(of_objects.set_value, 1)
+    AbstractValue.Make = staticmethod(refusing(AbstractValue.Make, 0))  # type: ignore[method-assign]
 
 
 @pytest.fixture(scope="session")

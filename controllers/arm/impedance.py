@@ -21,6 +21,11 @@ class ImpedanceGains(Immutable):
     damping: Array
     mass: Array
 
+    @property
+    def exists(self) -> bool:
+        """False for `NO_GAINS`."""
+        return not np.isnan(self.stiffness[0, 0])
+
 
 @dataclass(kw_only=True)
 class DesiredMotion(Immutable):
@@ -35,6 +40,17 @@ class DesiredMotion(Immutable):
     X_WE: Array
     V_WE_E: Array
     A_WE_E: Array
+
+    @property
+    def exists(self) -> bool:
+        """False for `NO_MOTION`."""
+        return not np.isnan(self.X_WE[0, 0])
+
+
+_NAN = np.full((6, 6), np.nan)
+# What a source says that does not command the arm; Drake's newer versions refuse None as a value.
+NO_MOTION = DesiredMotion(X_WE=_NAN[:4, :4], V_WE_E=_NAN[0], A_WE_E=_NAN[0])
+NO_GAINS = ImpedanceGains(stiffness=_NAN, damping=_NAN, mass=_NAN)
 
 
 @dataclass(kw_only=True)

@@ -5,12 +5,14 @@ from collections.abc import Sequence
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, InputPort, LeafSystem
 
+from crossmodal.controllers.arm.impedance import NO_GAINS, NO_MOTION, DesiredMotion, ImpedanceGains
+
 
 class MotionSwitch(LeafSystem):
     """Hands out the motion and the gains of the last source that has some.
 
-    A source that does not command the arm says None. Motion and gains are chosen apart: a source
-    of motions alone leaves the gains to the sources before it.
+    A source that does not command the arm says `NO_MOTION`. Motion and gains are chosen apart: a
+    source of motions alone leaves the gains to the sources before it.
 
     The switch keeps nothing and has no delay. A source that has to go on from the motion commanded
     before it reads `motion_commanded` in its update; that closes no algebraic loop as long as its
@@ -21,7 +23,7 @@ class MotionSwitch(LeafSystem):
         t_k +      discrete updates, the impedance controller's among them, get B's first motion.
         t_k + T    B goes on from its own motion.
 
-    When B stores None again, A commands from that same instant on.
+    When B stores `NO_MOTION` again, A commands from that same instant on.
 
     .. pydrake_system::
 
@@ -33,9 +35,10 @@ class MotionSwitch(LeafSystem):
         - motion_commanded
         - gains_commanded
 
-    - <source>_motion_desired: `DesiredMotion`, or None; may stay unconnected.
-    - <source>_gains_desired: `ImpedanceGains`, or None; may stay unconnected.
-    - motion_commanded, gains_commanded: the last source's that are not None; None without any.
+    - <source>_motion_desired: `DesiredMotion`, or `NO_MOTION`; may stay unconnected.
+    - <source>_gains_desired: `ImpedanceGains`, or `NO_GAINS`; may stay unconnected.
+    - motion_commanded, gains_commanded: of the last source that has some; `NO_MOTION` and
+      `NO_GAINS` without any.
 
     Args:
         sources: Their names, the one that yields to all others first.
@@ -48,20 +51,27 @@ class MotionSwitch(LeafSystem):
         super().__init__()
         if not sources or len(set(sources)) < len(sources):
             raise ValueError(f"MotionSwitch: sources = {list(sources)!r}, need each name once")
-        for quantity in ("motion", "gains"):
+        nothing: DesiredMotion | ImpedanceGains
+        for quantity, nothing in (("motion", NO_MOTION), ("gains", NO_GAINS)):
             inputs = [
-                self.DeclareAbstractInputPort(f"{source}_{quantity}_desired", Value[object]())
+                self.DeclareAbstractInputPort(
+                    f"{source}_{quantity}_desired", Value[object](nothing)
+                )
                 for source in sources
             ]
             self.DeclareAbstractOutputPort(
                 f"{quantity}_commanded",
-                lambda: Value[object](),
-                lambda context, output, inputs=inputs: output.set_value(_last(context, inputs)),
+                lambda nothing=nothing: Value[object](nothing),
+                lambda context, output, inputs=inputs, nothing=nothing: output.set_value(
+                    _last(context, inputs, nothing)
+                ),
                 {port.ticket() for port in inputs},
             )
 
 
-def _last(context: Context, inputs: Sequence[InputPort]) -> object:
-    """The value of the last input that has one, or None."""
+def _last(
+    context: Context, inputs: Sequence[InputPort], nothing: DesiredMotion | ImpedanceGains
+) -> DesiredMotion | ImpedanceGains:
+    """The value of the last input that has one."""
     connected = (port.Eval(context) for port in reversed(inputs) if port.HasValue(context))
-    return next((value for value in connected if value is not None), None)
+    return next((value for value in connected if value.exists), nothing)

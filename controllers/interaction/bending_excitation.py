@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem
 
-from crossmodal.controllers.arm.impedance import DesiredMotion
+from crossmodal.controllers.arm.impedance import NO_MOTION, DesiredMotion
 from crossmodal.controllers.interaction.phases import is_held
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
@@ -63,7 +63,8 @@ class BendingExcitation(LeafSystem):
 
     - grasp_motion_desired: `DesiredMotion` of the grasp sequence, which holds the grasp's pose.
     - phase: (1,) `Phase`.
-    - motion_desired: `DesiredMotion`, a smooth path about the grasp's pose; None before EXPLORE.
+    - motion_desired: `DesiredMotion`, a smooth path about the grasp's pose;
+      `NO_MOTION` before EXPLORE.
 
     Args:
         config: Size and frequencies of the path.
@@ -81,13 +82,17 @@ class BendingExcitation(LeafSystem):
         require(config.slowest <= config.fastest, name, config, "fastest", ">= slowest")
         self._path = SmoothPath(config, seed)
         self._start = start
-        self._grasp = self.DeclareAbstractInputPort("grasp_motion_desired", Value[object]())
+        self._grasp = self.DeclareAbstractInputPort(
+            "grasp_motion_desired", Value[object](NO_MOTION)
+        )
         self._phase = self.DeclareVectorInputPort("phase", 1)
-        self.DeclareAbstractOutputPort("motion_desired", lambda: Value[object](), self._calc)
+        self.DeclareAbstractOutputPort(
+            "motion_desired", lambda: Value[object](NO_MOTION), self._calc
+        )
 
     def _calc(self, context: Context, output: Value) -> None:
         if not is_held(self._phase.Eval(context)[0]):
-            output.set_value(None)
+            output.set_value(NO_MOTION)
             return
         grasp: DesiredMotion = self._grasp.Eval(context)
         offset = se3.exp(self._path(context.get_time() - self._start))

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem, State
 
-from crossmodal.controllers.arm.impedance import DesiredMotion
+from crossmodal.controllers.arm.impedance import NO_MOTION, DesiredMotion
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.interaction.phases import Phase, is_held
 from crossmodal.maths import se3
@@ -55,9 +55,9 @@ class ExplorationController(LeafSystem):
     - motion_commanded: `DesiredMotion` of the `MotionSwitch`, read when exploration begins.
     - pull_direction: (3,) unit vector in E.
     - phase: (1,) `Phase`; the hand pulls in EXPLORE and wants to stand still in later phases.
-    - motion_desired: `DesiredMotion`; None before EXPLORE.
+    - motion_desired: `DesiredMotion`; `NO_MOTION` before EXPLORE.
 
-    State: the desired motion, or None.
+    State: the desired motion.
 
     Args:
         config: Speed and gain.
@@ -74,20 +74,22 @@ class ExplorationController(LeafSystem):
         self._arm = arm
         n = arm.num_joints
         self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 2 * n)
-        self._commanded = self.DeclareAbstractInputPort("motion_commanded", Value[object]())
+        self._commanded = self.DeclareAbstractInputPort(
+            "motion_commanded", Value[object](NO_MOTION)
+        )
         self._direction = self.DeclareVectorInputPort("pull_direction", 3)
         self._phase = self.DeclareVectorInputPort("phase", 1)
-        state = self.DeclareAbstractState(Value[object](None))
+        state = self.DeclareAbstractState(Value[object](NO_MOTION))
         self.DeclareStateOutputPort("motion_desired", state)
         self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
 
     def _update(self, context: Context, state: State) -> None:
         phase = int(np.asarray(self._phase.Eval(context))[0])
         if not is_held(phase):
-            state.get_mutable_abstract_state(0).set_value(None)
+            state.get_mutable_abstract_state(0).set_value(NO_MOTION)
             return
-        last: DesiredMotion | None = context.get_abstract_state(0).get_value()
-        if last is None:
+        last: DesiredMotion = context.get_abstract_state(0).get_value()
+        if not last.exists:
             last = self._commanded.Eval(context)
         arm = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context)))
         direction = np.asarray(self._direction.Eval(context))

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
-from crossmodal.controllers.arm.impedance import DesiredMotion, ImpedanceGains
+from crossmodal.controllers.arm.impedance import NO_GAINS, NO_MOTION, DesiredMotion, ImpedanceGains
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.minimum_jerk import PEAK_RATE, minimum_jerk
 from crossmodal.controllers.interaction.joint_memory import is_revolute
@@ -58,10 +58,20 @@ class Plan(Immutable):
     motion: DesiredMotion
     gains: ImpedanceGains
 
+    @property
+    def exists(self) -> bool:
+        """False for `NO_PLAN`."""
+        return self.motion.exists
+
     def joint(self, time: float) -> tuple[float, float]:
         """Planned configuration [m or rad] and its rate."""
         blend, rate, _ = minimum_jerk((time - self.start) / self.duration)
         return self.q_start * (1.0 - blend), -self.q_start * rate / self.duration
+
+
+NO_PLAN = Plan(
+    start=np.inf, duration=0.0, q_start=np.nan, revolute=False, motion=NO_MOTION, gains=NO_GAINS
+)
 
 
 def plan_duration(q: float, hand_rate: float, speed: float) -> float:
@@ -157,6 +167,9 @@ def advance(
     return replace(plan, motion=motion, gains=path_gains(S_E, config))
 
 
+_NO_PATH = np.zeros((0, 4, 4))
+
+
 class TrajectoryGenerator(LeafSystem):
     """Online trajectory generator: exploits the perceived joint to bring it back to its start.
 
@@ -188,12 +201,13 @@ class TrajectoryGenerator(LeafSystem):
     - end_effector_screw_remembered: (6,) S_WE, in W at Wo, per unit of q.
     - grasp_failure_latest: (1,) probability that the hand has lost the body; NaN or unconnected if
       unknown.
-    - motion_desired, gains_desired: `DesiredMotion` and `ImpedanceGains`; None without a plan.
+    - motion_desired, gains_desired: `DesiredMotion` and `ImpedanceGains`; `NO_MOTION` and
+      `NO_GAINS` without a plan.
     - plan_time_left: (1,) until the planned end, negative after it; infinite without a plan, [s].
     - path_planned: poses (N, 4, 4) of E in W from now to the goal by the latest screw; N = 0
       without a plan.
 
-    State: `Plan`, or None. Source: crossmodal paper, section VI.
+    State: `Plan`. Source: crossmodal paper, section VI.
 
     Args:
         config: Speed, gains and feedback.
@@ -214,44 +228,49 @@ class TrajectoryGenerator(LeafSystem):
         self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
         self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
         self._failure = self.DeclareVectorInputPort("grasp_failure_latest", 1)
-        state = self.DeclareAbstractState(Value[object](None))
+        state = self.DeclareAbstractState(Value[object](NO_PLAN))
         on_state = {self.abstract_state_ticket(state)}
-        for port, field in (("motion_desired", "motion"), ("gains_desired", "gains")):
-            self.DeclareAbstractOutputPort(
-                port,
-                lambda: Value[object](),
-                lambda context, output, field=field: output.set_value(
-                    getattr(self._plan(context), field, None)
-                ),
-                on_state,
-            )
+        self.DeclareAbstractOutputPort(
+            "motion_desired",
+            lambda: Value[object](NO_MOTION),
+            lambda context, output: output.set_value(self._plan(context).motion),
+            on_state,
+        )
+        self.DeclareAbstractOutputPort(
+            "gains_desired",
+            lambda: Value[object](NO_GAINS),
+            lambda context, output: output.set_value(self._plan(context).gains),
+            on_state,
+        )
         self.DeclareVectorOutputPort(
             "plan_time_left", 1, self._calc_time_left, on_state | {self.time_ticket()}
         )
-        self.DeclareAbstractOutputPort("path_planned", lambda: Value[object](), self._calc_path)
+        self.DeclareAbstractOutputPort(
+            "path_planned", lambda: Value[object](_NO_PATH), self._calc_path
+        )
         self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
 
-    def _plan(self, context: Context) -> Plan | None:
-        plan: Plan | None = context.get_abstract_state(0).get_value()
+    def _plan(self, context: Context) -> Plan:
+        plan: Plan = context.get_abstract_state(0).get_value()
         return plan
 
     def _update(self, context: Context, state: State) -> None:
         phase = self._phase.Eval(context)[0]
         plan = self._plan(context)
         if not is_held(phase):
-            state.get_mutable_abstract_state(0).set_value(None)
+            state.get_mutable_abstract_state(0).set_value(NO_PLAN)
             return
-        if plan is None and phase != Phase.RETURN:
+        if not plan.exists and phase != Phase.RETURN:
             return
         time, joint = context.get_time(), np.asarray(self._joint.Eval(context))
         q = float(joint[6])
         screw_W = np.asarray(self._screw.Eval(context))
         X_WE = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context))).X_WE
         revolute = is_revolute(joint)
-        if plan is None or plan.revolute != revolute:
+        if not plan.exists or plan.revolute != revolute:
             still = DesiredMotion(X_WE=X_WE, V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
             S_E = se3.adjoint(se3.inverse(X_WE)) @ screw_W
-            motion = still if plan is None else plan.motion
+            motion = plan.motion if plan.exists else still
             plan = begin(motion, S_E, q, revolute, time, self._config)
         failed = (
             self._failure.HasValue(context)
@@ -263,13 +282,12 @@ class TrajectoryGenerator(LeafSystem):
 
     def _calc_time_left(self, context: Context, output: BasicVector) -> None:
         plan = self._plan(context)
-        left = np.inf if plan is None else plan.start + plan.duration - context.get_time()
-        output.SetAtIndex(0, left)
+        output.SetAtIndex(0, plan.start + plan.duration - context.get_time())
 
     def _calc_path(self, context: Context, output: Value) -> None:
         plan = self._plan(context)
-        if plan is None:
-            output.set_value(np.zeros((0, 4, 4)))
+        if not plan.exists:
+            output.set_value(_NO_PATH)
             return
         q, screw_W = self._joint.Eval(context)[6], np.asarray(self._screw.Eval(context))
         steps = np.linspace(0.0, q, 25)

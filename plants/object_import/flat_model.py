@@ -15,6 +15,7 @@ from pydrake.geometry import (
     Ellipsoid,
     GeometryId,
     Mesh,
+    Rgba,
     SceneGraph,
     SceneGraphInspector,
     Shape,
@@ -353,11 +354,10 @@ class FlatModelWriter:
         properties = self._inspector.GetPerceptionProperties(geometry)
         if properties is None:
             properties = self._inspector.GetIllustrationProperties(geometry)
-        color = properties.GetPropertyOrDefault("phong", "diffuse", None)
+        color = properties.GetPropertyOrDefault("phong", "diffuse", Rgba(0.6, 0.6, 0.6, 1.0))
         texture = properties.GetPropertyOrDefault("phong", "diffuse_map", "")
         material = SubElement(element, "material")
-        rgba = [0.6, 0.6, 0.6, 1.0] if color is None else list(color.rgba)
-        SubElement(material, "diffuse").text = _text([1.0] * 4 if texture else rgba)
+        SubElement(material, "diffuse").text = _text([1.0] * 4 if texture else list(color.rgba))
         if texture:
             SubElement(material, f"{_DRAKE}diffuse_map").text = self._copied(texture)
 

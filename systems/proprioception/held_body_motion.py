@@ -277,14 +277,14 @@ class HeldBodyMotion(RecursiveFilter):
             Ad = se3.adjoint(se3.inverse(bending.X))
             V_covariance = Ad @ end_effector.covariance[6:, 6:] @ Ad.T
             body = with_velocity(body, Ad @ end_effector.V, V_covariance, grasp, self._config)
-        value.set_value(body)
+        value.set_value(HeldBodyState(body=body))
 
     def _write_prior(self, context: Context, value: AbstractValue) -> None:
-        body = self._prior.Eval(context)
+        body = self._prior.Eval(context).body
         value.set_value(NO_POSE if body is None else body.pose)
 
     def _calc_posterior_state(self, context: Context, state: Any) -> HeldBodyState:
-        body = self._prior.Eval(context)
+        body = self._prior.Eval(context).body
         if body is None:
             if self._read(self._active, context)[0] <= 0.5:
                 return HeldBodyState()

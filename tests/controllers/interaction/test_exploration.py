@@ -8,6 +8,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
 
 from crossmodal.controllers.arm.impedance import (
+    NO_MOTION,
     DesiredMotion,
 )
 from crossmodal.controllers.interaction.exploration import (
@@ -28,7 +29,7 @@ def test_a_hand_that_lags_pulls_the_goal_ahead_in_the_wanted_direction() -> None
     assert_allclose(explore_step(np.eye(4), wanted, wanted, 0.1), np.eye(4))
 
 
-def explore_once(phase: Phase) -> tuple[np.ndarray, DesiredMotion | None]:
+def explore_once(phase: Phase) -> tuple[np.ndarray, DesiredMotion]:
     state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
     controller = ExplorationController(ExplorationConfig(), arm_model())
     context = controller.CreateDefaultContext()
@@ -46,12 +47,12 @@ def explore_once(phase: Phase) -> tuple[np.ndarray, DesiredMotion | None]:
 
 
 def test_before_exploration_nothing_is_asked_of_the_arm() -> None:
-    assert explore_once(Phase.CLOSE)[1] is None
+    assert explore_once(Phase.CLOSE)[1] is NO_MOTION
 
 
 def test_exploration_advances_the_goal_along_the_pull_and_lets_the_rest_follow_the_hand() -> None:
     X_WE, motion = explore_once(Phase.EXPLORE)
-    assert motion is not None
+    assert motion.exists
     error = se3.log(se3.inverse(X_WE) @ motion.X_WE)
     step = ExplorationConfig().gain * ExplorationConfig().speed
     assert_allclose(error[:5], 0.0, atol=1e-9)

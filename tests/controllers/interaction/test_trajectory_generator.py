@@ -8,7 +8,7 @@ from known_arm import STILL, arm_model
 from numpy.testing import assert_allclose
 from pydrake.systems.analysis import Simulator
 
-from crossmodal.controllers.arm.impedance import DesiredMotion, ImpedanceGains
+from crossmodal.controllers.arm.impedance import NO_GAINS, NO_MOTION, DesiredMotion, ImpedanceGains
 from crossmodal.controllers.interaction.phases import Phase
 from crossmodal.controllers.interaction.trajectory_generator import (
     Plan,
@@ -154,8 +154,8 @@ def test_before_the_return_there_is_no_motion_and_no_plan() -> None:
     generator, simulator = generator_at(Phase.EXPLORE)
     simulator.AdvanceTo(0.1)
     context = simulator.get_context()
-    assert generator.GetOutputPort("motion_desired").Eval(context) is None
-    assert generator.GetOutputPort("gains_desired").Eval(context) is None
+    assert generator.GetOutputPort("motion_desired").Eval(context) is NO_MOTION
+    assert generator.GetOutputPort("gains_desired").Eval(context) is NO_GAINS
     assert np.isinf(generator.GetOutputPort("plan_time_left").Eval(context)[0])
     assert len(generator.GetOutputPort("path_planned").Eval(context)) == 0
 

@@ -1,13 +1,44 @@
-"""Durations as numbers of ticks: configurations are in seconds, filters count ticks."""
+"""The network's tick: who gets its period, and durations as numbers of ticks."""
 
+import copy
+from dataclasses import fields
 from operator import attrgetter
+from typing import TypeVar
 
 from crossmodal.maths.validation import number, require
 
+C = TypeVar("C")
+
+NETWORK_PERIOD = 1.0 / 15.0  # Of the network's ticks unless a scenario says otherwise, [s].
+
 
 def tick_period() -> float:
-    """A configuration's field for the period of the network's ticks, 1/15 s by default."""
-    return number(1.0 / 15.0, at_least=1e-3, at_most=1.0, unit="s")
+    """A configuration's field for the network's period, where that is chosen."""
+    return number(NETWORK_PERIOD, at_least=1e-3, at_most=1.0, unit="s")
+
+
+class Ticked:
+    """A configuration of what is updated at the network's ticks.
+
+    Their period is no field of it: all filters share one, which `at_period` hands to them.
+
+    Attributes:
+        period: Of the ticks, [s].
+    """
+
+    period = NETWORK_PERIOD
+
+
+def at_period(config: C, period: float) -> C:
+    """A copy of a dataclass in which each `Ticked` part has the network's period [s]."""
+    ticked = copy.copy(config)
+    for item in fields(config):  # type: ignore[arg-type]
+        part = getattr(config, item.name)
+        if isinstance(part, Ticked):
+            setattr(ticked, item.name, at_period(part, period))
+    if isinstance(ticked, Ticked):
+        ticked.period = period
+    return ticked
 
 
 def whole_ticks(duration: float, period: float) -> int:

@@ -105,7 +105,7 @@ def make_station(scenario: Scenario, calibration: Calibration) -> Station:
 def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, Diagram]:
     """One network of filters for each of the scenario's modalities."""
     return {
-        modality: make_network(modality, scenario.perception, calibration)
+        modality: make_network(modality, scenario.perception, calibration, scenario.network_period)
         for modality in scenario.modalities
     }
 

@@ -31,6 +31,7 @@ from crossmodal.systems.proprioception.held_body_motion import (
     HeldBodyMotionConfig,
 )
 from crossmodal.systems.proprioception.slip_detection import SlipDetection, SlipDetectionConfig
+from crossmodal.systems.ticks import at_period
 from crossmodal.systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 from crossmodal.systems.vision.features.feature_motion import FeatureMotion
@@ -185,7 +186,9 @@ class PerceptionConfig:
     joint_mechanics: JointMechanicsConfig = field(default_factory=JointMechanicsConfig)
 
 
-def make_network(modality: str, config: PerceptionConfig, calibration: Calibration) -> Diagram:
+def make_network(
+    modality: str, config: PerceptionConfig, calibration: Calibration, period: float
+) -> Diagram:
     """The filters of one modality, wired.
 
     Inputs are those of `VISION_INPUTS` and `PROPRIOCEPTION_INPUTS` that the modality uses; outputs
@@ -195,6 +198,9 @@ def make_network(modality: str, config: PerceptionConfig, calibration: Calibrati
 
     Args:
         modality: One of `MODALITIES`.
+        config: Of the filters.
+        calibration: What the robot believes of its sensors.
+        period: Of the ticks, [s].
 
     Raises:
         ValueError: for an unknown modality or an impossible config value.
@@ -202,6 +208,7 @@ def make_network(modality: str, config: PerceptionConfig, calibration: Calibrati
     if modality not in MODALITIES:
         raise ValueError(f"unknown modality '{modality}'; there are {', '.join(MODALITIES)}")
     check_cut(config.cut)
+    config = at_period(config, period)
     builder = DiagramBuilder()
     kinematics = getattr(config, f"joints_{modality}")
     if modality == "vision":

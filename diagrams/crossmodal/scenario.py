@@ -12,7 +12,6 @@ from crossmodal.diagrams.crossmodal.objects.object_import import check_grasp, ch
 from crossmodal.diagrams.crossmodal.objects.object_model import read_object_model
 from crossmodal.diagrams.crossmodal.robot_config import HAND, ControlConfig, SensorsConfig
 from crossmodal.diagrams.run import scenario as base
-from crossmodal.diagrams.run.common_tick import SENSOR_TICKS, with_common_tick
 from crossmodal.diagrams.run.scenario import CameraConfig
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 from crossmodal.maths.validation import number, numbers
@@ -167,17 +166,12 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
         modalities=sorted(scenario.modalities, key=lambda name: [*MODALITIES, name].index(name)),
     )
     _check(scenario, source)
-    period = scenario.network_period
     return replace(
         scenario,
         objects={
             name: _resolve_object(thing, f"objects.{name}", path)
             for name, thing in scenario.objects.items()
         },
-        perception=with_common_tick(
-            scenario.perception, ("period",), period, f"{source}: perception"
-        ),
-        sensors=with_common_tick(scenario.sensors, SENSOR_TICKS, period, f"{source}: sensors"),
     )
 
 

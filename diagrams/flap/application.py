@@ -81,7 +81,9 @@ def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, D
     """The estimators that the scenario asks for."""
     layout = scenario.finger.layout()
     return {
-        name: make_estimator(name, scenario.perception, calibration, layout)
+        name: make_estimator(
+            name, scenario.perception, calibration, layout, scenario.network_period
+        )
         for name in scenario.modalities
     }
 

@@ -29,6 +29,7 @@ from crossmodal.systems.registration.arm_registration import ArmRegistration, Ar
 from crossmodal.systems.registration.registration_prior import CalibratedArm
 from crossmodal.systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout
+from crossmodal.systems.ticks import at_period
 
 SEEN_STREAMS = ("color", "depth")
 JOINT_STREAMS = ("holder_joint_state", "finger_joint_state")
@@ -89,7 +90,11 @@ def arm_pose(calibration: Calibration, name: str) -> ArmPose:
 
 
 def make_estimator(
-    name: str, config: PerceptionConfig, calibration: Calibration, layout: TaxelLayout
+    name: str,
+    config: PerceptionConfig,
+    calibration: Calibration,
+    layout: TaxelLayout,
+    period: float,
 ) -> Diagram:
     """The systems of one estimator, wired.
 
@@ -100,12 +105,17 @@ def make_estimator(
     Args:
         name: One of `ESTIMATORS`: `geometric` intersects the flap's planes and fits the contact's
             circle, `filtered` asks the joint filters of the cross-modal network.
+        config: Of the systems.
+        calibration: What the robots believe of their sensors.
+        layout: Of the taxels.
+        period: Of the ticks, [s].
 
     Raises:
         ValueError: for an unknown name or an impossible config value.
     """
     if name not in ESTIMATORS:
         raise ValueError(f"unknown estimator '{name}'; there are {', '.join(ESTIMATORS)}")
+    config = at_period(config, period)
     builder = DiagramBuilder()
     camera = believed_camera(calibration)
     tracker = builder.AddNamedSystem("flap_tracker", FlapTracker(config.tracker, camera))

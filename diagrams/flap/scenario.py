@@ -12,7 +12,6 @@ from crossmodal.diagrams.flap.flip_control import FlipControlConfig
 from crossmodal.diagrams.flap.robot_config import SensorsConfig
 from crossmodal.diagrams.run import scenario as base
 from crossmodal.diagrams.run.calibration import CalibrationConfig, realistic_errors
-from crossmodal.diagrams.run.common_tick import SENSOR_TICKS, with_common_tick
 from crossmodal.diagrams.run.scenario import CameraConfig
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 from crossmodal.maths.validation import number, numbers
@@ -210,15 +209,10 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
                 f"{path}: tool.thickness: a tool of one's own needs it, [m]; of the bar at its"
                 " frame 'handle', between the pads"
             )
-    period = scenario.network_period
     return replace(
         scenario,
         modalities=scenario.modalities or list(ESTIMATORS),
         tool=replace(scenario.tool, model=model),
-        perception=with_common_tick(
-            scenario.perception, ("period",), period, f"{path}: perception"
-        ),
-        sensors=with_common_tick(scenario.sensors, SENSOR_TICKS, period, f"{path}: sensors"),
     )
 
 

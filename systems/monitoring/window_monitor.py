@@ -12,7 +12,7 @@ from crossmodal.maths.validation import check, number
 from crossmodal.systems.monitoring.offsets import OffsetModel, Offsets
 from crossmodal.systems.port_values import HEALTHY, SampleWindow, StreamHealth
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 NO_SAMPLES = "no samples"
 NOT_FINITE = "readings that are no numbers"
@@ -21,8 +21,7 @@ STUCK = "always the same reading"
 
 
 @dataclass(kw_only=True)
-class WindowMonitorConfig:
-    period: float = tick_period()
+class WindowMonitorConfig(Ticked):
     # A sample is passed on until it is so old.
     oldest: float = number(0.15, at_least=1e-3, at_most=3600.0, unit="s")
     # By so much a stamp may lie ahead of the tick.

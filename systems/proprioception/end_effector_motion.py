@@ -13,12 +13,11 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number, numbers, require
 from crossmodal.systems.port_values import EndEffectorBelief, SampleWindow
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 
 @dataclass(kw_only=True)
-class EndEffectorMotionConfig:
-    period: float = tick_period()  # Update period.
+class EndEffectorMotionConfig(Ticked):
     # Standard deviation of one encoder sample.
     position_noise: float = number(1.0e-4, at_least=1e-9, at_most=1.0, unit="rad")
     # The same of a velocity sample.

@@ -10,12 +10,11 @@ from crossmodal.maths.validation import check, number
 from crossmodal.systems.arm_pose import ArmPose, joints_at, offset_variances
 from crossmodal.systems.port_values import UNKNOWN_END_EFFECTOR, EndEffectorBelief, SampleWindow
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 
 @dataclass(kw_only=True)
-class EndEffectorPoseConfig:
-    period: float = tick_period()
+class EndEffectorPoseConfig(Ticked):
     # Standard deviation of one encoder sample, and of a velocity sample.
     position_noise: float = number(1e-4, at_least=1e-9, at_most=1.0, unit="rad")
     velocity_noise: float = number(5e-3, at_least=1e-9, at_most=100.0, unit="rad/s")

@@ -7,12 +7,11 @@ import numpy as np
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number, numbers, require
 from crossmodal.systems.proprioception.grasp_failure import GraspFailureConfig
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 
 @dataclass(kw_only=True)
-class GraspModelConfig:
-    period: float = tick_period()  # Update period.
+class GraspModelConfig(Ticked):
     # Probability when the hand closes, if it holds the body.
     prior_perfect: float = number(0.72, above=0.0, at_most=1.0)
     prior_revolute: float = number(0.21, above=0.0, at_most=1.0)  # The same of a revolute grasp.

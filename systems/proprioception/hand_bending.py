@@ -27,15 +27,14 @@ from crossmodal.systems.proprioception.bending_network import (
 )
 from crossmodal.systems.proprioception.bent_hand import screw
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 GRAVITY = 9.81  # [m/s^2]
 CERTAIN = 1e-12  # Variance of a pose that is known by definition, [rad^2, m^2].
 
 
 @dataclass(kw_only=True)
-class HandBendingConfig:
-    period: float = tick_period()  # Update period.
+class HandBendingConfig(Ticked):
     weights: str = "hand_bending.npz"  # File in models/weights, or an absolute path.
     # Mass of what hangs on the wrist sensor.
     hand_mass: float = number(0.628, at_least=0.0, at_most=100.0, unit="kg")

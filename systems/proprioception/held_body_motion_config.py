@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 
 from crossmodal.maths.validation import number
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 
 @dataclass(kw_only=True)
-class HeldBodyMotionConfig:
-    period: float = tick_period()  # Update period.
+class HeldBodyMotionConfig(Ticked):
     # White error of the end-effector above which no reference is taken.
     largest_rotation: float = number(0.05, at_least=1e-9, at_most=10.0, unit="rad")
     # The same for the translation.

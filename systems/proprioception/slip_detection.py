@@ -24,12 +24,11 @@ from crossmodal.systems.port_values import (
     SlipBelief,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 
 @dataclass(kw_only=True)
-class SlipDetectionConfig:
-    period: float = tick_period()  # Update period.
+class SlipDetectionConfig(Ticked):
     # Change of a chamber's pressure while the bar stays where it is, a share of it, 1 sigma.
     pressure_deviation: float = number(0.03, at_least=1e-6, at_most=10.0)
     # The same by the load.

@@ -28,12 +28,11 @@ from crossmodal.systems.tactile.contact_features import (
 from crossmodal.systems.tactile.skin import indentation
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout, surface_normals
 from crossmodal.systems.tactile.taxel_monitor import TaxelState, next_taxel_state, unheard_taxels
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 
 @dataclass(kw_only=True)
-class FingertipMotionConfig:
-    period: float = tick_period()
+class FingertipMotionConfig(Ticked):
     # Standard deviation of one encoder sample, and of a velocity sample.
     position_noise: float = number(1e-4, at_least=1e-9, at_most=1.0, unit="rad")
     velocity_noise: float = number(5e-3, at_least=1e-9, at_most=100.0, unit="rad/s")

@@ -50,7 +50,7 @@ def add_joint_sensors(
             arms[arm],
             q,
             wiring.scenario.sensors.encoders,
-            wiring.scenario.seed,
+            wiring.scenario,
             owner,
         )
         for (owner, (arm, _)), q in zip(_MODELS.items(), (start.holder, start.finger), strict=True)
@@ -84,6 +84,7 @@ def add_taxels(wiring: StationWiring, layout: TaxelLayout) -> OutputPort:
             len(layout.p_ST),
             own_seed(seed, FINGERTIP),
             wiring.scenario.disturbances.taxels,
+            wiring.scenario.network_period,
         ),
     )
     builder.Connect(forces.get_output_port(), sensor.get_input_port())

@@ -7,7 +7,7 @@ import numpy as np
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.gaussian import chi_square_gate
 from crossmodal.maths.validation import check, number
-from crossmodal.systems.ticks import require_ticks, tick_period, whole_ticks
+from crossmodal.systems.ticks import Ticked, require_ticks, whole_ticks
 
 
 @dataclass(kw_only=True)
@@ -146,10 +146,9 @@ class HeldBodyConfig:
 
 
 @dataclass(kw_only=True)
-class RigidBodyMotionConfig:
+class RigidBodyMotionConfig(Ticked):
     """How bodies are tracked; squared distances are squares of Mahalanobis distances."""
 
-    period: float = tick_period()  # Update period.
     # Least squared distance of an outlier, 3 dof.
     gate: float = number(chi_square_gate(0.001, 3), above=0.0, at_most=1e6)
     # Least number of features that keeps a body alive.

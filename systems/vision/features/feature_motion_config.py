@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from crossmodal.maths.validation import check, number
-from crossmodal.systems.ticks import require_ticks, tick_period
+from crossmodal.systems.ticks import Ticked, require_ticks
 
 
 @dataclass(kw_only=True)
@@ -109,8 +109,7 @@ class TrackManagementConfig:
 
 
 @dataclass(kw_only=True)
-class FeatureMotionConfig:
-    period: float = tick_period()  # Update period.
+class FeatureMotionConfig(Ticked):
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
     flow: FlowConfig = field(default_factory=FlowConfig)

@@ -16,9 +16,10 @@ from crossmodal.systems.monitoring.image_monitor import (
 )
 from crossmodal.systems.monitoring.window_monitor import NO_SAMPLES, NOT_FINITE, OUT_OF_TIME, STUCK
 from crossmodal.systems.port_values import StampedImage
+from crossmodal.systems.ticks import at_period
 
 TICK = 0.1
-CONFIG = ImageMonitorConfig(period=TICK, stale_after=0.15)
+CONFIG = at_period(ImageMonitorConfig(stale_after=0.15), TICK)
 SIZE = 4, 3
 
 

@@ -1,13 +1,8 @@
-"""The network's tick: who gets its period, and durations as numbers of ticks."""
+"""The network's tick: who has its period, and durations as numbers of ticks."""
 
-import copy
-from dataclasses import fields
 from operator import attrgetter
-from typing import TypeVar
 
 from crossmodal.maths.validation import number, require
-
-C = TypeVar("C")
 
 NETWORK_PERIOD = 1.0 / 15.0  # Of the network's ticks unless a scenario says otherwise, [s].
 
@@ -20,25 +15,13 @@ def tick_period() -> float:
 class Ticked:
     """A configuration of what is updated at the network's ticks.
 
-    Their period is no field of it: all filters share one, which `at_period` hands to them.
+    Their period is no field of it: all filters share one, see `shared_settings`.
 
     Attributes:
         period: Of the ticks, [s].
     """
 
     period = NETWORK_PERIOD
-
-
-def at_period(config: C, period: float) -> C:
-    """A copy of a dataclass in which each `Ticked` part has the network's period [s]."""
-    ticked = copy.copy(config)
-    for item in fields(config):  # type: ignore[arg-type]
-        part = getattr(config, item.name)
-        if isinstance(part, Ticked):
-            setattr(ticked, item.name, at_period(part, period))
-    if isinstance(ticked, Ticked):
-        ticked.period = period
-    return ticked
 
 
 def whole_ticks(duration: float, period: float) -> int:

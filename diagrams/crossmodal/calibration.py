@@ -34,4 +34,5 @@ def make_calibration(scenario: Scenario) -> Calibration:
                 joint_offset_std=np.full(len(ARM_JOINTS), _JOINT_OFFSET),
             )
         },
+        noise=scenario.calibration.noise,
     )

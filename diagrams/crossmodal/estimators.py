@@ -1,7 +1,7 @@
 """The network of coupled filters: one factory, three wirings of the same systems."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
@@ -26,12 +26,13 @@ from crossmodal.systems.proprioception.end_effector_motion import (
 from crossmodal.systems.proprioception.grasp_model import GraspModel
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 from crossmodal.systems.proprioception.hand_bending import HandBending, HandBendingConfig
+from crossmodal.systems.proprioception.hand_config import HandConfig
 from crossmodal.systems.proprioception.held_body_motion import (
     HeldBodyMotion,
     HeldBodyMotionConfig,
 )
 from crossmodal.systems.proprioception.slip_detection import SlipDetection, SlipDetectionConfig
-from crossmodal.systems.ticks import at_period
+from crossmodal.systems.shared_settings import with_shared
 from crossmodal.systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 from crossmodal.systems.vision.features.feature_motion import FeatureMotion
@@ -123,26 +124,18 @@ _FURNITURE = TypePriorsConfig(screw=0.02, rigid=0.4)  # Few of its joints are sc
 _HINGE_PITCH = 3e-3  # What errors that last make a hinge climb, [m/rad].
 
 
-def joints_from_features() -> KinematicModelConfig:
-    """Bodies followed by the eye drift by a tenth of a millimetre or two for seconds.
-
-    What an arm opens has its hinge within reach.
-    """
-    return KinematicModelConfig(
-        filters=JointFiltersConfig(
-            far_axes=False,
-            type_priors=_FURNITURE,
-            ranking_priors=_FURNITURE,
-            hinge_pitch=_HINGE_PITCH,
-            errors=MeasurementErrorsConfig(
-                correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
-            ),
-        )
+def _errors_of_the_eye() -> MeasurementErrorsConfig:
+    """Bodies followed by the eye drift by a tenth of a millimetre or two for seconds."""
+    return MeasurementErrorsConfig(
+        correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
     )
 
 
-def joints_from_the_hand() -> KinematicModelConfig:
-    """The hand pulls at what the eye sees; unseen, a body's error is that of the hand."""
+def _joints() -> KinematicModelConfig:
+    """What an arm opens has its hinge within reach.
+
+    The hand pulls at what the eye sees; unseen, a body's error is that of the hand.
+    """
     return KinematicModelConfig(
         filters=JointFiltersConfig(
             far_axes=False,
@@ -161,10 +154,13 @@ def joints_from_the_hand() -> KinematicModelConfig:
 
 @dataclass(kw_only=True)
 class PerceptionConfig:
-    """One config per filter; the joints' differ by what measures the bodies.
+    """One config per filter, and what they share.
 
     Attributes:
         cut: Wires of `CROSSMODAL_WIRES` that the cross-modal network does without.
+        hand: That holds the body.
+        joint_errors_of_vision: Of the bodies' poses where only the eye measures them; in
+            `joints` are those of what the hand holds.
     """
 
     cut: list[str] = field(default_factory=list)
@@ -175,14 +171,14 @@ class PerceptionConfig:
     images: ImageMonitorConfig = field(default_factory=ImageMonitorConfig)
     end_effector: EndEffectorMotionConfig = field(default_factory=EndEffectorMotionConfig)
     hand_bending: HandBendingConfig = field(default_factory=HandBendingConfig)
+    hand: HandConfig = field(default_factory=HandConfig)
     slip: SlipDetectionConfig = field(default_factory=SlipDetectionConfig)
     grasp: GraspModelConfig = field(default_factory=GraspModelConfig)
     held_body: HeldBodyMotionConfig = field(default_factory=HeldBodyMotionConfig)
     features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
     bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
-    joints_vision: KinematicModelConfig = field(default_factory=joints_from_features)
-    joints_proprioception: KinematicModelConfig = field(default_factory=joints_from_the_hand)
-    joints_crossmodal: KinematicModelConfig = field(default_factory=joints_from_the_hand)
+    joints: KinematicModelConfig = field(default_factory=_joints)
+    joint_errors_of_vision: MeasurementErrorsConfig = field(default_factory=_errors_of_the_eye)
     joint_mechanics: JointMechanicsConfig = field(default_factory=JointMechanicsConfig)
 
 
@@ -208,10 +204,12 @@ def make_network(
     if modality not in MODALITIES:
         raise ValueError(f"unknown modality '{modality}'; there are {', '.join(MODALITIES)}")
     check_cut(config.cut)
-    config = at_period(config, period)
+    config = with_shared(config, period=period, noise=calibration.noise, hand=config.hand)
     builder = DiagramBuilder()
-    kinematics = getattr(config, f"joints_{modality}")
+    kinematics = config.joints
     if modality == "vision":
+        filters = replace(kinematics.filters, errors=config.joint_errors_of_vision)
+        kinematics = with_shared(replace(kinematics, filters=filters), period=period)
         model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=1))
         bodies = _add_vision(builder, config, calibration, with_held_body=False)
         _wire(builder, bodies, "body_motions_estimated", model, "body_motions")
@@ -329,8 +327,7 @@ def _add_felt_monitors(
     """A monitor between each of `FELT_STREAMS` and the filter that reads it."""
     arm, steps = calibration.arm.model, config.steps
     response = ArmResponse(config.arm_response, arm)
-    wrench = np.repeat([steps.torque_noise, steps.force_noise], 3)
-    pressure = np.full(4, steps.pressure_noise)
+    wrench, pressure = calibration.noise.wrench, np.full(4, calibration.noise.pressure)
     models: list[tuple[int, OffsetModel]] = [
         (2 * arm.num_positions(), AnglesByRates(config.angles)),
         (6, IsolatedSteps(steps, wrench, response.is_felt)),

@@ -33,4 +33,4 @@ def make_calibration(scenario: Scenario) -> Calibration:
         name: calibrated(config.camera(), believed)
         for name, config in scenario.drawn_cameras().items()
     }
-    return Calibration(cameras=cameras, arms=arms)
+    return Calibration(cameras=cameras, arms=arms, noise=scenario.calibration.noise)

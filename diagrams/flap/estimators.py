@@ -27,9 +27,9 @@ from crossmodal.systems.proprioception.end_effector_pose import (
 )
 from crossmodal.systems.registration.arm_registration import ArmRegistration, ArmRegistrationConfig
 from crossmodal.systems.registration.registration_prior import CalibratedArm
+from crossmodal.systems.shared_settings import with_shared
 from crossmodal.systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout
-from crossmodal.systems.ticks import at_period
 
 SEEN_STREAMS = ("color", "depth")
 JOINT_STREAMS = ("holder_joint_state", "finger_joint_state")
@@ -115,7 +115,7 @@ def make_estimator(
     """
     if name not in ESTIMATORS:
         raise ValueError(f"unknown estimator '{name}'; there are {', '.join(ESTIMATORS)}")
-    config = at_period(config, period)
+    config = with_shared(config, period=period, noise=calibration.noise)
     builder = DiagramBuilder()
     camera = believed_camera(calibration)
     tracker = builder.AddNamedSystem("flap_tracker", FlapTracker(config.tracker, camera))

@@ -15,14 +15,12 @@ from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import number
 from crossmodal.systems.monitoring.offsets import DRIFTING, OFFSET, Offsets, without_gone
 from crossmodal.systems.port_values import SampleWindow
+from crossmodal.systems.shared_settings import SensorNoise
 
 
 @dataclass(kw_only=True)
 class AnglesConfig:
-    # Standard deviation of one angle.
-    noise: float = number(1.0e-4, at_least=1e-9, at_most=1.0, unit="rad")
-    # The same of a rate.
-    rate_noise: float = number(5.0e-3, at_least=1e-9, at_most=100.0, unit="rad/s")
+    noise = SensorNoise()
     # Change of an angle at rest from one sample to the next that is a jump.
     jump: float = number(0.01, above=0.0, at_most=100.0, unit="rad")
     # By so much a sample may be older or newer than its stamp says.
@@ -138,8 +136,8 @@ def split_changes(
     unexplained = np.diff(every[:, :n], axis=0) - way
     jumps = np.where(np.abs(unexplained) > config.jump + timing, unexplained, 0.0)
     rest = unexplained - jumps
-    variance = np.maximum(config.rate_noise * dt, 0.5 * np.abs(later - earlier) * dt) ** 2
-    is_hit = np.abs(rest) > config.gate * np.sqrt(2.0 * config.noise**2 + variance)
+    variance = np.maximum(config.noise.rate * dt, 0.5 * np.abs(later - earlier) * dt) ** 2
+    is_hit = np.abs(rest) > config.gate * np.sqrt(2.0 * config.noise.angle**2 + variance)
     variance = variance + np.where(is_hit, rest**2, 0.0)
     return Changes(
         jumps=jumps,
@@ -177,7 +175,7 @@ def find_drift(ends: tuple[TickEnd, ...], config: AnglesConfig) -> tuple[Array, 
     def since(values: Array) -> Array:
         return np.cumsum(values[::-1], axis=0)[::-1]
 
-    variance = since(each("variance")) + 2.0 * config.noise**2
+    variance = since(each("variance")) + 2.0 * config.noise.angle**2
     timing = each("timing")
     usual = config.gate * np.sqrt(variance) + timing + timing[-1]
     usual = usual + config.scale * since(np.abs(each("way")))
@@ -211,7 +209,9 @@ def follow_rates(
     drifting = ratio > np.where(before.drifting, config.ended, 1.0)
 
     # An error that is anywhere within the timing has a third of its square as variance.
-    of_jumps = np.where(changes.jumps != 0.0, 2.0 * config.noise**2 + changes.timing**2 / 3.0, 0.0)
+    of_jumps = np.where(
+        changes.jumps != 0.0, 2.0 * config.noise.angle**2 + changes.timing**2 / 3.0, 0.0
+    )
     goes_on = drifting & before.drifting
     base = np.where(goes_on, before.unexplained, from_where)
     of_drift = np.where(goes_on, ends[-1].variance, variance_since)

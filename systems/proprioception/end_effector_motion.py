@@ -13,27 +13,22 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number, numbers, require
 from crossmodal.systems.port_values import EndEffectorBelief, SampleWindow
 from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.shared_settings import SensorNoise
 from crossmodal.systems.ticks import Ticked
+
+# Bounds the joints' offsets near singular postures, [m/rad].
+_OFFSET_DAMPING = 0.05
 
 
 @dataclass(kw_only=True)
 class EndEffectorMotionConfig(Ticked):
-    # Standard deviation of one encoder sample.
-    position_noise: float = number(1.0e-4, at_least=1e-9, at_most=1.0, unit="rad")
-    # The same of a velocity sample.
-    velocity_noise: float = number(5.0e-3, at_least=1e-9, at_most=100.0, unit="rad/s")
+    noise = SensorNoise()
     # Expected within a window, 1 sigma.
     joint_acceleration: float = number(1.0, at_least=1e-6, at_most=1e4, unit="rad/s^2")
     # White acceleration that drives the velocity.
     angular_process_noise: float = number(0.5, at_least=1e-9, at_most=1000.0, unit="rad/s^1.5")
     # The same for the translation.
     linear_process_noise: float = number(0.2, at_least=1e-9, at_most=1000.0, unit="m/s^1.5")
-    # Calibration offset of the pose.
-    offset_rotation: float = number(float(np.deg2rad(3.0)), at_least=0.0, at_most=3.2, unit="rad")
-    # The same for the translation.
-    offset_translation: float = number(0.01, at_least=0.0, at_most=10.0, unit="m")
-    # Bounds the joint offsets near singular postures.
-    offset_damping: float = number(0.05, at_least=1e-6, at_most=10.0)
     # Posture at which the offset has this size; empty: the first that is measured.
     calibration_posture: list[float] = numbers(
         [], at_least=-10.0, at_most=10.0, unit="rad", shape=(range(101),)
@@ -58,7 +53,7 @@ def fit_joint_samples(
     ones = np.ones_like(tau)
     A_q = np.column_stack([ones, tau, 0.5 * tau**2])
     A_v = np.column_stack([0.0 * tau, ones, tau])
-    w_q, w_v = config.position_noise**-2, config.velocity_noise**-2
+    w_q, w_v = config.noise.angle**-2, config.noise.rate**-2
     normal = w_q * A_q.T @ A_q + w_v * A_v.T @ A_v
     normal[2, 2] += config.joint_acceleration**-2
     covariance = np.asarray(np.linalg.inv(normal), dtype=float)
@@ -102,8 +97,8 @@ def calibration_bias_jacobian(J_E: Array, config: EndEffectorMotionConfig) -> Ar
     The damped inverse of the Jacobian `J_E` (6, n) of the calibration posture, so that
     `J_E @ result` is close to diag(offset_rotation, offset_translation).
     """
-    scale = np.repeat([config.offset_rotation, config.offset_translation], 3)
-    gram = J_E @ J_E.T + config.offset_damping**2 * np.eye(6)
+    scale = np.repeat([config.noise.offset_rotation, config.noise.offset_translation], 3)
+    gram = J_E @ J_E.T + _OFFSET_DAMPING**2 * np.eye(6)
     return J_E.T @ np.linalg.solve(gram, np.diag(scale))
 
 

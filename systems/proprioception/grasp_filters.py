@@ -24,7 +24,7 @@ from crossmodal.maths.gaussian import joseph_update, log_likelihood, nees, symme
 from crossmodal.maths.vectors import cross, tangent_basis
 from crossmodal.systems.port_values import GraspType
 from crossmodal.systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
-from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig, morphology
+from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 
 HELD_TYPES = (GraspType.PERFECT, GraspType.REVOLUTE, GraspType.CYLINDRICAL)
 _PLAUSIBLE = 3.0  # Deviation from the morphology that costs nothing, in standard deviations.
@@ -65,7 +65,7 @@ def start_filter(
     grasp_type: GraspType, z_0: Array, bias_jacobian_0: Array, config: GraspModelConfig
 ) -> GraspFilter:
     """A filter at its reference, with the hand's morphology as prior."""
-    axis, point = morphology(config)
+    axis, point = config.hand.grasping_axis
     errors = bias_jacobian_0.shape[1] + 6
     line = prior_line_variances(bias_jacobian_0, config)
     variances = [1.0] * errors
@@ -115,7 +115,7 @@ def grasp_displacement(axis: Array, point: Array, coordinates: Array) -> tuple[A
 def predict_filter(grasp: GraspFilter, config: GraspModelConfig, way: float) -> GraspFilter:
     """One tick: the bent hand's error is a Gauss-Markov process, all else a random walk."""
     m = len(grasp.x) - 6
-    rho = np.exp(-config.period / config.hand_correlation_time)
+    rho = np.exp(-config.period / config.hand.correlation_time)
     x, P = error_state.fade(grasp.x, grasp.P, slice(m, m + 6), rho)
     Q = np.zeros(len(P))
     rates = np.array([config.rotation_process_noise, config.sliding_process_noise])
@@ -241,7 +241,7 @@ def with_line_covariance(grasp: GraspFilter, single: Array) -> GraspFilter:
 
 def with_slip(noise_square_root: Array, way: float, config: GraspModelConfig) -> Array:
     """The square root (6, 6) of the hand's noise and of the slip over a way [m]."""
-    slip = np.repeat([config.slip_rotation**2, config.slip_translation**2], 3) * way
+    slip = config.hand.slip * way
     return np.asarray(np.linalg.cholesky(noise_square_root @ noise_square_root.T + np.diag(slip)))
 
 
@@ -269,7 +269,7 @@ def plausibility(grasp: GraspFilter, config: GraspModelConfig) -> float:
     excess = max(0.0, float(grasp.x @ grasp.x) - len(grasp.x))
     if grasp.type == GraspType.PERFECT:
         return -0.5 * excess
-    axis, point = morphology(config)
+    axis, point = config.hand.grasping_axis
     tilt = float(np.arccos(np.clip(grasp.axis @ axis, -1.0, 1.0))) / config.axis_deviation
     shift = float(np.linalg.norm(grasp.point - point)) / config.point_deviation
     beyond = max(0.0, tilt - _PLAUSIBLE) + max(0.0, shift - _PLAUSIBLE)

@@ -35,7 +35,6 @@ from crossmodal.systems.proprioception.grasp_filters import (
 from crossmodal.systems.proprioception.grasp_model_config import (
     GraspModelConfig,
     check_grasp_model,
-    morphology,
     prior_probabilities,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
@@ -212,7 +211,7 @@ def learn(
     likelihoods = np.maximum(likelihoods - likelihoods.max(), -config.loss_limit)
     evidence = np.exp(-config.period / config.memory) * state.evidence + likelihoods
     usual = np.array([plausibility(f, config) for f, _ in results])
-    failure = compare(state.failure, hand.X_WH, seen, morphology(config)[1], config.failure)
+    failure = compare(state.failure, hand.X_WH, seen, config.hand.grasping_axis[1], config.failure)
     probabilities = weigh(evidence + usual, failure, slip, config)
     covariance = measured_covariance(hand, z, seen.covariance + offset_covariance)
     filters = [refresh(f, z, hand, config) for f, _ in results]

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.validation import check, number, numbers, require
+from crossmodal.maths.validation import check, number, require
 from crossmodal.systems.proprioception.grasp_failure import GraspFailureConfig
+from crossmodal.systems.proprioception.hand_config import HandConfig, check_hand
 from crossmodal.systems.ticks import Ticked
 
 
@@ -17,10 +18,7 @@ class GraspModelConfig(Ticked):
     prior_revolute: float = number(0.21, above=0.0, at_most=1.0)  # The same of a revolute grasp.
     # The same of a cylindrical grasp.
     prior_cylindrical: float = number(0.07, above=0.0, at_most=1.0)
-    # Direction of the bar, about which the fingers curl.
-    axis_H: np.ndarray = numbers(np.array([0.0, 1.0, 0.0]), at_least=-10.0, at_most=10.0)
-    # Point on the bar.
-    p_HA: np.ndarray = numbers(np.array([0.0, 0.0, -0.02]), at_least=-10.0, at_most=10.0, unit="m")
+    hand = HandConfig()
     # Standard deviation of the bar's direction.
     axis_deviation: float = number(0.2, at_least=1e-9, at_most=10.0, unit="rad")
     # Standard deviation of the bar's place.
@@ -33,12 +31,6 @@ class GraspModelConfig(Ticked):
     axis_process_noise: float = number(0.01, at_least=1e-9, at_most=10.0, unit="rad/s^0.5")
     # Random walk of the point on it.
     point_process_noise: float = number(3.0e-3, at_least=1e-9, at_most=10.0, unit="m/s^0.5")
-    # Of the bent hand's error, a Gauss-Markov process.
-    hand_correlation_time: float = number(30.0, at_least=1e-3, at_most=1e5, unit="s")
-    # Slip, a random walk over the hand's way.
-    slip_rotation: float = number(0.03, at_least=0.0, at_most=100.0, unit="rad/m^0.5")
-    # The same for the translation.
-    slip_translation: float = number(2.0e-3, at_least=0.0, at_most=10.0, unit="m/m^0.5")
     # Time constant with which the evidence fades.
     memory: float = number(0.7, at_least=1e-3, at_most=1e5, unit="s")
     # Probability that a loose grasp has become firm.
@@ -52,12 +44,6 @@ class GraspModelConfig(Ticked):
     failure: GraspFailureConfig = field(default_factory=GraspFailureConfig)
 
 
-def morphology(config: GraspModelConfig) -> tuple[Array, Array]:
-    """The hand's grasping axis (3,), a unit vector in H, and a point on it (3,)."""
-    axis = np.asarray(config.axis_H, dtype=float)
-    return axis / np.linalg.norm(axis), np.asarray(config.p_HA, dtype=float)
-
-
 def prior_probabilities(config: GraspModelConfig) -> Array:
     """Of the types (4,), in the order of `TYPES`."""
     failed = config.failure.prior
@@ -68,7 +54,6 @@ def prior_probabilities(config: GraspModelConfig) -> Array:
 def check_grasp_model(config: GraspModelConfig) -> None:
     """Raises ValueError, naming the first impossible value."""
     check(config, "GraspModel")
-    length = float(np.linalg.norm(config.axis_H))
-    require(length > 1e-6, "GraspModel", config, "axis_H", "a direction")
+    check_hand(config.hand, "GraspModel")
     total = float(prior_probabilities(config).sum())
     require(abs(total - 1.0) < 1e-6, "GraspModel", config, "prior_perfect", "a sum of one")

@@ -7,6 +7,7 @@ import numpy as np
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.validation import check, number, require
 from crossmodal.systems.port_values import NO_CONTACT, TactileContact
+from crossmodal.systems.shared_settings import SensorNoise
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout, surface_normals
 
 _FILLINGS = 6  # Steps in which the forces of left-out taxels are found.
@@ -15,8 +16,7 @@ _NEAREST = 3  # Number of taxels whose distance to a contact is the spacing ther
 
 @dataclass(kw_only=True)
 class ContactFeaturesConfig:
-    # Standard deviation of a taxel's force.
-    noise: float = number(0.01, at_least=1e-6, at_most=10.0, unit="N")
+    noise = SensorNoise()
     # A taxel's force that counts.
     least_force: float = number(0.025, at_least=0.0, at_most=10.0, unit="N")
     # Total force at which a contact begins, and at which it ends.
@@ -152,7 +152,7 @@ def contact_of_taxels(
         return NO_CONTACT
     pressed = filled_forces(counted, usable, layout, config)
     p_SC = contact_position(pressed, layout)
-    white = noise_covariance(counted, p_SC, layout, config.noise / np.sqrt(samples))
+    white = noise_covariance(counted, p_SC, layout, config.noise.taxel / np.sqrt(samples))
     return TactileContact(
         touching=True,
         p_SC=p_SC,

@@ -19,6 +19,7 @@ from crossmodal.systems.port_values import (
     TactileContact,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.shared_settings import SensorNoise
 from crossmodal.systems.tactile.contact_features import (
     ContactFeaturesConfig,
     check_features,
@@ -33,9 +34,7 @@ from crossmodal.systems.ticks import Ticked
 
 @dataclass(kw_only=True)
 class FingertipMotionConfig(Ticked):
-    # Standard deviation of one encoder sample, and of a velocity sample.
-    position_noise: float = number(1e-4, at_least=1e-9, at_most=1.0, unit="rad")
-    velocity_noise: float = number(5e-3, at_least=1e-9, at_most=100.0, unit="rad/s")
+    noise = SensorNoise()
     # Velocity of what is touched in the tick in which a contact begins, 1 sigma per axis.
     first_velocity: float = number(0.02, at_least=1e-6, at_most=10.0, unit="m/s")
     # By so much a sample of the taxels may be stamped ahead of the tick.
@@ -202,7 +201,7 @@ class FingertipMotion(RecursiveFilter):
         if joints.times.size == 0:
             return replace(state, belief=UNKNOWN_FINGERTIP)
         q, variance = joints_at(
-            joints.times - time, joints.values, config.position_noise, config.velocity_noise
+            joints.times - time, joints.values, config.noise.angle, config.noise.rate
         )
         X_WS, white, lasting = self._arm.Evaluate(q, variance, offset_variances(joints))
         belief = replace(

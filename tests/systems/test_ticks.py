@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 import pytest
 
 from crossmodal.maths.validation import number
-from crossmodal.systems.ticks import NETWORK_PERIOD, Ticked, at_period, require_ticks, whole_ticks
+from crossmodal.systems.shared_settings import with_shared
+from crossmodal.systems.ticks import NETWORK_PERIOD, Ticked, require_ticks, whole_ticks
 from crossmodal.systems.vision.bodies.body_tracker_state import no_bodies
 from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
@@ -37,7 +38,7 @@ def test_the_durations_of_the_body_tracker_last_as_long_at_another_period() -> N
         assert whole_ticks(duration, config.period) == ticks
         assert whole_ticks(duration, CAMERA_PERIOD) == 2 * ticks
     assert no_bodies(config).history.p_W.shape[1] == 30
-    assert no_bodies(at_period(config, CAMERA_PERIOD)).history.p_W.shape[1] == 60
+    assert no_bodies(with_shared(config, period=CAMERA_PERIOD)).history.p_W.shape[1] == 60
 
 
 def test_the_durations_of_the_feature_tracker_last_as_long_at_another_period() -> None:
@@ -53,7 +54,7 @@ def test_the_durations_of_the_feature_tracker_last_as_long_at_another_period() -
     for duration, ticks in durations.items():
         assert whole_ticks(duration, config.period) == ticks
         assert whole_ticks(duration, CAMERA_PERIOD) == 2 * ticks
-    assert no_tracks(at_period(config, CAMERA_PERIOD)).since_birth == 4
+    assert no_tracks(with_shared(config, period=CAMERA_PERIOD)).since_birth == 4
 
 
 @dataclass
@@ -90,7 +91,7 @@ class Network:
 
 def test_every_filter_gets_the_networks_period_and_the_given_one_stays_as_it_was() -> None:
     network = Network(filter=Filter(gain=3.0))
-    ticked = at_period(network, 0.05)
+    ticked = with_shared(network, period=0.05)
     assert (ticked.filter.period, ticked.filter.gain) == (0.05, 3.0)
     assert network.filter.period == NETWORK_PERIOD
     assert not hasattr(ticked.durations, "period")

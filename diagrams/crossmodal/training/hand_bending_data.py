@@ -18,7 +18,8 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.models import SDF_DIR
 from crossmodal.plants.scene import ObjectPlacement
-from crossmodal.systems.proprioception.hand_bending import HandBendingConfig, load_reading
+from crossmodal.systems.proprioception.hand_bending import load_reading
+from crossmodal.systems.proprioception.hand_config import HandConfig
 from crossmodal.systems.ticks import NETWORK_PERIOD
 
 NOMINAL_HANDLE = np.array([0.865, -0.25, 0.86])  # Where the chest stands, p_WO, [m].
@@ -70,7 +71,7 @@ def simulate_interaction(
     E, S = plant.GetFrameByName("end_effector"), plant.GetFrameByName("sensor")
     sequence = GraspSequenceConfig()
     closed = sequence.approach_time + sequence.close_time
-    config = HandBendingConfig()
+    hand = HandConfig()
     period = NETWORK_PERIOD
     X_WH: Array | None = None
     inputs: list[Array] = []
@@ -85,7 +86,7 @@ def simulate_interaction(
         ports = [station.diagram.GetOutputPort(n) for n in ("wrench_window", "pressure_window")]
         wrench, pressure = (port.Eval(root) for port in ports)
         R_WS = S.CalcPoseInWorld(context).rotation().matrix()
-        reading = load_reading(wrench, pressure, R_WS, config.hand_mass, config.p_S_com)
+        reading = load_reading(wrench, pressure, R_WS, hand.mass, hand.p_S_com)
         X_WE = E.CalcPoseInWorld(context).GetAsMatrix4()
         X_WH = X_WE if X_WH is None else X_WH
         inputs.append(reading)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.maths.rigid_points import pose_scale
 from crossmodal.systems.port_values import STATIC_BODY, PoseBelief
 from crossmodal.systems.ticks import whole_ticks
 from crossmodal.systems.vision.bodies import body_filter, body_tracking, held_body
@@ -20,7 +21,7 @@ from crossmodal.systems.vision.bodies.feature_displacements import (
 )
 from crossmodal.systems.vision.bodies.feature_history import FeatureHistory
 from crossmodal.systems.vision.bodies.motion_consensus import Consensus, find_consensus, stillness
-from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import GATE, RigidBodyMotionConfig
 
 
 def free_motion(
@@ -73,7 +74,7 @@ def find_moving_features(
         distance[rows],
         np.nonzero(moving[rows])[0],
         np.random.default_rng([config.birth.seed, tick]),
-        gate=config.gate,
+        gate=GATE,
         support_gate=config.birth.support_gate,
         rotation_sigma=config.birth.rotation_sigma,
     )
@@ -107,7 +108,7 @@ def outnumbers(
     others = np.nonzero(told)[0]
     error = d.p_new[others] - d.p_old[others] @ X[:3, :3].T - X[:3, 3]
     S = d.C_old[others] + d.C_new[others] + config.history.floor**2 * np.eye(3)
-    against = others[squared_distances(error, S)[0] > config.gate]
+    against = others[squared_distances(error, S)[0] > GATE]
 
     def neighbours(rows: Ids) -> int:
         difference = d.p_new[supporters][:, None] - d.p_new[rows]
@@ -173,7 +174,7 @@ def new_body(
     mine = history.select(rows[placed])
     X_WB_reference = np.eye(4)
     X_WB_reference[:3, 3] = rest.p_WF[of_rest].mean(axis=0)
-    sigma = config.dynamics.initial_velocity
+    sigma = pose_scale(config.dynamics.initial_velocity)
     body = body_filter.at_reference(X_WB_reference, sigma if stood else 5.0 * sigma)
     body = body_filter.add_reference_landmarks(
         body, mine.ids, X_WB_reference, rest.p_WF[of_rest], rest.covariance[of_rest]
@@ -186,7 +187,7 @@ def new_body(
             seen = np.nonzero(mine.samples[:, k])[0]
             p_WF = mine.p_W[seen, k]
             covariance = np.linalg.inv(mine.information[seen, k])
-            fits = body_filter.agreeing(body, seen, p_WF, covariance, config.gate)
+            fits = body_filter.agreeing(body, seen, p_WF, covariance, GATE)
             body = body_filter.correct(body, seen[fits], p_WF[fits], covariance[fits])
         path[k] = body.X
     return TrackedBody(

@@ -10,17 +10,19 @@ import numpy as np
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array, Ids
-from crossmodal.maths.gaussian import chi_square_gate
-from crossmodal.maths.rigid_points import pose_jacobian
+from crossmodal.maths.gaussian import chi_square_gate, outlier_gate
+from crossmodal.maths.rigid_points import pose_jacobian, pose_scale
 from crossmodal.systems.port_values import HELD_BODY, STATIC_BODY, PoseBelief
 from crossmodal.systems.ticks import whole_ticks
 from crossmodal.systems.vision.bodies import body_filter, body_tracking
 from crossmodal.systems.vision.bodies.body_tracker_state import TrackedBody
 from crossmodal.systems.vision.bodies.feature_displacements import displacements, squared_distances
 from crossmodal.systems.vision.bodies.feature_history import FeatureHistory, forget
-from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import GATE, RigidBodyMotionConfig
 
-_UNLIKELY = chi_square_gate(0.001, 6)  # Squared distance of a pose that is not the same one.
+# Squared distance by which one in twenty features at rest seems to have been nudged.
+_NUDGED = chi_square_gate(0.05, 3)
+_UNLIKELY = outlier_gate(6)  # Squared distance of a pose that is not the same one.
 
 
 def is_held(body: TrackedBody) -> bool:
@@ -46,7 +48,7 @@ def start(
     """The held body at its first tick, which is its reference."""
     return TrackedBody(
         body_id=HELD_BODY,
-        filter=body_filter.at_reference(prior.X, config.dynamics.initial_velocity),
+        filter=body_filter.at_reference(prior.X, pose_scale(config.dynamics.initial_velocity)),
         X_WB_reference=prior.X,
         reference_tick=tick,
         rest=body_tracking.rest_positions(config, history, tick, tick),
@@ -60,7 +62,7 @@ def follow_prior(
     config: RigidBodyMotionConfig, body: TrackedBody, prior: PoseBelief
 ) -> TrackedBody:
     """The held body without any feature: it is where the prior says."""
-    filtered = body_filter.at_reference(prior.X, config.dynamics.initial_velocity)
+    filtered = body_filter.at_reference(prior.X, pose_scale(config.dynamics.initial_velocity))
     filtered.P[:6, :6] = prior.covariance
     V = se3.log(se3.inverse(body.filter.X) @ prior.X) / config.period
     return body_tracking.recorded(config, body, replace(filtered, V=V), "prior", 0)
@@ -98,7 +100,7 @@ def without_nudges(config: RigidBodyMotionConfig, history: FeatureHistory) -> Fe
         return history
     S = now.C_old[told] + before.C_old[told]
     distance, _ = squared_distances(now.p_old[told] - before.p_old[told], S)
-    rows = told[distance > config.held_body.nudge_gate]
+    rows = told[distance > _NUDGED]
     return forget(history, rows, ticks)
 
 
@@ -109,7 +111,7 @@ def claims(
     if prior is None or body.support:
         return False
     error = se3.log(se3.inverse(X @ body.X_WB_reference) @ prior.X)
-    S = prior.covariance + np.diag(config.held_body.prior_walk**2)
+    S = prior.covariance + np.diag(pose_scale(config.held_body.prior_walk) ** 2)
     return bool(error @ np.linalg.solve(S, error) < _UNLIKELY)
 
 
@@ -141,7 +143,7 @@ def takes_handle_along(
     variance = max(float(np.mean(residual**2)), config.held_body.handle_noise**2)
     covariance = variance * np.linalg.pinv(information)[3:, 3:]
     covariance += config.held_body.handle_error**2 * np.eye(3)
-    return bool(twist[3:] @ np.linalg.solve(covariance, twist[3:]) < config.gate)
+    return bool(twist[3:] @ np.linalg.solve(covariance, twist[3:]) < GATE)
 
 
 def accepts(
@@ -202,8 +204,8 @@ def is_at_hand(config: RigidBodyMotionConfig, body: TrackedBody, prior: PoseBeli
     error = R_BW @ (body.filter.X[:3, 3] - prior.X[:3, 3])
     turned = R_BW @ body.filter.X[:3, :3]
     S = prior.covariance[3:, 3:] + turned @ body.filter.P[3:6, 3:6] @ turned.T
-    S = S + config.held_body.prior_translation_walk**2 * np.eye(3)
-    return bool(error @ np.linalg.solve(S, error) < config.gate)
+    S = S + config.held_body.prior_walk**2 * np.eye(3)
+    return bool(error @ np.linalg.solve(S, error) < GATE)
 
 
 def without_features_of_others(

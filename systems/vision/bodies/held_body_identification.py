@@ -7,7 +7,8 @@ import scipy.linalg
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.gaussian import chi_square_gate, nees
+from crossmodal.maths.gaussian import nees, outlier_gate
+from crossmodal.maths.rigid_points import pose_scale
 from crossmodal.systems.port_values import PoseBelief
 from crossmodal.systems.vision.bodies.body_filter import BodyFilter
 from crossmodal.systems.vision.bodies.body_tracker_state import TrackedBody
@@ -15,7 +16,7 @@ from crossmodal.systems.vision.bodies.feature_history import FeatureHistory
 from crossmodal.systems.vision.bodies.held_body import find_held
 from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
-_UNLIKELY = chi_square_gate(0.001, 6)  # Squared distance of a pose that is not the same one.
+_UNLIKELY = outlier_gate(6)  # Squared distance of a pose that is not the same one.
 
 
 def moved_frame(body: BodyFilter, T: Array) -> BodyFilter:
@@ -66,7 +67,7 @@ def moves_with_hand(
     X_seen = displacement(body, age) @ X_start
     moved = se3.log(se3.inverse(X_start) @ X_seen)
     error = se3.log(se3.inverse(X_seen) @ prior.X)
-    slack = config.held_body.prior_walk
+    slack = pose_scale(config.held_body.prior_walk)
     way = np.linalg.norm(prior.X[:3, 3] - X_start[:3, 3])
     missed = np.linalg.norm(prior.X[:3, 3] - X_seen[:3, 3])
     return bool(

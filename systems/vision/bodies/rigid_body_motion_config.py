@@ -5,9 +5,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.gaussian import chi_square_gate
+from crossmodal.maths.gaussian import outlier_gate
 from crossmodal.maths.validation import check, number
 from crossmodal.systems.ticks import Ticked, require_ticks, whole_ticks
+
+GATE = outlier_gate(3)  # Squared distance from which on a feature is an outlier.
 
 
 @dataclass(kw_only=True)
@@ -55,9 +57,7 @@ class BodyDynamicsConfig:
     # The same for the translation.
     linear_process_noise: float = number(2.5e-3, at_least=1e-12, at_most=1000.0, unit="m^2/s^3")
     # Standard deviation at the reference.
-    initial_angular_velocity: float = number(0.1, at_least=1e-9, at_most=100.0, unit="rad/s")
-    # The same for the translation.
-    initial_linear_velocity: float = number(0.02, at_least=1e-9, at_most=100.0, unit="m/s")
+    initial_velocity: float = number(0.02, at_least=1e-9, at_most=100.0, unit="m/s")
     # Unpredicted turn that is believed if features agree.
     jump_rotation: float = number(0.1, at_least=1e-9, at_most=10.0, unit="rad")
     # The same for a shift.
@@ -67,11 +67,6 @@ class BodyDynamicsConfig:
     def process_noise(self) -> Array:
         """Spectral densities (6,) of the acceleration, [rad^2/s^3, m^2/s^3]."""
         return np.repeat([self.angular_process_noise, self.linear_process_noise], 3)
-
-    @property
-    def initial_velocity(self) -> Array:
-        """Standard deviations (6,) of the velocity at the reference, [rad/s, m/s]."""
-        return np.repeat([self.initial_angular_velocity, self.initial_linear_velocity], 3)
 
     @property
     def jump(self) -> Array:
@@ -120,12 +115,8 @@ class AssociationConfig:
 class HeldBodyConfig:
     """What the hand says about the body that it holds."""
 
-    # Squared distance beyond which the closing hand has moved a feature.
-    nudge_gate: float = number(chi_square_gate(0.05, 3), above=0.0, at_most=1e6)
     # Error of the prior while unseen.
-    prior_rotation_walk: float = number(0.05, at_least=1e-9, at_most=10.0, unit="rad/s^0.5")
-    # The same for the translation.
-    prior_translation_walk: float = number(0.01, at_least=1e-9, at_most=10.0, unit="m/s^0.5")
+    prior_walk: float = number(0.01, at_least=1e-9, at_most=10.0, unit="m/s^0.5")
     # Error beyond which no single feature joins.
     blind_rotation: float = number(0.1, above=0.0, at_most=10.0, unit="rad")
     # The same for the translation.
@@ -139,18 +130,11 @@ class HeldBodyConfig:
     # Largest share of it that the body may have missed.
     identification_share: float = number(0.5, above=0.0, at_most=1.0)
 
-    @property
-    def prior_walk(self) -> Array:
-        """Random walk (6,) of the prior's error, [rad/sqrt(s), m/sqrt(s)]."""
-        return np.repeat([self.prior_rotation_walk, self.prior_translation_walk], 3)
-
 
 @dataclass(kw_only=True)
 class RigidBodyMotionConfig(Ticked):
     """How bodies are tracked; squared distances are squares of Mahalanobis distances."""
 
-    # Least squared distance of an outlier, 3 dof.
-    gate: float = number(chi_square_gate(0.001, 3), above=0.0, at_most=1e6)
     # Least number of features that keeps a body alive.
     keep_support: int = number(3, at_least=1, at_most=10000)
     # Longest time that a body lives without them.

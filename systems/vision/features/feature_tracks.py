@@ -139,14 +139,8 @@ def locate(
     config: FeatureMotionConfig, frame: Frame, uv: Array, uv_covariance: Array
 ) -> tuple[Array, Array, Array, Mask]:
     """Positions p_WF (N, 3), covariances (N, 3, 3), tangents in C (N, 3, 2), validity (N,)."""
-    noise = np.array(
-        [
-            config.depth.noise,
-            config.depth.noise_growth,
-            config.depth.noise_range,
-            config.depth.floor,
-        ]
-    )
+    pixel = config.noise
+    noise = np.array([pixel.depth, pixel.depth_growth, pixel.depth_range, config.depth.floor])
     planes, variances, valid = camera_geometry.fit_surfaces(
         frame.depth,
         uv,

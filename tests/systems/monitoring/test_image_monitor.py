@@ -16,10 +16,10 @@ from crossmodal.systems.monitoring.image_monitor import (
 )
 from crossmodal.systems.monitoring.window_monitor import NO_SAMPLES, NOT_FINITE, OUT_OF_TIME, STUCK
 from crossmodal.systems.port_values import StampedImage
-from crossmodal.systems.ticks import at_period
+from crossmodal.systems.shared_settings import with_shared
 
 TICK = 0.1
-CONFIG = at_period(ImageMonitorConfig(stale_after=0.15), TICK)
+CONFIG = with_shared(ImageMonitorConfig(stale_after=0.15), period=TICK)
 SIZE = 4, 3
 
 

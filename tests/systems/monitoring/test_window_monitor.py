@@ -20,10 +20,10 @@ from crossmodal.systems.monitoring.window_monitor import (
     check_window,
 )
 from crossmodal.systems.port_values import SampleWindow
-from crossmodal.systems.ticks import at_period
+from crossmodal.systems.shared_settings import with_shared
 
 TICK, STEP = 0.1, 0.01
-CONFIG = at_period(WindowMonitorConfig(), TICK)
+CONFIG = with_shared(WindowMonitorConfig(), period=TICK)
 
 
 def window(tick: int, *, offset: float = 0.0) -> SampleWindow:

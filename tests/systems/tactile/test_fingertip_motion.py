@@ -68,11 +68,11 @@ def run(seed: int, speed: float = 0.007, ticks: int = 30, forces=PRESSED):  # ty
     for tick in range(1, ticks):
         now = tick * CONFIG.period
         times = np.arange(13)[::-1] * -0.005 + now
-        q = Q + np.outer(times, rates) + rng.normal(0.0, CONFIG.position_noise, (13, 7))
-        v = rates + rng.normal(0.0, CONFIG.velocity_noise, (13, 7))
+        q = Q + np.outer(times, rates) + rng.normal(0.0, CONFIG.noise.angle, (13, 7))
+        v = rates + rng.normal(0.0, CONFIG.noise.rate, (13, 7))
         joints = SampleWindow(times=times, values=np.hstack([q, v]))
         taxel_times = np.arange(7)[::-1] * -0.01 + now
-        noise = (forces > 0.0) * rng.normal(0.0, CONFIG.features.noise, (7, 12))
+        noise = (forces > 0.0) * rng.normal(0.0, CONFIG.noise.taxel, (7, 12))
         taxels = SampleWindow(times=taxel_times, values=forces + noise)
         context.SetTime(now)
         for name, window in (("finger_joint_state_window", joints), ("taxel_window", taxels)):

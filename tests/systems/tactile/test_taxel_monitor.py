@@ -22,7 +22,7 @@ def feel(seconds: float, broken: dict[int, float], start: TaxelState | None = No
     rng = np.random.default_rng(3)
     state = start or unheard_taxels(LAYOUT)
     for k in range(round(seconds / 0.01)):
-        forces = PRESSED + rng.normal(0.0, CONFIG.noise, 12)
+        forces = PRESSED + rng.normal(0.0, CONFIG.noise.taxel, 12)
         for index, value in broken.items():
             forces[index] = value
         state = next_taxel_state(state, 0.01 * k, forces, LAYOUT, CONFIG)
@@ -48,7 +48,7 @@ def test_a_silent_taxel_under_the_contact_is_left_out() -> None:
     over = np.array([0.125] * 12) * np.isin(np.arange(12), [0, 3, 8, 11, 6, 7])
     rng = np.random.default_rng(4)
     for k in range(100):
-        forces = over + rng.normal(0.0, CONFIG.noise, 12)
+        forces = over + rng.normal(0.0, CONFIG.noise.taxel, 12)
         forces[11] = 0.0
         state = next_taxel_state(state, 0.01 * k, forces, LAYOUT, CONFIG)
     assert not state.usable[11]

@@ -18,7 +18,8 @@ from crossmodal.systems.port_values import (
     FeatureBelief,
     PoseBelief,
 )
-from crossmodal.systems.ticks import at_period, whole_ticks
+from crossmodal.systems.shared_settings import with_shared
+from crossmodal.systems.ticks import whole_ticks
 from crossmodal.systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from crossmodal.systems.vision.bodies.rigid_body_motion_config import (
     AssociationConfig,
@@ -395,7 +396,7 @@ def test_features_are_predicted_where_their_body_takes_them(
             "RigidBodyMotion: history.window = 0.7 s, need >= 11 ticks, 0.733 s",
         ),
         (
-            at_period(RigidBodyMotionConfig(), 0.2),
+            with_shared(RigidBodyMotionConfig(), period=0.2),
             "RigidBodyMotion: history.newest = 0.2 s, need >= 2 ticks, 0.4 s",
         ),
         (

@@ -14,7 +14,6 @@ from crossmodal.diagrams.crossmodal.calibration import make_calibration
 from crossmodal.diagrams.crossmodal.estimators import (
     BODY_MOTIONS,
     FELT_STREAMS,
-    SEEN_STREAMS,
     make_network,
 )
 from crossmodal.diagrams.crossmodal.meshcat_view import add_view
@@ -39,6 +38,7 @@ from crossmodal.diagrams.run.application import Application, Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.record import Quantity
 from crossmodal.diagrams.run.sensor_streams.codecs import JOINT_STATES, WRENCHES, Topic
+from crossmodal.diagrams.stations.add_monitors import SEEN_STREAMS
 from crossmodal.systems.kinematics.held_joint import HeldJoint, HeldJointConfig
 from crossmodal.systems.port_values import (
     UNKNOWN_END_EFFECTOR,

@@ -14,9 +14,15 @@ from crossmodal.diagrams.crossmodal.robot_config import HAND, ControlConfig, Sen
 from crossmodal.diagrams.run import scenario as base
 from crossmodal.diagrams.run.scenario import CameraConfig
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
+from crossmodal.diagrams.stations import pushed
+from crossmodal.diagrams.stations.scenario_checks import (
+    check_one_camera,
+    check_scene,
+    check_textures,
+    model_file,
+)
 from crossmodal.maths.validation import number, numbers
 from crossmodal.models import SDF_DIR
-from crossmodal.plants.external_forces import ExternalForce
 from crossmodal.plants.hands.pneumatic_hand import PneumaticHandConfig
 from crossmodal.plants.scene import PlantConfig
 from crossmodal.systems.port_values import JointType
@@ -95,24 +101,15 @@ class ModelDriver:
 
 
 @dataclass(kw_only=True)
-class Disturbances(base.Disturbances):
+class Disturbances(pushed.Disturbances):
     """What goes wrong, and when."""
 
-    forces: list[ExternalForce] = field(default_factory=list)  # On the objects, from outside.
     # The hand's chambers lose their air, so that it opens.
     hand_leaks: list[base.Interval] = field(default_factory=list)
 
     def spans(self) -> list[tuple[str, base.Interval]]:
         """What goes wrong, in words, and when."""
-        forces = [
-            (
-                f"{np.linalg.norm(force.force):.3g} N on {force.frame}",
-                base.Interval(start=force.start, end=force.end),
-            )
-            for force in self.forces
-        ]
-        leaks = [("the hand leaks", span) for span in self.hand_leaks]
-        return [*super().spans(), *forces, *leaks]
+        return [*super().spans(), *(("the hand leaks", span) for span in self.hand_leaks)]
 
 
 def _one_camera() -> dict[str, CameraConfig]:
@@ -198,7 +195,7 @@ def units(scenario: Scenario) -> dict[str, str]:
 def _resolve_object(thing: ObjectConfig, key: str, path: Path) -> ObjectConfig:
     """Imports a model that does not come with the program, and places it by its own frame."""
     source = str(path)
-    model = _model_file(thing.model, key, path)
+    model = model_file(thing.model, f"{key}.model", path)
     is_own = not model.is_relative_to(SDF_DIR)
     if not is_own:
         if thing.scale != 1.0:
@@ -245,17 +242,6 @@ def _resolve_object(thing: ObjectConfig, key: str, path: Path) -> ObjectConfig:
     return replace(upright, position=thing.position - upright.pose().rotation() @ p_OH)
 
 
-def _model_file(model: str, key: str, scenario_path: Path) -> Path:
-    candidates = [scenario_path.parent / model, SDF_DIR / model]
-    for candidate in candidates:
-        if candidate.is_file():
-            return candidate.resolve()
-    places = " or ".join(str(candidate.parent) for candidate in candidates)
-    raise ScenarioError(
-        f"{scenario_path}: {key}.model = '{model}': there is no such file in {places}"
-    )
-
-
 def _check(scenario: Scenario, source: str) -> None:
     task = scenario.task
     if task.return_to_start and task.goal is None:
@@ -273,7 +259,7 @@ def _check(scenario: Scenario, source: str) -> None:
         key = f"{source}: objects.{name}"
         if not np.linalg.norm(thing.pull_direction) > 1e-6:
             raise ScenarioError(f"{key}.pull_direction must not be all zero")
-        _check_textures(f"{key}.variation.textures", thing.variation.textures)
+        check_textures(thing.variation.textures, f"{key}.variation.textures")
     _check_modalities(scenario.modalities, source)
     if task.modality and task.modality not in scenario.modalities:
         raise ScenarioError(
@@ -284,16 +270,10 @@ def _check(scenario: Scenario, source: str) -> None:
         check_cut(scenario.perception.cut)
     except ValueError as error:
         raise ScenarioError(f"{source}: {error}") from None
-    if len(scenario.cameras) != 1 or scenario.camera.base_frame != "world":
-        raise ScenarioError(
-            f"{source}: cameras: the estimators see through one camera that is fixed to the world"
-        )
+    check_one_camera(scenario, source, "the estimators see")
     if HAND not in scenario.model_drivers:
         raise ScenarioError(f"{source}: model_drivers: need one of the model '{HAND}'")
-    if not (SDF_DIR / scenario.plant.scene).is_file():
-        raise ScenarioError(
-            f"{source}: plant.scene = '{scenario.plant.scene}': there is no such file in {SDF_DIR}"
-        )
+    check_scene(scenario.plant.scene, source)
 
 
 def _check_modalities(modalities: Iterable[str], source: str) -> None:
@@ -307,10 +287,3 @@ def _check_modalities(modalities: Iterable[str], source: str) -> None:
         raise ScenarioError(
             f"{source}: modalities = {names}, but it must name each once, at least one"
         )
-
-
-def _check_textures(key: str, textures: Iterable[str]) -> None:
-    known = [path.stem for path in (SDF_DIR / "textures").glob("*.png")]
-    for texture in textures:
-        if texture not in known:
-            raise ScenarioError(f"{key}: unknown texture '{texture}'; {suggestion(texture, known)}")

@@ -8,6 +8,7 @@ from pydrake.systems.framework import DiagramBuilder
 from crossmodal.controllers.arm.impedance import ImpedanceConfig, ImpedanceController
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.stations.connections import connect_alike
 from crossmodal.diagrams.stations.naming import own_seed, prefixed
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.sensors.joint_encoders import JointEncoders, JointEncodersConfig
@@ -118,9 +119,6 @@ def add_impedance_control(
     impedance = builder.AddNamedSystem(
         prefixed(owner, "impedance"), ImpedanceController(config, model, q_posture)
     )
-    builder.Connect(
-        encoders.GetOutputPort("joint_state_measured"),
-        impedance.GetInputPort("joint_state_measured"),
-    )
+    connect_alike(builder, encoders, "joint_state_measured", impedance)
     builder.Connect(impedance.get_output_port(), plant.get_actuation_input_port(arm))
     return impedance

@@ -43,6 +43,4 @@ def model_file(model: str, key: str, scenario_path: Path) -> Path:
         if candidate.is_file():
             return candidate.resolve()
     places = " or ".join(str(candidate.parent) for candidate in candidates)
-    raise ScenarioError(
-        f"{scenario_path}: {key} = '{model}': there is no such file in {places}"
-    )
+    raise ScenarioError(f"{scenario_path}: {key} = '{model}': there is no such file in {places}")

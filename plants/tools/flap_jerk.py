@@ -12,6 +12,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number, require
+from crossmodal.plants.scene import position_index
 
 # A hand that leads the flap: its stiffness and damping about the hinge, [N m/rad], [N m s/rad]. A
 # flap weighs so little that more damping would not be stable with a plant's steps of 2.5 ms.
@@ -77,9 +78,8 @@ class FlapJerks(LeafSystem):
         tool = hinge.model_instance()
         joints = [plant.get_joint(index) for index in plant.GetJointIndices(tool)]
         moving = [joint for joint in joints if joint.num_velocities() > 0]
-        q = hinge.position_start() - min(joint.position_start() for joint in moving)
         v = hinge.velocity_start() - min(joint.velocity_start() for joint in moving)
-        self._theta, self._rate = q, plant.num_positions(tool) + v
+        self._theta, self._rate = position_index(plant, hinge), plant.num_positions(tool) + v
         self._axis = hinge.revolute_axis()
         frames = (hinge.frame_on_child(), edge)
         self._frames = [(int(f.body().index()), f.GetFixedPoseInBodyFrame()) for f in frames]

@@ -112,6 +112,10 @@ class JointEncoders(SampledSensor):
         self._sigma = np.repeat([c.noise_position, c.noise_velocity], joints)
         self._noise = WhiteNoise(seed, "JointEncoders noise", 2 * joints)
 
+    def as_read(self, q: Array) -> Array:
+        """What they make of joints (n,) that stand still, [rad], in the first sample."""
+        return self.measure(np.append(q, np.zeros(self._joints)), 0)[: self._joints]
+
     def measure(self, value: Array, index: int) -> Array:
         sample = value + self._sigma * self._noise(index)
         q = value[: self._joints]

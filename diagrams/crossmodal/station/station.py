@@ -21,6 +21,7 @@ from crossmodal.diagrams.crossmodal.task import ManipulationStatus
 from crossmodal.diagrams.joints.joint_truth import ObjectTruth
 from crossmodal.diagrams.run.calibration import Calibration, draw_base
 from crossmodal.diagrams.run.recorder import STATUS_PORT
+from crossmodal.diagrams.stations.connections import connect_alike, export_outputs
 from crossmodal.diagrams.stations.true_pose import add_true_pose
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.external_forces import ExternalForces
@@ -159,14 +160,13 @@ def make_manipulation_station(
     q_grasp, q_start = taught_postures(wiring, X_WHandle, X_WHandle.inverse() @ X_WO)
     encoders = add_proprioception(wiring, q_grasp)
     # A person guided the hand along the approach, so the arm knows it as its encoders read it.
-    still = np.zeros(len(q_grasp))
-    taught = [encoders.measure(np.append(q, still), 0)[: len(q)] for q in (q_grasp, q_start)]
+    taught = [encoders.as_read(q) for q in (q_grasp, q_start)]
     direction_E = facing(RigidTransform()).rotation().inverse() @ thing.pull_direction
     sequence = add_control(wiring, encoders, taught[0], taught[1], direction_E)
     add_vision(wiring, encoders, sequence, calibration)
     status = builder.AddNamedSystem("task_status", ManipulationStatus())
-    for port in ("phase", "grasp_lost"):
-        builder.Connect(sequence.GetOutputPort(port), status.GetInputPort(port))
+    connect_alike(builder, sequence, "phase", status)
+    connect_alike(builder, sequence, "grasp_lost", status)
     builder.ExportOutput(status.get_output_port(), STATUS_PORT)
     return ManipulationStation(
         diagram=builder.Build(),
@@ -204,6 +204,12 @@ def _add_object_mechanics(wiring: StationWiring, joint: Joint) -> None:
         builder.Connect(plant.get_body_poses_output_port(), forces.get_input_port())
         builder.Connect(forces.get_output_port(), plant.get_applied_spatial_force_input_port())
     builder.Connect(plant.get_state_output_port(), truth.get_input_port())
-    for name in ("cheat_joint", "cheat_joint_mechanics", "cheat_configuration", "cheat_body_pose"):
-        builder.ExportOutput(truth.GetOutputPort(name), name)
+    export_outputs(
+        builder,
+        truth,
+        "cheat_joint",
+        "cheat_joint_mechanics",
+        "cheat_configuration",
+        "cheat_body_pose",
+    )
     builder.ExportOutput(scene.scene_graph.get_query_output_port(), "cheat_query_object")

@@ -18,7 +18,7 @@ from crossmodal.maths.validation import check, number
 @dataclass(kw_only=True)
 class ExplorationConfig:
     period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
-    # k_p of the paper: way of the goal per update and velocity error.
+    # k_p of the paper: displacement of the goal per update and velocity error.
     gain: float = number(0.1, above=0.0, at_most=10.0, unit="s")
     # Desired speed in the pulling direction.
     speed: float = number(0.02, above=0.0, at_most=10.0, unit="m/s")

@@ -40,7 +40,7 @@ class TrajectoryGeneratorConfig:
 
 @dataclass(kw_only=True)
 class Plan(Immutable):
-    """The joint's way to its start by minimum jerk; never written after it is made.
+    """The joint's path to its start by minimum jerk; never written after it is made.
 
     Attributes:
         start: When it begins, [s].
@@ -75,7 +75,7 @@ NO_PLAN = Plan(
 
 
 def plan_duration(q: float, hand_rate: float, speed: float) -> float:
-    """How long the way from q to zero takes, [s], if the hand moves at `speed` [m/s] at most."""
+    """How long the path from q to zero takes, [s], if the hand moves at `speed` [m/s] at most."""
     return max(PEAK_RATE * abs(q) * hand_rate / speed, 0.5)
 
 

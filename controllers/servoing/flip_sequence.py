@@ -13,9 +13,9 @@ from crossmodal.controllers.servoing.contact_search import twist_towards
 from crossmodal.controllers.servoing.flip_config import FlipSequenceConfig
 from crossmodal.controllers.servoing.flip_decisions import (
     FIRST,
-    Felt,
     FlipPhase,
     FlipState,
+    Sensed,
     next_flip_state,
 )
 from crossmodal.maths.arrays import Array
@@ -85,7 +85,7 @@ class FlipSequence(Sequence):
       stay unconnected.
     - phase: (1,) `FlipPhase`.
     - feed_forward: (1,) speed of the contact along x_S, [m/s].
-    - approach_twist_desired: (6,) V_WS_S towards a contact that is not felt, or in the end away
+    - approach_twist_desired: (6,) V_WS_S towards a contact that is not sensed, or in the end away
       from it, [rad/s, m/s].
     - tactile_projector: (6,) diagonal of P_tact: w_x, w_y, w_z, v_x, v_y, v_z.
     - visual_projector: (6,) of P_vis.
@@ -140,7 +140,7 @@ class FlipSequence(Sequence):
     def _next(self, context: Context) -> FlipState:
         angle, hinge = (known_belief(port, context) for port in (self._angle, self._hinge))
         health: Any = self._health.Eval(context) if self._health.HasValue(context) else None
-        now = Felt(
+        now = Sensed(
             time=context.get_time(),
             X_WS=self._arm_state(context).X_WE,
             contact=self._contact.Eval(context),

@@ -9,8 +9,8 @@ from crossmodal.controllers.arm.sequence import Sequence
 from crossmodal.controllers.servoing.flip_decisions import FlipPhase
 from crossmodal.controllers.servoing.tool_line_decisions import (
     LineState,
+    TipPath,
     ToolLineConfig,
-    Way,
     next_line_state,
 )
 from crossmodal.controllers.servoing.twists import from_contact
@@ -19,19 +19,19 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, require
 
 
-def tip_twist(X_WT: Array, X_ET: Array, way: Way, time: float, gain: float) -> Array:
-    """V_WE_E (6,) that takes the tip along its way, [rad/s, m/s].
+def tip_twist(X_WT: Array, X_ET: Array, path: TipPath, time: float, gain: float) -> Array:
+    """V_WE_E (6,) that takes the tip along its path, [rad/s, m/s].
 
-    The way's own velocity plus `gain` [1/s] times what is left to where the tip should be.
+    The path's own velocity plus `gain` [1/s] times what is left to where the tip should be.
 
     Args:
         X_WT: Where the tip is (4, 4).
         X_ET: The tool as a link of the arm (4, 4).
-        way: Of the tip.
+        path: Of the tip.
         time: [s]
         gain: [1/s]
     """
-    X_WT_desired, V_WT_T = way.at(time)
+    X_WT_desired, V_WT_T = path.at(time)
     left = se3.log(se3.inverse(X_WT) @ X_WT_desired)
     V_T = V_WT_T + gain * left
     R_ET = X_ET[:3, :3]
@@ -104,10 +104,10 @@ class ToolLine(Sequence):
 
     def _calc_twist(self, context: Context) -> Array:
         state = self._state(context)
-        if state.way is None or state.X_ET is None:
+        if state.path is None or state.X_ET is None:
             return np.zeros(6)
         X_WT = state.tip(self._arm_state(context).X_WE)
-        return tip_twist(X_WT, state.X_ET, state.way, context.get_time(), self._config.gain)
+        return tip_twist(X_WT, state.X_ET, state.path, context.get_time(), self._config.gain)
 
     def _calc_tip(self, context: Context) -> Array:
         state = self._state(context)

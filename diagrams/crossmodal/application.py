@@ -13,7 +13,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from crossmodal.diagrams.crossmodal.calibration import make_calibration
 from crossmodal.diagrams.crossmodal.estimators import (
     BODY_MOTIONS,
-    FELT_STREAMS,
+    BODY_STREAMS,
     make_network,
 )
 from crossmodal.diagrams.crossmodal.meshcat_view import add_view
@@ -68,7 +68,7 @@ QUANTITIES = (
     Quantity(port=f"{BODY_MOTIONS}_health_latest", model=StreamHealth()),
     *(
         Quantity(port=f"{stream}_health_latest", model=StreamHealth(), estimators=having)
-        for having, streams in ((_SEEING, SEEN_STREAMS), (_FEELING, FELT_STREAMS))
+        for having, streams in ((_SEEING, SEEN_STREAMS), (_FEELING, BODY_STREAMS))
         for stream in streams
     ),
 )
@@ -113,7 +113,7 @@ def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, D
 def close_loop(
     builder: DiagramBuilder, scenario: Scenario, station: System, estimators: Mapping[str, System]
 ) -> None:
-    """Tells the station's controllers what a network believes about the joint in the hand."""
+    """Connects what a network believes about the joint in the hand to the controllers."""
     if scenario.task.goal is None:
         return
     network = estimators[scenario.acting_modality]

@@ -51,7 +51,7 @@ from crossmodal.systems.vision.features.feature_motion import FeatureMotion
 from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
 
 VISION_INPUTS = ("color_measured", "depth_measured", "robot_mask")
-FELT_STREAMS = ("joint_state", "wrench", "pressure")
+BODY_STREAMS = ("joint_state", "wrench", "pressure")
 BODY_MOTIONS = "body_motions"  # What the joints are made of.
 PROPRIOCEPTION_INPUTS = (
     "joint_state_window",
@@ -290,7 +290,7 @@ def _add_proprioception(
         "held_body_motion",
         HeldBodyMotion(config.held_body, corrected_by_vision=corrected_by_vision),
     )
-    _add_felt_monitors(builder, config, calibration, (end_effector, bending, bending))
+    _add_body_monitors(builder, config, calibration, (end_effector, bending, bending))
     export_input(builder, "interaction_active", bending, slip, grasp, body)
     connect_alike(builder, end_effector, "end_effector_estimated", bending, slip, grasp, body)
     connect_alike(builder, bending, "hand_bending_estimated", grasp, body)
@@ -304,7 +304,7 @@ def _add_proprioception(
 
 
 def _add_joint_mechanics(builder: DiagramBuilder, config: PerceptionConfig, model: System) -> None:
-    """Friction and range of the joint, where there is a wrist that feels; read by nobody."""
+    """Friction and range of the joint, where a wrist measures forces; no filter reads them."""
     mechanics = builder.AddNamedSystem(
         "joint_mechanics", JointMechanicsFilter(config.joint_mechanics)
     )
@@ -320,26 +320,26 @@ def _add_joint_mechanics(builder: DiagramBuilder, config: PerceptionConfig, mode
     export_outputs(builder, mechanics, "joint_mechanics_latest")
 
 
-def _add_felt_monitors(
+def _add_body_monitors(
     builder: DiagramBuilder,
     config: PerceptionConfig,
     calibration: Calibration,
     readers: Sequence[System],
 ) -> None:
-    """A monitor between each of `FELT_STREAMS` and the filter that reads it."""
+    """A monitor between each of `BODY_STREAMS` and the filter that reads it."""
     arm, steps = calibration.arm.model, config.steps
     response = ArmResponse(config.arm_response, arm)
     wrench, pressure = calibration.noise.wrench, np.full(4, calibration.noise.pressure)
     models: tuple[tuple[int, OffsetModel], ...] = (
         (2 * arm.num_positions(), AnglesByRates(config.angles)),
-        (6, IsolatedSteps(steps, wrench, response.is_felt)),
+        (6, IsolatedSteps(steps, wrench, response.is_sensed)),
         (4, IsolatedSteps(steps, pressure)),
     )
     joints, wrist, _ = (
         add_window_monitor(
             builder, stream, size, config.windows, model, [reader.GetInputPort(f"{stream}_window")]
         )
-        for stream, reader, (size, model) in zip(FELT_STREAMS, readers, models, strict=True)
+        for stream, reader, (size, model) in zip(BODY_STREAMS, readers, models, strict=True)
     )
     connect(builder, [(joints, "window_checked", wrist, "joint_state_window")])
 

@@ -63,12 +63,12 @@ class ObjectConfig:
     place_handle: bool = False
     free: bool = False  # Whether it only rests on the table; otherwise it is fixed there.
     # Where the joint is at the start.
-    ajar: float = number(0.0, at_least=-100.0, at_most=100.0, unit="m or rad")
+    initial_position: float = number(0.0, at_least=-100.0, at_most=100.0, unit="m or rad")
     # Where the hand pulls to explore, in the handle's frame; out of the object is x.
     pull_direction: np.ndarray = numbers(np.array([1.0, 0.0, 0.0]), at_least=-100.0, at_most=100.0)
     friction: float = number(6.0, at_least=0.0, at_most=1000.0, unit="N or N m")  # Of the joint.
     # By which a magnet or the like holds the joint where it starts.
-    catch: float = number(0.0, at_least=0.0, at_most=1000.0, unit="N or N m")
+    detent: float = number(0.0, at_least=0.0, at_most=1000.0, unit="N or N m")
     variation: ObjectVariation = field(default_factory=ObjectVariation)
 
     def pose(self) -> RigidTransform:
@@ -186,7 +186,11 @@ def units(scenario: Scenario) -> dict[str, str]:
             model, joint=thing.joint, frame=thing.handle_frame, source=f"{scenario.name}: {key}"
         )
         force = "N" if facts.joint_type == JointType.PRISMATIC else "N m"
-        found |= {f"{key}.ajar": facts.unit, f"{key}.friction": force, f"{key}.catch": force}
+        found |= {
+            f"{key}.initial_position": facts.unit,
+            f"{key}.friction": force,
+            f"{key}.detent": force,
+        }
         if thing is scenario.object:
             found |= {f"task.{item}": facts.unit for item in ("opening", "goal", "tolerance")}
     return found
@@ -225,10 +229,10 @@ def _resolve_object(thing: ObjectConfig, key: str, path: Path) -> ObjectConfig:
         frame=thing.handle_frame,
         source=f"{source}: {key}",
     )
-    if not facts.lower <= thing.ajar <= facts.upper:
+    if not facts.lower <= thing.initial_position <= facts.upper:
         raise ScenarioError(
-            f"{source}: {key}.ajar = {thing.ajar!r}, but the joint's limits are"
-            f" {facts.lower:g} to {facts.upper:g}"
+            f"{source}: {key}.initial_position = {thing.initial_position!r}, but the joint's"
+            f" limits are {facts.lower:g} to {facts.upper:g}"
         )
     if is_own:
         check_pull(facts, thing.pull_direction, thing.joint, thing.handle_frame)

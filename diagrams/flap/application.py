@@ -68,7 +68,7 @@ TOPICS = {
     "cheat_end_effector_pose": Topic(name="/cheat/end_effector_pose"),
     "cheat_fingertip_pose": Topic(name="/cheat/fingertip_pose"),
 }
-# What control is told of the flap: the station's inputs of these names.
+# Beliefs that control acts by: the station's inputs of these names.
 PERCEIVED = ("flap_angle_latest", "hinge_latest", "tool_latest")
 
 

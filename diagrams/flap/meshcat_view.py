@@ -1,4 +1,4 @@
-"""Draws what is felt and believed of the flap into Meshcat, live and in the recording."""
+"""Draws what is sensed and believed of the flap into Meshcat, live and in the recording."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -70,7 +70,7 @@ def add_view(
     station: Diagram,
     estimators: Mapping[str, System],
 ) -> None:
-    """Adds a view of what is felt and of what the estimators believe."""
+    """Adds a view of what is sensed and of what the estimators believe."""
     view = builder.AddNamedSystem(
         "meshcat_view",
         MeshcatView(

@@ -110,9 +110,13 @@ class Disturbances(pushed.Disturbances):
 
     def spans(self) -> list[tuple[str, base.Interval]]:
         """What goes wrong, in words, and when."""
-        told = [(f"flap jerked by {1e3 * jerk.way:.3g} mm", jerk) for jerk in self.jerks]
-        told += [(f"taxel {fault.taxel} reads {fault.reading:g} N", fault) for fault in self.taxels]
-        spans = [(what, base.Interval(start=span.start, end=span.end)) for what, span in told]
+        reported = [
+            (f"flap jerked by {1e3 * jerk.displacement:.3g} mm", jerk) for jerk in self.jerks
+        ]
+        reported += [
+            (f"taxel {fault.taxel} reads {fault.reading:g} N", fault) for fault in self.taxels
+        ]
+        spans = [(what, base.Interval(start=span.start, end=span.end)) for what, span in reported]
         return [*super().spans(), *spans]
 
 

@@ -20,7 +20,7 @@ from crossmodal.systems.port_values import (
     LimitBelief,
 )
 
-CLAIMED = 0.95  # Probability from which an end stop or a latch is said to be there.
+CLAIMED = 0.95  # Probability from which an end stop or a latch is reported.
 _UNITS = {
     JointType.PRISMATIC: ("N", "N s/m", "m", "m/s"),
     JointType.REVOLUTE: ("N m", "N m s/rad", "rad", "rad/s"),
@@ -150,7 +150,7 @@ def mechanics_rows(tick: Tick, series: JointSeries, k: int, truth: Truth) -> lis
     if latch.probability > CLAIMED:
         std, force_std = math.sqrt(latch.variance), math.sqrt(latch.force_variance)
         rows.append(scalar("joint_latch", latch.position, "position", std=std))
-        held = truth.mechanics.catch if same else math.nan
+        held = truth.mechanics.detent if same else math.nan
         rows.append(scalar("joint_latch", latch.force, "force", std=force_std, true=held))
     return rows
 
@@ -176,10 +176,10 @@ def summarise_mechanics(
         return None
     belief, speed = last.belief, last.belief.mean_speed
     nothing = math.nan
-    friction, damping, catch, (lower, upper) = nothing, nothing, nothing, (nothing, nothing)
+    friction, damping, detent, (lower, upper) = nothing, nothing, nothing, (nothing, nothing)
     if last.joint_type == truth.joint_type:
         friction, damping = truth.mechanics.friction, truth.mechanics.damping
-        catch = truth.mechanics.catch
+        detent = truth.mechanics.detent
         lower, upper = true_range(truth)
     stds = np.sqrt(np.maximum(np.diag(belief.friction_covariance), 0.0))
     latch = last.latch
@@ -200,7 +200,7 @@ def summarise_mechanics(
             "claimed": latch.probability > CLAIMED,
             "position": latch.position,
             "position_std": math.sqrt(latch.variance),
-            **_beside(latch.force, math.sqrt(latch.force_variance), catch),
+            **_beside(latch.force, math.sqrt(latch.force_variance), detent),
         },
     }
 

@@ -1,4 +1,4 @@
-"""An arm of a station: what it feels and how it is moved."""
+"""An arm of a station: its sensors and its controller."""
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant

@@ -17,21 +17,21 @@ from crossmodal.plants.scene import position_index
 # A hand that leads the flap: its stiffness and damping about the hinge, [N m/rad], [N m s/rad]. A
 # flap weighs so little that more damping would not be stable with a plant's steps of 2.5 ms.
 _STIFFNESS, _DAMPING = 12.0, 0.06
-_PERIOD = 0.01  # At which the hand notes where it takes the flap, [s].
+_PERIOD = 0.01  # Period at which the hand checks whether a jerk has begun, [s].
 
 
 @dataclass(kw_only=True)
 class FlapJerk:
     """A jerk at the flap's free edge."""
 
-    # Way of the edge, positive as the finger turns the flap.
-    way: float = number(0.03, at_least=-0.5, at_most=0.5, unit="m")
+    # Displacement of the edge, positive as the finger turns the flap.
+    displacement: float = number(0.03, at_least=-0.5, at_most=0.5, unit="m")
     start: float = number(0.0, at_least=0.0, at_most=86400.0, unit="s")  # Since the episode began.
     end: float = number(0.3, above=0.0, at_most=86400.0, unit="s")  # The hand lets go.
 
 
-def share_of_way(jerk: FlapJerk, time: float) -> tuple[float, float]:
-    """How much of its way is done, from 0 to 1, and the rate of that [1/s]: minimum jerk."""
+def share_of_displacement(jerk: FlapJerk, time: float) -> tuple[float, float]:
+    """Share of its displacement that is done, from 0 to 1, and its rate [1/s]: minimum jerk."""
     duration = jerk.end - jerk.start
     s = float(np.clip((time - jerk.start) / duration, 0.0, 1.0))
     return s**3 * (10.0 - 15.0 * s + 6.0 * s**2), 30.0 * s**2 * (1.0 - s) ** 2 / duration
@@ -110,8 +110,8 @@ class FlapJerks(LeafSystem):
         for jerk, first in zip(self._jerks, taken, strict=True):
             if np.isnan(first) or not jerk.start <= now < jerk.end:
                 continue
-            share, rate = share_of_way(jerk, now)
-            angle = jerk.way / lever
+            share, rate = share_of_displacement(jerk, now)
+            angle = jerk.displacement / lever
             torque += _STIFFNESS * (first + share * angle - state[self._theta])
             torque += _DAMPING * (rate * angle - state[self._rate])
         return torque

@@ -5,7 +5,7 @@ grey values, too: black stays black. If most of what is seen has changed by one 
 
     grey = (1 + b) grey_first + a,
 
-and that cannot be said without the offset a, it is the camera that has changed.
+and this needs the offset a, it is the camera that has changed.
 """
 
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class BlackLevelConfig:
     contrast: float = number(2.0, above=1.0, at_most=255.0)
     # Share of a block's pixels that must have been seen before and now.
     seen: float = number(0.3, above=0.0, at_most=1.0)
-    # Fewer blocks tell nothing.
+    # Least number of blocks for a decision.
     blocks: int = number(20, at_least=3, at_most=10**6)
 
 

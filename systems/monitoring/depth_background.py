@@ -36,7 +36,7 @@ class DepthBackgroundConfig:
     error: float = number(2e-3, above=0.0, at_most=1.0)
     # Share of a block's pixels that must have been seen before and now.
     seen: float = number(0.3, above=0.0, at_most=1.0)
-    # Fewer blocks tell nothing.
+    # Least number of blocks for a decision.
     blocks: int = number(20, at_least=2, at_most=10**6)
 
 

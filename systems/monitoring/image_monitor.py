@@ -75,11 +75,11 @@ def check_image(
         now: The tick, [s].
         config: Limits.
     """
-    is_old = before.last_heard is not None and arrived.time == before.last_heard
+    is_old = before.last_input is not None and arrived.time == before.last_input
     times = np.array([] if is_old else [arrived.time])
     values = np.array([fingerprint(arrived.image.data, time) for time in times]).reshape(-1, 1)
     checked = check_window(SampleWindow(times=times, values=values), before, now, config)
-    return replace(checked, last_heard=arrived.time)
+    return replace(checked, last_input=arrived.time)
 
 
 def is_new(monitored: Monitored) -> bool:
@@ -87,9 +87,9 @@ def is_new(monitored: Monitored) -> bool:
 
 
 def kept_back(image: Monitored, before: Monitored, now: float, fault: str) -> Monitored:
-    """A new image as if it had not arrived, but for what is told."""
+    """A new image as if it had not arrived, but for what is reported."""
     health = StreamHealth(age=now - max(before.last_time, 0.0), fault=fault)
-    return replace(before, last_heard=image.last_heard, health=health, passed=None)
+    return replace(before, last_input=image.last_input, health=health, passed=None)
 
 
 def without_pairs_apart(watched: Watched, before: Watched, now: float, apart: float) -> Watched:
@@ -110,11 +110,11 @@ def _health(name: str, watched: Watched) -> StreamHealth:
 class ImageMonitor(RecursiveFilter):
     """Keeps back a camera's images that are not new, not of now or not of one instant.
 
-    Nothing is seen then. What is told of an image is what a `WindowMonitor` tells of a sample.
+    Nothing is seen then. Faults of an image are those that a `WindowMonitor` reports of a sample.
     Depth is kept back, too, while that of what stands still is not what it was
-    (`depth_background`). An offset of the grey values of what stands still (`black_level`) is told,
-    and the image is passed on: what is seen in it stays where it is. For a camera that does not
-    move.
+    (`depth_background`). An offset of the grey values of what stands still (`black_level`) is
+    reported, and the image is passed on: what is seen in it stays where it is. For a camera that
+    does not move.
 
     .. pydrake_system::
 

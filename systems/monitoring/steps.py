@@ -111,16 +111,16 @@ class IsolatedSteps:
     Args:
         config: Of what a step is.
         noise: Standard deviations of a sample (n,).
-        is_felt: Whether the arm has moved as a step would move it; without it no step is real.
+        is_sensed: Whether the arm has moved as a step would move it; without it no step is real.
     """
 
     def __init__(
         self,
         config: StepsConfig,
         noise: Array,
-        is_felt: Callable[[Step, SampleWindow], bool] | None = None,
+        is_sensed: Callable[[Step, SampleWindow], bool] | None = None,
     ) -> None:
-        self._config, self._noise, self._is_felt = config, noise, is_felt
+        self._config, self._noise, self._is_felt = config, noise, is_sensed
 
     def take_out(
         self, window: SampleWindow, before: Offsets | None, joints: SampleWindow | None

@@ -38,7 +38,7 @@ class Monitored(Immutable):
 
     Attributes:
         last_time: Last good stamp, [s].
-        last_heard: Last stamp, good or not, of a stream that holds its last value; None of others.
+        last_input: Last stamp, good or not, of a stream that holds its last value; None of others.
         last_reading: Last one (n,) that could be true but for its being always the same.
         same_since: Since when it is the same, [s].
         health: Of the stream.
@@ -47,7 +47,7 @@ class Monitored(Immutable):
     """
 
     last_time: float = -np.inf
-    last_heard: float | None = None
+    last_input: float | None = None
     last_reading: Array | None = None
     same_since: float = -np.inf
     health: StreamHealth = HEALTHY
@@ -80,7 +80,7 @@ def check_window(
 
     A sample is passed on if it is finite, stamped later than the last good one and neither too old
     nor ahead of `now`, and if the reading has not been the same for too long. Of several faults the
-    first in this order is told.
+    first in this order is reported.
 
     Args:
         window: As it arrived.
@@ -116,11 +116,11 @@ def check_window(
         fault = NO_SAMPLES if known else before.health.fault or NO_SAMPLES
     elif offsets is not None:
         fault = offsets.fault
-    heard = np.flatnonzero(usable)
+    inputs = np.flatnonzero(usable)
     return Monitored(
         last_time=last,
-        last_reading=values[heard[-1]].copy() if len(heard) else before.last_reading,
-        same_since=float(since[-1]) if len(heard) else before.same_since,
+        last_reading=values[inputs[-1]].copy() if len(inputs) else before.last_reading,
+        same_since=float(since[-1]) if len(inputs) else before.same_since,
         health=StreamHealth(age=age, fault=fault),
         offsets=offsets,
         passed=passed,

@@ -44,7 +44,7 @@ class GraspFilter:
         line_covariance: (6, 6) of (axis, point), as the best single tick tells them.
         x: Mean (m + 6,) of (c, n).
         P: Covariance of (c, n, axis, point, coordinates).
-        way: Of the hand since the reference, [m].
+        displacement: Of the hand since the reference, [m].
         rejection_count: Ticks in a row at which the gate rejected the measurement.
     """
 
@@ -57,7 +57,7 @@ class GraspFilter:
     line_covariance: Array
     x: Array
     P: Array
-    way: float = 0.0
+    displacement: float = 0.0
     rejection_count: int = 0
 
 
@@ -112,7 +112,9 @@ def grasp_displacement(axis: Array, point: Array, coordinates: Array) -> tuple[A
     return se3.exp(tau), se3.left_jacobian(tau) @ D
 
 
-def predict_filter(grasp: GraspFilter, config: GraspModelConfig, way: float) -> GraspFilter:
+def predict_filter(
+    grasp: GraspFilter, config: GraspModelConfig, displacement: float
+) -> GraspFilter:
     """One tick: the bent hand's error is a Gauss-Markov process, all else a random walk."""
     m = len(grasp.x) - 6
     rho = np.exp(-config.period / config.hand.correlation_time)
@@ -132,7 +134,7 @@ def predict_filter(grasp: GraspFilter, config: GraspModelConfig, way: float) -> 
         x=x,
         P=P + np.diag(Q),
         line_covariance=grasp.line_covariance + np.diag(line),
-        way=grasp.way + way,
+        displacement=grasp.displacement + displacement,
     )
 
 
@@ -163,7 +165,7 @@ def correct_filter(
         hand: With the Jacobian of its constant errors.
         noise_square_root: Of the hand's other errors (6, 6), those of the landmarks among them.
     """
-    noise_square_root = with_slip(noise_square_root, grasp.way, config)
+    noise_square_root = with_slip(noise_square_root, grasp.displacement, config)
     predicted, H = expected(grasp, hand.bias_jacobian, noise_square_root)
     innovation = se3.log(z @ se3.inverse(predicted))
     R = R + second_order_noise(grasp)
@@ -239,9 +241,9 @@ def with_line_covariance(grasp: GraspFilter, single: Array) -> GraspFilter:
     return replace(grasp, line_covariance=U @ single @ U.T)
 
 
-def with_slip(noise_square_root: Array, way: float, config: GraspModelConfig) -> Array:
-    """The square root (6, 6) of the hand's noise and of the slip over a way [m]."""
-    slip = config.hand.slip * way
+def with_slip(noise_square_root: Array, displacement: float, config: GraspModelConfig) -> Array:
+    """The square root (6, 6) of the hand's noise and of the slip over its displacement [m]."""
+    slip = config.hand.slip * displacement
     return np.asarray(np.linalg.cholesky(noise_square_root @ noise_square_root.T + np.diag(slip)))
 
 

@@ -294,8 +294,8 @@ class GraspModel(RecursiveFilter):
         hand = bent_hand(end_effector, self._read(self._bending, context))
         if state.hand is None:
             return start_state(hand, body, self._config)
-        way = float(np.linalg.norm(hand.X_WH[:3, 3] - state.hand.X_WH[:3, 3]))
-        filters = [predict_filter(f, self._config, way) for f in state.filters]
+        displacement = float(np.linalg.norm(hand.X_WH[:3, 3] - state.hand.X_WH[:3, 3]))
+        filters = [predict_filter(f, self._config, displacement) for f in state.filters]
         state = GraspState(**{**vars(state), "filters": filters})
         if body.seen is None:
             return reaffirm(state, hand, body, slip, self._config)

@@ -35,7 +35,7 @@ class GraspModelConfig(Ticked):
     memory: float = number(0.7, at_least=1e-3, at_most=1e5, unit="s")
     # Probability that a loose grasp has become firm.
     lodging: float = number(0.1, at_least=0.0, below=1.0)
-    # Most that one tick speaks against a type.
+    # Largest loss of log evidence of a type at one tick.
     loss_limit: float = number(10.0, above=0.0, at_most=1000.0, unit="nat")
     # Squared innovation above which a filter is not corrected.
     gate: float = number(30.0, above=0.0, at_most=1e6)

@@ -153,8 +153,8 @@ def predict_body(
 
 def _slip(tau: Array, config: HeldBodyMotionConfig) -> Array:
     """Variances (6,) by which the body slips in the hand while the hand moves by `tau`."""
-    way = np.linalg.norm(tau[3:]) + config.lever * np.linalg.norm(tau[:3])
-    return way * config.hand.slip
+    displacement = np.linalg.norm(tau[3:]) + config.lever * np.linalg.norm(tau[:3])
+    return displacement * config.hand.slip
 
 
 def with_velocity(

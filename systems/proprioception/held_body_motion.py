@@ -54,7 +54,7 @@ def is_known(end_effector: EndEffectorBelief, config: HeldBodyMotionConfig) -> b
 
 
 _FAILURE = GraspFailureConfig()
-# Most that counts of what was seen of a grasp before its body hid, with the prior, [nat].
+# Largest log odds that remain of a grasp, with its prior, once its body is hidden, [nat].
 _REMEMBERED = _FAILURE.limit + float(np.log(1.0 / _FAILURE.prior - 1.0))
 
 

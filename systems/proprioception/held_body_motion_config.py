@@ -18,11 +18,11 @@ class HeldBodyMotionConfig(Ticked):
     reference_translation_error: float = number(6.0e-3, at_least=1e-9, at_most=10.0, unit="m")
     # Time constant with which these errors decay.
     reference_error_time: float = number(2.0, at_least=1e-3, at_most=1e5, unit="s")
-    # Way that a turn of the hand counts as.
+    # A turn of the hand counts as this displacement.
     lever: float = number(0.1, at_least=1e-6, at_most=100.0, unit="m/rad")
     # One over the radius of a hinge, 1 sigma.
     hinge_curvature: float = number(3.0, at_least=1e-6, at_most=1000.0, unit="rad/m")
-    # From slip and the rate of bending.
+    # Of the velocity, by slip and by the rate of bending.
     velocity_noise: float = number(4.0e-3, at_least=1e-9, at_most=100.0, unit="m/s")
     # Least number of features that tell a pose.
     minimum_features: int = number(8, at_least=3, at_most=10000)

@@ -66,7 +66,7 @@ class RegistrationState(Immutable):
     """What is known at one tick.
 
     Attributes:
-        p_WQ: About which the displacements are (3,), [m]; None before the arms were heard.
+        p_WQ: About which the displacements are (3,), [m]; None before the first joint angles.
         images: How many were looked at.
         time: Of the last, [s].
         noise: Standard deviation of a residual, [m].
@@ -74,7 +74,7 @@ class RegistrationState(Immutable):
         moment: Likewise (D,).
         mean: Of the unknowns (D,).
         covariance: (D, D).
-        belief: What is told of it.
+        belief: What is reported of it.
     """
 
     p_WQ: Array | None = None

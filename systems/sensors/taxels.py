@@ -16,7 +16,7 @@ from crossmodal.systems.sensors.randomness import WhiteNoise, make_generator
 from crossmodal.systems.sensors.sampled_sensor import SampledSensor
 from crossmodal.systems.ticks import NETWORK_PERIOD
 
-# A lone taxel feels half of a force at so many `spread` from it.
+# Distance, in `spread`, at which a lone taxel senses half of a force.
 _EDGE = 2.5
 
 
@@ -43,7 +43,7 @@ class TaxelsConfig:
 
 
 def felt_shares(p_SQ: Array, p_ST: Array, spread: float) -> Array:
-    """Share (Q, T) of a force at each point that each taxel feels.
+    """Share (Q, T) of a force at each point that each taxel senses.
 
     The taxels' cells tile the pad, and between two of them the skin divides a force smoothly:
     exp(-r^2 / 2 spread^2), normalised over the taxels. A force beside the pad goes into the
@@ -134,7 +134,7 @@ def pressure_on(contacts: ContactResults, shape: GeometryId, X_WS: RigidTransfor
 
 
 class TaxelForces(LeafSystem):
-    """What each taxel truly feels: the normal force that the skin passes on to it.
+    """What each taxel is truly pressed by: the normal force that the skin passes on to it.
 
     .. pydrake_system::
 

@@ -46,7 +46,7 @@ def force_in_sensor(F_Jc: SpatialForce, X_JcS: RigidTransform, sign: float) -> A
 class ReactionWrench(LeafSystem):
     """Takes the load on one joint out of the plant's reaction forces.
 
-    A joint's reaction force is what its child feels from its parent, at the child's joint frame Jc
+    A joint's reaction force is what its parent does to its child, at the child's joint frame Jc
     and in its axes: it carries the child. A sensor that is mounted there reports the opposite, what
     the child (the hand, its weight and all that pulls on it) does to the parent: sign -1. A
     plant with sampled outputs gives zeros until its first step.

@@ -1,4 +1,4 @@
-"""Where the fingertip is, what it feels and how its point that touches moves."""
+"""Where the fingertip is, what it senses and how its point that touches moves."""
 
 from dataclasses import dataclass, field, replace
 
@@ -28,7 +28,7 @@ from crossmodal.systems.tactile.contact_features import (
 )
 from crossmodal.systems.tactile.skin import indentation
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout, surface_normals
-from crossmodal.systems.tactile.taxel_monitor import TaxelState, next_taxel_state, unheard_taxels
+from crossmodal.systems.tactile.taxel_monitor import TaxelState, next_taxel_state, unread_taxels
 from crossmodal.systems.ticks import Ticked
 
 
@@ -130,7 +130,7 @@ class FingertipMotion(RecursiveFilter):
 
     The pose follows from the joints by the arm's own model. Its error has two parts: the encoders'
     noise through the Jacobian, new at every tick, and the error of the arm's base and of the
-    joints' zeros, which stays. The contact is what the mean of the window's taxel samples says, as
+    joints' zeros, which stays. The contact is that of the mean of the window's taxel samples, as
     deep as its force presses the skin in. What is touched sticks to the skin: its velocity is that
     of the fingertip's own point there, for where the taxels find the contact may jump while nothing
     moves.
@@ -182,7 +182,7 @@ class FingertipMotion(RecursiveFilter):
         self._taxels = self._declare_value_input("taxel_window", _no_samples(count))
         initial = FingertipState(
             belief=UNKNOWN_FINGERTIP,
-            taxels=unheard_taxels(layout),
+            taxels=unread_taxels(layout),
             health=StreamHealth(),
         )
         self._declare_recursion(initial, self._calc_motion, config.period)

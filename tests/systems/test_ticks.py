@@ -54,7 +54,7 @@ def test_the_durations_of_the_feature_tracker_last_as_long_at_another_period() -
     for duration, ticks in durations.items():
         assert whole_ticks(duration, config.period) == ticks
         assert whole_ticks(duration, CAMERA_PERIOD) == 2 * ticks
-    assert no_tracks(with_shared(config, period=CAMERA_PERIOD)).since_birth == 4
+    assert no_tracks(with_shared(config, period=CAMERA_PERIOD)).since_search == 4
 
 
 @dataclass

@@ -25,7 +25,7 @@ from crossmodal.diagrams.stations.connections import connect_alike, export_outpu
 from crossmodal.diagrams.stations.true_pose import add_true_pose
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.external_forces import ExternalForces
-from crossmodal.plants.joint_catch import JointCatch
+from crossmodal.plants.joint_detent import JointDetent
 from crossmodal.plants.joint_friction import JointFriction
 from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
 from crossmodal.plants.robots.wam import WAM_WITH_SOFT_HAND
@@ -137,8 +137,8 @@ def make_manipulation_station(
     )
     plant = scene.plant
     joint = plant.GetJointByName(thing.joint, scene.objects[name])
-    if thing.ajar != 0.0:
-        joint.set_default_positions(np.array([thing.ajar]))
+    if thing.initial_position != 0.0:
+        joint.set_default_positions(np.array([thing.initial_position]))
     wiring = StationWiring(
         builder=builder,
         scene=scene,
@@ -183,9 +183,9 @@ def _add_object_mechanics(wiring: StationWiring, joint: Joint) -> None:
     plant = scene.plant
     applied: dict[str, System] = {"joint_friction": JointFriction(plant, scene.applied_friction)}
     for name, thing in wiring.scenario.objects.items():
-        if thing.catch > 0.0:
+        if thing.detent > 0.0:
             caught = plant.GetJointByName(thing.joint, scene.objects[name])
-            applied[f"{name}_catch"] = JointCatch(plant, caught, thing.catch)
+            applied[f"{name}_detent"] = JointDetent(plant, caught, thing.detent)
     total = builder.AddNamedSystem("joint_forces", Adder(len(applied), plant.num_velocities()))
     for i, (name, system) in enumerate(applied.items()):
         builder.AddNamedSystem(name, system)
@@ -193,9 +193,9 @@ def _add_object_mechanics(wiring: StationWiring, joint: Joint) -> None:
         builder.Connect(system.get_output_port(), total.get_input_port(i))
     builder.Connect(total.get_output_port(), plant.get_applied_generalized_force_input_port())
     v = joint.velocity_start()
-    taken, catch = float(scene.friction[v]), wiring.scenario.object.catch
-    # Applied friction is next to nothing where a joint stands, so that the catch holds all alone.
-    beyond = max(catch - float(scene.applied_friction[v]), 0.0)
+    taken, detent = float(scene.friction[v]), wiring.scenario.object.detent
+    # Applied friction is next to nothing where a joint stands, so that the detent holds all alone.
+    beyond = max(detent - float(scene.applied_friction[v]), 0.0)
     truth = ObjectTruth(plant, joint, taken, beyond)
     builder.AddNamedSystem("object_truth", truth)
     if wiring.scenario.disturbances.forces:

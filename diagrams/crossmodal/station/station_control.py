@@ -33,7 +33,7 @@ from crossmodal.systems.sensors.joint_encoders import JointEncoders
 
 # What commands the arm, each in place of those before it.
 MOTION_SOURCES = ("sequence", "exploration", "return")
-# What control is told of the perceived joint; see `HeldJoint`.
+# What reaches control of the perceived joint; see `HeldJoint`.
 _IN_REACH = np.array([0.79, -0.25, 0.86])  # The drawer's handle, [m].
 PERCEIVED_INPUTS = ("joint_latest", "end_effector_screw_latest", "grasp_failure_latest")
 

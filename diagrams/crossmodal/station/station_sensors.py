@@ -1,4 +1,4 @@
-"""The sensors of a station and their wires: what the body feels and what the eye sees."""
+"""The sensors of a station and their wires: of the body and of the eye."""
 
 from crossmodal.controllers.interaction.grasp_sequence import GraspSequence
 from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND

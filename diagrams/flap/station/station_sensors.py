@@ -65,7 +65,7 @@ def add_taxels(wiring: StationWiring, layout: TaxelLayout) -> OutputPort:
         layout: Where the robot believes them to be.
 
     Returns:
-        `taxel_measured` as control hears it: a fault of the stream `taxel_window` is one of the
+        `taxel_measured` as it reaches control: a fault of the stream `taxel_window` is one of the
         skin's cable, which control depends on, too.
     """
     builder, plant = wiring.builder, wiring.scene.plant

@@ -101,7 +101,7 @@ def _agreeing(
     Where most do not, the body may have jumped: its pose is made uncertain if most agree then.
     """
     fits = body_filter.agreeing(body, landmarks, p_WF, covariance, GATE)
-    if len(fits) < config.birth.min_support or np.mean(fits) > 0.5:
+    if len(fits) < config.initiation.min_support or np.mean(fits) > 0.5:
         return body, fits
     sigma = config.dynamics.jump
     jumped = body_filter.inflated(body, sigma)

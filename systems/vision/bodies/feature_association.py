@@ -114,14 +114,14 @@ def merged(
             if not held_body.may_absorb(config, older, body):
                 continue
             ratio, fit = body_against_static(config, older, history)
-            told = mine & (np.abs(ratio) > config.association.log_ratio)
-            if np.sum(told) < config.keep_support:
+            known = mine & (np.abs(ratio) > config.association.log_ratio)
+            if np.sum(known) < config.keep_support:
                 continue
-            shared = told & (ratio > config.association.log_ratio) & (fit < GATE)
+            shared = known & (ratio > config.association.log_ratio) & (fit < GATE)
             rows = np.nonzero(shared)[0]
             if not held_body.accepts(config, older, history, rows):
                 continue
-            if np.sum(shared) >= config.association.merging_share * np.sum(told):
+            if np.sum(shared) >= config.association.merging_share * np.sum(known):
                 assigned[mine], rejection_count[mine] = older.body_id, 0
                 absorbed = True
                 break

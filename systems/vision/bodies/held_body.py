@@ -1,4 +1,4 @@
-"""What sets the held body apart from others: the hand's prior says where it is.
+"""What sets the held body apart from others: the hand's prior predicts where it is.
 
 Features join it when the hand's motion explains theirs. What the hand carries unseen is known
 roughly only, so that features of a neighbour may fit it one by one: several rules keep these out.
@@ -95,12 +95,12 @@ def without_nudges(config: RigidBodyMotionConfig, history: FeatureHistory) -> Fe
     now = displacements(
         history, newest=0, use_rest=np.zeros(len(free), bool), first_old=window - ticks
     )
-    told = np.nonzero(free & (before.count_old >= ticks) & (now.count_old >= 2))[0]
-    if len(told) == 0:
+    known = np.nonzero(free & (before.count_old >= ticks) & (now.count_old >= 2))[0]
+    if len(known) == 0:
         return history
-    S = now.C_old[told] + before.C_old[told]
-    distance, _ = squared_distances(now.p_old[told] - before.p_old[told], S)
-    rows = told[distance > _NUDGED]
+    S = now.C_old[known] + before.C_old[known]
+    distance, _ = squared_distances(now.p_old[known] - before.p_old[known], S)
+    rows = known[distance > _NUDGED]
     return forget(history, rows, ticks)
 
 
@@ -132,11 +132,11 @@ def takes_handle_along(
         use_rest=np.zeros(len(rows), bool),
         X_WB_rest=body.X_WB_reference,
     )
-    told = (moved.count_new >= 2) & (moved.count_old >= 4)
-    if np.sum(told) < config.keep_support:
+    known = (moved.count_new >= 2) & (moved.count_old >= 4)
+    if np.sum(known) < config.keep_support:
         return True
-    J = pose_jacobian(moved.p_new[told]).reshape(-1, 6)  # B sits at the handle.
-    displacement = (moved.p_new - moved.p_old)[told].reshape(-1)
+    J = pose_jacobian(moved.p_new[known]).reshape(-1, 6)  # B sits at the handle.
+    displacement = (moved.p_new - moved.p_old)[known].reshape(-1)
     information = J.T @ J
     twist = np.linalg.lstsq(information, J.T @ displacement, rcond=1e-9)[0]
     residual = displacement - J @ twist
@@ -193,8 +193,9 @@ def is_blind(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
 def may_absorb(config: RigidBodyMotionConfig, older: TrackedBody, body: TrackedBody) -> bool:
     """Whether a body may turn out to be a part of an older one."""
     if is_held(body) or body.reference_tick < older.held_since:
-        return False  # Identification decides; it keeps what was seen before the hand closed.
-    # What the hand carries unseen may be anywhere; a body that was seen for long is not.
+        # Identification decides: it keeps the features that were seen before the hand closed.
+        return False
+    # An unseen body in the hand may be anywhere, other than one that was seen for long.
     return not (is_held(older) and body.supported > len(body.path))
 
 

@@ -59,7 +59,7 @@ def moves_with_hand(
 
     Both displacements are compared at the held body's frame; the body's own uncertainty is
     that since its reference, which is no less than that since the hand closed. A body that has gone
-    only a part of the handle's way is dragged along, like a box by its lid.
+    only a part of the handle's displacement is dragged along, like a box by its lid.
     """
     X_start = np.ascontiguousarray(held.path[-1 - age])
     T = se3.inverse(np.ascontiguousarray(body.path[-1 - age])) @ X_start
@@ -68,13 +68,13 @@ def moves_with_hand(
     moved = se3.log(se3.inverse(X_start) @ X_seen)
     error = se3.log(se3.inverse(X_seen) @ prior.X)
     slack = pose_scale(config.held_body.prior_walk)
-    way = np.linalg.norm(prior.X[:3, 3] - X_start[:3, 3])
+    moved_by = np.linalg.norm(prior.X[:3, 3] - X_start[:3, 3])
     missed = np.linalg.norm(prior.X[:3, 3] - X_seen[:3, 3])
     return bool(
         nees(moved, covariance) > _UNLIKELY
         and nees(error, covariance + prior.covariance + np.diag(slack**2)) < _UNLIKELY
-        and way > config.held_body.identification_way
-        and missed < config.held_body.identification_share * way
+        and moved_by > config.held_body.identification_displacement
+        and missed < config.held_body.identification_share * moved_by
     )
 
 

@@ -18,7 +18,7 @@ class FeatureHistoryConfig:
 
     # Length of a feature's history.
     window: float = number(2.0, at_least=1e-3, at_most=60.0, unit="s")
-    # Length of its end that makes the newest position.
+    # Length of the history's end over which the newest position is averaged.
     newest: float = number(0.2, at_least=1e-3, at_most=60.0, unit="s")
     # Time after which an unseen feature is forgotten.
     memory: float = number(3.0, at_least=0.0, at_most=3600.0, unit="s")
@@ -75,7 +75,7 @@ class BodyDynamicsConfig:
 
 
 @dataclass(kw_only=True)
-class BodyBirthConfig:
+class BodyInitiationConfig:
     """What free features have to show to make a new body."""
 
     # Squared distance, 3 dof, beyond which a feature is moving.
@@ -86,7 +86,7 @@ class BodyBirthConfig:
     min_gain: float = number(120.0, at_least=0.0, at_most=1e9)  # Least sum of these reductions.
     # Least root mean square distance from their centroid.
     min_spread: float = number(0.015, at_least=0.0, at_most=10.0, unit="m")
-    # Radius within which they have to outnumber all others.
+    # Radius within which they have to outnumber all other features.
     neighbourhood: float = number(0.08, above=0.0, at_most=100.0, unit="m")
     # Prior rotation of the first motion, 1 sigma.
     rotation_sigma: float = number(0.1, at_least=1e-9, at_most=10.0, unit="rad")
@@ -99,7 +99,7 @@ class AssociationConfig:
 
     # Log likelihood ratio that assigns or releases a feature.
     log_ratio: float = number(8.0, above=0.0, at_most=1e4, unit="nat")
-    # Distance to a body's features that counts as one deviation.
+    # Distance to a body's features that counts as one standard deviation.
     extent: float = number(0.05, at_least=1e-6, at_most=100.0, unit="m")
     # Log likelihood ratio that distance costs at most.
     max_penalty: float = number(30.0, at_least=0.0, at_most=1e4, unit="nat")
@@ -121,13 +121,13 @@ class HeldBodyConfig:
     blind_rotation: float = number(0.1, above=0.0, at_most=10.0, unit="rad")
     # The same for the translation.
     blind_translation: float = number(0.01, above=0.0, at_most=10.0, unit="m")
-    # Error of the handle's way over the window.
+    # Error of the handle's displacement over the window.
     handle_error: float = number(2.5e-3, at_least=1e-9, at_most=1.0, unit="m")
-    # Least error of a feature's way over the window.
+    # Least error of a feature's displacement over the window.
     handle_noise: float = number(1e-3, at_least=1e-9, at_most=1.0, unit="m")
-    # Least way of the hand that identifies a body.
-    identification_way: float = number(0.003, at_least=0.0, at_most=10.0, unit="m")
-    # Largest share of it that the body may have missed.
+    # Least displacement of the hand that identifies a body.
+    identification_displacement: float = number(0.003, at_least=0.0, at_most=10.0, unit="m")
+    # Largest share of this displacement that the body may have missed.
     identification_share: float = number(0.5, above=0.0, at_most=1.0)
 
 
@@ -139,12 +139,12 @@ class RigidBodyMotionConfig(Ticked):
     keep_support: int = number(3, at_least=1, at_most=10000)
     # Longest time that a body lives without them.
     patience: float = number(2.0, at_least=0.0, at_most=3600.0, unit="s")
-    # The same at birth; grows with the time it had them.
+    # The same when its track begins; it grows with the time for which it had them.
     initial_patience: float = number(1.0 / 3.0, at_least=0.0, at_most=3600.0, unit="s")
     history: FeatureHistoryConfig = field(default_factory=FeatureHistoryConfig)
     landmarks: LandmarkConfig = field(default_factory=LandmarkConfig)
     dynamics: BodyDynamicsConfig = field(default_factory=BodyDynamicsConfig)
-    birth: BodyBirthConfig = field(default_factory=BodyBirthConfig)
+    initiation: BodyInitiationConfig = field(default_factory=BodyInitiationConfig)
     association: AssociationConfig = field(default_factory=AssociationConfig)
     held_body: HeldBodyConfig = field(default_factory=HeldBodyConfig)
 

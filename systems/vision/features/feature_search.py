@@ -33,7 +33,7 @@ def _starts(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> tu
     if len(mine) == 0:
         return uv, warps
     uv_predicted = project(p_CF, frame.intrinsics)
-    # Where both agree there is nothing to choose.
+    # Where both starts agree, one of them is enough.
     apart = np.max(np.abs(uv_predicted - uv[mine]), axis=1) > 0.5
     mine, p_CF, uv_predicted = mine[apart], p_CF[apart], uv_predicted[apart]
     warps_predicted = camera_geometry.patch_warps(p_CF, tracks.tangents_C[mine], frame.intrinsics)
@@ -41,7 +41,7 @@ def _starts(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> tu
     better = patch_templates.score_patches(
         frame.image, templates, warps_predicted @ shapes, uv_predicted
     ) > patch_templates.score_patches(frame.image, templates, warps[mine] @ shapes, uv[mine])
-    # An unseen feature is where the body tracker says, whatever its last place looks like now.
+    # An unseen feature starts from where the body tracker predicts it.
     better |= tracks.missed[mine] > 0
     uv[mine[better]] = uv_predicted[better]
     warps[mine[better]] = warps_predicted[better]

@@ -24,7 +24,7 @@ from crossmodal.systems.tactile.fingertip_motion import (
     with_velocity,
 )
 from crossmodal.systems.tactile.taxel_layout import fingertip_layout
-from crossmodal.systems.tactile.taxel_monitor import next_taxel_state, unheard_taxels
+from crossmodal.systems.tactile.taxel_monitor import next_taxel_state, unread_taxels
 
 Q = np.array([-0.22, -0.63, -0.39, 1.6, 1.4, 1.01, -0.83])
 CONFIG = FingertipMotionConfig()
@@ -146,7 +146,7 @@ def test_without_samples_nothing_is_known() -> None:
 
 
 def test_taxels_that_fall_silent_or_repeat_themselves_are_told() -> None:
-    taxels = next_taxel_state(unheard_taxels(LAYOUT), 1.0, PRESSED, LAYOUT, CONFIG.features)
+    taxels = next_taxel_state(unread_taxels(LAYOUT), 1.0, PRESSED, LAYOUT, CONFIG.features)
     assert health_of(taxels, 1.1, 0.15).fault == ""
     silent = health_of(taxels, 1.3, 0.15)
     assert silent.fault == "no samples"

@@ -23,7 +23,7 @@ from crossmodal.systems.ticks import whole_ticks
 from crossmodal.systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from crossmodal.systems.vision.bodies.rigid_body_motion_config import (
     AssociationConfig,
-    BodyBirthConfig,
+    BodyInitiationConfig,
     FeatureHistoryConfig,
     LandmarkConfig,
     RigidBodyMotionConfig,
@@ -404,8 +404,8 @@ def test_features_are_predicted_where_their_body_takes_them(
             "RigidBodyMotion: association.rejection_time = 0.01 s, need >= a tick, 0.0667 s",
         ),
         (
-            RigidBodyMotionConfig(birth=BodyBirthConfig(min_gain=-1.0)),
-            "RigidBodyMotion: birth.min_gain = -1.0",
+            RigidBodyMotionConfig(initiation=BodyInitiationConfig(min_gain=-1.0)),
+            "RigidBodyMotion: initiation.min_gain = -1.0",
         ),
     ],
 )

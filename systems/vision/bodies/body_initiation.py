@@ -1,4 +1,4 @@
-"""Birth of rigid bodies from features that stopped standing still."""
+"""Initiation of rigid bodies' tracks from features that stopped standing still."""
 
 from dataclasses import replace
 
@@ -61,30 +61,33 @@ def find_moving_features(
         The history with new rejection counts, the motion, and the rows of its supporters.
     """
     d, distance, free = free_motion(config, history)
-    moving = free & (distance > config.birth.motion_gate)
+    moving = free & (distance > config.initiation.motion_gate)
     rejection_count = np.where(moving, history.rejection_count + 1, history.rejection_count)
     rejection_count = np.where(free & ~moving, 0, rejection_count)
     history = replace(history, rejection_count=rejection_count)
     none = np.zeros(0, np.int64)
-    if np.sum(moving) < config.birth.min_support:
+    if np.sum(moving) < config.initiation.min_support:
         return history, None, none
     rows = np.nonzero(free)[0]
     consensus = find_consensus(
         _subset(d, rows, config.history.floor),
         distance[rows],
         np.nonzero(moving[rows])[0],
-        np.random.default_rng([config.birth.seed, tick]),
+        np.random.default_rng([config.initiation.seed, tick]),
         gate=GATE,
-        support_gate=config.birth.support_gate,
-        rotation_sigma=config.birth.rotation_sigma,
+        support_gate=config.initiation.support_gate,
+        rotation_sigma=config.initiation.rotation_sigma,
     )
     if consensus is None:
         return history, None, none
     supporters = rows[consensus.support]
-    if len(supporters) < config.birth.min_support or consensus.gain < config.birth.min_gain:
+    if (
+        len(supporters) < config.initiation.min_support
+        or consensus.gain < config.initiation.min_gain
+    ):
         return history, None, none
     p = d.p_old[supporters]
-    if np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))) < config.birth.min_spread:
+    if np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))) < config.initiation.min_spread:
         return history, None, none
     if not outnumbers(config, history, d, consensus.X, supporters):
         return history, None, none
@@ -103,16 +106,16 @@ def outnumbers(
     Patches on the seam between a body and what it moves against slide with half its motion, all of
     them alike; what they lie among tells that there is no third body.
     """
-    told = history.seen & (d.count_new >= 2) & (d.count_old >= 5)
-    told[supporters] = False
-    others = np.nonzero(told)[0]
+    known = history.seen & (d.count_new >= 2) & (d.count_old >= 5)
+    known[supporters] = False
+    others = np.nonzero(known)[0]
     error = d.p_new[others] - d.p_old[others] @ X[:3, :3].T - X[:3, 3]
     S = d.C_old[others] + d.C_new[others] + config.history.floor**2 * np.eye(3)
     against = others[squared_distances(error, S)[0] > GATE]
 
     def neighbours(rows: Ids) -> int:
         difference = d.p_new[supporters][:, None] - d.p_new[rows]
-        return int(np.sum(np.sum(difference**2, axis=2) < config.birth.neighbourhood**2))
+        return int(np.sum(np.sum(difference**2, axis=2) < config.initiation.neighbourhood**2))
 
     return neighbours(supporters) > neighbours(against)
 
@@ -198,11 +201,11 @@ def new_body(
         rest=rest,
         path=path,
         support=len(placed),
-        source="birth",
+        source="initiation",
     )
 
 
-def give_birth(
+def initiate_body(
     config: RigidBodyMotionConfig,
     state: BodyTrackerState,
     bodies: list[TrackedBody],

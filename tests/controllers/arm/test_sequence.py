@@ -1,7 +1,7 @@
 """A sequence's state follows from itself at a fixed period, and outputs are functions of it."""
 
-import numpy as np
 import pytest
+from known_arm import STILL, arm_model
 from numpy.testing import assert_array_equal
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
@@ -26,14 +26,12 @@ class Counter(Sequence):
 
 @pytest.mark.parametrize(("given", "count"), [(None, 6), (1.0, 3)])
 def test_it_updates_at_its_period_and_reads_what_is_connected(
-    known_arm: ArmModel, given: float | None, count: int
+    given: float | None, count: int
 ) -> None:
-    counter = Counter(known_arm)
+    counter = Counter(arm_model())
     simulator = Simulator(counter)
     context = simulator.get_mutable_context()
-    counter.GetInputPort("joint_state_measured").FixValue(
-        context, np.zeros(2 * known_arm.num_joints)
-    )
+    counter.GetInputPort("joint_state_measured").FixValue(context, STILL)
     if given is not None:
         counter.step.FixValue(context, given)
     simulator.AdvanceTo(0.25)

@@ -215,7 +215,9 @@ def make_network(
     if modality not in MODALITIES:
         raise ValueError(f"unknown modality '{modality}'; there are {', '.join(MODALITIES)}")
     check_cut(config.cut)
-    config = with_shared(config, period=period, noise=calibration.noise, hand=config.hand)
+    config = with_shared(
+        config, period=period, noise=calibration.noise, hand=config.hand, windows=config.windows
+    )
     builder = DiagramBuilder()
     kinematics = config.joints
     if modality == "vision":

@@ -116,7 +116,7 @@ def make_estimator(
     """
     if name not in ESTIMATORS:
         raise ValueError(f"unknown estimator '{name}'; there are {', '.join(ESTIMATORS)}")
-    config = with_shared(config, period=period, noise=calibration.noise)
+    config = with_shared(config, period=period, noise=calibration.noise, windows=config.windows)
     builder = DiagramBuilder()
     camera = believed_camera(calibration)
     tracker = builder.AddNamedSystem("flap_tracker", FlapTracker(config.tracker, camera))

@@ -22,6 +22,7 @@ from crossmodal.systems.monitoring.window_monitor import (
 )
 from crossmodal.systems.port_values import SampleWindow, StampedImage, StreamHealth
 from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.ticks import Ticked
 
 CHANGED = "the depth of what stands still has changed"
 BRIGHTER = "a grey value is added to what stands still"
@@ -31,7 +32,8 @@ _EVERY = 4  # Of the rows and columns that are looked at; noise shows in all of 
 
 
 @dataclass(kw_only=True)
-class ImageMonitorConfig(WindowMonitorConfig):
+class ImageMonitorConfig(Ticked):
+    windows = WindowMonitorConfig()  # Limits as of all streams, but for the age.
     # The last image of a camera is as old as a tick at most, if the camera has the ticks' rate.
     oldest: float = number(0.07, at_least=1e-3, at_most=3600.0, unit="s")
     # By so much the stamps of colour and depth may differ.
@@ -65,7 +67,7 @@ def fingerprint(image: Any, stamp: float) -> float:
 
 
 def check_image(
-    arrived: StampedImage, before: Monitored, now: float, config: WindowMonitorConfig
+    arrived: StampedImage, before: Monitored, now: float, config: ImageMonitorConfig
 ) -> Monitored:
     """An image as a window of one sample, or of none where none has arrived since the last tick.
 
@@ -78,7 +80,8 @@ def check_image(
     is_old = before.last_input is not None and arrived.time == before.last_input
     times = np.array([] if is_old else [arrived.time])
     values = np.array([fingerprint(arrived.image.data, time) for time in times]).reshape(-1, 1)
-    checked = check_window(SampleWindow(times=times, values=values), before, now, config)
+    limits = replace(config.windows, oldest=config.oldest)
+    checked = check_window(SampleWindow(times=times, values=values), before, now, limits)
     return replace(checked, last_input=arrived.time)
 
 

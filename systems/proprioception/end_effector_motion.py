@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.validation import check, number, numbers, require
+from crossmodal.maths.validation import check, number
 from crossmodal.systems.port_values import EndEffectorBelief, SampleWindow
 from crossmodal.systems.recursive_filter import RecursiveFilter
 from crossmodal.systems.shared_settings import SensorNoise
@@ -29,10 +29,6 @@ class EndEffectorMotionConfig(Ticked):
     angular_process_noise: float = number(0.5, at_least=1e-9, at_most=1000.0, unit="rad/s^1.5")
     # The same for the translation.
     linear_process_noise: float = number(0.2, at_least=1e-9, at_most=1000.0, unit="m/s^1.5")
-    # Posture at which the offset has this size; empty: the first that is measured.
-    calibration_posture: list[float] = numbers(
-        [], at_least=-10.0, at_most=10.0, unit="rad", shape=(range(101),)
-    )
 
 
 def fit_joint_samples(
@@ -160,7 +156,7 @@ class EndEffectorMotion(RecursiveFilter):
     degrees, is an offset: the joints are off by constants of the episode, so it neither averages
     away nor shows between ticks. It is kept out of the recursion and added to the output, where
     `bias_jacobian` tells how much of the pose error each constant causes at this posture:
-    J_E(q) J_E(q_0)^+ diag(3 deg, 1 cm), q_0 being the posture of the calibration. (The velocity
+    J_E(q) J_E(q_0)^+ diag(3 deg, 1 cm), q_0 being the first posture that is measured. (The velocity
     that an offset turns, about 5 % of it, is not modelled.)
 
     .. pydrake_system::
@@ -225,13 +221,6 @@ class EndEffectorMotion(RecursiveFilter):
         check(config, "EndEffectorMotion")
         if not plant.is_finalized():
             raise ValueError("EndEffectorMotion: the robot's model must be finalized")
-        require(
-            len(config.calibration_posture) in (0, plant.num_positions()),
-            "EndEffectorMotion",
-            config,
-            "calibration_posture",
-            f"none or {plant.num_positions()} angles",
-        )
         if not plant.HasFrameNamed(frame):
             raise ValueError(f"EndEffectorMotion: the robot's model has no frame named '{frame}'")
 
@@ -249,12 +238,6 @@ class EndEffectorMotion(RecursiveFilter):
         )
         X_WE = self._frame.CalcPoseInWorld(self._scratch).GetAsMatrix4()
         return np.asarray(X_WE), np.asarray(J_E)
-
-    def _calibrate(self, J_E: Array) -> Array:
-        posture = np.array(self._config.calibration_posture, dtype=float)
-        if posture.size:
-            _, J_E = self._kinematics(np.concatenate([posture, 0.0 * posture]))
-        return calibration_bias_jacobian(J_E, self._config)
 
     @staticmethod
     def _offer(state: EndEffectorState) -> EndEffectorBelief:
@@ -274,7 +257,7 @@ class EndEffectorMotion(RecursiveFilter):
         X_WE, J_E = self._kinematics(np.concatenate([q, v]))
         joint_bias_jacobian = state.joint_bias_jacobian
         if joint_bias_jacobian is None:
-            joint_bias_jacobian = self._calibrate(J_E)
+            joint_bias_jacobian = calibration_bias_jacobian(J_E, self._config)
         R = np.asarray(np.kron(covariance, J_E @ J_E.T), dtype=float)
         common = (J_E * np.broadcast_to(window.variances, 2 * len(q))[: len(q)]) @ J_E.T
         belief = estimate_belief(

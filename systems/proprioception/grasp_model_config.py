@@ -13,11 +13,9 @@ from crossmodal.systems.ticks import Ticked
 
 @dataclass(kw_only=True)
 class GraspModelConfig(Ticked):
-    # Probability when the hand closes, if it holds the body.
-    prior_perfect: float = number(0.72, above=0.0, at_most=1.0)
-    prior_revolute: float = number(0.21, above=0.0, at_most=1.0)  # The same of a revolute grasp.
-    # The same of a cylindrical grasp.
-    prior_cylindrical: float = number(0.07, above=0.0, at_most=1.0)
+    # Probabilities when the hand closes, if it holds the body; the rest is a cylindrical grasp's.
+    prior_perfect: float = number(0.72, above=0.0, below=1.0)
+    prior_revolute: float = number(0.21, above=0.0, below=1.0)
     hand = HandConfig()
     # Standard deviation of the bar's direction.
     axis_deviation: float = number(0.2, at_least=1e-9, at_most=10.0, unit="rad")
@@ -47,7 +45,8 @@ class GraspModelConfig(Ticked):
 def prior_probabilities(config: GraspModelConfig) -> Array:
     """Of the types (4,), in the order of `TYPES`."""
     failed = config.failure.prior
-    held = [config.prior_perfect, config.prior_revolute, config.prior_cylindrical]
+    loose = [config.prior_revolute, 1.0 - config.prior_perfect - config.prior_revolute]
+    held = [config.prior_perfect, *loose]
     return np.append((1.0 - failed) * np.array(held), failed)
 
 
@@ -55,5 +54,5 @@ def check_grasp_model(config: GraspModelConfig) -> None:
     """Raises ValueError, naming the first impossible value."""
     check(config, "GraspModel")
     check_hand(config.hand, "GraspModel")
-    total = float(prior_probabilities(config).sum())
-    require(abs(total - 1.0) < 1e-6, "GraspModel", config, "prior_perfect", "a sum of one")
+    least = 1.0 - config.prior_perfect - config.prior_revolute
+    require(least > 0.0, "GraspModel", config, "prior_perfect", "a sum below one")

@@ -73,7 +73,7 @@ def find_moving_features(
         _subset(d, rows, config.history.floor),
         distance[rows],
         np.nonzero(moving[rows])[0],
-        np.random.default_rng([config.initiation.seed, tick]),
+        np.random.default_rng([0, tick]),
         gate=GATE,
         support_gate=config.initiation.support_gate,
         rotation_sigma=config.initiation.rotation_sigma,

@@ -90,7 +90,6 @@ class BodyInitiationConfig:
     neighbourhood: float = number(0.08, above=0.0, at_most=100.0, unit="m")
     # Prior rotation of the first motion, 1 sigma.
     rotation_sigma: float = number(0.1, at_least=1e-9, at_most=10.0, unit="rad")
-    seed: int = number(0, at_least=0, at_most=2**32 - 1)  # Seed of RANSAC.
 
 
 @dataclass(kw_only=True)

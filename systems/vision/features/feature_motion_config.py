@@ -55,8 +55,6 @@ class RegistrationConfig:
 class FlowConfig:
     """The pyramidal Lucas-Kanade tracker, which offers failed features another start."""
 
-    window: int = number(21, at_least=3, at_most=201, unit="px")  # Width of the window.
-    levels: int = number(3, at_least=0, at_most=10)  # Number of pyramid levels above the image.
     # Largest forward-backward error.
     max_error: float = number(1.5, above=0.0, at_most=1000.0, unit="px")
     # Most features that are tried per tick.

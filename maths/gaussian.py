@@ -10,6 +10,8 @@ import scipy.special
 
 from crossmodal.maths.arrays import Array, Mask
 
+FALSE_ALARM = 1e-3  # Probability with which a measurement without a fault is taken for an outlier.
+
 
 @numba.njit(cache=True)
 def symmetric(P: Array) -> Array:
@@ -67,6 +69,11 @@ def log_likelihood(e: Array, S: Array) -> float:
 def chi_square_gate(exceeded: float, dof: int) -> float:
     """The squared Mahalanobis distance that is exceeded with a probability, to two decimals."""
     return round(float(scipy.special.chdtri(dof, exceeded)), 2)
+
+
+def outlier_gate(dof: int) -> float:
+    """The squared Mahalanobis distance from which on a measurement is taken for an outlier."""
+    return chi_square_gate(FALSE_ALARM, dof)
 
 
 def diagonal_blocks(P: Array) -> Array:

@@ -5,12 +5,12 @@ from pydrake.systems.sensors import CameraInfo
 from crossmodal.maths.pinhole import Intrinsics
 
 # Drake renders the centre of the upper left pixel at (0.5, 0.5) of a `CameraInfo`, which a test
-# measures; unheeded, that is 0.2 mm per 22 cm towards the camera.
+# measures; without this correction a point is off by 0.2 mm per 22 cm towards the camera.
 _PIXEL_CENTRE = 0.5
 
 
 def renderer_intrinsics(intrinsics: Intrinsics) -> CameraInfo:
-    """What a renderer has to be told so that its images are of a camera with these intrinsics."""
+    """Intrinsics for a renderer whose images are then those of a camera with the given ones."""
     return CameraInfo(
         intrinsics.width,
         intrinsics.height,

@@ -29,7 +29,7 @@ def add_holding_friction(plant: MultibodyPlant, joint: Joint, friction: float) -
 def connect_holding_friction(
     builder: DiagramBuilder, plant: MultibodyPlant, instance: ModelInstanceIndex
 ) -> None:
-    """Tells a model's motors, as those of `add_holding_friction`, to stand still."""
+    """Commands a model's motors, as those of `add_holding_friction`, to stand still."""
     states = 2 * plant.num_actuated_dofs(instance)
     if states:
         still = builder.AddSystem(ConstantVectorSource(np.zeros(states)))

@@ -212,6 +212,13 @@ def _place(
     return instance
 
 
+def position_index(plant: MultibodyPlant, joint: Joint) -> int:
+    """Where a joint's position stands among those of its model alone."""
+    joints = map(plant.get_joint, plant.GetJointIndices(joint.model_instance()))
+    starts = [other.position_start() for other in joints if other.num_positions() > 0]
+    return int(joint.position_start() - min(starts))
+
+
 def object_joints(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[Joint]:
     """The joints between bodies of an object that can move."""
     joints = (plant.get_joint(index) for index in plant.GetJointIndices(instance))

@@ -1,13 +1,27 @@
-"""Durations as numbers of ticks: configurations are in seconds, filters count ticks."""
+"""The network's tick: who has its period, and durations as numbers of ticks."""
 
 from operator import attrgetter
 
 from crossmodal.maths.validation import number, require
 
+NETWORK_PERIOD = 1.0 / 15.0  # Of the network's ticks unless a scenario says otherwise, [s].
+
 
 def tick_period() -> float:
-    """A configuration's field for the period of the network's ticks, 1/15 s by default."""
-    return number(1.0 / 15.0, at_least=1e-3, at_most=1.0, unit="s")
+    """A configuration's field for the network's period, where that is chosen."""
+    return number(NETWORK_PERIOD, at_least=1e-3, at_most=1.0, unit="s")
+
+
+class Ticked:
+    """A configuration of what is updated at the network's ticks.
+
+    Their period is no field of it: all filters share one, see `shared_settings`.
+
+    Attributes:
+        period: Of the ticks, [s].
+    """
+
+    period = NETWORK_PERIOD
 
 
 def whole_ticks(duration: float, period: float) -> int:

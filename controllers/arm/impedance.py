@@ -48,7 +48,7 @@ class DesiredMotion(Immutable):
 
 
 _NAN = np.full((6, 6), np.nan)
-# What a source says that does not command the arm; Drake's newer versions refuse None as a value.
+# Output of a source that does not command the arm; Drake's newer versions refuse None as a value.
 NO_MOTION = DesiredMotion(X_WE=_NAN[:4, :4], V_WE_E=_NAN[0], A_WE_E=_NAN[0])
 NO_GAINS = ImpedanceGains(stiffness=_NAN, damping=_NAN, mass=_NAN)
 

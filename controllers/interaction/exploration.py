@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import Context, LeafSystem, State
+from pydrake.systems.framework import Context
 
 from crossmodal.controllers.arm.impedance import NO_MOTION, DesiredMotion
 from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.arm.sequence import Sequence
 from crossmodal.controllers.interaction.phases import Phase, is_held
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
@@ -17,7 +18,7 @@ from crossmodal.maths.validation import check, number
 @dataclass(kw_only=True)
 class ExplorationConfig:
     period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
-    # k_p of the paper: way of the goal per update and velocity error.
+    # k_p of the paper: displacement of the goal per update and velocity error.
     gain: float = number(0.1, above=0.0, at_most=10.0, unit="s")
     # Desired speed in the pulling direction.
     speed: float = number(0.02, above=0.0, at_most=10.0, unit="m/s")
@@ -33,7 +34,7 @@ def explore_step(X_WE_desired: Array, V_WE_E: Array, V_WE_E_wanted: Array, gain:
     return X_WE_desired @ se3.exp(gain * (V_WE_E_wanted - V_WE_E))
 
 
-class ExplorationController(LeafSystem):
+class ExplorationController(Sequence):
     """Moves the desired pose so that the hand reaches a wanted velocity while it explores.
 
     p_des(t) = exp(k_p (v_wanted - v_measured)) p_des(t-1), in the pulling direction; the compliant
@@ -68,40 +69,31 @@ class ExplorationController(LeafSystem):
     """
 
     def __init__(self, config: ExplorationConfig, arm: ArmModel) -> None:
-        super().__init__()
+        super().__init__(arm)
         check(config, "ExplorationController")
         self._config = config
-        self._arm = arm
-        n = arm.num_joints
-        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 2 * n)
         self._commanded = self.DeclareAbstractInputPort(
             "motion_commanded", Value[object](NO_MOTION)
         )
         self._direction = self.DeclareVectorInputPort("pull_direction", 3)
         self._phase = self.DeclareVectorInputPort("phase", 1)
-        state = self.DeclareAbstractState(Value[object](NO_MOTION))
-        self.DeclareStateOutputPort("motion_desired", state)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
+        self._declare_state(NO_MOTION, config.period)
+        self._declare_value("motion_desired", NO_MOTION, self._state, self._on_state)
 
-    def _update(self, context: Context, state: State) -> None:
-        phase = int(np.asarray(self._phase.Eval(context))[0])
+    def _next(self, context: Context) -> DesiredMotion:
+        phase = int(self._phase.Eval(context)[0])
         if not is_held(phase):
-            state.get_mutable_abstract_state(0).set_value(NO_MOTION)
-            return
-        last: DesiredMotion = context.get_abstract_state(0).get_value()
+            return NO_MOTION
+        last: DesiredMotion = self._state(context)
         if not last.exists:
             last = self._commanded.Eval(context)
-        arm = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context)))
-        direction = np.asarray(self._direction.Eval(context))
+        arm, direction = self._arm_state(context), np.asarray(self._direction.Eval(context))
         wanted = np.zeros(6)
         if phase == Phase.EXPLORE:
             wanted[3:] = self._config.speed * direction
-        pull = np.outer(direction, direction)
         along_pull = np.zeros((6, 6))
-        along_pull[3:, 3:] = pull
+        along_pull[3:, 3:] = np.outer(direction, direction)
         error = along_pull @ se3.log(se3.inverse(arm.X_WE) @ last.X_WE)
         measured = along_pull @ arm.V_WE_E
         X_WE = explore_step(arm.X_WE @ se3.exp(error), measured, wanted, self._config.gain)
-        state.get_mutable_abstract_state(0).set_value(
-            DesiredMotion(X_WE=X_WE, V_WE_E=wanted, A_WE_E=np.zeros(6))
-        )
+        return DesiredMotion(X_WE=X_WE, V_WE_E=wanted, A_WE_E=np.zeros(6))

@@ -52,7 +52,8 @@ class Perceived:
         pressure: Measured in the chambers (chambers,), [Pa]; NaN where it is not known.
         joint: (8,) the body's unit screw S_W, q and its rate; NaN until a joint is perceived, the
             rate whenever it is only remembered.
-        hand_rate: Way of the hand per unit of q, [m per m or rad]; NaN until a joint is perceived.
+        hand_rate: Displacement of the hand per unit of q, [m per m or rad]; NaN until a joint is
+            perceived.
         failure: Probability that the hand has lost the body; NaN where it is not known.
         plan_time_left: Time to the planned end of the return, [s].
     """
@@ -72,7 +73,7 @@ class Goal:
 
     Attributes:
         configuration: Perceived configuration of the joint, of either sign, at which exploration
-            ends, [m or rad]; None ends it by the hand's way.
+            ends, [m or rad]; None ends it by the hand's displacement.
         return_to_start: Whether the joint is then brought back to where it was.
     """
 
@@ -139,8 +140,8 @@ def next_state(
     if lost:
         return _lose_grasp(state, now, goal, config)
     known = not np.isnan(now.joint[6])
-    way = float(np.linalg.norm(now.X_WE[:3, 3] - state.X_WE_start[:3, 3]))
-    over = (over or way >= config.travel) and np.isinf(state.doubted_since)
+    displacement = float(np.linalg.norm(now.X_WE[:3, 3] - state.X_WE_start[:3, 3]))
+    over = (over or displacement >= config.travel) and np.isinf(state.doubted_since)
     if goal.configuration is not None and known:
         q = now.joint[6] + config.anticipation * np.nan_to_num(now.joint[7])
         over = over or bool(abs(q) >= goal.configuration)

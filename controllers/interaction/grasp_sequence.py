@@ -3,10 +3,11 @@
 from collections.abc import Callable
 
 import numpy as np
-from pydrake.common.value import AbstractValue, Value
-from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, State
+from pydrake.systems.framework import Context
 
+from crossmodal.controllers.arm.impedance import DesiredMotion, ImpedanceGains
 from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.arm.sequence import Sequence, read
 from crossmodal.controllers.interaction.grasp_decisions import (
     Goal,
     Perceived,
@@ -26,7 +27,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check
 
 
-class GraspSequence(LeafSystem):
+class GraspSequence(Sequence):
     """Says which phase the manipulation is in, and what hand, arm and gains do in it.
 
     .. pydrake_system::
@@ -89,15 +90,13 @@ class GraspSequence(LeafSystem):
         X_WE_before: Array,
         goal: Goal | None = None,
     ) -> None:
-        super().__init__()
+        super().__init__(arm)
         check(config, "GraspSequence")
         chambers = len(config.closing_pressure)
         self._config = config
-        self._arm = arm
         self._back = se3.log(se3.inverse(X_WE_grasp) @ X_WE_before)
         self._goal = goal or Goal()
         self._stiff = stiff_gains(config)
-        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 2 * arm.num_joints)
         self._pressure = self.DeclareVectorInputPort("pressure_measured", chambers)
         self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
         self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
@@ -117,85 +116,60 @@ class GraspSequence(LeafSystem):
             lost=False,
             doubted_since=np.inf,
         )
-        state = self.DeclareAbstractState(Value[object](first))
-        on_state = {self.abstract_state_ticket(state)}
-        on_time = on_state | {self.time_ticket()}
+        self._declare_state(first, config.period)
 
-        def vector(name: str, size: int, calc: object) -> None:
-            self.DeclareVectorOutputPort(name, size, calc, on_time)
+        def output(name: str, of: Callable[[SequenceState], float]) -> None:
+            self._declare_vector(name, 1, lambda context: float(of(self._state(context))))
 
-        def flag(name: str, of: Callable[[SequenceState], bool]) -> None:
-            vector(name, 1, lambda c, out: out.SetAtIndex(0, float(of(self._state(c)))))
-
-        vector("phase", 1, lambda c, out: out.SetAtIndex(0, float(self._state(c).phase)))
-        flag("interaction_active", lambda state: is_held(state.phase) and not state.lost)
-        flag("sealed", lambda state: is_held(state.phase))
-        flag("grasp_lost", lambda state: state.lost)
-        flag("in_free_space", lambda state: state.phase == Phase.APPROACH)
-        vector("pressure_commanded", chambers, self._calc_pressure)
-        vector("closure_commanded", 1, self._calc_closure)
+        output("phase", lambda state: state.phase)
+        output("interaction_active", lambda state: is_held(state.phase) and not state.lost)
+        output("sealed", lambda state: is_held(state.phase))
+        output("grasp_lost", lambda state: state.lost)
+        output("in_free_space", lambda state: state.phase == Phase.APPROACH)
+        self._declare_vector("pressure_commanded", chambers, self._calc_pressure)
+        self._declare_vector("closure_commanded", 1, self._calc_closure)
         still = approach_motion(X_WE_grasp, self._back, 0.0, 1.0)
-        self.DeclareAbstractOutputPort(
-            "motion_desired", lambda: Value[object](still), self._calc_motion, on_time
-        )
-        self.DeclareAbstractOutputPort(
-            "gains_desired",
-            lambda: Value[object](self._stiff),
-            self._calc_gains,
-            on_state | {self._direction.ticket()},
-        )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
-
-    def _state(self, context: Context) -> SequenceState:
-        state: SequenceState = context.get_abstract_state(0).get_value()
-        return state
+        self._declare_value("motion_desired", still, self._calc_motion)
+        on_direction = self._on_state | {self._direction.ticket()}
+        self._declare_value("gains_desired", self._stiff, self._calc_gains, on_direction)
 
     def _elapsed(self, context: Context) -> float:
-        return context.get_time() - self._state(context).since
+        return context.get_time() - float(self._state(context).since)
 
-    def _calc_pressure(self, context: Context, output: BasicVector) -> None:
+    def _calc_pressure(self, context: Context) -> Array:
         closing = self._state(context).phase >= Phase.CLOSE
-        output.SetFromVector(np.asarray(self._config.closing_pressure) * closing)
+        return np.asarray(self._config.closing_pressure) * closing
 
-    def _calc_closure(self, context: Context, output: BasicVector) -> None:
+    def _calc_closure(self, context: Context) -> float:
         phase = self._state(context).phase
         closing = min(self._elapsed(context) / (0.5 * self._config.close_time), 1.0)
-        output.SetAtIndex(0, closing if phase == Phase.CLOSE else float(phase > Phase.CLOSE))
+        return closing if phase == Phase.CLOSE else float(phase > Phase.CLOSE)
 
-    def _calc_motion(self, context: Context, output: AbstractValue) -> None:
+    def _calc_motion(self, context: Context) -> DesiredMotion:
         config, state = self._config, self._state(context)
         time = config.approach_time
         if state.phase == Phase.RELEASE:
             X_WE_next = approach_motion(state.X_WE_grasp, self._back, 0.0, time).X_WE
             progress = self._elapsed(context) / config.release_time
-            output.set_value(release_motion(state.X_WE_start, X_WE_next, self._back, progress))
-            return
+            return release_motion(state.X_WE_start, X_WE_next, self._back, progress)
         s = self._elapsed(context) / time if state.phase == Phase.APPROACH else 1.0
-        output.set_value(approach_motion(state.X_WE_grasp, self._back, s, time))
+        return approach_motion(state.X_WE_grasp, self._back, s, time)
 
-    def _calc_gains(self, context: Context, output: AbstractValue) -> None:
+    def _calc_gains(self, context: Context) -> ImpedanceGains:
         if self._config.comply and is_held(self._state(context).phase):
-            direction = np.asarray(self._direction.Eval(context))
-            output.set_value(exploration_gains(self._config, direction))
-        else:
-            output.set_value(self._stiff)
+            return exploration_gains(self._config, np.asarray(self._direction.Eval(context)))
+        return self._stiff
 
-    def _update(self, context: Context, state: State) -> None:
-        def read(port: InputPort, unknown: float) -> Array:
-            if port.HasValue(context):
-                return np.asarray(port.Eval(context))
-            return np.full(port.size(), unknown)
-
-        X_WE = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context))).X_WE
-        screw_E = se3.adjoint(se3.inverse(X_WE)) @ read(self._screw, np.nan)
+    def _next(self, context: Context) -> SequenceState:
+        X_WE = self._arm_state(context).X_WE
+        screw_E = se3.adjoint(se3.inverse(X_WE)) @ read(self._screw, context, np.nan)
         now = Perceived(
             time=context.get_time(),
             X_WE=X_WE,
-            pressure=read(self._pressure, np.nan),
-            joint=read(self._joint, np.nan),
+            pressure=read(self._pressure, context, np.nan),
+            joint=read(self._joint, context, np.nan),
             hand_rate=float(np.linalg.norm(screw_E[3:])),
-            failure=float(read(self._failure, np.nan)[0]),
-            plan_time_left=float(read(self._time_left, np.inf)[0]),
+            failure=float(read(self._failure, context, np.nan)[0]),
+            plan_time_left=float(read(self._time_left, context, np.inf)[0]),
         )
-        following = next_state(self._state(context), now, self._goal, self._config)
-        state.get_mutable_abstract_state(0).set_value(following)
+        return next_state(self._state(context), now, self._goal, self._config)

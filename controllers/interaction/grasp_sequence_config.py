@@ -16,7 +16,7 @@ class GraspSequenceConfig:
     close_time: float = number(1.5, at_least=1e-3, at_most=3600.0, unit="s")
     # Time after which exploration ends at the latest.
     explore_time_limit: float = number(25.0, above=0.0, at_most=86400.0, unit="s", infinite=True)
-    # Way of the hand after which exploration ends at the latest.
+    # Displacement of the hand after which exploration ends at the latest.
     travel: float = number(0.24, above=0.0, at_most=100.0, unit="m", infinite=True)
     # Time for which the hand holds still at the end.
     stop_time: float = number(1.0, at_least=0.0, at_most=3600.0, unit="s")
@@ -37,7 +37,7 @@ class GraspSequenceConfig:
     mass: float = number(1.0, at_least=0.0, at_most=1000.0, unit="kg m^2 or kg")
     # Delay from the joint's motion to the hand's stop, by which the goal is anticipated.
     anticipation: float = number(0.1, at_least=0.0, at_most=60.0, unit="s")
-    # Way of the hand from the joint's start, as perceived, at which the return ends.
+    # Displacement of the hand from the joint's start, as perceived, at which the return ends.
     return_tolerance: float = number(0.002, above=0.0, at_most=10.0, unit="m")
     # Longest delay of the return after its planned end.
     return_patience: float = number(3.0, at_least=0.0, at_most=3600.0, unit="s")

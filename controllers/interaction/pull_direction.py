@@ -17,7 +17,7 @@ from crossmodal.maths.validation import check, number
 class PullDirectionConfig:
     period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
     follow_joint: bool = False  # Whether to pull along the perceived joint, not as taught.
-    # Way of the hand by the joint before the joint is followed.
+    # Displacement of the hand by the joint before the joint is followed.
     start: float = number(0.03, above=0.0, at_most=10.0, unit="m")
     # Time constant with which the pull turns to the joint's direction.
     time: float = number(0.2, at_least=1e-3, at_most=3600.0, unit="s")

@@ -3,12 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
+from pydrake.systems.framework import Context
 
 from crossmodal.controllers.arm.impedance import NO_GAINS, NO_MOTION, DesiredMotion, ImpedanceGains
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.minimum_jerk import PEAK_RATE, minimum_jerk
+from crossmodal.controllers.arm.sequence import Sequence, read
 from crossmodal.controllers.interaction.joint_memory import is_revolute
 from crossmodal.controllers.interaction.phases import Phase, is_held
 from crossmodal.maths import se3
@@ -40,7 +40,7 @@ class TrajectoryGeneratorConfig:
 
 @dataclass(kw_only=True)
 class Plan(Immutable):
-    """The joint's way to its start by minimum jerk; never written after it is made.
+    """The joint's path to its start by minimum jerk; never written after it is made.
 
     Attributes:
         start: When it begins, [s].
@@ -75,7 +75,7 @@ NO_PLAN = Plan(
 
 
 def plan_duration(q: float, hand_rate: float, speed: float) -> float:
-    """How long the way from q to zero takes, [s], if the hand moves at `speed` [m/s] at most."""
+    """How long the path from q to zero takes, [s], if the hand moves at `speed` [m/s] at most."""
     return max(PEAK_RATE * abs(q) * hand_rate / speed, 0.5)
 
 
@@ -170,7 +170,7 @@ def advance(
 _NO_PATH = np.zeros((0, 4, 4))
 
 
-class TrajectoryGenerator(LeafSystem):
+class TrajectoryGenerator(Sequence):
     """Online trajectory generator: exploits the perceived joint to bring it back to its start.
 
     In RETURN, it interpolates the joint from where it is perceived to zero. The body moves along
@@ -218,78 +218,48 @@ class TrajectoryGenerator(LeafSystem):
     """
 
     def __init__(self, config: TrajectoryGeneratorConfig, arm: ArmModel) -> None:
-        super().__init__()
+        super().__init__(arm)
         check(config, "TrajectoryGenerator")
         self._config = config
-        self._arm = arm
-        n = arm.num_joints
-        self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 2 * n)
         self._phase = self.DeclareVectorInputPort("phase", 1)
         self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
         self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
         self._failure = self.DeclareVectorInputPort("grasp_failure_latest", 1)
-        state = self.DeclareAbstractState(Value[object](NO_PLAN))
-        on_state = {self.abstract_state_ticket(state)}
-        self.DeclareAbstractOutputPort(
-            "motion_desired",
-            lambda: Value[object](NO_MOTION),
-            lambda context, output: output.set_value(self._plan(context).motion),
-            on_state,
-        )
-        self.DeclareAbstractOutputPort(
-            "gains_desired",
-            lambda: Value[object](NO_GAINS),
-            lambda context, output: output.set_value(self._plan(context).gains),
-            on_state,
-        )
-        self.DeclareVectorOutputPort(
-            "plan_time_left", 1, self._calc_time_left, on_state | {self.time_ticket()}
-        )
-        self.DeclareAbstractOutputPort(
-            "path_planned", lambda: Value[object](_NO_PATH), self._calc_path
-        )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
+        self._declare_state(NO_PLAN, config.period)
+        value, on_state = self._declare_value, self._on_state
+        value("motion_desired", NO_MOTION, lambda c: self._state(c).motion, on_state)
+        value("gains_desired", NO_GAINS, lambda c: self._state(c).gains, on_state)
+        self._declare_vector("plan_time_left", 1, self._calc_time_left)
+        value("path_planned", _NO_PATH, self._calc_path, {self.all_sources_ticket()})
 
-    def _plan(self, context: Context) -> Plan:
-        plan: Plan = context.get_abstract_state(0).get_value()
-        return plan
-
-    def _update(self, context: Context, state: State) -> None:
-        phase = self._phase.Eval(context)[0]
-        plan = self._plan(context)
+    def _next(self, context: Context) -> Plan:
+        phase, plan = self._phase.Eval(context)[0], self._state(context)
         if not is_held(phase):
-            state.get_mutable_abstract_state(0).set_value(NO_PLAN)
-            return
+            return NO_PLAN
         if not plan.exists and phase != Phase.RETURN:
-            return
+            return plan
         time, joint = context.get_time(), np.asarray(self._joint.Eval(context))
         q = float(joint[6])
         screw_W = np.asarray(self._screw.Eval(context))
-        X_WE = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context))).X_WE
+        X_WE = self._arm_state(context).X_WE
         revolute = is_revolute(joint)
         if not plan.exists or plan.revolute != revolute:
             still = DesiredMotion(X_WE=X_WE, V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
             S_E = se3.adjoint(se3.inverse(X_WE)) @ screw_W
             motion = plan.motion if plan.exists else still
             plan = begin(motion, S_E, q, revolute, time, self._config)
-        failed = (
-            self._failure.HasValue(context)
-            and self._failure.Eval(context)[0] > self._config.failure_probability
-        )
+        failed = read(self._failure, context, np.nan)[0] > self._config.failure_probability
         perceived = None if failed or np.isnan(joint[7]) else q
-        plan = advance(plan, X_WE, screw_W, perceived, time, self._config)
-        state.get_mutable_abstract_state(0).set_value(plan)
+        return advance(plan, X_WE, screw_W, perceived, time, self._config)
 
-    def _calc_time_left(self, context: Context, output: BasicVector) -> None:
-        plan = self._plan(context)
-        output.SetAtIndex(0, plan.start + plan.duration - context.get_time())
+    def _calc_time_left(self, context: Context) -> float:
+        plan = self._state(context)
+        return float(plan.start + plan.duration - context.get_time())
 
-    def _calc_path(self, context: Context, output: Value) -> None:
-        plan = self._plan(context)
+    def _calc_path(self, context: Context) -> Array:
+        plan = self._state(context)
         if not plan.exists:
-            output.set_value(_NO_PATH)
-            return
+            return _NO_PATH
         q, screw_W = self._joint.Eval(context)[6], np.asarray(self._screw.Eval(context))
         steps = np.linspace(0.0, q, 25)
-        path = [se3.exp(-screw_W * step) @ plan.motion.X_WE for step in steps]
-        output.set_value(np.array(path))
+        return np.array([se3.exp(-screw_W * step) @ plan.motion.X_WE for step in steps])

@@ -1,4 +1,4 @@
-"""Where the edge of a flap has gone that is no longer touched, and the way there."""
+"""Where the edge of a flap has gone that is no longer touched, and the path to it."""
 
 from typing import Any
 
@@ -21,17 +21,17 @@ def hinge_shift(hinge: Any, angle: float, p_W: Array) -> float:
     return abs(angle) * float(np.linalg.norm(cross(hinge.k_W, p_W - hinge.p_WK)))
 
 
-def next_on_arc(hinge: Any, X_WS_seat: Array, turn: float, X_WS: Array, step: float) -> float:
-    """The angle [rad] to go to next, so that the way keeps outside of the flap's arc.
+def next_on_arc(hinge: Any, X_WS_contact: Array, turn: float, X_WS: Array, step: float) -> float:
+    """The angle [rad] to go to next, so that the path keeps outside of the flap's arc.
 
     Args:
         hinge: `HingeBelief`.
-        X_WS_seat: Where the finger touched before the flap turned (4, 4).
+        X_WS_contact: Where the finger touched before the flap turned (4, 4).
         turn: Of the flap since then, [rad].
         X_WS: Where the finger is (4, 4).
         step: Largest angle from where the finger is, [rad].
     """
-    rotation = np.ascontiguousarray(X_WS[:3, :3] @ X_WS_seat[:3, :3].T)
+    rotation = np.ascontiguousarray(X_WS[:3, :3] @ X_WS_contact[:3, :3].T)
     turned = float(se3.so3_log(rotation) @ hinge.k_W)
     return turned + float(np.clip(turn - turned, -step, step))
 
@@ -51,7 +51,7 @@ def backed_off(X_WS: Array, distance: float) -> Array:
 def twist_towards(X_WS: Array, X_WS_goal: Array, speed: float, time: float) -> Array:
     """V_WS_S (6,) that takes S to a goal in `time` [s] at the end, before at `speed` [m/s].
 
-    The turn is spread over the whole way.
+    The turn is spread over the whole path.
     """
     xi = se3.log(se3.inverse(X_WS) @ X_WS_goal)
     left = float(np.linalg.norm(xi[3:]))

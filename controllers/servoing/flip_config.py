@@ -13,9 +13,9 @@ _SWITCH: Any = {"at_least": 0.0, "at_most": 1.0}
 @dataclass(kw_only=True)
 class FlipSequenceConfig:
     period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")
-    # Speed at which the finger first approaches the flap's edge, and longest way.
+    # Speed at which the finger first approaches the flap's edge, and its longest displacement.
     approach_speed: float = number(0.008, above=0.0, at_most=1.0, unit="m/s")
-    approach_way: float = number(0.06, above=0.0, at_most=1.0, unit="m")
+    approach_displacement: float = number(0.06, above=0.0, at_most=1.0, unit="m")
     # Contact that is established: what its force and place may be off by, and for how long.
     force: float = number(0.5, above=0.0, at_most=100.0, unit="N")
     force_tolerance: float = number(0.1, above=0.0, at_most=100.0, unit="N")
@@ -28,26 +28,27 @@ class FlipSequenceConfig:
     ramp_time: float = number(0.5, at_least=1e-3, at_most=60.0, unit="s")
     # Angle by which the flap is to be turned.
     angle: float = number(2.0, above=0.0, at_most=3.0, unit="rad")
-    # Way of the contact, and time, after which the flip ends at the latest.
-    way: float = number(0.25, above=0.0, at_most=2.0, unit="m")
+    # Displacement of the contact, and time, after which the flip ends at the latest.
+    displacement: float = number(0.25, above=0.0, at_most=2.0, unit="m")
     flip_time: float = number(60.0, above=0.0, at_most=3600.0, unit="s")
-    # A contact is lost once nothing has been felt for so long.
+    # A contact is lost once nothing has been sensed for so long.
     lost_time: float = number(0.05, at_least=0.0, at_most=10.0, unit="s")
     # Speed at which a lost contact is sought along its last normal.
     search_speed: float = number(0.008, above=0.0, at_most=1.0, unit="m/s")
-    # Way and time after which it is lost for good.
-    search_way: float = number(0.05, above=0.0, at_most=1.0, unit="m")
+    # Displacement and time after which it is lost for good.
+    search_displacement: float = number(0.05, above=0.0, at_most=1.0, unit="m")
     search_time: float = number(40.0, above=0.0, at_most=3600.0, unit="s")
-    # An edge that is not felt so far behind where it should be is sought beside it, on its arc in
-    # steps to both sides in turns, and so often.
+    # The finger goes so far beyond the expected place of an edge. If it then senses no contact, it
+    # seeks beside that place, in steps along the edge's arc, on both sides in turns, so often.
     probe_depth: float = number(0.01, above=0.0, at_most=1.0, unit="m")
     probe_step: float = number(0.012, above=0.0, at_most=1.0, unit="m")
     probes: int = number(6, at_least=0, at_most=100)
-    # A flap whose edge is seen to have gone so far is followed: to so far before the edge.
+    # A flap is followed once its edge is seen to have gone so far; the finger then goes to a place
+    # at this distance before the edge.
     edge_shift: float = number(0.005, above=0.0, at_most=1.0, unit="m")
     clearance: float = number(0.015, above=0.0, at_most=1.0, unit="m")
     follow_speed: float = number(0.03, above=0.0, at_most=1.0, unit="m/s")
-    # On its way it is so far ahead on the arc of the edge at most.
+    # Largest angle on the edge's arc between the finger and its next goal.
     arc_step: float = number(0.25, above=0.0, at_most=1.6, unit="rad")
     # How near the finger gets to where it waits before the edge.
     arrival_distance: float = number(0.002, above=0.0, at_most=0.1, unit="m")

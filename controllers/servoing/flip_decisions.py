@@ -18,7 +18,7 @@ from crossmodal.controllers.servoing.flip_config import FlipSequenceConfig
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 
-_PATIENCE = 3.0  # Times as long as a retreat takes it may last.
+_PATIENCE = 3.0  # Longest time of a retreat, as a multiple of the planned one.
 
 
 class FlipPhase(IntEnum):
@@ -33,7 +33,7 @@ class FlipPhase(IntEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seat(Immutable):
+class ContactPose(Immutable):
     """A pose in which the finger touched the edge, or would have.
 
     Attributes:
@@ -54,19 +54,19 @@ class FlipState(Immutable):
     Attributes:
         phase: What is done.
         since: Beginning of the phase, [s].
-        felt_at: When something was last felt, [s].
+        sensed_at: When something was last sensed, [s].
         good_since: Since when the contact has been as it should be, [s]; infinite while it is not.
         n_S: Normal of the last contact (3,); y of S before the first.
-        p_WS_last: Where the way of a search is counted from (3,), [m]: where a contact was last
-            felt or expected, or the start.
-        seat: How finger and flap fit together; None before a contact was good for long.
+        p_WS_last: Where a search's displacement is counted from (3,), [m]: where a contact was last
+            sensed or expected, or the start.
+        contact_pose: How finger and flap fit together; None before a contact was good for long.
         candidate: What becomes that if the contact stays good; None while it is not.
         X_WS_goal: Where it waits before an edge that has gone (4, 4); None while it does not.
-        reached: Turn of the flap since `seat` with which the finger has gone, [rad].
+        reached: Turn of the flap since `contact_pose` with which the finger has gone, [rad].
         probe: How many places beside the expected one the edge has been sought at.
         flipped: Time since the flip began without the pauses, [s].
         turned: By how much the finger has turned about its own z since the flip began, [rad].
-        way: Of the fingertip along its x since then, [m].
+        displacement: Of the fingertip along its x since then, [m].
         X_WS: Pose at the last update (4, 4); NaN before the first.
         waits: Whether it stands still, since touch cannot be trusted.
         losses: How often the contact was lost.
@@ -75,18 +75,18 @@ class FlipState(Immutable):
 
     phase: FlipPhase = FlipPhase.PRE_CONTACT
     since: float = 0.0
-    felt_at: float = -np.inf
+    sensed_at: float = -np.inf
     good_since: float = np.inf
     n_S: Array
     p_WS_last: Array
-    seat: Seat | None = None
-    candidate: Seat | None = None
+    contact_pose: ContactPose | None = None
+    candidate: ContactPose | None = None
     X_WS_goal: Array | None = None
     reached: float = 0.0
     probe: int = 0
     flipped: float = 0.0
     turned: float = 0.0
-    way: float = 0.0
+    displacement: float = 0.0
     X_WS: Array
     waits: bool = False
     losses: int = 0
@@ -94,7 +94,7 @@ class FlipState(Immutable):
 
     @property
     def is_seeking(self) -> bool:
-        """Whether the finger moves towards a contact that it does not feel."""
+        """Whether the finger moves towards a contact that it does not sense."""
         seeking = self.phase in (FlipPhase.PRE_CONTACT, FlipPhase.ESTABLISH_CONTACT)
         return seeking and not self.waits
 
@@ -104,7 +104,7 @@ FIRST = FlipState(n_S=_PAD_NORMAL, p_WS_last=np.full(3, np.nan), X_WS=np.full((4
 
 
 @dataclass(frozen=True, kw_only=True)
-class Felt:
+class Sensed:
     """What the sequence decides by, at one instant.
 
     Attributes:
@@ -113,7 +113,7 @@ class Felt:
         contact: `TactileContact`.
         theta: Angle of the flap as it is perceived, [rad]; NaN while unknown.
         hinge: `HingeBelief`; None while unknown.
-        distrust: Why touch cannot tell whether there is a contact; empty while it can.
+        distrust: Why touch does not show whether there is a contact; empty while it does.
     """
 
     time: float
@@ -137,7 +137,7 @@ def is_good(contact: Any, config: FlipSequenceConfig) -> bool:
     return bool(place < config.position_tolerance and force < config.force_tolerance)
 
 
-def next_flip_state(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
+def next_flip_state(state: FlipState, now: Sensed, config: FlipSequenceConfig) -> FlipState:
     """One step of the sequence."""
     if state.phase in (FlipPhase.DONE, FlipPhase.FAILED):
         return state
@@ -151,15 +151,15 @@ def next_flip_state(state: FlipState, now: Felt, config: FlipSequenceConfig) -> 
     if state.phase == FlipPhase.PRE_CONTACT:
         if now.contact.touching:
             return _enter(state, FlipPhase.ESTABLISH_CONTACT, now)
-        if sought > config.approach_way:
+        if sought > config.approach_displacement:
             return _fail(state, now, "nothing was touched")
         return state
-    if now.time - state.felt_at > config.lost_time:
+    if now.time - state.sensed_at > config.lost_time:
         if state.phase == FlipPhase.FLIP:
             lost = replace(state, losses=state.losses + 1)
             return _enter(lost, FlipPhase.ESTABLISH_CONTACT, now)
-        over = now.time - state.felt_at > config.search_time or state.probe > config.probes
-        if over or sought > config.search_way:
+        over = now.time - state.sensed_at > config.search_time or state.probe > config.probes
+        if over or sought > config.search_displacement:
             return _fail(state, now, "the contact was lost and the edge is not found again")
         return follow_edge(replace(state, since=now.time), now, config)
     if state.phase == FlipPhase.ESTABLISH_CONTACT:
@@ -169,82 +169,84 @@ def next_flip_state(state: FlipState, now: Felt, config: FlipSequenceConfig) -> 
         return state
     turned = now.theta if np.isfinite(now.theta) else state.turned
     there = turned >= config.angle and now.contact.touching
-    if there or state.way >= config.way:
+    if there or state.displacement >= config.displacement:
         return _enter(state, FlipPhase.RETREAT, now)
     if state.flipped >= config.flip_time:
         return _fail(state, now, "the flap took too long to turn")
     return state
 
 
-def _wait(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
+def _wait(state: FlipState, now: Sensed, config: FlipSequenceConfig) -> FlipState:
     """The state while touch may come back: nothing moves that it would have to stop."""
-    if now.time - max(state.felt_at, state.since) > config.search_time:
+    if now.time - max(state.sensed_at, state.since) > config.search_time:
         return _fail(state, now, f"touch cannot be trusted: {now.distrust}")
     if state.phase == FlipPhase.FLIP:
         return _enter(state, FlipPhase.ESTABLISH_CONTACT, now)
     return state
 
 
-def _retreat(state: FlipState, now: Felt, distance: float, config: FlipSequenceConfig) -> FlipState:
+def _retreat(
+    state: FlipState, now: Sensed, distance: float, config: FlipSequenceConfig
+) -> FlipState:
     """Done once the finger is so far [m] from where it last touched."""
-    way = float(np.linalg.norm(config.retreat))
-    if distance >= way:
+    farthest = float(np.linalg.norm(config.retreat))
+    if distance >= farthest:
         return _enter(state, FlipPhase.DONE, now)
-    if now.time - state.since > _PATIENCE * way / config.retreat_speed:
+    if now.time - state.since > _PATIENCE * farthest / config.retreat_speed:
         return _fail(state, now, "the finger does not get away from the flap")
     return state
 
 
-def follow_edge(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
+def follow_edge(state: FlipState, now: Sensed, config: FlipSequenceConfig) -> FlipState:
     """The state with the goal before an edge that has gone, until it is reached.
 
-    Where it has gone is seen, or else tried: an edge that is not felt where it should be is sought
-    beside that place.
+    Where it has gone is seen, or else tried: an edge that is not sensed where it should be is
+    sought beside that place.
     """
-    seat = state.seat
-    if seat is None or now.hinge is None or not np.isfinite(now.theta - seat.theta):
+    contact_pose = state.contact_pose
+    if contact_pose is None or now.hinge is None or not np.isfinite(now.theta - contact_pose.theta):
         return state
     p_WS = now.X_WS[:3, 3]
-    lever = hinge_shift(now.hinge, 1.0, seat.X_WS[:3, 3])
-    turn = now.theta - seat.theta + probe_offset(state.probe, config.probe_step / lever)
+    lever = hinge_shift(now.hinge, 1.0, contact_pose.X_WS[:3, 3])
+    turn = now.theta - contact_pose.theta + probe_offset(state.probe, config.probe_step / lever)
     if lever * abs(turn - state.reached) <= config.edge_shift:
         backed = config.clearance if state.reached != 0.0 else 0.0
         passed = float(np.linalg.norm(p_WS - state.p_WS_last)) > backed + config.probe_depth
         return replace(state, X_WS_goal=None, probe=state.probe + passed)
-    goal = backed_off(turned_about(now.hinge, turn, seat.X_WS), config.clearance)
+    goal = backed_off(turned_about(now.hinge, turn, contact_pose.X_WS), config.clearance)
     if is_there(now.X_WS, goal, config.arrival_distance, config.arrival_angle):
         return replace(state, X_WS_goal=None, reached=turn, p_WS_last=p_WS)
     # It first draws back, then goes along the arc.
     is_outside = hinge_shift(now.hinge, 1.0, p_WS) > lever + 0.5 * config.clearance
     step = config.arc_step if is_outside else 0.0
-    angle = next_on_arc(now.hinge, seat.X_WS, turn, now.X_WS, step)
-    goal = backed_off(turned_about(now.hinge, angle, seat.X_WS), config.clearance)
+    angle = next_on_arc(now.hinge, contact_pose.X_WS, turn, now.X_WS, step)
+    goal = backed_off(turned_about(now.hinge, angle, contact_pose.X_WS), config.clearance)
     return replace(state, X_WS_goal=goal, p_WS_last=p_WS, n_S=_PAD_NORMAL)
 
 
-def _fit(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
+def _fit(state: FlipState, now: Sensed, config: FlipSequenceConfig) -> FlipState:
     """The state with what is known of how finger and flap fit together.
 
     A contact that is about to be lost is not believed: it has to stay good for a while.
     """
-    here = Seat(time=now.time, X_WS=now.X_WS, theta=now.theta)
+    here = ContactPose(time=now.time, X_WS=now.X_WS, theta=now.theta)
     candidate = state.candidate
     if candidate is None:
         return replace(state, candidate=here)
     if now.time - candidate.time < config.settle_time:
         return state
-    return replace(state, seat=candidate, reached=0.0, candidate=here)
+    return replace(state, contact_pose=candidate, reached=0.0, candidate=here)
 
 
-def _observe(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipState:
-    """The state with what is felt and how the finger has moved."""
+def _observe(state: FlipState, now: Sensed, config: FlipSequenceConfig) -> FlipState:
+    """The state with what is sensed and how the finger has moved."""
     if np.isnan(state.X_WS[0, 0]):
         state = replace(state, X_WS=now.X_WS, p_WS_last=now.X_WS[:3, 3])
     if now.contact.touching:
         good = is_good(now.contact, config)
         state = replace(
             state,
-            felt_at=now.time,
+            sensed_at=now.time,
             n_S=now.contact.n_S,
             p_WS_last=now.X_WS[:3, 3],
             X_WS_goal=None,
@@ -260,14 +262,15 @@ def _observe(state: FlipState, now: Felt, config: FlipSequenceConfig) -> FlipSta
             state,
             flipped=state.flipped + config.period * flipping,
             turned=state.turned + own_turn(state.X_WS, now.X_WS),
-            way=state.way + float(now.X_WS[:3, 0] @ (now.X_WS[:3, 3] - state.X_WS[:3, 3])),
+            displacement=state.displacement
+            + float(now.X_WS[:3, 0] @ (now.X_WS[:3, 3] - state.X_WS[:3, 3])),
         )
     return replace(state, X_WS=now.X_WS)
 
 
-def _enter(state: FlipState, phase: FlipPhase, now: Felt) -> FlipState:
+def _enter(state: FlipState, phase: FlipPhase, now: Sensed) -> FlipState:
     return replace(state, phase=phase, since=now.time, good_since=np.inf)
 
 
-def _fail(state: FlipState, now: Felt, why: str) -> FlipState:
+def _fail(state: FlipState, now: Sensed, why: str) -> FlipState:
     return replace(_enter(state, FlipPhase.FAILED, now), why=why)

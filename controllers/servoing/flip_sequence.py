@@ -1,21 +1,21 @@
 """The sequence of flipping a flap: approach its edge, establish contact, flip, retreat, done."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import AbstractValue, Value
-from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context
 
 from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.arm.sequence import Sequence
 from crossmodal.controllers.servoing.beliefs import known_belief
 from crossmodal.controllers.servoing.contact_search import twist_towards
 from crossmodal.controllers.servoing.flip_config import FlipSequenceConfig
 from crossmodal.controllers.servoing.flip_decisions import (
     FIRST,
-    Felt,
     FlipPhase,
     FlipState,
+    Sensed,
     next_flip_state,
 )
 from crossmodal.maths.arrays import Array
@@ -56,7 +56,7 @@ def tactile_projector(phase: FlipPhase, config: FlipSequenceConfig) -> Array:
     return np.array(config.tactile_flip if flipping else config.tactile_establish)
 
 
-class FlipSequence(LeafSystem):
+class FlipSequence(Sequence):
     """Says which phase the flip is in, and who moves which component of the fingertip in it.
 
     .. pydrake_system::
@@ -85,7 +85,7 @@ class FlipSequence(LeafSystem):
       stay unconnected.
     - phase: (1,) `FlipPhase`.
     - feed_forward: (1,) speed of the contact along x_S, [m/s].
-    - approach_twist_desired: (6,) V_WS_S towards a contact that is not felt, or in the end away
+    - approach_twist_desired: (6,) V_WS_S towards a contact that is not sensed, or in the end away
       from it, [rad/s, m/s].
     - tactile_projector: (6,) diagonal of P_tact: w_x, w_y, w_z, v_x, v_y, v_z.
     - visual_projector: (6,) of P_vis.
@@ -106,38 +106,22 @@ class FlipSequence(LeafSystem):
     """
 
     def __init__(self, config: FlipSequenceConfig, arm: ArmModel) -> None:
-        super().__init__()
+        super().__init__(arm)
         check(config, "FlipSequence")
         require(bool(np.any(config.retreat)), "FlipSequence", config, "retreat", "not all zero")
-        self._config, self._arm = config, arm
-        self._joints = self.DeclareVectorInputPort("joint_state_measured", 2 * arm.num_joints)
+        self._config = config
         self._contact = self.DeclareAbstractInputPort("contact_latest", Value[object]())
         self._angle = self.DeclareAbstractInputPort("flap_angle_latest", Value[object]())
         self._hinge = self.DeclareAbstractInputPort("hinge_latest", Value[object]())
         self._health = self.DeclareAbstractInputPort("taxel_health_latest", Value[object]())
-        on_state = {self.abstract_state_ticket(self.DeclareAbstractState(Value[object](FIRST)))}
-        on_time = on_state | {self.time_ticket()}
-
-        def vector(name: str, size: int, calc: Callable[[Context], Any], needs: Any) -> None:
-            def write(context: Context, output: BasicVector) -> None:
-                output.SetFromVector(np.atleast_1d(calc(context)))
-
-            self.DeclareVectorOutputPort(name, size, write, needs)
-
-        vector("phase", 1, lambda c: float(self._state(c).phase), on_state)
-        vector("feed_forward", 1, self._calc_feed, on_time)
-        on_contact = on_state | {self._contact.ticket()}
+        self._declare_state(FIRST, config.period)
+        vector, on_contact = self._declare_vector, self._on_state | {self._contact.ticket()}
+        vector("phase", 1, lambda c: self._state(c).phase, self._on_state)
+        vector("feed_forward", 1, self._calc_feed)
         vector("approach_twist_desired", 6, self._calc_approach, on_contact)
-        vector("tactile_projector", 6, self._calc_tactile, on_state)
-        vector("visual_projector", 6, self._calc_visual, on_state)
-        self.DeclareAbstractOutputPort(
-            "failure", lambda: AbstractValue.Make(""), self._calc_failure, on_state
-        )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
-
-    def _state(self, context: Context) -> FlipState:
-        state: FlipState = context.get_abstract_state(0).get_value()
-        return state
+        vector("tactile_projector", 6, self._calc_tactile, self._on_state)
+        vector("visual_projector", 6, self._calc_visual, self._on_state)
+        self._declare_value("failure", "", lambda c: self._state(c).why, self._on_state)
 
     def _calc_feed(self, context: Context) -> float:
         return feed_forward(self._state(context), context.get_time(), self._config)
@@ -153,19 +137,15 @@ class FlipSequence(LeafSystem):
         flipping = self._state(context).phase == FlipPhase.FLIP
         return flipping * np.array(self._config.visual_flip)
 
-    def _calc_failure(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(self._state(context).why)
-
-    def _update(self, context: Context, state: State) -> None:
+    def _next(self, context: Context) -> FlipState:
         angle, hinge = (known_belief(port, context) for port in (self._angle, self._hinge))
         health: Any = self._health.Eval(context) if self._health.HasValue(context) else None
-        now = Felt(
+        now = Sensed(
             time=context.get_time(),
-            X_WS=self._arm.Evaluate(np.asarray(self._joints.Eval(context))).X_WE,
+            X_WS=self._arm_state(context).X_WE,
             contact=self._contact.Eval(context),
             theta=float("nan") if angle is None else angle.theta,
             hinge=hinge,
             distrust=health.fault if health is not None and health.age > 0.0 else "",
         )
-        following = next_flip_state(self._state(context), now, self._config)
-        state.get_mutable_abstract_state(0).set_value(following)
+        return next_flip_state(self._state(context), now, self._config)

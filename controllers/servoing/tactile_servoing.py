@@ -98,7 +98,7 @@ class Pid:
         """The next integral (n,).
 
         A component does not integrate what would drive its output further beyond a limit, and none
-        does while what follows is not `able` to do as it is told.
+        does while what follows is not `able` to do as commanded.
         """
         free = self._free(error, last, total)
         stuck: Mask = (np.abs(free) > self.limit) & (free * error > 0.0)

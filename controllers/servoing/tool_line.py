@@ -1,17 +1,16 @@
 """A held tool as the last link of the arm that holds it: its tip follows a line."""
 
-from typing import Any
-
 import numpy as np
-from pydrake.common.value import AbstractValue, Value
-from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context
 
 from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.arm.sequence import Sequence
 from crossmodal.controllers.servoing.flip_decisions import FlipPhase
 from crossmodal.controllers.servoing.tool_line_decisions import (
     LineState,
+    TipPath,
     ToolLineConfig,
-    Way,
     next_line_state,
 )
 from crossmodal.controllers.servoing.twists import from_contact
@@ -20,26 +19,26 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, require
 
 
-def tip_twist(X_WT: Array, X_ET: Array, way: Way, time: float, gain: float) -> Array:
-    """V_WE_E (6,) that takes the tip along its way, [rad/s, m/s].
+def tip_twist(X_WT: Array, X_ET: Array, path: TipPath, time: float, gain: float) -> Array:
+    """V_WE_E (6,) that takes the tip along its path, [rad/s, m/s].
 
-    The way's own velocity plus `gain` [1/s] times what is left to where the tip should be.
+    The path's own velocity plus `gain` [1/s] times what is left to where the tip should be.
 
     Args:
         X_WT: Where the tip is (4, 4).
         X_ET: The tool as a link of the arm (4, 4).
-        way: Of the tip.
+        path: Of the tip.
         time: [s]
         gain: [1/s]
     """
-    X_WT_desired, V_WT_T = way.at(time)
+    X_WT_desired, V_WT_T = path.at(time)
     left = se3.log(se3.inverse(X_WT) @ X_WT_desired)
     V_T = V_WT_T + gain * left
     R_ET = X_ET[:3, :3]
     return from_contact(np.concatenate([R_ET @ V_T[:3], R_ET @ V_T[3:]]), X_ET[:3, 3])
 
 
-class ToolLine(LeafSystem):
+class ToolLine(Sequence):
     """Moves the estimated tip of a held tool along a straight line on a table.
 
     The tip T is where the finger touched the free edge of the flap at last: what the robot has
@@ -89,59 +88,39 @@ class ToolLine(LeafSystem):
     """
 
     def __init__(self, config: ToolLineConfig, arm: ArmModel) -> None:
-        super().__init__()
+        super().__init__(arm)
         check(config, "ToolLine")
         apart = bool(np.linalg.norm(config.end - config.start) > 0.0)
         require(apart, "ToolLine", config, "end", "a point other than start")
-        self._config, self._arm = config, arm
-        self._joints = self.DeclareVectorInputPort("joint_state_measured", 2 * arm.num_joints)
+        self._config = config
         self._tool = self.DeclareAbstractInputPort("tool_latest", Value[object]())
         self._flip = self.DeclareVectorInputPort("flip_phase", 1)
-        state = self.abstract_state_ticket(self.DeclareAbstractState(Value[object](LineState())))
-        moving = {state, self._joints.ticket()}
-        self.DeclareVectorOutputPort(
-            "twist_desired", 6, self._calc_twist, moving | {self.time_ticket()}
-        )
-        self.DeclareVectorOutputPort(
-            "phase", 1, lambda c, out: out.SetFromVector([self._state(c).phase]), {state}
-        )
-        self.DeclareAbstractOutputPort(
-            "failure",
-            lambda: AbstractValue.Make(""),
-            lambda c, out: out.set_value(self._state(c).why),
-            {state},
-        )
-        self.DeclareVectorOutputPort("tip_estimated", 3, self._calc_tip, moving)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(config.period, 0.0, self._update)
+        self._declare_state(LineState(), config.period)
+        moving = self._on_state | {self._joint_state.ticket()}
+        self._declare_vector("twist_desired", 6, self._calc_twist, moving | self._on_time)
+        self._declare_vector("phase", 1, lambda c: self._state(c).phase, self._on_state)
+        self._declare_value("failure", "", lambda c: self._state(c).why, self._on_state)
+        self._declare_vector("tip_estimated", 3, self._calc_tip, moving)
 
-    def _state(self, context: Context) -> LineState:
-        state: LineState = context.get_abstract_state(0).get_value()
-        return state
-
-    def _X_WE(self, context: Context) -> Array:
-        return self._arm.Evaluate(np.asarray(self._joints.Eval(context))).X_WE
-
-    def _calc_twist(self, context: Context, output: BasicVector) -> None:
-        state, V_WE_E = self._state(context), np.zeros(6)
-        if state.way is not None and state.X_ET is not None:
-            X_WT = state.tip(self._X_WE(context))
-            V_WE_E = tip_twist(X_WT, state.X_ET, state.way, context.get_time(), self._config.gain)
-        output.SetFromVector(V_WE_E)
-
-    def _calc_tip(self, context: Context, output: BasicVector) -> None:
+    def _calc_twist(self, context: Context) -> Array:
         state = self._state(context)
-        known = state.X_ET is not None
-        p_WT = state.tip(self._X_WE(context))[:3, 3] if known else np.full(3, np.nan)
-        output.SetFromVector(p_WT)
+        if state.path is None or state.X_ET is None:
+            return np.zeros(6)
+        X_WT = state.tip(self._arm_state(context).X_WE)
+        return tip_twist(X_WT, state.X_ET, state.path, context.get_time(), self._config.gain)
 
-    def _update(self, context: Context, state: State) -> None:
-        tool: Any = self._tool.Eval(context) if self._tool.HasValue(context) else None
-        following = next_line_state(
+    def _calc_tip(self, context: Context) -> Array:
+        state = self._state(context)
+        if state.X_ET is None:
+            return np.full(3, np.nan)
+        return np.asarray(state.tip(self._arm_state(context).X_WE)[:3, 3])
+
+    def _next(self, context: Context) -> LineState:
+        return next_line_state(
             self._state(context),
             context.get_time(),
-            self._X_WE(context),
+            self._arm_state(context).X_WE,
             FlipPhase(int(self._flip.Eval(context)[0])),
-            tool,
+            self._tool.Eval(context) if self._tool.HasValue(context) else None,
             self._config,
         )
-        state.get_mutable_abstract_state(0).set_value(following)

@@ -14,7 +14,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import number, numbers
 
-_LEAST_TIME = 0.5  # Of a way, however short, [s].
+_LEAST_TIME = 0.5  # Shortest duration of a motion, [s].
 _UPRIGHT = 0.9  # Share of a hinge's direction that points up, beyond which it is not laid level.
 
 
@@ -44,13 +44,13 @@ class ToolLineConfig:
     above: float = number(0.08, at_least=0.0, at_most=1.0, unit="m")
     # Angle by which the flap points down, from the hinge to the tip; the hinge itself is level.
     slope: float = number(0.26, at_least=0.0, at_most=1.57, unit="rad")
-    # Highest speeds of the tip: on its way to the line, and from there on.
+    # Highest speeds of the tip: on its path to the line, and along the line.
     travel_speed: float = number(0.12, above=0.0, at_most=1.0, unit="m/s")
     turn_speed: float = number(0.4, above=0.0, at_most=3.0, unit="rad/s")
     line_speed: float = number(0.04, above=0.0, at_most=1.0, unit="m/s")
     # With which the tip is drawn to where it should be.
     gain: float = number(2.0, at_least=0.0, at_most=50.0, unit="1/s")
-    # How near the tip gets to the end of each way, and how late it may be.
+    # How near the tip has to get to the end of each path, and how late it may be.
     arrival_distance: float = number(0.001, above=0.0, at_most=0.1, unit="m")
     arrival_angle: float = number(0.01, above=0.0, at_most=1.0, unit="rad")
     arrival_time: float = number(4.0, above=0.0, at_most=3600.0, unit="s")
@@ -58,7 +58,7 @@ class ToolLineConfig:
     largest_deviation: float = number(0.03, above=0.0, at_most=1.0, unit="m")
 
 
-class Way(NamedTuple):
+class TipPath(NamedTuple):
     """From rest to rest along a straight line, turning about a fixed axis.
 
     Attributes:
@@ -95,14 +95,14 @@ class LineState(Immutable):
         X_ET: The tool as a link of the arm (4, 4); None before the flap is turned.
         displacement: Of E as the arm's kinematics has it from where the estimators take it to be,
             in the world (3,), [m].
-        way: Of the tip in this phase; None before it moves.
+        path: Of the tip in this phase; None before it moves.
         why: Why it was not begun or has failed, in words; empty if neither.
     """
 
     phase: LinePhase = LinePhase.WAIT
     X_ET: Array | None = None
     displacement: Array = field(default_factory=lambda: np.zeros(3))
-    way: Way | None = None
+    path: TipPath | None = None
     why: str = ""
 
     def tip(self, X_WE: Array) -> Array:
@@ -175,21 +175,21 @@ def next_line_state(
         p_WE = tool.hinge.p_WK - tool.L1_W
         return replace(state, X_ET=tool.X_EK @ tool.X_KT, displacement=X_WE[:3, 3] - p_WE)
     X_WT = state.tip(X_WE)
-    if state.way is None:
+    if state.path is None:
         if flip != FlipPhase.DONE:
             return state
         if abs(X_WT[2, 2]) > _UPRIGHT:
             why = "the line on the table is not begun: the hinge stands upright"
             return replace(state, phase=LinePhase.FAILED, why=why)
         return _enter(LinePhase.APPROACH, state, time, X_WT, config)
-    goal, left = state.way.X_WT_end, state.way.start + state.way.duration - time
+    goal, left = state.path.X_WT_end, state.path.start + state.path.duration - time
     if left > 0.0:
         return state
     if is_there(X_WT, goal, config.arrival_distance, config.arrival_angle):
         return _enter(LinePhase(state.phase + 1), state, time, goal, config)
     if -left > config.arrival_time:
         why = f"the arm that holds the tool does not reach {_NAMES[state.phase]}"
-        return replace(state, phase=LinePhase.FAILED, way=None, why=why)
+        return replace(state, phase=LinePhase.FAILED, path=None, why=why)
     return state
 
 
@@ -205,7 +205,7 @@ def _enter(
 ) -> LineState:
     """The state at the beginning of a phase that starts at `X_WT` (4, 4)."""
     if phase == LinePhase.DONE:
-        return replace(state, phase=phase, way=None)
+        return replace(state, phase=phase, path=None)
     goal = X_WT.copy()
     if phase == LinePhase.APPROACH:
         goal[:3, :3] = posture_on_table(X_WT[:3, :3], config.slope)
@@ -217,4 +217,4 @@ def _enter(
     turn = float(np.linalg.norm(se3.so3_log(R)))
     speed = config.travel_speed if phase == LinePhase.APPROACH else config.line_speed
     duration = max(PEAK_RATE * max(shift / speed, turn / config.turn_speed), _LEAST_TIME)
-    return replace(state, phase=phase, way=Way(time, duration, X_WT, goal))
+    return replace(state, phase=phase, path=TipPath(time, duration, X_WT, goal))

@@ -13,8 +13,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from crossmodal.diagrams.crossmodal.calibration import make_calibration
 from crossmodal.diagrams.crossmodal.estimators import (
     BODY_MOTIONS,
-    FELT_STREAMS,
-    SEEN_STREAMS,
+    BODY_STREAMS,
     make_network,
 )
 from crossmodal.diagrams.crossmodal.meshcat_view import add_view
@@ -39,6 +38,7 @@ from crossmodal.diagrams.run.application import Application, Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.record import Quantity
 from crossmodal.diagrams.run.sensor_streams.codecs import JOINT_STATES, WRENCHES, Topic
+from crossmodal.diagrams.stations.add_monitors import SEEN_STREAMS
 from crossmodal.systems.kinematics.held_joint import HeldJoint, HeldJointConfig
 from crossmodal.systems.port_values import (
     UNKNOWN_END_EFFECTOR,
@@ -68,7 +68,7 @@ QUANTITIES = (
     Quantity(port=f"{BODY_MOTIONS}_health_latest", model=StreamHealth()),
     *(
         Quantity(port=f"{stream}_health_latest", model=StreamHealth(), estimators=having)
-        for having, streams in ((_SEEING, SEEN_STREAMS), (_FEELING, FELT_STREAMS))
+        for having, streams in ((_SEEING, SEEN_STREAMS), (_FEELING, BODY_STREAMS))
         for stream in streams
     ),
 )
@@ -105,7 +105,7 @@ def make_station(scenario: Scenario, calibration: Calibration) -> Station:
 def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, Diagram]:
     """One network of filters for each of the scenario's modalities."""
     return {
-        modality: make_network(modality, scenario.perception, calibration)
+        modality: make_network(modality, scenario.perception, calibration, scenario.network_period)
         for modality in scenario.modalities
     }
 
@@ -113,7 +113,7 @@ def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, D
 def close_loop(
     builder: DiagramBuilder, scenario: Scenario, station: System, estimators: Mapping[str, System]
 ) -> None:
-    """Tells the station's controllers what a network believes about the joint in the hand."""
+    """Connects what a network believes about the joint in the hand to the controllers."""
     if scenario.task.goal is None:
         return
     network = estimators[scenario.acting_modality]

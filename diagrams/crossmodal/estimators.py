@@ -1,13 +1,25 @@
 """The network of coupled filters: one factory, three wirings of the same systems."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from crossmodal.diagrams.crossmodal.modalities import MODALITIES
 from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.stations.add_monitors import (
+    SEEN_STREAMS,
+    add_image_monitor,
+    add_window_monitor,
+)
+from crossmodal.diagrams.stations.connections import (
+    Connection,
+    connect,
+    connect_alike,
+    export_input,
+    export_outputs,
+)
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
 from crossmodal.systems.kinematics.joint_mechanics import JointMechanicsFilter
 from crossmodal.systems.kinematics.joint_mechanics_config import JointMechanicsConfig
@@ -15,10 +27,10 @@ from crossmodal.systems.kinematics.kinematic_model import KinematicModel, Kinema
 from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from crossmodal.systems.monitoring.angles import AnglesByRates, AnglesConfig
 from crossmodal.systems.monitoring.arm_response import ArmResponse, ArmResponseConfig
-from crossmodal.systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig
+from crossmodal.systems.monitoring.image_monitor import ImageMonitorConfig
 from crossmodal.systems.monitoring.offsets import OffsetModel
 from crossmodal.systems.monitoring.steps import IsolatedSteps, StepsConfig
-from crossmodal.systems.monitoring.window_monitor import WindowMonitor, WindowMonitorConfig
+from crossmodal.systems.monitoring.window_monitor import WindowMonitorConfig
 from crossmodal.systems.proprioception.end_effector_motion import (
     EndEffectorMotion,
     EndEffectorMotionConfig,
@@ -26,19 +38,20 @@ from crossmodal.systems.proprioception.end_effector_motion import (
 from crossmodal.systems.proprioception.grasp_model import GraspModel
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 from crossmodal.systems.proprioception.hand_bending import HandBending, HandBendingConfig
+from crossmodal.systems.proprioception.hand_config import HandConfig
 from crossmodal.systems.proprioception.held_body_motion import (
     HeldBodyMotion,
     HeldBodyMotionConfig,
 )
 from crossmodal.systems.proprioception.slip_detection import SlipDetection, SlipDetectionConfig
+from crossmodal.systems.shared_settings import with_shared
 from crossmodal.systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 from crossmodal.systems.vision.features.feature_motion import FeatureMotion
 from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
 
 VISION_INPUTS = ("color_measured", "depth_measured", "robot_mask")
-SEEN_STREAMS = ("color", "depth")  # Those that a monitor watches, of the eye and of the body.
-FELT_STREAMS = ("joint_state", "wrench", "pressure")
+BODY_STREAMS = ("joint_state", "wrench", "pressure")
 BODY_MOTIONS = "body_motions"  # What the joints are made of.
 PROPRIOCEPTION_INPUTS = (
     "joint_state_window",
@@ -122,26 +135,18 @@ _FURNITURE = TypePriorsConfig(screw=0.02, rigid=0.4)  # Few of its joints are sc
 _HINGE_PITCH = 3e-3  # What errors that last make a hinge climb, [m/rad].
 
 
-def joints_from_features() -> KinematicModelConfig:
-    """Bodies followed by the eye drift by a tenth of a millimetre or two for seconds.
-
-    What an arm opens has its hinge within reach.
-    """
-    return KinematicModelConfig(
-        filters=JointFiltersConfig(
-            far_axes=False,
-            type_priors=_FURNITURE,
-            ranking_priors=_FURNITURE,
-            hinge_pitch=_HINGE_PITCH,
-            errors=MeasurementErrorsConfig(
-                correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
-            ),
-        )
+def _errors_of_the_eye() -> MeasurementErrorsConfig:
+    """Bodies followed by the eye drift by a tenth of a millimetre or two for seconds."""
+    return MeasurementErrorsConfig(
+        correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
     )
 
 
-def joints_from_the_hand() -> KinematicModelConfig:
-    """The hand pulls at what the eye sees; unseen, a body's error is that of the hand."""
+def _joints() -> KinematicModelConfig:
+    """What an arm opens has its hinge within reach.
+
+    The hand pulls at what the eye sees; unseen, a body's error is that of the hand.
+    """
     return KinematicModelConfig(
         filters=JointFiltersConfig(
             far_axes=False,
@@ -160,10 +165,13 @@ def joints_from_the_hand() -> KinematicModelConfig:
 
 @dataclass(kw_only=True)
 class PerceptionConfig:
-    """One config per filter; the joints' differ by what measures the bodies.
+    """One config per filter, and what they share.
 
     Attributes:
         cut: Wires of `CROSSMODAL_WIRES` that the cross-modal network does without.
+        hand: That holds the body.
+        joint_errors_of_vision: Of the bodies' poses where only the eye measures them; in
+            `joints` are those of what the hand holds.
     """
 
     cut: list[str] = field(default_factory=list)
@@ -174,18 +182,20 @@ class PerceptionConfig:
     images: ImageMonitorConfig = field(default_factory=ImageMonitorConfig)
     end_effector: EndEffectorMotionConfig = field(default_factory=EndEffectorMotionConfig)
     hand_bending: HandBendingConfig = field(default_factory=HandBendingConfig)
+    hand: HandConfig = field(default_factory=HandConfig)
     slip: SlipDetectionConfig = field(default_factory=SlipDetectionConfig)
     grasp: GraspModelConfig = field(default_factory=GraspModelConfig)
     held_body: HeldBodyMotionConfig = field(default_factory=HeldBodyMotionConfig)
     features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
     bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
-    joints_vision: KinematicModelConfig = field(default_factory=joints_from_features)
-    joints_proprioception: KinematicModelConfig = field(default_factory=joints_from_the_hand)
-    joints_crossmodal: KinematicModelConfig = field(default_factory=joints_from_the_hand)
+    joints: KinematicModelConfig = field(default_factory=_joints)
+    joint_errors_of_vision: MeasurementErrorsConfig = field(default_factory=_errors_of_the_eye)
     joint_mechanics: JointMechanicsConfig = field(default_factory=JointMechanicsConfig)
 
 
-def make_network(modality: str, config: PerceptionConfig, calibration: Calibration) -> Diagram:
+def make_network(
+    modality: str, config: PerceptionConfig, calibration: Calibration, period: float
+) -> Diagram:
     """The filters of one modality, wired.
 
     Inputs are those of `VISION_INPUTS` and `PROPRIOCEPTION_INPUTS` that the modality uses; outputs
@@ -195,6 +205,9 @@ def make_network(modality: str, config: PerceptionConfig, calibration: Calibrati
 
     Args:
         modality: One of `MODALITIES`.
+        config: Of the filters.
+        calibration: What the robot believes of its sensors.
+        period: Of the ticks, [s].
 
     Raises:
         ValueError: for an unknown modality or an impossible config value.
@@ -202,30 +215,35 @@ def make_network(modality: str, config: PerceptionConfig, calibration: Calibrati
     if modality not in MODALITIES:
         raise ValueError(f"unknown modality '{modality}'; there are {', '.join(MODALITIES)}")
     check_cut(config.cut)
+    config = with_shared(
+        config, period=period, noise=calibration.noise, hand=config.hand, windows=config.windows
+    )
     builder = DiagramBuilder()
-    kinematics = getattr(config, f"joints_{modality}")
+    kinematics = config.joints
     if modality == "vision":
-        model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=1))
+        filters = replace(kinematics.filters, errors=config.joint_errors_of_vision)
+        kinematics = with_shared(replace(kinematics, filters=filters), period=period)
+        model = builder.AddNamedSystem("kinematic_model", KinematicModel(kinematics, inputs=1))
         bodies = _add_vision(builder, config, calibration, with_held_body=False)
-        _wire(builder, bodies, "body_motions_estimated", model, "body_motions")
-        _wire(builder, model, "bodies_predicted", bodies, "joint_predictions")
+        connect(builder, [(bodies, "body_motions_estimated", model, "body_motions")])
+        connect(builder, [(model, "bodies_predicted", bodies, "joint_predictions")])
     elif modality == "proprioception":
-        model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=1))
+        model = builder.AddNamedSystem("kinematic_model", KinematicModel(kinematics, inputs=1))
         body, grasp = _add_proprioception(builder, config, calibration, corrected_by_vision=False)
-        _wire(builder, body, "body_motions_estimated", grasp, "body_motions_estimated")
-        _wire(builder, body, "body_motions_estimated", model, "body_motions")
+        connect_alike(builder, body, "body_motions_estimated", grasp)
+        connect(builder, [(body, "body_motions_estimated", model, "body_motions")])
     else:
-        model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=2))
+        model = builder.AddNamedSystem("kinematic_model", KinematicModel(kinematics, inputs=2))
         _add_vision(builder, config, calibration, with_held_body=True)
         body, _ = _add_proprioception(builder, config, calibration, corrected_by_vision=True)
         for name, wire in CROSSMODAL_WIRES.items():
             if name not in config.cut:
-                _connect(builder, wire)
+                connect(builder, _between(builder, wire))
         # What hand and eye know together of the interacted body counts, not what the eye knows.
-        _wire(builder, body, "body_motions_estimated", model, "body_motions_1")
+        connect(builder, [(body, "body_motions_estimated", model, "body_motions_1")])
     if modality != "vision":
         _add_joint_mechanics(builder, config, model)
-    _export_outputs(builder, model, "joints_latest", "body_motions_latest")
+    export_outputs(builder, model, "joints_latest", "body_motions_latest")
     builder.ExportOutput(model.GetOutputPort("health_latest"), f"{BODY_MOTIONS}_health_latest")
     diagram = builder.Build()
     diagram.set_name(modality)
@@ -241,23 +259,18 @@ def _add_vision(
     """Feature motion and, on top of it, rigid-body motion; returns the latter."""
     camera = calibration.camera
     intrinsics, X_WC = camera.intrinsics, camera.X_PC.GetAsMatrix4()
-    features = _add(builder, "feature_motion", FeatureMotion(config.features, intrinsics, X_WC))
-    bodies = _add(
-        builder,
+    features = builder.AddNamedSystem(
+        "feature_motion", FeatureMotion(config.features, intrinsics, X_WC)
+    )
+    bodies = builder.AddNamedSystem(
         "rigid_body_motion",
         RigidBodyMotion(config.bodies, intrinsics, X_WC, with_held_body),
     )
-    monitor = ImageMonitor(config.images, intrinsics.width, intrinsics.height)
-    _add(builder, "image_monitor", monitor)
-    for name in SEEN_STREAMS:
-        builder.ExportInput(monitor.GetInputPort(f"{name}_measured"), f"{name}_measured")
-        _wire(builder, monitor, f"{name}_checked", features, f"{name}_measured")
-        _export_outputs(builder, monitor, f"{name}_health_latest")
-    mask = builder.ExportInput(features.GetInputPort("robot_mask"), "robot_mask")
-    builder.ConnectInput(mask, monitor.GetInputPort("robot_mask"))
-    _wire(builder, features, "features_estimated", bodies, "features_estimated")
-    _wire(builder, bodies, "features_predicted", features, "features_predicted")
-    _export_outputs(builder, features, "features_latest")
+    readers = {stream: [features] for stream in SEEN_STREAMS}
+    add_image_monitor(builder, config.images, calibration, readers, masked=features)
+    connect_alike(builder, features, "features_estimated", bodies)
+    connect_alike(builder, bodies, "features_predicted", features)
+    export_outputs(builder, features, "features_latest")
     return bodies
 
 
@@ -268,97 +281,72 @@ def _add_proprioception(
     corrected_by_vision: bool,
 ) -> tuple[System, System]:
     """End-effector, bending, grasp and interacted body; returns the last and the grasp."""
-    end_effector = _add(
-        builder,
+    end_effector = builder.AddNamedSystem(
         "end_effector_motion",
         EndEffectorMotion(config.end_effector, calibration.arm.model),
     )
-    bending = _add(builder, "hand_bending", HandBending(config.hand_bending))
-    slip = _add(builder, "slip_detection", SlipDetection(config.slip))
-    grasp = _add(builder, "grasp_model", GraspModel(config.grasp))
-    body = _add(
-        builder,
+    bending = builder.AddNamedSystem("hand_bending", HandBending(config.hand_bending))
+    slip = builder.AddNamedSystem("slip_detection", SlipDetection(config.slip))
+    grasp = builder.AddNamedSystem("grasp_model", GraspModel(config.grasp))
+    body = builder.AddNamedSystem(
         "held_body_motion",
         HeldBodyMotion(config.held_body, corrected_by_vision=corrected_by_vision),
     )
-    _add_felt_monitors(builder, config, calibration, (end_effector, bending, bending))
-    active = builder.ExportInput(bending.GetInputPort("interaction_active"), "interaction_active")
-    for system in (slip, grasp, body):
-        builder.ConnectInput(active, system.GetInputPort("interaction_active"))
-    for system in (bending, slip, grasp, body):
-        _wire(builder, end_effector, "end_effector_estimated", system, "end_effector_estimated")
-    for system in (grasp, body):
-        _wire(builder, bending, "hand_bending_estimated", system, "hand_bending_estimated")
-        _wire(builder, slip, "slip_estimated", system, "slip_estimated")
-    _wire(builder, bending, "hand_load_estimated", slip, "hand_load_estimated")
-    _wire(builder, grasp, "grasp_latest", body, "grasp_latest")
-    _export_outputs(builder, end_effector, "end_effector_latest")
-    _export_outputs(builder, bending, "hand_bending_latest")
-    _export_outputs(builder, grasp, "grasp_latest")
+    _add_body_monitors(builder, config, calibration, (end_effector, bending, bending))
+    export_input(builder, "interaction_active", bending, slip, grasp, body)
+    connect_alike(builder, end_effector, "end_effector_estimated", bending, slip, grasp, body)
+    connect_alike(builder, bending, "hand_bending_estimated", grasp, body)
+    connect_alike(builder, slip, "slip_estimated", grasp, body)
+    connect_alike(builder, bending, "hand_load_estimated", slip)
+    connect_alike(builder, grasp, "grasp_latest", body)
+    export_outputs(builder, end_effector, "end_effector_latest")
+    export_outputs(builder, bending, "hand_bending_latest")
+    export_outputs(builder, grasp, "grasp_latest")
     return body, grasp
 
 
 def _add_joint_mechanics(builder: DiagramBuilder, config: PerceptionConfig, model: System) -> None:
-    """Friction and range of the joint, where there is a wrist that feels; read by nobody."""
-    mechanics = _add(builder, "joint_mechanics", JointMechanicsFilter(config.joint_mechanics))
+    """Friction and range of the joint, where a wrist measures forces; no filter reads them."""
+    mechanics = builder.AddNamedSystem(
+        "joint_mechanics", JointMechanicsFilter(config.joint_mechanics)
+    )
     for name, port in (
         ("end_effector_motion", "end_effector_estimated"),
         ("hand_bending", "hand_load_estimated"),
         ("grasp_model", "grasp_latest"),
     ):
-        _wire(builder, builder.GetSubsystemByName(name), port, mechanics, port)
+        connect_alike(builder, builder.GetSubsystemByName(name), port, mechanics)
     for port in ("joints_estimated", "body_motions_latest"):
-        _wire(builder, model, port, mechanics, port)
+        connect_alike(builder, model, port, mechanics)
     builder.ConnectInput("interaction_active", mechanics.GetInputPort("interaction_active"))
-    _export_outputs(builder, mechanics, "joint_mechanics_latest")
+    export_outputs(builder, mechanics, "joint_mechanics_latest")
 
 
-def _add_felt_monitors(
+def _add_body_monitors(
     builder: DiagramBuilder,
     config: PerceptionConfig,
     calibration: Calibration,
     readers: Sequence[System],
 ) -> None:
-    """A monitor between each of `FELT_STREAMS` and the filter that reads it."""
+    """A monitor between each of `BODY_STREAMS` and the filter that reads it."""
     arm, steps = calibration.arm.model, config.steps
     response = ArmResponse(config.arm_response, arm)
-    wrench = np.repeat([steps.torque_noise, steps.force_noise], 3)
-    pressure = np.full(4, steps.pressure_noise)
-    models: list[tuple[int, OffsetModel]] = [
+    wrench, pressure = calibration.noise.wrench, np.full(4, calibration.noise.pressure)
+    models: tuple[tuple[int, OffsetModel], ...] = (
         (2 * arm.num_positions(), AnglesByRates(config.angles)),
-        (6, IsolatedSteps(steps, wrench, response.is_felt)),
+        (6, IsolatedSteps(steps, wrench, response.is_sensed)),
         (4, IsolatedSteps(steps, pressure)),
-    ]
-    monitors = {}
-    for stream, reader, (size, model) in zip(FELT_STREAMS, readers, models, strict=True):
-        monitor = _add(builder, f"{stream}_monitor", WindowMonitor(config.windows, size, model))
-        monitors[stream] = monitor
-        builder.ExportInput(monitor.GetInputPort("window"), f"{stream}_window")
-        _wire(builder, monitor, "window_checked", reader, f"{stream}_window")
-        builder.ExportOutput(monitor.GetOutputPort("health_latest"), f"{stream}_health_latest")
-    joints = monitors["joint_state"]
-    _wire(builder, joints, "window_checked", monitors["wrench"], "joint_state_window")
-
-
-def _add(builder: DiagramBuilder, name: str, system: System) -> System:
-    return builder.AddNamedSystem(name, system)
-
-
-def _wire(builder: DiagramBuilder, source: System, output: str, target: System, port: str) -> None:
-    builder.Connect(source.GetOutputPort(output), target.GetInputPort(port))
-
-
-def _connect(builder: DiagramBuilder, wire: CrossModalWire) -> None:
-    for source, output, target, port in wire.connections:
-        _wire(
-            builder,
-            builder.GetSubsystemByName(source),
-            output,
-            builder.GetSubsystemByName(target),
-            port,
+    )
+    joints, wrist, _ = (
+        add_window_monitor(
+            builder, stream, size, config.windows, model, [reader.GetInputPort(f"{stream}_window")]
         )
+        for stream, reader, (size, model) in zip(BODY_STREAMS, readers, models, strict=True)
+    )
+    connect(builder, [(joints, "window_checked", wrist, "joint_state_window")])
 
 
-def _export_outputs(builder: DiagramBuilder, system: System, *ports: str) -> None:
-    for port in ports:
-        builder.ExportOutput(system.GetOutputPort(port), port)
+def _between(builder: DiagramBuilder, wire: CrossModalWire) -> Iterator[Connection]:
+    """The connections of a wire between the systems of those names."""
+    for source, output, target, port in wire.connections:
+        yield builder.GetSubsystemByName(source), output, builder.GetSubsystemByName(target), port

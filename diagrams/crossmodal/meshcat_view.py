@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.common.value import AbstractValue, Value
+from pydrake.common.value import Value
 from pydrake.geometry import Cylinder, Mesh, Meshcat, MeshcatCone, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import (
@@ -22,6 +22,13 @@ from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.dots import set_dots
 from crossmodal.diagrams.drawing.legend import Entry, show_legend
+from crossmodal.diagrams.drawing.meshcat import (
+    ROOT,
+    clear_view,
+    legend_title,
+    rigid_transform,
+    show_from,
+)
 from crossmodal.diagrams.drawing.text_board import text_board
 from crossmodal.diagrams.drawing.textures import textured_boxes
 from crossmodal.diagrams.joints.joint_drawing import (
@@ -51,7 +58,6 @@ from crossmodal.systems.port_values import (
     no_features,
 )
 
-ROOT = "/perception"
 _BAR_RADIUS = 0.007  # [m]
 _BOARD_HEIGHT = 0.05  # [m]
 _LEGEND: list[Entry] = [
@@ -145,8 +151,7 @@ class MeshcatView(LeafSystem):
         super().__init__()
         check(config, "MeshcatView")
         self._meshcat, self._textured = meshcat, dict(textured or {})
-        meshcat.Delete(ROOT)  # What an earlier view may have left.
-        meshcat.SetCameraPose(config.viewpoint, config.looking_at)
+        clear_view(meshcat, config.viewpoint, config.looking_at)
         self._ports: dict[str, dict[str, InputPort]] = {}
         self._layers: dict[str, _Layer] = {}
         models = {
@@ -157,14 +162,12 @@ class MeshcatView(LeafSystem):
         shown = "crossmodal" if "crossmodal" in modalities else next(iter(modalities), "")
         for modality in modalities:
             self._ports[modality] = {
-                name: self.DeclareAbstractInputPort(
-                    f"{modality}_{name}_latest", AbstractValue.Make(model)
-                )
+                name: declare_input(self, f"{modality}_{name}_latest", model)
                 for name, model in models.items()
             }
             self._layers[modality] = _Layer(meshcat, f"{ROOT}/{modality}", config)
             meshcat.SetProperty(f"{ROOT}/{modality}", "visible", modality == shown)
-        show_legend(meshcat, _legend_title(shown), _LEGEND)
+        show_legend(meshcat, legend_title(shown, LABELS), _LEGEND)
         self._path = self.DeclareAbstractInputPort("path_planned", Value[object]())
         self._truth_ports = {q.port: declare_input(self, q.port, q.model) for q in TRUTH_QUANTITIES}
         self._station: list[Tick] = []
@@ -179,9 +182,7 @@ class MeshcatView(LeafSystem):
         self._station.append(Tick(time=time, values=read_inputs(self._truth_ports, context)))
         truth = truth_of_ticks(self._station)
         for modality, ports in self._ports.items():
-            values = {
-                name: port.Eval(context) for name, port in ports.items() if port.HasValue(context)
-            }
+            values = read_inputs(ports, context)
             bodies: BodyMotions = values.get("body_motions", BodyMotions())
             layer = self._layers[modality]
             layer.draw_features(time, values.get("features", no_features()), bodies.bodies)
@@ -190,11 +191,6 @@ class MeshcatView(LeafSystem):
             layer.draw_joint(time, joint, bodies.bodies, truth)
         if self._path.HasValue(context):
             self._plan.draw(time, self._path.Eval(context))
-
-
-def _legend_title(shown: str) -> str:
-    name = LABELS.get(shown, shown)
-    return f"as believed by {name}; others: Open Controls, Scene, perception"
 
 
 class _PlannedPath:
@@ -223,13 +219,6 @@ class _PlannedPath:
         color = Rgba(*palette.rgb(palette.PLAN))
         self._meshcat.SetLine(self._shown, X_WE[:, :3, 3].T, 4.0, color)
         show_from(self._meshcat, self._shown, time)
-
-
-def show_from(meshcat: Meshcat, path: str, time: float) -> None:
-    """Makes an object appear in the recording when it was made, not before."""
-    if time > 0.0:
-        meshcat.SetProperty(path, "visible", False, 0.0)
-    meshcat.SetProperty(path, "visible", True, time)
 
 
 class _Layer:
@@ -374,11 +363,6 @@ class _Layer:
         p_WT = p_WJ + np.array([0.0, 0.0, 0.1]) + 0.15 * to_viewer
         yaw = float(np.arctan2(-to_viewer[1], -to_viewer[0])) - 0.5 * np.pi
         return RigidTransform(RotationMatrix.MakeZRotation(yaw), p_WT)
-
-
-def rigid_transform(X: Array) -> RigidTransform:
-    """X (4, 4) as Drake's type, its rotation made orthonormal again."""
-    return RigidTransform(RotationMatrix.ProjectToRotationMatrix(X[:3, :3]), X[:3, 3])
 
 
 def _tip_pose() -> RigidTransform:

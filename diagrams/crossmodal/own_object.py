@@ -60,7 +60,7 @@ def own_object_assignments(
         "joint": made.joint,
         "handle_frame": made.grasp_frame,
         "pull_direction": pull,
-        "ajar": _ajar(thing.ajar, at_base, facts),
+        "initial_position": _initial_position(thing.initial_position, at_base, facts),
         "friction": float(pulling * facts.lever if facts.lever else pulling),
         "variation.textures": [],
     }
@@ -102,10 +102,12 @@ def _to_joint(at_base: ObjectModel, facts: ObjectModel) -> float:
     return 1.0 / facts.lever if facts.lever else at_base.lever or 1.0
 
 
-def _ajar(ajar: float, at_base: ObjectModel, facts: ObjectModel) -> float:
+def _initial_position(initial_position: float, at_base: ObjectModel, facts: ObjectModel) -> float:
     """Where the joint starts: as far from 0 as the scenario's own, towards the farther limit."""
     way = 1.0 if facts.upper >= -facts.lower else -1.0
-    return float(np.clip(way * abs(ajar) * _to_joint(at_base, facts), facts.lower, facts.upper))
+    return float(
+        np.clip(way * abs(initial_position) * _to_joint(at_base, facts), facts.lower, facts.upper)
+    )
 
 
 def _task_assignments(
@@ -119,23 +121,23 @@ def _task_assignments(
     differs, to_joint = at_base.unit != facts.unit, _to_joint(at_base, facts)
     old_unit, unit = at_base.unit, facts.unit
     most = 0.9 * max(abs(facts.lower), abs(facts.upper))
-    lines, said = [], []
+    lines, notes = [], []
     for key in ("opening",) if base.task.goal is None else ("goal", "tolerance"):
         wanted = getattr(base.task, key)
         if f"task.{key}" in given:
-            said.append(f"task.{key} = {wanted:g} is in {unit}")
+            notes.append(f"task.{key} = {wanted:g} is in {unit}")
             continue
         value = float(to_joint * wanted)
-        said.append(f"task.{key} = {wanted:g} {old_unit} of the handle is {value:.3g} {unit}")
+        notes.append(f"task.{key} = {wanted:g} {old_unit} of the handle is {value:.3g} {unit}")
         if value > most:
             value = float(most)
-            said[-1] += f", of which its limits leave {value:.3g} {unit}"
+            notes[-1] += f", of which its limits leave {value:.3g} {unit}"
         if value != wanted:
             lines.append(f"task.{key}={value}")
     if differs:
         warnings.warn(
             f"the scenario's joint is {at_base.joint_type}, '{joint}' is {facts.joint_type}, so"
-            f" {', '.join(said)}",
+            f" {', '.join(notes)}",
             ObjectWarning,
             stacklevel=3,
         )

@@ -12,12 +12,17 @@ from crossmodal.diagrams.crossmodal.objects.object_import import check_grasp, ch
 from crossmodal.diagrams.crossmodal.objects.object_model import read_object_model
 from crossmodal.diagrams.crossmodal.robot_config import HAND, ControlConfig, SensorsConfig
 from crossmodal.diagrams.run import scenario as base
-from crossmodal.diagrams.run.common_tick import SENSOR_TICKS, with_common_tick
 from crossmodal.diagrams.run.scenario import CameraConfig
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
+from crossmodal.diagrams.stations import pushed
+from crossmodal.diagrams.stations.scenario_checks import (
+    check_one_camera,
+    check_scene,
+    check_textures,
+    model_file,
+)
 from crossmodal.maths.validation import number, numbers
 from crossmodal.models import SDF_DIR
-from crossmodal.plants.external_forces import ExternalForce
 from crossmodal.plants.hands.pneumatic_hand import PneumaticHandConfig
 from crossmodal.plants.scene import PlantConfig
 from crossmodal.systems.port_values import JointType
@@ -58,12 +63,12 @@ class ObjectConfig:
     place_handle: bool = False
     free: bool = False  # Whether it only rests on the table; otherwise it is fixed there.
     # Where the joint is at the start.
-    ajar: float = number(0.0, at_least=-100.0, at_most=100.0, unit="m or rad")
+    initial_position: float = number(0.0, at_least=-100.0, at_most=100.0, unit="m or rad")
     # Where the hand pulls to explore, in the handle's frame; out of the object is x.
     pull_direction: np.ndarray = numbers(np.array([1.0, 0.0, 0.0]), at_least=-100.0, at_most=100.0)
     friction: float = number(6.0, at_least=0.0, at_most=1000.0, unit="N or N m")  # Of the joint.
     # By which a magnet or the like holds the joint where it starts.
-    catch: float = number(0.0, at_least=0.0, at_most=1000.0, unit="N or N m")
+    detent: float = number(0.0, at_least=0.0, at_most=1000.0, unit="N or N m")
     variation: ObjectVariation = field(default_factory=ObjectVariation)
 
     def pose(self) -> RigidTransform:
@@ -96,24 +101,15 @@ class ModelDriver:
 
 
 @dataclass(kw_only=True)
-class Disturbances(base.Disturbances):
+class Disturbances(pushed.Disturbances):
     """What goes wrong, and when."""
 
-    forces: list[ExternalForce] = field(default_factory=list)  # On the objects, from outside.
     # The hand's chambers lose their air, so that it opens.
     hand_leaks: list[base.Interval] = field(default_factory=list)
 
     def spans(self) -> list[tuple[str, base.Interval]]:
         """What goes wrong, in words, and when."""
-        forces = [
-            (
-                f"{np.linalg.norm(force.force):.3g} N on {force.frame}",
-                base.Interval(start=force.start, end=force.end),
-            )
-            for force in self.forces
-        ]
-        leaks = [("the hand leaks", span) for span in self.hand_leaks]
-        return [*super().spans(), *forces, *leaks]
+        return [*super().spans(), *(("the hand leaks", span) for span in self.hand_leaks)]
 
 
 def _one_camera() -> dict[str, CameraConfig]:
@@ -167,17 +163,12 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
         modalities=sorted(scenario.modalities, key=lambda name: [*MODALITIES, name].index(name)),
     )
     _check(scenario, source)
-    period = scenario.network_period
     return replace(
         scenario,
         objects={
             name: _resolve_object(thing, f"objects.{name}", path)
             for name, thing in scenario.objects.items()
         },
-        perception=with_common_tick(
-            scenario.perception, ("period",), period, f"{source}: perception"
-        ),
-        sensors=with_common_tick(scenario.sensors, SENSOR_TICKS, period, f"{source}: sensors"),
     )
 
 
@@ -195,7 +186,11 @@ def units(scenario: Scenario) -> dict[str, str]:
             model, joint=thing.joint, frame=thing.handle_frame, source=f"{scenario.name}: {key}"
         )
         force = "N" if facts.joint_type == JointType.PRISMATIC else "N m"
-        found |= {f"{key}.ajar": facts.unit, f"{key}.friction": force, f"{key}.catch": force}
+        found |= {
+            f"{key}.initial_position": facts.unit,
+            f"{key}.friction": force,
+            f"{key}.detent": force,
+        }
         if thing is scenario.object:
             found |= {f"task.{item}": facts.unit for item in ("opening", "goal", "tolerance")}
     return found
@@ -204,7 +199,7 @@ def units(scenario: Scenario) -> dict[str, str]:
 def _resolve_object(thing: ObjectConfig, key: str, path: Path) -> ObjectConfig:
     """Imports a model that does not come with the program, and places it by its own frame."""
     source = str(path)
-    model = _model_file(thing.model, key, path)
+    model = model_file(thing.model, f"{key}.model", path)
     is_own = not model.is_relative_to(SDF_DIR)
     if not is_own:
         if thing.scale != 1.0:
@@ -234,10 +229,10 @@ def _resolve_object(thing: ObjectConfig, key: str, path: Path) -> ObjectConfig:
         frame=thing.handle_frame,
         source=f"{source}: {key}",
     )
-    if not facts.lower <= thing.ajar <= facts.upper:
+    if not facts.lower <= thing.initial_position <= facts.upper:
         raise ScenarioError(
-            f"{source}: {key}.ajar = {thing.ajar!r}, but the joint's limits are"
-            f" {facts.lower:g} to {facts.upper:g}"
+            f"{source}: {key}.initial_position = {thing.initial_position!r}, but the joint's"
+            f" limits are {facts.lower:g} to {facts.upper:g}"
         )
     if is_own:
         check_pull(facts, thing.pull_direction, thing.joint, thing.handle_frame)
@@ -249,17 +244,6 @@ def _resolve_object(thing: ObjectConfig, key: str, path: Path) -> ObjectConfig:
     yaw = float(np.rad2deg(np.deg2rad(thing.yaw) - heading))
     upright = replace(thing, yaw=yaw, roll=0.0, pitch=0.0, place_handle=False)
     return replace(upright, position=thing.position - upright.pose().rotation() @ p_OH)
-
-
-def _model_file(model: str, key: str, scenario_path: Path) -> Path:
-    candidates = [scenario_path.parent / model, SDF_DIR / model]
-    for candidate in candidates:
-        if candidate.is_file():
-            return candidate.resolve()
-    places = " or ".join(str(candidate.parent) for candidate in candidates)
-    raise ScenarioError(
-        f"{scenario_path}: {key}.model = '{model}': there is no such file in {places}"
-    )
 
 
 def _check(scenario: Scenario, source: str) -> None:
@@ -279,7 +263,7 @@ def _check(scenario: Scenario, source: str) -> None:
         key = f"{source}: objects.{name}"
         if not np.linalg.norm(thing.pull_direction) > 1e-6:
             raise ScenarioError(f"{key}.pull_direction must not be all zero")
-        _check_textures(f"{key}.variation.textures", thing.variation.textures)
+        check_textures(thing.variation.textures, f"{key}.variation.textures")
     _check_modalities(scenario.modalities, source)
     if task.modality and task.modality not in scenario.modalities:
         raise ScenarioError(
@@ -290,16 +274,10 @@ def _check(scenario: Scenario, source: str) -> None:
         check_cut(scenario.perception.cut)
     except ValueError as error:
         raise ScenarioError(f"{source}: {error}") from None
-    if len(scenario.cameras) != 1 or scenario.camera.base_frame != "world":
-        raise ScenarioError(
-            f"{source}: cameras: the estimators see through one camera that is fixed to the world"
-        )
+    check_one_camera(scenario, source, "the estimators see")
     if HAND not in scenario.model_drivers:
         raise ScenarioError(f"{source}: model_drivers: need one of the model '{HAND}'")
-    if not (SDF_DIR / scenario.plant.scene).is_file():
-        raise ScenarioError(
-            f"{source}: plant.scene = '{scenario.plant.scene}': there is no such file in {SDF_DIR}"
-        )
+    check_scene(scenario.plant.scene, source)
 
 
 def _check_modalities(modalities: Iterable[str], source: str) -> None:
@@ -313,10 +291,3 @@ def _check_modalities(modalities: Iterable[str], source: str) -> None:
         raise ScenarioError(
             f"{source}: modalities = {names}, but it must name each once, at least one"
         )
-
-
-def _check_textures(key: str, textures: Iterable[str]) -> None:
-    known = [path.stem for path in (SDF_DIR / "textures").glob("*.png")]
-    for texture in textures:
-        if texture not in known:
-            raise ScenarioError(f"{key}: unknown texture '{texture}'; {suggestion(texture, known)}")

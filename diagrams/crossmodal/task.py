@@ -105,8 +105,8 @@ def task_phases(task: Task, truth: Truth, events: Sequence[Event]) -> dict[str, 
 
 def can_be_judged(task: Task, truth: Truth, record: EpisodeRecord) -> bool:
     """Whether a record holds what a verdict needs: the truth, and when the robot turned back."""
-    said = any(STATUS_PORT in tick.values for tick in record.station)
-    return truth.joint_type is not None and (task.goal is None or said)
+    known = any(STATUS_PORT in tick.values for tick in record.station)
+    return truth.joint_type is not None and (task.goal is None or known)
 
 
 def task_failure(
@@ -189,6 +189,6 @@ def task_in_words(scenario: Scenario) -> str:
     )
     if task.return_to_start:
         words += f", and the joint is back within {written(task.tolerance)} of its start"
-    if thing.ajar:
-        words += f". It starts {written(thing.ajar)} open"
+    if thing.initial_position:
+        words += f". It starts {written(thing.initial_position)} open"
     return words + "."

@@ -13,7 +13,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from crossmodal.diagrams.flap.calibration import make_calibration
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
-from crossmodal.diagrams.flap.estimators import JOINT_STREAMS, SEEN_STREAMS, TAXELS, make_estimator
+from crossmodal.diagrams.flap.estimators import JOINT_STREAMS, TAXELS, make_estimator
 from crossmodal.diagrams.flap.experiments import EXPERIMENTS
 from crossmodal.diagrams.flap.meshcat_view import add_view
 from crossmodal.diagrams.flap.own_tool import identity, keep_files, own_tool_assignments
@@ -27,6 +27,7 @@ from crossmodal.diagrams.run.application import Application, Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.record import Quantity
 from crossmodal.diagrams.run.sensor_streams.codecs import JOINT_STATES, Topic
+from crossmodal.diagrams.stations.add_monitors import SEEN_STREAMS
 from crossmodal.systems.port_values import (
     UNKNOWN_ANGLE,
     UNKNOWN_FINGERTIP,
@@ -67,7 +68,7 @@ TOPICS = {
     "cheat_end_effector_pose": Topic(name="/cheat/end_effector_pose"),
     "cheat_fingertip_pose": Topic(name="/cheat/fingertip_pose"),
 }
-# What control is told of the flap: the station's inputs of these names.
+# Beliefs that control acts by: the station's inputs of these names.
 PERCEIVED = ("flap_angle_latest", "hinge_latest", "tool_latest")
 
 
@@ -81,7 +82,9 @@ def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, D
     """The estimators that the scenario asks for."""
     layout = scenario.finger.layout()
     return {
-        name: make_estimator(name, scenario.perception, calibration, layout)
+        name: make_estimator(
+            name, scenario.perception, calibration, layout, scenario.network_period
+        )
         for name in scenario.modalities
     }
 

@@ -8,6 +8,8 @@ from crossmodal.diagrams.flap.estimator_names import ESTIMATORS
 from crossmodal.diagrams.flap.robot_config import FINGER, FINGER_ARM, HOLDER, HOLDER_ARM
 from crossmodal.diagrams.flap.robot_view import make_robot_view
 from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.stations.add_monitors import add_image_monitor, add_window_monitor
+from crossmodal.diagrams.stations.connections import connect_alike, export_outputs
 from crossmodal.systems.arm_pose import ArmPose
 from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
@@ -19,18 +21,18 @@ from crossmodal.systems.flap.hinge_estimator import HingeEstimator, HingeEstimat
 from crossmodal.systems.flap.hinge_limits import HingeLimitsConfig
 from crossmodal.systems.flap.tool_kinematics import ToolKinematics, ToolKinematicsConfig
 from crossmodal.systems.monitoring.angles import AnglesByRates, AnglesConfig
-from crossmodal.systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig
-from crossmodal.systems.monitoring.window_monitor import WindowMonitor, WindowMonitorConfig
+from crossmodal.systems.monitoring.image_monitor import ImageMonitorConfig
+from crossmodal.systems.monitoring.window_monitor import WindowMonitorConfig
 from crossmodal.systems.proprioception.end_effector_pose import (
     EndEffectorPose,
     EndEffectorPoseConfig,
 )
 from crossmodal.systems.registration.arm_registration import ArmRegistration, ArmRegistrationConfig
 from crossmodal.systems.registration.registration_prior import CalibratedArm
+from crossmodal.systems.shared_settings import with_shared
 from crossmodal.systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout
 
-SEEN_STREAMS = ("color", "depth")
 JOINT_STREAMS = ("holder_joint_state", "finger_joint_state")
 TAXELS = "taxel"
 
@@ -89,7 +91,11 @@ def arm_pose(calibration: Calibration, name: str) -> ArmPose:
 
 
 def make_estimator(
-    name: str, config: PerceptionConfig, calibration: Calibration, layout: TaxelLayout
+    name: str,
+    config: PerceptionConfig,
+    calibration: Calibration,
+    layout: TaxelLayout,
+    period: float,
 ) -> Diagram:
     """The systems of one estimator, wired.
 
@@ -100,33 +106,40 @@ def make_estimator(
     Args:
         name: One of `ESTIMATORS`: `geometric` intersects the flap's planes and fits the contact's
             circle, `filtered` asks the joint filters of the cross-modal network.
+        config: Of the systems.
+        calibration: What the robots believe of their sensors.
+        layout: Of the taxels.
+        period: Of the ticks, [s].
 
     Raises:
         ValueError: for an unknown name or an impossible config value.
     """
     if name not in ESTIMATORS:
         raise ValueError(f"unknown estimator '{name}'; there are {', '.join(ESTIMATORS)}")
+    config = with_shared(config, period=period, noise=calibration.noise, windows=config.windows)
     builder = DiagramBuilder()
     camera = believed_camera(calibration)
     tracker = builder.AddNamedSystem("flap_tracker", FlapTracker(config.tracker, camera))
     registration = _add_registration(builder, config, calibration, camera)
     fingertip, holder = _add_arms(builder, config, calibration, layout, registration)
-    _add_images(builder, config, calibration, tracker, registration)
+    add_image_monitor(
+        builder, config.images, calibration, {"depth": [tracker, registration]}, masked=tracker
+    )
     tool = builder.AddNamedSystem("tool_kinematics", ToolKinematics(config.tool))
     if name == "geometric":
         hinge = builder.AddNamedSystem("hinge", HingeEstimator(config.hinge, config.limits))
         angle = builder.AddNamedSystem("flap_angle", FlapAngleFilter(config.angle, camera))
-        _wire(builder, hinge, "hinge_estimated", angle, tool)
+        connect_alike(builder, hinge, "hinge_estimated", angle, tool)
     else:
         joint = FlapJoint(config.joint, camera, config.limits)
         hinge = angle = builder.AddNamedSystem("flap_joint", joint)
-        _wire(builder, hinge, "hinge_estimated", tool)
-    _wire(builder, angle, "flap_angle_estimated", tool)
+        connect_alike(builder, hinge, "hinge_estimated", tool)
+    connect_alike(builder, angle, "flap_angle_estimated", tool)
     planes = (hinge,) if hinge is angle else (hinge, angle)
-    _wire(builder, registration, "displacements_estimated", hinge)
-    _wire(builder, tracker, "flap_plane_estimated", *planes)
-    _wire(builder, fingertip, "fingertip_contact_estimated", tracker, *planes, tool)
-    _wire(builder, holder, "end_effector_estimated", tracker, tool)
+    connect_alike(builder, registration, "displacements_estimated", hinge)
+    connect_alike(builder, tracker, "flap_plane_estimated", *planes)
+    connect_alike(builder, fingertip, "fingertip_contact_estimated", tracker, *planes, tool)
+    connect_alike(builder, holder, "end_effector_estimated", tracker, tool)
     for system, port in (
         (tool, "tool_latest"),
         (hinge, "hinge_latest"),
@@ -134,7 +147,7 @@ def make_estimator(
         (tracker, "flap_plane_latest"),
         (fingertip, "fingertip_contact_latest"),
     ):
-        builder.ExportOutput(system.GetOutputPort(port), port)
+        export_outputs(builder, system, port)
     diagram = builder.Build()
     diagram.set_name(name)
     return diagram
@@ -178,47 +191,14 @@ def _add_arms(
         (fingertip.GetInputPort("finger_joint_state_window"), finger_arm),
     )
     for stream, (reader, arm) in zip(JOINT_STREAMS, readers, strict=True):
-        monitor = builder.AddNamedSystem(
-            f"{stream}_monitor",
-            WindowMonitor(config.windows, 2 * arm.num_joints, AnglesByRates(config.angles)),
+        add_window_monitor(
+            builder,
+            stream,
+            2 * arm.num_joints,
+            config.windows,
+            AnglesByRates(config.angles),
+            [reader, registration.GetInputPort(f"{stream}_window")],
         )
-        builder.ExportInput(monitor.GetInputPort("window"), f"{stream}_window")
-        builder.Connect(monitor.GetOutputPort("window_checked"), reader)
-        builder.Connect(
-            monitor.GetOutputPort("window_checked"), registration.GetInputPort(f"{stream}_window")
-        )
-        builder.ExportOutput(monitor.GetOutputPort("health_latest"), f"{stream}_health_latest")
     builder.ExportInput(fingertip.GetInputPort("taxel_window"), f"{TAXELS}_window")
     builder.ExportOutput(fingertip.GetOutputPort("health_latest"), f"{TAXELS}_health_latest")
     return fingertip, holder
-
-
-def _add_images(
-    builder: DiagramBuilder,
-    config: PerceptionConfig,
-    calibration: Calibration,
-    tracker: System,
-    registration: System,
-) -> None:
-    """The camera's images, checked, for those who look at them."""
-    intrinsics = calibration.camera.intrinsics
-    monitor = builder.AddNamedSystem(
-        "image_monitor", ImageMonitor(config.images, intrinsics.width, intrinsics.height)
-    )
-    for stream in SEEN_STREAMS:
-        builder.ExportInput(monitor.GetInputPort(f"{stream}_measured"), f"{stream}_measured")
-        builder.ExportOutput(
-            monitor.GetOutputPort(f"{stream}_health_latest"), f"{stream}_health_latest"
-        )
-    for reader in (tracker, registration):
-        builder.Connect(
-            monitor.GetOutputPort("depth_checked"), reader.GetInputPort("depth_measured")
-        )
-    mask = builder.ExportInput(tracker.GetInputPort("robot_mask"), "robot_mask")
-    builder.ConnectInput(mask, monitor.GetInputPort("robot_mask"))
-
-
-def _wire(builder: DiagramBuilder, source: System, port: str, *targets: System) -> None:
-    """Connects an output to the inputs of the same name."""
-    for target in targets:
-        builder.Connect(source.GetOutputPort(port), target.GetInputPort(port))

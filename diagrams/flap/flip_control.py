@@ -17,6 +17,7 @@ from crossmodal.controllers.servoing.twist_to_joints import (
     TwistToJointsConfig,
 )
 from crossmodal.controllers.servoing.visual_servoing import VisualServoing, VisualServoingConfig
+from crossmodal.diagrams.stations.connections import connect_alike, export_input, export_outputs
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.tactile.contact_features import ContactFeaturesConfig
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout
@@ -89,42 +90,29 @@ def make_flip_control(
     )
     # At one instant the monitor stores before the controllers step, so that this is the contact of
     # now, computed once.
-    contact = taxels.GetOutputPort("contact_latest")
-    for system in (sequence, tactile, visual):
-        builder.Connect(contact, system.GetInputPort("contact_latest"))
+    connect_alike(builder, taxels, "contact_latest", sequence, tactile, visual)
+    connect_alike(builder, sequence, "tactile_projector", tactile)
+    connect_alike(builder, sequence, "visual_projector", visual)
+    connect_alike(builder, sequence, "feed_forward", visual)
+    connect_alike(builder, tactile, "tactile_twist_desired", visual)
+    connect_alike(builder, joints, "twist_share", tactile)
     health = taxels.GetOutputPort("health_latest")
     builder.Connect(health, sequence.GetInputPort("taxel_health_latest"))
-    for source, name, target in (
-        (sequence, "tactile_projector", tactile),
-        (sequence, "visual_projector", visual),
-        (sequence, "feed_forward", visual),
-        (tactile, "tactile_twist_desired", visual),
-        (joints, "twist_share", tactile),
-    ):
-        builder.Connect(source.GetOutputPort(name), target.GetInputPort(name))
-    for index, (source, name) in enumerate(
-        (
-            (sequence, "approach_twist_desired"),
-            (tactile, "tactile_twist_desired"),
-            (visual, "visual_twist_desired"),
-        )
-    ):
-        builder.Connect(source.GetOutputPort(name), total.get_input_port(index))
+    twists = (
+        sequence.GetOutputPort("approach_twist_desired"),
+        tactile.GetOutputPort("tactile_twist_desired"),
+        visual.GetOutputPort("visual_twist_desired"),
+    )
+    for index, twist in enumerate(twists):
+        builder.Connect(twist, total.get_input_port(index))
     builder.Connect(total.get_output_port(), joints.GetInputPort("twist_desired"))
-    for name, systems in (
-        ("joint_state_measured", (sequence, visual, joints)),
-        ("flap_angle_latest", (sequence, visual)),
-        ("hinge_latest", (sequence, visual)),
-    ):
-        ports = [system.GetInputPort(name) for system in systems]
-        exported = builder.ExportInput(ports[0], name)
-        for port in ports[1:]:
-            builder.ConnectInput(exported, port)
-    builder.ExportInput(taxels.GetInputPort("taxel_measured"), "taxel_measured")
-    for system, name in ((joints, "joint_position_commanded"), (sequence, "phase")):
-        builder.ExportOutput(system.GetOutputPort(name), name)
-    builder.ExportOutput(sequence.GetOutputPort("failure"), "failure")
-    builder.ExportOutput(contact, "contact_latest")
+    export_input(builder, "joint_state_measured", sequence, visual, joints)
+    export_input(builder, "flap_angle_latest", sequence, visual)
+    export_input(builder, "hinge_latest", sequence, visual)
+    export_input(builder, "taxel_measured", taxels)
+    export_outputs(builder, joints, "joint_position_commanded")
+    export_outputs(builder, sequence, "phase", "failure")
+    export_outputs(builder, taxels, "contact_latest")
     builder.ExportOutput(health, "taxel_health_latest")
     diagram = builder.Build()
     diagram.set_name("flip_control")

@@ -7,6 +7,7 @@ from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.servoing.tool_line import ToolLine
 from crossmodal.controllers.servoing.twist_to_joints import TwistToJoints
 from crossmodal.diagrams.flap.flip_control import FlipControlConfig, joint_limits
+from crossmodal.diagrams.stations.connections import connect_alike, export_input, export_outputs
 from crossmodal.maths.arrays import Array
 
 
@@ -41,18 +42,12 @@ def make_line_control(
         "twist_to_joints",
         TwistToJoints(config.holder_joints, arm, joint_limits(model), q_initial),
     )
-    builder.Connect(line.GetOutputPort("twist_desired"), joints.GetInputPort("twist_desired"))
-    measured = builder.ExportInput(
-        line.GetInputPort("joint_state_measured"), "joint_state_measured"
-    )
-    builder.ConnectInput(measured, joints.GetInputPort("joint_state_measured"))
-    for name in ("tool_latest", "flip_phase"):
-        builder.ExportInput(line.GetInputPort(name), name)
-    builder.ExportOutput(
-        joints.GetOutputPort("joint_position_commanded"), "joint_position_commanded"
-    )
-    for name in ("phase", "failure", "tip_estimated"):
-        builder.ExportOutput(line.GetOutputPort(name), name)
+    connect_alike(builder, line, "twist_desired", joints)
+    export_input(builder, "joint_state_measured", line, joints)
+    export_input(builder, "tool_latest", line)
+    export_input(builder, "flip_phase", line)
+    export_outputs(builder, joints, "joint_position_commanded")
+    export_outputs(builder, line, "phase", "failure", "tip_estimated")
     diagram = builder.Build()
     diagram.set_name("line_control")
     return diagram

@@ -1,10 +1,9 @@
-"""Draws what is felt and believed of the flap into Meshcat, live and in the recording."""
+"""Draws what is sensed and believed of the flap into Meshcat, live and in the recording."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 from pydrake.geometry import Box, Cylinder, Meshcat, Rgba, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import (
@@ -18,9 +17,11 @@ from pydrake.systems.framework import (
 
 from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.legend import Entry, show_legend
+from crossmodal.diagrams.drawing.meshcat import ROOT, clear_view, legend_title
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.flap.scenario import Scenario
 from crossmodal.diagrams.run.episode import connect_latest
+from crossmodal.diagrams.run.recorder import declare_input, read_inputs
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number, numbers
 from crossmodal.maths.vectors import tangent_basis
@@ -34,7 +35,6 @@ from crossmodal.systems.port_values import (
 )
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout
 
-ROOT = "/perception"
 _AXIS_LENGTH = 0.3  # [m]
 _L1, _L2, _PLANE = "#228833", "#EE7733", "#66CCEE"
 _LINE, _TIP = "#EEEEEE", "#CCBB44"
@@ -70,7 +70,7 @@ def add_view(
     station: Diagram,
     estimators: Mapping[str, System],
 ) -> None:
-    """Adds a view of what is felt and of what the estimators believe."""
+    """Adds a view of what is sensed and of what the estimators believe."""
     view = builder.AddNamedSystem(
         "meshcat_view",
         MeshcatView(
@@ -130,8 +130,7 @@ class MeshcatView(LeafSystem):
         check(config, "MeshcatView")
         self._config, self._meshcat = config, meshcat
         self._layout = layout
-        meshcat.Delete(ROOT)
-        meshcat.SetCameraPose(config.viewpoint, config.looking_at)
+        clear_view(meshcat, config.viewpoint, config.looking_at)
         self._beads: list[Array] = []  # Where the path's first ones lie.
         self._tip = self.DeclareVectorInputPort("tip_estimated", 3)
         self._taxels = self.DeclareVectorInputPort("taxel_measured", len(self._layout.p_ST))
@@ -142,9 +141,7 @@ class MeshcatView(LeafSystem):
         }
         self._ports: dict[str, dict[str, InputPort]] = {
             name: {
-                port: self.DeclareAbstractInputPort(
-                    f"{name}_{port}_latest", AbstractValue.Make(model)
-                )
+                port: declare_input(self, f"{name}_{port}_latest", model)
                 for port, model in models.items()
             }
             for name in estimators
@@ -154,9 +151,8 @@ class MeshcatView(LeafSystem):
         self._make_line(*line)
         for name in estimators:
             self._make_layer(name, visible=name == list(estimators)[-1])
-        shown = LABELS.get(estimators[-1], estimators[-1]) if estimators else ""
-        title = f"as believed by {shown}; others: Open Controls, Scene, perception"
-        show_legend(meshcat, title, _LEGEND)
+        shown = estimators[-1] if estimators else ""
+        show_legend(meshcat, legend_title(shown, LABELS), _LEGEND)
         self.DeclarePeriodicPublishEvent(config.period, 0.0, self._draw)
 
     def _make_layer(self, name: str, visible: bool) -> None:
@@ -195,11 +191,7 @@ class MeshcatView(LeafSystem):
         held_still = not np.isfinite(p_WT).all()
         self._draw_tip(time, p_WT)
         for name, ports in self._ports.items():
-            values = {
-                port: found.Eval(context)
-                for port, found in ports.items()
-                if found.HasValue(context)
-            }
+            values = read_inputs(ports, context)
             fingertip = values.get("fingertip_contact", UNKNOWN_FINGERTIP)
             if not drawn and np.isfinite(fingertip.X_WS).all():
                 self._draw_taxels(time, np.asarray(self._taxels.Eval(context)), fingertip)

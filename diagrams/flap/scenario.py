@@ -12,12 +12,16 @@ from crossmodal.diagrams.flap.flip_control import FlipControlConfig
 from crossmodal.diagrams.flap.robot_config import SensorsConfig
 from crossmodal.diagrams.run import scenario as base
 from crossmodal.diagrams.run.calibration import CalibrationConfig, realistic_errors
-from crossmodal.diagrams.run.common_tick import SENSOR_TICKS, with_common_tick
 from crossmodal.diagrams.run.scenario import CameraConfig
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
+from crossmodal.diagrams.stations import pushed
+from crossmodal.diagrams.stations.scenario_checks import (
+    check_one_camera,
+    check_scene,
+    check_textures,
+    model_file,
+)
 from crossmodal.maths.validation import number, numbers
-from crossmodal.models import SDF_DIR
-from crossmodal.plants.external_forces import ExternalForce
 from crossmodal.plants.scene import PlantConfig
 from crossmodal.plants.tools.flap_jerk import FlapJerk
 from crossmodal.plants.tools.held_tool import check_tool
@@ -98,37 +102,22 @@ class Task:
 
 
 @dataclass(kw_only=True)
-class Disturbances(base.Disturbances):
+class Disturbances(pushed.Disturbances):
     """What goes wrong, and when."""
 
-    forces: list[ExternalForce] = field(default_factory=list)  # On the tool, from outside.
     jerks: list[FlapJerk] = field(default_factory=list)  # Of the flap, by its free edge.
     taxels: list[TaxelFault] = field(default_factory=list)  # Of single taxels.
 
     def spans(self) -> list[tuple[str, base.Interval]]:
         """What goes wrong, in words, and when."""
-        forces = [
-            (
-                f"{np.linalg.norm(force.force):.3g} N on {force.frame}",
-                base.Interval(start=force.start, end=force.end),
-            )
-            for force in self.forces
+        reported = [
+            (f"flap jerked by {1e3 * jerk.displacement:.3g} mm", jerk) for jerk in self.jerks
         ]
-        jerks = [
-            (
-                f"flap jerked by {1e3 * jerk.way:.3g} mm",
-                base.Interval(start=jerk.start, end=jerk.end),
-            )
-            for jerk in self.jerks
+        reported += [
+            (f"taxel {fault.taxel} reads {fault.reading:g} N", fault) for fault in self.taxels
         ]
-        taxels = [
-            (
-                f"taxel {fault.taxel} reads {fault.reading:g} N",
-                base.Interval(start=fault.start, end=fault.end),
-            )
-            for fault in self.taxels
-        ]
-        return [*super().spans(), *forces, *jerks, *taxels]
+        spans = [(what, base.Interval(start=span.start, end=span.end)) for what, span in reported]
+        return [*super().spans(), *spans]
 
 
 def _plant() -> PlantConfig:
@@ -177,21 +166,9 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
     Raises:
         ScenarioError: for values that no episode can have.
     """
-    if len(scenario.cameras) != 1 or next(iter(scenario.cameras.values())).base_frame != "world":
-        raise ScenarioError(
-            f"{path}: cameras: the flap is tracked through one camera that is fixed to the world"
-        )
-    if not (SDF_DIR / scenario.plant.scene).is_file():
-        raise ScenarioError(
-            f"{path}: plant.scene = '{scenario.plant.scene}': there is no such file in {SDF_DIR}"
-        )
-    known = [file.stem for file in (SDF_DIR / "textures").glob("*.png")]
-    for texture in scenario.tool.variation.textures:
-        if texture not in known:
-            raise ScenarioError(
-                f"{path}: tool.variation.textures: unknown texture '{texture}';"
-                f" {suggestion(texture, known)}"
-            )
+    check_one_camera(scenario, str(path), "the flap is tracked")
+    check_scene(scenario.plant.scene, str(path))
+    check_textures(scenario.tool.variation.textures, f"{path}: tool.variation.textures")
     for name in scenario.modalities:
         if name not in ESTIMATORS:
             raise ScenarioError(f"{path}: modalities: {suggestion(name, ESTIMATORS)}")
@@ -199,7 +176,8 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
         scenario.finger.layout()
     except ValueError as error:
         raise ScenarioError(f"{path}: finger.taxels: {error}") from None
-    model = _model_file(scenario.tool.model, path) if scenario.tool.model else ""
+    tool = scenario.tool.model
+    model = str(model_file(tool, "tool.model", path)) if tool else ""
     if model:
         try:
             check_tool(Path(model))
@@ -210,22 +188,8 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
                 f"{path}: tool.thickness: a tool of one's own needs it, [m]; of the bar at its"
                 " frame 'handle', between the pads"
             )
-    period = scenario.network_period
     return replace(
         scenario,
         modalities=scenario.modalities or list(ESTIMATORS),
         tool=replace(scenario.tool, model=model),
-        perception=with_common_tick(
-            scenario.perception, ("period",), period, f"{path}: perception"
-        ),
-        sensors=with_common_tick(scenario.sensors, SENSOR_TICKS, period, f"{path}: sensors"),
     )
-
-
-def _model_file(model: str, path: Path) -> str:
-    candidates = [path.parent / model, SDF_DIR / model]
-    for candidate in candidates:
-        if candidate.is_file():
-            return str(candidate.resolve())
-    places = " or ".join(str(candidate.parent) for candidate in candidates)
-    raise ScenarioError(f"{path}: tool.model = '{model}': there is no such file in {places}")

@@ -22,7 +22,7 @@ from crossmodal.systems.port_values import MOVING_TYPES, BodyMotion, JointBelief
 BAR_LENGTH = 0.3  # [m]
 HELIX_RADIUS = 0.025  # [m]
 BAR_HEIGHT = 0.2  # Of a prismatic joint's bar above the body, [m].
-_LARGEST_ANGLE = np.deg2rad(60.0)  # A cone wider than this says no more.
+_LARGEST_ANGLE = np.deg2rad(60.0)  # Cones are drawn no wider than this.
 _LARGEST_RADIUS = 0.15  # [m]
 
 

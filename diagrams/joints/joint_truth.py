@@ -53,14 +53,14 @@ class JointMechanicsTruth(Immutable):
         damping: Viscous coefficient, [the same per (m or rad)/s].
         lower: End stop, [m or rad], in the joint's own position.
         upper: The other.
-        catch: What holds it at the start beyond its Coulomb friction, [N or N m].
+        detent: What holds it at the start beyond its Coulomb friction, [N or N m].
     """
 
     friction: float
     damping: float
     lower: float
     upper: float
-    catch: float = 0.0
+    detent: float = 0.0
 
 
 _NAN = float("nan")
@@ -103,14 +103,14 @@ def joint_constants(plant: MultibodyPlant, joint: Joint) -> JointTruth:
     )
 
 
-def joint_mechanics(joint: Joint, friction: float, catch: float = 0.0) -> JointMechanicsTruth:
-    """Of a joint with one degree of freedom; friction and catch are what Drake does not know."""
+def joint_mechanics(joint: Joint, friction: float, detent: float = 0.0) -> JointMechanicsTruth:
+    """Of a joint with one degree of freedom; friction and detent are what Drake does not know."""
     return JointMechanicsTruth(
         friction=friction,
         damping=float(joint.default_damping_vector()[0]),
         lower=float(joint.position_lower_limits()[0]),
         upper=float(joint.position_upper_limits()[0]),
-        catch=catch,
+        detent=detent,
     )
 
 
@@ -138,7 +138,7 @@ class ObjectTruth(LeafSystem):
         plant: The finalized plant.
         joint: The explored one.
         friction: Its Coulomb friction, [N or N m].
-        catch: What holds it at the start beyond that, [N or N m].
+        detent: What holds it at the start beyond that, [N or N m].
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class ObjectTruth(LeafSystem):
         plant: MultibodyPlant,
         joint: Joint,
         friction: float = float("nan"),
-        catch: float = 0.0,
+        detent: float = 0.0,
     ) -> None:
         super().__init__()
         self._plant, self._joint = plant, joint
@@ -159,7 +159,7 @@ class ObjectTruth(LeafSystem):
             lambda context, output: output.set_value(self._constants),
             {self.nothing_ticket()},
         )
-        mechanics = joint_mechanics(joint, friction, catch)
+        mechanics = joint_mechanics(joint, friction, detent)
         self.DeclareAbstractOutputPort(
             "cheat_joint_mechanics",
             lambda: Value[object](mechanics),

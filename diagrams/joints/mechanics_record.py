@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from crossmodal.systems.port_values import (
     LimitBelief,
 )
 
-CLAIMED = 0.95  # Probability from which an end stop or a latch is said to be there.
+CLAIMED = 0.95  # Probability from which an end stop or a latch is reported.
 _UNITS = {
     JointType.PRISMATIC: ("N", "N s/m", "m", "m/s"),
     JointType.REVOLUTE: ("N m", "N m s/rad", "rad", "rad/s"),
@@ -85,28 +85,13 @@ def mechanics_at(tick: Tick, series: JointSeries, k: int, truth: Truth) -> TickM
         configuration=float(series.configuration[k]),
         lower=_turned(lower, sign, offset),
         upper=_turned(upper, sign, offset),
-        latch=_turned_latch(belief.latch, sign, offset),
+        latch=replace(belief.latch, position=sign * belief.latch.position + offset),
     )
 
 
 def _turned(limit: LimitBelief, sign: float, offset: float) -> LimitBelief:
-    return LimitBelief(
-        probability=limit.probability,
-        position=sign * limit.position + offset,
-        variance=limit.variance,
-        bound=sign * limit.bound + offset,
-        bound_variance=limit.bound_variance,
-    )
-
-
-def _turned_latch(latch: LatchBelief, sign: float, offset: float) -> LatchBelief:
-    return LatchBelief(
-        probability=latch.probability,
-        position=sign * latch.position + offset,
-        variance=latch.variance,
-        force=latch.force,
-        force_variance=latch.force_variance,
-    )
+    position, bound = sign * limit.position + offset, sign * limit.bound + offset
+    return replace(limit, position=position, bound=bound)
 
 
 def true_range(truth: Truth) -> tuple[float, float]:
@@ -150,7 +135,7 @@ def mechanics_rows(tick: Tick, series: JointSeries, k: int, truth: Truth) -> lis
     if latch.probability > CLAIMED:
         std, force_std = math.sqrt(latch.variance), math.sqrt(latch.force_variance)
         rows.append(scalar("joint_latch", latch.position, "position", std=std))
-        held = truth.mechanics.catch if same else math.nan
+        held = truth.mechanics.detent if same else math.nan
         rows.append(scalar("joint_latch", latch.force, "force", std=force_std, true=held))
     return rows
 
@@ -176,10 +161,10 @@ def summarise_mechanics(
         return None
     belief, speed = last.belief, last.belief.mean_speed
     nothing = math.nan
-    friction, damping, catch, (lower, upper) = nothing, nothing, nothing, (nothing, nothing)
+    friction, damping, detent, (lower, upper) = nothing, nothing, nothing, (nothing, nothing)
     if last.joint_type == truth.joint_type:
         friction, damping = truth.mechanics.friction, truth.mechanics.damping
-        catch = truth.mechanics.catch
+        detent = truth.mechanics.detent
         lower, upper = true_range(truth)
     stds = np.sqrt(np.maximum(np.diag(belief.friction_covariance), 0.0))
     latch = last.latch
@@ -200,7 +185,7 @@ def summarise_mechanics(
             "claimed": latch.probability > CLAIMED,
             "position": latch.position,
             "position_std": math.sqrt(latch.variance),
-            **_beside(latch.force, math.sqrt(latch.force_variance), catch),
+            **_beside(latch.force, math.sqrt(latch.force_variance), detent),
         },
     }
 
@@ -217,7 +202,7 @@ def _beside(value: float, std: float, true: float) -> dict[str, Any]:
     }
 
 
-def _limit(limit: LimitBelief, way: int, true: float) -> dict[str, Any]:
+def _limit(limit: LimitBelief, side: int, true: float) -> dict[str, Any]:
     """A stop that was reached is where it is claimed, one that was not is not before the bound."""
     reached = limit.probability > CLAIMED
     value, variance = (
@@ -226,7 +211,7 @@ def _limit(limit: LimitBelief, way: int, true: float) -> dict[str, Any]:
     found = {"reached": reached, "probability": limit.probability}
     found |= _beside(value, math.sqrt(variance), true)
     if not reached and found["inside_two_sigma"] is not None:
-        found["inside_two_sigma"] = bool(way * found["error"] <= 2.0 * found["std"])
+        found["inside_two_sigma"] = bool(side * found["error"] <= 2.0 * found["std"])
     return found
 
 
@@ -237,19 +222,19 @@ def mechanics_line(summary: dict[str, Any]) -> str:
     if summary["samples"]:
         resistance = summary["resistance"]
         parts += [
-            f"friction {_said(summary['coulomb'], force)}",
-            f"viscous {_said(summary['viscous'], rate)}",
-            f"together {_said(resistance, force)} at {written(resistance['speed'], speed)}",
+            f"friction {_in_words(summary['coulomb'], force)}",
+            f"viscous {_in_words(summary['viscous'], rate)}",
+            f"together {_in_words(resistance, force)} at {written(resistance['speed'], speed)}",
         ]
     else:
         parts.append("friction not known, it has hardly moved")
-    for way, name in ((-1, "lower"), (1, "upper")):
+    for side, name in ((-1, "lower"), (1, "upper")):
         limit = summary[name]
         if limit["reached"]:
-            parts.append(f"{name} end stop at {_said(limit, length)} (reached)")
+            parts.append(f"{name} end stop at {_in_words(limit, length)} (reached)")
         else:
             at = written(limit["estimated"], length, beside=limit["std"])
-            beyond = "below" if way > 0 else "above"
+            beyond = "below" if side > 0 else "above"
             parts.append(
                 f"{name} end stop not {beyond} {at} (not reached){_verdict(limit, length)}"
             )
@@ -261,7 +246,7 @@ def mechanics_line(summary: dict[str, Any]) -> str:
     return ", ".join(parts)
 
 
-def _said(value: dict[str, Any], unit: str) -> str:
+def _in_words(value: dict[str, Any], unit: str) -> str:
     return written(value["estimated"], unit, spread=value["std"]) + _verdict(value, unit)
 
 

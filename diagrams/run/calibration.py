@@ -18,6 +18,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.maths.validation import number
 from crossmodal.systems.sensors.randomness import make_generator
+from crossmodal.systems.shared_settings import SensorNoise
 
 
 @dataclass(kw_only=True)
@@ -67,10 +68,12 @@ class CalibrationConfig:
     Attributes:
         errors: With which the simulated truth is drawn around what the robot believes.
         believed: What the robot takes these to be: the covariances of its `Calibration`.
+        noise: What the robot takes the noise of its sensors to be.
     """
 
     errors: CalibrationErrors = field(default_factory=CalibrationErrors)
     believed: CalibrationErrors = field(default_factory=realistic_errors)
+    noise: SensorNoise = field(default_factory=SensorNoise)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,10 +140,11 @@ class ArmCalibration:
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """What a robot believes of itself, by the names of its cameras and arms."""
+    """What a robot believes of itself: by name its cameras and arms, and its sensors' noise."""
 
     cameras: Mapping[str, CameraCalibration] = field(default_factory=dict)
     arms: Mapping[str, ArmCalibration] = field(default_factory=dict)
+    noise: SensorNoise = field(default_factory=SensorNoise)
 
     @property
     def camera(self) -> CameraCalibration:

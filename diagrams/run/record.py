@@ -72,6 +72,10 @@ class EstimatorRecord:
     ticks: list[Tick] = field(default_factory=list)
     tick_times: list[float] = field(default_factory=list)
 
+    def tick_at(self, time: float) -> Tick | None:
+        """The tick nearest to a time, [s]; None without any."""
+        return min(self.ticks, key=lambda tick: abs(tick.time - time), default=None)
+
 
 @dataclass(kw_only=True)
 class Picture:

@@ -1,4 +1,4 @@
-"""An arm of a station: what it feels and how it is moved."""
+"""An arm of a station: its sensors and its controller."""
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -7,6 +7,8 @@ from pydrake.systems.framework import DiagramBuilder
 
 from crossmodal.controllers.arm.impedance import ImpedanceConfig, ImpedanceController
 from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.stations.connections import connect_alike
 from crossmodal.diagrams.stations.naming import own_seed, prefixed
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.sensors.joint_encoders import JointEncoders, JointEncodersConfig
@@ -24,7 +26,7 @@ def add_encoders(
     true_arm: MultibodyPlant,
     q_nominal: Array,
     config: JointEncodersConfig,
-    seed: int,
+    scenario: Scenario,
     owner: str = "",
 ) -> JointEncoders:
     """Adds the encoders of an arm's joints; exports `joint_state_window`.
@@ -36,7 +38,7 @@ def add_encoders(
         true_arm: The arm alone, as it is.
         q_nominal: Posture (n,) at which the end-effector's offset has its covariance, [rad].
         config: Of the encoders.
-        seed: Of offset and noise.
+        scenario: With the seed of offset and noise, and the network's period.
         owner: Name of the arm where there are several; it then begins the names.
     """
     context = true_arm.CreateDefaultContext()
@@ -45,8 +47,9 @@ def add_encoders(
     J_E = true_arm.CalcJacobianSpatialVelocity(
         context, JacobianWrtVariable.kV, frame, np.zeros(3), true_arm.world_frame(), frame
     )
+    seed, tick = own_seed(scenario.seed, owner), scenario.network_period
     encoders = builder.AddNamedSystem(
-        prefixed(owner, "encoders"), JointEncoders(config, J_E, own_seed(seed, owner))
+        prefixed(owner, "encoders"), JointEncoders(config, J_E, seed, tick)
     )
     builder.Connect(plant.get_state_output_port(arm), encoders.GetInputPort("joint_state"))
     window = encoders.GetOutputPort("joint_state_window")
@@ -59,7 +62,7 @@ def add_wrist_wrench(
     plant: MultibodyPlant,
     sensor: Frame,
     config: WristWrenchConfig,
-    seed: int,
+    scenario: Scenario,
     owner: str = "",
 ) -> WristWrenchSensor:
     """Adds the sensor of what a hand does to the arm that carries it; exports `wrench_window`.
@@ -69,7 +72,7 @@ def add_wrist_wrench(
         plant: The simulated one.
         sensor: S, a frame of the first body beyond the joint or weld that the sensor measures.
         config: Of the sensor.
-        seed: Of bias and noise.
+        scenario: With the seed of bias and noise, and the network's period.
         owner: Name of the arm where there are several; it then begins the names.
     """
     (mount,) = (
@@ -81,8 +84,9 @@ def add_wrist_wrench(
     load = builder.AddNamedSystem(
         prefixed(owner, "wrist_load"), ReactionWrench(plant, mount, X_JcS)
     )
+    seed, tick = own_seed(scenario.seed, owner), scenario.network_period
     wrench = builder.AddNamedSystem(
-        prefixed(owner, "wrench"), WristWrenchSensor(config, own_seed(seed, owner))
+        prefixed(owner, "wrench"), WristWrenchSensor(config, seed, tick)
     )
     builder.Connect(plant.get_reaction_forces_output_port(), load.get_input_port())
     builder.Connect(load.get_output_port(), wrench.get_input_port())
@@ -115,9 +119,6 @@ def add_impedance_control(
     impedance = builder.AddNamedSystem(
         prefixed(owner, "impedance"), ImpedanceController(config, model, q_posture)
     )
-    builder.Connect(
-        encoders.GetOutputPort("joint_state_measured"),
-        impedance.GetInputPort("joint_state_measured"),
-    )
+    connect_alike(builder, encoders, "joint_state_measured", impedance)
     builder.Connect(impedance.get_output_port(), plant.get_actuation_input_port(arm))
     return impedance

@@ -115,6 +115,7 @@ def add_rgbd_camera(
             own_seed(seed, owner),
             depth_scale=camera.depth_scale,
             first_frame=-camera.latency % period,
+            period=period,
         ),
     )
     lighting = builder.AddNamedSystem(prefixed(owner, "lighting"), Lighting(disturbances))

@@ -7,7 +7,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
 
-from crossmodal.diagrams.run.scenario import Interval
+from crossmodal.diagrams.run.scenario import Interval, Scenario
 from crossmodal.diagrams.stations.naming import own_seed, prefixed
 from crossmodal.diagrams.stations.occurrence import Occurrence
 from crossmodal.plants.hands.pneumatic_hand import PneumaticHand, PneumaticHandConfig
@@ -21,7 +21,7 @@ def add_soft_hand(
     hand: ModelInstanceIndex,
     config: PneumaticHandConfig,
     sensor: PressureSensorConfig,
-    seed: int,
+    scenario: Scenario,
     owner: str = "",
     leaks: Sequence[Interval] = (),
 ) -> tuple[PneumaticHand, PressureSensor]:
@@ -35,7 +35,7 @@ def add_soft_hand(
         hand: The hand in it.
         config: Of the pneumatics.
         sensor: Of the pressure sensors.
-        seed: Of bias and noise.
+        scenario: With the seed of bias and noise, and the network's period.
         owner: Name of the hand where there are several; it then begins the names.
         leaks: When air escapes from all chambers.
     """
@@ -43,8 +43,9 @@ def add_soft_hand(
     fingers = builder.AddNamedSystem(
         prefixed(owner, "finger_state"), MatrixGain(finger_selection(plant, hand))
     )
+    seed, tick = own_seed(scenario.seed, owner), scenario.network_period
     pressure = builder.AddNamedSystem(
-        prefixed(owner, "pressure"), PressureSensor(sensor, own_seed(seed, owner))
+        prefixed(owner, "pressure"), PressureSensor(sensor, seed, tick)
     )
     builder.Connect(plant.get_state_output_port(hand), fingers.get_input_port())
     builder.Connect(fingers.get_output_port(), pneumatics.GetInputPort("hand_state"))

@@ -28,7 +28,7 @@ def own_seed(seed: int, owner: str) -> int:
 
 
 def estimator_of(owner: str, system: System, inputs: Sequence[str]) -> Diagram:
-    """An estimator of one of several arms or cameras: it hears that one's ports of a station.
+    """An estimator of one of several arms or cameras: its inputs are that one's ports of a station.
 
     Args:
         owner: Which one.

@@ -133,7 +133,7 @@ class Repair:
         self._scale = scale
         self._source, self._folder, self._warn = source, folder, warn
         self._files = ModelFiles(source)
-        self._links: dict[str, list[str]] = {}  # By what is said about them.
+        self._links: dict[str, list[str]] = {}  # Links by the note about them.
         self._surfaces: dict[tuple[Path, tuple[float, ...]], list[Surface]] = {}
         self._written: dict[object, list[Path]] = {}
 
@@ -166,7 +166,7 @@ class Repair:
             self._warn(f"{what}: {', '.join(links)}")
 
     def _note(self, what: str, link: Element) -> None:
-        """Says something about a link, once for all links of which it is true."""
+        """Notes something about a link, once for all links of which it is true."""
         self._links.setdefault(what, []).append(link.get("name", ""))
 
     def _expand_includes(self, element: Element, within: tuple[Path, ...]) -> None:

@@ -12,25 +12,26 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number, require
+from crossmodal.plants.scene import position_index
 
 # A hand that leads the flap: its stiffness and damping about the hinge, [N m/rad], [N m s/rad]. A
 # flap weighs so little that more damping would not be stable with a plant's steps of 2.5 ms.
 _STIFFNESS, _DAMPING = 12.0, 0.06
-_PERIOD = 0.01  # At which the hand notes where it takes the flap, [s].
+_PERIOD = 0.01  # Period at which the hand checks whether a jerk has begun, [s].
 
 
 @dataclass(kw_only=True)
 class FlapJerk:
     """A jerk at the flap's free edge."""
 
-    # Way of the edge, positive as the finger turns the flap.
-    way: float = number(0.03, at_least=-0.5, at_most=0.5, unit="m")
+    # Displacement of the edge, positive as the finger turns the flap.
+    displacement: float = number(0.03, at_least=-0.5, at_most=0.5, unit="m")
     start: float = number(0.0, at_least=0.0, at_most=86400.0, unit="s")  # Since the episode began.
     end: float = number(0.3, above=0.0, at_most=86400.0, unit="s")  # The hand lets go.
 
 
-def share_of_way(jerk: FlapJerk, time: float) -> tuple[float, float]:
-    """How much of its way is done, from 0 to 1, and the rate of that [1/s]: minimum jerk."""
+def share_of_displacement(jerk: FlapJerk, time: float) -> tuple[float, float]:
+    """Share of its displacement that is done, from 0 to 1, and its rate [1/s]: minimum jerk."""
     duration = jerk.end - jerk.start
     s = float(np.clip((time - jerk.start) / duration, 0.0, 1.0))
     return s**3 * (10.0 - 15.0 * s + 6.0 * s**2), 30.0 * s**2 * (1.0 - s) ** 2 / duration
@@ -77,9 +78,8 @@ class FlapJerks(LeafSystem):
         tool = hinge.model_instance()
         joints = [plant.get_joint(index) for index in plant.GetJointIndices(tool)]
         moving = [joint for joint in joints if joint.num_velocities() > 0]
-        q = hinge.position_start() - min(joint.position_start() for joint in moving)
         v = hinge.velocity_start() - min(joint.velocity_start() for joint in moving)
-        self._theta, self._rate = q, plant.num_positions(tool) + v
+        self._theta, self._rate = position_index(plant, hinge), plant.num_positions(tool) + v
         self._axis = hinge.revolute_axis()
         frames = (hinge.frame_on_child(), edge)
         self._frames = [(int(f.body().index()), f.GetFixedPoseInBodyFrame()) for f in frames]
@@ -110,8 +110,8 @@ class FlapJerks(LeafSystem):
         for jerk, first in zip(self._jerks, taken, strict=True):
             if np.isnan(first) or not jerk.start <= now < jerk.end:
                 continue
-            share, rate = share_of_way(jerk, now)
-            angle = jerk.way / lever
+            share, rate = share_of_displacement(jerk, now)
+            angle = jerk.displacement / lever
             torque += _STIFFNESS * (first + share * angle - state[self._theta])
             torque += _DAMPING * (rate * angle - state[self._rate])
         return torque

@@ -23,14 +23,13 @@ from crossmodal.systems.port_values import (
     unseen,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 
 @dataclass(kw_only=True)
-class FlapAngleConfig:
+class FlapAngleConfig(Ticked):
     """Configuration of `FlapAngleFilter`."""
 
-    period: float = tick_period()
     # Lever of the contact before the hinge is known.
     lever: float = number(0.085, at_least=1e-3, at_most=10.0, unit="m")
     # Its standard deviation as a share of it.

@@ -19,7 +19,7 @@ from crossmodal.systems.port_values import (
     JointModelBelief,
     JointType,
 )
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 
 def _filters() -> JointFiltersConfig:
@@ -34,10 +34,9 @@ def _filters() -> JointFiltersConfig:
 
 
 @dataclass(kw_only=True)
-class FlapJointConfig:
+class FlapJointConfig(Ticked):
     """Configuration of `FlapJoint`."""
 
-    period: float = tick_period()
     filters: JointFiltersConfig = field(default_factory=_filters)
     # How far the contact wanders on the flap, across its edge and radially.
     walk: float = number(0.002, at_least=1e-6, at_most=1.0, unit="m")

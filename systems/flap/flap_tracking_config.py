@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from crossmodal.maths.validation import check, number, require
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 
 @dataclass(kw_only=True)
@@ -42,10 +42,9 @@ class RegionConfig:
 
 
 @dataclass(kw_only=True)
-class FlapTrackingConfig:
+class FlapTrackingConfig(Ticked):
     """Configuration of `FlapTracker`."""
 
-    period: float = tick_period()
     sensor: DepthSensorConfig = field(default_factory=DepthSensorConfig)
     region: RegionConfig = field(default_factory=RegionConfig)
     # Side of the window of a local normal.

@@ -35,14 +35,13 @@ from crossmodal.systems.port_values import (
     unseen,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 
 @dataclass(kw_only=True)
-class HingeEstimatorConfig:
+class HingeEstimatorConfig(Ticked):
     """Configuration of `HingeEstimator`."""
 
-    period: float = tick_period()
     # Path of the contact that one keyframe spans.
     spacing: float = number(0.003, at_least=1e-4, at_most=1.0, unit="m")
     # Keyframes kept.

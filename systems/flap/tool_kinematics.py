@@ -24,14 +24,13 @@ from crossmodal.systems.port_values import (
     displacement_at,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 
 @dataclass(kw_only=True)
-class ToolKinematicsConfig:
+class ToolKinematicsConfig(Ticked):
     """Configuration of `ToolKinematics`."""
 
-    period: float = tick_period()
     # Rotation of the holder since the last contact from which on the tool is carried elsewhere.
     carried: float = number(0.01, above=0.0, at_most=10.0, unit="rad")
 

@@ -3,15 +3,14 @@
 from dataclasses import dataclass
 
 from crossmodal.maths.validation import number
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 
 @dataclass(kw_only=True)
-class JointMechanicsConfig:
+class JointMechanicsConfig(Ticked):
     """Priors; forces are those at the hand, which a hinge's lever turns into torques.
 
     Attributes:
-        period: Of the ticks.
         friction: Prior standard deviation of Coulomb friction.
         damping: The same of the viscous coefficient.
         unevenness: By how much the friction met on the way differs from the joint's, as a share of
@@ -29,7 +28,6 @@ class JointMechanicsConfig:
         largest_failure: Probability of a lost grasp above which the force is not the joint's.
     """
 
-    period: float = tick_period()
     friction: float = number(20.0, above=0.0, at_most=1e4, unit="N")
     damping: float = number(30.0, above=0.0, at_most=1e5, unit="N s/m")
     unevenness: float = number(0.05, at_least=0.0, at_most=1.0)

@@ -4,15 +4,14 @@ from dataclasses import dataclass, field
 
 from crossmodal.maths.validation import number
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 
 @dataclass(kw_only=True)
-class KinematicModelConfig:
+class KinematicModelConfig(Ticked):
     """Configuration of `KinematicModel`.
 
     Attributes:
-        period: Of the ticks.
         filters: Of every pair.
         reference_age: How long before a body was first measured its reference may be.
         patience: How long a pair outlives its bodies' measurements.
@@ -26,7 +25,6 @@ class KinematicModelConfig:
         least_probability: Of a joint type, for its prediction to be sent down.
     """
 
-    period: float = tick_period()
     filters: JointFiltersConfig = field(default_factory=JointFiltersConfig)
     reference_age: float = number(1.0, at_least=1e-3, at_most=3600.0, unit="s")
     patience: float = number(1.0, at_least=0.0, at_most=3600.0, unit="s")

@@ -15,27 +15,25 @@ from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import number
 from crossmodal.systems.monitoring.offsets import DRIFTING, OFFSET, Offsets, without_gone
 from crossmodal.systems.port_values import SampleWindow
+from crossmodal.systems.shared_settings import SensorNoise
 
 
 @dataclass(kw_only=True)
 class AnglesConfig:
-    # Standard deviation of one angle.
-    noise: float = number(1.0e-4, at_least=1e-9, at_most=1.0, unit="rad")
-    # The same of a rate.
-    rate_noise: float = number(5.0e-3, at_least=1e-9, at_most=100.0, unit="rad/s")
+    noise = SensorNoise()
     # Change of an angle at rest from one sample to the next that is a jump.
     jump: float = number(0.01, above=0.0, at_most=100.0, unit="rad")
-    # By so much a sample may be older or newer than its stamp says.
+    # A sample may be older or newer than its stamp by so much.
     jitter: float = number(0.01, at_least=0.0, at_most=60.0, unit="s")
-    # By this share of a way the rates' integral may be off.
+    # Error of the rates' integral, as a share of the displacement.
     scale: float = number(2.0e-3, at_least=0.0, at_most=1.0)
-    # Over which a drift is looked for.
+    # Time over which a drift is looked for.
     span: float = number(1.0, at_least=0.05, at_most=60.0, unit="s")
-    # Of its standard deviation: drift that is no noise.
+    # Drift that is no noise, in standard deviations.
     gate: float = number(5.0, above=0.0, at_most=100.0)
-    # Share of that below which it has ended.
+    # Share of this limit below which a drift has ended.
     ended: float = number(0.5, above=0.0, at_most=1.0)
-    # Pause after which nothing is known of the angles' way.
+    # Pause after which nothing is known of the angles' displacement.
     patience: float = number(0.15, at_least=1e-3, at_most=3600.0, unit="s")
 
 
@@ -47,14 +45,14 @@ class TickEnd(Immutable):
         time: Its last stamp, [s].
         unexplained: Mean change that the rates do not explain, [rad].
         variance: Of what the rates explain, within the tick, [rad^2].
-        way: Without direction, within the tick, [rad].
+        displacement: Without direction, within the tick, [rad].
         timing: Error of the mean by samples that are older or newer than they seem, [rad].
     """
 
     time: float
     unexplained: Array
     variance: Array
-    way: Array
+    displacement: Array
     timing: Array
 
 
@@ -88,8 +86,8 @@ def begin(time: float, sample: Array, before: AngleOffsets | None) -> AngleOffse
     offset, variance = zeros, zeros
     if before is not None:
         gap = time - before.time
-        way = 0.5 * gap * (before.sample[n:] + sample[n:])
-        change = sample[:n] - (before.sample[:n] - before.offset) - way
+        displacement = 0.5 * gap * (before.sample[n:] + sample[n:])
+        change = sample[:n] - (before.sample[:n] - before.offset) - displacement
         stays = np.abs(change - before.offset) < np.abs(change)
         offset, variance = before.offset * stays, before.variance * stays
     return AngleOffsets(
@@ -109,14 +107,14 @@ class Changes:
     Attributes:
         jumps: [rad]
         rest: Other change that the rates do not explain, [rad].
-        way: That the rates explain, [rad].
+        displacement: That the rates explain, [rad].
         timing: Most that it is off by, by the jitter, [rad].
-        variance: Of the way, [rad^2].
+        variance: Of the displacement, [rad^2].
     """
 
     jumps: Array
     rest: Array
-    way: Array
+    displacement: Array
     timing: Array
     variance: Array
 
@@ -133,18 +131,18 @@ def split_changes(
     dt = np.diff(times, prepend=before.time)[:, None]
     every = np.concatenate([before.sample[None], samples])
     earlier, later = every[:-1, n:], every[1:, n:]
-    way = 0.5 * (earlier + later) * dt
+    displacement = 0.5 * (earlier + later) * dt
     timing = config.jitter * np.maximum(np.abs(earlier), np.abs(later))
-    unexplained = np.diff(every[:, :n], axis=0) - way
+    unexplained = np.diff(every[:, :n], axis=0) - displacement
     jumps = np.where(np.abs(unexplained) > config.jump + timing, unexplained, 0.0)
     rest = unexplained - jumps
-    variance = np.maximum(config.rate_noise * dt, 0.5 * np.abs(later - earlier) * dt) ** 2
-    is_hit = np.abs(rest) > config.gate * np.sqrt(2.0 * config.noise**2 + variance)
+    variance = np.maximum(config.noise.rate * dt, 0.5 * np.abs(later - earlier) * dt) ** 2
+    is_hit = np.abs(rest) > config.gate * np.sqrt(2.0 * config.noise.angle**2 + variance)
     variance = variance + np.where(is_hit, rest**2, 0.0)
     return Changes(
         jumps=jumps,
         rest=rest,
-        way=way,
+        displacement=displacement,
         timing=timing,
         variance=variance,
     )
@@ -159,7 +157,7 @@ def end_of(end: float, unexplained: Array, changes: Changes) -> TickEnd:
         time=end,
         unexplained=unexplained.mean(axis=0),
         variance=changes.variance.sum(axis=0),
-        way=np.abs(changes.way).sum(axis=0),
+        displacement=np.abs(changes.displacement).sum(axis=0),
         timing=changes.timing.max(axis=0) / len(unexplained),
     )
 
@@ -177,10 +175,10 @@ def find_drift(ends: tuple[TickEnd, ...], config: AnglesConfig) -> tuple[Array, 
     def since(values: Array) -> Array:
         return np.cumsum(values[::-1], axis=0)[::-1]
 
-    variance = since(each("variance")) + 2.0 * config.noise**2
+    variance = since(each("variance")) + 2.0 * config.noise.angle**2
     timing = each("timing")
     usual = config.gate * np.sqrt(variance) + timing + timing[-1]
-    usual = usual + config.scale * since(np.abs(each("way")))
+    usual = usual + config.scale * since(np.abs(each("displacement")))
     unexplained = each("unexplained")
     ratio = np.abs(unexplained[-1] - unexplained) / usual
     best = (ratio.argmax(axis=0), np.arange(ratio.shape[1]))
@@ -211,7 +209,9 @@ def follow_rates(
     drifting = ratio > np.where(before.drifting, config.ended, 1.0)
 
     # An error that is anywhere within the timing has a third of its square as variance.
-    of_jumps = np.where(changes.jumps != 0.0, 2.0 * config.noise**2 + changes.timing**2 / 3.0, 0.0)
+    of_jumps = np.where(
+        changes.jumps != 0.0, 2.0 * config.noise.angle**2 + changes.timing**2 / 3.0, 0.0
+    )
     goes_on = drifting & before.drifting
     base = np.where(goes_on, before.unexplained, from_where)
     of_drift = np.where(goes_on, ends[-1].variance, variance_since)

@@ -59,7 +59,7 @@ def share_of_motion(
 
 
 class ArmResponse:
-    """Tells steps of a wrist's wrench that the arm has felt.
+    """Finds steps of a wrist's wrench to which the arm has responded.
 
     Args:
         config: Of what is looked at.
@@ -88,7 +88,7 @@ class ArmResponse:
         )
         return np.asarray(np.linalg.solve(arm.CalcMassMatrix(context), J_S.T @ F_S))
 
-    def is_felt(self, step: Step, joints: SampleWindow) -> bool:
+    def is_sensed(self, step: Step, joints: SampleWindow) -> bool:
         """Whether the joints (K, 2 n) have moved as the step would move them, or may have."""
         n = self._arm.num_positions()
         if not len(joints.times):

@@ -15,6 +15,9 @@ from crossmodal.maths.immutable import Immutable
 _EVERY = 4  # Of the rows and columns that are looked at; noise is correlated over some pixels.
 _ROUNDS = 8
 _BLOCK = 10  # Pixels of these along a block's side.
+_SEEN = 0.3  # Share of a block's pixels that must have been seen before and now.
+# A law needs so many blocks, and so large a share of them must have changed by it.
+LEAST_BLOCKS, MOST = 20, 0.5
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ def off_the_robot(robot: Array | None, shape: tuple[int, ...]) -> Mask:
     return np.asarray(cv2.dilate(here, np.ones((5, 5), np.uint8)) == 0)
 
 
-def block_means(values: list[Array], where: Mask, share: float) -> Array:
+def block_means(values: list[Array], where: Mask, share: float = _SEEN) -> Array:
     """Means of values (H, W) over the blocks of which a share is `where` (H, W); (N, values)."""
 
     def by_block(image: Array | Mask) -> Array:

@@ -5,7 +5,7 @@ grey values, too: black stays black. If most of what is seen has changed by one 
 
     grey = (1 + b) grey_first + a,
 
-and that cannot be said without the offset a, it is the camera that has changed.
+and this needs the offset a, it is the camera that has changed.
 """
 
 from dataclasses import dataclass
@@ -16,6 +16,8 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import number
 from crossmodal.systems.monitoring.background import (
+    LEAST_BLOCKS,
+    MOST,
     Background,
     block_means,
     law_of_most,
@@ -31,18 +33,13 @@ _WHITE = 255.0
 class BlackLevelConfig:
     # Offset that is a fault.
     tolerance: float = number(4.0, above=0.0, at_most=255.0, unit="of 255")
-    # Share of the blocks that must have changed by one law, and a block's error in that.
-    alike: float = number(0.5, at_least=0.5, at_most=1.0)
+    # A block's error in the law that most of them have changed by.
     error: float = number(1.5, above=0.0, at_most=255.0, unit="of 255")
     # Of those, share that another exposure explains, at most.
     exposed: float = number(0.75, above=0.0, at_most=1.0)
     # By so much the contrast may have changed; beyond, noise that is clipped at black looks like an
     # offset.
     contrast: float = number(2.0, above=1.0, at_most=255.0)
-    # Share of a block's pixels that must have been seen before and now.
-    seen: float = number(0.3, above=0.0, at_most=1.0)
-    # Fewer blocks tell nothing.
-    blocks: int = number(20, at_least=3, at_most=10**6)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,13 +57,13 @@ def law_of_grey(config: BlackLevelConfig, change: Array, first: Array) -> GreyLa
         change: Of the blocks' grey (N,).
         first: Their grey before (N,).
     """
-    if len(change) < config.blocks:
+    if len(change) < LEAST_BLOCKS:
         return GreyLaw()
     (b,), exposed = law_of_most(first[:, None], change, config.error)
-    exposure = GreyLaw(gain=1.0 + b) if exposed.mean() >= config.alike else GreyLaw()
+    exposure = GreyLaw(gain=1.0 + b) if exposed.mean() >= MOST else GreyLaw()
     A = np.column_stack([np.ones(len(change)), first])
     (a, b), follows = law_of_most(A, change, config.error)
-    if follows.mean() < config.alike or exposed.sum() > config.exposed * follows.sum():
+    if follows.mean() < MOST or exposed.sum() > config.exposed * follows.sum():
         return exposure
     if abs(a) < config.tolerance or not 1.0 / config.contrast < 1.0 + b < config.contrast:
         return exposure
@@ -95,7 +92,7 @@ def watch_grey(
     if background is None:
         background = Background(np.zeros_like(grey))
     both = seen & (background.first > 0.0)
-    blocks = block_means([grey - background.first, background.first], both, config.seen)
+    blocks = block_means([grey - background.first, background.first], both)
     law = law_of_grey(config, blocks[:, 0], blocks[:, 1])
     if law.offset:
         return background, law.offset

@@ -14,6 +14,8 @@ import numpy as np
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.validation import number
 from crossmodal.systems.monitoring.background import (
+    LEAST_BLOCKS,
+    MOST,
     Background,
     block_means,
     law_of_most,
@@ -31,16 +33,11 @@ class DepthBackgroundConfig:
     still: float = number(0.3, above=0.0, below=0.5)
     # Relative change of the depth of all the rest that is a fault. A block's noise is as large.
     tolerance: float = number(5e-4, above=0.0, at_most=1.0)
-    # Share of the blocks that must have changed by one law, and a block's relative error in that.
-    alike: float = number(0.5, at_least=0.5, at_most=1.0)
+    # A block's relative error in the law that most of them have changed by.
     error: float = number(2e-3, above=0.0, at_most=1.0)
-    # Share of a block's pixels that must have been seen before and now.
-    seen: float = number(0.3, above=0.0, at_most=1.0)
-    # Fewer blocks tell nothing.
-    blocks: int = number(20, at_least=2, at_most=10**6)
 
 
-def changes(background: Background, depth: Array, seen: Mask, share: float) -> Array:
+def changes(background: Background, depth: Array, seen: Mask) -> Array:
     """Mean relative change of the depth, and inverse first depth, [1/m], (N, 2).
 
     Of the blocks of which enough is seen.
@@ -49,7 +46,7 @@ def changes(background: Background, depth: Array, seen: Mask, share: float) -> A
     ratio = np.divide(depth, background.first, out=np.ones_like(depth), where=both) - 1.0
     ratio = np.clip(ratio, -_LARGEST, _LARGEST)
     inverse = np.divide(1.0, background.first, out=np.zeros_like(depth), where=both)
-    return block_means([ratio, inverse], both, share)
+    return block_means([ratio, inverse], both)
 
 
 def has_changed(config: DepthBackgroundConfig, change: Array) -> bool:
@@ -58,14 +55,14 @@ def has_changed(config: DepthBackgroundConfig, change: Array) -> bool:
     Args:
         change: (N, 2), see `changes`.
     """
-    if len(change) < config.blocks:
+    if len(change) < LEAST_BLOCKS:
         return False
     low, high = np.quantile(change[:, 0], [config.still, 1.0 - config.still])
     if not (low > config.tolerance or high < -config.tolerance):
         return False
     A = np.column_stack([np.ones(len(change)), change[:, 1]])
     _, follows = law_of_most(A, change[:, 0], config.error)
-    return bool(np.mean(follows) >= config.alike)
+    return bool(np.mean(follows) >= MOST)
 
 
 def watch_depth(
@@ -85,6 +82,6 @@ def watch_depth(
     seen = np.isfinite(depth) & (depth > 0.0) & off_the_robot(robot, depth.shape)
     if background is None:
         background = Background(np.zeros_like(depth))
-    if has_changed(config, changes(background, depth, seen, config.seen)):
+    if has_changed(config, changes(background, depth, seen)):
         return background, True
     return remember(background, depth, seen), False

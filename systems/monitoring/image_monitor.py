@@ -22,6 +22,7 @@ from crossmodal.systems.monitoring.window_monitor import (
 )
 from crossmodal.systems.port_values import SampleWindow, StampedImage, StreamHealth
 from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.ticks import Ticked
 
 CHANGED = "the depth of what stands still has changed"
 BRIGHTER = "a grey value is added to what stands still"
@@ -31,7 +32,8 @@ _EVERY = 4  # Of the rows and columns that are looked at; noise shows in all of 
 
 
 @dataclass(kw_only=True)
-class ImageMonitorConfig(WindowMonitorConfig):
+class ImageMonitorConfig(Ticked):
+    windows = WindowMonitorConfig()  # Limits as of all streams, but for the age.
     # The last image of a camera is as old as a tick at most, if the camera has the ticks' rate.
     oldest: float = number(0.07, at_least=1e-3, at_most=3600.0, unit="s")
     # By so much the stamps of colour and depth may differ.
@@ -65,7 +67,7 @@ def fingerprint(image: Any, stamp: float) -> float:
 
 
 def check_image(
-    arrived: StampedImage, before: Monitored, now: float, config: WindowMonitorConfig
+    arrived: StampedImage, before: Monitored, now: float, config: ImageMonitorConfig
 ) -> Monitored:
     """An image as a window of one sample, or of none where none has arrived since the last tick.
 
@@ -75,11 +77,12 @@ def check_image(
         now: The tick, [s].
         config: Limits.
     """
-    is_old = before.last_heard is not None and arrived.time == before.last_heard
+    is_old = before.last_input is not None and arrived.time == before.last_input
     times = np.array([] if is_old else [arrived.time])
     values = np.array([fingerprint(arrived.image.data, time) for time in times]).reshape(-1, 1)
-    checked = check_window(SampleWindow(times=times, values=values), before, now, config)
-    return replace(checked, last_heard=arrived.time)
+    limits = replace(config.windows, oldest=config.oldest)
+    checked = check_window(SampleWindow(times=times, values=values), before, now, limits)
+    return replace(checked, last_input=arrived.time)
 
 
 def is_new(monitored: Monitored) -> bool:
@@ -87,9 +90,9 @@ def is_new(monitored: Monitored) -> bool:
 
 
 def kept_back(image: Monitored, before: Monitored, now: float, fault: str) -> Monitored:
-    """A new image as if it had not arrived, but for what is told."""
+    """A new image as if it had not arrived, but for what is reported."""
     health = StreamHealth(age=now - max(before.last_time, 0.0), fault=fault)
-    return replace(before, last_heard=image.last_heard, health=health, passed=None)
+    return replace(before, last_input=image.last_input, health=health, passed=None)
 
 
 def without_pairs_apart(watched: Watched, before: Watched, now: float, apart: float) -> Watched:
@@ -110,11 +113,11 @@ def _health(name: str, watched: Watched) -> StreamHealth:
 class ImageMonitor(RecursiveFilter):
     """Keeps back a camera's images that are not new, not of now or not of one instant.
 
-    Nothing is seen then. What is told of an image is what a `WindowMonitor` tells of a sample.
+    Nothing is seen then. Faults of an image are those that a `WindowMonitor` reports of a sample.
     Depth is kept back, too, while that of what stands still is not what it was
-    (`depth_background`). An offset of the grey values of what stands still (`black_level`) is told,
-    and the image is passed on: what is seen in it stays where it is. For a camera that does not
-    move.
+    (`depth_background`). An offset of the grey values of what stands still (`black_level`) is
+    reported, and the image is passed on: what is seen in it stays where it is. For a camera that
+    does not move.
 
     .. pydrake_system::
 

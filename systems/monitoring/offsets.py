@@ -11,7 +11,7 @@ from crossmodal.systems.port_values import SampleWindow
 
 OFFSET = "readings have jumped or drifted, which is taken out"
 DRIFTING = "readings drift, which is taken out"
-# Of its standard deviation: an offset that is as small has gone.
+# An offset of fewer standard deviations has gone.
 _GONE = 3.0
 
 

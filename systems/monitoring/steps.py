@@ -29,11 +29,6 @@ class StepsConfig:
     noises: float = number(4.0, at_least=1.0, at_most=1e3)
     # Pause between two samples, in usual ones, within which anything may have happened.
     pause: float = number(1.5, above=1.0, at_most=1e3)
-    # Standard deviation of a sample.
-    torque_noise: float = number(0.005, at_least=1e-9, at_most=1000.0, unit="N m")
-    force_noise: float = number(0.1, at_least=1e-9, at_most=1e4, unit="N")  # The same of the force.
-    # The same of the pressures.
-    pressure_noise: float = number(100.0, at_least=1e-6, at_most=1e6, unit="Pa")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,16 +111,16 @@ class IsolatedSteps:
     Args:
         config: Of what a step is.
         noise: Standard deviations of a sample (n,).
-        is_felt: Whether the arm has moved as a step would move it; without it no step is real.
+        is_sensed: Whether the arm has moved as a step would move it; without it no step is real.
     """
 
     def __init__(
         self,
         config: StepsConfig,
         noise: Array,
-        is_felt: Callable[[Step, SampleWindow], bool] | None = None,
+        is_sensed: Callable[[Step, SampleWindow], bool] | None = None,
     ) -> None:
-        self._config, self._noise, self._is_felt = config, noise, is_felt
+        self._config, self._noise, self._is_felt = config, noise, is_sensed
 
     def take_out(
         self, window: SampleWindow, before: Offsets | None, joints: SampleWindow | None

@@ -12,7 +12,7 @@ from crossmodal.maths.validation import check, number
 from crossmodal.systems.monitoring.offsets import OffsetModel, Offsets
 from crossmodal.systems.port_values import HEALTHY, SampleWindow, StreamHealth
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 NO_SAMPLES = "no samples"
 NOT_FINITE = "readings that are no numbers"
@@ -21,8 +21,7 @@ STUCK = "always the same reading"
 
 
 @dataclass(kw_only=True)
-class WindowMonitorConfig:
-    period: float = tick_period()
+class WindowMonitorConfig(Ticked):
     # A sample is passed on until it is so old.
     oldest: float = number(0.15, at_least=1e-3, at_most=3600.0, unit="s")
     # By so much a stamp may lie ahead of the tick.
@@ -39,7 +38,7 @@ class Monitored(Immutable):
 
     Attributes:
         last_time: Last good stamp, [s].
-        last_heard: Last stamp, good or not, of a stream that holds its last value; None of others.
+        last_input: Last stamp, good or not, of a stream that holds its last value; None of others.
         last_reading: Last one (n,) that could be true but for its being always the same.
         same_since: Since when it is the same, [s].
         health: Of the stream.
@@ -48,7 +47,7 @@ class Monitored(Immutable):
     """
 
     last_time: float = -np.inf
-    last_heard: float | None = None
+    last_input: float | None = None
     last_reading: Array | None = None
     same_since: float = -np.inf
     health: StreamHealth = HEALTHY
@@ -81,7 +80,7 @@ def check_window(
 
     A sample is passed on if it is finite, stamped later than the last good one and neither too old
     nor ahead of `now`, and if the reading has not been the same for too long. Of several faults the
-    first in this order is told.
+    first in this order is reported.
 
     Args:
         window: As it arrived.
@@ -117,11 +116,11 @@ def check_window(
         fault = NO_SAMPLES if known else before.health.fault or NO_SAMPLES
     elif offsets is not None:
         fault = offsets.fault
-    heard = np.flatnonzero(usable)
+    inputs = np.flatnonzero(usable)
     return Monitored(
         last_time=last,
-        last_reading=values[heard[-1]].copy() if len(heard) else before.last_reading,
-        same_since=float(since[-1]) if len(heard) else before.same_since,
+        last_reading=values[inputs[-1]].copy() if len(inputs) else before.last_reading,
+        same_since=float(since[-1]) if len(inputs) else before.same_since,
         health=StreamHealth(age=age, fault=fault),
         offsets=offsets,
         passed=passed,

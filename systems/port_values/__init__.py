@@ -33,6 +33,7 @@ from crossmodal.systems.port_values.flap import (
 )
 from crossmodal.systems.port_values.grasp import (
     NO_SLIP,
+    UNKNOWN_GRASP,
     UNKNOWN_LOAD,
     GraspBelief,
     GraspType,
@@ -87,6 +88,7 @@ __all__ = [
     "UNKNOWN_ANGLE",
     "UNKNOWN_END_EFFECTOR",
     "UNKNOWN_FINGERTIP",
+    "UNKNOWN_GRASP",
     "UNKNOWN_HINGE",
     "UNKNOWN_LOAD",
     "UNKNOWN_TOOL",

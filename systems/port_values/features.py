@@ -16,7 +16,7 @@ class FeatureBelief:
         uv: Pixels (N, 2).
         p_WF: Positions in the world (N, 3), [m].
         covariance: Of the positions (N, 3, 3), [m^2], one frame's noise.
-        age: Ticks since birth (N,).
+        age: Ticks since its initiation (N,).
     """
 
     ids: Ids

@@ -10,35 +10,25 @@ from pydrake.systems.framework import Context
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.validation import check, number, numbers, require
+from crossmodal.maths.validation import check, number
 from crossmodal.systems.port_values import EndEffectorBelief, SampleWindow
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.shared_settings import SensorNoise
+from crossmodal.systems.ticks import Ticked
+
+# Bounds the joints' offsets near singular postures, [m/rad].
+_OFFSET_DAMPING = 0.05
 
 
 @dataclass(kw_only=True)
-class EndEffectorMotionConfig:
-    period: float = tick_period()  # Update period.
-    # Standard deviation of one encoder sample.
-    position_noise: float = number(1.0e-4, at_least=1e-9, at_most=1.0, unit="rad")
-    # The same of a velocity sample.
-    velocity_noise: float = number(5.0e-3, at_least=1e-9, at_most=100.0, unit="rad/s")
+class EndEffectorMotionConfig(Ticked):
+    noise = SensorNoise()
     # Expected within a window, 1 sigma.
     joint_acceleration: float = number(1.0, at_least=1e-6, at_most=1e4, unit="rad/s^2")
     # White acceleration that drives the velocity.
     angular_process_noise: float = number(0.5, at_least=1e-9, at_most=1000.0, unit="rad/s^1.5")
     # The same for the translation.
     linear_process_noise: float = number(0.2, at_least=1e-9, at_most=1000.0, unit="m/s^1.5")
-    # Calibration offset of the pose.
-    offset_rotation: float = number(float(np.deg2rad(3.0)), at_least=0.0, at_most=3.2, unit="rad")
-    # The same for the translation.
-    offset_translation: float = number(0.01, at_least=0.0, at_most=10.0, unit="m")
-    # Bounds the joint offsets near singular postures.
-    offset_damping: float = number(0.05, at_least=1e-6, at_most=10.0)
-    # Posture at which the offset has this size; empty: the first that is measured.
-    calibration_posture: list[float] = numbers(
-        [], at_least=-10.0, at_most=10.0, unit="rad", shape=(range(101),)
-    )
 
 
 def fit_joint_samples(
@@ -59,7 +49,7 @@ def fit_joint_samples(
     ones = np.ones_like(tau)
     A_q = np.column_stack([ones, tau, 0.5 * tau**2])
     A_v = np.column_stack([0.0 * tau, ones, tau])
-    w_q, w_v = config.position_noise**-2, config.velocity_noise**-2
+    w_q, w_v = config.noise.angle**-2, config.noise.rate**-2
     normal = w_q * A_q.T @ A_q + w_v * A_v.T @ A_v
     normal[2, 2] += config.joint_acceleration**-2
     covariance = np.asarray(np.linalg.inv(normal), dtype=float)
@@ -103,8 +93,8 @@ def calibration_bias_jacobian(J_E: Array, config: EndEffectorMotionConfig) -> Ar
     The damped inverse of the Jacobian `J_E` (6, n) of the calibration posture, so that
     `J_E @ result` is close to diag(offset_rotation, offset_translation).
     """
-    scale = np.repeat([config.offset_rotation, config.offset_translation], 3)
-    gram = J_E @ J_E.T + config.offset_damping**2 * np.eye(6)
+    scale = np.repeat([config.noise.offset_rotation, config.noise.offset_translation], 3)
+    gram = J_E @ J_E.T + _OFFSET_DAMPING**2 * np.eye(6)
     return J_E.T @ np.linalg.solve(gram, np.diag(scale))
 
 
@@ -166,7 +156,7 @@ class EndEffectorMotion(RecursiveFilter):
     degrees, is an offset: the joints are off by constants of the episode, so it neither averages
     away nor shows between ticks. It is kept out of the recursion and added to the output, where
     `bias_jacobian` tells how much of the pose error each constant causes at this posture:
-    J_E(q) J_E(q_0)^+ diag(3 deg, 1 cm), q_0 being the posture of the calibration. (The velocity
+    J_E(q) J_E(q_0)^+ diag(3 deg, 1 cm), q_0 being the first posture that is measured. (The velocity
     that an offset turns, about 5 % of it, is not modelled.)
 
     .. pydrake_system::
@@ -231,13 +221,6 @@ class EndEffectorMotion(RecursiveFilter):
         check(config, "EndEffectorMotion")
         if not plant.is_finalized():
             raise ValueError("EndEffectorMotion: the robot's model must be finalized")
-        require(
-            len(config.calibration_posture) in (0, plant.num_positions()),
-            "EndEffectorMotion",
-            config,
-            "calibration_posture",
-            f"none or {plant.num_positions()} angles",
-        )
         if not plant.HasFrameNamed(frame):
             raise ValueError(f"EndEffectorMotion: the robot's model has no frame named '{frame}'")
 
@@ -255,12 +238,6 @@ class EndEffectorMotion(RecursiveFilter):
         )
         X_WE = self._frame.CalcPoseInWorld(self._scratch).GetAsMatrix4()
         return np.asarray(X_WE), np.asarray(J_E)
-
-    def _calibrate(self, J_E: Array) -> Array:
-        posture = np.array(self._config.calibration_posture, dtype=float)
-        if posture.size:
-            _, J_E = self._kinematics(np.concatenate([posture, 0.0 * posture]))
-        return calibration_bias_jacobian(J_E, self._config)
 
     @staticmethod
     def _offer(state: EndEffectorState) -> EndEffectorBelief:
@@ -280,7 +257,7 @@ class EndEffectorMotion(RecursiveFilter):
         X_WE, J_E = self._kinematics(np.concatenate([q, v]))
         joint_bias_jacobian = state.joint_bias_jacobian
         if joint_bias_jacobian is None:
-            joint_bias_jacobian = self._calibrate(J_E)
+            joint_bias_jacobian = calibration_bias_jacobian(J_E, self._config)
         R = np.asarray(np.kron(covariance, J_E @ J_E.T), dtype=float)
         common = (J_E * np.broadcast_to(window.variances, 2 * len(q))[: len(q)]) @ J_E.T
         belief = estimate_belief(

@@ -10,15 +10,13 @@ from crossmodal.maths.validation import check, number
 from crossmodal.systems.arm_pose import ArmPose, joints_at, offset_variances
 from crossmodal.systems.port_values import UNKNOWN_END_EFFECTOR, EndEffectorBelief, SampleWindow
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.shared_settings import SensorNoise
+from crossmodal.systems.ticks import Ticked
 
 
 @dataclass(kw_only=True)
-class EndEffectorPoseConfig:
-    period: float = tick_period()
-    # Standard deviation of one encoder sample, and of a velocity sample.
-    position_noise: float = number(1e-4, at_least=1e-9, at_most=1.0, unit="rad")
-    velocity_noise: float = number(5e-3, at_least=1e-9, at_most=100.0, unit="rad/s")
+class EndEffectorPoseConfig(Ticked):
+    noise = SensorNoise()
     # Velocity of an arm that holds something still, 1 sigma.
     angular_velocity: float = number(0.01, at_least=1e-9, at_most=100.0, unit="rad/s")
     linear_velocity: float = number(0.005, at_least=1e-9, at_most=100.0, unit="m/s")
@@ -86,8 +84,8 @@ class EndEffectorPose(RecursiveFilter):
         q, variance = joints_at(
             window.times - context.get_time(),
             window.values,
-            config.position_noise,
-            config.velocity_noise,
+            config.noise.angle,
+            config.noise.rate,
         )
         return end_effector_belief(
             *self._arm.Evaluate(q, variance, offset_variances(window)), config

@@ -5,10 +5,10 @@ import numpy as np
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.gaussian import chi_square_gate, diagonal_blocks
+from crossmodal.maths.gaussian import diagonal_blocks, outlier_gate
 from crossmodal.maths.rigid_points import pose_jacobian
 
-GATE = chi_square_gate(0.001, 3)  # Squared distance beyond which a feature is an outlier.
+GATE = outlier_gate(3)  # Squared distance beyond which a feature is an outlier.
 _ITERATIONS = 10
 _SETTLED = 1e-5  # Step below which the iteration ends, [rad, m].
 _WIDTH = 9.0  # Least width of the weighting function, squared standard deviations.

@@ -1,8 +1,8 @@
-"""Whether the body still goes where the hand goes: evidence over the hand's way, not over time.
+"""Whether the body still goes where the hand goes: evidence over displacement, not over time.
 
 A handle that shifts in the fingers contradicts every grasp for some ticks, and a slow body moves
 hardly more within a tick than one that nobody holds. What tells a lost body from one that shifts is
-whether it has come along once the hand has gone some way.
+whether it has come along once the hand has gone some distance.
 """
 
 from dataclasses import dataclass, replace
@@ -20,13 +20,13 @@ from crossmodal.systems.port_values import PoseBelief
 class GraspFailureConfig:
     # Probability of a failed grasp when the hand closes.
     prior: float = number(0.03, above=0.0, below=1.0)
-    # Way of the hand after which the comparison begins anew.
-    way: float = number(0.05, above=0.0, at_most=10.0, unit="m")
-    # Way by which the hand pushes a body it does not hold, 1 sigma.
+    # Displacement of the hand after which the comparison begins anew.
+    displacement: float = number(0.05, above=0.0, at_most=10.0, unit="m")
+    # Displacement by which the hand pushes a body it does not hold, 1 sigma.
     rest: float = number(7.0e-3, at_least=1e-9, at_most=10.0, unit="m")
-    # Shift of a held body per way of the hand, 1 sigma.
+    # Shift of a held body per displacement of the hand, 1 sigma.
     shift: float = number(0.3, at_least=0.0, at_most=10.0)
-    # Most that is remembered from one comparison to the next.
+    # Largest log odds that are remembered from one comparison to the next.
     limit: float = number(5.0, above=0.0, at_most=1000.0, unit="nat")
 
 
@@ -76,15 +76,17 @@ def compare(
         config: How far lost and held bodies go.
     """
     before = failure.X_WH[:3, :3] @ p_HA + failure.X_WH[:3, 3]
-    hand_way = X_WH[:3, :3] @ p_HA + X_WH[:3, 3] - before
+    hand_displacement = X_WH[:3, :3] @ p_HA + X_WH[:3, 3] - before
     moved = body.X @ se3.inverse(failure.body.X)
-    body_way = moved[:3, :3] @ before + moved[:3, 3] - before
-    lost = position_covariance(body, before + body_way)
+    body_displacement = moved[:3, :3] @ before + moved[:3, 3] - before
+    lost = position_covariance(body, before + body_displacement)
     lost += position_covariance(failure.body, before) + config.rest**2 * np.eye(3)
-    held = lost + (config.shift * np.linalg.norm(hand_way)) ** 2 * np.eye(3)
-    odds = log_likelihood(body_way, lost) - log_likelihood(body_way - hand_way, held)
+    held = lost + (config.shift * np.linalg.norm(hand_displacement)) ** 2 * np.eye(3)
+    odds = log_likelihood(body_displacement, lost) - log_likelihood(
+        body_displacement - hand_displacement, held
+    )
     now = float(failure.remembered + odds)
-    if np.linalg.norm(hand_way) < config.way:
+    if np.linalg.norm(hand_displacement) < config.displacement:
         return replace(failure, now=now)
     remembered = float(np.clip(now, -config.limit, config.limit))
     return GraspFailure(X_WH=X_WH, body=body, remembered=remembered, now=remembered)

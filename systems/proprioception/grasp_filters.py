@@ -25,7 +25,7 @@ from crossmodal.maths.tangent_plane import normal_basis, transport
 from crossmodal.maths.vectors import cross
 from crossmodal.systems.port_values import GraspType
 from crossmodal.systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
-from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig, morphology
+from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 
 HELD_TYPES = (GraspType.PERFECT, GraspType.REVOLUTE, GraspType.CYLINDRICAL)
 _PLAUSIBLE = 3.0  # Deviation from the morphology that costs nothing, in standard deviations.
@@ -45,7 +45,7 @@ class GraspFilter:
         line_covariance: (6, 6) of (axis, point), as the best single tick tells them.
         x: Mean (m + 6,) of (c, n).
         P: Covariance of (c, n, axis, point, coordinates).
-        way: Of the hand since the reference, [m].
+        displacement: Of the hand since the reference, [m].
         rejection_count: Ticks in a row at which the gate rejected the measurement.
     """
 
@@ -58,7 +58,7 @@ class GraspFilter:
     line_covariance: Array
     x: Array
     P: Array
-    way: float = 0.0
+    displacement: float = 0.0
     rejection_count: int = 0
 
 
@@ -66,7 +66,7 @@ def start_filter(
     grasp_type: GraspType, z_0: Array, bias_jacobian_0: Array, config: GraspModelConfig
 ) -> GraspFilter:
     """A filter at its reference, with the hand's morphology as prior."""
-    axis, point = morphology(config)
+    axis, point = config.hand.grasping_axis
     errors = bias_jacobian_0.shape[1] + 6
     line = prior_line_variances(bias_jacobian_0, config)
     variances = [1.0] * errors
@@ -113,10 +113,12 @@ def grasp_displacement(axis: Array, point: Array, coordinates: Array) -> tuple[A
     return se3.exp(tau), se3.left_jacobian(tau) @ D
 
 
-def predict_filter(grasp: GraspFilter, config: GraspModelConfig, way: float) -> GraspFilter:
+def predict_filter(
+    grasp: GraspFilter, config: GraspModelConfig, displacement: float
+) -> GraspFilter:
     """One tick: the bent hand's error is a Gauss-Markov process, all else a random walk."""
     m = len(grasp.x) - 6
-    rho = np.exp(-config.period / config.hand_correlation_time)
+    rho = np.exp(-config.period / config.hand.correlation_time)
     x, P = error_state.fade(grasp.x, grasp.P, slice(m, m + 6), rho)
     Q = np.zeros(len(P))
     rates = np.array([config.rotation_process_noise, config.sliding_process_noise])
@@ -133,7 +135,7 @@ def predict_filter(grasp: GraspFilter, config: GraspModelConfig, way: float) -> 
         x=x,
         P=P + np.diag(Q),
         line_covariance=grasp.line_covariance + np.diag(line),
-        way=grasp.way + way,
+        displacement=grasp.displacement + displacement,
     )
 
 
@@ -164,7 +166,7 @@ def correct_filter(
         hand: With the Jacobian of its constant errors.
         noise_square_root: Of the hand's other errors (6, 6), those of the landmarks among them.
     """
-    noise_square_root = with_slip(noise_square_root, grasp.way, config)
+    noise_square_root = with_slip(noise_square_root, grasp.displacement, config)
     predicted, H = expected(grasp, hand.bias_jacobian, noise_square_root)
     innovation = se3.log(z @ se3.inverse(predicted))
     R = R + second_order_noise(grasp)
@@ -259,9 +261,9 @@ def with_line_covariance(grasp: GraspFilter, single: Array) -> GraspFilter:
     return replace(grasp, line_covariance=U @ single @ U.T)
 
 
-def with_slip(noise_square_root: Array, way: float, config: GraspModelConfig) -> Array:
-    """The square root (6, 6) of the hand's noise and of the slip over a way [m]."""
-    slip = np.repeat([config.slip_rotation**2, config.slip_translation**2], 3) * way
+def with_slip(noise_square_root: Array, displacement: float, config: GraspModelConfig) -> Array:
+    """The square root (6, 6) of the hand's noise and of the slip over its displacement [m]."""
+    slip = config.hand.slip * displacement
     return np.asarray(np.linalg.cholesky(noise_square_root @ noise_square_root.T + np.diag(slip)))
 
 
@@ -289,7 +291,7 @@ def plausibility(grasp: GraspFilter, config: GraspModelConfig) -> float:
     excess = max(0.0, float(grasp.x @ grasp.x) - len(grasp.x))
     if grasp.type == GraspType.PERFECT:
         return -0.5 * excess
-    axis, point = morphology(config)
+    axis, point = config.hand.grasping_axis
     tilt = float(np.arccos(np.clip(grasp.axis @ axis, -1.0, 1.0))) / config.axis_deviation
     shift = float(np.linalg.norm(grasp.point - point)) / config.point_deviation
     beyond = max(0.0, tilt - _PLAUSIBLE) + max(0.0, shift - _PLAUSIBLE)

@@ -35,7 +35,6 @@ from crossmodal.systems.proprioception.grasp_filters import (
 from crossmodal.systems.proprioception.grasp_model_config import (
     GraspModelConfig,
     check_grasp_model,
-    morphology,
     prior_probabilities,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
@@ -212,7 +211,7 @@ def learn(
     likelihoods = np.maximum(likelihoods - likelihoods.max(), -config.loss_limit)
     evidence = np.exp(-config.period / config.memory) * state.evidence + likelihoods
     usual = np.array([plausibility(f, config) for f, _ in results])
-    failure = compare(state.failure, hand.X_WH, seen, morphology(config)[1], config.failure)
+    failure = compare(state.failure, hand.X_WH, seen, config.hand.grasping_axis[1], config.failure)
     probabilities = weigh(evidence + usual, failure, slip, config)
     covariance = measured_covariance(hand, z, seen.covariance + offset_covariance)
     filters = [refresh(f, z, hand, config) for f, _ in results]
@@ -295,8 +294,8 @@ class GraspModel(RecursiveFilter):
         hand = bent_hand(end_effector, self._read(self._bending, context))
         if state.hand is None:
             return start_state(hand, body, self._config)
-        way = float(np.linalg.norm(hand.X_WH[:3, 3] - state.hand.X_WH[:3, 3]))
-        filters = [predict_filter(f, self._config, way) for f in state.filters]
+        displacement = float(np.linalg.norm(hand.X_WH[:3, 3] - state.hand.X_WH[:3, 3]))
+        filters = [predict_filter(f, self._config, displacement) for f in state.filters]
         state = GraspState(**{**vars(state), "filters": filters})
         if body.seen is None:
             return reaffirm(state, hand, body, slip, self._config)

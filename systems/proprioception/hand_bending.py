@@ -9,7 +9,7 @@ from pydrake.systems.framework import Context
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.validation import check, number, numbers, require
+from crossmodal.maths.validation import check, number
 from crossmodal.models import WEIGHTS_DIR
 from crossmodal.systems.port_values import (
     UNKNOWN_END_EFFECTOR,
@@ -26,42 +26,29 @@ from crossmodal.systems.proprioception.bending_network import (
     predict_deviation,
 )
 from crossmodal.systems.proprioception.bent_hand import screw
+from crossmodal.systems.proprioception.hand_config import HandConfig, check_hand
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.shared_settings import SensorNoise
+from crossmodal.systems.ticks import Ticked
 
 GRAVITY = 9.81  # [m/s^2]
 CERTAIN = 1e-12  # Variance of a pose that is known by definition, [rad^2, m^2].
 
+# Noise of a tick's mean pressure, as a share of a sample's.
+_MEAN_PRESSURE = 0.5
+
 
 @dataclass(kw_only=True)
-class HandBendingConfig:
-    period: float = tick_period()  # Update period.
+class HandBendingConfig(Ticked):
     weights: str = "hand_bending.npz"  # File in models/weights, or an absolute path.
-    # Mass of what hangs on the wrist sensor.
-    hand_mass: float = number(0.628, at_least=0.0, at_most=100.0, unit="kg")
-    # Centre of that mass, in the sensor's frame.
-    p_S_com: np.ndarray = numbers(
-        np.array([0.004, 0.0, 0.066]), at_least=-10.0, at_most=10.0, unit="m"
-    )
-    # Sensor in E.
-    rpy_ES: np.ndarray = numbers(np.zeros(3), at_least=-10.0, at_most=10.0, unit="rad")
-    # Standard deviation of a tick's mean.
-    torque_noise: float = number(0.005, at_least=1e-9, at_most=1000.0, unit="N m")
-    force_noise: float = number(0.1, at_least=1e-9, at_most=1e4, unit="N")  # The same of the force.
-    # The same of the pressures.
-    pressure_noise: float = number(50.0, at_least=1e-6, at_most=1e6, unit="Pa")
+    noise = SensorNoise()
+    hand = HandConfig()
     # Random walk of the bending.
     rotation_process_noise: float = number(0.05, at_least=1e-9, at_most=10.0, unit="rad/s^0.5")
     # The same for the translation.
     translation_process_noise: float = number(0.01, at_least=1e-9, at_most=10.0, unit="m/s^0.5")
-    # Of the networks' error, Gauss-Markov.
-    deviation_correlation_time: float = number(30.0, at_least=1e-3, at_most=1e5, unit="s")
     # Turning of the hand on the bar that no sensor shows.
     creep: float = number(0.015, at_least=0.0, at_most=10.0, unit="rad/s^0.5")
-    # Axis of creep.
-    axis_H: np.ndarray = numbers(np.array([0.0, 1.0, 0.0]), at_least=-10.0, at_most=10.0)
-    # Point on that axis.
-    p_HA: np.ndarray = numbers(np.array([0.0, 0.0, -0.02]), at_least=-10.0, at_most=10.0, unit="m")
     # Least standard deviation of the networks.
     rotation_floor: float = number(2.0e-3, at_least=1e-9, at_most=1.0, unit="rad")
     # The same for the translation.
@@ -123,7 +110,7 @@ def predict_bending_state(
     mean: Array, covariance: Array, config: HandBendingConfig
 ) -> tuple[Array, Array]:
     """Constant bending with process noise; the networks' error fades slowly into another."""
-    fading = np.exp(-config.period / config.deviation_correlation_time)
+    fading = np.exp(-config.period / config.hand.correlation_time)
     F = np.repeat([1.0, fading, 1.0], [6, 6, 1])
     rates = np.repeat([config.rotation_process_noise, config.translation_process_noise], 3)
     Q = np.concatenate([rates**2 * config.period, np.full(6, 1.0 - fading**2), [0.0]])
@@ -213,15 +200,12 @@ class HandBending(RecursiveFilter):
         self._check(config)
         self._config = config
         self._network = network or load_network(Path(WEIGHTS_DIR, config.weights))
-        self._R_ES = RollPitchYaw(*map(float, config.rpy_ES)).ToRotationMatrix().matrix()
-        self._p_S_com = np.asarray(config.p_S_com, dtype=float)
-        axis = np.asarray(config.axis_H, dtype=float)
-        point = np.asarray(config.p_HA, dtype=float)
-        self._creep = config.creep * screw(axis / np.linalg.norm(axis), point)
+        self._R_ES = RollPitchYaw(*map(float, config.hand.rpy_ES)).ToRotationMatrix().matrix()
+        self._p_S_com = np.asarray(config.hand.p_S_com, dtype=float)
+        self._creep = config.creep * screw(*config.hand.grasping_axis)
         self._floor = np.repeat([config.rotation_floor, config.translation_floor], 3)
-        self._noise = np.repeat(
-            [config.torque_noise, config.force_noise, config.pressure_noise], [3, 3, 4]
-        )
+        pressure = _MEAN_PRESSURE * config.noise.pressure
+        self._noise = np.append(config.noise.wrench, np.full(4, pressure))
         no_wrench = SampleWindow(times=np.zeros(0), values=np.zeros((0, 6)))
         no_pressure = SampleWindow(times=np.zeros(0), values=np.zeros((0, 4)))
         self._wrench = self._declare_value_input("wrench_window", no_wrench)
@@ -247,8 +231,7 @@ class HandBending(RecursiveFilter):
     @staticmethod
     def _check(config: HandBendingConfig) -> None:
         check(config, "HandBending")
-        length = float(np.linalg.norm(config.axis_H))
-        require(length > 1e-6, "HandBending", config, "axis_H", "a direction")
+        check_hand(config.hand, "HandBending")
 
     def _average(self, context: Context) -> Array | None:
         """This tick's reading (10,); None without samples."""
@@ -257,7 +240,7 @@ class HandBending(RecursiveFilter):
         if wrench.times.size == 0 or pressure.times.size == 0:
             return None
         R_WS = self._read(self._end_effector, context).X[:3, :3] @ self._R_ES
-        return load_reading(wrench, pressure, R_WS, self._config.hand_mass, self._p_S_com)
+        return load_reading(wrench, pressure, R_WS, self._config.hand.mass, self._p_S_com)
 
     def _calc_bending(self, context: Context, state: BendingState) -> BendingState:
         reading = self._average(context)

@@ -9,7 +9,8 @@ import numpy as np
 
 from crossmodal.maths import error_state, se3
 from crossmodal.maths.arrays import Array, Ids
-from crossmodal.maths.gaussian import nees, schmidt_update, symmetric
+from crossmodal.maths.gaussian import nees, outlier_gate, schmidt_update, symmetric
+from crossmodal.maths.rigid_points import pose_scale
 from crossmodal.maths.vectors import cross
 from crossmodal.systems.port_values import GraspBelief, GraspType, PoseBelief
 from crossmodal.systems.proprioception.bent_hand import BentHand, screw
@@ -19,6 +20,7 @@ from crossmodal.systems.proprioception.held_body_state import BodyState, Layout
 
 _LOOSE_TYPES = (GraspType.REVOLUTE, GraspType.CYLINDRICAL)
 _POSE = slice(0, 6)
+_UNLIKELY = outlier_gate(6)
 _REFERENCE_VARIANCE = 1e-12  # Of the reference pose, known by definition, [rad^2, m^2].
 
 
@@ -112,7 +114,7 @@ def predict_body(
     turned = float(free.axis @ tau[:3])
     slid = free.axis @ (tau[3:] + cross(tau[:3], free.point))
 
-    rho = np.exp(-config.period / config.hand_correlation_time)
+    rho = np.exp(-config.period / config.hand.correlation_time)
     F = np.eye(layout.size)
     F[:6, layout.c] = G @ now @ (hand.bias_jacobian - before.bias_jacobian)
     F[:6, layout.n] = G @ now @ (rho * hand.noise_square_root - before.noise_square_root)
@@ -151,8 +153,8 @@ def predict_body(
 
 def _slip(tau: Array, config: HeldBodyMotionConfig) -> Array:
     """Variances (6,) by which the body slips in the hand while the hand moves by `tau`."""
-    way = np.linalg.norm(tau[3:]) + config.lever * np.linalg.norm(tau[:3])
-    return way * np.repeat([config.slip_rotation**2, config.slip_translation**2], 3)
+    displacement = np.linalg.norm(tau[3:]) + config.lever * np.linalg.norm(tau[:3])
+    return displacement * config.hand.slip
 
 
 def with_velocity(
@@ -176,12 +178,12 @@ def with_velocity(
     rate_variance = curvature**2 * way_B @ body.P[layout.k, layout.k] @ way_B
     rate_variance += (free.doubt[0] * (free.axis @ V_WH_H[:3])) ** 2
     slide_variance = (free.doubt[1] * (free.axis @ V_WH_H[3:])) ** 2
-    noise = [config.rotation_velocity_noise**2, config.translation_velocity_noise**2]
+    noise = pose_scale(config.velocity_noise) ** 2
     covariance = (
         G @ transmitted @ V_covariance @ transmitted.T @ G.T
         + rate_variance * np.outer(turn, turn)
         + slide_variance * np.outer(slide, slide)
-        + G @ np.diag(np.repeat(noise, 3)) @ G.T
+        + G @ np.diag(noise) @ G.T
     )
     return replace(body, V=G @ V_H + turn * rate, V_covariance=symmetric(covariance))
 
@@ -241,11 +243,10 @@ def correct_body(
     H[:, :6] = np.eye(6)
     H[:, layout.b] = np.linalg.cholesky(offset_covariance)
     innovation = se3.log(se3.inverse(body.X_WB) @ seen.X) - H @ x
-    if nees(innovation, H @ P @ H.T + seen.covariance) > config.jump_gate:
+    if nees(innovation, H @ P @ H.T + seen.covariance) > _UNLIKELY:
         if kept < config.retained_share:
             return None
-        jump = np.repeat([config.jump_rotation**2, config.jump_translation**2], 3)
-        P = error_state.inflate(P, _POSE, np.diag(jump))
+        P = error_state.inflate(P, _POSE, np.diag(pose_scale(config.jump) ** 2))
     considered = np.zeros(layout.size, dtype=np.bool_)
     considered[layout.f] = True
     considered[layout.k] = body.grasp_type not in _LOOSE_TYPES

@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context, InputPort
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.rigid_points import pose_scale
 from crossmodal.maths.validation import check
 from crossmodal.systems.port_values import (
     HELD_BODY,
@@ -32,6 +33,7 @@ from crossmodal.systems.proprioception.feature_registration import GATE, registe
 from crossmodal.systems.proprioception.grasp_failure import GraspFailureConfig
 from crossmodal.systems.proprioception.grasp_model import initial_grasp
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
+from crossmodal.systems.proprioception.hand_config import check_hand
 from crossmodal.systems.proprioception.held_body_filter import (
     correct_body,
     predict_body,
@@ -47,12 +49,12 @@ from crossmodal.systems.recursive_filter import RecursiveFilter
 
 def is_known(end_effector: EndEffectorBelief, config: HeldBodyMotionConfig) -> bool:
     """Whether the encoders say where the hand is; without them for a while it may be anywhere."""
-    largest = np.repeat([config.largest_rotation, config.largest_translation], 3)
+    largest = pose_scale(config.largest_error)
     return bool(np.all(np.diag(end_effector.white_covariance)[:6] < largest**2))
 
 
 _FAILURE = GraspFailureConfig()
-# Most that counts of what was seen of a grasp before its body hid, with the prior, [nat].
+# Largest log odds that remain of a grasp, with its prior, once its body is hidden, [nat].
 _REMEMBERED = _FAILURE.limit + float(np.log(1.0 / _FAILURE.prior - 1.0))
 
 
@@ -235,6 +237,7 @@ class HeldBodyMotion(RecursiveFilter):
     def __init__(self, config: HeldBodyMotionConfig, corrected_by_vision: bool = False) -> None:
         super().__init__()
         check(config, "HeldBodyMotion")
+        check_hand(config.hand, "HeldBodyMotion")
         self._config = config
         nowhere = PoseBelief(X=np.eye(4), covariance=np.eye(6))
         grasp = initial_grasp(GraspModelConfig())

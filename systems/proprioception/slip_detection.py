@@ -24,12 +24,11 @@ from crossmodal.systems.port_values import (
     SlipBelief,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 
 @dataclass(kw_only=True)
-class SlipDetectionConfig:
-    period: float = tick_period()  # Update period.
+class SlipDetectionConfig(Ticked):
     # Change of a chamber's pressure while the bar stays where it is, a share of it, 1 sigma.
     pressure_deviation: float = number(0.03, at_least=1e-6, at_most=10.0)
     # The same by the load.
@@ -40,11 +39,11 @@ class SlipDetectionConfig:
     shifting: float = number(0.03, above=0.0, below=1.0)
     # Fall of a sealed chamber's pressure beyond that of a fist, a share of it: it has lost air.
     fist: float = number(0.6, above=0.0, below=1.0)
-    # Way of the bar in the fingers per change of the pressure, a share of it.
+    # Displacement of the bar in the fingers per change of the pressure, a share of it.
     shift_by_pressure: float = number(0.15, at_least=0.0, at_most=10.0, unit="m")
     # Force up to which it is known how the load bends the hand.
     known_force: float = number(30.0, at_least=0.0, at_most=1e4, unit="N")
-    # Way of the bar in the fingers per force beyond that.
+    # Displacement of the bar in the fingers per force beyond that.
     shift_by_force: float = number(2.0e-4, at_least=0.0, at_most=1.0, unit="m/N")
     # Gauge pressure below which the hand is open.
     open_pressure: float = number(5.0e3, at_least=0.0, at_most=1e6, unit="Pa")
@@ -54,9 +53,9 @@ class SlipDetectionConfig:
     held_force: float = number(5.0, at_least=1e-6, at_most=1e4, unit="N")
     # Share of the bodies that move without any force.
     frictionless: float = number(0.01, above=0.0, below=1.0)
-    # Way of the hand over which the force is averaged.
-    way: float = number(0.02, above=0.0, at_most=10.0, unit="m")
-    # Most that either says, so that other senses can contradict.
+    # Displacement of the hand over which the force is averaged.
+    displacement: float = number(0.02, above=0.0, at_most=10.0, unit="m")
+    # Largest log odds by pressures or by load, so that other senses can contradict them.
     limit: float = number(10.0, above=0.0, at_most=1e4, unit="nat")
 
 
@@ -69,8 +68,8 @@ class SlipState(Immutable):
         free_ticks: Of that mean.
         reference: Load when the hand had closed, None while it has not.
         p_WE: Where it was then (3,), [m].
-        way: How far it has gone from there, [m].
-        force: Average (3,) over the way of the force on the hand, [N].
+        displacement: How far it has gone from there, [m].
+        force: Average (3,) over the displacement of the force on the hand, [N].
         belief: The port value.
     """
 
@@ -78,7 +77,7 @@ class SlipState(Immutable):
     free_ticks: int
     reference: HandLoad | None
     p_WE: Array
-    way: float
+    displacement: float
     force: Array
     belief: SlipBelief
 
@@ -88,7 +87,7 @@ OPEN_HAND = SlipState(
     free_ticks=0,
     reference=None,
     p_WE=np.zeros(3),
-    way=0.0,
+    displacement=0.0,
     force=np.zeros(3),
     belief=NO_SLIP,
 )
@@ -170,16 +169,20 @@ def watch_closed_hand(
     if reference is None:
         force = load.F_S[3:] - state.free_force
         return replace(state, reference=load, p_WE=p_WE, force=force)
-    way = max(state.way, float(np.linalg.norm(p_WE - state.p_WE)))
-    share = 1.0 - np.exp(-(way - state.way) / config.way)
+    displacement = max(state.displacement, float(np.linalg.norm(p_WE - state.p_WE)))
+    share = 1.0 - np.exp(-(displacement - state.displacement) / config.displacement)
     force = state.force + share * (load.F_S[3:] - state.free_force - state.force)
     slipped = pressure_odds(load, reference, config)
-    empty = force_odds(force, config) if state.free_ticks and way > config.way else 0.0
+    empty = (
+        force_odds(force, config)
+        if state.free_ticks and displacement > config.displacement
+        else 0.0
+    )
     belief = SlipBelief(
         log_odds=float(np.clip([slipped, empty], 0.0, config.limit).sum()),
         shift=max(possible_shift(load, reference, config), state.belief.shift),
     )
-    return replace(state, way=way, force=force, belief=belief)
+    return replace(state, displacement=displacement, force=force, belief=belief)
 
 
 class SlipDetection(RecursiveFilter):
@@ -188,9 +191,9 @@ class SlipDetection(RecursiveFilter):
     Three hypotheses explain the chambers' pressures: the bar stays where it is, and they change as
     little as the load and the fingers' creep make them; it has shifted and is still moved by the
     hand, and they may be anything but flat; or it is lost, and they may be anything.
-    Two explain the force on a hand that moves: it moves a body, or nothing, and then feels what it
-    felt while it was open. Neither ever speaks for a grasp: a hand may close on nothing and keep
-    its pressures, and be loaded by what it pushes.
+    Two explain the force on a hand that moves: it moves a body, or nothing, and then the force is
+    what it was while the hand was open. Neither is evidence of a grasp: a hand may close on nothing
+    and keep its pressures, and be loaded by what it pushes.
 
     .. pydrake_system::
 

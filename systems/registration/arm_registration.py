@@ -33,17 +33,16 @@ from crossmodal.systems.registration.registration_solver import (
     surface,
 )
 from crossmodal.systems.registration.robot_view import Joints, RobotView
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import Ticked
 
 CAMERA = "camera"
 _MEDIAN_TO_SIGMA = 1.4826  # Of a normal distribution's absolute values.
 
 
 @dataclass(kw_only=True)
-class ArmRegistrationConfig:
+class ArmRegistrationConfig(Ticked):
     """Configuration of `ArmRegistration`."""
 
-    period: float = tick_period()
     # Between two images that are looked at.
     interval: float = number(2.0, at_least=0.0, at_most=3600.0, unit="s")
     # Gauss-Newton steps for the first image; later ones need one.
@@ -67,7 +66,7 @@ class RegistrationState(Immutable):
     """What is known at one tick.
 
     Attributes:
-        p_WQ: About which the displacements are (3,), [m]; None before the arms were heard.
+        p_WQ: About which the displacements are (3,), [m]; None before the first joint angles.
         images: How many were looked at.
         time: Of the last, [s].
         noise: Standard deviation of a residual, [m].
@@ -75,7 +74,7 @@ class RegistrationState(Immutable):
         moment: Likewise (D,).
         mean: Of the unknowns (D,).
         covariance: (D, D).
-        belief: What is told of it.
+        belief: What is reported of it.
     """
 
     p_WQ: Array | None = None

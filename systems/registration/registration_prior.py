@@ -43,7 +43,7 @@ def prior_covariance(
         P[base, base] = displacement_covariance(arm.X_WBase, arm.base_covariance, p_WQ)
         zeros = np.arange(base.stop, part.stop)
         P[zeros, zeros] = arm.joint_offset_std**2
-    # What is said to be perfect may be off by nothing that is ever measured.
+    # A calibration that is specified as perfect still gets a variance, far below what is measured.
     return P + 1e-12 * np.eye(unknowns.size)
 
 

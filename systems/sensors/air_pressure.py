@@ -5,16 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.validation import check, number, require
+from crossmodal.maths.validation import check, number
 from crossmodal.systems.sensors.randomness import WhiteNoise, make_generator
 from crossmodal.systems.sensors.sampled_sensor import SampledSensor
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import NETWORK_PERIOD
 
 
 @dataclass(kw_only=True)
 class PressureSensorConfig:
     period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Between samples.
-    tick: float = tick_period()  # Between the network's ticks.
     chambers: int = number(4, at_least=1, at_most=100)  # Number of sensors.
     noise: float = number(100.0, at_least=0.0, at_most=1e6, unit="Pa")  # Standard deviation.
     # Standard deviation over episodes.
@@ -48,11 +47,12 @@ class PressureSensor(SampledSensor):
     12-bit conversion.
     """
 
-    def __init__(self, config: PressureSensorConfig, seed: int) -> None:
+    def __init__(
+        self, config: PressureSensorConfig, seed: int, tick: float = NETWORK_PERIOD
+    ) -> None:
         c, name = config, "PressureSensor"
         check(c, name)
-        require(c.period <= c.tick, name, c, "tick", ">= period")
-        super().__init__("pressure", "pressure", c.chambers, c.period, c.tick)
+        super().__init__("pressure", "pressure", c.chambers, c.period, tick)
         rng = make_generator(seed, "PressureSensor bias")
         self._config = config
         self._bias = c.bias * rng.standard_normal(c.chambers)

@@ -5,16 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.validation import check, number, require
+from crossmodal.maths.validation import check, number
 from crossmodal.systems.sensors.randomness import WhiteNoise, make_generator
 from crossmodal.systems.sensors.sampled_sensor import SampledSensor
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import NETWORK_PERIOD
 
 
 @dataclass(kw_only=True)
 class JointEncodersConfig:
     period: float = number(0.005, at_least=1e-4, at_most=1.0, unit="s")  # Between samples.
-    tick: float = tick_period()  # Between the network's ticks.
     # Of the end-effector, per axis.
     offset_rotation: float = number(float(np.deg2rad(3.0)), at_least=0.0, at_most=3.2, unit="rad")
     # Of the end-effector, per axis.
@@ -85,7 +84,13 @@ class JointEncoders(SampledSensor):
     Source: the offset is the paper's (Martín-Martín and Brock 2017, section VII).
     """
 
-    def __init__(self, config: JointEncodersConfig, J_E_nominal: Array, seed: int) -> None:
+    def __init__(
+        self,
+        config: JointEncodersConfig,
+        J_E_nominal: Array,
+        seed: int,
+        tick: float = NETWORK_PERIOD,
+    ) -> None:
         """Draws the episode's constants.
 
         Args:
@@ -93,12 +98,12 @@ class JointEncoders(SampledSensor):
             J_E_nominal: Jacobian (6, n) of E's spatial velocity, rotation first, at the posture
                 at which the offset has its covariance.
             seed: Of the offset and the noise.
+            tick: Period of the network, [s].
         """
         c, name = config, "JointEncoders"
         check(c, name)
-        require(c.period <= c.tick, name, c, "tick", ">= period")
         joints = J_E_nominal.shape[1]
-        super().__init__("joint_state", "joint_state", 2 * joints, c.period, c.tick)
+        super().__init__("joint_state", "joint_state", 2 * joints, c.period, tick)
         rng = make_generator(seed, "JointEncoders offset")
         self._joints = joints
         self._offset = draw_joint_offset(c, J_E_nominal, rng)
@@ -106,6 +111,10 @@ class JointEncoders(SampledSensor):
         self._stretch = c.stretch
         self._sigma = np.repeat([c.noise_position, c.noise_velocity], joints)
         self._noise = WhiteNoise(seed, "JointEncoders noise", 2 * joints)
+
+    def as_read(self, q: Array) -> Array:
+        """What they make of joints (n,) that stand still, [rad], in the first sample."""
+        return self.measure(np.append(q, np.zeros(self._joints)), 0)[: self._joints]
 
     def measure(self, value: Array, index: int) -> Array:
         sample = value + self._sigma * self._noise(index)

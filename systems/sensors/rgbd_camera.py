@@ -7,7 +7,7 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, LeafSystem, State
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
-from crossmodal.maths.validation import check, number
+from crossmodal.maths.validation import check
 from crossmodal.systems.sensors.colour_noise import (
     ColourNoiseConfig,
     mean_grey,
@@ -24,6 +24,7 @@ from crossmodal.systems.sensors.depth_noise import (
     returns,
 )
 from crossmodal.systems.sensors.randomness import make_generator, random_bytes
+from crossmodal.systems.ticks import NETWORK_PERIOD
 
 _PANE = 1e-3  # By how much a surface lies before another at least, [m].
 _NOISE_RATE = 30.0  # How often the noise is another one, [Hz].
@@ -31,8 +32,6 @@ _NOISE_RATE = 30.0  # How often the noise is another one, [Hz].
 
 @dataclass(kw_only=True)
 class CameraNoiseConfig:
-    # Between two metered frames, those that are read.
-    exposure_period: float = number(1.0 / 15.0, at_least=1e-3, at_most=3600.0, unit="s")
     depth: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
     colour: ColourNoiseConfig = field(default_factory=ColourNoiseConfig)
 
@@ -54,7 +53,7 @@ class CameraNoise(LeafSystem):
     and the number of the frame, round(30 Hz t), alone: whoever reads whatever how often, a frame's
     noise is the same. Read them at the frames' instants; in between, the noise is the nearest
     frame's. The gain is state, moved on by a periodic event of its own that meters the ideal image
-    every `exposure_period`; reading does not touch it. The event is an unrestricted one because
+    every `period`; reading does not touch it. The event is an unrestricted one because
     only these are computed before the plant steps: it shares its instant's rendering with the
     filters.
 
@@ -92,6 +91,7 @@ class CameraNoise(LeafSystem):
         seed: int,
         depth_scale: float = 1.0,
         first_frame: float = 0.0,
+        period: float = NETWORK_PERIOD,
     ) -> None:
         """Declares ports, state and event.
 
@@ -101,6 +101,7 @@ class CameraNoise(LeafSystem):
             seed: Of the noise.
             depth_scale: Measured depth over true depth.
             first_frame: When the first frame is metered after the start, [s].
+            period: Between two metered frames, those that are read, [s].
         """
         super().__init__()
         if not 0 < depth_scale < np.inf:
@@ -108,7 +109,7 @@ class CameraNoise(LeafSystem):
         self._depth_scale = depth_scale
         check(config, "CameraNoise")
         check_depth_noise(config.depth)
-        self._config = config
+        self._config, self._period = config, period
         self._seed = seed
         self._shape = (intrinsics.height(), intrinsics.width())
         self._intrinsics = (
@@ -127,9 +128,7 @@ class CameraNoise(LeafSystem):
         self._exposure = self.DeclareDiscreteState([1.0, config.colour.grey_target])
         self.DeclareAbstractOutputPort("color_measured", color_model.Clone, self._calc_color)
         self.DeclareAbstractOutputPort("depth_measured", depth_model.Clone, self._calc_depth)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(
-            config.exposure_period, first_frame, self._expose
-        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, first_frame, self._expose)
 
     def _calc_color(self, context: Context, output: AbstractValue) -> None:
         gain = context.get_discrete_state_vector().value()[0]
@@ -172,7 +171,7 @@ class CameraNoise(LeafSystem):
         table = response(colour, self._light(context), gain)
         grey = mean_grey(self._color.Eval(context).data, table)
         target = target or grey
-        gain = next_gain(colour, gain, grey, target, self._config.exposure_period)
+        gain = next_gain(colour, gain, grey, target, self._period)
         state.get_mutable_discrete_state().get_mutable_value(0)[:] = gain, target
 
     def _rng(self, context: Context, image: str) -> np.random.Generator:

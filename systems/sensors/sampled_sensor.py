@@ -53,8 +53,15 @@ class SampledSensor(LeafSystem):
             size: Length n of a sample.
             period: Between samples, [s].
             tick: Between the network's ticks, [s].
+
+        Raises:
+            ValueError: for ticks that come faster than samples.
         """
         super().__init__()
+        if not period <= tick:
+            raise ValueError(
+                f"{type(self).__name__}: period = {period!r} s, need <= {tick:.3g} s, the tick"
+            )
         self._size = size
         self._period = period
         self._tick = tick

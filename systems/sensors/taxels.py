@@ -14,9 +14,9 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number, require
 from crossmodal.systems.sensors.randomness import WhiteNoise, make_generator
 from crossmodal.systems.sensors.sampled_sensor import SampledSensor
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import NETWORK_PERIOD
 
-# A lone taxel feels half of a force at so many `spread` from it.
+# Distance, in `spread`, at which a lone taxel senses half of a force.
 _EDGE = 2.5
 
 
@@ -33,7 +33,6 @@ class TaxelFault:
 @dataclass(kw_only=True)
 class TaxelsConfig:
     period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Between samples.
-    tick: float = tick_period()  # Between the estimators' ticks.
     # Standard deviation of how far the skin spreads a force.
     spread: float = number(0.0025, at_least=1e-4, at_most=0.1, unit="m")
     noise: float = number(0.01, at_least=0.0, at_most=100.0, unit="N")  # Standard deviation.
@@ -44,7 +43,7 @@ class TaxelsConfig:
 
 
 def felt_shares(p_SQ: Array, p_ST: Array, spread: float) -> Array:
-    """Share (Q, T) of a force at each point that each taxel feels.
+    """Share (Q, T) of a force at each point that each taxel senses.
 
     The taxels' cells tile the pad, and between two of them the skin divides a force smoothly:
     exp(-r^2 / 2 spread^2), normalised over the taxels. A force beside the pad goes into the
@@ -135,7 +134,7 @@ def pressure_on(contacts: ContactResults, shape: GeometryId, X_WS: RigidTransfor
 
 
 class TaxelForces(LeafSystem):
-    """What each taxel truly feels: the normal force that the skin passes on to it.
+    """What each taxel is truly pressed by: the normal force that the skin passes on to it.
 
     .. pydrake_system::
 
@@ -215,21 +214,26 @@ class TaxelSensor(SampledSensor):
         taxels: How many there are.
         seed: Of the noise.
         faults: Of single taxels.
+        tick: Period of the estimators, [s].
 
     Raises:
         ValueError: for impossible values and for a fault of a taxel that is not there.
     """
 
     def __init__(
-        self, config: TaxelsConfig, taxels: int, seed: int, faults: Sequence[TaxelFault] = ()
+        self,
+        config: TaxelsConfig,
+        taxels: int,
+        seed: int,
+        faults: Sequence[TaxelFault] = (),
+        tick: float = NETWORK_PERIOD,
     ) -> None:
         c, name = config, "TaxelSensor"
         check(c, name)
-        require(c.period <= c.tick, name, c, "tick", ">= period")
         for fault in faults:
             check(fault, name)
             require(fault.taxel < taxels, name, fault, "taxel", f"< {taxels}, their number")
-        super().__init__("taxel_forces", "taxel", taxels, c.period, c.tick)
+        super().__init__("taxel_forces", "taxel", taxels, c.period, tick)
         self._config, self._faults = c, list(faults)
         self._noise = WhiteNoise(seed, "TaxelSensor noise", taxels)
 

@@ -10,16 +10,15 @@ from pydrake.multibody.tree import Joint
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.validation import check, number, require
+from crossmodal.maths.validation import check, number
 from crossmodal.systems.sensors.randomness import WhiteNoise, make_generator
 from crossmodal.systems.sensors.sampled_sensor import SampledSensor
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.ticks import NETWORK_PERIOD
 
 
 @dataclass(kw_only=True)
 class WristWrenchConfig:
     period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Between samples.
-    tick: float = tick_period()  # Between the network's ticks.
     # Standard deviation.
     noise_torque: float = number(0.005, at_least=0.0, at_most=1000.0, unit="N·m")
     noise_force: float = number(0.1, at_least=0.0, at_most=1e4, unit="N")  # Standard deviation.
@@ -47,7 +46,7 @@ def force_in_sensor(F_Jc: SpatialForce, X_JcS: RigidTransform, sign: float) -> A
 class ReactionWrench(LeafSystem):
     """Takes the load on one joint out of the plant's reaction forces.
 
-    A joint's reaction force is what its child feels from its parent, at the child's joint frame Jc
+    A joint's reaction force is what its parent does to its child, at the child's joint frame Jc
     and in its axes: it carries the child. A sensor that is mounted there reports the opposite, what
     the child (the hand, its weight and all that pulls on it) does to the parent: sign -1. A
     plant with sampled outputs gives zeros until its first step.
@@ -106,11 +105,10 @@ class WristWrenchSensor(SampledSensor):
     F/T Gamma data sheet); noise is larger than its electronics', as on an arm with moving cables.
     """
 
-    def __init__(self, config: WristWrenchConfig, seed: int) -> None:
+    def __init__(self, config: WristWrenchConfig, seed: int, tick: float = NETWORK_PERIOD) -> None:
         c, name = config, "WristWrenchSensor"
         check(c, name)
-        require(c.period <= c.tick, name, c, "tick", ">= period")
-        super().__init__("F_S", "wrench", 6, c.period, c.tick)
+        super().__init__("F_S", "wrench", 6, c.period, tick)
         rng = make_generator(seed, "WristWrenchSensor bias")
         self._bias = np.repeat([c.bias_torque, c.bias_force], 3) * rng.standard_normal(6)
         self._sigma = np.repeat([c.noise_torque, c.noise_force], 3)

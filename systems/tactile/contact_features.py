@@ -7,24 +7,24 @@ import numpy as np
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.validation import check, number, require
 from crossmodal.systems.port_values import NO_CONTACT, TactileContact
+from crossmodal.systems.shared_settings import SensorNoise
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout, surface_normals
 
-_FILLINGS = 6  # Steps in which the forces of left-out taxels are found.
+_FILLINGS = 6  # Number of iterations by which the forces of left-out taxels are found.
 _NEAREST = 3  # Number of taxels whose distance to a contact is the spacing there.
 
 
 @dataclass(kw_only=True)
 class ContactFeaturesConfig:
-    # Standard deviation of a taxel's force.
-    noise: float = number(0.01, at_least=1e-6, at_most=10.0, unit="N")
-    # A taxel's force that counts.
+    noise = SensorNoise()
+    # Force of a taxel from which on it counts.
     least_force: float = number(0.025, at_least=0.0, at_most=10.0, unit="N")
     # Total force at which a contact begins, and at which it ends.
     touch_force: float = number(0.08, above=0.0, at_most=10.0, unit="N")
     release_force: float = number(0.04, at_least=0.0, at_most=10.0, unit="N")
     # Error of a contact between taxels, as a share of their distance from it, 1 sigma.
     spacing_share: float = number(0.1, at_least=0.0, at_most=1.0)
-    # Distance up to which a taxel feels a contact.
+    # Distance up to which a taxel senses a contact.
     reach: float = number(0.009, above=0.0, at_most=1.0, unit="m")
     # Standard deviation of a firm contact's pressure around its middle.
     footprint: float = number(0.003, above=0.0, at_most=0.1, unit="m")
@@ -133,10 +133,10 @@ def contact_of_taxels(
     config: ContactFeaturesConfig,
     samples: int = 1,
 ) -> TactileContact:
-    """What the taxels feel.
+    """What the taxels sense.
 
     The taxels are calibrated so that the vectors f_i n_i sum up to the force. Weak ones count in
-    it, too, since their noise averages; where the contact is, is told by the others.
+    it, too, since their noise averages; the others show where the contact is.
 
     Args:
         forces: Of the taxels (T,), [N].
@@ -152,7 +152,7 @@ def contact_of_taxels(
         return NO_CONTACT
     pressed = filled_forces(counted, usable, layout, config)
     p_SC = contact_position(pressed, layout)
-    white = noise_covariance(counted, p_SC, layout, config.noise / np.sqrt(samples))
+    white = noise_covariance(counted, p_SC, layout, config.noise.taxel / np.sqrt(samples))
     return TactileContact(
         touching=True,
         p_SC=p_SC,

@@ -1,4 +1,4 @@
-"""Where the fingertip is, what it feels and how its point that touches moves."""
+"""Where the fingertip is, what it senses and how its point that touches moves."""
 
 from dataclasses import dataclass, field, replace
 
@@ -19,6 +19,7 @@ from crossmodal.systems.port_values import (
     TactileContact,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.shared_settings import SensorNoise
 from crossmodal.systems.tactile.contact_features import (
     ContactFeaturesConfig,
     check_features,
@@ -27,16 +28,13 @@ from crossmodal.systems.tactile.contact_features import (
 )
 from crossmodal.systems.tactile.skin import indentation
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout, surface_normals
-from crossmodal.systems.tactile.taxel_monitor import TaxelState, next_taxel_state, unheard_taxels
-from crossmodal.systems.ticks import tick_period
+from crossmodal.systems.tactile.taxel_monitor import TaxelState, next_taxel_state, unread_taxels
+from crossmodal.systems.ticks import Ticked
 
 
 @dataclass(kw_only=True)
-class FingertipMotionConfig:
-    period: float = tick_period()
-    # Standard deviation of one encoder sample, and of a velocity sample.
-    position_noise: float = number(1e-4, at_least=1e-9, at_most=1.0, unit="rad")
-    velocity_noise: float = number(5e-3, at_least=1e-9, at_most=100.0, unit="rad/s")
+class FingertipMotionConfig(Ticked):
+    noise = SensorNoise()
     # Velocity of what is touched in the tick in which a contact begins, 1 sigma per axis.
     first_velocity: float = number(0.02, at_least=1e-6, at_most=10.0, unit="m/s")
     # By so much a sample of the taxels may be stamped ahead of the tick.
@@ -132,7 +130,7 @@ class FingertipMotion(RecursiveFilter):
 
     The pose follows from the joints by the arm's own model. Its error has two parts: the encoders'
     noise through the Jacobian, new at every tick, and the error of the arm's base and of the
-    joints' zeros, which stays. The contact is what the mean of the window's taxel samples says, as
+    joints' zeros, which stays. The contact is that of the mean of the window's taxel samples, as
     deep as its force presses the skin in. What is touched sticks to the skin: its velocity is that
     of the fingertip's own point there, for where the taxels find the contact may jump while nothing
     moves.
@@ -184,7 +182,7 @@ class FingertipMotion(RecursiveFilter):
         self._taxels = self._declare_value_input("taxel_window", _no_samples(count))
         initial = FingertipState(
             belief=UNKNOWN_FINGERTIP,
-            taxels=unheard_taxels(layout),
+            taxels=unread_taxels(layout),
             health=StreamHealth(),
         )
         self._declare_recursion(initial, self._calc_motion, config.period)
@@ -203,7 +201,7 @@ class FingertipMotion(RecursiveFilter):
         if joints.times.size == 0:
             return replace(state, belief=UNKNOWN_FINGERTIP)
         q, variance = joints_at(
-            joints.times - time, joints.values, config.position_noise, config.velocity_noise
+            joints.times - time, joints.values, config.noise.angle, config.noise.rate
         )
         X_WS, white, lasting = self._arm.Evaluate(q, variance, offset_variances(joints))
         belief = replace(

@@ -1,4 +1,4 @@
-"""What a tactile fingertip feels at each sample, without the taxels that do not work."""
+"""What a tactile fingertip senses at each sample, without the taxels that do not work."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +17,7 @@ from crossmodal.systems.tactile.contact_features import (
 )
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout
 
-_PLAIN = 3.0  # A force that is no noise, as a multiple of the least that counts.
+_PLAIN = 3.0  # A force that is no noise, as a multiple of `least_force`.
 _KEPT = 0.8  # Share of their force that the others keep while one falls silent.
 
 
@@ -31,10 +31,10 @@ class TaxelState(Immutable):
         alive_at: When each was last pressed or was not where it must be (T,), [s].
         dead: Which were silent where they must not be, and have not been pressed since (T,).
         usable: Which taxels work (T,).
-        contact: What they felt last.
+        contact: What they sensed last.
         time: Of that sample, [s]; minus infinity before the first.
         p_SC: Where the last contact was (3,), [m]; NaN before the first.
-        trusted_at: When it could last be told whether there is a contact, [s].
+        trusted_at: When it was last certain whether there is a contact, [s].
     """
 
     forces: Array
@@ -49,13 +49,13 @@ class TaxelState(Immutable):
 
     @property
     def health(self) -> StreamHealth:
-        """What is wrong with the taxels, and since when no contact could be told, [s]."""
+        """What is wrong with the taxels, and since when no contact could be decided on, [s]."""
         left_out = ", ".join(str(index) for index in np.flatnonzero(~self.usable))
         fault = f"dead or stuck taxels: {left_out}" if left_out else ""
         return StreamHealth(age=max(self.time - self.trusted_at, 0.0), fault=fault)
 
 
-def unheard_taxels(layout: TaxelLayout) -> TaxelState:
+def unread_taxels(layout: TaxelLayout) -> TaxelState:
     """What is remembered before the first sample."""
     count = len(layout.p_ST)
     return TaxelState(
@@ -93,7 +93,7 @@ def fell_silent(before: TaxelState, forces: Array, config: ContactFeaturesConfig
 
 
 def can_feel(usable: Mask, p_SC: Array, layout: TaxelLayout, config: ContactFeaturesConfig) -> bool:
-    """Whether most taxels around the last contact (3,) work, so that its end can be told.
+    """Whether most taxels around the last contact (3,) work, so that its end can be noticed.
 
     Before the first contact, whether most taxels do.
     """
@@ -147,7 +147,7 @@ def next_taxel_state(
 
 
 class TaxelMonitor(RecursiveFilter):
-    """What the fingertip feels now, for whoever controls it.
+    """What the fingertip senses now, for whoever controls it.
 
     .. pydrake_system::
 
@@ -163,7 +163,7 @@ class TaxelMonitor(RecursiveFilter):
     - `contact_estimated`: `TactileContact` of this instant; it may be read between ticks.
     - `contact_latest`: `TactileContact` of the last tick, from the state alone.
     - `health_latest`: `StreamHealth`; its fault names the taxels that are left out, its age is
-      how long it cannot be told whether there is a contact.
+      for how long it is not known whether there is a contact.
 
     Frames: S fingertip.
 
@@ -186,7 +186,7 @@ class TaxelMonitor(RecursiveFilter):
         check_features(config, "TaxelMonitor")
         self._config, self._layout = config, layout
         self._taxels = self.DeclareVectorInputPort("taxel_measured", len(layout.p_ST))
-        self._declare_recursion(unheard_taxels(layout), self._feel, period)
+        self._declare_recursion(unread_taxels(layout), self._feel, period)
         self._declare_estimated("contact_estimated", lambda state: state.contact)
         self._declare_latest("contact_latest", lambda state: state.contact)
         self._declare_latest("health_latest", lambda state: state.health)

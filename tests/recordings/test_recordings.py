@@ -77,9 +77,9 @@ def test_streams_fail_in_one_of_them() -> None:
     [
         ("cupboard-door", "perception.cut=[joints_to_vision]"),
         ("drawer", "perception.cut=[held_body_to_grasp]"),
-        ("drawer", "perception.end_effector.position_noise=0.00012"),
+        ("drawer", "calibration.noise.angle=0.00012"),
         ("failing-streams", "disturbances.faults=[]"),
-        ("sliding-door", "perception.held_body.slip_translation=0.0021"),
+        ("sliding-door", "perception.hand.slip_translation=0.0021"),
     ],
 )
 def test_a_small_change_shows(name: str, change: str) -> None:

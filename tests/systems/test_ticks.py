@@ -1,11 +1,12 @@
 """Durations in seconds become numbers of ticks, at any period."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import pytest
 
 from crossmodal.maths.validation import number
-from crossmodal.systems.ticks import require_ticks, whole_ticks
+from crossmodal.systems.shared_settings import with_shared
+from crossmodal.systems.ticks import NETWORK_PERIOD, Ticked, require_ticks, whole_ticks
 from crossmodal.systems.vision.bodies.body_tracker_state import no_bodies
 from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
@@ -37,7 +38,7 @@ def test_the_durations_of_the_body_tracker_last_as_long_at_another_period() -> N
         assert whole_ticks(duration, config.period) == ticks
         assert whole_ticks(duration, CAMERA_PERIOD) == 2 * ticks
     assert no_bodies(config).history.p_W.shape[1] == 30
-    assert no_bodies(replace(config, period=CAMERA_PERIOD)).history.p_W.shape[1] == 60
+    assert no_bodies(with_shared(config, period=CAMERA_PERIOD)).history.p_W.shape[1] == 60
 
 
 def test_the_durations_of_the_feature_tracker_last_as_long_at_another_period() -> None:
@@ -53,7 +54,7 @@ def test_the_durations_of_the_feature_tracker_last_as_long_at_another_period() -
     for duration, ticks in durations.items():
         assert whole_ticks(duration, config.period) == ticks
         assert whole_ticks(duration, CAMERA_PERIOD) == 2 * ticks
-    assert no_tracks(replace(config, period=CAMERA_PERIOD)).since_birth == 4
+    assert no_tracks(with_shared(config, period=CAMERA_PERIOD)).since_search == 4
 
 
 @dataclass
@@ -75,3 +76,22 @@ def test_a_duration_of_too_few_ticks_is_refused_with_what_is_needed() -> None:
         require_ticks("System", Durations(), 0.1, lasting="pause", least=11)
     with pytest.raises(ValueError, match=r"System: search\.interval = 0.1 s, need >= a tick"):
         require_ticks("System", Config(), 0.5, lasting="search.pause search.interval")
+
+
+@dataclass(kw_only=True)
+class Filter(Ticked):
+    gain: float = 2.0
+
+
+@dataclass(kw_only=True)
+class Network:
+    filter: Filter = field(default_factory=Filter)
+    durations: Durations = field(default_factory=Durations)
+
+
+def test_every_filter_gets_the_networks_period_and_the_given_one_stays_as_it_was() -> None:
+    network = Network(filter=Filter(gain=3.0))
+    ticked = with_shared(network, period=0.05)
+    assert (ticked.filter.period, ticked.filter.gain) == (0.05, 3.0)
+    assert network.filter.period == NETWORK_PERIOD
+    assert not hasattr(ticked.durations, "period")

@@ -68,7 +68,7 @@ def inspected(
 def _pull_as_it_opens(own: OwnObject, base: Scenario, source: str) -> str:
     """The way that the joint lets the handle go, where the usual pull would not; else nothing."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # They are said when the chosen one is loaded.
+        warnings.simplefilter("ignore")  # They are shown when the chosen one is loaded.
         made = imported(
             own.model,
             joint=own.joint,

@@ -20,7 +20,7 @@ from crossmodal.diagrams.joints.joint_episode import JointEpisode
 from crossmodal.diagrams.joints.joint_metrics import bodies_of, joint_now, joints_of, motion_start
 from crossmodal.diagrams.joints.joint_palette import body_color, body_label
 from crossmodal.diagrams.joints.joint_truth import Truth
-from crossmodal.diagrams.run.record import Picture, Tick
+from crossmodal.diagrams.run.record import Picture
 from crossmodal.systems.port_values import (
     MOVING_TYPES,
     STATIC_BODY,
@@ -91,7 +91,7 @@ def _draw_frame(
     axes.set_axis_off()
     axes.set_xlim(-0.5, width - 0.5)
     axes.set_ylim(height - 0.5, -0.5)
-    tick = _tick_at(episode.record.estimators[modality].ticks, frame.time)
+    tick = episode.record.estimators[modality].tick_at(frame.time)
     if tick is None:
         return
     features = tick.values.get("features_latest")
@@ -136,13 +136,6 @@ def _inset(axes: Axes, text: str) -> None:
         linespacing=1.35,
         bbox={"boxstyle": "round,pad=0.35", "facecolor": "black", "alpha": 0.62, "lw": 0},
     )
-
-
-def _tick_at(ticks: list[Tick], time: float) -> Tick | None:
-    if not ticks:
-        return None
-    times = np.array([tick.time for tick in ticks])
-    return ticks[int(np.argmin(np.abs(times - time)))]
 
 
 def _owners(features: FeatureBelief, bodies: BodyMotions) -> list[int]:

@@ -31,7 +31,7 @@ class GraspEpisode:
         held_until: When the bar truly left its place in the hand for good, [s]; infinite if it
             never did, NaN where the truth is not known.
         noticed_at: By estimator, when it began to believe for good that the hand holds nothing,
-            [s]; infinite while it does not. An estimator that feels nothing is left out.
+            [s]; infinite while it does not. An estimator without touch is left out.
         given_up_at: When the robot gave the grasp up for good, [s]; infinite if it did not.
     """
 
@@ -97,14 +97,14 @@ def grasp_episode(record: EpisodeRecord) -> GraspEpisode:
     given_up_at = given_up[-1] if given_up else float("inf")
     noticed = {}
     for name, estimator in record.estimators.items():
-        felt = [
+        touched = [
             tick
             for tick in estimator.ticks
             if "grasp_latest" in tick.values and closed_at <= tick.time <= given_up_at
         ]
-        if felt:
-            failed = np.array([t.values["grasp_latest"].type == GraspType.FAILED for t in felt])
-            since = last_since(np.array([tick.time for tick in felt]), failed)
+        if touched:
+            failed = np.array([t.values["grasp_latest"].type == GraspType.FAILED for t in touched])
+            since = last_since(np.array([tick.time for tick in touched]), failed)
             noticed[name] = min(since, given_up_at)
     return GraspEpisode(
         closed_at=closed_at, held_until=held_until, noticed_at=noticed, given_up_at=given_up_at
@@ -133,6 +133,6 @@ def grasp_lines(grasp: Mapping[str, Any]) -> list[str]:
     lines = []
     if grasp["held_until_true"] is not None:
         lines.append(f"the handle left it at {grasp['held_until_true']:.1f} s")
-    told = ", ".join(f"{LABELS.get(name, name)} at {time:.1f} s" for name, time in noticed.items())
-    lines.append(f"found lost by {told}" if told else "nobody noticed")
+    found = ", ".join(f"{LABELS.get(name, name)} at {time:.1f} s" for name, time in noticed.items())
+    lines.append(f"found lost by {found}" if found else "nobody noticed")
     return lines

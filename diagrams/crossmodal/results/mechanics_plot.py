@@ -30,7 +30,7 @@ _UNITS = {
 
 
 def draw_mechanics(episode: JointEpisode) -> Figure | None:
-    """Force against configuration; None where nobody felt a joint.
+    """Force against configuration; None where no modality measured forces.
 
     The band is friction at the mean speed, two claimed deviations wide; a thick upright line an end
     stop that was reached; a dotted one how far the joint went where none was.

@@ -1,6 +1,6 @@
 """The metrics of the cross-modal application and their pictures over many episodes."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -40,18 +40,37 @@ def _axis_distance(record: Mapping[str, Any]) -> Any:
     return joint["axis_distance_error"]
 
 
-def _of_screw(key: str, **shown: Any) -> Metric:
+def _of_screw(key: str, title: str) -> Metric:
     def value(record: Mapping[str, Any]) -> Any:
         joint = _joint(record)
         if joint["type_true"] != "screw":
             raise KeyError("only a screw has a pitch")
         return joint[key]
 
-    return Metric(name=key, value=value, unit="m/rad", cell=median_and_range, **shown)
+    return Metric(name=key, value=value, unit="m/rad", title=title, cell=median_and_range)
 
 
-def _of_joint(key: str, **shown: Any) -> Metric:
-    return Metric(name=key, value=lambda record: _joint(record)[key], **shown)
+def _of_joint(key: str, unit: Any, title: str) -> Metric:
+    return Metric(
+        name=key,
+        value=lambda record: _joint(record)[key],
+        unit=unit,
+        title=title,
+        cell=median_and_range,
+    )
+
+
+def _known_share(name: str, value: Callable[[Mapping[str, Any]], Any], title: str) -> Metric:
+    return Metric(name=name, value=value, title=title, cell=lambda v, _: count_of_known(v))
+
+
+def _consistency(key: str, title: str) -> Metric:
+    return Metric(
+        name=f"consistency_{key}",
+        value=lambda record: _joint(record)["consistency"][key],
+        title=f"{title} NEES inside 95 % bounds",
+        cell=lambda v, _: mean_share(v),
+    )
 
 
 def _of_phase(phase: str, key: str, **shown: Any) -> Metric:
@@ -67,7 +86,7 @@ def _of_phase(phase: str, key: str, **shown: Any) -> Metric:
 def _mechanics(record: Mapping[str, Any]) -> Mapping[str, Any]:
     found: Mapping[str, Any] | None = _joint(record)["mechanics"]
     if found is None:
-        raise KeyError("who does not feel knows no forces")
+        raise KeyError("an estimator without touch knows no forces")
     return found
 
 
@@ -75,12 +94,18 @@ def _force_unit(record: Mapping[str, Any]) -> str:
     return "N" if _unit(record) == "m" else "N m"
 
 
-def _of_resistance(key: str, **shown: Any) -> Metric:
+def _resistance(key: str) -> Callable[[Mapping[str, Any]], Any]:
     """Coulomb friction and damping together, at the speed of the motion."""
+    return lambda record: (_mechanics(record).get("resistance") or {})[key]
+
+
+def _of_resistance(key: str, title: str) -> Metric:
     return Metric(
         name=f"resistance_{key}",
-        value=lambda record: (_mechanics(record).get("resistance") or {})[key],
-        **shown,
+        value=_resistance(key),
+        unit=_force_unit,
+        title=title,
+        cell=median_and_range,
     )
 
 
@@ -113,64 +138,26 @@ METRICS = (
         cell=lambda v, _: count(v),
         totals=True,
     ),
-    _of_joint("configuration_true", unit=_unit),
-    _of_joint(
-        "configuration_error",
+    Metric(
+        name="configuration_true",
+        value=lambda record: _joint(record)["configuration_true"],
         unit=_unit,
-        title="configuration error at the end",
-        cell=median_and_range,
     ),
-    _of_joint(
-        "configuration_std",
-        unit=_unit,
-        title="configuration's claimed deviation at the end",
-        cell=median_and_range,
-    ),
-    _of_joint(
-        "configuration_error_at_turn",
-        unit=_unit,
-        title="configuration error at the turning point",
-        cell=median_and_range,
-    ),
-    _of_joint(
-        "configuration_rms_moving",
-        unit=_unit,
-        title="configuration error while moving, RMS",
-        cell=median_and_range,
-    ),
-    _of_joint(
-        "configuration_error_last_seen",
-        unit=_unit,
-        title="configuration error when last seen",
-        cell=median_and_range,
-    ),
-    _of_joint(
-        "axis_angle_error",
-        unit="rad",
-        title="axis direction error",
-        cell=median_and_range,
-    ),
-    _of_joint(
-        "axis_angle_error_at_turn",
-        unit="rad",
-        title="axis direction error at the turning point",
-        cell=median_and_range,
-    ),
-    _of_joint(
-        "axis_angle_std",
-        unit="rad",
-        title="axis' claimed deviation at the end",
-        cell=median_and_range,
-    ),
-    _of_joint(
-        "configuration_inside_two_sigma",
-        title="final configuration inside its 2σ claim",
-        cell=lambda v, _: count_of_known(v),
-    ),
-    _of_joint(
-        "axis_inside_two_sigma",
-        title="final axis inside its 2σ claim",
-        cell=lambda v, _: count_of_known(v),
+    _of_joint("configuration_error", _unit, "configuration error at the end"),
+    _of_joint("configuration_std", _unit, "configuration's claimed deviation at the end"),
+    _of_joint("configuration_error_at_turn", _unit, "configuration error at the turning point"),
+    _of_joint("configuration_rms_moving", _unit, "configuration error while moving, RMS"),
+    _of_joint("configuration_error_last_seen", _unit, "configuration error when last seen"),
+    _of_joint("axis_angle_error", "rad", "axis direction error"),
+    _of_joint("axis_angle_error_at_turn", "rad", "axis direction error at the turning point"),
+    _of_joint("axis_angle_std", "rad", "axis' claimed deviation at the end"),
+    *(
+        _known_share(
+            f"{key}_inside_two_sigma",
+            lambda record, key=key: _joint(record)[f"{key}_inside_two_sigma"],
+            f"final {key} inside its 2σ claim",
+        )
+        for key in ("configuration", "axis")
     ),
     Metric(
         name="axis_distance_error",
@@ -179,49 +166,23 @@ METRICS = (
         title="axis distance error",
         cell=median_and_range,
     ),
-    _of_screw("pitch_error", title="pitch error at the end"),
-    _of_screw("pitch_std", title="pitch's claimed deviation at the end"),
-    _of_resistance(
-        "error",
-        unit=_force_unit,
-        title="friction error at the motion's speed",
-        cell=median_and_range,
+    _of_screw("pitch_error", "pitch error at the end"),
+    _of_screw("pitch_std", "pitch's claimed deviation at the end"),
+    _of_resistance("error", "friction error at the motion's speed"),
+    _of_resistance("std", "friction's claimed deviation there"),
+    _known_share(
+        "resistance_inside_two_sigma",
+        _resistance("inside_two_sigma"),
+        "friction inside its 2σ claim",
     ),
-    _of_resistance(
-        "std",
-        unit=_force_unit,
-        title="friction's claimed deviation there",
-        cell=median_and_range,
+    _known_share(
+        "end_stops_inside_two_sigma",
+        _reached_stops,
+        "end stops claimed as reached, inside their 2σ claims",
     ),
-    _of_resistance(
-        "inside_two_sigma",
-        title="friction inside its 2σ claim",
-        cell=lambda v, _: count_of_known(v),
-    ),
-    Metric(
-        name="end_stops_inside_two_sigma",
-        value=_reached_stops,
-        title="end stops claimed as reached, inside their 2σ claims",
-        cell=lambda v, _: count_of_known(v),
-    ),
-    _of_joint(
-        "type_settled_at",
-        unit="s",
-        title="type settled after motion of",
-        cell=median_and_range,
-    ),
-    Metric(
-        name="consistency_configuration",
-        value=lambda record: _joint(record)["consistency"]["configuration"],
-        title="configuration's NEES inside 95 % bounds",
-        cell=lambda v, _: mean_share(v),
-    ),
-    Metric(
-        name="consistency_axis",
-        value=lambda record: _joint(record)["consistency"]["axis"],
-        title="axis' NEES inside 95 % bounds",
-        cell=lambda v, _: mean_share(v),
-    ),
+    _of_joint("type_settled_at", "s", "type settled after motion of"),
+    _consistency("configuration", "configuration's"),
+    _consistency("axis", "axis'"),
 )
 # Of an experiment that only explores: where the object was to be brought is no target.
 TRIAL_METRICS = ("exploration_error", "exploitation_error")

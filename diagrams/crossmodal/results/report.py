@@ -105,7 +105,7 @@ def perceived(episode: JointEpisode) -> list[str]:
 
 
 def forces(summary: Mapping[str, Any]) -> list[str]:
-    """What moving the joint takes and how far it goes: a line for each modality that felt it."""
+    """What moving the joint takes and how far it goes, for each modality that measured it."""
     lines = []
     for name, value in summary["modalities"].items():
         if mechanics := value["joints"][0]["mechanics"]:
@@ -213,8 +213,8 @@ def report(episode: JointEpisode, summary: Mapping[str, Any]) -> list[str]:
     """What was perceived, how far that is from the truth, and what the robot did."""
     lines = ["Perceived joint:"]
     lines += [f"  {line}" for line in perceived(episode)]
-    if felt := forces(summary):
-        lines += ["", "Forces of the joint:"] + [f"  {line}" for line in felt]
+    if measured := forces(summary):
+        lines += ["", "Forces of the joint:"] + [f"  {line}" for line in measured]
     if summary["modalities"] and episode.truth.joint_type is not None:
         lines += ["", "Against the truth:"] + [f"  {line}" for line in comparison(summary)]
     if done := manipulation(episode, summary):

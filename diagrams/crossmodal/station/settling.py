@@ -37,7 +37,9 @@ def settling(
     builder = DiagramBuilder()
     scene = add_manipulation_scene(builder, scenario.plant, placements, [(ARM, HAND)])
     plant = scene.plant
-    plant.GetJointByName(thing.joint, scene.objects[name]).set_default_positions([thing.ajar])
+    plant.GetJointByName(thing.joint, scene.objects[name]).set_default_positions(
+        [thing.initial_position]
+    )
     friction = builder.AddSystem(JointFriction(plant, scene.applied_friction))
     builder.Connect(plant.get_state_output_port(), friction.get_input_port())
     builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())

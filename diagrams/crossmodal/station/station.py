@@ -21,10 +21,11 @@ from crossmodal.diagrams.crossmodal.task import ManipulationStatus
 from crossmodal.diagrams.joints.joint_truth import ObjectTruth
 from crossmodal.diagrams.run.calibration import Calibration, draw_base
 from crossmodal.diagrams.run.recorder import STATUS_PORT
+from crossmodal.diagrams.stations.connections import connect_alike, export_outputs
 from crossmodal.diagrams.stations.true_pose import add_true_pose
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.external_forces import ExternalForces
-from crossmodal.plants.joint_catch import JointCatch
+from crossmodal.plants.joint_detent import JointDetent
 from crossmodal.plants.joint_friction import JointFriction
 from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
 from crossmodal.plants.robots.wam import WAM_WITH_SOFT_HAND
@@ -136,8 +137,8 @@ def make_manipulation_station(
     )
     plant = scene.plant
     joint = plant.GetJointByName(thing.joint, scene.objects[name])
-    if thing.ajar != 0.0:
-        joint.set_default_positions(np.array([thing.ajar]))
+    if thing.initial_position != 0.0:
+        joint.set_default_positions(np.array([thing.initial_position]))
     wiring = StationWiring(
         builder=builder,
         scene=scene,
@@ -159,14 +160,13 @@ def make_manipulation_station(
     q_grasp, q_start = taught_postures(wiring, X_WHandle, X_WHandle.inverse() @ X_WO)
     encoders = add_proprioception(wiring, q_grasp)
     # A person guided the hand along the approach, so the arm knows it as its encoders read it.
-    still = np.zeros(len(q_grasp))
-    taught = [encoders.measure(np.append(q, still), 0)[: len(q)] for q in (q_grasp, q_start)]
+    taught = [encoders.as_read(q) for q in (q_grasp, q_start)]
     direction_E = facing(RigidTransform()).rotation().inverse() @ thing.pull_direction
     sequence = add_control(wiring, encoders, taught[0], taught[1], direction_E)
     add_vision(wiring, encoders, sequence, calibration)
     status = builder.AddNamedSystem("task_status", ManipulationStatus())
-    for port in ("phase", "grasp_lost"):
-        builder.Connect(sequence.GetOutputPort(port), status.GetInputPort(port))
+    connect_alike(builder, sequence, "phase", status)
+    connect_alike(builder, sequence, "grasp_lost", status)
     builder.ExportOutput(status.get_output_port(), STATUS_PORT)
     return ManipulationStation(
         diagram=builder.Build(),
@@ -183,9 +183,9 @@ def _add_object_mechanics(wiring: StationWiring, joint: Joint) -> None:
     plant = scene.plant
     applied: dict[str, System] = {"joint_friction": JointFriction(plant, scene.applied_friction)}
     for name, thing in wiring.scenario.objects.items():
-        if thing.catch > 0.0:
+        if thing.detent > 0.0:
             caught = plant.GetJointByName(thing.joint, scene.objects[name])
-            applied[f"{name}_catch"] = JointCatch(plant, caught, thing.catch)
+            applied[f"{name}_detent"] = JointDetent(plant, caught, thing.detent)
     total = builder.AddNamedSystem("joint_forces", Adder(len(applied), plant.num_velocities()))
     for i, (name, system) in enumerate(applied.items()):
         builder.AddNamedSystem(name, system)
@@ -193,9 +193,9 @@ def _add_object_mechanics(wiring: StationWiring, joint: Joint) -> None:
         builder.Connect(system.get_output_port(), total.get_input_port(i))
     builder.Connect(total.get_output_port(), plant.get_applied_generalized_force_input_port())
     v = joint.velocity_start()
-    taken, catch = float(scene.friction[v]), wiring.scenario.object.catch
-    # Applied friction is next to nothing where a joint stands, so that the catch holds all alone.
-    beyond = max(catch - float(scene.applied_friction[v]), 0.0)
+    taken, detent = float(scene.friction[v]), wiring.scenario.object.detent
+    # Applied friction is next to nothing where a joint stands, so that the detent holds all alone.
+    beyond = max(detent - float(scene.applied_friction[v]), 0.0)
     truth = ObjectTruth(plant, joint, taken, beyond)
     builder.AddNamedSystem("object_truth", truth)
     if wiring.scenario.disturbances.forces:
@@ -204,6 +204,12 @@ def _add_object_mechanics(wiring: StationWiring, joint: Joint) -> None:
         builder.Connect(plant.get_body_poses_output_port(), forces.get_input_port())
         builder.Connect(forces.get_output_port(), plant.get_applied_spatial_force_input_port())
     builder.Connect(plant.get_state_output_port(), truth.get_input_port())
-    for name in ("cheat_joint", "cheat_joint_mechanics", "cheat_configuration", "cheat_body_pose"):
-        builder.ExportOutput(truth.GetOutputPort(name), name)
+    export_outputs(
+        builder,
+        truth,
+        "cheat_joint",
+        "cheat_joint_mechanics",
+        "cheat_configuration",
+        "cheat_body_pose",
+    )
     builder.ExportOutput(scene.scene_graph.get_query_output_port(), "cheat_query_object")

@@ -19,6 +19,12 @@ from crossmodal.controllers.interaction.trajectory_generator import TrajectoryGe
 from crossmodal.diagrams.crossmodal.robot_config import ARM
 from crossmodal.diagrams.crossmodal.station.wiring import StationWiring
 from crossmodal.diagrams.stations.add_arm import add_impedance_control
+from crossmodal.diagrams.stations.connections import (
+    connect,
+    connect_alike,
+    export_input,
+    export_outputs,
+)
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.robots.inverse_kinematics import inverse_kinematics
@@ -27,7 +33,7 @@ from crossmodal.systems.sensors.joint_encoders import JointEncoders
 
 # What commands the arm, each in place of those before it.
 MOTION_SOURCES = ("sequence", "exploration", "return")
-# What control is told of the perceived joint; see `HeldJoint`.
+# What reaches control of the perceived joint; see `HeldJoint`.
 _IN_REACH = np.array([0.79, -0.25, 0.86])  # The drawer's handle, [m].
 PERCEIVED_INPUTS = ("joint_latest", "end_effector_screw_latest", "grasp_failure_latest")
 
@@ -131,31 +137,29 @@ def add_control(
         excitation = BendingExcitation(control.excitation, start, wiring.scenario.seed)
         _add_excitation(builder, excitation, sequence, switch)
         measuring = (sequence, pull, generator)
-    for system in measuring:
-        builder.Connect(
-            encoders.GetOutputPort("joint_state_measured"),
-            system.GetInputPort("joint_state_measured"),
-        )
+    connect_alike(builder, encoders, "joint_state_measured", *measuring)
     pneumatics, pressure = map(builder.GetSubsystemByName, ("pneumatics", "pressure"))
-    for source, output, target, port in (
-        (sequence, "gains_desired", switch, "sequence_gains_desired"),
-        (generator, "motion_desired", switch, "return_motion_desired"),
-        (generator, "gains_desired", switch, "return_gains_desired"),
-        (switch, "motion_commanded", impedance, "motion_desired"),
-        (switch, "gains_commanded", impedance, "gains_desired"),
-        (sequence, "in_free_space", impedance, "tare"),
-        (pull, "pull_direction", sequence, "pull_direction"),
-        (generator, "plan_time_left", sequence, "plan_time_left"),
-        (pressure, "pressure_measured", sequence, "pressure_measured"),
-        *((sequence, port, pneumatics, port) for port in ("pressure_commanded", "sealed")),
-        *((sequence, "phase", target, "phase") for target in (memory, pull, generator)),
-        *(
-            (memory, port, target, port)
-            for port in ("joint_remembered", "end_effector_screw_remembered")
-            for target in (sequence, pull, generator)
+    connect(
+        builder,
+        (
+            (sequence, "gains_desired", switch, "sequence_gains_desired"),
+            (generator, "motion_desired", switch, "return_motion_desired"),
+            (generator, "gains_desired", switch, "return_gains_desired"),
+            (switch, "motion_commanded", impedance, "motion_desired"),
+            (switch, "gains_commanded", impedance, "gains_desired"),
+            (sequence, "in_free_space", impedance, "tare"),
+            (pull, "pull_direction", sequence, "pull_direction"),
+            (generator, "plan_time_left", sequence, "plan_time_left"),
+            (pressure, "pressure_measured", sequence, "pressure_measured"),
+            *((sequence, port, pneumatics, port) for port in ("pressure_commanded", "sealed")),
+            *((sequence, "phase", target, "phase") for target in (memory, pull, generator)),
+            *(
+                (memory, port, target, port)
+                for port in ("joint_remembered", "end_effector_screw_remembered")
+                for target in (sequence, pull, generator)
+            ),
         ),
-    ):
-        builder.Connect(source.GetOutputPort(output), target.GetInputPort(port))
+    )
     _export(builder, sequence, memory, generator)
     return sequence
 
@@ -174,13 +178,15 @@ def _add_exploration(
     held = builder.AddNamedSystem("sequence_motion", ZeroOrderHold(period, motion.Allocate()))
     builder.Connect(motion, held.get_input_port())
     builder.Connect(held.get_output_port(), switch.GetInputPort("sequence_motion_desired"))
-    for source, output, target, port in (
-        (pull, "pull_direction", exploration, "pull_direction"),
-        (sequence, "phase", exploration, "phase"),
-        (switch, "motion_commanded", exploration, "motion_commanded"),
-        (exploration, "motion_desired", switch, "exploration_motion_desired"),
-    ):
-        builder.Connect(source.GetOutputPort(output), target.GetInputPort(port))
+    connect(
+        builder,
+        (
+            (pull, "pull_direction", exploration, "pull_direction"),
+            (sequence, "phase", exploration, "phase"),
+            (switch, "motion_commanded", exploration, "motion_commanded"),
+            (exploration, "motion_desired", switch, "exploration_motion_desired"),
+        ),
+    )
 
 
 def _add_excitation(
@@ -190,13 +196,15 @@ def _add_excitation(
     switch: MotionSwitch,
 ) -> None:
     builder.AddNamedSystem("excitation", excitation)
-    for source, output, target, port in (
-        (sequence, "phase", excitation, "phase"),
-        (sequence, "motion_desired", excitation, "grasp_motion_desired"),
-        (sequence, "motion_desired", switch, "sequence_motion_desired"),
-        (excitation, "motion_desired", switch, "exploration_motion_desired"),
-    ):
-        builder.Connect(source.GetOutputPort(output), target.GetInputPort(port))
+    connect(
+        builder,
+        (
+            (sequence, "phase", excitation, "phase"),
+            (sequence, "motion_desired", excitation, "grasp_motion_desired"),
+            (sequence, "motion_desired", switch, "sequence_motion_desired"),
+            (excitation, "motion_desired", switch, "exploration_motion_desired"),
+        ),
+    )
 
 
 def _export(
@@ -207,10 +215,7 @@ def _export(
 ) -> None:
     """Each perceived quantity goes to all that read it."""
     for name in PERCEIVED_INPUTS:
-        readers = [system for system in (sequence, memory, generator) if system.HasInputPort(name)]
-        source = builder.ExportInput(readers[0].GetInputPort(name), name)
-        for reader in readers[1:]:
-            builder.ConnectInput(source, reader.GetInputPort(name))
-    builder.ExportOutput(generator.GetOutputPort("path_planned"), "path_planned")
-    for port in ("interaction_active", "phase", "grasp_lost"):
-        builder.ExportOutput(sequence.GetOutputPort(port), port)
+        parts = (sequence, memory, generator)
+        export_input(builder, name, *(part for part in parts if part.HasInputPort(name)))
+    export_outputs(builder, generator, "path_planned")
+    export_outputs(builder, sequence, "interaction_active", "phase", "grasp_lost")

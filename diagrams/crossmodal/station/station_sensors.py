@@ -1,4 +1,4 @@
-"""The sensors of a station and their wires: what the body feels and what the eye sees."""
+"""The sensors of a station and their wires: of the body and of the eye."""
 
 from crossmodal.controllers.interaction.grasp_sequence import GraspSequence
 from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
@@ -23,20 +23,20 @@ def add_proprioception(wiring: StationWiring, q_grasp: Array) -> JointEncoders:
         q_grasp: True posture (n,) at the grasp, [rad].
     """
     builder, scene, sensors = wiring.builder, wiring.scene, wiring.scenario.sensors
-    plant, seed = scene.plant, wiring.scenario.seed
+    plant, scenario = scene.plant, wiring.scenario
     encoders = add_encoders(
-        builder, plant, scene.model(ARM), wiring.true_arm, q_grasp, sensors.encoders, seed
+        builder, plant, scene.model(ARM), wiring.true_arm, q_grasp, sensors.encoders, scenario
     )
     sensor = plant.GetFrameByName("sensor", scene.model(HAND))
-    add_wrist_wrench(builder, plant, sensor, sensors.wrench, seed)
+    add_wrist_wrench(builder, plant, sensor, sensors.wrench, scenario)
     add_soft_hand(
         builder,
         plant,
         scene.model(HAND),
-        wiring.scenario.model_drivers[HAND].pneumatics,
+        scenario.model_drivers[HAND].pneumatics,
         sensors.pressure,
-        seed,
-        leaks=wiring.scenario.disturbances.hand_leaks,
+        scenario,
+        leaks=scenario.disturbances.hand_leaks,
     )
     return encoders
 

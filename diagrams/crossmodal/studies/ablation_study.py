@@ -73,7 +73,12 @@ def _perceive_whole_and_cut(
         calibration = application.make_calibration(scenario)
         cuts = dict(zip(WIRINGS, ([], [ablation.wire]), strict=True))
         networks = {
-            name: make_network("crossmodal", replace(scenario.perception, cut=cut), calibration)
+            name: make_network(
+                "crossmodal",
+                replace(scenario.perception, cut=cut),
+                calibration,
+                scenario.network_period,
+            )
             for name, cut in cuts.items()
         }
         return replay(application, folder, scenario, networks)

@@ -14,12 +14,13 @@ from crossmodal.diagrams.crossmodal.station.station import (
     ManipulationStation,
     make_manipulation_station,
 )
-from crossmodal.diagrams.run.scenario import CameraConfig
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.models import SDF_DIR
 from crossmodal.plants.scene import ObjectPlacement
-from crossmodal.systems.proprioception.hand_bending import HandBendingConfig, load_reading
+from crossmodal.systems.proprioception.hand_bending import load_reading
+from crossmodal.systems.proprioception.hand_config import HandConfig
+from crossmodal.systems.ticks import NETWORK_PERIOD
 
 NOMINAL_HANDLE = np.array([0.865, -0.25, 0.86])  # Where the chest stands, p_WO, [m].
 
@@ -31,18 +32,12 @@ def make_training_station(seed: int) -> ManipulationStation:
     X_WO = RigidTransform(RollPitchYaw(0, 0, yaw), NOMINAL_HANDLE + rng.uniform(-0.02, 0.02, 3))
     placement = ObjectPlacement(model=SDF_DIR / "chest_drawer.sdf", X_WO=X_WO)
     scenario = Scenario(name="hand-bending", seed=seed)
-    scenario.cameras = {
-        "camera": CameraConfig(
-            width=64, height=48, horizontal_angle=float(np.rad2deg(1.0)),
-            position=np.array([0.0, 0.4, 1.4]), looking_at=NOMINAL_HANDLE,
-        )
-    }  # fmt: skip
+    scenario.cameras = {}  # Nobody looks.
     control = scenario.control
     control.excitation = BendingExcitationConfig()
     control.sequence.comply = False
     control.sequence.explore_time_limit = np.inf
     control.sequence.travel = np.inf
-    scenario.sensors.camera.exposure_period = 1e3  # Nobody looks.
     return make_manipulation_station(
         scenario, make_calibration(scenario), {name: placement for name in scenario.objects}
     )
@@ -76,8 +71,8 @@ def simulate_interaction(
     E, S = plant.GetFrameByName("end_effector"), plant.GetFrameByName("sensor")
     sequence = GraspSequenceConfig()
     closed = sequence.approach_time + sequence.close_time
-    config = HandBendingConfig()
-    period = config.period
+    hand = HandConfig()
+    period = NETWORK_PERIOD
     X_WH: Array | None = None
     inputs: list[Array] = []
     labels: list[Array] = []
@@ -91,7 +86,7 @@ def simulate_interaction(
         ports = [station.diagram.GetOutputPort(n) for n in ("wrench_window", "pressure_window")]
         wrench, pressure = (port.Eval(root) for port in ports)
         R_WS = S.CalcPoseInWorld(context).rotation().matrix()
-        reading = load_reading(wrench, pressure, R_WS, config.hand_mass, config.p_S_com)
+        reading = load_reading(wrench, pressure, R_WS, hand.mass, hand.p_S_com)
         X_WE = E.CalcPoseInWorld(context).GetAsMatrix4()
         X_WH = X_WE if X_WH is None else X_WH
         inputs.append(reading)

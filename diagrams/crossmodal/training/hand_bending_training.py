@@ -25,7 +25,7 @@ from crossmodal.systems.proprioception.bending_network import (
 
 Interaction = tuple[Array, Array]
 
-ROWS_PER_INTERACTION = 80  # Neighbouring ticks tell the same; more rows cost time only.
+ROWS_PER_INTERACTION = 80  # Neighbouring ticks are alike: more rows cost time and improve nothing.
 STEPS = 1500
 LEARNING_RATE = 0.01
 WEIGHT_DECAY = 1e-3

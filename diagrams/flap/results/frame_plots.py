@@ -55,8 +55,7 @@ def draw_frames(episode: FlapEpisode) -> Figure | None:
             axes.set_title(f"{picture.time:.1f} s")
             if moved and picture.time >= moved:
                 _draw_line(axes, episode, picture.time, record.calibration.camera)
-            elif estimator.ticks:
-                tick = min(estimator.ticks, key=lambda found: abs(found.time - picture.time))
+            elif (tick := estimator.tick_at(picture.time)) is not None:
                 _draw_beliefs(axes, tick, record.calibration.camera, COLORS.get(name, "white"))
             axes.set_xlim(0, picture.color.shape[1])
             axes.set_ylim(picture.color.shape[0], 0)

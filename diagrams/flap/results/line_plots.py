@@ -50,6 +50,6 @@ def draw_line(episode: FlapEpisode) -> Figure | None:
         up.set_xlabel("along the line [mm]")
         sideways.legend(loc="best")
         rms = line.rms(line.p_WT)
-        told = f"RMS distance {1e3 * rms:.1f} mm" if np.isfinite(rms) else "not finished"
-        figure.suptitle(f"n = 1 episode, seed {scenario.seed}; {told}", fontsize=9.5)
+        reported = f"RMS distance {1e3 * rms:.1f} mm" if np.isfinite(rms) else "not finished"
+        figure.suptitle(f"n = 1 episode, seed {scenario.seed}; {reported}", fontsize=9.5)
     return figure

@@ -18,15 +18,15 @@ class Recovery:
 
     Attributes:
         start: Of the jerk, [s].
-        way: Of the contact's place on the flap in it, as it truly came about, [m]; NaN where it
-            was not touched before.
+        displacement: Of the contact's place on the flap in it, as it truly came about, [m]; NaN
+            where it was not touched before.
         contact_lost: Whether the contact broke off before the finger left the flap for good.
         reestablished_after: Since the jerk began, until a contact that lasted; 0 where none was
             lost, NaN where it did not come back, [s].
     """
 
     start: float
-    way: float
+    displacement: float
     contact_lost: bool
     reestablished_after: float
 
@@ -40,7 +40,7 @@ def recovery(truth: TrueFlap, jerk: FlapJerk) -> Recovery | None:
     index = int(after[0])
     before, end = max(index - 1, 0), min(int(np.searchsorted(times, jerk.end)), len(times) - 1)
     lever = float(np.linalg.norm(truth.L2_W[before]))
-    way = lever * float(truth.theta[end] - truth.theta[before])
+    displacement = lever * float(truth.theta[end] - truth.theta[before])
     lost = np.flatnonzero(~truth.touching[index : len(times)])
     back = float("nan")
     for k in range(index + int(lost[0]), len(times)) if len(lost) else ():
@@ -50,7 +50,7 @@ def recovery(truth: TrueFlap, jerk: FlapJerk) -> Recovery | None:
             break
     return Recovery(
         start=jerk.start,
-        way=way,
+        displacement=displacement,
         contact_lost=len(lost) > 0,
         reestablished_after=back if len(lost) else 0.0,
     )

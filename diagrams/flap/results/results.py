@@ -103,7 +103,7 @@ _LINES: Sequence[tuple[str, str, float, str]] = (
 
 def _recovery_line(jerk: Mapping[str, Any]) -> str:
     """What a jerk of the flap came to, in words."""
-    way, after = jerk["way"], jerk["reestablished_after"]
+    way, after = jerk["displacement"], jerk["reestablished_after"]
     moved = f"Jerked by {written(None if way is None else 1e3 * way, 'mm')}"
     if not jerk["contact_lost"]:
         what = "the contact was kept"

@@ -11,6 +11,7 @@ from pydrake.systems.framework import Context, LeafSystem
 from crossmodal.diagrams.flap.robot_config import TOOL
 from crossmodal.diagrams.flap.station.wiring import StationWiring
 from crossmodal.diagrams.flap.truth import UNKNOWN_FLAP, FlapTruth
+from crossmodal.plants.scene import position_index
 from crossmodal.plants.tools.wiper import EDGE_FRAME
 from crossmodal.systems.sensors.taxels import pressure_on
 
@@ -60,12 +61,7 @@ class FlapTruthSource(LeafSystem):
             for name, frame in (("J", hinge.frame_on_parent()), ("F", edge), ("S", fingertip))
         }
         self._axis = hinge.revolute_axis()
-        start = min(
-            plant.get_joint(index).position_start()
-            for index in plant.GetJointIndices(instance)
-            if plant.get_joint(index).num_positions() > 0
-        )
-        self._theta = hinge.position_start() - start
+        self._theta = position_index(plant, hinge)
         self._skin = skin
         self._contacts = self.DeclareAbstractInputPort(
             "contact_results", plant.get_contact_results_output_port().Allocate()

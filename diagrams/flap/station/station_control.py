@@ -16,8 +16,8 @@ from crossmodal.diagrams.flap.robot_config import (
 )
 from crossmodal.diagrams.flap.station.wiring import StationWiring
 from crossmodal.diagrams.run.recorder import STATUS_PORT
+from crossmodal.diagrams.stations.connections import connect_alike, export_input, export_outputs
 from crossmodal.diagrams.stations.naming import prefixed
-from crossmodal.maths.arrays import Array
 from crossmodal.systems.sensors.joint_encoders import JointEncoders
 
 
@@ -63,14 +63,14 @@ def add_flip_control(
             scenario.control,
             wiring.calibration.arms[FINGER_ARM].model,
             scenario.finger.layout(),
-            _as_read(encoders, wiring.start.finger),
+            encoders.as_read(wiring.start.finger),
         ),
     )
     _drive(builder, encoders, control, drive)
     builder.Connect(taxels, control.GetInputPort("taxel_measured"))
     builder.ExportOutput(taxels, "taxel_measured")
-    for port in ("flap_angle_latest", "hinge_latest"):
-        builder.ExportInput(control.GetInputPort(port), port)
+    export_input(builder, "flap_angle_latest", control)
+    export_input(builder, "hinge_latest", control)
     return control
 
 
@@ -93,13 +93,13 @@ def add_line_control(
         make_line_control(
             wiring.scenario.control,
             wiring.calibration.arms[HOLDER_ARM].model,
-            _as_read(encoders, wiring.start.holder),
+            encoders.as_read(wiring.start.holder),
         ),
     )
     _drive(builder, encoders, line, drive)
     builder.Connect(flip.GetOutputPort("phase"), line.GetInputPort("flip_phase"))
-    builder.ExportInput(line.GetInputPort("tool_latest"), "tool_latest")
-    builder.ExportOutput(line.GetOutputPort("tip_estimated"), "tip_estimated")
+    export_input(builder, "tool_latest", line)
+    export_outputs(builder, line, "tip_estimated")
     status = builder.AddNamedSystem("task_status", FlipStatus())
     for name, control in (("flip", flip), ("line", line)):
         for port in ("phase", "failure"):
@@ -107,19 +107,11 @@ def add_line_control(
     builder.ExportOutput(status.get_output_port(), STATUS_PORT)
 
 
-def _as_read(encoders: JointEncoders, q: Array) -> Array:
-    """What an arm's encoders make of its joint positions (n,), [rad]."""
-    return encoders.measure(np.append(q, np.zeros(len(q))), 0)[: len(q)]
-
-
 def _drive(
     builder: DiagramBuilder, encoders: JointEncoders, control: Diagram, drive: InputPort
 ) -> None:
     """Lets a control read an arm's joints and command its drives."""
-    builder.Connect(
-        encoders.GetOutputPort("joint_state_measured"),
-        control.GetInputPort("joint_state_measured"),
-    )
+    connect_alike(builder, encoders, "joint_state_measured", control)
     builder.Connect(control.GetOutputPort("joint_position_commanded"), drive)
 
 

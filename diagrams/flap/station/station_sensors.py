@@ -50,7 +50,7 @@ def add_joint_sensors(
             arms[arm],
             q,
             wiring.scenario.sensors.encoders,
-            wiring.scenario.seed,
+            wiring.scenario,
             owner,
         )
         for (owner, (arm, _)), q in zip(_MODELS.items(), (start.holder, start.finger), strict=True)
@@ -65,7 +65,7 @@ def add_taxels(wiring: StationWiring, layout: TaxelLayout) -> OutputPort:
         layout: Where the robot believes them to be.
 
     Returns:
-        `taxel_measured` as control hears it: a fault of the stream `taxel_window` is one of the
+        `taxel_measured` as it reaches control: a fault of the stream `taxel_window` is one of the
         skin's cable, which control depends on, too.
     """
     builder, plant = wiring.builder, wiring.scene.plant
@@ -84,6 +84,7 @@ def add_taxels(wiring: StationWiring, layout: TaxelLayout) -> OutputPort:
             len(layout.p_ST),
             own_seed(seed, FINGERTIP),
             wiring.scenario.disturbances.taxels,
+            wiring.scenario.network_period,
         ),
     )
     builder.Connect(forces.get_output_port(), sensor.get_input_port())

@@ -6,6 +6,7 @@ import numpy as np
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.maths.rigid_points import pose_scale
 from crossmodal.systems.port_values import FeatureBelief
 from crossmodal.systems.ticks import whole_ticks
 from crossmodal.systems.vision.bodies import body_filter
@@ -17,7 +18,7 @@ from crossmodal.systems.vision.bodies.body_tracker_state import (
 )
 from crossmodal.systems.vision.bodies.feature_displacements import displacements, squared_distances
 from crossmodal.systems.vision.bodies.feature_history import FeatureHistory, remember
-from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import GATE, RigidBodyMotionConfig
 
 
 def predict(config: RigidBodyMotionConfig, body: BodyFilter) -> BodyFilter:
@@ -47,7 +48,7 @@ def robust_likelihood(
     z, R_B = body_filter.in_body(body.X, p_WF, covariance)
     S = body_filter.innovation_blocks(body, landmarks, R_B)
     distance, log_determinant = squared_distances(z - body.p_BF[landmarks], S)
-    return -0.5 * float(np.sum(np.minimum(distance, config.gate) + log_determinant))
+    return -0.5 * float(np.sum(np.minimum(distance, GATE) + log_determinant))
 
 
 def advance(
@@ -99,12 +100,12 @@ def _agreeing(
 
     Where most do not, the body may have jumped: its pose is made uncertain if most agree then.
     """
-    fits = body_filter.agreeing(body, landmarks, p_WF, covariance, config.gate)
-    if len(fits) < config.birth.min_support or np.mean(fits) > 0.5:
+    fits = body_filter.agreeing(body, landmarks, p_WF, covariance, GATE)
+    if len(fits) < config.initiation.min_support or np.mean(fits) > 0.5:
         return body, fits
     sigma = config.dynamics.jump
     jumped = body_filter.inflated(body, sigma)
-    again = body_filter.agreeing(jumped, landmarks, p_WF, covariance, config.gate)
+    again = body_filter.agreeing(jumped, landmarks, p_WF, covariance, GATE)
     return (jumped, again) if np.mean(again) > 0.6 else (body, fits)
 
 
@@ -137,7 +138,7 @@ def _coasted(
     """The body without features: it follows the prior where there is one, else its velocity."""
     for source, candidate in candidates:
         if source == "prior":
-            walk = config.held_body.prior_walk
+            walk = pose_scale(config.held_body.prior_walk)
             moved = body_filter.moved_to(old, candidate.X, config.period, walk)
             return recorded(config, body, moved, source, 0)
     return recorded(config, body, candidates[0][1], "velocity", 0)
@@ -167,7 +168,7 @@ def rest_positions(
         distance, _ = squared_distances(
             short.p_old[valid] - p[valid], short.C_old[valid] + C[valid]
         )
-        nudged = np.nonzero(valid)[0][distance > config.gate]
+        nudged = np.nonzero(valid)[0][distance > GATE]
         p[nudged], C[nudged] = short.p_old[nudged], short.C_old[nudged]
     C = C + config.landmarks.floor**2 * np.eye(3)
     return RestPositions(ids=history.ids[valid], p_WF=p[valid], covariance=C[valid])
@@ -200,7 +201,7 @@ def with_new_landmarks(
     if len(first):
         p_WF, covariance = newest_samples(history, first)
         landmarks = len(body.filter.ids) + np.arange(len(first))
-        fits = body_filter.agreeing(filtered, landmarks, p_WF, covariance, config.gate)
+        fits = body_filter.agreeing(filtered, landmarks, p_WF, covariance, GATE)
         filtered = body_filter.correct(filtered, landmarks[fits], p_WF[fits], covariance[fits])
     late = rows[late[: room - len(first)]]
     p_WF, covariance = newest_samples(history, late)
@@ -222,7 +223,7 @@ def corrected(
     """The filter after the features seen now that agree with one pose."""
     landmarks, rows = _seen_landmarks(body, history)
     p_WF, covariance = newest_samples(history, rows)
-    fits = body_filter.agreeing(body, landmarks, p_WF, covariance, config.gate)
+    fits = body_filter.agreeing(body, landmarks, p_WF, covariance, GATE)
     return body_filter.correct(body, landmarks[fits], p_WF[fits], covariance[fits])
 
 

@@ -13,7 +13,7 @@ from crossmodal.systems.vision.bodies.body_tracker_state import TrackedBody
 from crossmodal.systems.vision.bodies.body_tracking import corrected
 from crossmodal.systems.vision.bodies.feature_displacements import displacements, squared_distances
 from crossmodal.systems.vision.bodies.feature_history import OUTLIER, FeatureHistory, forget
-from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import GATE, RigidBodyMotionConfig
 
 
 def body_against_static(
@@ -71,7 +71,7 @@ def associate(
         return history
     tests = [body_against_static(config, body, history) for body in bodies]
     ids = np.array([body.body_id for body in bodies])
-    ratios = np.array([np.where(fit < config.gate, ratio, -np.inf) for ratio, fit in tests])
+    ratios = np.array([np.where(fit < GATE, ratio, -np.inf) for ratio, fit in tests])
     distances = np.array([_distances(history, body.body_id) for body in bodies])
     ratios -= np.minimum(
         0.5 * (distances / config.association.extent) ** 2, config.association.max_penalty
@@ -114,14 +114,14 @@ def merged(
             if not held_body.may_absorb(config, older, body):
                 continue
             ratio, fit = body_against_static(config, older, history)
-            told = mine & (np.abs(ratio) > config.association.log_ratio)
-            if np.sum(told) < config.keep_support:
+            known = mine & (np.abs(ratio) > config.association.log_ratio)
+            if np.sum(known) < config.keep_support:
                 continue
-            shared = told & (ratio > config.association.log_ratio) & (fit < config.gate)
+            shared = known & (ratio > config.association.log_ratio) & (fit < GATE)
             rows = np.nonzero(shared)[0]
             if not held_body.accepts(config, older, history, rows):
                 continue
-            if np.sum(shared) >= config.association.merging_share * np.sum(told):
+            if np.sum(shared) >= config.association.merging_share * np.sum(known):
                 assigned[mine], rejection_count[mine] = older.body_id, 0
                 absorbed = True
                 break
@@ -154,7 +154,7 @@ def reject_outliers(
     """Takes features from bodies that they disagreed with or slid on; those are ignored."""
     slid = np.zeros(len(history.ids), bool)
     for body in bodies:
-        drifted = body.filter.ids[body_filter.drifted(body.filter, config.gate)]
+        drifted = body.filter.ids[body_filter.drifted(body.filter, GATE)]
         slid |= (history.body == body.body_id) & np.isin(history.ids, drifted)
     outlier = history.body == OUTLIER
     most = whole_ticks(config.association.rejection_time, config.period)

@@ -8,7 +8,7 @@ import numpy as np
 from crossmodal.maths.arrays import Array, Ids, Mask
 from crossmodal.systems.vision.bodies.feature_history import FeatureHistory
 
-REST_COUNT = 20  # Samples that a feature's rest counts as.
+REST_COUNT = 20  # Number of samples that the mean of a feature at rest counts as.
 
 
 @dataclass(kw_only=True)

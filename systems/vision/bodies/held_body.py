@@ -1,4 +1,4 @@
-"""What sets the held body apart from others: the hand's prior says where it is.
+"""What sets the held body apart from others: the hand's prior predicts where it is.
 
 Features join it when the hand's motion explains theirs. What the hand carries unseen is known
 roughly only, so that features of a neighbour may fit it one by one: several rules keep these out.
@@ -10,17 +10,19 @@ import numpy as np
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array, Ids
-from crossmodal.maths.gaussian import chi_square_gate
-from crossmodal.maths.rigid_points import pose_jacobian
+from crossmodal.maths.gaussian import chi_square_gate, outlier_gate
+from crossmodal.maths.rigid_points import pose_jacobian, pose_scale
 from crossmodal.systems.port_values import HELD_BODY, STATIC_BODY, PoseBelief
 from crossmodal.systems.ticks import whole_ticks
 from crossmodal.systems.vision.bodies import body_filter, body_tracking
 from crossmodal.systems.vision.bodies.body_tracker_state import TrackedBody
 from crossmodal.systems.vision.bodies.feature_displacements import displacements, squared_distances
 from crossmodal.systems.vision.bodies.feature_history import FeatureHistory, forget
-from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import GATE, RigidBodyMotionConfig
 
-_UNLIKELY = chi_square_gate(0.001, 6)  # Squared distance of a pose that is not the same one.
+# Squared distance by which one in twenty features at rest seems to have been nudged.
+_NUDGED = chi_square_gate(0.05, 3)
+_UNLIKELY = outlier_gate(6)  # Squared distance of a pose that is not the same one.
 
 
 def is_held(body: TrackedBody) -> bool:
@@ -46,7 +48,7 @@ def start(
     """The held body at its first tick, which is its reference."""
     return TrackedBody(
         body_id=HELD_BODY,
-        filter=body_filter.at_reference(prior.X, config.dynamics.initial_velocity),
+        filter=body_filter.at_reference(prior.X, pose_scale(config.dynamics.initial_velocity)),
         X_WB_reference=prior.X,
         reference_tick=tick,
         rest=body_tracking.rest_positions(config, history, tick, tick),
@@ -60,7 +62,7 @@ def follow_prior(
     config: RigidBodyMotionConfig, body: TrackedBody, prior: PoseBelief
 ) -> TrackedBody:
     """The held body without any feature: it is where the prior says."""
-    filtered = body_filter.at_reference(prior.X, config.dynamics.initial_velocity)
+    filtered = body_filter.at_reference(prior.X, pose_scale(config.dynamics.initial_velocity))
     filtered.P[:6, :6] = prior.covariance
     V = se3.log(se3.inverse(body.filter.X) @ prior.X) / config.period
     return body_tracking.recorded(config, body, replace(filtered, V=V), "prior", 0)
@@ -93,12 +95,12 @@ def without_nudges(config: RigidBodyMotionConfig, history: FeatureHistory) -> Fe
     now = displacements(
         history, newest=0, use_rest=np.zeros(len(free), bool), first_old=window - ticks
     )
-    told = np.nonzero(free & (before.count_old >= ticks) & (now.count_old >= 2))[0]
-    if len(told) == 0:
+    known = np.nonzero(free & (before.count_old >= ticks) & (now.count_old >= 2))[0]
+    if len(known) == 0:
         return history
-    S = now.C_old[told] + before.C_old[told]
-    distance, _ = squared_distances(now.p_old[told] - before.p_old[told], S)
-    rows = told[distance > config.held_body.nudge_gate]
+    S = now.C_old[known] + before.C_old[known]
+    distance, _ = squared_distances(now.p_old[known] - before.p_old[known], S)
+    rows = known[distance > _NUDGED]
     return forget(history, rows, ticks)
 
 
@@ -109,7 +111,7 @@ def claims(
     if prior is None or body.support:
         return False
     error = se3.log(se3.inverse(X @ body.X_WB_reference) @ prior.X)
-    S = prior.covariance + np.diag(config.held_body.prior_walk**2)
+    S = prior.covariance + np.diag(pose_scale(config.held_body.prior_walk) ** 2)
     return bool(error @ np.linalg.solve(S, error) < _UNLIKELY)
 
 
@@ -130,18 +132,18 @@ def takes_handle_along(
         use_rest=np.zeros(len(rows), bool),
         X_WB_rest=body.X_WB_reference,
     )
-    told = (moved.count_new >= 2) & (moved.count_old >= 4)
-    if np.sum(told) < config.keep_support:
+    known = (moved.count_new >= 2) & (moved.count_old >= 4)
+    if np.sum(known) < config.keep_support:
         return True
-    J = pose_jacobian(moved.p_new[told]).reshape(-1, 6)  # B sits at the handle.
-    displacement = (moved.p_new - moved.p_old)[told].reshape(-1)
+    J = pose_jacobian(moved.p_new[known]).reshape(-1, 6)  # B sits at the handle.
+    displacement = (moved.p_new - moved.p_old)[known].reshape(-1)
     information = J.T @ J
     twist = np.linalg.lstsq(information, J.T @ displacement, rcond=1e-9)[0]
     residual = displacement - J @ twist
     variance = max(float(np.mean(residual**2)), config.held_body.handle_noise**2)
     covariance = variance * np.linalg.pinv(information)[3:, 3:]
     covariance += config.held_body.handle_error**2 * np.eye(3)
-    return bool(twist[3:] @ np.linalg.solve(covariance, twist[3:]) < config.gate)
+    return bool(twist[3:] @ np.linalg.solve(covariance, twist[3:]) < GATE)
 
 
 def accepts(
@@ -191,8 +193,9 @@ def is_blind(config: RigidBodyMotionConfig, body: TrackedBody) -> bool:
 def may_absorb(config: RigidBodyMotionConfig, older: TrackedBody, body: TrackedBody) -> bool:
     """Whether a body may turn out to be a part of an older one."""
     if is_held(body) or body.reference_tick < older.held_since:
-        return False  # Identification decides; it keeps what was seen before the hand closed.
-    # What the hand carries unseen may be anywhere; a body that was seen for long is not.
+        # Identification decides: it keeps the features that were seen before the hand closed.
+        return False
+    # An unseen body in the hand may be anywhere, other than one that was seen for long.
     return not (is_held(older) and body.supported > len(body.path))
 
 
@@ -202,8 +205,8 @@ def is_at_hand(config: RigidBodyMotionConfig, body: TrackedBody, prior: PoseBeli
     error = R_BW @ (body.filter.X[:3, 3] - prior.X[:3, 3])
     turned = R_BW @ body.filter.X[:3, :3]
     S = prior.covariance[3:, 3:] + turned @ body.filter.P[3:6, 3:6] @ turned.T
-    S = S + config.held_body.prior_translation_walk**2 * np.eye(3)
-    return bool(error @ np.linalg.solve(S, error) < config.gate)
+    S = S + config.held_body.prior_walk**2 * np.eye(3)
+    return bool(error @ np.linalg.solve(S, error) < GATE)
 
 
 def without_features_of_others(

@@ -7,7 +7,8 @@ import scipy.linalg
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.gaussian import chi_square_gate, nees
+from crossmodal.maths.gaussian import nees, outlier_gate
+from crossmodal.maths.rigid_points import pose_scale
 from crossmodal.systems.port_values import PoseBelief
 from crossmodal.systems.vision.bodies.body_filter import BodyFilter
 from crossmodal.systems.vision.bodies.body_tracker_state import TrackedBody
@@ -15,7 +16,7 @@ from crossmodal.systems.vision.bodies.feature_history import FeatureHistory
 from crossmodal.systems.vision.bodies.held_body import find_held
 from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
 
-_UNLIKELY = chi_square_gate(0.001, 6)  # Squared distance of a pose that is not the same one.
+_UNLIKELY = outlier_gate(6)  # Squared distance of a pose that is not the same one.
 
 
 def moved_frame(body: BodyFilter, T: Array) -> BodyFilter:
@@ -58,7 +59,7 @@ def moves_with_hand(
 
     Both displacements are compared at the held body's frame; the body's own uncertainty is
     that since its reference, which is no less than that since the hand closed. A body that has gone
-    only a part of the handle's way is dragged along, like a box by its lid.
+    only a part of the handle's displacement is dragged along, like a box by its lid.
     """
     X_start = np.ascontiguousarray(held.path[-1 - age])
     T = se3.inverse(np.ascontiguousarray(body.path[-1 - age])) @ X_start
@@ -66,14 +67,14 @@ def moves_with_hand(
     X_seen = displacement(body, age) @ X_start
     moved = se3.log(se3.inverse(X_start) @ X_seen)
     error = se3.log(se3.inverse(X_seen) @ prior.X)
-    slack = config.held_body.prior_walk
-    way = np.linalg.norm(prior.X[:3, 3] - X_start[:3, 3])
+    slack = pose_scale(config.held_body.prior_walk)
+    moved_by = np.linalg.norm(prior.X[:3, 3] - X_start[:3, 3])
     missed = np.linalg.norm(prior.X[:3, 3] - X_seen[:3, 3])
     return bool(
         nees(moved, covariance) > _UNLIKELY
         and nees(error, covariance + prior.covariance + np.diag(slack**2)) < _UNLIKELY
-        and way > config.held_body.identification_way
-        and missed < config.held_body.identification_share * way
+        and moved_by > config.held_body.identification_displacement
+        and missed < config.held_body.identification_share * moved_by
     )
 
 

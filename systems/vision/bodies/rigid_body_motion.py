@@ -22,7 +22,7 @@ from crossmodal.systems.port_values import (
 from crossmodal.systems.recursive_filter import RecursiveFilter
 from crossmodal.systems.vision import camera_geometry
 from crossmodal.systems.vision.bodies import body_tracking, feature_association, held_body
-from crossmodal.systems.vision.bodies.body_birth import give_birth
+from crossmodal.systems.vision.bodies.body_initiation import initiate_body
 from crossmodal.systems.vision.bodies.body_tracker_state import (
     BodyTrackerState,
     TrackedBody,
@@ -86,7 +86,7 @@ def step(
     bodies, history = identify_held_body(config, bodies, history, prior, tick)
     history = feature_association.associate(config, bodies, history)
     bodies, history = feature_association.merged(config, bodies, history)
-    bodies, history, next_id = give_birth(config, state, bodies, history, prior)
+    bodies, history, next_id = initiate_body(config, state, bodies, history, prior)
     living = [body for body in bodies if is_alive(config, body)]
     history = feature_association.reject_outliers(config, living, history)
     history = feature_association.reset_tracks(config, living, history)
@@ -129,7 +129,7 @@ def predicted_features(
 
 
 def body_motion(body: TrackedBody, age: float) -> BodyMotion:
-    """What others are told of a body that stood at its reference `age` [s] ago."""
+    """What is reported of a body that stood at its reference `age` [s] ago."""
     covariance = body.filter.P[:12, :12].copy()
     covariance[:6, :6] += body.offset
     return BodyMotion(

@@ -5,9 +5,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.gaussian import chi_square_gate
+from crossmodal.maths.gaussian import outlier_gate
 from crossmodal.maths.validation import check, number
-from crossmodal.systems.ticks import require_ticks, tick_period, whole_ticks
+from crossmodal.systems.ticks import Ticked, require_ticks, whole_ticks
+
+GATE = outlier_gate(3)  # Squared distance from which on a feature is an outlier.
 
 
 @dataclass(kw_only=True)
@@ -16,7 +18,7 @@ class FeatureHistoryConfig:
 
     # Length of a feature's history.
     window: float = number(2.0, at_least=1e-3, at_most=60.0, unit="s")
-    # Length of its end that makes the newest position.
+    # Length of the history's end over which the newest position is averaged.
     newest: float = number(0.2, at_least=1e-3, at_most=60.0, unit="s")
     # Time after which an unseen feature is forgotten.
     memory: float = number(3.0, at_least=0.0, at_most=3600.0, unit="s")
@@ -55,9 +57,7 @@ class BodyDynamicsConfig:
     # The same for the translation.
     linear_process_noise: float = number(2.5e-3, at_least=1e-12, at_most=1000.0, unit="m^2/s^3")
     # Standard deviation at the reference.
-    initial_angular_velocity: float = number(0.1, at_least=1e-9, at_most=100.0, unit="rad/s")
-    # The same for the translation.
-    initial_linear_velocity: float = number(0.02, at_least=1e-9, at_most=100.0, unit="m/s")
+    initial_velocity: float = number(0.02, at_least=1e-9, at_most=100.0, unit="m/s")
     # Unpredicted turn that is believed if features agree.
     jump_rotation: float = number(0.1, at_least=1e-9, at_most=10.0, unit="rad")
     # The same for a shift.
@@ -69,18 +69,13 @@ class BodyDynamicsConfig:
         return np.repeat([self.angular_process_noise, self.linear_process_noise], 3)
 
     @property
-    def initial_velocity(self) -> Array:
-        """Standard deviations (6,) of the velocity at the reference, [rad/s, m/s]."""
-        return np.repeat([self.initial_angular_velocity, self.initial_linear_velocity], 3)
-
-    @property
     def jump(self) -> Array:
         """Standard deviations (6,) of an unpredicted displacement, [rad, m]."""
         return np.repeat([self.jump_rotation, self.jump_translation], 3)
 
 
 @dataclass(kw_only=True)
-class BodyBirthConfig:
+class BodyInitiationConfig:
     """What free features have to show to make a new body."""
 
     # Squared distance, 3 dof, beyond which a feature is moving.
@@ -91,11 +86,10 @@ class BodyBirthConfig:
     min_gain: float = number(120.0, at_least=0.0, at_most=1e9)  # Least sum of these reductions.
     # Least root mean square distance from their centroid.
     min_spread: float = number(0.015, at_least=0.0, at_most=10.0, unit="m")
-    # Radius within which they have to outnumber all others.
+    # Radius within which they have to outnumber all other features.
     neighbourhood: float = number(0.08, above=0.0, at_most=100.0, unit="m")
     # Prior rotation of the first motion, 1 sigma.
     rotation_sigma: float = number(0.1, at_least=1e-9, at_most=10.0, unit="rad")
-    seed: int = number(0, at_least=0, at_most=2**32 - 1)  # Seed of RANSAC.
 
 
 @dataclass(kw_only=True)
@@ -104,7 +98,7 @@ class AssociationConfig:
 
     # Log likelihood ratio that assigns or releases a feature.
     log_ratio: float = number(8.0, above=0.0, at_most=1e4, unit="nat")
-    # Distance to a body's features that counts as one deviation.
+    # Distance to a body's features that counts as one standard deviation.
     extent: float = number(0.05, at_least=1e-6, at_most=100.0, unit="m")
     # Log likelihood ratio that distance costs at most.
     max_penalty: float = number(30.0, at_least=0.0, at_most=1e4, unit="nat")
@@ -120,48 +114,36 @@ class AssociationConfig:
 class HeldBodyConfig:
     """What the hand says about the body that it holds."""
 
-    # Squared distance beyond which the closing hand has moved a feature.
-    nudge_gate: float = number(chi_square_gate(0.05, 3), above=0.0, at_most=1e6)
     # Error of the prior while unseen.
-    prior_rotation_walk: float = number(0.05, at_least=1e-9, at_most=10.0, unit="rad/s^0.5")
-    # The same for the translation.
-    prior_translation_walk: float = number(0.01, at_least=1e-9, at_most=10.0, unit="m/s^0.5")
+    prior_walk: float = number(0.01, at_least=1e-9, at_most=10.0, unit="m/s^0.5")
     # Error beyond which no single feature joins.
     blind_rotation: float = number(0.1, above=0.0, at_most=10.0, unit="rad")
     # The same for the translation.
     blind_translation: float = number(0.01, above=0.0, at_most=10.0, unit="m")
-    # Error of the handle's way over the window.
+    # Error of the handle's displacement over the window.
     handle_error: float = number(2.5e-3, at_least=1e-9, at_most=1.0, unit="m")
-    # Least error of a feature's way over the window.
+    # Least error of a feature's displacement over the window.
     handle_noise: float = number(1e-3, at_least=1e-9, at_most=1.0, unit="m")
-    # Least way of the hand that identifies a body.
-    identification_way: float = number(0.003, at_least=0.0, at_most=10.0, unit="m")
-    # Largest share of it that the body may have missed.
+    # Least displacement of the hand that identifies a body.
+    identification_displacement: float = number(0.003, at_least=0.0, at_most=10.0, unit="m")
+    # Largest share of this displacement that the body may have missed.
     identification_share: float = number(0.5, above=0.0, at_most=1.0)
-
-    @property
-    def prior_walk(self) -> Array:
-        """Random walk (6,) of the prior's error, [rad/sqrt(s), m/sqrt(s)]."""
-        return np.repeat([self.prior_rotation_walk, self.prior_translation_walk], 3)
 
 
 @dataclass(kw_only=True)
-class RigidBodyMotionConfig:
+class RigidBodyMotionConfig(Ticked):
     """How bodies are tracked; squared distances are squares of Mahalanobis distances."""
 
-    period: float = tick_period()  # Update period.
-    # Least squared distance of an outlier, 3 dof.
-    gate: float = number(chi_square_gate(0.001, 3), above=0.0, at_most=1e6)
     # Least number of features that keeps a body alive.
     keep_support: int = number(3, at_least=1, at_most=10000)
     # Longest time that a body lives without them.
     patience: float = number(2.0, at_least=0.0, at_most=3600.0, unit="s")
-    # The same at birth; grows with the time it had them.
+    # The same when its track begins; it grows with the time for which it had them.
     initial_patience: float = number(1.0 / 3.0, at_least=0.0, at_most=3600.0, unit="s")
     history: FeatureHistoryConfig = field(default_factory=FeatureHistoryConfig)
     landmarks: LandmarkConfig = field(default_factory=LandmarkConfig)
     dynamics: BodyDynamicsConfig = field(default_factory=BodyDynamicsConfig)
-    birth: BodyBirthConfig = field(default_factory=BodyBirthConfig)
+    initiation: BodyInitiationConfig = field(default_factory=BodyInitiationConfig)
     association: AssociationConfig = field(default_factory=AssociationConfig)
     held_body: HeldBodyConfig = field(default_factory=HeldBodyConfig)
 

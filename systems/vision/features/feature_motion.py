@@ -27,12 +27,12 @@ class FeatureMotion(RecursiveFilter):
     """Follows up to N point features F through the colour and depth images of a fixed camera.
 
     A feature is a patch of texture on a smooth surface. Each tick it is registered to the template
-    cut at its birth (so that nothing drifts), warped by the scale and foreshortening that its
-    measured surface and its position imply, starting from its last place or the one that the body
-    tracker predicts, whichever looks more like it. Where that fails, pyramidal Lucas-Kanade with a
-    forward-backward check from the last good image offers another start. Correlation is normalised,
-    so gain and offset of the exposure do not matter. The position follows from a plane fitted to
-    the depth around the pixel,
+    cut when its track began (so that nothing drifts), warped by the scale and foreshortening that
+    its measured surface and its position imply, starting from its last place or the one that the
+    body tracker predicts, whichever looks more like it. Where that fails, pyramidal Lucas-Kanade
+    with a forward-backward check from the last good image offers another start. Correlation is
+    normalised, so gain and offset of the exposure do not matter. The position follows from a plane
+    fitted to the depth around the pixel,
 
         p_WF = X_WC r(uv) / w,    r = ((u - cx)/fx, (v - cy)/fy, 1),
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from crossmodal.maths.validation import check, number
-from crossmodal.systems.ticks import require_ticks, tick_period
+from crossmodal.systems.shared_settings import SensorNoise
+from crossmodal.systems.ticks import Ticked, require_ticks
 
 
 @dataclass(kw_only=True)
@@ -54,8 +55,6 @@ class RegistrationConfig:
 class FlowConfig:
     """The pyramidal Lucas-Kanade tracker, which offers failed features another start."""
 
-    window: int = number(21, at_least=3, at_most=201, unit="px")  # Width of the window.
-    levels: int = number(3, at_least=0, at_most=10)  # Number of pyramid levels above the image.
     # Largest forward-backward error.
     max_error: float = number(1.5, above=0.0, at_most=1000.0, unit="px")
     # Most features that are tried per tick.
@@ -66,14 +65,8 @@ class FlowConfig:
 
 @dataclass(kw_only=True)
 class DepthConfig:
-    """The surface around a feature; a pixel's noise is noise + noise_growth (z - noise_range)^2."""
+    """The surface around a feature."""
 
-    # Standard deviation at `noise_range`.
-    noise: float = number(1.2e-3, at_least=0.0, at_most=1.0, unit="m")
-    # Growth with the square of the distance from there.
-    noise_growth: float = number(1.9e-3, at_least=0.0, at_most=1.0, unit="1/m")
-    # Distance of the least noise.
-    noise_range: float = number(0.4, at_least=0.0, at_most=100.0, unit="m")
     # Error that averaging over a patch leaves.
     floor: float = number(2e-4, at_least=0.0, at_most=1.0, unit="m")
     # Number of neighbours whose noise is one and the same.
@@ -109,8 +102,8 @@ class TrackManagementConfig:
 
 
 @dataclass(kw_only=True)
-class FeatureMotionConfig:
-    period: float = tick_period()  # Update period.
+class FeatureMotionConfig(Ticked):
+    noise = SensorNoise()
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
     flow: FlowConfig = field(default_factory=FlowConfig)

@@ -1,6 +1,7 @@
 """Where tracked features are in a new image: registration from several starts."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,6 +16,13 @@ from crossmodal.systems.vision.features import patch_registration, patch_templat
 from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
 from crossmodal.systems.vision.features.feature_tracks import Byte, FeatureTracks, Frame
 from crossmodal.systems.vision.features.patch_templates import Image
+
+# Width of the window, [px], number of pyramid levels above the image, and when to stop.
+_LUCAS_KANADE: dict[str, Any] = {
+    "winSize": (21, 21),
+    "maxLevel": 3,
+    "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.03),
+}
 
 
 def _starts(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> tuple[Array, Array]:
@@ -33,7 +41,7 @@ def _starts(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> tu
     if len(mine) == 0:
         return uv, warps
     uv_predicted = project(p_CF, frame.intrinsics)
-    # Where both agree there is nothing to choose.
+    # Where both starts agree, one of them is enough.
     apart = np.max(np.abs(uv_predicted - uv[mine]), axis=1) > 0.5
     mine, p_CF, uv_predicted = mine[apart], p_CF[apart], uv_predicted[apart]
     warps_predicted = camera_geometry.patch_warps(p_CF, tracks.tangents_C[mine], frame.intrinsics)
@@ -41,7 +49,7 @@ def _starts(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> tu
     better = patch_templates.score_patches(
         frame.image, templates, warps_predicted @ shapes, uv_predicted
     ) > patch_templates.score_patches(frame.image, templates, warps[mine] @ shapes, uv[mine])
-    # An unseen feature is where the body tracker says, whatever its last place looks like now.
+    # An unseen feature starts from where the body tracker predicts it.
     better |= tracks.missed[mine] > 0
     uv[mine[better]] = uv_predicted[better]
     warps[mine[better]] = warps_predicted[better]
@@ -61,15 +69,9 @@ def flow(config: FeatureMotionConfig, before: Image, after: Image, uv: Array) ->
     if len(uv) == 0:
         return uv, np.zeros(0, bool)
     images = locally_normalised(before), locally_normalised(after)
-    window = (config.flow.window, config.flow.window)
-    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.03)
     start = uv.astype(np.float32).reshape(-1, 1, 2)
-    forward, found, _ = cv2.calcOpticalFlowPyrLK(
-        *images, start, None, winSize=window, maxLevel=config.flow.levels, criteria=criteria
-    )
-    back, returned, _ = cv2.calcOpticalFlowPyrLK(
-        *images[::-1], forward, None, winSize=window, maxLevel=config.flow.levels, criteria=criteria
-    )
+    forward, found, _ = cv2.calcOpticalFlowPyrLK(*images, start, None, **_LUCAS_KANADE)
+    back, returned, _ = cv2.calcOpticalFlowPyrLK(*images[::-1], forward, None, **_LUCAS_KANADE)
     error = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
     success = (found.ravel() > 0) & (returned.ravel() > 0) & (error < config.flow.max_error)
     return forward.reshape(-1, 2).astype(float), success

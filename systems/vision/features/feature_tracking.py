@@ -140,7 +140,9 @@ def _alive(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame) -> 
     return np.asarray(inside & free & remembered)
 
 
-def give_birth(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame) -> FeatureTracks:
+def initiate_tracks(
+    config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame
+) -> FeatureTracks:
     """The tracks and new features on textured, smooth, robot-free surfaces."""
     wanted = config.tracks.max_features - len(tracks.ids)
     allowed = feature_detection.flat_depth_mask(
@@ -191,9 +193,9 @@ def track(
 ) -> FeatureTracks:
     """One tick: follow what exists, then replace what was lost."""
     tracks = follow(config, tracks, frame, predicted)
-    waited = tracks.since_birth + 1
+    waited = tracks.since_search + 1
     missing = config.tracks.max_features - len(tracks.ids)
     due = waited >= whole_ticks(config.detection.interval, config.period)
     if tracks.blackout or not due or missing < max(1, config.tracks.max_features // 20):
-        return replace(tracks, since_birth=waited)
-    return replace(give_birth(config, tracks, frame), since_birth=0)
+        return replace(tracks, since_search=waited)
+    return replace(initiate_tracks(config, tracks, frame), since_search=0)

@@ -25,7 +25,7 @@ class FeatureTracks(Immutable):
         uv: Pixels (N, 2), seen or, since the feature was last seen, predicted.
         p_WF: Positions (N, 3), seen or predicted likewise, [m].
         covariance: Covariance of the positions when last seen (N, 3, 3), [m^2].
-        age: Ticks since birth (N,).
+        age: Ticks since its initiation (N,).
         missed: Ticks since the feature was last seen (N,); zero for those seen now. A tick of a
             blackout counts less.
         templates: Patches, cut when `tangents_C` was measured.
@@ -38,7 +38,7 @@ class FeatureTracks(Immutable):
         blackout: Whether nearly all features went unseen.
         failed: Pixels where tentative features failed, and the ticks for which none is born
             there (M, 3).
-        since_birth: Ticks since the last search for new features.
+        since_search: Ticks since the last search for new features.
     """
 
     ids: Ids
@@ -55,7 +55,7 @@ class FeatureTracks(Immutable):
     uv_image: Array
     blackout: bool
     failed: Array
-    since_birth: int
+    since_search: int
 
     def select(self, keep: Mask) -> "FeatureTracks":
         if keep.all():
@@ -98,7 +98,7 @@ def no_tracks(config: FeatureMotionConfig) -> FeatureTracks:
         uv_image=np.zeros((0, 2)),
         blackout=False,
         failed=np.zeros((0, 3)),
-        since_birth=whole_ticks(config.detection.interval, config.period),
+        since_search=whole_ticks(config.detection.interval, config.period),
     )
 
 
@@ -139,14 +139,8 @@ def locate(
     config: FeatureMotionConfig, frame: Frame, uv: Array, uv_covariance: Array
 ) -> tuple[Array, Array, Array, Mask]:
     """Positions p_WF (N, 3), covariances (N, 3, 3), tangents in C (N, 3, 2), validity (N,)."""
-    noise = np.array(
-        [
-            config.depth.noise,
-            config.depth.noise_growth,
-            config.depth.noise_range,
-            config.depth.floor,
-        ]
-    )
+    pixel = config.noise
+    noise = np.array([pixel.depth, pixel.depth_growth, pixel.depth_range, config.depth.floor])
     planes, variances, valid = camera_geometry.fit_surfaces(
         frame.depth,
         uv,

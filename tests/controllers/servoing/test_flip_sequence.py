@@ -14,9 +14,9 @@ from crossmodal.controllers.servoing.contact_search import turned_about, twist_t
 from crossmodal.controllers.servoing.flip_config import FlipSequenceConfig
 from crossmodal.controllers.servoing.flip_decisions import (
     FIRST,
-    Felt,
     FlipPhase,
     FlipState,
+    Sensed,
     next_flip_state,
     own_turn,
 )
@@ -66,7 +66,7 @@ class Episode:
             self.time += CONFIG.period
             if step is not None:
                 self.X_WS = self.X_WS @ se3.exp(CONFIG.period * np.asarray(step, float))
-            now = Felt(
+            now = Sensed(
                 time=self.time,
                 X_WS=self.X_WS,
                 contact=contact,
@@ -152,7 +152,7 @@ def test_without_an_angle_the_fingers_own_turn_counts() -> None:
 
 def test_the_flip_ends_when_the_way_is_used_up() -> None:
     episode = Episode().flipping()
-    episode.go(CONFIG.way / 0.1 + 0.1, touching(), theta=0.1, step=[0, 0, 0, 0.1, 0, 0])
+    episode.go(CONFIG.displacement / 0.1 + 0.1, touching(), theta=0.1, step=[0, 0, 0, 0.1, 0, 0])
     assert episode.state.phase == FlipPhase.RETREAT
 
 
@@ -161,7 +161,7 @@ def test_noise_of_the_pose_is_no_way() -> None:
     for _ in range(500):
         episode.X_WS = X_START @ se3.exp(rng.normal(0.0, 1e-3, 6))
         episode.go(0.01, touching())
-    assert abs(episode.state.way) < 0.01
+    assert abs(episode.state.displacement) < 0.01
     assert abs(episode.state.turned) < 0.02
 
 

@@ -18,8 +18,8 @@ from crossmodal.controllers.servoing.tool_line import ToolLine, tip_twist
 from crossmodal.controllers.servoing.tool_line_decisions import (
     LinePhase,
     LineState,
+    TipPath,
     ToolLineConfig,
-    Way,
     next_line_state,
     posture_on_table,
     unusable,
@@ -91,8 +91,8 @@ class Episode:
             self.state = next_line_state(
                 self.state, self.time, self.X_WE, flip, belief, self.config
             )
-            if self.state.way is not None and self.state.X_ET is not None:
-                X_WT = self.state.way.at(self.time)[0].copy()
+            if self.state.path is not None and self.state.X_ET is not None:
+                X_WT = self.state.path.at(self.time)[0].copy()
                 X_WT[:3, 3] += self.offset
                 self.X_WE = X_WT @ se3.inverse(self.state.X_ET)
             self.phases.append(self.state.phase)
@@ -152,7 +152,7 @@ def test_a_tool_that_is_not_known_is_not_moved_and_that_is_told(belief: object, 
     episode = Episode().go(0.1, FlipPhase.RETREAT, belief).go(1.0, FlipPhase.DONE, tool())
     assert episode.state.phase == LinePhase.FAILED
     assert episode.state.why == f"the line on the table is not begun: {why}"
-    assert episode.state.way is None
+    assert episode.state.path is None
 
 
 def test_a_hinge_that_stands_upright_is_not_laid_level() -> None:
@@ -190,12 +190,12 @@ def test_on_the_table_the_hinge_is_level_and_the_flap_points_down_as_it_headed()
 def test_a_way_has_the_velocity_that_it_claims_and_ends_at_rest() -> None:
     X_end = se3.exp(np.array([0.3, -0.5, 0.2, 0.0, 0.0, 0.0]))
     X_end[:3, 3] = [0.1, 0.2, -0.3]
-    way = Way(1.0, 2.0, np.eye(4), X_end)
+    path = TipPath(1.0, 2.0, np.eye(4), X_end)
     for time in (1.2, 2.0, 2.7):
-        X, V = way.at(time)
-        moved = se3.log(se3.inverse(way.at(time - 1e-5)[0]) @ way.at(time + 1e-5)[0])
+        X, V = path.at(time)
+        moved = se3.log(se3.inverse(path.at(time - 1e-5)[0]) @ path.at(time + 1e-5)[0])
         assert_allclose(V, moved / 2e-5, atol=1e-6)
-    X, V = way.at(3.5)
+    X, V = path.at(3.5)
     assert_allclose(X, X_end, atol=1e-12)
     assert_allclose(V, 0.0)
 
@@ -205,13 +205,13 @@ def test_the_arms_twist_moves_the_tip_by_the_ways() -> None:
     X_WE, X_ET = arm().Evaluate(STILL).X_WE, tool().X_EK @ tool().X_KT
     X_WT = X_WE @ X_ET
     X_end = X_WT @ se3.exp(np.array([0.2, 0.4, -0.1, 0.05, 0.02, -0.03]))
-    way = Way(0.0, 1.0, X_WT, X_end)
+    path = TipPath(0.0, 1.0, X_WT, X_end)
     step = 1e-6
-    V = tip_twist(way.at(0.4)[0], X_ET, way, 0.4, 2.0)
-    moved = way.at(0.4)[0] @ se3.inverse(X_ET) @ se3.exp(step * V) @ X_ET
-    assert_allclose(moved, way.at(0.4 + step)[0], atol=1e-9)
+    V = tip_twist(path.at(0.4)[0], X_ET, path, 0.4, 2.0)
+    moved = path.at(0.4)[0] @ se3.inverse(X_ET) @ se3.exp(step * V) @ X_ET
+    assert_allclose(moved, path.at(0.4 + step)[0], atol=1e-9)
     off = se3.exp(np.array([0.0, 0.0, 0.0, 0.001, 0.0, 0.0]))
-    back = tip_twist(X_WT @ off, X_ET, way, 0.0, 2.0)
+    back = tip_twist(X_WT @ off, X_ET, path, 0.0, 2.0)
     R_TE = X_ET[:3, :3].T
     assert_allclose(R_TE @ (back[3:] + np.cross(back[:3], X_ET[:3, 3])), [-0.002, 0, 0], atol=1e-9)
 

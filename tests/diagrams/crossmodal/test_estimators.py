@@ -1,6 +1,7 @@
 """The network of filters and the station: wires, loops, truth, and what one tick does."""
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +21,8 @@ from crossmodal.diagrams.stations.truth_paths import truth_paths
 from crossmodal.systems.port_values import HELD_BODY, SampleWindow
 from crossmodal.systems.proprioception.grasp_model import initial_grasp
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.ticks import NETWORK_PERIOD
 
 Q = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0])
 
@@ -74,7 +77,20 @@ def test_every_modality_reads_only_its_own_senses() -> None:
 
 def test_an_unknown_modality_lists_the_known_ones() -> None:
     with pytest.raises(ValueError, match=r"unknown modality 'smell'.*vision"):
-        make_network("smell", scenario().perception, Calibration())
+        make_network("smell", scenario().perception, Calibration(), NETWORK_PERIOD)
+
+
+def test_every_filter_updates_at_the_networks_period(monkeypatch: pytest.MonkeyPatch) -> None:
+    declare, periods = RecursiveFilter._declare_recursion, []
+
+    def remembering(system: RecursiveFilter, initial: object, calc: Any, period: float) -> None:
+        periods.append(period)
+        declare(system, initial, calc, period)
+
+    monkeypatch.setattr(RecursiveFilter, "_declare_recursion", remembering)
+    built("network_period=0.05", "modalities=[crossmodal]")
+    assert len(periods) > 10
+    assert set(periods) == {0.05}
 
 
 def connections(network: Diagram) -> set[tuple[str, str, str, str]]:

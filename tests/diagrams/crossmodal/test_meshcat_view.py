@@ -13,7 +13,6 @@ from crossmodal.diagrams.crossmodal import meshcat_view
 from crossmodal.diagrams.crossmodal.meshcat_view import (
     MeshcatView,
     MeshcatViewConfig,
-    rigid_transform,
 )
 from crossmodal.diagrams.drawing.meshcat import start_meshcat
 from crossmodal.diagrams.drawing.text_board import text_board
@@ -163,10 +162,3 @@ def test_the_recording_animates_visibility_scale_and_pose(meshcat: Meshcat) -> N
 def test_impossible_values_are_refused(meshcat: Meshcat) -> None:
     with pytest.raises(ValueError, match=r"MeshcatView: period = 0\.0 s, need"):
         MeshcatView(MeshcatViewConfig(period=0.0), meshcat, [])
-
-
-def test_a_slightly_skewed_rotation_becomes_a_pose() -> None:
-    X = np.eye(4)
-    X[:3, :3] += 1e-9
-    X[:3, 3] = [1.0, 2.0, 3.0]
-    assert rigid_transform(X).translation().tolist() == [1.0, 2.0, 3.0]

@@ -190,13 +190,16 @@ def test_a_task_in_the_same_unit_stays(tmp_path: Path) -> None:
     assert (task.goal, task.tolerance) == (0.349, 0.1)
 
 
-def test_an_object_starts_as_far_ajar_as_the_scenarios_own(tmp_path: Path) -> None:
+def test_an_object_starts_as_far_open_as_the_scenarios_own(tmp_path: Path) -> None:
     (tmp_path / "door.urdf").write_text(WIDE)
-    for scenario, ajar in (("glass-door", -0.175), ("drawer-return", -0.05 / np.hypot(0.05, 0.5))):
+    for scenario, position in (
+        ("glass-door", -0.175),
+        ("drawer-return", -0.05 / np.hypot(0.05, 0.5)),
+    ):
         _, base = load_scenario(scenario)
         own = OwnObject(model=tmp_path / "door.urdf", grasp_frame="knob")
         values = own_object_assignments(base, scenario, own)
-        assert_allclose(load_scenario(scenario, values)[1].object.ajar, ajar)
+        assert_allclose(load_scenario(scenario, values)[1].object.initial_position, position)
 
 
 def test_a_model_in_millimetres_is_scaled_to_the_same_one_in_metres(tmp_path: Path) -> None:

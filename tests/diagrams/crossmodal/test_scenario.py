@@ -58,11 +58,9 @@ def test_absent_keys_keep_their_defaults_and_overrides_win(tmp_path: Path) -> No
     assert scenario.task.opening == 0.05
 
 
-def test_the_network_period_reaches_every_filter_and_window() -> None:
-    scenario = loaded("drawer", "network_period=0.05")
-    assert scenario.perception.features.period == 0.05
-    assert scenario.sensors.encoders.tick == 0.05
-    assert "network_period" in refusal("drawer", "perception.features.period=0.2")
+def test_no_filter_and_no_sensor_can_be_given_a_period_of_its_own() -> None:
+    for key in ("perception.features.period", "sensors.encoders.tick"):
+        assert f"unknown key '{key}'" in refusal("drawer", f"{key}=0.2")
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ def test_the_first_estimator_is_what_the_fingertip_rolls_by(episode: Episode, sc
 def test_an_unknown_estimator_is_refused(scenario) -> None:
     calibration = APPLICATION.make_calibration(scenario)
     with pytest.raises(ValueError, match="there are geometric, filtered"):
-        make_estimator("guess", scenario.perception, calibration, scenario.finger.layout())
+        make_estimator("guess", scenario.perception, calibration, scenario.finger.layout(), 0.1)
 
 
 @pytest.mark.parametrize("name", ESTIMATORS)

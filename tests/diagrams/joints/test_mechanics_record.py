@@ -53,7 +53,7 @@ def felt_episode(joint_type: JointType = JointType.PRISMATIC) -> EpisodeRecord:
     record = synthetic_episode(joint_type)
     for tick in record.station:
         tick.values["cheat_joint_mechanics"] = JointMechanicsTruth(
-            friction=6.0, damping=8.0, lower=-0.05, upper=0.242, catch=9.2
+            friction=6.0, damping=8.0, lower=-0.05, upper=0.242, detent=9.2
         )
     for name in ("proprioception", "crossmodal"):
         sign = -1.0 if name == "proprioception" else 1.0

@@ -59,7 +59,12 @@ def replayed(recorded_run: Path) -> JointEpisode:
     scenario = scenario_of(recorded_run)
     calibration = APPLICATION.make_calibration(scenario)
     networks = {
-        name: make_network(modality, replace(scenario.perception, cut=cut), calibration)
+        name: make_network(
+            modality,
+            replace(scenario.perception, cut=cut),
+            calibration,
+            scenario.network_period,
+        )
         for name, (modality, cut) in WIRINGS.items()
     }
     return joint_episode(replay(APPLICATION, recorded_run, scenario, networks))

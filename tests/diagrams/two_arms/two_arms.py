@@ -213,7 +213,7 @@ def add_side(
     side: str,
 ) -> JointEncoders:
     """An arm that holds its place, or moves a step, with its open hand."""
-    plant, sensors, seed = scene.plant, scenario.sensors, scenario.seed
+    plant, sensors = scene.plant, scenario.sensors
     arm, hand = scene.model(f"{side}_arm"), scene.model(f"{side}_hand")
     control = scenario.control[side]
     encoders = add_encoders(
@@ -223,18 +223,18 @@ def add_side(
         make_arm_with_load(WAM_WITH_SOFT_HAND, X_WBase),
         control.posture,
         sensors.encoders,
-        seed,
+        scenario,
         side,
     )
     wrist = plant.GetFrameByName("sensor", hand)
-    add_wrist_wrench(builder, plant, wrist, sensors.wrench, seed, side)
+    add_wrist_wrench(builder, plant, wrist, sensors.wrench, scenario, side)
     pneumatics, _ = add_soft_hand(
         builder,
         plant,
         hand,
         scenario.model_drivers[f"{side}_hand"].pneumatics,
         sensors.pressure,
-        seed,
+        scenario,
         side,
     )
     add_true_pose(builder, plant, plant.GetFrameByName("end_effector", hand), side)

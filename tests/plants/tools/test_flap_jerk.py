@@ -8,7 +8,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from crossmodal.plants.parsing import add_model, make_parser
-from crossmodal.plants.tools.flap_jerk import FlapJerk, FlapJerks, share_of_way
+from crossmodal.plants.tools.flap_jerk import FlapJerk, FlapJerks, share_of_displacement
 from crossmodal.plants.tools.wiper import EDGE_FRAME, HINGE, WiperConfig, draw_wiper, wiper_sdf
 
 STEP = 0.0025  # [s]
@@ -44,26 +44,26 @@ def jerked(jerks: list[FlapJerk], start: float, times: list[float], seed: int = 
 
 def test_the_way_is_smooth_and_whole() -> None:
     jerk = FlapJerk(start=1.0, end=1.4)
-    assert share_of_way(jerk, 0.5) == (0.0, 0.0)
-    assert share_of_way(jerk, 1.4) == (1.0, 0.0)
-    share, rate = share_of_way(jerk, 1.2)
+    assert share_of_displacement(jerk, 0.5) == (0.0, 0.0)
+    assert share_of_displacement(jerk, 1.4) == (1.0, 0.0)
+    share, rate = share_of_displacement(jerk, 1.2)
     assert share == pytest.approx(0.5)
-    slope = (share_of_way(jerk, 1.2001)[0] - share_of_way(jerk, 1.1999)[0]) / 2e-4
+    slope = (share_of_displacement(jerk, 1.2001)[0] - share_of_displacement(jerk, 1.1999)[0]) / 2e-4
     assert rate == pytest.approx(slope, rel=1e-4)
 
 
 @pytest.mark.parametrize("way", [0.03, -0.03])
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_the_edge_goes_as_far_as_asked_for_and_stays_there(way: float, seed: int) -> None:
-    jerk = FlapJerk(way=way, start=0.1, end=0.4)
+    jerk = FlapJerk(displacement=way, start=0.1, end=0.4)
     before, carried, later = jerked([jerk], 0.8, [0.1, 0.4, 0.8], seed)
     assert_allclose(carried - before, way, atol=0.002)
     assert_allclose(later, carried, atol=0.001)
 
 
 def test_one_follows_the_other() -> None:
-    there = FlapJerk(way=0.03, start=0.1, end=0.4)
-    back = FlapJerk(way=-0.03, start=0.5, end=0.8)
+    there = FlapJerk(displacement=0.03, start=0.1, end=0.4)
+    back = FlapJerk(displacement=-0.03, start=0.5, end=0.8)
     before, _, after = jerked([there, back], 0.8, [0.1, 0.45, 0.9])
     assert_allclose(after, before, atol=0.003)
 

@@ -18,8 +18,8 @@ def encoders(seed: int, duration: float) -> tuple[Array, Array]:
     times = STEP * np.arange(1, round(duration / STEP) + 1)
     rate, phase = np.array([0.0, 0.7, 1.5]), rng.uniform(0.0, 6.0, 3)
     angle = rate * times[:, None] + phase
-    q = 0.2 * np.sin(angle) + CONFIG.noise * rng.standard_normal(angle.shape)
-    v = 0.2 * rate * np.cos(angle) + CONFIG.rate_noise * rng.standard_normal(angle.shape)
+    q = 0.2 * np.sin(angle) + CONFIG.noise.angle * rng.standard_normal(angle.shape)
+    v = 0.2 * rate * np.cos(angle) + CONFIG.noise.rate * rng.standard_normal(angle.shape)
     return times, np.hstack([q, v])
 
 

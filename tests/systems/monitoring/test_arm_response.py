@@ -44,25 +44,25 @@ def test_a_force_accelerates_the_mass(slider: ArmResponse) -> None:
 def test_a_step_of_the_sensor_alone_is_not_felt(slider: ArmResponse) -> None:
     strong = Step(since=0.99, time=1.0, size=20.0 * STEP.size, variance=np.zeros(6))
     for seed in range(50):
-        assert not slider.is_felt(strong, moved(0.0, before=2.0, seed=seed))
+        assert not slider.is_sensed(strong, moved(0.0, before=2.0, seed=seed))
 
 
 def test_a_real_step_is_felt_even_if_motors_take_half_of_it(slider: ArmResponse) -> None:
     strong = Step(since=0.99, time=1.0, size=20.0 * STEP.size, variance=np.zeros(6))
     for share in (1.0, 0.5, -0.5):
-        assert slider.is_felt(strong, moved(share * 100.0 / MASS))
+        assert slider.is_sensed(strong, moved(share * 100.0 / MASS))
 
 
 def test_a_step_that_noise_would_hide_counts_as_felt(slider: ArmResponse) -> None:
     weak = Step(since=0.99, time=1.0, size=0.1 * STEP.size, variance=np.zeros(6))
-    assert slider.is_felt(weak, moved(0.0))
+    assert slider.is_sensed(weak, moved(0.0))
 
 
 def test_without_encoders_about_the_step_it_counts_as_felt(slider: ArmResponse) -> None:
     motion = moved(0.0)
     early = SampleWindow(times=motion.times - 0.5, values=motion.values)
-    assert slider.is_felt(STEP, early)
-    assert slider.is_felt(STEP, SampleWindow(times=np.zeros(0), values=np.zeros((0, 2))))
+    assert slider.is_sensed(STEP, early)
+    assert slider.is_sensed(STEP, SampleWindow(times=np.zeros(0), values=np.zeros((0, 2))))
 
 
 def test_the_frame_of_the_sensor_must_exist() -> None:

@@ -16,9 +16,10 @@ from crossmodal.systems.monitoring.image_monitor import (
 )
 from crossmodal.systems.monitoring.window_monitor import NO_SAMPLES, NOT_FINITE, OUT_OF_TIME, STUCK
 from crossmodal.systems.port_values import StampedImage
+from crossmodal.systems.shared_settings import with_shared
 
 TICK = 0.1
-CONFIG = ImageMonitorConfig(period=TICK, stale_after=0.15)
+CONFIG = with_shared(ImageMonitorConfig(), period=TICK)
 SIZE = 4, 3
 
 
@@ -142,5 +143,5 @@ def test_depths_that_are_no_numbers_are_told() -> None:
 
 @pytest.mark.parametrize("value", [np.nan, 0.0, -1.0])
 def test_impossible_limits_are_refused(value: float) -> None:
-    with pytest.raises(ValueError, match="stale_after"):
-        ImageMonitor(ImageMonitorConfig(stale_after=value), *SIZE)
+    with pytest.raises(ValueError, match="apart"):
+        ImageMonitor(ImageMonitorConfig(apart=value), *SIZE)

@@ -20,9 +20,10 @@ from crossmodal.systems.monitoring.window_monitor import (
     check_window,
 )
 from crossmodal.systems.port_values import SampleWindow
+from crossmodal.systems.shared_settings import with_shared
 
 TICK, STEP = 0.1, 0.01
-CONFIG = WindowMonitorConfig(period=TICK)
+CONFIG = with_shared(WindowMonitorConfig(), period=TICK)
 
 
 def window(tick: int, *, offset: float = 0.0) -> SampleWindow:

@@ -60,8 +60,8 @@ def run(
     for tick, now in enumerate(ticks_at):
         new = (samples_at <= now + 1e-9) & (samples_at > now - CONFIG.period + 1e-9)
         q, v = all_q[: samples_at.size][new], all_v[: samples_at.size][new]
-        noisy_q = q + offset + rng.normal(0, CONFIG.position_noise, q.shape)
-        noisy_v = v + rng.normal(0, CONFIG.velocity_noise, v.shape)
+        noisy_q = q + offset + rng.normal(0, CONFIG.noise.angle, q.shape)
+        noisy_v = v + rng.normal(0, CONFIG.noise.rate, v.shape)
         context.SetTime(now)
         window = SampleWindow(times=samples_at[new], values=np.hstack([noisy_q, noisy_v]))
         port.FixValue(context, AbstractValue.Make(window))
@@ -88,7 +88,7 @@ def test_one_sample_gives_its_own_reading_and_noise() -> None:
     sample = np.array([[0.1, 0.2]])
     q, v, covariance = fit_joint_samples(np.zeros(1), sample, CONFIG)
     np.testing.assert_allclose([q[0], v[0]], sample[0], atol=1e-12)
-    expected = np.diag([CONFIG.position_noise**2, CONFIG.velocity_noise**2])
+    expected = np.diag([CONFIG.noise.angle**2, CONFIG.noise.rate**2])
     np.testing.assert_allclose(covariance, expected, rtol=1e-9)
 
 
@@ -208,7 +208,7 @@ def test_what_is_left_of_a_taken_out_offset_widens_the_pose(arm: MultibodyPlant)
     np.testing.assert_allclose(wide - usual, 1e-6 * J_E @ J_E.T, atol=1e-15)
 
 
-@pytest.mark.parametrize("field", ["period", "position_noise", "offset_damping"])
+@pytest.mark.parametrize("field", ["joint_acceleration", "linear_process_noise"])
 def test_impossible_values_are_refused(arm: MultibodyPlant, field: str) -> None:
     config = EndEffectorMotionConfig()
     setattr(config, field, -1.0)

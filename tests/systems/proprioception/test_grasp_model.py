@@ -258,7 +258,7 @@ def test_latest_does_not_depend_on_inputs() -> None:
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("prior_perfect", 0.9), ("memory", 0.0), ("axis_H", np.zeros(3)), ("p_HA", np.zeros(2))],
+    [("prior_perfect", 0.9), ("memory", 0.0)],
 )
 def test_impossible_values_are_refused(field: str, value: object) -> None:
     config = GraspModelConfig()

@@ -70,7 +70,7 @@ def run(
         R_WE = RollPitchYaw(0.0, 1.57 + 0.01 * tick, 0.2).ToRotationMatrix().matrix()
         X_WE = np.eye(4)
         X_WE[:3, :3] = R_WE
-        samples[:, :6] += bias + hand_weight(R_WE, CONFIG.hand_mass, CONFIG.p_S_com)
+        samples[:, :6] += bias + hand_weight(R_WE, CONFIG.hand.mass, CONFIG.hand.p_S_com)
         context.SetTime(tick * CONFIG.period)
         times = context.get_time() - np.arange(6, -1, -1) / 100
         values = {
@@ -276,9 +276,7 @@ def test_latest_does_not_depend_on_inputs(trained: tuple) -> None:
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("hand_mass", -1.0),
-        ("deviation_correlation_time", 0.0),
-        ("p_S_com", np.zeros(2)),
+        ("rotation_floor", 0.0),
         ("creep", -1.0),
     ],
 )

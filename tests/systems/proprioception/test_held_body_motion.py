@@ -85,7 +85,7 @@ def test_a_known_hand_error_moves_the_body_as_the_corrected_hand_would(part: str
     x = body.x.copy()
     x[rows] = error
     moved = predict_body(replace(body, x=x), after, belief, CONFIG)
-    rho = np.exp(-CONFIG.period / CONFIG.hand_correlation_time) if part == "n" else 1.0
+    rho = np.exp(-CONFIG.period / CONFIG.hand.correlation_time) if part == "n" else 1.0
     before_by = body.hand.bias_jacobian if part == "c" else body.hand.noise_square_root
     after_by = after.bias_jacobian if part == "c" else rho * body.hand.noise_square_root
     corrected_before = replace(
@@ -448,7 +448,7 @@ def test_no_reference_is_taken_before_the_encoders_say_where_the_hand_is() -> No
     assert delays == [[], [], [], [waited], [waited]]
 
 
-@pytest.mark.parametrize(("field", "value"), [("inlier_share", 0.0), ("slip_rotation", -1.0)])
+@pytest.mark.parametrize(("field", "value"), [("inlier_share", 0.0), ("jump", -1.0)])
 def test_impossible_values_are_refused(field: str, value: float) -> None:
     config = HeldBodyMotionConfig()
     setattr(config, field, value)

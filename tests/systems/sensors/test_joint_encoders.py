@@ -99,7 +99,7 @@ def test_the_same_seed_measures_the_same(jacobian):
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("period", 0.0), ("tick", 0.001), ("noise_position", -1.0), ("offset_limit", float("nan"))],
+    [("period", 0.0), ("noise_position", -1.0), ("offset_limit", float("nan"))],
 )
 def test_impossible_values_are_refused_by_name(jacobian, field, value):
     with pytest.raises(ValueError, match=f"JointEncoders: {field}"):

@@ -179,6 +179,6 @@ def test_configuration_loads_from_yaml_and_refuses_what_is_impossible():
         schema=CameraNoiseConfig, data="depth: {range_max: 2.5}\ncolour: {read_noise: 4.0}"
     )
     assert (config.depth.range_max, config.colour.read_noise) == (2.5, 4.0)
-    config.exposure_period = 0.0
-    with pytest.raises(ValueError, match=r"CameraNoise: exposure_period = 0\.0 s, need >= 0.001"):
+    config.depth.range_min = 0.0
+    with pytest.raises(ValueError, match=r"CameraNoise: depth.range_min = 0\.0 m, need >= 0.001"):
         CameraNoise(config, INTRINSICS, 0)

@@ -80,6 +80,11 @@ def test_a_window_reaches_from_after_the_last_tick_to_this_one(period):
         assert tick - window.times[-1] < period
 
 
+def test_samples_that_are_rarer_than_ticks_are_refused():
+    with pytest.raises(ValueError, match=r"Echo: period = 0.1 s, need <= 0.0667 s, the tick"):
+        Echo(0.1)
+
+
 def test_the_first_window_holds_the_first_sample():
     reader, _, _ = simulate(0.005, duration=0.01)
     np.testing.assert_array_equal(reader.windows[0].times, [0.0])

@@ -71,7 +71,7 @@ def test_a_contact_begins_at_more_force_than_it_ends_at() -> None:
 
 def test_noise_alone_is_no_contact() -> None:
     rng = np.random.default_rng(0)
-    noise = rng.normal(0.0, CONFIG.noise, (2000, 12))
+    noise = rng.normal(0.0, CONFIG.noise.taxel, (2000, 12))
     assert not any(felt(sample, touching=False).touching for sample in noise)
 
 
@@ -79,9 +79,9 @@ def test_noise_of_the_position_is_as_large_as_claimed() -> None:
     rng = np.random.default_rng(1)
     clean = np.zeros(12)
     clean[CENTRE] = [0.15, 0.1, 0.15, 0.1]
-    noisy = clean + (clean > 0.0) * rng.normal(0.0, CONFIG.noise, (4000, 12))
+    noisy = clean + (clean > 0.0) * rng.normal(0.0, CONFIG.noise.taxel, (4000, 12))
     positions = np.array([contact_position(sample, LAYOUT) for sample in noisy])
-    claimed = noise_covariance(clean, contact_position(clean, LAYOUT), LAYOUT, CONFIG.noise)
+    claimed = noise_covariance(clean, contact_position(clean, LAYOUT), LAYOUT, CONFIG.noise.taxel)
     assert_allclose(np.cov(positions.T)[::2, ::2], claimed[::2, ::2], rtol=0.1, atol=2e-9)
 
 

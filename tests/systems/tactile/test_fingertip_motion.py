@@ -24,7 +24,7 @@ from crossmodal.systems.tactile.fingertip_motion import (
     with_velocity,
 )
 from crossmodal.systems.tactile.taxel_layout import fingertip_layout
-from crossmodal.systems.tactile.taxel_monitor import next_taxel_state, unheard_taxels
+from crossmodal.systems.tactile.taxel_monitor import next_taxel_state, unread_taxels
 
 Q = np.array([-0.22, -0.63, -0.39, 1.6, 1.4, 1.01, -0.83])
 CONFIG = FingertipMotionConfig()
@@ -68,11 +68,11 @@ def run(seed: int, speed: float = 0.007, ticks: int = 30, forces=PRESSED):  # ty
     for tick in range(1, ticks):
         now = tick * CONFIG.period
         times = np.arange(13)[::-1] * -0.005 + now
-        q = Q + np.outer(times, rates) + rng.normal(0.0, CONFIG.position_noise, (13, 7))
-        v = rates + rng.normal(0.0, CONFIG.velocity_noise, (13, 7))
+        q = Q + np.outer(times, rates) + rng.normal(0.0, CONFIG.noise.angle, (13, 7))
+        v = rates + rng.normal(0.0, CONFIG.noise.rate, (13, 7))
         joints = SampleWindow(times=times, values=np.hstack([q, v]))
         taxel_times = np.arange(7)[::-1] * -0.01 + now
-        noise = (forces > 0.0) * rng.normal(0.0, CONFIG.features.noise, (7, 12))
+        noise = (forces > 0.0) * rng.normal(0.0, CONFIG.noise.taxel, (7, 12))
         taxels = SampleWindow(times=taxel_times, values=forces + noise)
         context.SetTime(now)
         for name, window in (("finger_joint_state_window", joints), ("taxel_window", taxels)):
@@ -146,7 +146,7 @@ def test_without_samples_nothing_is_known() -> None:
 
 
 def test_taxels_that_fall_silent_or_repeat_themselves_are_told() -> None:
-    taxels = next_taxel_state(unheard_taxels(LAYOUT), 1.0, PRESSED, LAYOUT, CONFIG.features)
+    taxels = next_taxel_state(unread_taxels(LAYOUT), 1.0, PRESSED, LAYOUT, CONFIG.features)
     assert health_of(taxels, 1.1, 0.15).fault == ""
     silent = health_of(taxels, 1.3, 0.15)
     assert silent.fault == "no samples"

@@ -10,7 +10,7 @@ from crossmodal.systems.tactile.taxel_monitor import (
     TaxelMonitor,
     TaxelState,
     next_taxel_state,
-    unheard_taxels,
+    unread_taxels,
 )
 
 LAYOUT, CONFIG = fingertip_layout(), ContactFeaturesConfig()
@@ -20,9 +20,9 @@ PRESSED = np.where(np.isin(np.arange(12), [0, 3, 8, 11]), 0.125, 0.0)
 def feel(seconds: float, broken: dict[int, float], start: TaxelState | None = None) -> TaxelState:
     """The state after so long under a contact in the middle, some taxels reading a constant."""
     rng = np.random.default_rng(3)
-    state = start or unheard_taxels(LAYOUT)
+    state = start or unread_taxels(LAYOUT)
     for k in range(round(seconds / 0.01)):
-        forces = PRESSED + rng.normal(0.0, CONFIG.noise, 12)
+        forces = PRESSED + rng.normal(0.0, CONFIG.noise.taxel, 12)
         for index, value in broken.items():
             forces[index] = value
         state = next_taxel_state(state, 0.01 * k, forces, LAYOUT, CONFIG)
@@ -44,11 +44,11 @@ def test_a_taxel_that_reads_the_same_for_long_is_left_out() -> None:
 
 def test_a_silent_taxel_under_the_contact_is_left_out() -> None:
     assert np.flatnonzero(~feel(1.5, {11: 0.0}).usable).tolist() in ([11], [])
-    state = unheard_taxels(LAYOUT)
+    state = unread_taxels(LAYOUT)
     over = np.array([0.125] * 12) * np.isin(np.arange(12), [0, 3, 8, 11, 6, 7])
     rng = np.random.default_rng(4)
     for k in range(100):
-        forces = over + rng.normal(0.0, CONFIG.noise, 12)
+        forces = over + rng.normal(0.0, CONFIG.noise.taxel, 12)
         forces[11] = 0.0
         state = next_taxel_state(state, 0.01 * k, forces, LAYOUT, CONFIG)
     assert not state.usable[11]

@@ -39,7 +39,7 @@ def test_a_contact_that_came_back_is_timed_from_the_jerk() -> None:
     found = recovery(touched_but((5.2, 8.0)), JERK)
     assert found is not None
     assert found.contact_lost
-    assert found.way == pytest.approx(0.03)
+    assert found.displacement == pytest.approx(0.03)
     assert found.reestablished_after == pytest.approx(3.01, abs=0.04)
 
 

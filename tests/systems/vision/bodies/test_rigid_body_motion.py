@@ -18,11 +18,12 @@ from crossmodal.systems.port_values import (
     FeatureBelief,
     PoseBelief,
 )
+from crossmodal.systems.shared_settings import with_shared
 from crossmodal.systems.ticks import whole_ticks
 from crossmodal.systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from crossmodal.systems.vision.bodies.rigid_body_motion_config import (
     AssociationConfig,
-    BodyBirthConfig,
+    BodyInitiationConfig,
     FeatureHistoryConfig,
     LandmarkConfig,
     RigidBodyMotionConfig,
@@ -390,13 +391,12 @@ def test_features_are_predicted_where_their_body_takes_them(
 @pytest.mark.parametrize(
     ("config", "named"),
     [
-        (RigidBodyMotionConfig(period=0.0), "RigidBodyMotion: period = 0.0"),
         (
             RigidBodyMotionConfig(history=FeatureHistoryConfig(window=0.7)),
             "RigidBodyMotion: history.window = 0.7 s, need >= 11 ticks, 0.733 s",
         ),
         (
-            RigidBodyMotionConfig(period=0.2),
+            with_shared(RigidBodyMotionConfig(), period=0.2),
             "RigidBodyMotion: history.newest = 0.2 s, need >= 2 ticks, 0.4 s",
         ),
         (
@@ -404,8 +404,8 @@ def test_features_are_predicted_where_their_body_takes_them(
             "RigidBodyMotion: association.rejection_time = 0.01 s, need >= a tick, 0.0667 s",
         ),
         (
-            RigidBodyMotionConfig(birth=BodyBirthConfig(min_gain=-1.0)),
-            "RigidBodyMotion: birth.min_gain = -1.0",
+            RigidBodyMotionConfig(initiation=BodyInitiationConfig(min_gain=-1.0)),
+            "RigidBodyMotion: initiation.min_gain = -1.0",
         ),
     ],
 )

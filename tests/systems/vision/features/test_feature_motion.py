@@ -240,7 +240,6 @@ def test_the_documented_ports_are_the_declared_ones(system_class: type, camera: 
 @pytest.mark.parametrize(
     ("config", "named"),
     [
-        (FeatureMotionConfig(period=0.0), "FeatureMotion: period = 0.0"),
         (
             FeatureMotionConfig(detection=DetectionConfig(interval=0.03)),
             "FeatureMotion: detection.interval = 0.03 s, need >= a tick, 0.0667 s",

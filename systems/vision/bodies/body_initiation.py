@@ -1,10 +1,11 @@
-"""Birth of rigid bodies from features that stopped standing still."""
+"""Initiation of rigid bodies' tracks from features that stopped standing still."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.maths.rigid_points import pose_scale
 from crossmodal.systems.port_values import STATIC_BODY, PoseBelief
 from crossmodal.systems.ticks import whole_ticks
 from crossmodal.systems.vision.bodies import body_filter, body_tracking, held_body
@@ -20,7 +21,7 @@ from crossmodal.systems.vision.bodies.feature_displacements import (
 )
 from crossmodal.systems.vision.bodies.feature_history import FeatureHistory
 from crossmodal.systems.vision.bodies.motion_consensus import Consensus, find_consensus, stillness
-from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import GATE, RigidBodyMotionConfig
 
 
 def free_motion(
@@ -60,30 +61,33 @@ def find_moving_features(
         The history with new rejection counts, the motion, and the rows of its supporters.
     """
     d, distance, free = free_motion(config, history)
-    moving = free & (distance > config.birth.motion_gate)
+    moving = free & (distance > config.initiation.motion_gate)
     rejection_count = np.where(moving, history.rejection_count + 1, history.rejection_count)
     rejection_count = np.where(free & ~moving, 0, rejection_count)
     history = replace(history, rejection_count=rejection_count)
     none = np.zeros(0, np.int64)
-    if np.sum(moving) < config.birth.min_support:
+    if np.sum(moving) < config.initiation.min_support:
         return history, None, none
     rows = np.nonzero(free)[0]
     consensus = find_consensus(
         _subset(d, rows, config.history.floor),
         distance[rows],
         np.nonzero(moving[rows])[0],
-        np.random.default_rng([config.birth.seed, tick]),
-        gate=config.gate,
-        support_gate=config.birth.support_gate,
-        rotation_sigma=config.birth.rotation_sigma,
+        np.random.default_rng([0, tick]),
+        gate=GATE,
+        support_gate=config.initiation.support_gate,
+        rotation_sigma=config.initiation.rotation_sigma,
     )
     if consensus is None:
         return history, None, none
     supporters = rows[consensus.support]
-    if len(supporters) < config.birth.min_support or consensus.gain < config.birth.min_gain:
+    if (
+        len(supporters) < config.initiation.min_support
+        or consensus.gain < config.initiation.min_gain
+    ):
         return history, None, none
     p = d.p_old[supporters]
-    if np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))) < config.birth.min_spread:
+    if np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))) < config.initiation.min_spread:
         return history, None, none
     if not outnumbers(config, history, d, consensus.X, supporters):
         return history, None, none
@@ -102,16 +106,16 @@ def outnumbers(
     Patches on the seam between a body and what it moves against slide with half its motion, all of
     them alike; what they lie among tells that there is no third body.
     """
-    told = history.seen & (d.count_new >= 2) & (d.count_old >= 5)
-    told[supporters] = False
-    others = np.nonzero(told)[0]
+    known = history.seen & (d.count_new >= 2) & (d.count_old >= 5)
+    known[supporters] = False
+    others = np.nonzero(known)[0]
     error = d.p_new[others] - d.p_old[others] @ X[:3, :3].T - X[:3, 3]
     S = d.C_old[others] + d.C_new[others] + config.history.floor**2 * np.eye(3)
-    against = others[squared_distances(error, S)[0] > config.gate]
+    against = others[squared_distances(error, S)[0] > GATE]
 
     def neighbours(rows: Ids) -> int:
         difference = d.p_new[supporters][:, None] - d.p_new[rows]
-        return int(np.sum(np.sum(difference**2, axis=2) < config.birth.neighbourhood**2))
+        return int(np.sum(np.sum(difference**2, axis=2) < config.initiation.neighbourhood**2))
 
     return neighbours(supporters) > neighbours(against)
 
@@ -173,7 +177,7 @@ def new_body(
     mine = history.select(rows[placed])
     X_WB_reference = np.eye(4)
     X_WB_reference[:3, 3] = rest.p_WF[of_rest].mean(axis=0)
-    sigma = config.dynamics.initial_velocity
+    sigma = pose_scale(config.dynamics.initial_velocity)
     body = body_filter.at_reference(X_WB_reference, sigma if stood else 5.0 * sigma)
     body = body_filter.add_reference_landmarks(
         body, mine.ids, X_WB_reference, rest.p_WF[of_rest], rest.covariance[of_rest]
@@ -186,7 +190,7 @@ def new_body(
             seen = np.nonzero(mine.samples[:, k])[0]
             p_WF = mine.p_W[seen, k]
             covariance = np.linalg.inv(mine.information[seen, k])
-            fits = body_filter.agreeing(body, seen, p_WF, covariance, config.gate)
+            fits = body_filter.agreeing(body, seen, p_WF, covariance, GATE)
             body = body_filter.correct(body, seen[fits], p_WF[fits], covariance[fits])
         path[k] = body.X
     return TrackedBody(
@@ -197,11 +201,11 @@ def new_body(
         rest=rest,
         path=path,
         support=len(placed),
-        source="birth",
+        source="initiation",
     )
 
 
-def give_birth(
+def initiate_body(
     config: RigidBodyMotionConfig,
     state: BodyTrackerState,
     bodies: list[TrackedBody],

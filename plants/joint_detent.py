@@ -1,22 +1,25 @@
-"""A catch that holds a joint where it is closed, as a magnet or a ball in a spring does."""
+"""A detent that holds a joint where it is closed, as a magnet or a ball in a spring does."""
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, PrismaticJoint
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-_WAY, _ANGLE = 3e-4, 2e-3  # To where it holds most, [m] for a slide, [rad] for a joint that turns.
+_LENGTH, _ANGLE = (
+    3e-4,
+    2e-3,
+)  # Displacement of the largest force, [m] for a slide, [rad] for a joint that turns.
 
 
-class JointCatch(LeafSystem):
-    """Generalized force -F (x / s) exp(1 - |x| / s), x the way from where the joint is caught.
+class JointDetent(LeafSystem):
+    """Generalized force -F (x / s) exp(1 - |x| / s), x the displacement from where it is held.
 
-    The joint is caught at its default position. The catch holds most, by F, at x = s, 0.3 mm or
+    The joint is held at its default position. The detent holds most, by F, at x = s, 0.3 mm or
     2 mrad away, and lets go within a few times that.
 
     .. pydrake_system::
 
-        name: JointCatch
+        name: JointDetent
         input_ports:
         - plant_state
         output_ports:
@@ -37,14 +40,14 @@ class JointCatch(LeafSystem):
     def __init__(self, plant: MultibodyPlant, joint: Joint, force: float) -> None:
         super().__init__()
         if not 0.0 <= force < np.inf:
-            raise ValueError(f"JointCatch: force = {force!r}, need >= 0 N or N m")
+            raise ValueError(f"JointDetent: force = {force!r}, need >= 0 N or N m")
         self._q, self._v = joint.position_start(), joint.velocity_start()
         self._position, self._force = float(joint.default_positions()[0]), force
-        self._way = _WAY if isinstance(joint, PrismaticJoint) else _ANGLE
+        self._scale = _LENGTH if isinstance(joint, PrismaticJoint) else _ANGLE
         self._state = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
         self.DeclareVectorOutputPort("generalized_forces", plant.num_velocities(), self._calc)
 
     def _calc(self, context: Context, output: BasicVector) -> None:
-        x = (np.asarray(self._state.Eval(context))[self._q] - self._position) / self._way
+        x = (np.asarray(self._state.Eval(context))[self._q] - self._position) / self._scale
         output.SetZero()
         output.SetAtIndex(self._v, -self._force * x * np.exp(1.0 - abs(x)))

@@ -1,4 +1,4 @@
-"""A catch holds its joint up to a force, and lets it go beyond."""
+"""A detent holds its joint up to a force, and lets it go beyond."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
 from crossmodal.models import SDF_DIR
-from crossmodal.plants.joint_catch import JointCatch
+from crossmodal.plants.joint_detent import JointDetent
 from crossmodal.plants.scene import (
     ManipulationScene,
     ObjectPlacement,
@@ -26,16 +26,16 @@ def scene() -> ManipulationScene:
 
 
 def _forces(scene: ManipulationScene, positions: np.ndarray) -> np.ndarray:
-    """Of a catch of 12 N on the drawer, at each of its positions [m]."""
+    """Of a detent of 12 N on the drawer, at each of its positions [m]."""
     plant = scene.plant
     slide = plant.GetJointByName("slide")
-    catch = JointCatch(plant, slide, 12.0)
-    context, state = catch.CreateDefaultContext(), np.zeros(plant.num_multibody_states())
+    detent = JointDetent(plant, slide, 12.0)
+    context, state = detent.CreateDefaultContext(), np.zeros(plant.num_multibody_states())
     found = []
     for x in positions:
         state[slide.position_start()] = x
-        catch.get_input_port().FixValue(context, state)
-        force = np.asarray(catch.get_output_port().Eval(context))
+        detent.get_input_port().FixValue(context, state)
+        force = np.asarray(detent.get_output_port().Eval(context))
         found.append(force[slide.velocity_start()])
         assert np.count_nonzero(force) <= 1
     return np.array(found)
@@ -57,5 +57,5 @@ def test_it_lets_go_a_centimetre_away(scene: ManipulationScene) -> None:
 
 @pytest.mark.parametrize("force", [-1.0, np.nan, np.inf])
 def test_an_impossible_force_is_refused(scene: ManipulationScene, force: float) -> None:
-    with pytest.raises(ValueError, match=r"JointCatch: force = .*, need >= 0"):
-        JointCatch(scene.plant, scene.plant.GetJointByName("slide"), force)
+    with pytest.raises(ValueError, match=r"JointDetent: force = .*, need >= 0"):
+        JointDetent(scene.plant, scene.plant.GetJointByName("slide"), force)

@@ -9,10 +9,10 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from crossmodal.diagrams.crossmodal.modalities import MODALITIES
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
-from crossmodal.systems.kinematics.joint_mechanics import JointMechanicsFilter
-from crossmodal.systems.kinematics.joint_mechanics_config import JointMechanicsConfig
 from crossmodal.systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
+from crossmodal.systems.kinematics.mechanics.joint_mechanics import JointMechanicsFilter
+from crossmodal.systems.kinematics.mechanics.joint_mechanics_config import JointMechanicsConfig
 from crossmodal.systems.monitoring.angles import AnglesByRates, AnglesConfig
 from crossmodal.systems.monitoring.arm_response import ArmResponse, ArmResponseConfig
 from crossmodal.systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig

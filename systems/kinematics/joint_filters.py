@@ -44,49 +44,37 @@ import numpy as np
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check
-from crossmodal.systems.kinematics.goodness_of_fit import claim, most_certainty
+from crossmodal.systems.kinematics.evidence.covariance_floor import floor, with_likelier_floor
+from crossmodal.systems.kinematics.evidence.goodness_of_fit import claim, most_certainty
+from crossmodal.systems.kinematics.evidence.type_evidence import likelier_strays, type_evidence
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
-from crossmodal.systems.kinematics.joint_filters_readout import read_joint, still_joint
-from crossmodal.systems.kinematics.joint_filters_start import (
+from crossmodal.systems.kinematics.joint_filters_state import (
     LEAST_NOISE,
-    finite,
+    TYPES,
+    JointFiltersState,
     initial_state,
     least_scale,
     rebased_state,
+    skip,
     solver_priors,
 )
-from crossmodal.systems.kinematics.joint_filters_state import TYPES, JointFiltersState, skip
-from crossmodal.systems.kinematics.joint_solver.free_motion import settle
-from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
-    FREE,
-    MOVING,
-    PRISMATIC,
-    RIGID,
-)
-from crossmodal.systems.kinematics.joint_solver.joint_models import Models
-from crossmodal.systems.kinematics.joint_solver.joint_readout import (
-    predict_pose,
-)
-from crossmodal.systems.kinematics.joint_solver.joint_update import update as update_models
-from crossmodal.systems.kinematics.joint_solver.noise_correlation import (
+from crossmodal.systems.kinematics.keyframes.noise_correlation import (
     NoiseCorrelation,
     correlations,
     inflation,
     observe_correlation,
 )
-from crossmodal.systems.kinematics.joint_solver.noise_scale import (
+from crossmodal.systems.kinematics.keyframes.noise_scale import (
     MEASURED,
     NoiseScale,
     mean_claim,
     observe,
     own_scale,
 )
-from crossmodal.systems.kinematics.joint_solver.path_floor import floor, with_likelier_floor
-from crossmodal.systems.kinematics.joint_solver.pose_keyframes import (
+from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
     copy_keyframes,
     rescale,
 )
-from crossmodal.systems.kinematics.joint_solver.type_evidence import likelier_strays, type_evidence
 from crossmodal.systems.kinematics.measurement_errors import (
     EXACT,
     correlated_shares,
@@ -98,11 +86,25 @@ from crossmodal.systems.kinematics.pose_checks import (
     SkipReason,
     covariance_array,
     covariance_fault,
+    finite,
     pose_array,
     pose_fault,
     time_fault,
 )
-from crossmodal.systems.port_values import JointBelief, JointType, PoseBelief
+from crossmodal.systems.kinematics.solver.free_motion import settle
+from crossmodal.systems.kinematics.solver.joint_geometry import (
+    FREE,
+    MOVING,
+    PRISMATIC,
+    RIGID,
+    SCREW,
+    turns,
+)
+from crossmodal.systems.kinematics.solver.joint_models import Models
+from crossmodal.systems.kinematics.solver.joint_pitch import pitch_posterior
+from crossmodal.systems.kinematics.solver.joint_readout import predict_pose, read_moving
+from crossmodal.systems.kinematics.solver.joint_update import update as update_models
+from crossmodal.systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
 
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
 _RESTART_EVERY = 16  # Updates between fresh starts where the axis is better known than that.
@@ -110,6 +112,7 @@ _TURN_EVERY = 4  # Updates between turns of all models (`joint_update.solve_all`
 _OFTEN = 24  # Such turns up to which a floor is tried at each, then at every third.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
 _SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
+_NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 
 
 def _log_prior(p: TypePriorsConfig) -> Array:
@@ -368,9 +371,9 @@ class JointFilters:
             child_id=state.child_id,
             probabilities=self.probabilities(state),
             models={
-                **{TYPES[kind]: read_joint(state, kind, dt, self.config) for kind in MOVING},
+                **{TYPES[kind]: _moving_joint(state, kind, dt, self.config) for kind in MOVING},
                 **{
-                    TYPES[kind]: still_joint(float(state.models.log_evidence[kind]))
+                    TYPES[kind]: _still_joint(float(state.models.log_evidence[kind]))
                     for kind in (RIGID, FREE)
                 },
             },
@@ -414,3 +417,51 @@ def _wants_restart(state: JointFiltersState) -> bool:
         return False
     unknown = m.covariance[PRISMATIC, 6, 6] + m.covariance[PRISMATIC, 7, 7] > _WELL_KNOWN**2
     return bool(unknown) or (state.updates + 1) % _RESTART_EVERY == 0
+
+
+def _moving_joint(
+    state: JointFiltersState, kind: int, dt: float, config: JointFiltersConfig
+) -> JointModelBelief:
+    """What is believed of one kind of moving joint, predicted dt [s] ahead."""
+    m, S = state.models, config.unmeasured_process_noise
+    if turns(kind):
+        S /= config.radius**2 + float(m.c[kind] @ m.c[kind]) + float(m.pitch[kind]) ** 2
+    vectors, axis, point, configuration, covariance = read_moving(
+        kind,
+        m,
+        state.covariance[kind],
+        state.X_PF,
+        config.axis_distance,
+        state.W_zero,
+        state.reference_noise + state.offset,
+        float(state.zero_variance[kind]),
+        S,
+        dt,
+    )
+    pitch, pitch_variance = np.nan, np.nan
+    if kind == SCREW:
+        pitch, pitch_variance = pitch_posterior(m.pitch[kind], state.covariance[kind, 10, 10])
+    return JointModelBelief(
+        log_evidence=float(state.models.log_evidence[kind]),
+        axis_P=vectors[0],
+        axis_covariance=axis,
+        p_PA=vectors[1],
+        p_PA_covariance=point,
+        configuration=configuration,
+        configuration_covariance=covariance,
+        pitch=pitch,
+        pitch_variance=pitch_variance,
+    )
+
+
+def _still_joint(log_evidence: float) -> JointModelBelief:
+    """What is believed of what has neither axis nor configuration: rigid, or disconnected."""
+    return JointModelBelief(
+        log_evidence=log_evidence,
+        axis_P=_NO_VECTOR,
+        axis_covariance=_NO_MATRIX,
+        p_PA=_NO_VECTOR,
+        p_PA_covariance=_NO_MATRIX,
+        configuration=_NO_VECTOR[:2],
+        configuration_covariance=_NO_MATRIX[:2, :2],
+    )

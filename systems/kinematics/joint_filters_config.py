@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from crossmodal.maths.validation import number, numbers
-from crossmodal.systems.kinematics.joint_solver.pose_keyframes import FIRST, RECENT
+from crossmodal.systems.kinematics.keyframes.pose_keyframes import FIRST, RECENT
 from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.kinematics.joint_filters import JointFiltersState
-from crossmodal.systems.kinematics.joint_filters_start import finite
+from crossmodal.systems.kinematics.pose_checks import finite
 from crossmodal.systems.port_values import STATIC_BODY, BodyMotion, PoseBelief
 
 Pair = tuple[int, int]

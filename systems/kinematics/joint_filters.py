@@ -8,7 +8,7 @@ lose what the motion has shown, an old keyframe is marginalised, and leaves a Ga
 parameters and its share of the evidence.
 
 What is claimed of the measurements is a prior. How large their noise is and whether it is
-correlated in time follows from the stream itself (`noise_scale`, `noise_correlation`), what does
+correlated in time follows from the stream itself (`measurement_noise`), what does
 not average out and by what the path is no ideal joint's from the evidence (`path_floor`), and a
 measurement that is far off is an outlier with a probability (`outliers`). Where no joint explains
 the motion, a free one wins (`free_motion`), and no joint is claimed with more certainty than the
@@ -53,23 +53,18 @@ from crossmodal.systems.kinematics.joint_filters_state import (
     TYPES,
     JointFiltersState,
     initial_state,
-    least_scale,
     rebased_state,
     skip,
     solver_priors,
 )
-from crossmodal.systems.kinematics.keyframes.noise_correlation import (
-    NoiseCorrelation,
-    correlations,
-    inflation,
-    observe_correlation,
-)
-from crossmodal.systems.kinematics.keyframes.noise_scale import (
+from crossmodal.systems.kinematics.keyframes.measurement_noise import (
     MEASURED,
-    NoiseScale,
-    mean_claim,
+    MeasurementNoise,
+    correlations,
+    estimated_scale,
+    inflation,
+    mean_covariance,
     observe,
-    own_scale,
 )
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
     copy_keyframes,
@@ -282,32 +277,30 @@ class JointFilters:
         keyframes = copy_keyframes(state.keyframes)
         dt = time - state.time
         correlated = None if correlated is None else finite(correlated)
-        claimed = white_equivalent(covariance, dt, self.config.errors, correlated)
+        R_reported = white_equivalent(covariance, dt, self.config.errors, correlated)
         priors = self._priors
         if self._correlated:
-            white, rest = error_shares(covariance, claimed, dt, self.config.errors, correlated)
+            white, rest = error_shares(covariance, R_reported, dt, self.config.errors, correlated)
             priors = priors._replace(white_share=white, correlated_share=rest)
         X_FB = se3.inverse(state.X_PF) @ X_PB
         if np.diagonal(covariance)[:3].min() > MEASURED:
             # What stands for a rotation must not bend the path between positions.
             X_FB[:3, :3] = keyframes.Z[keyframes.size[0] - 1, :3, :3]
-        noise, scale = NoiseScale(*[x.copy() for x in state.noise]), state.scale
-        observe(noise, X_FB, claimed, time, least_scale(self.config))
-        alike = NoiseCorrelation(*[x.copy() for x in state.correlation])
-        observe_correlation(alike, X_FB, claimed, time)
-        own, r = own_scale(noise), correlations(alike, noise.variance)
-        wanted = own
+        noise, scale = MeasurementNoise(*[x.copy() for x in state.noise]), state.scale
+        observe(noise, X_FB, R_reported, time, self._correlated)
+        estimated, r = estimated_scale(noise), correlations(noise)
+        target = estimated
         if r.max() > 0.0:
-            wanted = own * np.sqrt(np.repeat(inflation(r), 3))
+            target = estimated * np.sqrt(np.repeat(inflation(r), 3))
             white, rest = correlated_shares(float(r.max()))
             priors = priors._replace(white_share=white, correlated_share=rest)
-        claim = mean_claim(state.claim, state.updates, covariance + EXACT)
-        if np.abs(np.log(wanted / scale)).max() > _RESCALE:
+        reported = mean_covariance(state.reported, state.updates, covariance + EXACT)
+        if np.abs(np.log(target / scale)).max() > _RESCALE:
             settle(keyframes, self._priors.free, self._priors.outliers, models.inlier[FREE])
-            independent = floor(state.floor_index, claim, own)
-            rescale(keyframes, wanted / scale, independent, self._priors.outliers)
-            scale = wanted
-        R = claimed * np.outer(scale, scale)
+            independent = floor(state.floor_index, reported, estimated)
+            rescale(keyframes, target / scale, independent, self._priors.outliers)
+            scale = target
+        R = R_reported * np.outer(scale, scale)
         updates, index, strays = state.updates + 1, state.floor_index, state.strays_index
         turn = updates % _TURN_EVERY == 0
         update_models(
@@ -317,11 +310,11 @@ class JointFilters:
         if turn and (turns <= _OFTEN or turns % 3 == 0):
             tries = turns if turns <= _OFTEN else turns // 3
             models, keyframes, index = with_likelier_floor(
-                models, keyframes, index, tries, claim, own, priors, self._log_prior
+                models, keyframes, index, tries, reported, estimated, priors, self._log_prior
             )
         if turn:
             strays = likelier_strays(
-                models, keyframes, strays, turns, claim, own, priors, self._log_prior
+                models, keyframes, strays, turns, reported, estimated, priors, self._log_prior
             )
         updated = replace(
             state,
@@ -330,9 +323,8 @@ class JointFilters:
             models=models,
             keyframes=keyframes,
             noise=noise,
-            correlation=alike,
             scale=scale,
-            claim=claim,
+            reported=reported,
             floor_index=index,
             strays_index=strays,
         )
@@ -348,10 +340,10 @@ class JointFilters:
 
     def _with_probabilities(self, state: JointFiltersState) -> JointFiltersState:
         m, kf = state.models, state.keyframes
-        strays = floor(state.strays_index, state.claim, own_scale(state.noise))
+        strays = floor(state.strays_index, state.reported, estimated_scale(state.noise))
         evidence, covariance = type_evidence(m, kf, self._priors, strays)
         p, likeliest = claim(evidence + self._log_prior_of_claims, evidence + self._log_prior)
-        lost = p[likeliest] * (1.0 - most_certainty(likeliest, m, kf, state.noise, state.claim))
+        lost = p[likeliest] * (1.0 - most_certainty(likeliest, m, kf, state.noise, state.reported))
         p[likeliest] -= lost
         p[FREE] += lost
         probabilities = dict(zip(TYPES, p.tolist(), strict=True))
@@ -401,13 +393,13 @@ def _is_repeated(state: JointFiltersState, X_PB: Array, covariance: Array, time:
     Where there is noise, no two measurements are the same to the last digit.
     """
     last, kf = state.noise, state.keyframes
-    if np.abs(se3.inverse(state.X_PF) @ X_PB - last.Z[1]).max() >= _SAME_POSE:
+    if np.abs(se3.inverse(state.X_PF) @ X_PB - last.Z[-1]).max() >= _SAME_POSE:
         return False
-    if time == last.time[1]:
+    if time == last.time[-1]:
         return True
     differed = np.abs(kf.Z[: kf.size[0]] - kf.Z[0]).max() >= _SAME_POSE
     has_noise = np.diagonal(covariance).min() > LEAST_NOISE
-    return bool(differed and has_noise and np.allclose(covariance, last.R[1], 1e-6, 1e-11))
+    return bool(differed and has_noise and np.allclose(covariance, last.R[-1], 1e-6, 1e-11))
 
 
 def _wants_restart(state: JointFiltersState) -> bool:

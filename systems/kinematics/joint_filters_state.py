@@ -11,17 +11,12 @@ from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.kinematics.evidence.covariance_floor import FLOORS
 from crossmodal.systems.kinematics.evidence.goodness_of_fit import reduced_chi_square
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
-from crossmodal.systems.kinematics.keyframes.noise_correlation import (
-    NoiseCorrelation,
+from crossmodal.systems.kinematics.keyframes.measurement_noise import (
+    MeasurementNoise,
     correlations,
-    initial_noise_correlation,
-    observe_correlation,
-)
-from crossmodal.systems.kinematics.keyframes.noise_scale import (
-    NoiseScale,
-    initial_noise_scale,
+    estimated_scale,
+    initial_noise,
     observe,
-    own_scale,
 )
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
     Keyframes,
@@ -71,10 +66,9 @@ class JointFiltersState(Immutable):
         updates: Measurements seen.
         models: Parameters, configuration and evidence of each model.
         keyframes: The measurements, averaged.
-        noise: By how much the claimed covariances are wrong.
-        correlation: How alike neighbouring measurements err.
-        scale: (6,) standard deviations of the keyframes by those that were claimed.
-        claim: Covariance (6, 6), in B, that measurements claim, their harmonic mean.
+        noise: How large the measurements' noise is, and how correlated.
+        scale: (6,) standard deviations of the keyframes by those that were reported.
+        reported: Covariance (6, 6), in B, that measurements report, their harmonic mean.
         floor_index: In `path_floor.FLOORS` of what the keyframes have.
         strays_index: The same of how large smooth strays are (`smooth_strays`).
         covariance: (J, N, N) of each model's theta, strays smooth or independent.
@@ -95,10 +89,9 @@ class JointFiltersState(Immutable):
     updates: int
     models: Models
     keyframes: Keyframes
-    noise: NoiseScale
-    correlation: NoiseCorrelation
+    noise: MeasurementNoise
     scale: Array
-    claim: Array
+    reported: Array
     floor_index: int
     strays_index: int
     covariance: Array
@@ -116,7 +109,7 @@ class JointFiltersState(Immutable):
         m, kf, size = self.models, self.keyframes, int(self.keyframes.size[0])
         kind = max(range(len(TYPES)), key=lambda k: self.probabilities[TYPES[k]])
         value, bounds, degrees = reduced_chi_square(kind, m, kf, self.noise)
-        scale = own_scale(self.noise)
+        scale = estimated_scale(self.noise)
         undecided = float(kf.open[:size] @ (1.0 - m.inlier[kind, :size]))
         return JointFit(
             reduced_chi_square=value,
@@ -124,7 +117,7 @@ class JointFiltersState(Immutable):
             degrees=degrees,
             outlier_share=(float(kf.outliers[0]) + undecided) / (self.updates + 1),
             noise_scale=(float(scale[0]), float(scale[3])),
-            noise_correlation=float(correlations(self.correlation, self.noise.variance).max()),
+            noise_correlation=float(correlations(self.noise).max()),
             path_floor=FLOORS[self.floor_index],
         )
 
@@ -137,11 +130,6 @@ def skip(state: JointFiltersState, reason: SkipReason) -> JointFiltersState:
 
 _NO_OUTLIERS = np.zeros(7)
 LEAST_NOISE = 1e-10  # Variance up to which a measurement is exact, [rad^2, m^2].
-
-
-def least_scale(config: JointFiltersConfig) -> float:
-    """Least square of the noise's scale; where errors are correlated a stream hides them."""
-    return 1.0 if is_correlated(config.errors) else 0.0
 
 
 def solver_priors(config: JointFiltersConfig) -> Priors:
@@ -220,10 +208,8 @@ def initial_state(
     measured = bool(covariance.max() > LEAST_NOISE)
     keyframes.reference_strays[0] = float(measured)
     append(keyframes, np.eye(4), R, time, priors.outliers if measured else _NO_OUTLIERS)
-    scale = initial_noise_scale()
-    observe(scale, np.eye(4), R, time, least_scale(config))
-    correlation = initial_noise_correlation()
-    observe_correlation(correlation, np.eye(4), R, time)
+    scale = initial_noise()
+    observe(scale, np.eye(4), R, time, is_correlated(config.errors))
     models = _initial_models(R, config)
     models.log_evidence[:] = 0.5 * keyframes.log_det[0]
     return JointFiltersState(
@@ -235,9 +221,8 @@ def initial_state(
         models=models,
         keyframes=keyframes,
         noise=scale,
-        correlation=correlation,
         scale=np.ones(6),
-        claim=np.zeros((6, 6)),
+        reported=np.zeros((6, 6)),
         floor_index=0,
         strays_index=0,
         covariance=models.covariance,
@@ -274,7 +259,6 @@ def rebased_state(
         keyframes=keyframes,
         # The next step is none of its noise.
         noise=state.noise._replace(seen=np.zeros(1)),
-        correlation=state.correlation._replace(seen=np.zeros(1)),
         floor_index=0,
         strays_index=0,
         W_zero=np.asarray(np.linalg.inv(R)),

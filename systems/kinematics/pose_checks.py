@@ -14,7 +14,7 @@ import numpy as np
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
-from crossmodal.systems.kinematics.keyframes.noise_scale import UNKNOWN
+from crossmodal.systems.kinematics.keyframes.measurement_noise import UNKNOWN
 
 FARTHEST = 1e6  # Distance between parent and child from which it is no place, [m].
 _ORTHONORMAL = 1e-3  # Largest entry of R^T R - I.

@@ -11,10 +11,10 @@ from crossmodal.maths.compiled import hot
 from crossmodal.maths.se3_in_place import pose_difference
 from crossmodal.maths.tangent_plane import tangent_basis
 from crossmodal.systems.kinematics.evidence.covariance_floor import FLOORS, floor
-from crossmodal.systems.kinematics.keyframes.noise_scale import (
-    NoiseScale,
+from crossmodal.systems.kinematics.keyframes.measurement_noise import (
+    MeasurementNoise,
     degrees_of_freedom,
-    own_scale,
+    estimated_scale,
 )
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
     Keyframes,
@@ -89,7 +89,7 @@ _LEAD = 1e-6  # By which the likeliest type is ahead.
 
 
 def reduced_chi_square(
-    kind: int, m: Models, kf: Keyframes, noise: NoiseScale
+    kind: int, m: Models, kf: Keyframes, noise: MeasurementNoise
 ) -> tuple[float, tuple[float, float], int]:
     """Reduced chi-square of the keyframes off a joint's path, its 95 % bounds, and its degrees.
 
@@ -107,7 +107,9 @@ def reduced_chi_square(
     return square / degrees, (low, high), degrees
 
 
-def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale, claim: Array) -> float:
+def most_certainty(
+    kind: int, m: Models, kf: Keyframes, noise: MeasurementNoise, claim: Array
+) -> float:
     """Probability up to which a joint may be claimed, by how far the keyframes are off its path.
 
     No real joint is ideal, but one from which the child strays by more than the largest floor is
@@ -119,11 +121,13 @@ def most_certainty(kind: int, m: Models, kf: Keyframes, noise: NoiseScale, claim
         m: Models.
         kf: Keyframes.
         noise: Scale of their noise.
-        claim: Covariance (6, 6) that measurements claim.
+        reported: Covariance (6, 6) that measurements report.
     """
     if kind > RIGID:
         return 1.0
-    square, degrees = off_path(kind, m, kf, floor(len(FLOORS) - 1, claim, own_scale(noise)))
+    square, degrees = off_path(
+        kind, m, kf, floor(len(FLOORS) - 1, reported, estimated_scale(noise))
+    )
     if degrees < 1:
         return 1.0
     p = float(scipy.special.fdtrc(degrees, degrees_of_freedom(noise), square / degrees))

@@ -20,7 +20,7 @@ from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.compiled import hot
 from crossmodal.maths.se3_in_place import perturb, relative_log
-from crossmodal.systems.kinematics.keyframes.noise_scale import MEASURED
+from crossmodal.systems.kinematics.keyframes.measurement_noise import MEASURED
 
 RECENT = 4  # Newest keyframes, which stay single measurements: they say the present velocity.
 FIRST = 4  # Oldest keyframes, which are never marginalised: they say where the motion started.

@@ -108,7 +108,7 @@ def reduced_chi_square(
 
 
 def most_certainty(
-    kind: int, m: Models, kf: Keyframes, noise: MeasurementNoise, claim: Array
+    kind: int, m: Models, kf: Keyframes, noise: MeasurementNoise, reported: Array
 ) -> float:
     """Probability up to which a joint may be claimed, by how far the keyframes are off its path.
 

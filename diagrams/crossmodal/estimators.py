@@ -1,7 +1,7 @@
 """The network of coupled filters: one factory, three wirings of the same systems."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
@@ -122,26 +122,18 @@ _FURNITURE = TypePriorsConfig(screw=0.02, rigid=0.4)  # Few of its joints are sc
 _HINGE_PITCH = 3e-3  # What errors that last make a hinge climb, [m/rad].
 
 
-def joints_from_features() -> KinematicModelConfig:
-    """Bodies followed by the eye drift by a tenth of a millimetre or two for seconds.
-
-    What an arm opens has its hinge within reach.
-    """
-    return KinematicModelConfig(
-        filters=JointFiltersConfig(
-            far_axes=False,
-            type_priors=_FURNITURE,
-            ranking_priors=_FURNITURE,
-            hinge_pitch=_HINGE_PITCH,
-            errors=MeasurementErrorsConfig(
-                correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
-            ),
-        )
+def errors_of_the_eye() -> MeasurementErrorsConfig:
+    """Bodies followed by the eye drift by a tenth of a millimetre or two for seconds."""
+    return MeasurementErrorsConfig(
+        correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
     )
 
 
-def joints_from_the_hand() -> KinematicModelConfig:
-    """The hand pulls at what the eye sees; unseen, a body's error is that of the hand."""
+def joints_of_furniture() -> KinematicModelConfig:
+    """What an arm opens has its hinge within reach.
+
+    The hand pulls at what the eye sees; unseen, a body's error is that of the hand.
+    """
     return KinematicModelConfig(
         filters=JointFiltersConfig(
             far_axes=False,
@@ -160,9 +152,11 @@ def joints_from_the_hand() -> KinematicModelConfig:
 
 @dataclass(kw_only=True)
 class PerceptionConfig:
-    """One config per filter; the joints' differ by what measures the bodies.
+    """One config per filter.
 
     Attributes:
+        joints: Of all networks; the errors are those of bodies that the hand moves.
+        visual_errors: Of bodies that only the eye sees, in the place of those.
         cut: Wires of `CROSSMODAL_WIRES` that the cross-modal network does without.
     """
 
@@ -179,9 +173,8 @@ class PerceptionConfig:
     held_body: HeldBodyMotionConfig = field(default_factory=HeldBodyMotionConfig)
     features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
     bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
-    joints_vision: KinematicModelConfig = field(default_factory=joints_from_features)
-    joints_proprioception: KinematicModelConfig = field(default_factory=joints_from_the_hand)
-    joints_crossmodal: KinematicModelConfig = field(default_factory=joints_from_the_hand)
+    joints: KinematicModelConfig = field(default_factory=joints_of_furniture)
+    visual_errors: MeasurementErrorsConfig = field(default_factory=errors_of_the_eye)
     joint_mechanics: JointMechanicsConfig = field(default_factory=JointMechanicsConfig)
 
 
@@ -203,8 +196,10 @@ def make_network(modality: str, config: PerceptionConfig, calibration: Calibrati
         raise ValueError(f"unknown modality '{modality}'; there are {', '.join(MODALITIES)}")
     check_cut(config.cut)
     builder = DiagramBuilder()
-    kinematics = getattr(config, f"joints_{modality}")
+    kinematics = config.joints
     if modality == "vision":
+        filters = replace(kinematics.filters, errors=config.visual_errors)
+        kinematics = replace(kinematics, filters=filters)
         model = _add(builder, "kinematic_model", KinematicModel(kinematics, inputs=1))
         bodies = _add_vision(builder, config, calibration, with_held_body=False)
         _wire(builder, bodies, "body_motions_estimated", model, "body_motions")

@@ -134,8 +134,8 @@ LEAST_NOISE = 1e-10  # Variance up to which a measurement is exact, [rad^2, m^2]
 
 def solver_priors(config: JointFiltersConfig) -> Priors:
     """The configuration as the compiled solver has it."""
-    lever = np.repeat([config.radius, 1.0], 3)
-    off = np.repeat([config.outlier_rotation**2, config.outlier_translation**2], 3)
+    to_pose = np.repeat([1.0 / config.radius, 1.0], 3)  # From metres.
+    speed, off = config.speed * to_pose, config.radius * to_pose
     return Priors(
         process_noise=np.array(config.process_noise),
         jump_noise=config.jump_noise,
@@ -145,12 +145,9 @@ def solver_priors(config: JointFiltersConfig) -> Priors:
         axis_distance=config.axis_distance,
         far_axes=config.far_axes,
         hinge_pitch=config.hinge_pitch,
-        free=free_motion(
-            np.repeat([config.walk_rotation**2, config.walk_translation**2], 3),
-            (config.speed / lever) ** 2,
-            config.free_acceleration / lever**2,
-        ),
-        outliers=np.concatenate([[config.outliers], off]),
+        # A free body may change its velocity by its speed within a tenth of a second.
+        free=free_motion(speed**2, speed**2, 10.0 * config.speed * config.speed * to_pose**2),
+        outliers=np.concatenate([[config.outliers], off**2]),
         coarseness=config.coarseness,
         white_share=1.0,
         correlated_share=0.0,

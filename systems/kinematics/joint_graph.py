@@ -118,7 +118,7 @@ def transferred(
 
 def at_rest(body: BodyMotion, config: KinematicModelConfig) -> BodyMotion:
     """A body that is not measured any more, one tick later: at rest, with growing covariance."""
-    walk = np.repeat([config.rest_rotation, config.rest_translation], 3)
+    walk = config.rest_walk * np.repeat([1.0 / config.filters.radius, 1.0], 3)
     growth = np.diag(walk**2 * config.period)
     covariance = body.motion.covariance.copy()
     covariance[:6, :6] += growth

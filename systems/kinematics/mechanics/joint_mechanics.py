@@ -30,10 +30,12 @@ from crossmodal.systems.port_values import (
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
 _DOWN_W = np.array([0.0, 0.0, -1.0])
+SENSOR_LEVER = 0.1  # Error of a torque by that of a force, [m].
+_WRENCH = np.repeat([SENSOR_LEVER, 1.0], 3)
 # Of a sensor's zero, however long it was watched: it drifts, and turns with the hand's weight.
-_LEAST_ZERO = np.repeat([0.005, 0.05], 3)  # [N m], [N]
+_LEAST_ZERO = 0.05 * _WRENCH  # [N m], [N]
 _FREE = 60  # Readings of the open hand that are remembered.
-_ALIKE = 10.0  # So many of them in a row err alike.
+_CORRELATED = 10.0  # Readings per independent sample.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +64,7 @@ def watch_free_hand(state: HeldJointMechanics, load: HandLoad) -> HeldJointMecha
     readings = np.array(free)
     zero = np.median(readings, axis=0)
     spread = 1.4826 * np.median(np.abs(readings - zero), axis=0)
-    known = len(free) / _ALIKE
+    known = len(free) / _CORRELATED
     if known < 1.0:
         return replace(state, free=free)
     variance = spread**2 / known + _LEAST_ZERO**2
@@ -133,8 +135,8 @@ class JointMechanicsFilter(RecursiveFilter):
         self._active = self.DeclareVectorInputPort("interaction_active", 1)
         self._grasp = self._declare_value_input("grasp_latest", None)
         self._bodies = self._declare_value_input("body_motions_latest", BodyMotions())
-        zero = np.repeat([config.zero_torque, config.zero_force], 3)
-        initial = HeldJointMechanics(zero=np.zeros(6), zero_variance=zero**2)
+        variance = (config.zero_force * _WRENCH) ** 2
+        initial = HeldJointMechanics(zero=np.zeros(6), zero_variance=variance)
         self._declare_recursion(initial, self._calc_state, config.period)
         self._declare_estimated("joint_mechanics_estimated", self._beliefs)
         self._declare_latest("joint_mechanics_latest", self._beliefs)
@@ -148,7 +150,7 @@ class JointMechanicsFilter(RecursiveFilter):
             return watch_free_hand(state, load) if measured and opened else state
         grasp = self._read_optional(self._grasp, context)
         failed = 0.0 if grasp is None else grasp.probabilities[GraspType.FAILED]
-        held = measured and failed <= self._filters.config.largest_failure
+        held = measured and failed <= 0.5
         joints = {}
         for joint in self._read(self._joints, context).joints:
             if joint.child_id == HELD_BODY:

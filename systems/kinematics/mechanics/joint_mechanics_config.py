@@ -18,15 +18,13 @@ class JointMechanicsConfig:
             it, standard deviation.
         mass: Of what moves, against gravity.
         extent: How far its centre may be from the hand, across gravity.
-        zero_force: Of a force sensor that was never read while the hand was free.
-        zero_torque: The same of its torque.
+        zero_force: Of a force sensor that was never read while the hand was free; of its torque it
+            is that at a lever of `SENSOR_LEVER`.
         stiction: By how much static friction may exceed Coulomb friction, as a share of it.
         least_speed: Of the hand; a slower joint rests.
         slack: Way at the hand that a joint may go on at an end stop.
-        settle: For so long a joint moves before and after an instant that counts.
         smoothing: Time over which a push has to last.
         open_pressure: Gauge pressure of a chamber, below which the hand is open.
-        largest_failure: Probability of a lost grasp above which the force is not the joint's.
     """
 
     period: float = tick_period()
@@ -36,11 +34,8 @@ class JointMechanicsConfig:
     mass: float = number(5.0, at_least=0.0, at_most=1e3, unit="kg")
     extent: float = number(0.2, at_least=0.0, at_most=10.0, unit="m")
     zero_force: float = number(1.0, above=0.0, at_most=100.0, unit="N")
-    zero_torque: float = number(0.1, above=0.0, at_most=100.0, unit="N m")
     stiction: float = number(0.2, at_least=0.0, at_most=10.0)
     least_speed: float = number(0.005, above=0.0, at_most=10.0, unit="m/s")
     slack: float = number(0.002, at_least=0.0, at_most=1.0, unit="m")
-    settle: float = number(0.6, at_least=0.0, at_most=10.0, unit="s")
     smoothing: float = number(0.2, above=0.0, at_most=10.0, unit="s")
     open_pressure: float = number(5.0e3, at_least=0.0, at_most=1e6, unit="Pa")
-    largest_failure: float = number(0.5, above=0.0, at_most=1.0)

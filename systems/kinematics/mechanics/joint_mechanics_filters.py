@@ -122,7 +122,7 @@ class JointMechanicsFilters:
         check(config, owner)
         self.config = config
         self._share = 1.0 - float(np.exp(-config.period / config.smoothing))
-        self._settle = round(config.settle / config.period)
+        self._settling = round(3.0 * config.smoothing / config.period)  # Ticks.
 
     def start(self) -> JointMechanicsState:
         """The state before any force was measured."""
@@ -198,10 +198,10 @@ class JointMechanicsFilters:
 
         Around a start or a stop the rate is believed late, and inertia is part of the force.
         """
-        passing = (*state.passing, z)[-2 * self._settle - 1 :]
-        if len(passing) <= 2 * self._settle:
+        passing = (*state.passing, z)[-2 * self._settling - 1 :]
+        if len(passing) <= 2 * self._settling:
             return replace(state, passing=passing)
-        moments = observe(state.moments, passing[self._settle])
+        moments = observe(state.moments, passing[self._settling])
         return replace(state, passing=passing, moments=moments)
 
     def belief(self, state: JointMechanicsState) -> JointMechanics:

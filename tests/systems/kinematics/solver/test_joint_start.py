@@ -54,7 +54,8 @@ def test_noise_on_a_nearly_straight_path_is_no_small_circle() -> None:
 @pytest.mark.parametrize(("name", "kind"), [("door", REVOLUTE), ("drawer", PRISMATIC)])
 def test_a_model_whose_axis_is_reversed_explains_as_much(name: str, kind: int) -> None:
     """With what marginalised keyframes and a rebase have left."""
-    case, filters = CASES[name], JointFilters(JointFiltersConfig(memory=13, coarseness=1e-6))
+    case, filters = CASES[name], JointFilters(JointFiltersConfig(memory=13))
+    filters._priors = filters._priors._replace(coarseness=1e-6)
     stream = simulate_case(case, 0)
     state = filters.start(stream.X_PB_measured[0], case.covariance, 0.0)
     for k, X in enumerate(stream.X_PB_measured[1:], 1):

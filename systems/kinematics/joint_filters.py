@@ -12,7 +12,7 @@ correlated in time follows from the stream itself (`measurement_noise`), what do
 not average out and by what the path is no ideal joint's from the evidence (`path_floor`), and a
 measurement that is far off is an outlier with a probability (`outliers`). Where no joint explains
 the motion, a free one wins (`free_motion`), and no joint is claimed with more certainty than the
-distance of the measurements from its path allows (`goodness_of_fit.most_certainty`).
+distance of the measurements from its path allows (`goodness_of_fit.largest_probability`).
 
 The filters work without Drake:
 
@@ -45,8 +45,8 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check
 from crossmodal.systems.kinematics.evidence.covariance_floor import floor, with_likelier_floor
-from crossmodal.systems.kinematics.evidence.goodness_of_fit import claim, most_certainty
-from crossmodal.systems.kinematics.evidence.type_evidence import likelier_strays, type_evidence
+from crossmodal.systems.kinematics.evidence.goodness_of_fit import claim, largest_probability
+from crossmodal.systems.kinematics.evidence.type_evidence import likelier_deviations, type_evidence
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
 from crossmodal.systems.kinematics.joint_filters_state import (
     LEAST_NOISE,
@@ -86,7 +86,7 @@ from crossmodal.systems.kinematics.pose_checks import (
     pose_fault,
     time_fault,
 )
-from crossmodal.systems.kinematics.solver.free_motion import settle
+from crossmodal.systems.kinematics.solver.free_motion import explain_pending
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     FREE,
     MOVING,
@@ -103,7 +103,7 @@ from crossmodal.systems.port_values import JointBelief, JointModelBelief, JointT
 
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
 _RESTART_EVERY = 16  # Updates between fresh starts where the axis is better known than that.
-_TURN_EVERY = 4  # Updates between turns of all models (`joint_update.solve_all`).
+_ALL_MODELS_EVERY = 4  # Updates between turns of all models (`joint_update.solve_all`).
 _OFTEN = 24  # Such turns up to which a floor is tried at each, then at every third.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
 _SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
@@ -296,25 +296,27 @@ class JointFilters:
             priors = priors._replace(white_share=white, correlated_share=rest)
         reported = mean_covariance(state.reported, state.updates, covariance + EXACT)
         if np.abs(np.log(target / scale)).max() > _RESCALE:
-            settle(keyframes, self._priors.free, self._priors.outliers, models.inlier[FREE])
+            explain_pending(
+                keyframes, self._priors.free, self._priors.outliers, models.inlier[FREE]
+            )
             independent = floor(state.floor_index, reported, estimated)
             rescale(keyframes, target / scale, independent, self._priors.outliers)
             scale = target
         R = R_reported * np.outer(scale, scale)
-        updates, index, strays = state.updates + 1, state.floor_index, state.strays_index
-        turn = updates % _TURN_EVERY == 0
+        updates, index, deviations = state.updates + 1, state.floor_index, state.deviations_index
+        turn = updates % _ALL_MODELS_EVERY == 0
         update_models(
             models, keyframes, X_FB, R, time, priors, self._log_prior, _wants_restart(state), turn
         )
-        turns = updates // _TURN_EVERY
+        turns = updates // _ALL_MODELS_EVERY
         if turn and (turns <= _OFTEN or turns % 3 == 0):
             tries = turns if turns <= _OFTEN else turns // 3
             models, keyframes, index = with_likelier_floor(
                 models, keyframes, index, tries, reported, estimated, priors, self._log_prior
             )
         if turn:
-            strays = likelier_strays(
-                models, keyframes, strays, turns, reported, estimated, priors, self._log_prior
+            deviations = likelier_deviations(
+                models, keyframes, deviations, turns, reported, estimated, priors, self._log_prior
             )
         updated = replace(
             state,
@@ -326,7 +328,7 @@ class JointFilters:
             scale=scale,
             reported=reported,
             floor_index=index,
-            strays_index=strays,
+            deviations_index=deviations,
         )
         return self._with_probabilities(updated)
 
@@ -340,10 +342,12 @@ class JointFilters:
 
     def _with_probabilities(self, state: JointFiltersState) -> JointFiltersState:
         m, kf = state.models, state.keyframes
-        strays = floor(state.strays_index, state.reported, estimated_scale(state.noise))
-        evidence, covariance = type_evidence(m, kf, self._priors, strays)
+        deviations = floor(state.deviations_index, state.reported, estimated_scale(state.noise))
+        evidence, covariance = type_evidence(m, kf, self._priors, deviations)
         p, likeliest = claim(evidence + self._log_prior_of_claims, evidence + self._log_prior)
-        lost = p[likeliest] * (1.0 - most_certainty(likeliest, m, kf, state.noise, state.reported))
+        lost = p[likeliest] * (
+            1.0 - largest_probability(likeliest, m, kf, state.noise, state.reported)
+        )
         p[likeliest] -= lost
         p[FREE] += lost
         probabilities = dict(zip(TYPES, p.tolist(), strict=True))

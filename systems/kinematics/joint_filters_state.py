@@ -70,8 +70,8 @@ class JointFiltersState(Immutable):
         scale: (6,) standard deviations of the keyframes by those that were reported.
         reported: Covariance (6, 6), in B, that measurements report, their harmonic mean.
         floor_index: In `path_floor.FLOORS` of what the keyframes have.
-        strays_index: The same of how large smooth strays are (`smooth_strays`).
-        covariance: (J, N, N) of each model's theta, strays smooth or independent.
+        deviations_index: The same of how large smooth deviations are (`smooth_deviations`).
+        covariance: (J, N, N) of each model's theta, deviations smooth or independent.
         W_zero: See `read_configuration`.
         reference_noise: Covariance (6, 6), in B, of the measured reference.
         offset: Covariance (6, 6), in B, of the poses' constant error since the last reset.
@@ -93,7 +93,7 @@ class JointFiltersState(Immutable):
     scale: Array
     reported: Array
     floor_index: int
-    strays_index: int
+    deviations_index: int
     covariance: Array
     W_zero: Array
     reference_noise: Array
@@ -110,7 +110,7 @@ class JointFiltersState(Immutable):
         kind = max(range(len(TYPES)), key=lambda k: self.probabilities[TYPES[k]])
         value, bounds, degrees = reduced_chi_square(kind, m, kf, self.noise)
         scale = estimated_scale(self.noise)
-        undecided = float(kf.open[:size] @ (1.0 - m.inlier[kind, :size]))
+        undecided = float(kf.undecided[:size] @ (1.0 - m.inlier[kind, :size]))
         return JointFit(
             reduced_chi_square=value,
             bounds=bounds,
@@ -203,7 +203,7 @@ def initial_state(
     noise: Array = white_equivalent(covariance, 0.0, config.errors)
     R = noise + error
     measured = bool(covariance.max() > LEAST_NOISE)
-    keyframes.reference_strays[0] = float(measured)
+    keyframes.reference_deviates[0] = float(measured)
     append(keyframes, np.eye(4), R, time, priors.outliers if measured else _NO_OUTLIERS)
     scale = initial_noise()
     observe(scale, np.eye(4), R, time, is_correlated(config.errors))
@@ -221,7 +221,7 @@ def initial_state(
         scale=np.ones(6),
         reported=np.zeros((6, 6)),
         floor_index=0,
-        strays_index=0,
+        deviations_index=0,
         covariance=models.covariance,
         W_zero=np.asarray(np.linalg.inv(R)) if error.any() else np.zeros((6, 6)),
         reference_noise=noise,
@@ -257,7 +257,7 @@ def rebased_state(
         # The next step is none of its noise.
         noise=state.noise._replace(seen=np.zeros(1)),
         floor_index=0,
-        strays_index=0,
+        deviations_index=0,
         W_zero=np.asarray(np.linalg.inv(R)),
         offset=offset,
     )

@@ -16,9 +16,9 @@ from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFilte
 from crossmodal.systems.kinematics.joint_pairs import (
     Pair,
     constant_error,
-    due_pairs,
     measured_pose,
     possible_pairs,
+    scheduled_pairs,
 )
 from crossmodal.systems.kinematics.kinematic_model_config import KinematicModelConfig
 from crossmodal.systems.kinematics.pose_checks import SkipReason, covariance_fault, pose_fault
@@ -203,7 +203,7 @@ def update_graph(
         for pair in possible_pairs(bodies, resting)
         if pair[0] not in resting or pair in graph.pairs
     ]
-    due = due_pairs(possible, present, graph.pairs, config.max_pairs)
+    due = scheduled_pairs(possible, present, graph.pairs, config.max_pairs)
     pairs: dict[Pair, JointFiltersState] = {}
     for pair in sorted({*possible, *graph.pairs}):
         if pair in due:

@@ -1,4 +1,4 @@
-"""Pairs of bodies: which there are, whose turn it is, and what a pair measures.
+"""Pairs of bodies: which there are, that is tried next, and what a pair measures.
 
 Frames: W world, P parent, B child. A pair is (parent id, child id); the parent is `STATIC_BODY` or
 the body with the higher id, the younger one.
@@ -30,7 +30,7 @@ def possible_pairs(measured: Iterable[int], resting: Iterable[int]) -> list[Pair
     return [(STATIC_BODY, child) for child in children] + younger
 
 
-def due_pairs(
+def scheduled_pairs(
     pairs: Sequence[Pair],
     bodies: Mapping[int, BodyMotion],
     filters: Mapping[Pair, JointFiltersState],

@@ -1,10 +1,10 @@
-"""How much the child strays from an ideal joint's path, from the evidence of all models.
+"""How much the child deviates from an ideal joint's path, from the evidence of all models.
 
-Errors that depend on the place, as a camera's calibration has them, and a path that is not quite
-straight or round do not average out within a keyframe. Their covariance is the keyframes' floor.
-The former are no larger than a measurement's noise, and than what it claims; the latter has nothing
-to do with either and is a few times what joints usually stray by. Of several multiples of both the
-one is kept under which all keyframes are likeliest, whatever the type.
+Errors that depend on the place, as those of a camera's calibration, and a path that is not quite
+straight or round do not average out within a keyframe. Their covariance is the keyframes'
+covariance floor. The errors are no larger than a measurement's noise, and than the reported one;
+the path's deviation is independent of both, a few times the usual deviation of joints. Of several
+multiples of both, the one under which all keyframes are likeliest is kept, whatever the type.
 """
 
 import numpy as np
@@ -19,9 +19,9 @@ from crossmodal.systems.kinematics.solver.joint_solver import Priors
 from crossmodal.systems.kinematics.solver.joint_update import STEPS, restart, solve_all
 
 FLOORS = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # Multiples of standard deviations, see `floor`.
-# Variance [rad^2, m^2] by which a joint usually strays: doors, drawers and lids have play.
-STRAY = np.repeat([5e-3**2, 1.5e-3**2], 3)
-_WORTH = 0.5  # Gain in log probability from which another one is taken, [nat].
+# Variance [rad^2, m^2] by which a joint usually deviations: doors, drawers and lids have play.
+USUAL_DEVIATION = np.repeat([5e-3**2, 1.5e-3**2], 3)
+_LEAST_GAIN = 0.5  # Gain in log probability from which another one is taken, [nat].
 
 
 @hot
@@ -45,11 +45,11 @@ def floor(index: int, claimed: Array, scale: Array) -> Array:
     """
     out = min(FLOORS[index], 1.0) ** 2 * _noise(claimed, scale)
     for i in range(6):
-        out[i, i] = max(out[i, i], FLOORS[index] ** 2 * STRAY[i])
+        out[i, i] = max(out[i, i], FLOORS[index] ** 2 * USUAL_DEVIATION[i])
     return out
 
 
-def whose_turn(index: int, tries: int, count: int) -> int:
+def next_index(index: int, tries: int, count: int) -> int:
     """Another index below `count` than `index`, each in its turn."""
     return (index + 1 + tries % (count - 1)) % count
 
@@ -91,13 +91,13 @@ def with_likelier_floor(
         m: Models; not changed.
         kf: Keyframes; not changed.
         index: In `FLOORS`, of the floor that they have.
-        tries: How many there were, which says whose turn it is.
+        tries: How many there were, which says that is tried next.
         claimed: See `floor`.
         scale: See `floor`.
         priors: See `Priors`.
         log_prior: (5,) log probability of each type before anything was measured.
     """
-    other = whose_turn(index, tries, len(FLOORS))
+    other = next_index(index, tries, len(FLOORS))
     models, frames = with_floor(m, kf, floor(other, claimed, scale), priors)
     gain = log_probability(models, frames, log_prior) - log_probability(m, kf, log_prior)
-    return (models, frames, other) if gain > _WORTH else (m, kf, index)
+    return (models, frames, other) if gain > _LEAST_GAIN else (m, kf, index)

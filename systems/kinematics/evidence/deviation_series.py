@@ -1,8 +1,8 @@
-"""Keyframes linearised about one joint whose strays are a cosine series, compiled.
+"""Keyframes linearised about a joint from whose path the child deviates smoothly, compiled.
 
-The strays are a short series over the configuration, in B, with unknown normal coefficients; along
-the path nothing strays. What the keyframes say of theta and of every q is that of
-`joint_linearisation` once the coefficients are marginalised.
+The deviations are a short cosine series over the configuration, in B, with unknown normal
+coefficients; there is none along the path. Once the coefficients are marginalised, the keyframes'
+information about theta and every q has the form of `joint_linearisation`.
 """
 
 from typing import NamedTuple
@@ -27,8 +27,7 @@ from crossmodal.systems.kinematics.solver.joint_geometry import (
 )
 from crossmodal.systems.kinematics.solver.joint_linearisation import (
     Linear,
-    add_normal_equations,
-    free_configuration,
+    add_keyframe,
     weigh,
 )
 from crossmodal.systems.kinematics.solver.joint_models import Models
@@ -37,7 +36,7 @@ _WAVES = 4  # Of the series.
 
 
 class Series(NamedTuple):
-    """What the keyframes say of the coefficients of C waves in six directions, theta known or not.
+    """Information of the keyframes about the coefficients of C waves in six directions.
 
     Attributes:
         information: (6 C, 6 C), lower triangle.
@@ -102,8 +101,8 @@ def add_keyframes(
 ) -> None:
     """Adds all keyframes, each with an independent error of the covariance `rough` (6, 6) besides.
 
-    Where it is smooth, the series' coefficients are zero for `lin`, and what the keyframes say of
-    them is added to `series`. `lin.value` has the normalisers.
+    Where deviations are smooth, `lin` is for coefficients of zero, and the information about these
+    is added to `series`. `lin.value` has the normalisers.
     """
     six, first, extra, size = int(np.int64(6)), int(np.int64(0)), dimension(kind) - 6, kf.size[0]
     rows = 2 + extra if kind != RIGID else 1
@@ -121,38 +120,33 @@ def add_keyframes(
         A[:] = kf.R[k] + share * rough
         log_det = cholesky.factor(A, six)
         cholesky.inverse(A, W[0], six)
-        if kf.open[k] > 0.0:
+        if kf.undecided[k] > 0.0:
             inlier = m.inlier[of, k]
             W[0] = inlier * W[0] + (1.0 - inlier) * kf.W_out[k]
             log_det *= inlier
         if kind != RIGID:
             jacobian(kind, G, pitch, q[k], J)
-        weigh(W, first, rows, J, WJ)
-        square = add_normal_equations(W, first, rows - 2, J, WJ, lin.information, lin.vector)
+        square, gain = add_keyframe(k, rows - 2, kind != RIGID and k > 0, W, first, J, WJ, lin)
         lin.value[0] -= 0.5 * (square + log_det)
-        if kind == RIGID:
-            continue
-        if k > 0:
-            alpha, g = free_configuration(k, extra, J, WJ, lin.beta, lin.information, lin.vector)
-            lin.alpha[k], lin.g[k] = alpha, g
-            lin.value[0] += 0.5 * g * g / alpha
-            # What speaks about q is no stray.
+        lin.value[0] += gain
+        if is_smooth and k > 0:
+            # Information about q is none about a deviation.
             for i in range(6):
                 for j in range(6):
-                    W[0, i, j] -= WJ[0, i] * WJ[0, j] / alpha
+                    W[0, i, j] -= WJ[0, i] * WJ[0, j] / lin.alpha[k]
             weigh(W, first, rows, J, WJ)
         if is_smooth:
             _add_to_series(extra, share, waves[k], W, WJ, series)
 
 
 @hot
-def marginalise(n: int, strays: Array, series: Series, lin: Linear) -> None:
-    """Takes the coefficients out; `strays` (6, 6) is the covariance of the series' largest wave."""
+def marginalise(n: int, deviations: Array, series: Series, lin: Linear) -> None:
+    """Takes the coefficients out; `deviations` (6, 6) is the covariance of the first wave."""
     size = 6 * _WAVES
     S, s, columns = series.information, series.vector, series.coupling
     for i in range(_WAVES):
         for d in range(6):
-            variance = strays[d, d] / (i + 1.0) ** 4
+            variance = deviations[d, d] / (i + 1.0) ** 4
             S[6 * i + d, 6 * i + d] += 1.0 / variance
             lin.value[0] -= 0.5 * np.log(variance)
     lin.value[0] -= 0.5 * cholesky.factor(S, size)

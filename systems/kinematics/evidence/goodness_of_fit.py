@@ -73,7 +73,7 @@ def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, 
         L = kf.R[k] + floor_share(kf, k) * floor
         cholesky.factor(L, six)
         cholesky.inverse(L, W, six)
-        if kf.open[k] > 0.0:
+        if kf.undecided[k] > 0.0:
             inlier = m.inlier[kind, k]
             # The covariance of an outlier is far larger than any floor.
             W[:] = inlier * W + (1.0 - inlier) * kf.W_out[k]
@@ -107,14 +107,14 @@ def reduced_chi_square(
     return square / degrees, (low, high), degrees
 
 
-def most_certainty(
+def largest_probability(
     kind: int, m: Models, kf: Keyframes, noise: MeasurementNoise, reported: Array
 ) -> float:
-    """Probability up to which a joint may be claimed, by how far the keyframes are off its path.
+    """Largest probability of a joint type, by how far the keyframes are off its path.
 
-    No real joint is ideal, but one from which the child strays by more than the largest floor is
-    none: that they are so far off or farther has the probability p, and the type may be claimed
-    with certainty while p is inside the bounds, beyond with p over that of the bound.
+    No real joint is ideal, but a child that deviates by more than the largest floor is on none. Let
+    p be the probability that keyframes are so far off or farther. The type may be certain while p
+    is above that of the upper bound; beyond it, its probability is at most the ratio of both.
 
     Args:
         kind: A type, likely or not.

@@ -1,10 +1,10 @@
-"""How likely a joint is if what the child strays from its path is smooth along the path.
+"""How likely a joint is if the child's deviations from its path are smooth along the path.
 
-The models are solved with strays that are independent from keyframe to keyframe (`path_floor`). But
-a rail that bends or a camera's calibration errs alike at neighbouring places: a bend is one
-accident, not one a keyframe, and no proof of a hinge far away or of a pitch. Here the strays are a
-`stray_series`, whose coefficients are marginalised. The models' own solutions are where it is
-linearised.
+The models are solved with deviations that are independent from keyframe to keyframe, see
+`covariance_floor`. But the deviations by a bent rail or a wrong calibration of a camera are similar
+at neighbouring places: a bend is one unlikely event instead of one per keyframe, and no proof of a
+hinge far away or of a pitch. Here the deviations are a `deviation_series`, whose coefficients are
+marginalised, linearised at the models' own solutions.
 """
 
 import numpy as np
@@ -45,10 +45,11 @@ from crossmodal.systems.kinematics.solver.joint_models import Models
 from crossmodal.systems.kinematics.solver.joint_pitch import pitch_evidence
 from crossmodal.systems.kinematics.solver.joint_solver import Priors, lever, trusted
 
-_ROUGH = 0.25  # Standard deviation of what is independent still, as a share of the strays'.
-_FAR_BEHIND = 200.0  # Log evidence below the most from which it makes no difference, [nat].
-# Log evidence that a model claims beyond what it has, from which it has not been solved yet, [nat].
-_WAITS = 10.0
+_ROUGH = 0.25  # Independent deviations beside the smooth ones, as a share of these.
+_PRUNING_THRESHOLD = 200.0  # Log evidence below the best model's, [nat].
+# A stored log evidence that is larger by this than the present one is inherited: the model has not
+# been solved since, see `joint_update.solve_all`, [nat].
+_INHERITED = 10.0
 
 
 @hot
@@ -57,21 +58,21 @@ def _evidence(
     m: Models,
     kf: Keyframes,
     priors: Priors,
-    strays: Array,
+    deviations: Array,
     rough: Array,
     lin: Linear,
     chain: Chain,
 ) -> float:
     """Log evidence of a model about its own solution; solves `chain`.
 
-    With smooth strays, if their covariance is not zero; a body at rest has none.
+    With smooth deviations, if their covariance is not zero; a body at rest has none.
     """
     clear(lin)
     zero, still = int(np.int64(0)), np.zeros(PARAMETERS)
-    series, is_smooth = new_series(), np.trace(strays) > 0.0 and kind != RIGID
+    series, is_smooth = new_series(), np.trace(deviations) > 0.0 and kind != RIGID
     add_keyframes(kind, m, kf, rough, is_smooth, lin, series)
     if is_smooth:
-        marginalise(dimension(kind), strays, series, lin)
+        marginalise(dimension(kind), deviations, series, lin)
     far = priors.far_axes and may_be_far(kf)
     add_priors(kind, m, priors.axis_distance, far, lin)
     n, value = dimension(kind), lin.value[0]
@@ -97,18 +98,19 @@ def _evidence(
 
 @hot
 def smooth_evidence(
-    m: Models, kf: Keyframes, priors: Priors, strays: Array, evidence: Array, covariance: Array
+    m: Models, kf: Keyframes, priors: Priors, deviations: Array, evidence: Array, covariance: Array
 ) -> tuple[float, float]:
-    """Writes log evidence (5,) of each model with smooth strays and covariance (J, N, N) of theta.
+    """Writes each model's log evidence (5,) with smooth deviations, and covariance (J, N, N).
 
-    That of the model's own solution, and by how much it is more with smooth instead of independent
-    strays, both linearised there. A model that has not been solved lately keeps its own.
+    It is the evidence of the model's own solution plus its increase with smooth instead of
+    independent deviations, both linearised there. A model that has not been solved lately keeps
+    its own evidence.
 
     Args:
         m: Models, solved.
         kf: Keyframes.
         priors: See `Priors`.
-        strays: Their covariance (6, 6), in B.
+        deviations: Their covariance (6, 6), in B.
         evidence: Result.
         covariance: Result; about the models' own solutions, which are not moved.
 
@@ -116,19 +118,19 @@ def smooth_evidence(
         The screw's pitch and its variance.
     """
     capacity, size = kf.time.size, kf.size[0]
-    lin, chain, none = new_linear(capacity), new_chain(capacity), 0.0 * strays
+    lin, chain, none = new_linear(capacity), new_chain(capacity), 0.0 * deviations
     pitch, variance = m.pitch[SCREW], m.covariance[SCREW, 10, 10]
     evidence[:], covariance[:] = m.log_evidence, m.covariance
     # A screw that is no likelier than its limit, the hinge, is not solved for itself.
     is_hinge = evidence[SCREW] <= evidence[REVOLUTE]
-    least, log_det = evidence.max() - _FAR_BEHIND, 0.5 * kf.log_det[:size].sum()
+    least, log_det = evidence.max() - _PRUNING_THRESHOLD, 0.5 * kf.log_det[:size].sum()
     for kind in range(JOINTS - 1, -1, -1):
         if evidence[kind] < least or (kind == SCREW and is_hinge):
             continue
         independent = _evidence(kind, m, kf, priors, none, kf.floor, lin, chain)
-        if independent < evidence[kind] - m.marginal_evidence[kind] - log_det - _WAITS:
+        if independent < evidence[kind] - m.marginal_evidence[kind] - log_det - _INHERITED:
             continue
-        smooth = _evidence(kind, m, kf, priors, strays, _ROUGH**2 * strays, lin, chain)
+        smooth = _evidence(kind, m, kf, priors, deviations, _ROUGH**2 * deviations, lin, chain)
         evidence[kind] += smooth - independent
         n = dimension(kind)
         cholesky.inverse(chain.H, covariance[kind], n)
@@ -145,12 +147,12 @@ def smooth_evidence(
 
 
 @hot
-def bend(m: Models, kf: Keyframes, priors: Priors, strays: Array) -> float:
-    """See `far_evidence`; with smooth strays if their covariance (6, 6) is not zero."""
+def bend(m: Models, kf: Keyframes, priors: Priors, deviations: Array) -> float:
+    """See `far_evidence`; with smooth deviations if their covariance (6, 6) is not zero."""
     lin, series, bent = new_linear(kf.time.size), new_series(), int(np.int64(BENT_SLIDE))
-    is_smooth = np.trace(strays) > 0.0
-    rough = _ROUGH**2 * strays if is_smooth else kf.floor
+    is_smooth = np.trace(deviations) > 0.0
+    rough = _ROUGH**2 * deviations if is_smooth else kf.floor
     add_keyframes(bent, m, kf, rough, is_smooth, lin, series)
     if is_smooth:
-        marginalise(dimension(bent), strays, series, lin)
+        marginalise(dimension(bent), deviations, series, lin)
     return far_evidence(m, kf, priors, lin)

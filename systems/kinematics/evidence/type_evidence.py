@@ -2,14 +2,19 @@
 
 A slide is the limit of hinges far away, a hinge the limit of screws without pitch. What a model's
 own solution says is Laplace's approximation about it; near a limit the other model's is better.
-Where strays from the path are smooth (`smooth_strays`), that counts for all types alike.
+Where deviations from the path are smooth (`smooth_deviations`), that counts for all types alike.
 """
 
 import numpy as np
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
-from crossmodal.systems.kinematics.evidence.covariance_floor import FLOORS, STRAY, floor, whose_turn
+from crossmodal.systems.kinematics.evidence.covariance_floor import (
+    FLOORS,
+    USUAL_DEVIATION,
+    floor,
+    next_index,
+)
 from crossmodal.systems.kinematics.evidence.smooth_deviations import bend, smooth_evidence
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes
 from crossmodal.systems.kinematics.solver.axis_prior import may_be_far
@@ -23,12 +28,14 @@ from crossmodal.systems.kinematics.solver.joint_models import Models
 from crossmodal.systems.kinematics.solver.joint_pitch import hinge_evidence
 from crossmodal.systems.kinematics.solver.joint_solver import Priors
 
-_UNUSUAL = 5.0  # Log odds against smooth strays at all, [nat].
-# How many of `FLOORS` smooth strays may have; with the largest a ball would be a hinge that bends.
+_UNUSUAL = 5.0  # Log odds against smooth deviations at all, [nat].
+# Of `FLOORS`; with the largest a ball joint would be a hinge with smooth deviations.
 _SIZES = len(FLOORS) - 1
-_WORTH = 0.5  # Gain in log probability from which other strays are taken, [nat].
+_LEAST_GAIN = 0.5  # Gain in log probability from which other deviations are taken, [nat].
 _AHEAD = 3.0  # Log evidence over the slide's from which a hinge's own solution counts, [nat].
-_FAR_BEHIND = 20.0  # Log evidence below the most from which a slide's makes no difference, [nat].
+_PRUNING_THRESHOLD = (
+    20.0  # Log evidence below the most from which a slide's makes no difference, [nat].
+)
 
 
 @hot
@@ -42,7 +49,7 @@ def _add_hinges(evidence: Array, pitch: float, variance: float, priors: Priors) 
 def _wants_bend(evidence: Array, kf: Keyframes, priors: Priors) -> bool:
     """Whether a hinge far away may be likelier than one whose axis' place is known."""
     slide = evidence[PRISMATIC]
-    matters = evidence.max() - _FAR_BEHIND < slide and evidence[REVOLUTE] < slide + _AHEAD
+    matters = evidence.max() - _PRUNING_THRESHOLD < slide and evidence[REVOLUTE] < slide + _AHEAD
     return bool(matters and priors.far_axes and may_be_far(kf))
 
 
@@ -55,34 +62,36 @@ def _add_bend(evidence: Array, bend: float) -> None:
 
 
 @hot
-def type_evidence(m: Models, kf: Keyframes, priors: Priors, strays: Array) -> tuple[Array, Array]:
+def type_evidence(
+    m: Models, kf: Keyframes, priors: Priors, deviations: Array
+) -> tuple[Array, Array]:
     """Log evidence (5,) of each type, and covariance (J, N, N) of each model's theta.
 
-    Whether strays are independent or smooth, each as likely as the keyframes say.
+    Whether deviations are independent or smooth, each as likely as the keyframes say.
 
-    Smooth ones are unusual, the more so the larger they are than joints' usual strays.
+    Smooth ones are unusual, the more so the larger they are than joints' usual deviations.
 
     Args:
         m: Models, solved.
         kf: Keyframes.
         priors: See `Priors`.
-        strays: Covariance (6, 6), in B, of smooth strays; zero for none.
+        deviations: Covariance (6, 6), in B, of smooth deviations; zero for none.
     """
     evidence = m.log_evidence.copy()
     _add_hinges(evidence, m.pitch[SCREW], m.covariance[SCREW, 10, 10], priors)
     if _wants_bend(evidence, kf, priors):
-        _add_bend(evidence, bend(m, kf, priors, 0.0 * strays))
-    if np.trace(strays) == 0.0:
+        _add_bend(evidence, bend(m, kf, priors, 0.0 * deviations))
+    if np.trace(deviations) == 0.0:
         return evidence, m.covariance.copy()
-    unusual = _UNUSUAL + 0.5 * strays[3, 3] / STRAY[3]
+    unusual = _UNUSUAL + 0.5 * deviations[3, 3] / USUAL_DEVIATION[3]
     smooth, covariance = np.empty(evidence.size), np.empty(m.covariance.shape)
-    pitch, variance = smooth_evidence(m, kf, priors, strays, smooth, covariance)
+    pitch, variance = smooth_evidence(m, kf, priors, deviations, smooth, covariance)
     for kind in range(JOINTS):
         p = 1.0 / (1.0 + np.exp(min(m.log_evidence[kind] - smooth[kind] + unusual, 50.0)))
         covariance[kind] = p * covariance[kind] + (1.0 - p) * m.covariance[kind]
     _add_hinges(smooth, pitch, variance, priors)
     if _wants_bend(smooth, kf, priors):
-        _add_bend(smooth, bend(m, kf, priors, strays))
+        _add_bend(smooth, bend(m, kf, priors, deviations))
     return np.logaddexp(evidence, smooth - unusual), covariance
 
 
@@ -91,7 +100,7 @@ def _total(log_p: Array) -> float:
     return log_p.max() + np.log(np.exp(log_p - log_p.max()).sum())
 
 
-def likelier_strays(
+def likelier_deviations(
     m: Models,
     kf: Keyframes,
     index: int,
@@ -101,14 +110,14 @@ def likelier_strays(
     priors: Priors,
     log_prior: Array,
 ) -> int:
-    """Index in `FLOORS` of how large smooth strays are: the same, or the one whose turn it is.
+    """Index in `FLOORS` of the size of smooth deviations: `index`, or the one that is tried next.
 
-    That under which all keyframes are likelier, whatever the type. The arguments are those of
-    `with_likelier_floor`.
+    It is the one under which all keyframes are likelier, whatever the type. The arguments are those
+    of `with_likelier_floor`.
     """
-    other = whose_turn(index, tries, _SIZES)
+    other = next_index(index, tries, _SIZES)
     now, then = (
         _total(type_evidence(m, kf, priors, floor(i, claimed, scale))[0] + log_prior)
         for i in (index, other)
     )
-    return other if then - now > _WORTH else index
+    return other if then - now > _LEAST_GAIN else index

@@ -25,9 +25,9 @@ from crossmodal.systems.kinematics.keyframes.measurement_noise import MEASURED
 RECENT = 4  # Newest keyframes, which stay single measurements: they say the present velocity.
 FIRST = 4  # Oldest keyframes, which are never marginalised: they say where the motion started.
 MEMORY = 400.0  # Most log evidence that is kept of past measurements against a model, [nat].
-FREE_WAYS = 6  # Of moving without a joint, see `free_motion`.
+FREE_MOTIONS = 6  # Models of moving without a joint, see `free_motion`.
 _QUARTILE = 3.45  # A quarter of the losses of keyframes of the same pose are less: chi-square of 6.
-_LARGEST = 8.7  # Times that one is hardly ever larger.
+_LARGEST = 8.7  # Ratio of the upper quantile to the quartile.
 _EXCESS = 6.0  # Expected loss when two keyframes of the same pose are averaged: their dimension.
 
 
@@ -40,21 +40,22 @@ class Keyframes(NamedTuple):
         Z: (K, 4, 4) X_FB.
         R: (K, 6, 6) covariance of its mean's white noise.
         floor: (6, 6) covariance of what does not average out within a keyframe: errors that depend
-            on the place, and by what the child strays from an ideal joint's path there.
-        reference_strays: (1,) one, or zero where the reference is exact, which then has no floor.
+            on the place, and by what the child deviations from an ideal joint's path there.
+        reference_deviates: (1,) one, or zero where the reference is exact, which then has no floor.
         W: (K, 6, 6) inverse of R and floor together.
         log_det: (K,) log determinant of both together.
-        open: (K,) one while it is open whether the keyframe is an outlier, else zero: a measurement
-            is not decided about before it is averaged or marginalised.
-        W_out: (K, 6, 6) inverse covariance if it is one; of open keyframes.
+        undecided: (K,) one while the keyframe may be an outlier, else zero. The association is
+            fixed when the keyframe is averaged with another one or marginalised.
+        W_out: (K, 6, 6) inverse covariance if it is an outlier; of undecided keyframes.
         log_out: (K,) log ratio of the two normalisers.
         streak: (K,) how many measurements in a row are outliers, up to this one or the last in it.
-        outliers: (1,) how many of those that were decided about are, as expected.
-        free: (M,) log density ratio of each way of moving freely (`free_motion`) over a joint in
+        outliers: (1,) expected number of outliers among those with a fixed association.
+        free: (M,) log density ratio of each free motion (`free_motion`) over a joint in
             what has been averaged, at most zero.
-        explained: (M,) log evidence of each way, `free` included, and what averaging has cost a
-            joint since, of all keyframes but the newest ones that are pending; NaN if not known.
-        pending: (1,) measurements since it was asked for.
+        explained: (M,) log evidence of each free motion, `free` included, and what averaging has
+            cost a joint since, of all keyframes but the newest ones that are pending; NaN if not
+            known.
+        pending: (1,) measurements since it was computed.
         spread: (1,) largest mean squared distance of a keyframe from the mean, in units of R.
     """
 
@@ -63,10 +64,10 @@ class Keyframes(NamedTuple):
     Z: Array
     R: Array
     floor: Array
-    reference_strays: Array
+    reference_deviates: Array
     W: Array
     log_det: Array
-    open: Array
+    undecided: Array
     W_out: Array
     log_out: Array
     streak: Array
@@ -85,16 +86,16 @@ def empty_keyframes(capacity: int) -> Keyframes:
         Z=np.zeros((capacity, 4, 4)),
         R=np.zeros((capacity, 6, 6)),
         floor=np.zeros((6, 6)),
-        reference_strays=np.zeros(1),
+        reference_deviates=np.zeros(1),
         W=np.zeros((capacity, 6, 6)),
         log_det=np.zeros(capacity),
-        open=np.zeros(capacity),
+        undecided=np.zeros(capacity),
         W_out=np.zeros((capacity, 6, 6)),
         log_out=np.zeros(capacity),
         streak=np.zeros(capacity),
         outliers=np.zeros(1),
-        free=np.zeros(FREE_WAYS),
-        explained=np.full(FREE_WAYS, np.nan),
+        free=np.zeros(FREE_MOTIONS),
+        explained=np.full(FREE_MOTIONS, np.nan),
         pending=np.zeros(1, dtype=np.int64),
         spread=np.zeros(1),
     )
@@ -108,7 +109,7 @@ def copy_keyframes(kf: Keyframes) -> Keyframes:
 @hot
 def floor_share(kf: Keyframes, k: int) -> float:
     """One if keyframe k has the floor, else zero."""
-    return kf.reference_strays[0] if k == 0 else 1.0
+    return kf.reference_deviates[0] if k == 0 else 1.0
 
 
 @hot
@@ -131,7 +132,7 @@ def _fill(kf: Keyframes, k: int) -> None:
 
 @hot
 def _fill_outlier(kf: Keyframes, k: int, outliers: Array) -> None:
-    """Completes what open keyframe k is if it is an outlier; `outliers` as in `Priors`."""
+    """Completes undecided keyframe k as an outlier; `outliers` as in `Priors`."""
     six = int(np.int64(6))
     L = kf.R[k] + floor_share(kf, k) * kf.floor
     for i in range(6):
@@ -148,7 +149,7 @@ def _delete(kf: Keyframes, k: int) -> None:
         kf.time[i], kf.log_det[i] = kf.time[i + 1], kf.log_det[i + 1]
         kf.Z[i], kf.R[i] = kf.Z[i + 1], kf.R[i + 1]
         kf.W[i], kf.W_out[i] = kf.W[i + 1], kf.W_out[i + 1]
-        kf.open[i], kf.log_out[i] = kf.open[i + 1], kf.log_out[i + 1]
+        kf.undecided[i], kf.log_out[i] = kf.undecided[i + 1], kf.log_out[i + 1]
         kf.streak[i] = kf.streak[i + 1]
     kf.size[0] = n - 1
 
@@ -176,7 +177,7 @@ def append(kf: Keyframes, X: Array, R: Array, time: float, outliers: Array) -> N
     kf.Z[k], kf.R[k] = X, R
     _fill(kf, k)
     _fill_outlier(kf, k, outliers)
-    kf.open[k] = 1.0 if outliers[0] > 0.0 else 0.0
+    kf.undecided[k] = 1.0 if outliers[0] > 0.0 else 0.0
     kf.size[0] = k + 1
     kf.pending[0] += 1
 
@@ -191,13 +192,13 @@ def rescale(kf: Keyframes, scale: Array, floor: Array, outliers: Array) -> None:
             for j in range(6):
                 kf.R[k, i, j] *= scale[i] * scale[j]
         _fill(kf, k)
-        if kf.open[k] > 0.0:
+        if kf.undecided[k] > 0.0:
             _fill_outlier(kf, k, outliers)
 
 
 @hot
 def expected_noise(kf: Keyframes, k: int, inlier: float, R: Array) -> None:
-    """Writes the covariance (6, 6) of open keyframe k, none with this probability, into `R`."""
+    """Writes the expected covariance (6, 6) of undecided keyframe k into `R`."""
     six = int(np.int64(6))
     if inlier > 1.0 - 1e-9:
         R[:] = kf.R[k]
@@ -209,11 +210,11 @@ def expected_noise(kf: Keyframes, k: int, inlier: float, R: Array) -> None:
 
 
 @hot
-def close(kf: Keyframes, k: int, inlier: float) -> None:
-    """Gives keyframe k the weight of a measurement that is none with this probability, for good."""
-    if kf.open[k] == 0.0:
+def fix(kf: Keyframes, k: int, inlier: float) -> None:
+    """Fixes the association of keyframe k: it gets the weight of an inlier of this probability."""
+    if kf.undecided[k] == 0.0:
         return
-    kf.open[k] = 0.0
+    kf.undecided[k] = 0.0
     kf.outliers[0] += 1.0 - inlier
     expected_noise(kf, k, inlier, kf.R[k])
     _fill(kf, k)
@@ -309,12 +310,12 @@ def choose(kf: Keyframes, coarseness: float, inlier: Array) -> tuple[int, bool]:
     Args:
         kf: Keyframes.
         coarseness: See above.
-        inlier: (K,) probability of each open keyframe that it is none.
+        inlier: (K,) probability of each undecided keyframe that it is an inlier.
     """
     n = kf.size[0]
     R = kf.R.copy()
     for k in range(n):
-        if kf.open[k] > 0.0:
+        if kf.undecided[k] > 0.0:
             expected_noise(kf, k, inlier[k], R[k])
     best = _least_motion(kf, R)
     loss = _loss(kf.Z, best, best, best + 1, R)

@@ -20,14 +20,14 @@ from crossmodal.maths.compiled import hot
 from crossmodal.maths.se3_in_place import pose_difference
 from crossmodal.systems.kinematics.keyframes.outliers import blend, inlier_share
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
-    FREE_WAYS,
+    FREE_MOTIONS,
     MEMORY,
     Keyframes,
     floor_share,
 )
 
 _SCALES = (1.0, 0.1, 0.01)  # Of the process noise: of a walk, and of a velocity.
-assert 2 * len(_SCALES) == FREE_WAYS
+assert 2 * len(_SCALES) == FREE_MOTIONS
 
 
 class FreeMotion(NamedTuple):
@@ -187,7 +187,7 @@ def _filter(
         velocity: (6,) variances of the first velocity.
         has_velocity: See `FreeMotion`.
         R: (K, 6, 6) covariance of each keyframe, in F.
-        R_out: (K, 6, 6) the same if it is an outlier; of open ones.
+        R_out: (K, 6, 6) the same if it is an outlier; of undecided ones.
         share: Of outliers.
         inlier: (K,) see `log_evidences`; a result.
     """
@@ -207,9 +207,9 @@ def _filter(
             for i in range(6):
                 A[i, i] += noise[i] * dt
         _difference(X, kf.Z[k], e)
-        outlier = half + _whiten(e, A, R_out, k, L, x) if kf.open[k] > 0.0 else -np.inf
+        outlier = half + _whiten(e, A, R_out, k, L, x) if kf.undecided[k] > 0.0 else -np.inf
         density = half + _whiten(e, A, R, k, L, x)
-        if kf.open[k] > 0.0:
+        if kf.undecided[k] > 0.0:
             inlier[k], density = inlier_share(density, outlier, share)
             if inlier[k] < 1.0 - 1e-9:
                 _blended(kf, k, inlier[k], blended)
@@ -240,14 +240,15 @@ def log_evidences(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Ar
         kf: Keyframes.
         motion: See `FreeMotion`.
         outliers: See `Priors`.
-        inlier: (M, K) probability that each open keyframe is none, given those before it; a result.
+        inlier: (M, K) probability that each undecided keyframe is an inlier, given those before
+            it; a result.
     """
     n = kf.size[0]
     R, R_out, W = np.empty((n, 6, 6)), np.empty((n, 6, 6)), np.empty((6, 6))
     for k in range(n):
         W[:] = kf.R[k] + floor_share(kf, k) * kf.floor
         _rotate(kf.Z[k], W, R[k])
-        if kf.open[k] > 0.0:
+        if kf.undecided[k] > 0.0:
             for i in range(6):
                 W[i, i] += outliers[1 + i]
             _rotate(kf.Z[k], W, R_out[k])
@@ -286,7 +287,7 @@ def explain(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -
 
 
 @hot
-def settle(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -> None:
+def explain_pending(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -> None:
     """Explains what is pending, before keyframes change in a way that would lose it."""
     if kf.pending[0] > 0 and not np.isnan(kf.explained[0]):
         explain(kf, motion, outliers, inlier)

@@ -131,6 +131,23 @@ def free_configuration(
 
 
 @hot
+def add_keyframe(
+    k: int, extra: int, q_is_free: bool, W: Array, row: int, J: Array, WJ: Array, lin: Linear
+) -> tuple[float, float]:
+    """Adds keyframe k, linearised in J and weighted by W[row], and leaves its q free or at zero.
+
+    Writes the weighted rows into `WJ`; returns r^T W r, and half of what q explains of it.
+    """
+    weigh(W, row, extra + 2, J, WJ)
+    square = add_normal_equations(W, row, extra, J, WJ, lin.information, lin.vector)
+    if not q_is_free:
+        return square, 0.0
+    alpha, g = free_configuration(k, extra, J, WJ, lin.beta, lin.information, lin.vector)
+    lin.alpha[k], lin.g[k] = alpha, g
+    return square, 0.5 * g * g / alpha
+
+
+@hot
 def add_keyframes(
     kind: int,
     m: Models,
@@ -141,7 +158,7 @@ def add_keyframes(
     temper: float,
     lin: Linear,
 ) -> None:
-    """Linearises keyframes `first` to `last` - 1 and adds what they say about theta.
+    """Linearises keyframes `first` to `last` - 1 and adds their information about theta.
 
     Each keyframe's q is left free, except that of keyframe 0, where it is zero.
     """
@@ -156,7 +173,6 @@ def add_keyframes(
         np.empty((4, 4)),
         np.empty((2, 3)),
     )
-    H, h, beta, alphas, gs = lin.information, lin.vector, lin.beta, lin.alpha, lin.g
     W_in, W_out, log_out, r = kf.W, kf.W_out, kf.log_out, J[rows - 1]
     tangent_basis(a, B)
     screw_twists(kind, Y, a, c, pitch, B, G)
@@ -166,23 +182,19 @@ def add_keyframes(
         pose_difference(X, kf.Z[k], r)
         if kind != RIGID:
             jacobian(kind, G, pitch, q[k], J)
-        # Where the newest one is along the path, nothing measured after it says.
-        is_spared = kind != RIGID and k > 0 and k == kf.size[0] - 1 and kf.open[k] > 0.0
+        # No later measurement confirms where along the path the newest keyframe is.
+        is_spared = kind != RIGID and k > 0 and k == kf.size[0] - 1 and kf.undecided[k] > 0.0
         W, row = W_in, k
-        if kf.open[k] > 0.0:
+        if kf.undecided[k] > 0.0:
             for i in range(6):
                 spared[i] = J[0, i] if is_spared else 0.0
             inlier[k], density = weigh_residual(W_in, W_out, log_out, k, r, spared, share, temper)
             blend(W_in, W_out, k, inlier[k], blended[0])
             W, row = blended, 0
             value += density
-        weigh(W, row, rows, J, WJ)
-        square = add_normal_equations(W, row, rows - 2, J, WJ, H, h)
-        value -= 0.0 if kf.open[k] > 0.0 else 0.5 * square
-        if kind != RIGID and k > 0:
-            alpha, g = free_configuration(k, extra, J, WJ, beta, H, h)
-            alphas[k], gs[k] = alpha, g
-            value += 0.5 * g * g / alpha if not is_spared else 0.0
+        square, gain = add_keyframe(k, rows - 2, kind != RIGID and k > 0, W, row, J, WJ, lin)
+        value -= 0.0 if kf.undecided[k] > 0.0 else 0.5 * square
+        value += 0.0 if is_spared else gain
     lin.value[0] += value
 
 

@@ -23,7 +23,7 @@ class Models(NamedTuple):
         pitch: (J,) [m/rad].
         q: (J, K) configuration at each keyframe.
         inlier: (J + 1, K) probability that a keyframe is no outlier, by each model, a free motion
-            last; of open keyframes.
+            last; of undecided keyframes.
         signed: (J,) one where the sign of q is decided, else zero.
         prior_information: (J, N + 2, N + 2) of marginalised keyframes about (Y, a, c, pitch), a and
             c in three dimensions each, relative to where it was linearised.

@@ -77,11 +77,11 @@ def _typical(kf: Keyframes, share: float) -> int:
     r, none = np.empty(6), np.zeros(6)
     count = min(kf.size[0], FIRST)
     for i in range(count):
-        if kf.open[0] == 0.0 and i > 0:
+        if kf.undecided[0] == 0.0 and i > 0:
             break
         total = 0.0
         for k in range(count):
-            if kf.open[k] > 0.0 and k != i:
+            if kf.undecided[k] > 0.0 and k != i:
                 relative_log(kf.Z[i], kf.Z[k], r)
                 total += weigh_residual(kf.W, kf.W_out, kf.log_out, k, r, none, share, 2.0)[1]
         if total > top + 1.0:

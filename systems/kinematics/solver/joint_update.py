@@ -13,7 +13,7 @@ from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
     Keyframes,
     measured_directions,
 )
-from crossmodal.systems.kinematics.solver.free_motion import explain, free_evidence, settle
+from crossmodal.systems.kinematics.solver.free_motion import explain, explain_pending, free_evidence
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     FREE,
     JOINTS,
@@ -52,7 +52,9 @@ STEPS = 6  # Most linearisations of one update.
 _FRESH_STEPS = 8  # Most linearisations from a fresh start.
 _TEMPERED_STEPS = 3  # Before them, with residuals that count less.
 _TEMPER = 10.0  # By so much, so that nothing is an outlier only because the start is far off.
-_FAR_BEHIND = 30.0  # Log evidence below the likeliest type's from which one takes turns, [nat].
+_PRUNING_THRESHOLD = (
+    30.0  # Log evidence below the likeliest type's from which one takes turns, [nat].
+)
 _SURPRISE = 5.0  # Loss of the likeliest type's at which the turn of all has come, [nat].
 
 
@@ -97,7 +99,7 @@ def _step_loss(m: Models, kf: Keyframes, k: int) -> float:
 def expected_inliers(m: Models, kf: Keyframes, log_prior: Array, inlier: Array) -> None:
     """Writes the probability that each keyframe is no outlier, by all models, into `inlier` (K,).
 
-    Streaks of open keyframes are brought up to date.
+    Streaks of undecided keyframes are brought up to date.
 
     To a model that the motion has left behind every measurement is an outlier. Of several in a row
     those that follow from one another, as in a free motion, are none.
@@ -106,7 +108,7 @@ def expected_inliers(m: Models, kf: Keyframes, log_prior: Array, inlier: Array) 
     p /= p.sum()
     for k in range(kf.size[0]):
         inlier[k] = 1.0
-        if kf.open[k] == 0.0:
+        if kf.undecided[k] == 0.0:
             continue
         inlier[k] = 0.0
         for kind in range(JOINTS + 1):
@@ -147,8 +149,8 @@ def add_measurement(
             return k
         if np.isnan(kf.explained[0]):
             explain(kf, priors.free, priors.outliers, m.inlier[FREE])
-        pose_keyframes.close(kf, k, inlier[k])
-        pose_keyframes.close(kf, k + 1, inlier[k + 1])
+        pose_keyframes.fix(kf, k, inlier[k])
+        pose_keyframes.fix(kf, k + 1, inlier[k + 1])
         kf.explained[:] += 0.5 * _step_loss(m, kf, k)
         pose_keyframes.merge(kf, k)
         _delete_configuration(m, kf, k + 1)
@@ -166,8 +168,8 @@ def add_measurement(
 def _turns_are_seen(kf: Keyframes) -> bool:
     """Whether rotations are measured, to within a radian.
 
-    By positions alone a helix and a tilted circle differ by less than a real hinge strays, so that
-    nothing is said of a pitch then.
+    By positions alone a helix and a tilted circle differ by less than a real hinge deviates, so that
+    the pitch is not estimated then.
     """
     R = kf.R[kf.size[0] - 1]
     return bool(min(R[0, 0], R[1, 1], R[2, 2]) < 1.0)
@@ -208,10 +210,10 @@ def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, turn: bool) 
     seen, gain = _turns_are_seen(kf), 0.0
     for i in range(-1, JOINTS + 1):
         kind = lead if i < 0 else i  # The likeliest first: what it gains is what others gain.
-        is_due = turn or before[kind] > before[lead] - _FAR_BEHIND
+        is_scheduled = turn or before[kind] > before[lead] - _PRUNING_THRESHOLD
         if kind == SCREW:
-            is_due = ratio > 0.0 or (seen and turn)
-        if solved[kind] or not is_due:
+            is_scheduled = ratio > 0.0 or (seen and turn)
+        if solved[kind] or not is_scheduled:
             continue
         if kind == SCREW and ratio < 0.0:
             start_from_revolute(m, kf)
@@ -238,7 +240,7 @@ def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
     and after it says is lost.
     """
     log_evidence = m.log_evidence.copy()
-    settle(kf, priors.free, priors.outliers, m.inlier[FREE])
+    explain_pending(kf, priors.free, priors.outliers, m.inlier[FREE])
     size = PARAMETERS + 2
     d, T, lin = np.empty(size), np.empty((PARAMETERS, size)), new_linear(kf.time.size)
     for kind in range(JOINTS):
@@ -356,7 +358,7 @@ def update(
     inlier = np.empty(kf.time.size)
     k, is_turn = _correct(m, kf, X_FB, R, time, priors, log_prior, inlier, turn)
     if k >= 0:
-        pose_keyframes.close(kf, k, inlier[k])
+        pose_keyframes.fix(kf, k, inlier[k])
         marginalise(m, kf, k, priors)
         _, is_turn = _correct(m, kf, X_FB, R, time, priors, log_prior, inlier, turn)
     if young and is_turn:

@@ -43,8 +43,8 @@ def _evidence(name: str, seconds: float, seed: int = 0) -> tuple[np.ndarray, np.
         if t > seconds:
             break
         state = filters.update(state, X, case.covariance, float(t))
-    m, strays = state.models, np.zeros((6, 6))
-    return type_evidence(m, state.keyframes, filters._priors, strays)[0], m.log_evidence
+    m, deviations = state.models, np.zeros((6, 6))
+    return type_evidence(m, state.keyframes, filters._priors, deviations)[0], m.log_evidence
 
 
 def test_a_near_hinge_s_own_solution_counts() -> None:

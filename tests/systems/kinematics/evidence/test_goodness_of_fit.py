@@ -7,7 +7,7 @@ from synthetic_motion import RATE, Scene, filter_states, simulate, to_and_fro
 from crossmodal.maths import se3
 from crossmodal.systems.kinematics.evidence.goodness_of_fit import (
     claim,
-    most_certainty,
+    largest_probability,
     reduced_chi_square,
 )
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
@@ -40,7 +40,7 @@ def test_a_wrong_type_does_not_fit() -> None:
     for kind in (PRISMATIC, RIGID):
         value, (_, high), _ = reduced_chi_square(kind, s.models, s.keyframes, s.noise)
         assert value > 3.0 * high
-        assert most_certainty(kind, s.models, s.keyframes, s.noise, s.claim) < 0.05
+        assert largest_probability(kind, s.models, s.keyframes, s.noise, s.claim) < 0.05
 
 
 @pytest.mark.parametrize("joint", [JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID])
@@ -50,18 +50,18 @@ def test_the_right_type_may_be_claimed_with_certainty(joint: JointType) -> None:
     _, states = filter_states(scene, simulate(scene, 0))
     for s in states[30::10]:
         kind = int(np.argmax(s.models.log_evidence))
-        assert most_certainty(kind, s.models, s.keyframes, s.noise, s.claim) > 0.99
+        assert largest_probability(kind, s.models, s.keyframes, s.noise, s.claim) > 0.99
 
 
-@pytest.mark.parametrize(("strays", "connected"), [(2.0, True), (30.0, False)])
-def test_a_path_that_is_far_from_any_joint_is_none(strays: float, connected: bool) -> None:
+@pytest.mark.parametrize(("deviations", "connected"), [(2.0, True), (30.0, False)])
+def test_a_path_that_is_far_from_any_joint_is_none(deviations: float, connected: bool) -> None:
     """A slide that snakes, by a multiple of the claimed noise in two waves."""
     rng, sigma, filters = np.random.default_rng(4), 1e-3, JointFilters(JointFiltersConfig())
     R = np.diag(np.repeat([np.deg2rad(0.3) ** 2, sigma**2], 3))
     state = filters.start(np.eye(4), R, 0.0)
     for k in range(1, 121):
         X, t = np.eye(4), k / RATE
-        X[:3, 3] = [0.03 * t, strays * sigma * np.sin(2.0 * np.pi * t / 4.0), 0.0]
+        X[:3, 3] = [0.03 * t, deviations * sigma * np.sin(2.0 * np.pi * t / 4.0), 0.0]
         X = X @ se3.exp(np.sqrt(np.diag(R)) * rng.normal(size=6))
         state = filters.update(state, X, R, t)
     belief = filters.belief(state)

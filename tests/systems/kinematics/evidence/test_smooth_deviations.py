@@ -1,4 +1,4 @@
-"""Smooth strays: their marginal density against that of all keyframes at once, and on streams."""
+"""Smooth deviations: their marginal density against that of all keyframes, and on streams."""
 
 import numpy as np
 import pytest
@@ -85,7 +85,7 @@ def test_the_series_is_marginalised_as_one_large_normal_distribution(kind: int) 
         if k > 0:
             A[rows, n + k - 1] = by_q
             u = L @ by_q / np.linalg.norm(L @ by_q)
-            free -= np.linalg.inv(L) @ np.outer(u, u) @ L  # Along the path nothing strays.
+            free -= np.linalg.inv(L) @ np.outer(u, u) @ L  # Along the path nothing deviations.
         for i in range(4):
             waves[rows, 6 * i : 6 * i + 6] = free * np.cos((i + 1) * place[k])
     prior = np.kron(np.diag(np.arange(1.0, 5.0) ** -4), STRAYS)
@@ -97,20 +97,20 @@ def test_the_series_is_marginalised_as_one_large_normal_distribution(kind: int) 
     assert_allclose(lower + np.tril(lower, -1).T, information, rtol=1e-3, atol=1e-3 * H.max() / 1e3)
     vector = h[:n] - H[:n, n:] @ of_q @ h[n:]
     assert_allclose(lin.vector[:n], vector, rtol=1e-3, atol=1e-3 * np.abs(vector).max())
-    of_strays = np.linalg.slogdet(V + waves @ prior @ waves.T)[1]
-    value = -0.5 * (r @ S @ r - h[n:] @ of_q @ h[n:]) - 0.5 * of_strays
+    of_deviations = np.linalg.slogdet(V + waves @ prior @ waves.T)[1]
+    value = -0.5 * (r @ S @ r - h[n:] @ of_q @ h[n:]) - 0.5 * of_deviations
     assert_allclose(lin.value[0], value, atol=1e-2)
 
 
 @pytest.mark.parametrize(("name", "kind"), [("drawer", PRISMATIC), ("door", REVOLUTE)])
-def test_smooth_strays_explain_bends_better_than_independent_ones(name: str, kind: int) -> None:
+def test_smooth_deviations_explain_bends_better_than_independent_ones(name: str, kind: int) -> None:
     priors, smooth = JointFilters(JointFiltersConfig())._priors, np.empty(5)
     covariance = np.empty((4, 11, 11))
     for seed in range(3):
         state = _state(f"{name}, bent by 2 mm, 1 mm", 20.0, seed)
         smooth_evidence(state.models, state.keyframes, priors, STRAYS, smooth, covariance)
         assert smooth[kind] > state.models.log_evidence[kind] + 5.0
-        assert state.strays_index > 0
+        assert state.deviations_index > 0
 
 
 def test_in_white_noise_there_are_no_bends() -> None:
@@ -120,4 +120,4 @@ def test_in_white_noise_there_are_no_bends() -> None:
         state = _state(name, 10.0)
         smooth_evidence(state.models, state.keyframes, priors, STRAYS, smooth, covariance)
         assert smooth[kind] < state.models.log_evidence[kind] + 3.0
-        assert state.strays_index == 0
+        assert state.deviations_index == 0

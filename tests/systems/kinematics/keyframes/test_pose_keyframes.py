@@ -35,7 +35,7 @@ def test_the_mean_of_two_poses_on_a_screw_is_on_the_screw_at_the_mean_time() -> 
 
 @pytest.mark.parametrize("floor", [0.0, 1e-4])
 def test_a_less_certain_pose_counts_less_in_the_mean(floor: float) -> None:
-    """By its noise alone: how far both stray from an ideal path is nothing that averages out."""
+    """By its noise alone: how far both deviate from an ideal path is nothing that averages out."""
     kf = pose_keyframes.empty_keyframes(4)
     pose_keyframes.append(kf, np.eye(4), np.eye(6), 0.0, OUTLIERS)
     for x, variance in ((0.0, 1e-6), (1.0, 3e-6)):
@@ -107,9 +107,9 @@ def test_a_measurement_that_is_likely_an_outlier_counts_little_in_the_mean() -> 
     for k, x in enumerate((0.0, 0.0, 0.05)):
         X[0, 3] = x
         pose_keyframes.append(kf, X, 1e-6 * np.eye(6), k / 15.0, outliers)
-    assert kf.open[:3].all()
-    pose_keyframes.close(kf, 2, 1e-9)
-    assert not kf.open[2]
+    assert kf.undecided[:3].all()
+    pose_keyframes.fix(kf, 2, 1e-9)
+    assert not kf.undecided[2]
     assert_allclose(np.diag(kf.R[2])[3:], 0.09, rtol=1e-2)
     pose_keyframes.merge(kf, 1)
     assert abs(kf.Z[1, 0, 3]) < 1e-4
@@ -137,12 +137,12 @@ def test_scale_and_floor_change_what_the_keyframes_know() -> None:
     assert_allclose(kf.log_det[1], np.linalg.slogdet(kf.R[1] + 1e-5 * np.eye(6))[1])
 
 
-@pytest.mark.parametrize("strays", [0.0, 1.0])
-def test_an_exact_reference_has_no_floor(strays: float) -> None:
+@pytest.mark.parametrize("deviations", [0.0, 1.0])
+def test_an_exact_reference_has_no_floor(deviations: float) -> None:
     kf = pose_keyframes.empty_keyframes(4)
-    kf.reference_strays[0] = strays
+    kf.reference_deviates[0] = deviations
     for k in range(2):
         pose_keyframes.append(kf, np.eye(4), 1e-6 * np.eye(6), float(k), OUTLIERS)
     pose_keyframes.rescale(kf, np.ones(6), 1e-5 * np.eye(6), OUTLIERS)
-    for k, share in ((0, strays), (1, 1.0)):
+    for k, share in ((0, deviations), (1, 1.0)):
         assert_allclose(kf.W[k], np.linalg.inv((1e-6 + share * 1e-5) * np.eye(6)))

@@ -47,7 +47,7 @@ def _path(way: int, axis: int, times: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize("way", range(pose_keyframes.FREE_WAYS))
+@pytest.mark.parametrize("way", range(pose_keyframes.FREE_MOTIONS))
 def test_the_evidence_is_that_of_the_dense_problem(way: int, turned: bool) -> None:
     rng, n = np.random.default_rng(0), 6
     shifts, times = np.cumsum(0.01 * rng.normal(size=(n, 3)), axis=0), 0.1 * np.arange(n)
@@ -76,7 +76,7 @@ def test_a_pose_that_jumps_back_and_forth_is_an_outlier() -> None:
     assert (np.delete(inlier, 10) > 0.9).all()
 
 
-@pytest.mark.parametrize("way", range(pose_keyframes.FREE_WAYS))
+@pytest.mark.parametrize("way", range(pose_keyframes.FREE_MOTIONS))
 def test_the_likeliest_way_is_that_of_the_motion(way: int) -> None:
     rng, n = np.random.default_rng(1), 60
     noise = np.sqrt(0.1 * MOTION.noise[way, 3:]) * rng.normal(size=(n, 3))
@@ -119,7 +119,7 @@ def test_what_averaging_hides_is_remembered() -> None:
 
 
 def test_averaging_is_no_evidence_for_a_free_motion() -> None:
-    """However smoothly a real joint strays from its path."""
+    """However smoothly a real joint deviates from its path."""
     filters, noise = JointFilters(JointFiltersConfig()), np.repeat([0.01, 0.003], 3)
     state = filters.start(np.eye(4), np.diag(noise**2), 0.0)
     for k in range(1, 150):

@@ -103,8 +103,8 @@ from crossmodal.systems.port_values import JointBelief, JointModelBelief, JointT
 
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
 _RESTART_EVERY = 16  # Updates between fresh starts where the axis is better known than that.
-_ALL_MODELS_EVERY = 4  # Updates between turns of all models (`joint_update.solve_all`).
-_OFTEN = 24  # Such turns up to which a floor is tried at each, then at every third.
+_ALL_MODELS_EVERY = 4  # Updates between solutions of all models (`joint_update.solve_all`).
+_OFTEN = 24  # Such solutions up to which a floor is tried at each, then at every third.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
 _SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
 _NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
@@ -304,19 +304,26 @@ class JointFilters:
             scale = target
         R = R_reported * np.outer(scale, scale)
         updates, index, deviations = state.updates + 1, state.floor_index, state.deviations_index
-        turn = updates % _ALL_MODELS_EVERY == 0
+        rounds, all_models = updates // _ALL_MODELS_EVERY, updates % _ALL_MODELS_EVERY == 0
         update_models(
-            models, keyframes, X_FB, R, time, priors, self._log_prior, _wants_restart(state), turn
+            models,
+            keyframes,
+            X_FB,
+            R,
+            time,
+            priors,
+            self._log_prior,
+            _wants_restart(state),
+            all_models,
         )
-        turns = updates // _ALL_MODELS_EVERY
-        if turn and (turns <= _OFTEN or turns % 3 == 0):
-            tries = turns if turns <= _OFTEN else turns // 3
+        if all_models and (rounds <= _OFTEN or rounds % 3 == 0):
+            tries = rounds if rounds <= _OFTEN else rounds // 3
             models, keyframes, index = with_likelier_floor(
                 models, keyframes, index, tries, reported, estimated, priors, self._log_prior
             )
-        if turn:
+        if all_models:
             deviations = likelier_deviations(
-                models, keyframes, deviations, turns, reported, estimated, priors, self._log_prior
+                models, keyframes, deviations, rounds, reported, estimated, priors, self._log_prior
             )
         updated = replace(
             state,

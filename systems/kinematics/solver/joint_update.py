@@ -52,10 +52,9 @@ STEPS = 6  # Most linearisations of one update.
 _FRESH_STEPS = 8  # Most linearisations from a fresh start.
 _TEMPERED_STEPS = 3  # Before them, with residuals that count less.
 _TEMPER = 10.0  # By so much, so that nothing is an outlier only because the start is far off.
-_PRUNING_THRESHOLD = (
-    30.0  # Log evidence below the likeliest type's from which one takes turns, [nat].
-)
-_SURPRISE = 5.0  # Loss of the likeliest type's at which the turn of all has come, [nat].
+# Log evidence below the best model's from which a model is not solved at every update, [nat].
+_PRUNING_THRESHOLD = 30.0
+_SURPRISE = 5.0  # Loss of the best model's log evidence from which all models are solved, [nat].
 
 
 @hot
@@ -72,7 +71,7 @@ def _delete_configuration(m: Models, kf: Keyframes, k: int) -> None:
 def _step_loss(m: Models, kf: Keyframes, k: int) -> float:
     """Chi-square of the step from keyframe k to the next off the likeliest joint's path.
 
-    No more than noise loses: an error that lasts is the same in both.
+    No more than noise would lose: a correlated error is the same in both.
     """
     six, kind = int(np.int64(6)), int(np.argmax(m.log_evidence[:JOINTS]))
     G, B, step = np.zeros((6, 6)), np.empty((2, 3)), np.empty(6)
@@ -97,12 +96,11 @@ def _step_loss(m: Models, kf: Keyframes, k: int) -> float:
 
 @hot
 def expected_inliers(m: Models, kf: Keyframes, log_prior: Array, inlier: Array) -> None:
-    """Writes the probability that each keyframe is no outlier, by all models, into `inlier` (K,).
+    """Writes the probability that each keyframe is an inlier, by all models, into `inlier` (K,).
 
-    Streaks of undecided keyframes are brought up to date.
-
-    To a model that the motion has left behind every measurement is an outlier. Of several in a row
-    those that follow from one another, as in a free motion, are none.
+    Streaks of undecided keyframes are brought up to date. A model whose path the motion has left
+    takes every measurement for an outlier. In a long streak those that a free motion explains count
+    as inliers.
     """
     p = np.exp(m.log_evidence + log_prior - (m.log_evidence + log_prior).max())
     p /= p.sum()
@@ -168,8 +166,8 @@ def add_measurement(
 def _turns_are_seen(kf: Keyframes) -> bool:
     """Whether rotations are measured, to within a radian.
 
-    By positions alone a helix and a tilted circle differ by less than a real hinge deviates, so that
-    the pitch is not estimated then.
+    By positions alone a helix and a tilted circle differ by less than a real hinge deviates, so
+    that the pitch is not estimated then.
     """
     R = kf.R[kf.size[0] - 1]
     return bool(min(R[0, 0], R[1, 1], R[2, 2]) < 1.0)
@@ -189,39 +187,39 @@ def _solve(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int) -> N
 
 
 @hot
-def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, turn: bool) -> bool:
-    """Solves the models, linearised at most `steps` times each.
+def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, all_models: bool) -> bool:
+    """Solves the models that are scheduled, linearised at most `steps` times each.
 
     Args:
         m: Models.
         kf: Keyframes.
         priors: See `Priors`.
         steps: See above.
-        turn: Whether the turn of all models has come. Otherwise those that are far behind the
-            likeliest one wait, and so does the screw while the revolute model, which is its limit
-            of no pitch, explains more: what they explain less stays the same. A measurement that
-            surprises the likeliest one makes it the turn of all.
+        all_models: Whether all models are scheduled. Otherwise those whose evidence is too far
+            below the best model's are skipped, and so is the screw while the revolute model, which
+            is its limit of no pitch, explains more. Skipped models inherit the best model's change
+            in log evidence. A measurement that surprises the best model schedules all.
 
     Returns:
-        Whether it was the turn of all.
+        Whether all models were scheduled.
     """
     before, solved = m.log_evidence.copy(), np.zeros(JOINTS + 1, dtype=np.bool_)
-    lead, ratio = int(np.argmax(before)), before[SCREW] - before[REVOLUTE]
+    best, ratio = int(np.argmax(before)), before[SCREW] - before[REVOLUTE]
     seen, gain = _turns_are_seen(kf), 0.0
     for i in range(-1, JOINTS + 1):
-        kind = lead if i < 0 else i  # The likeliest first: what it gains is what others gain.
-        is_scheduled = turn or before[kind] > before[lead] - _PRUNING_THRESHOLD
+        kind = best if i < 0 else i  # The best model first, since others inherit its change.
+        is_scheduled = all_models or before[kind] > before[best] - _PRUNING_THRESHOLD
         if kind == SCREW:
-            is_scheduled = ratio > 0.0 or (seen and turn)
+            is_scheduled = ratio > 0.0 or (seen and all_models)
         if solved[kind] or not is_scheduled:
             continue
         if kind == SCREW and ratio < 0.0:
             start_from_revolute(m, kf)
         _solve(kind, m, kf, priors, steps)
         solved[kind] = True
-        if kind == lead:
-            gain = m.log_evidence[lead] - before[lead]
-            turn = turn or gain < -_SURPRISE
+        if kind == best:
+            gain = m.log_evidence[best] - before[best]
+            all_models = all_models or gain < -_SURPRISE
     for kind in range(JOINTS + 1):
         if not solved[kind]:
             m.log_evidence[kind] = before[kind] + gain
@@ -230,14 +228,14 @@ def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, turn: bool) 
     if not solved[SCREW]:
         m.log_evidence[SCREW] = m.log_evidence[REVOLUTE] + ratio
         m.inlier[SCREW] = m.inlier[REVOLUTE]
-    return turn
+    return all_models
 
 
 def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
-    """Removes keyframe k; what it said stays in a Gaussian prior of theta and in the evidence.
+    """Removes keyframe k; its information goes into a Gaussian prior of theta and the evidence.
 
-    Its configuration is marginalised as if nothing were known of it, so that what the motion before
-    and after it says is lost.
+    Its configuration is marginalised with a flat prior, so that the information of the motion
+    before and after it is lost.
     """
     log_evidence = m.log_evidence.copy()
     explain_pending(kf, priors.free, priors.outliers, m.inlier[FREE])
@@ -267,12 +265,12 @@ def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
     m.log_evidence[:] = solved + m.marginal_evidence
 
 
-def restart(m: Models, kf: Keyframes, priors: Priors, turn: bool) -> None:
+def restart(m: Models, kf: Keyframes, priors: Priors, all_models: bool) -> None:
     """Takes over the models that explain more from a fresh start; see `solve_all`."""
     other = Models(*[x.copy() for x in m])
     fresh_start(other, kf, priors.axis_distance, priors.outliers[0])
     ratio = m.log_evidence[SCREW] - m.log_evidence[REVOLUTE]
-    screw = turn and _turns_are_seen(kf)
+    screw = all_models and _turns_are_seen(kf)
     moving = MOVING if screw else (PRISMATIC, REVOLUTE)
     for kind in moving:
         solve_moving(kind, other, kf, priors, _TEMPERED_STEPS, _TEMPER)
@@ -314,21 +312,21 @@ def _correct(
     priors: Priors,
     log_prior: Array,
     inlier: Array,
-    turn: bool,
+    all_models: bool,
 ) -> tuple[int, bool]:
     """Corrects all models with one relative pose; see `update`.
 
     Returns:
-        -1, or the keyframe that has to be marginalised first, of which `inlier` (K,) tells how
-        likely it is that it is no outlier; nothing is done then. And what `solve_all` returns.
+        -1, or the keyframe that has to be marginalised first, with its probability in `inlier`
+        (K,); nothing is done then. And what `solve_all` returns.
     """
     steps = int(np.int64(STEPS))
     expected_inliers(m, kf, log_prior, inlier)
     k = add_measurement(m, kf, X_FB, R, time, priors, inlier)
     if k < 0:
-        turn = solve_all(m, kf, priors, steps, turn)
+        all_models = solve_all(m, kf, priors, steps, all_models)
         _decide_signs(m)
-    return k, turn
+    return k, all_models
 
 
 def update(
@@ -339,8 +337,8 @@ def update(
     time: float,
     priors: Priors,
     log_prior: Array,
-    young: bool,
-    turn: bool,
+    try_fresh_start: bool,
+    all_models: bool,
 ) -> None:
     """Corrects all models with one relative pose.
 
@@ -352,15 +350,15 @@ def update(
         time: [s].
         priors: See `Priors`.
         log_prior: (5,) log probability of each type before anything was measured.
-        young: Whether to try a fresh start beside the last solution.
-        turn: See `solve_all`.
+        try_fresh_start: Whether to try one beside the last solution.
+        all_models: See `solve_all`.
     """
     inlier = np.empty(kf.time.size)
-    k, is_turn = _correct(m, kf, X_FB, R, time, priors, log_prior, inlier, turn)
+    k, all_solved = _correct(m, kf, X_FB, R, time, priors, log_prior, inlier, all_models)
     if k >= 0:
         pose_keyframes.fix(kf, k, inlier[k])
         marginalise(m, kf, k, priors)
-        _, is_turn = _correct(m, kf, X_FB, R, time, priors, log_prior, inlier, turn)
-    if young and is_turn:
-        restart(m, kf, priors, turn)
+        _, all_solved = _correct(m, kf, X_FB, R, time, priors, log_prior, inlier, all_models)
+    if try_fresh_start and all_solved:
+        restart(m, kf, priors, all_models)
         _decide_signs(m)

@@ -39,8 +39,8 @@ class Case:
         rotation_noise: The same, [rad].
         claimed: Standard deviation that is claimed, as a multiple of the true one.
         outliers: Share of the frames that are off by 5 cm and 20 deg in a random direction.
-        bend: By what the child deviations smoothly from the joint's path, sideways: one standard
-            deviation per direction, [m], and as many radians per `BEND_LEVER`.
+        bend: Smooth sideways deviation of the child from the joint's path: one standard deviation
+            per direction, [m], and as many radians per `BEND_LEVER`.
         correlation_time: Of the noise, a Gauss-Markov process of first order, [s]; zero if white.
         rotations: In every how many-th frame a rotation is measured; zero for none.
         held: How often each pose is sent before the next.

@@ -44,7 +44,10 @@ import numpy as np
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check
-from crossmodal.systems.kinematics.evidence.covariance_floor import floor, with_likelier_floor
+from crossmodal.systems.kinematics.evidence.covariance_floor import (
+    covariance_floor,
+    with_likelier_floor,
+)
 from crossmodal.systems.kinematics.evidence.goodness_of_fit import claim, largest_probability
 from crossmodal.systems.kinematics.evidence.type_evidence import likelier_deviations, type_evidence
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
@@ -299,7 +302,7 @@ class JointFilters:
             explain_pending(
                 keyframes, self._priors.free, self._priors.outliers, models.inlier[FREE]
             )
-            independent = floor(state.floor_index, reported, estimated)
+            independent = covariance_floor(state.floor_index, reported, estimated)
             rescale(keyframes, target / scale, independent, self._priors.outliers)
             scale = target
         R = R_reported * np.outer(scale, scale)
@@ -349,7 +352,9 @@ class JointFilters:
 
     def _with_probabilities(self, state: JointFiltersState) -> JointFiltersState:
         m, kf = state.models, state.keyframes
-        deviations = floor(state.deviations_index, state.reported, estimated_scale(state.noise))
+        deviations = covariance_floor(
+            state.deviations_index, state.reported, estimated_scale(state.noise)
+        )
         evidence, covariance = type_evidence(m, kf, self._priors, deviations)
         p, likeliest = claim(evidence + self._log_prior_of_claims, evidence + self._log_prior)
         lost = p[likeliest] * (

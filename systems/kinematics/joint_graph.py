@@ -203,10 +203,10 @@ def update_graph(
         for pair in possible_pairs(bodies, resting)
         if pair[0] not in resting or pair in graph.pairs
     ]
-    due = scheduled_pairs(possible, present, graph.pairs, config.max_pairs)
+    scheduled = scheduled_pairs(possible, present, graph.pairs, config.max_pairs)
     pairs: dict[Pair, JointFiltersState] = {}
     for pair in sorted({*possible, *graph.pairs}):
-        if pair in due:
+        if pair in scheduled:
             state = _update_pair(pair, graph, present, filters, config)
         else:
             state = graph.pairs[pair]

@@ -17,7 +17,7 @@ class KinematicModelConfig:
         reference_age: How long before a body was first measured its reference may be.
         patience: How long a pair outlives its bodies' measurements.
         max_pairs: Most pairs that are updated in a tick. Those with the static environment always
-            are; the others take turns.
+            are; the others by a schedule.
         transfer_window: How long ago a body may have stood still last, for what is known of another
             one's joint to the environment to be transferred to the joint between the two.
         rest_walk: Standard deviation of how far a parent that is not measured any more has moved

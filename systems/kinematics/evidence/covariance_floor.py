@@ -19,38 +19,38 @@ from crossmodal.systems.kinematics.solver.joint_solver import Priors
 from crossmodal.systems.kinematics.solver.joint_update import STEPS, restart, solve_all
 
 FLOORS = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # Multiples of standard deviations, see `floor`.
-# Variance [rad^2, m^2] by which a joint usually deviations: doors, drawers and lids have play.
+# Variance [rad^2, m^2] of a joint's usual deviation: doors, drawers and lids have play.
 USUAL_DEVIATION = np.repeat([5e-3**2, 1.5e-3**2], 3)
-_LEAST_GAIN = 0.5  # Gain in log probability from which another one is taken, [nat].
+_LEAST_GAIN = 0.5  # Gain in log probability from which another floor is taken, [nat].
 
 
 @hot
-def _noise(claimed: Array, scale: Array) -> Array:
-    """Covariance (6, 6) of the measurements' noise, or what is claimed of it where that is more."""
+def _noise(reported: Array, scale: Array) -> Array:
+    """Covariance (6, 6) of the measurements' noise: the larger of estimated and reported one."""
     out = np.empty((6, 6))
     for i in range(6):
         for j in range(6):
-            out[i, j] = claimed[i, j] * max(scale[i], 1.0) * max(scale[j], 1.0)
+            out[i, j] = reported[i, j] * max(scale[i], 1.0) * max(scale[j], 1.0)
     return out
 
 
 @hot
-def floor(index: int, claimed: Array, scale: Array) -> Array:
+def covariance_floor(index: int, reported: Array, scale: Array) -> Array:
     """The floor (6, 6) of a multiple.
 
     Args:
         index: Of `FLOORS`.
-        claimed: Covariance (6, 6) that a measurement claims.
-        scale: (6,) its noise's standard deviations by those that are claimed.
+        reported: Covariance (6, 6) of a measurement.
+        scale: (6,) its noise's estimated standard deviations by the reported ones.
     """
-    out = min(FLOORS[index], 1.0) ** 2 * _noise(claimed, scale)
+    out = min(FLOORS[index], 1.0) ** 2 * _noise(reported, scale)
     for i in range(6):
         out[i, i] = max(out[i, i], FLOORS[index] ** 2 * USUAL_DEVIATION[i])
     return out
 
 
 def next_index(index: int, tries: int, count: int) -> int:
-    """Another index below `count` than `index`, each in its turn."""
+    """Another index below `count` than `index`; all of them follow one another over the tries."""
     return (index + 1 + tries % (count - 1)) % count
 
 
@@ -65,7 +65,7 @@ def log_probability(m: Models, kf: Keyframes, log_prior: Array) -> float:
 def with_floor(m: Models, kf: Keyframes, floor: Array, priors: Priors) -> tuple[Models, Keyframes]:
     """Models and keyframes as they would be with another floor (6, 6); nothing is changed.
 
-    Nothing may be pending.
+    All keyframes must have been explained by free motions, see `explain_pending`.
     """
     other, frames = Models(*[x.copy() for x in m]), pose_keyframes.copy_keyframes(kf)
     pose_keyframes.rescale(frames, np.ones(6), floor, priors.outliers)
@@ -80,24 +80,24 @@ def with_likelier_floor(
     kf: Keyframes,
     index: int,
     tries: int,
-    claimed: Array,
+    reported: Array,
     scale: Array,
     priors: Priors,
     log_prior: Array,
 ) -> tuple[Models, Keyframes, int]:
-    """The same, or with another floor that has its turn, if that makes everything likelier.
+    """The same, or those with the floor that is tried next, if it makes everything likelier.
 
     Args:
         m: Models; not changed.
         kf: Keyframes; not changed.
         index: In `FLOORS`, of the floor that they have.
-        tries: How many there were, which says that is tried next.
-        claimed: See `floor`.
-        scale: See `floor`.
+        tries: How many there were, by which the next one is chosen.
+        reported: See `covariance_floor`.
+        scale: See `covariance_floor`.
         priors: See `Priors`.
         log_prior: (5,) log probability of each type before anything was measured.
     """
     other = next_index(index, tries, len(FLOORS))
-    models, frames = with_floor(m, kf, floor(other, claimed, scale), priors)
+    models, frames = with_floor(m, kf, covariance_floor(other, reported, scale), priors)
     gain = log_probability(models, frames, log_prior) - log_probability(m, kf, log_prior)
     return (models, frames, other) if gain > _LEAST_GAIN else (m, kf, index)

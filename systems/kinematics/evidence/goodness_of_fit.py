@@ -10,7 +10,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
 from crossmodal.maths.se3_in_place import pose_difference
 from crossmodal.maths.tangent_plane import tangent_basis
-from crossmodal.systems.kinematics.evidence.covariance_floor import FLOORS, floor
+from crossmodal.systems.kinematics.evidence.covariance_floor import FLOORS, covariance_floor
 from crossmodal.systems.kinematics.keyframes.measurement_noise import (
     MeasurementNoise,
     degrees_of_freedom,
@@ -126,7 +126,7 @@ def largest_probability(
     if kind > RIGID:
         return 1.0
     square, degrees = off_path(
-        kind, m, kf, floor(len(FLOORS) - 1, reported, estimated_scale(noise))
+        kind, m, kf, covariance_floor(len(FLOORS) - 1, reported, estimated_scale(noise))
     )
     if degrees < 1:
         return 1.0

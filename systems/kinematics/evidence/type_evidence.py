@@ -12,7 +12,7 @@ from crossmodal.maths.compiled import hot
 from crossmodal.systems.kinematics.evidence.covariance_floor import (
     FLOORS,
     USUAL_DEVIATION,
-    floor,
+    covariance_floor,
     next_index,
 )
 from crossmodal.systems.kinematics.evidence.smooth_deviations import bend, smooth_evidence
@@ -105,7 +105,7 @@ def likelier_deviations(
     kf: Keyframes,
     index: int,
     tries: int,
-    claimed: Array,
+    reported: Array,
     scale: Array,
     priors: Priors,
     log_prior: Array,
@@ -117,7 +117,7 @@ def likelier_deviations(
     """
     other = next_index(index, tries, _SIZES)
     now, then = (
-        _total(type_evidence(m, kf, priors, floor(i, claimed, scale))[0] + log_prior)
+        _total(type_evidence(m, kf, priors, covariance_floor(i, reported, scale))[0] + log_prior)
         for i in (index, other)
     )
     return other if then - now > _LEAST_GAIN else index

@@ -1,4 +1,4 @@
-"""What is supposed of any joint's friction, weight and stops before it is felt."""
+"""What is supposed of any joint's friction, weight and stops before it is sensed."""
 
 from dataclasses import dataclass
 
@@ -14,16 +14,16 @@ class JointMechanicsConfig:
         period: Of the ticks.
         friction: Prior standard deviation of Coulomb friction.
         damping: The same of the viscous coefficient.
-        unevenness: By how much the friction met on the way differs from the joint's, as a share of
-            it, standard deviation.
+        unevenness: Standard deviation of the friction along the path, as a share of the joint's.
         mass: Of what moves, against gravity.
         extent: How far its centre may be from the hand, across gravity.
         zero_force: Of a force sensor that was never read while the hand was free; of its torque it
             is that at a lever of `SENSOR_LEVER`.
         stiction: By how much static friction may exceed Coulomb friction, as a share of it.
         least_speed: Of the hand; a slower joint rests.
-        slack: Way at the hand that a joint may go on at an end stop.
-        smoothing: Time over which a push has to last.
+        slack: Displacement at the hand by which a joint may go on at an end stop.
+        smoothing: Time constant of a push. A joint has to move for three of them before and after
+            an instant that counts.
         open_pressure: Gauge pressure of a chamber, below which the hand is open.
     """
 

@@ -6,9 +6,10 @@ joint's unit twist S. While the joint moves,
     tau = tau_c sign(q') + b q' + e + noise,
 
 where e is what does not depend on the motion: the joint's own weight, and the zero of the sensor.
-An arm that pulls one way only cannot tell e from tau_c, so the prior of e says how far tau_c is
-known. Inertia and what changes on the way count as noise, which has a memory. Where the joint
-rests, the push is compared with what friction can hold. The filters work without Drake:
+An arm that pulls in one direction only cannot tell e from tau_c, so the prior of e limits how well
+tau_c is known. Inertia and what changes during the motion count as noise, which is correlated.
+Where the joint rests, the push is compared with what friction can hold. The filters work without
+Drake:
 
     filters = JointMechanicsFilters(JointMechanicsConfig())
     state = filters.start()
@@ -168,7 +169,7 @@ class JointMechanicsFilters:
             state = replace(state, S=S, S_covariance=covariance, flipped=flipped, explored=explored)
         if force is None:
             return replace(_interrupted(state), push=None)
-        # What was felt while the joint moved is no push of a rest.
+        # A force that was sensed while the joint moved is no push of a rest.
         last = force.F_P if state.push is None or state.rest is None else state.push
         push = last + self._share * (force.F_P - last)
         state = replace(state, hand=force, push=push)
@@ -228,25 +229,28 @@ class JointMechanicsFilters:
         slack = self.config.slack / lever
         elsewhere = self._weight_elsewhere(state, hand, lever)
 
-        def judge(rest: Rest, way: int) -> Excess:
-            return self._judge(fit, state.S, screw, way, rest.push(state.S, way), elsewhere)
+        def judge(rest: Rest, direction: int) -> Excess:
+            return self._judge(
+                fit, state.S, screw, direction, rest.push(state.S, direction), elsewhere
+            )
 
         lower, upper = (
-            limit_belief(way, rests, state.explored[way], slack, judge) for way in (-1, 1)
+            limit_belief(direction, rests, state.explored[direction], slack, judge)
+            for direction in (-1, 1)
         )
         latch = latch_belief(rests, judge)
         if state.flipped < 0.0:
             lower, upper = _mirrored(upper), _mirrored(lower)
             latch = replace(latch, position=-latch.position)
         samples = state.moments.samples
-        way = float(state.moments.first[0, 1] + state.moments.now[0, 1])
+        path = float(state.moments.first[0, 1] + state.moments.now[0, 1])
         measured = state.push is not None
         return JointMechanicsBelief(
             friction=fit.theta[:2],
             friction_covariance=fit.covariance(screw)[:2, :2],
             noise=fit.noise,
             samples=samples,
-            mean_speed=way / samples if samples else float("nan"),
+            mean_speed=path / samples if samples else float("nan"),
             lower=lower,
             upper=upper,
             latch=latch,
@@ -279,18 +283,18 @@ class JointMechanicsFilters:
         return self.config.mass * GRAVITY * aslant * (lever + self.config.extent) * turned
 
     def _judge(
-        self, fit: ForceFit, S: Array, screw: Array, way: int, F: Array, elsewhere: float
+        self, fit: ForceFit, S: Array, screw: Array, direction: int, F: Array, elsewhere: float
     ) -> Excess:
-        """Whether a resting joint's friction can hold the push of F that way."""
-        c = np.array([1.0, 0.0, way])
+        """Whether a resting joint's friction can hold the push of F in a direction."""
+        c = np.array([1.0, 0.0, direction])
         held = c + np.array([self.config.stiction, 0.0, 0.0])
 
         def variance(c: Array) -> float:
-            by_screw = way * F - fit.by_screw.T @ c
+            by_screw = direction * F - fit.by_screw.T @ c
             of_fit = c @ fit.spread @ c + by_screw @ screw @ by_screw
             return float(of_fit + fit.noise**2 + elsewhere**2)
 
-        push, sigma = way * float(S @ F), float(np.sqrt(variance(held)))
+        push, sigma = direction * float(S @ F), float(np.sqrt(variance(held)))
         over, under = push - held @ fit.theta, -push - held @ fit.theta
         probability = float(ndtr(over / sigma) - ndtr(under / sigma))
         return Excess(
@@ -309,11 +313,11 @@ def _same_side(S: Array, before: Array) -> bool:
 def _explore(
     explored: dict[int, tuple[float, float]], q: float, variance: float
 ) -> dict[int, tuple[float, float]]:
-    """The farthest that is sure to have been reached, either way."""
+    """The farthest that is sure to have been reached, in either direction."""
     farther = dict(explored)
-    for way, (most, most_variance) in explored.items():
-        if way * q - np.sqrt(variance) > way * most - np.sqrt(most_variance):
-            farther[way] = (q, variance)
+    for direction, (most, most_variance) in explored.items():
+        if direction * q - np.sqrt(variance) > direction * most - np.sqrt(most_variance):
+            farther[direction] = (q, variance)
     return farther
 
 

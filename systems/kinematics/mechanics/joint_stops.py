@@ -31,8 +31,8 @@ class Rest(Immutable):
     Attributes:
         q: Where it was when that was known best, [m or rad].
         variance: Of that.
-        pushes: (n, 6) the hand's spatial force when it was hardest along each axis of P, either
-            way. Which of them pushes the joint is known once its axis is.
+        pushes: (n, 6) the hand's spatial force when it was hardest along each axis of P, in either
+            direction. Which of them pushes the joint is known once its axis is.
         hardest: (6,) those forces, [N], smoothed, which a jolt does not raise; they are behind
             while a push grows.
         release: Direction in which it moved on; 0 while it has not.
@@ -44,9 +44,9 @@ class Rest(Immutable):
     hardest: Array
     release: int = 0
 
-    def push(self, S: Array, way: int) -> Array:
+    def push(self, S: Array, direction: int) -> Array:
         """The force (6,) that pushed hardest along the unit twist S (6,), or against it."""
-        return np.asarray(self.pushes[np.argmax(way * (self.pushes @ S))])
+        return np.asarray(self.pushes[np.argmax(direction * (self.pushes @ S))])
 
 
 def _by_axis(F: Array) -> Array:
@@ -103,24 +103,24 @@ Judge = Callable[[Rest, int], Excess]  # What is to be thought of a rest's push 
 
 
 def limit_belief(
-    way: int, rests: Sequence[Rest], bound: tuple[float, float], slack: float, judge: Judge
+    direction: int, rests: Sequence[Rest], bound: tuple[float, float], slack: float, judge: Judge
 ) -> LimitBelief:
     """One end of the range: a limit where a stop was reached, else how far the joint has been.
 
     Args:
-        way: -1 for the lower end, 1 for the upper one.
+        direction: -1 for the lower end, 1 for the upper one.
         rests: All so far.
-        bound: How far the joint went that way, and the variance of that.
+        bound: How far the joint went in that direction, and the variance of that.
         slack: By how much a joint may go on at a stop.
         judge: Of the push at a rest.
     """
 
     def passed(rest: Rest) -> bool:
-        beyond = way * (bound[0] - rest.q) - slack
+        beyond = direction * (bound[0] - rest.q) - slack
         return beyond > 3.0 * float(np.sqrt(rest.variance + bound[1]))
 
-    held = [rest for rest in rests if rest.release != way and not passed(rest)]
-    found = [(judge(rest, way).probability, rest) for rest in held]
+    held = [rest for rest in rests if rest.release != direction and not passed(rest)]
+    found = [(judge(rest, direction).probability, rest) for rest in held]
     probability, at = max(found, key=lambda one: one[0], default=(0.0, None))
     return LimitBelief(
         probability=probability,

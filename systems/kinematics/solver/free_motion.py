@@ -1,13 +1,13 @@
 """The evidence of a body that no joint holds, compiled.
 
-Its pose is filtered over the keyframes in several ways at once: the pose is a random walk, or its
-velocity is, as of a body that is carried (the nearly constant velocity model of Y. Bar-Shalom,
-X. Li and T. Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, 6.2),
-either with several strengths of its process noise. The mean over all ways is the type that wins
-where no joint explains the motion.
+Its pose is filtered over the keyframes by several motion models at once: the pose is a random walk,
+or the velocity is, as that of a body that is carried (the nearly constant velocity model of Y.
+Bar-Shalom, X. Li and T. Kirubarajan, "Estimation with Applications to Tracking and Navigation",
+2001, 6.2), either with several strengths of its process noise. The mean over these models is the
+type that wins where no joint explains the motion.
 
-Rotation and position change independently of each other, in F: of a body that turns evenly nobody
-expects a circle.
+Rotation and position change independently of each other, in F: the position of a body that turns
+evenly is not expected to follow a circle.
 """
 
 from typing import NamedTuple
@@ -31,7 +31,7 @@ assert 2 * len(_SCALES) == FREE_MOTIONS
 
 
 class FreeMotion(NamedTuple):
-    """The ways in which a free body moves.
+    """The motion models of a free body.
 
     Attributes:
         has_velocity: (M,) one where its velocity is nearly constant, zero where its pose walks.
@@ -46,7 +46,7 @@ class FreeMotion(NamedTuple):
 
 
 def free_motion(walk: Array, velocity: Array, acceleration: Array) -> FreeMotion:
-    """All ways of moving, from the (6,) largest process noises of pose and velocity."""
+    """All motion models, from the (6,) largest process noises of pose and velocity."""
     noise = np.concatenate([np.outer(_SCALES, walk), np.outer(_SCALES, acceleration)])
     return FreeMotion(np.repeat([0.0, 1.0], len(_SCALES)), noise, velocity)
 
@@ -88,7 +88,7 @@ def _move(X: Array, xi: Array, share: float) -> None:
 
 @hot
 def _difference(X: Array, Z: Array, e: Array) -> None:
-    """Writes by what the pose Z is turned and moved from X, in F, into `e` (6,)."""
+    """Writes rotation and translation from the pose X to Z, in F, into `e` (6,)."""
     pose_difference(X, Z, e)
     x, y, z = e[0], e[1], e[2]
     for i in range(3):
@@ -179,7 +179,7 @@ def _filter(
     share: float,
     inlier: Array,
 ) -> tuple[float, float]:
-    """The log evidence of one way of moving, without the pending keyframes and with them.
+    """The log evidence of one motion model, without the pending keyframes and with them.
 
     Args:
         kf: Keyframes.
@@ -232,7 +232,7 @@ def _filter(
 
 @hot
 def log_evidences(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -> Array:
-    """The log evidence (2, M) of each way of moving, without the pending keyframes and with them.
+    """The log evidence (2, M) of each motion model, without the pending keyframes and with them.
 
     Each keyframe's own normaliser is left out.
 
@@ -253,16 +253,16 @@ def log_evidences(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Ar
                 W[i, i] += outliers[1 + i]
             _rotate(kf.Z[k], W, R_out[k])
     values = np.empty((2, kf.free.size))
-    for way in range(kf.free.size):
-        values[0, way], values[1, way] = _filter(
+    for i in range(kf.free.size):
+        values[0, i], values[1, i] = _filter(
             kf,
-            motion.noise[way],
+            motion.noise[i],
             motion.velocity,
-            motion.has_velocity[way] > 0.0,
+            motion.has_velocity[i] > 0.0,
             R,
             R_out,
             outliers[0],
-            inlier[way],
+            inlier[i],
         )
     return values
 
@@ -275,7 +275,7 @@ def explain(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -
         kf: Keyframes.
         motion: See `FreeMotion`.
         outliers: See `Priors`.
-        inlier: (K,) see `log_evidences`, of the likeliest way; a result.
+        inlier: (K,) see `log_evidences`, of the likeliest model; a result.
     """
     each = np.ones((kf.free.size, inlier.size))
     values = log_evidences(kf, motion, outliers, each)

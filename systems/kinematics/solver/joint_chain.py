@@ -8,8 +8,8 @@ keyframes say about theta. One pass gives the normal equations of theta with eve
 and the evidence of S by Laplace's approximation.
 
 Motions begin and end at once, too. Where a keyframe is far from where it was expected, the rate may
-have jumped on the way with a far larger density J. Between both the expected logarithm of the
-density counts for the step: an expected density would be a jump's already where one is most
+have jumped since the one before with a far larger density J. Between both the expected logarithm of
+the density counts for the step: an expected density would be a jump's already where one is most
 unlikely.
 """
 

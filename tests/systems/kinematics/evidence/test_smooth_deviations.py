@@ -85,7 +85,7 @@ def test_the_series_is_marginalised_as_one_large_normal_distribution(kind: int) 
         if k > 0:
             A[rows, n + k - 1] = by_q
             u = L @ by_q / np.linalg.norm(L @ by_q)
-            free -= np.linalg.inv(L) @ np.outer(u, u) @ L  # Along the path nothing deviations.
+            free -= np.linalg.inv(L) @ np.outer(u, u) @ L  # There is no deviation along the path.
         for i in range(4):
             waves[rows, 6 * i : 6 * i + 6] = free * np.cos((i + 1) * place[k])
     prior = np.kron(np.diag(np.arange(1.0, 5.0) ** -4), STRAYS)

@@ -9,7 +9,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
 from crossmodal.maths.vectors import tangent_basis
-from crossmodal.systems.flap.displacements import CAMERA, FINGER, NAMES, holder_given_others
+from crossmodal.systems.flap.flap_geometry import CAMERA, FINGER, NAMES, holder_given_others
 from crossmodal.systems.flap.hinge.hinge_geometry import (
     AXIS,
     DISPLACEMENTS,
@@ -58,9 +58,9 @@ class HingeEstimatorConfig:
     # Prior of the faces' and of the contact's distance from the axis, along the normal.
     offset: float = number(0.02, at_least=1e-4, at_most=1.0, unit="m")
     # How far the contact wanders on the flap's edge, along the flap.
-    walk_along: float = number(0.001, at_least=1e-6, at_most=1.0, unit="m")
+    contact_along: float = number(0.001, at_least=1e-6, at_most=1.0, unit="m")
     # The same along the normal, which is the edge's thickness.
-    walk_across: float = number(0.004, at_least=1e-6, at_most=1.0, unit="m")
+    contact_across: float = number(0.004, at_least=1e-6, at_most=1.0, unit="m")
     # Error of a plane's direction that averaging does not lessen.
     plane_direction: float = number(1e-3, at_least=1e-6, at_most=1.0, unit="rad")
     # The same of its distance.
@@ -77,7 +77,7 @@ class HingeState(Immutable):
         keyframes: What was measured.
         p_WQ: The first contact (3,), [m]; None before.
         model: The solution; None before there is one.
-        belief: What is told of it.
+        belief: What is reported of it.
     """
 
     keyframes: tuple[Keyframe, ...] = ()
@@ -162,8 +162,8 @@ def update_hinge(
         if turn(frames) < limits.least_turn:
             return state
         model = first_model(frames, config.tool_size, before[0])
-    walk = config.walk_along, config.walk_across
-    priors = make_priors(p_WQ, config.tool_size, config.offset, walk, before)
+    contact_spread = config.contact_along, config.contact_across
+    priors = make_priors(p_WQ, config.tool_size, config.offset, contact_spread, before)
     rounds = config.rounds if state.model is not None else 10 * config.rounds
     model, covariance = solve(model, frames, priors, rounds)
     belief = read_hinge(model, covariance, contact.p_WC, displacements)

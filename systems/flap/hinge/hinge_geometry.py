@@ -11,7 +11,7 @@ contact wanders on the edge:
     t · (c - p) = a,    n_f · (c - p) = b;
 
 where no face is seen, what remains is the circle |c - p - k k · (c - p)| = sqrt(a^2 + b^2). What
-camera and finger say is displaced by small constant rotations omega and translations delta, the
+camera and finger report is displaced by small constant rotations omega and translations delta, the
 calibrations' errors, about a point Q near the flap.
 """
 

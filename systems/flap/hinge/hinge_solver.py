@@ -31,20 +31,20 @@ class HingePriors(NamedTuple):
         information: (21, 21), of the unknowns.
         mean: (21,); zero but for the contact's place and the displacements, the point on the axis
             relative to Q.
-        walk: Standard deviations of how the contact wanders along t and along n, [m].
+        contact_spread: Standard deviations of how the contact wanders along t and along n, [m].
     """
 
     p_WQ: Array
     information: Array
     mean: Array
-    walk: tuple[float, float]
+    contact_spread: tuple[float, float]
 
 
 def make_priors(
     p_WQ: Array,
     tool_size: float,
     offset: float,
-    walk: tuple[float, float],
+    contact_spread: tuple[float, float],
     displacements: tuple[Array, Array],
 ) -> HingePriors:
     """Priors.
@@ -53,7 +53,7 @@ def make_priors(
         p_WQ: The first contact (3,), [m].
         tool_size: Standard deviation of the axis' distance from it, [m].
         offset: Of the faces and of the contact from the axis, along the normal, [m].
-        walk: See `HingePriors`.
+        contact_spread: See `HingePriors`.
         displacements: Mean (12,) and covariance (12, 12) of the camera's and the finger's about Q.
     """
     mean, covariance = displacements
@@ -65,7 +65,7 @@ def make_priors(
     means = np.zeros(SIZE)
     means[CONTACT] = tool_size, 0.0
     means[DISPLACEMENTS] = mean
-    return HingePriors(p_WQ, information, means, walk)
+    return HingePriors(p_WQ, information, means, contact_spread)
 
 
 def _deviation(model: HingeModel, priors: HingePriors) -> Array:
@@ -81,7 +81,7 @@ def _whitened(
 ) -> tuple[Array, Array]:
     """Residuals (5 K,) of unit variance and their Jacobian (5 K, 21), outliers weighed down."""
     r, J, by_measured = linearise(model, frames, priors.p_WQ)
-    t, n = priors.walk
+    t, n = priors.contact_spread
     S = by_measured @ frames.covariance @ by_measured.transpose(0, 2, 1)
     S += np.diag(np.array([1e-9, 1e-9, n, t, t]) ** 2)
     L = np.linalg.cholesky(S)

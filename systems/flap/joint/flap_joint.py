@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.systems.framework import Context
 
 from crossmodal.systems.depth_camera import DepthCamera, tilt_covariance
-from crossmodal.systems.flap.displacements import CAMERA, FINGER, NAMES
+from crossmodal.systems.flap.flap_geometry import CAMERA, FINGER, NAMES
 from crossmodal.systems.flap.hinge.hinge_keyframes import begin, merge
 from crossmodal.systems.flap.hinge.hinge_limits import HingeLimitsConfig
 from crossmodal.systems.flap.joint.flap_joint_model import (
@@ -68,14 +68,16 @@ def update_joint(
         return _add_reference(state, plane, contact, time, model) if plane.seen else state
     n = expected_normal(state, state.model, model)
     n_covariance = config.unseen_normal**2 * np.eye(3)
-    lasting = config.flatness**2 * np.eye(3)
+    correlated_n = config.flatness**2 * np.eye(3)
     if plane.seen:
         n = plane.n_W if plane.n_W @ n > 0.0 else -plane.n_W
         n_covariance = plane.covariance[:3, :3]
-        lasting += tilt_covariance(model.camera, state.n0_W, n)
-    walk = config.walk**2 * np.eye(3)
+        correlated_n += tilt_covariance(model.camera, state.n0_W, n)
+    contact_spread = config.contact_spread**2 * np.eye(3)
     contact = replace(contact, p_WC=state.p_WC)
-    pose = flap_pose(state.n0_W, n, n_covariance, lasting, contact, walk, config.twist)
+    pose = flap_pose(
+        state.n0_W, n, n_covariance, correlated_n, contact, contact_spread, config.twist
+    )
     if not touching:
         pose = without_position(pose)
     after = model.filters.update(state.filters, pose.X_WB, pose.covariance, time, pose.correlated)
@@ -102,8 +104,11 @@ def _add_reference(
         return state
     n, noise = reference.n_W, reference.plane_covariance[:3, :3] / reference.ticks
     contact = replace(contact, p_WC=reference.p_WC)
-    walk, lasting = config.walk**2 * np.eye(3), config.flatness**2 * np.eye(3)
-    pose = flap_pose(n, n, noise, lasting, contact, walk, config.twist)
+    contact_spread, correlated_n = (
+        config.contact_spread**2 * np.eye(3),
+        config.flatness**2 * np.eye(3),
+    )
+    pose = flap_pose(n, n, noise, correlated_n, contact, contact_spread, config.twist)
     start = model.filters.start(pose.X_WB, pose.covariance, time)
     return replace(state, filters=start, n0_W=n, n0_noise=noise, model=model.now(start, time))
 

@@ -8,7 +8,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
 from crossmodal.systems.depth_camera import DepthCamera
-from crossmodal.systems.flap.flap_normals import turned_normal
+from crossmodal.systems.flap.flap_geometry import turned_normal
 from crossmodal.systems.flap.hinge.hinge_keyframes import Keyframe
 from crossmodal.systems.flap.hinge.hinge_limits import HingeLimitsConfig
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersState
@@ -40,7 +40,7 @@ class FlapJointConfig:
     period: float = tick_period()
     filters: JointFiltersConfig = field(default_factory=_filters)
     # How far the contact wanders on the flap, across its edge and radially.
-    walk: float = number(0.002, at_least=1e-6, at_most=1.0, unit="m")
+    contact_spread: float = number(0.002, at_least=1e-6, at_most=1.0, unit="m")
     # Rotation about the normal: the axis lies in the flap, but for what its first normal errs.
     twist: float = number(0.02, at_least=1e-6, at_most=10.0, unit="rad")
     # Direction of a normal that is not seen.

@@ -5,7 +5,7 @@ import numpy as np
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.depth_camera import angle_variance
-from crossmodal.systems.flap.displacements import CAMERA, FINGER, HOLDER
+from crossmodal.systems.flap.flap_geometry import CAMERA, FINGER, HOLDER
 from crossmodal.systems.flap.hinge.hinge_limits import HingeLimitsConfig, is_believed
 from crossmodal.systems.flap.joint.flap_joint_model import (
     FlapJointConfig,
@@ -38,7 +38,7 @@ def angle_at_reference(
     along = np.cross(k, u) / (u @ u)
     along_0 = np.cross(k, state.n0_W)
     time = 0.5 * reference.ticks * config.period / config.filters.errors.declared_time
-    slip = 2.0 * config.walk**2 * (1.0 - np.exp(-time))
+    slip = 2.0 * config.contact_spread**2 * (1.0 - np.exp(-time))
     noise = reference.p_WC_covariance / reference.ticks + slip * np.eye(3)
     variance = float(along @ noise @ along + along_0 @ state.n0_noise @ along_0)
     return float(along @ state.reference_moved), variance
@@ -102,8 +102,8 @@ def read_joint_angle(state: FlapJointState, model: FlapJointModel) -> FlapAngleB
     else:
         along, along_0 = np.cross(k, n), np.cross(k, state.n0_W)
         spread = variance + float(along_0 @ n0_covariance @ along_0)
-        lean = m.axis_covariance + _turned(k, camera)
-        covariance = spread * np.outer(along, along) + float(n @ lean @ n) * np.outer(k, k)
+        tilt = m.axis_covariance + _turned(k, camera)
+        covariance = spread * np.outer(along, along) + float(n @ tilt @ n) * np.outer(k, k)
         first, first_variance = angle_at_reference(state, k, m.p_PA, model.config)
         angle, variance = angle + first, variance + first_variance
     return FlapAngleBelief(

@@ -20,9 +20,9 @@ class FlapPose(NamedTuple):
     Attributes:
         X_WB: (4, 4).
         covariance: (6, 6), in B, rotation first.
-        correlated: Its part (6, 6) that stays for seconds: the contact wanders on the flap, and
-            the rotation about the normal follows from the first normal, which errs for good, and
-            a normal has a lasting error of its own.
+        correlated: Its part (6, 6) that stays for seconds: the contact wanders on the flap, the
+            rotation about the normal has the constant error of the first normal, and a normal has
+            a correlated error of its own.
     """
 
     X_WB: Array
@@ -43,9 +43,9 @@ def flap_pose(
     n0_W: Array,
     n_W: Array,
     n_covariance: Array,
-    lasting: Array,
+    correlated_n: Array,
     contact: FingertipContact,
-    walk: Array,
+    contact_spread: Array,
     twist: float,
 ) -> FlapPose:
     """The pose that goes with a normal and a contact.
@@ -54,9 +54,9 @@ def flap_pose(
         n0_W: The front's normal (3,) when the flap was touched first.
         n_W: That at this tick (3,).
         n_covariance: (3, 3), new at every tick; wide where it was not seen.
-        lasting: (3, 3), the part of its error that stays for seconds.
+        correlated_n: (3, 3), the part of its error that stays for seconds.
         contact: Where the flap is touched.
-        walk: Covariance (3, 3) of where on the flap that is, in W, [m^2].
+        contact_spread: Covariance (3, 3) of where on the flap that is, in W, [m^2].
         twist: Standard deviation of the rotation about the normal, [rad].
     """
     R = least_rotation(n0_W, n_W)
@@ -64,14 +64,14 @@ def flap_pose(
     X[:3, :3], X[:3, 3] = R, contact.p_WC
     S = se3.skew(n_W)  # dn = omega x n, so that omega = n x dn but for the part about n.
     about_n = twist**2 * np.outer(n_W, n_W)
-    stays = S @ lasting @ S.T + about_n
+    stays = S @ correlated_n @ S.T + about_n
     rotation = S @ n_covariance @ S.T + stays
-    white = contact.p_WC_white_covariance + walk
+    white = contact.p_WC_white_covariance + contact_spread
     zero = np.zeros((3, 3))
     return FlapPose(
         X,
         np.block([[R.T @ rotation @ R, zero], [zero, R.T @ white @ R]]),
-        np.block([[R.T @ stays @ R, zero], [zero, R.T @ walk @ R]]),
+        np.block([[R.T @ stays @ R, zero], [zero, R.T @ contact_spread @ R]]),
     )
 
 

@@ -1,11 +1,30 @@
-"""The lever from a hinge to where a finger touches the flap."""
+"""The lever from a hinge to a contact, normals that turn about it, and what displaces both."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.systems.port_values import FingertipContact, HingeBelief, displacement_at
+from crossmodal.systems.port_values import (
+    DisplacementBelief,
+    FingertipContact,
+    HingeBelief,
+    displacement_at,
+)
+
+CAMERA, FINGER, HOLDER = "camera", "finger", "holder"
+NAMES = (CAMERA, HOLDER, FINGER)
+
+
+def holder_given_others(belief: DisplacementBelief) -> tuple[Array, Array, Array]:
+    """The holder's displacement by the camera's and the finger's x: m + G x, with a covariance.
+
+    Returns:
+        m (6,), G (6, 12) and the covariance (6, 6) of what they do not say.
+    """
+    mean, P = belief.of(CAMERA, FINGER, HOLDER)
+    G = np.asarray(np.linalg.solve(P[:12, :12] + 1e-12 * np.eye(12), P[:12, 12:]).T, dtype=float)
+    return mean[12:] - G @ mean[:12], G, P[12:, 12:] - G @ P[:12, 12:]
 
 
 class Lever(NamedTuple):
@@ -43,7 +62,7 @@ def place_error(contact: FingertipContact) -> Array:
 
 
 def lever(hinge: HingeBelief, contact: FingertipContact) -> Lever:
-    """The lever of a known hinge and a felt contact."""
+    """The lever of a known hinge and a sensed contact."""
     across = np.eye(3) - np.outer(hinge.k_W, hinge.k_W)
     J = displacement_at(contact.p_WC, hinge.p_WQ)
     u = across @ (contact.p_WC - J @ hinge.displacements[:6] - hinge.p_WK)
@@ -51,3 +70,15 @@ def lever(hinge: HingeBelief, contact: FingertipContact) -> Lever:
     displaced = J @ hinge.displacement_covariance[6:12, :6] @ J.T
     covariance = hinge.covariance[3:, 3:] + with_p + with_p.T + displaced + place_error(contact)
     return Lever(u, across @ covariance @ across)
+
+
+def turned_normal(k: Array, n0: Array, angle: float) -> Array:
+    """The normal (3,) turned by an angle about k, without its part along k (Rodrigues)."""
+    n = n0 - k * (k @ n0)
+    n = n / np.linalg.norm(n)
+    return np.asarray(n * np.cos(angle) + np.cross(k, n) * np.sin(angle))
+
+
+def angle_about(k: Array, n0: Array, n: Array) -> float:
+    """Angle from n0 to n (3,) about k, within ±pi, [rad]."""
+    return float(np.arctan2(k @ np.cross(n0, n), n0 @ n - (k @ n0) * (k @ n)))

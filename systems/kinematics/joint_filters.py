@@ -48,9 +48,9 @@ from crossmodal.systems.kinematics.evidence.covariance_floor import (
     covariance_floor,
     with_likelier_floor,
 )
-from crossmodal.systems.kinematics.evidence.goodness_of_fit import claim, largest_probability
+from crossmodal.systems.kinematics.evidence.goodness_of_fit import largest_probability
 from crossmodal.systems.kinematics.evidence.type_evidence import likelier_deviations, type_evidence
-from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
+from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
 from crossmodal.systems.kinematics.joint_filters_state import (
     LEAST_NOISE,
     TYPES,
@@ -113,10 +113,6 @@ _SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
 _NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 
 
-def _log_prior(p: TypePriorsConfig) -> Array:
-    return np.log([p.prismatic, p.revolute, p.screw, p.rigid, p.disconnected])
-
-
 class JointFilters:
     """Starts, updates and reads the joint models of any number of pairs; see the module.
 
@@ -133,8 +129,9 @@ class JointFilters:
         self._owner = owner
         self._priors = solver_priors(config)
         self._correlated = is_correlated(config.errors)
-        self._log_prior = _log_prior(config.ranking_priors)
-        self._log_prior_of_claims = _log_prior(config.type_priors)
+        p = config.type_priors
+        types = [p.prismatic, p.revolute, p.screw, p.rigid, p.disconnected]
+        self._log_prior = np.log(types)
 
     def start(
         self,
@@ -356,7 +353,9 @@ class JointFilters:
             state.deviations_index, state.reported, estimated_scale(state.noise)
         )
         evidence, covariance = type_evidence(m, kf, self._priors, deviations)
-        p, likeliest = claim(evidence + self._log_prior_of_claims, evidence + self._log_prior)
+        log_p = evidence + self._log_prior
+        p = np.exp(log_p - log_p.max())
+        p, likeliest = p / p.sum(), int(np.argmax(p))
         lost = p[likeliest] * (
             1.0 - largest_probability(likeliest, m, kf, state.noise, state.reported)
         )

@@ -6,7 +6,6 @@ from synthetic_motion import RATE, Scene, filter_states, simulate, to_and_fro
 
 from crossmodal.maths import se3
 from crossmodal.systems.kinematics.evidence.goodness_of_fit import (
-    claim,
     largest_probability,
     reduced_chi_square,
 )
@@ -40,7 +39,7 @@ def test_a_wrong_type_does_not_fit() -> None:
     for kind in (PRISMATIC, RIGID):
         value, (_, high), _ = reduced_chi_square(kind, s.models, s.keyframes, s.noise)
         assert value > 3.0 * high
-        assert largest_probability(kind, s.models, s.keyframes, s.noise, s.claim) < 0.05
+        assert largest_probability(kind, s.models, s.keyframes, s.noise, s.reported) < 0.05
 
 
 @pytest.mark.parametrize("joint", [JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID])
@@ -50,7 +49,7 @@ def test_the_right_type_may_be_claimed_with_certainty(joint: JointType) -> None:
     _, states = filter_states(scene, simulate(scene, 0))
     for s in states[30::10]:
         kind = int(np.argmax(s.models.log_evidence))
-        assert largest_probability(kind, s.models, s.keyframes, s.noise, s.claim) > 0.99
+        assert largest_probability(kind, s.models, s.keyframes, s.noise, s.reported) > 0.99
 
 
 @pytest.mark.parametrize(("deviations", "connected"), [(2.0, True), (30.0, False)])
@@ -114,31 +113,3 @@ def test_averages_of_unmeasured_rotations_are_no_measured_ones() -> None:
     # A slide's direction and place, and where along it each keyframe but the reference is.
     assert fit.degrees == 3 * n - (n - 1) - 2 - 3
     assert 0.4 < fit.reduced_chi_square < 2.0
-
-
-def test_a_claim_is_that_of_one_who_expects_no_type() -> None:
-    ranked, p = np.array([0.9, 0.06, 0.04]), np.array([0.7, 0.2, 0.1])
-    claimed, likeliest = claim(np.log(p), np.log(ranked))
-    np.testing.assert_allclose(claimed, p)
-    assert likeliest == 0
-
-
-def test_a_claim_holds_for_one_who_expects_common_types_too() -> None:
-    ranked, p = np.array([0.6, 0.3, 0.1]), np.array([0.9, 0.06, 0.04])
-    claimed, likeliest = claim(np.log(p), np.log(ranked))
-    np.testing.assert_allclose(claimed, ranked)
-    assert likeliest == 0
-
-
-@pytest.mark.parametrize("p", [[0.2, 0.5, 0.3], [0.4, 0.4, 0.2], [1e-300, 1.0, 1e-300]])
-def test_the_likeliest_type_leads_if_only_just(p: list[float]) -> None:
-    ranked = np.array([0.5, 0.3, 0.2])
-    claimed, likeliest = claim(np.log(p), np.log(ranked) - 7.0)
-    assert likeliest == 0
-    assert np.argmax(claimed) == 0
-    np.testing.assert_allclose(claimed.sum(), 1.0)
-    np.testing.assert_allclose(claimed[0], claimed[1], atol=1e-5)
-
-
-def test_types_that_are_alike_may_be_claimed_alike() -> None:
-    np.testing.assert_allclose(claim(np.zeros(3), np.zeros(3))[0], np.full(3, 1 / 3))

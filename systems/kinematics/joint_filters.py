@@ -7,12 +7,12 @@ approximation. Measurements are averaged into a bounded number of keyframes; whe
 lose what the motion has shown, an old keyframe is marginalised, and leaves a Gaussian prior of the
 parameters and its share of the evidence.
 
-What is claimed of the measurements is a prior. How large their noise is and whether it is
+The reported covariance of the measurements is a prior. How large their noise is and whether it is
 correlated in time follows from the stream itself (`measurement_noise`), what does
 not average out and by what the path is no ideal joint's from the evidence (`path_floor`), and a
 measurement that is far off is an outlier with a probability (`outliers`). Where no joint explains
-the motion, a free one wins (`free_motion`), and no joint is claimed with more certainty than the
-distance of the measurements from its path allows (`goodness_of_fit.largest_probability`).
+the motion, a free one wins (`free_motion`), and the distance of the measurements from its path
+limits the probability of a joint (`goodness_of_fit.largest_probability`).
 
 The filters work without Drake:
 
@@ -24,7 +24,7 @@ The filters work without Drake:
     print(belief.type, belief.probabilities[belief.type], belief.model.configuration)
 
 `start` takes the first pose as the reference, where the configuration is zero. A state is never
-changed in place. `predict` says where a model expects the child next; `rebase` goes on when the
+changed in place. `predict` is where a model expects the child next; `rebase` goes on when the
 child's pose has got a constant error.
 
 A measurement that cannot be true, as with NaN, a covariance that is none or a time before the last,

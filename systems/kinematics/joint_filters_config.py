@@ -77,10 +77,7 @@ class JointFiltersConfig:
 
     @property
     def unmeasured_process_noise(self) -> float:
-        """That of a motion of which nothing measured says how jerky it is, [m^2/s^3].
-
-        It is the first motion, and what comes after the last measurement.
-        """
+        """Density of an acceleration that is not measured, at first and at last, [m^2/s^3]."""
         return self.process_noise[len(self.process_noise) // 2]
 
     @property

@@ -265,7 +265,7 @@ def predict_bodies(
 ) -> BodyPredictions:
     """Where each joint expects its child at the next tick, the likeliest first, for each child.
 
-    The disconnected type says nothing of its own and is left out.
+    The disconnected type predicts nothing and is left out.
     """
     found: list[tuple[float, BodyPrediction]] = []
     parents = {

@@ -2,9 +2,9 @@
 
 A hinge at a distance d whose child slides along u turns it by the curvature vector k, |k| = 1 / d,
 normal to u: the slide's twist per metre is (k, u) instead of (0, u). For a path that is short
-against d the measurements are linear in k, and what they say of it is a normal distribution; of the
-axis' place it is none, for all places far away explain a straight path. So the evidence of such a
-hinge is an integral over k, about the slide's own solution.
+against d the measurements are linear in k, and its likelihood is normal; that of the axis' place is
+not, for all places far away explain a straight path. So the evidence of such a hinge is an integral
+over k, about the slide's own solution.
 """
 
 import numpy as np

@@ -1,8 +1,8 @@
-"""The evidence of the joint types, from what the models say near each other's limits.
+"""The evidence of the joint types, from the models near each other's limits.
 
-A slide is the limit of hinges far away, a hinge the limit of screws without pitch. What a model's
-own solution says is Laplace's approximation about it; near a limit the other model's is better.
-Where deviations from the path are smooth (`smooth_deviations`), that counts for all types alike.
+A slide is the limit of hinges far away, a hinge the limit of screws without pitch. The evidence of
+a model's own solution is Laplace's approximation; near a limit the other model's is better. Where
+deviations from the path are smooth (`smooth_deviations`), that counts for all types alike.
 """
 
 import numpy as np
@@ -67,9 +67,8 @@ def type_evidence(
 ) -> tuple[Array, Array]:
     """Log evidence (5,) of each type, and covariance (J, N, N) of each model's theta.
 
-    Whether deviations are independent or smooth, each as likely as the keyframes say.
-
-    Smooth ones are unusual, the more so the larger they are than joints' usual deviations.
+    Deviations are independent or smooth, weighted by the evidence. Smooth ones are less common, the
+    more so the larger they are than the usual deviations of joints.
 
     Args:
         m: Models, solved.

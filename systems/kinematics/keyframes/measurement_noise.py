@@ -1,9 +1,9 @@
 """How large and how correlated the noise of a stream of poses is, from the stream itself.
 
-No joint is needed for it: a pose should be where its two neighbours in time say, on the geodesic
-between them, up to the three poses' noise and to what the child has accelerated. The squared
-differences, without those that an outlier explains, are the data of an inverse-gamma posterior of
-the noise's scale against the reported covariance; rotation and translation have one each.
+No joint is needed for it: a pose should be on the geodesic between its two neighbours in time, up
+to the three poses' noise and to what the child has accelerated. The squared differences, without
+those that an outlier explains, are the data of an inverse-gamma posterior of the noise's scale
+against the reported covariance; rotation and translation have one each.
 
 The poses of a tracker that filters have correlated errors: they look far less noisy than their
 reported covariance, and wander instead. White noise takes a pose as far off the geodesic between

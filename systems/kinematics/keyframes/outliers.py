@@ -1,9 +1,9 @@
 """The measurement model with outliers: a mixture of two normal distributions, compiled.
 
-A measured pose has the error that it claims, or with a small probability a far larger one on top.
-Which of the two is open until a measurement is averaged with another one, and each model answers it
-by the residuals of its own solution (expectation maximisation); with what all models together say
-the keyframe is then weighted for good.
+A measured pose has the reported error, or with a small probability a far larger one on top. Which
+of the two is undecided until the measurement is averaged with another one; until then each model
+estimates it by the residuals of its own solution (expectation maximisation). Then the association
+is fixed: the keyframe gets a weight by all models together.
 """
 
 import numpy as np
@@ -48,7 +48,7 @@ def weigh_residual(
     share: float,
     temper: float,
 ) -> tuple[float, float]:
-    """How likely it is that keyframe k is none, and the log density of its residual.
+    """Probability that keyframe k is an inlier, and the log density of its residual.
 
     Arrays are passed one by one for speed.
 

@@ -7,9 +7,9 @@ so that the mean of two poses on a joint's path is on that path too, at any angl
 
 Of all neighbours, those are averaged that lose the least of the motion: what averaging loses is
 that of J. H. Ward, "Hierarchical grouping to optimize an objective function", 1963, xi^T (R_i +
-R_j)^-1 xi for keyframes that the motion has taken xi apart, which their neighbours say better than
-their own noise. So a body at rest fills few keyframes however long it rests, and motion is kept in
-even steps.
+R_j)^-1 xi for keyframes that the motion has taken xi apart, which is estimated from their
+neighbours, better than from their own noise. So a body at rest fills few keyframes however long it
+rests, and motion is kept in even steps.
 """
 
 from typing import NamedTuple
@@ -22,8 +22,8 @@ from crossmodal.maths.compiled import hot
 from crossmodal.maths.se3_in_place import perturb, relative_log
 from crossmodal.systems.kinematics.keyframes.measurement_noise import MEASURED
 
-RECENT = 4  # Newest keyframes, which stay single measurements: they say the present velocity.
-FIRST = 4  # Oldest keyframes, which are never marginalised: they say where the motion started.
+RECENT = 4  # Newest keyframes, which stay single measurements for the present velocity.
+FIRST = 4  # Oldest keyframes, which are never marginalised: the motion started there.
 MEMORY = 400.0  # Most log evidence that is kept of past measurements against a model, [nat].
 FREE_MOTIONS = 6  # Models of moving without a joint, see `free_motion`.
 _QUARTILE = 3.45  # A quarter of the losses of keyframes of the same pose are less: chi-square of 6.
@@ -284,8 +284,8 @@ def _least_motion(kf: Keyframes, R: Array) -> int:
     Which measurements share a keyframe must not depend on their noise: if those were averaged whose
     noise happens to be alike, the others would be farther apart than noise makes them. So the step
     from one to the other is taken as a third of that between their neighbours; or as what noise
-    does not explain of it, for a motion may begin or end at once. Of how large noise is claimed to
-    be and how large it seems to be the less counts, for either may be far too large.
+    does not explain of it, for a motion may begin or end at once. Of the
+    reported and the apparent noise the smaller one counts, for either may be far too large.
     """
     first, last = 1, kf.size[0] - RECENT  # Keyframe 0 is the reference.
     losses = np.empty(last - first)

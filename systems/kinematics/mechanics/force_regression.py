@@ -1,4 +1,4 @@
-"""Bayesian regression of the force that a joint takes, with noise of unknown size and memory.
+"""Bayesian regression of the force that a joint takes, with noise of unknown size and correlation.
 
 Measured are spatial forces F_k; the force on the joint, y_k = S · F_k, depends on a screw S that is
 itself only believed. With regressors phi_k,
@@ -79,7 +79,7 @@ def observe(moments: ForceMoments, z: Array) -> ForceMoments:
 
 @dataclass(frozen=True, kw_only=True)
 class ForceFit:
-    """What the forces so far say.
+    """The posterior by the forces so far.
 
     Attributes:
         theta: Mean (p,).

@@ -106,7 +106,7 @@ class JointMechanicsState(Immutable):
     Attributes:
         parent_id: See `JointBelief`.
         child_id: See `JointBelief`.
-        updates: Of the joint's belief; fewer than before say that it was begun anew.
+        updates: Of the joint's belief; fewer than before mean that it was begun anew.
         types: By type that moves.
     """
 

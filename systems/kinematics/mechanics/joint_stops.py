@@ -1,8 +1,8 @@
 """What holds a resting joint more firmly than its friction: an end stop, or a latch.
 
 A joint that rests has been pushed as hard as the hand pushed it. A push that friction cannot hold
-says that something else did: an end stop while the joint stays there or turns back, a latch once it
-has given way in the direction of the push.
+means that something else did: an end stop while the joint stays there or turns back, a latch once
+it has given way in the direction of the push.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,11 +1,11 @@
 """The chain of all configurations of a joint, filtered with its parameters unknown, compiled.
 
 The configuration follows the white-acceleration process dq = v dt, dv = sqrt(S) dw from q = 0 at
-the reference, v there from N(0, sigma_v^2). Given theta, each keyframe says q to within 1/alpha, so
-that the chain is a two-state Kalman filter whose mean is m + M dtheta (the two-stage filter of
-B. Friedland, "Treatment of bias in recursive filtering", 1969); its innovations are what the
-keyframes say about theta. One pass gives the normal equations of theta with every q marginalised,
-and the evidence of S by Laplace's approximation.
+the reference, v there from N(0, sigma_v^2). Given theta, each keyframe measures q with a variance
+of 1/alpha, so that the chain is a two-state Kalman filter whose mean is m + M dtheta (the two-stage
+filter of B. Friedland, "Treatment of bias in recursive filtering", 1969); its innovations are the
+keyframes' information about theta. One pass gives the normal equations of theta with every q
+marginalised, and the evidence of S by Laplace's approximation.
 
 Motions begin and end at once, too. Where a keyframe is far from where it was expected, the rate may
 have jumped since the one before with a far larger density J. Between both the expected logarithm of

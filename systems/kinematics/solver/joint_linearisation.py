@@ -1,9 +1,9 @@
 """Keyframes of relative poses linearised about one joint, compiled.
 
 The parameters theta = (Y, a, c, h) and their tangent space are those of `joint_geometry`. A
-keyframe's residual is the rotation vector and the translation of X_FB(q)^-1 Z, in B: so a rotation
-that was not measured says nothing of the translation. Its q is left free, so that what remains
-speaks about theta alone, and what it says about q is kept beside it for the chain of all q
+keyframe's residual is the rotation vector and the translation of X_FB(q)^-1 Z, in B, so that a
+rotation that was not measured does not affect the translation. Its q is left free: the remaining
+information is about theta alone, and that about q is kept beside it for the chain of all q
 (`joint_chain`).
 
 Keyframes are linearised anew at each call; only those that were marginalised keep the point of

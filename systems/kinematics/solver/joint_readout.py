@@ -1,4 +1,4 @@
-"""What the joint models say, in the parent's frame and with covariances, compiled.
+"""Estimates of the joint models, in the parent's frame and with covariances, compiled.
 
 Frames: P parent, B child, F the child's measured reference pose.
 """
@@ -120,11 +120,11 @@ def read_moving(
     S: float,
     dt: float,
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """All that `read_axis` and `read_configuration` say, the configuration predicted dt [s] ahead.
+    """Results of `read_axis` and `read_configuration`, the latter predicted dt [s] ahead.
 
     Args:
         kind, m, of_theta, X_PF, axis_distance, W_zero, displaced, zero_variance: See there.
-        S: Density of the child's acceleration of which nothing measured says how jerky it is.
+        S: Density of the child's acceleration that was not measured.
         dt: See above.
     """
     vectors, axis, point = read_axis(kind, m, of_theta, X_PF, axis_distance)

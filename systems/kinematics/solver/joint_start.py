@@ -160,7 +160,7 @@ def fresh_start(m: Models, kf: Keyframes, axis_distance: float, share: float) ->
 
 @hot
 def copy_model(kind: int, source: Models, into: int, target: Models) -> None:
-    """Copies what the keyframes in memory say of one model to another one, or to other models."""
+    """Copies the solution of one model for the keyframes in memory to another one, or to others."""
     target.Y[into], target.a[into], target.c[into] = source.Y[kind], source.a[kind], source.c[kind]
     target.pitch[into], target.q[into] = source.pitch[kind], source.q[kind]
     target.inlier[into], target.state[into] = source.inlier[kind], source.state[kind]

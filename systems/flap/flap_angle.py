@@ -273,7 +273,6 @@ class FlapAngleFilter(RecursiveFilter):
     al.); the gain, which is tuned there, follows from the covariances here.
 
     Args:
-        config: See `FlapAngleConfig`.
         camera: Whose planes these are, with its calibration's errors.
     """
 

@@ -167,9 +167,6 @@ class ToolKinematics(RecursiveFilter):
     Frames: W world, E end-effector, K hinge, T contact.
 
     Source: the paper on visuo-tactile servoing of articulated tools, section III-B (Q. Li et al.).
-
-    Args:
-        config: See `ToolKinematicsConfig`.
     """
 
     def __init__(self, config: ToolKinematicsConfig) -> None:

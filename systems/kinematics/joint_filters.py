@@ -119,7 +119,6 @@ class JointFilters:
     It holds constants only; a pair's keyframes and models are in its `JointFiltersState`.
 
     Args:
-        config: See `JointFiltersConfig`.
         owner: Named in errors about it.
     """
 
@@ -150,8 +149,6 @@ class JointFilters:
             covariance: Of that measurement (6, 6), in B; zero where it is exact, infinite on the
                 diagonal where nothing was measured, as a rotation.
             time: Of the reference, [s].
-            parent_id: See `JointBelief`.
-            child_id: See `JointBelief`.
             reference_error: Covariance (6, 6), in B, of a constant error of all later measurements
                 relative to the reference, as from a grip that settles; none if None. It displaces
                 the path; q is still counted from the measured reference.

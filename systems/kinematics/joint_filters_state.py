@@ -196,7 +196,6 @@ def initial_state(
         time: [s].
         pair: Ids of parent and child.
         delay: For so long the child may have moved before, [s].
-        config: See `JointFiltersConfig`.
         priors: Of it, see `solver_priors`.
     """
     keyframes = empty_keyframes(config.memory)

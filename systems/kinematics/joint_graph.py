@@ -191,7 +191,6 @@ def update_graph(
         graph: At the last tick.
         bodies: Measured at this tick, by id.
         filters: Shared by all pairs.
-        config: See `KinematicModelConfig`.
         faults: Of bodies that were left out, by id.
     """
     faults = faults or {}

@@ -103,7 +103,6 @@ def read_hinge(
     Args:
         model: The solution.
         covariance: (21, 21) of it.
-        p_WC: See there.
         displacements: What was known of them before, about the model's Q.
     """
     k, p_WQ = model.k_W, displacements.p_WQ
@@ -200,7 +199,6 @@ class HingeEstimator(RecursiveFilter):
     articulated tools, section III-B (Q. Li et al.); the model is ours.
 
     Args:
-        config: See `HingeEstimatorConfig`.
         limits: Of what is believed.
     """
 

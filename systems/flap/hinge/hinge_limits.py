@@ -26,7 +26,6 @@ def is_believed(direction: Array, point: Array, limits: HingeLimitsConfig) -> bo
     Args:
         direction: Covariance (3, 3) of its direction, [rad^2]; NaN where there is none.
         point: Covariance (3, 3) of where it is, across it, [m^2].
-        limits: See there.
     """
     if not (np.isfinite(direction).all() and np.isfinite(point).all()):
         return False

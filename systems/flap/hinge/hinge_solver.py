@@ -53,7 +53,6 @@ def make_priors(
         p_WQ: The first contact (3,), [m].
         tool_size: Standard deviation of the axis' distance from it, [m].
         offset: Of the faces and of the contact from the axis, along the normal, [m].
-        contact_spread: See `HingePriors`.
         displacements: Mean (12,) and covariance (12, 12) of the camera's and the finger's about Q.
     """
     mean, covariance = displacements

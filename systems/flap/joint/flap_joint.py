@@ -141,7 +141,6 @@ class FlapJoint(RecursiveFilter):
     - `flap_angle_latest`: the one of the last tick, from the state.
 
     Args:
-        config: See `FlapJointConfig`.
         camera: Whose planes these are, with its calibration's errors.
         limits: Of what is believed.
     """

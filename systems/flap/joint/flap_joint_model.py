@@ -89,7 +89,6 @@ class FlapJointModel:
     """What of a `FlapJoint` stays as it is.
 
     Args:
-        config: See `FlapJointConfig`.
         limits: Of what is believed.
         camera: Whose planes these are, as it is calibrated.
 

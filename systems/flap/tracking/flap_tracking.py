@@ -120,7 +120,6 @@ def describe(
         parts: Among which it was found.
         camera: As it is believed to be.
         p_WC: Where the flap is touched (3,), [m]; None while it is not.
-        config: See there.
     """
     noise = plane_covariance(parts.image, fit, parts.sigma, config.sensor.correlation)
     n_W, d, covariance = world_plane(fit, noise, camera.X_WC)
@@ -176,7 +175,6 @@ def track_flap(
         p_WE: The holder's end-effector (3,), [m]; NaN if not known.
         contact: Of the fingertip.
         camera: As it is believed to be.
-        config: See there.
     """
     touched = contact.contact.touching
     if touched:
@@ -234,7 +232,6 @@ class FlapTracker(RecursiveFilter):
     the covariance and the use of touch are ours.
 
     Args:
-        config: See `FlapTrackingConfig`.
         camera: As the robot knows it.
     """
 

@@ -40,7 +40,6 @@ def cluster_normals(
         normals_C: Unit normals (N, 3) towards the camera; N >= 1.
         radius: Of a cluster, [rad].
         least_share: Of all normals that a second cluster needs.
-        rounds: See above.
 
     Returns:
         Mean normals (K, 3), the larger cluster's first, and each normal's cluster (N,), -1 where

@@ -119,7 +119,6 @@ def plane_covariance(image: InverseDepth, fit: PlaneFit, sigma: float, correlate
 
     Args:
         image: Part of a depth image.
-        fit: See there.
         sigma: Standard deviation of the inverse depth, [1/m].
         correlated: Side of the squares, [px].
     """

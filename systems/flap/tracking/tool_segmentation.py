@@ -68,7 +68,6 @@ def segment(
     Args:
         image: The region, with nothing valid but what may be the tool.
         focal: [px]
-        config: See there.
         noise_scale: How much larger the noise is than `config.sensor` says.
     """
     sigma = noise_scale * config.sensor.growth

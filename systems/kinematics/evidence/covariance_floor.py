@@ -92,9 +92,6 @@ def with_likelier_floor(
         kf: Keyframes; not changed.
         index: In `FLOORS`, of the floor that they have.
         tries: How many there were, by which the next one is chosen.
-        reported: See `covariance_floor`.
-        scale: See `covariance_floor`.
-        priors: See `Priors`.
         log_prior: (5,) log probability of each type before anything was measured.
     """
     other = next_index(index, tries, len(FLOORS))

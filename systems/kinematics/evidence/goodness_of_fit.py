@@ -51,8 +51,6 @@ def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, 
 
     Args:
         kind: `PRISMATIC`, `REVOLUTE`, `SCREW` or `RIGID`.
-        m: Models.
-        kf: Keyframes.
         floor: Covariance (6, 6) of how far a keyframe may be off, beside its noise; in the place of
             the keyframes' own.
     """
@@ -117,8 +115,6 @@ def largest_probability(
 
     Args:
         kind: A type, likely or not.
-        m: Models.
-        kf: Keyframes.
         noise: Scale of their noise.
         reported: Covariance (6, 6) that measurements report.
     """

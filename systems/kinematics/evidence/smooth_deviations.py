@@ -108,10 +108,7 @@ def smooth_evidence(
 
     Args:
         m: Models, solved.
-        kf: Keyframes.
-        priors: See `Priors`.
         deviations: Their covariance (6, 6), in B.
-        evidence: Result.
         covariance: Result; about the models' own solutions, which are not moved.
 
     Returns:

@@ -72,8 +72,6 @@ def type_evidence(
 
     Args:
         m: Models, solved.
-        kf: Keyframes.
-        priors: See `Priors`.
         deviations: Covariance (6, 6), in B, of smooth deviations; zero for none.
     """
     evidence = m.log_evidence.copy()

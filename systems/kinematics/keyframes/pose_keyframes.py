@@ -166,11 +166,9 @@ def append(kf: Keyframes, X: Array, R: Array, time: float, outliers: Array) -> N
     """Adds one measurement as a keyframe of its own; there must be room.
 
     Args:
-        kf: Keyframes.
         X: Measured X_FB (4, 4).
         R: Its covariance (6, 6).
         time: [s].
-        outliers: See `Priors`.
     """
     k = kf.size[0]
     kf.time[k] = time
@@ -308,8 +306,6 @@ def choose(kf: Keyframes, coarseness: float, inlier: Array) -> tuple[int, bool]:
     goes to and fro for long, would lose what it has shown: an old keyframe is marginalised instead.
 
     Args:
-        kf: Keyframes.
-        coarseness: See above.
         inlier: (K,) probability of each undecided keyframe that it is an inlier.
     """
     n = kf.size[0]

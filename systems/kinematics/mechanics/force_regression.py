@@ -108,7 +108,6 @@ def fit_force(
         S: The screw (6,) as it is believed now.
         prior: Standard deviations (p,) of theta, whose prior mean is zero.
         noises: Grid (m,) of sigma.
-        unevenness: u.
     """
     p, rho = len(prior), MEMORIES[:, None, None]
     share, lag = 1.0 - rho**2, moments.lag + moments.lag.T

@@ -122,9 +122,6 @@ class JointMechanicsFilter(RecursiveFilter):
     Frames: W world, P the joint's parent, E end-effector, S wrist sensor, which has E's axes.
 
     Source: our own, see `JointMechanicsFilters`.
-
-    Args:
-        config: See `JointMechanicsConfig`.
     """
 
     def __init__(self, config: JointMechanicsConfig) -> None:

@@ -182,10 +182,8 @@ def _filter(
     """The log evidence of one motion model, without the pending keyframes and with them.
 
     Args:
-        kf: Keyframes.
         noise: (6,) process noise, see `FreeMotion`.
         velocity: (6,) variances of the first velocity.
-        has_velocity: See `FreeMotion`.
         R: (K, 6, 6) covariance of each keyframe, in F.
         R_out: (K, 6, 6) the same if it is an outlier; of undecided ones.
         share: Of outliers.
@@ -237,9 +235,6 @@ def log_evidences(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Ar
     Each keyframe's own normaliser is left out.
 
     Args:
-        kf: Keyframes.
-        motion: See `FreeMotion`.
-        outliers: See `Priors`.
         inlier: (M, K) probability that each undecided keyframe is an inlier, given those before
             it; a result.
     """
@@ -272,9 +267,6 @@ def explain(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -
     """Completes `kf.explained`, and `kf.free` by what averages have hidden since it was last known.
 
     Args:
-        kf: Keyframes.
-        motion: See `FreeMotion`.
-        outliers: See `Priors`.
         inlier: (K,) see `log_evidences`, of the likeliest model; a result.
     """
     each = np.ones((kf.free.size, inlier.size))

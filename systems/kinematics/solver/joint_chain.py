@@ -93,11 +93,8 @@ def run_chain(
         sigma_v: Standard deviation of the rate at the reference.
         noise: Factor on the variance 1 / alpha of each keyframe's q.
         q: Where each keyframe was linearised (K,).
-        kf: Keyframes.
         lin: They, linearised.
         step: (N,) see above.
-        since: See above.
-        chain: Result.
     """
     m, M, H, h = chain.m, chain.M, chain.H, chain.h
     m[:] = 0.0

@@ -67,7 +67,6 @@ def read_configuration(
 
     Args:
         kind: One of `MOVING`.
-        m: Models.
         W_zero: Zero (6, 6), or the metric in which the point of the path that is nearest to the
             measured reference has q = 0.
         displaced: Covariance (6, 6), in B, of the path's displacement from the measured reference
@@ -123,9 +122,7 @@ def read_moving(
     """Results of `read_axis` and `read_configuration`, the latter predicted dt [s] ahead.
 
     Args:
-        kind, m, of_theta, X_PF, axis_distance, W_zero, displaced, zero_variance: See there.
         S: Density of the child's acceleration that was not measured.
-        dt: See above.
     """
     vectors, axis, point = read_axis(kind, m, of_theta, X_PF, axis_distance)
     x, P = read_configuration(kind, m, W_zero, displaced, zero_variance)
@@ -144,10 +141,8 @@ def read_axis(
 
     Args:
         kind: One of `MOVING`.
-        m: Models.
         of_theta: Covariance (N, N) of the model's theta.
         X_PF: Measured reference pose (4, 4).
-        axis_distance: See `Priors`.
 
     Returns:
         (axis_P, p_PA) (2, 3), axis covariance (3, 3) and point covariance (3, 3). The point is NaN

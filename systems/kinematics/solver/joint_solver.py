@@ -245,11 +245,7 @@ def solve_moving(
 
     Args:
         kind: One of `MOVING`.
-        m: Models.
-        kf: Keyframes.
-        priors: See `Priors`.
         steps: Linearisations at most, two or more.
-        temper: See `weigh_residual`.
     """
     lin = new_linear(kf.time.size)
     best, trial = new_chain(kf.time.size), new_chain(kf.time.size)

@@ -97,9 +97,7 @@ def circle_start(m: Models, kf: Keyframes, axis_distance: float) -> None:
     curvature: what is nearly straight has noise for a curvature.
 
     Args:
-        m: Models.
         kf: Keyframes, at least three.
-        axis_distance: See `fresh_start`.
     """
     n = int(kf.size[0])
     points, weight = kf.Z[:n, :3, 3], 1.0 / np.sqrt(kf.R[:n, 3, 3] + kf.floor[3, 3])
@@ -128,7 +126,6 @@ def fresh_start(m: Models, kf: Keyframes, axis_distance: float, share: float) ->
     """Starts all models, in place, the moving ones from the principal direction of all twists.
 
     Args:
-        m: Models.
         kf: Keyframes, at least two.
         axis_distance: See `Priors`; a revolute axis starts no further away than 1.5 times this.
         share: Prior probability of an outlier.
@@ -230,7 +227,6 @@ def keep_axes(old: Models, axis_distance: float, far: bool) -> Models:
 
     Args:
         old: At their newest keyframe; not changed.
-        axis_distance: See `Priors`.
         far: Whether an axis may be farther away.
     """
     new = initial_models(old.q.shape[1])

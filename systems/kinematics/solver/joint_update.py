@@ -130,12 +130,9 @@ def add_measurement(
     """Appends one pose, two keyframes averaged for it if there is no room.
 
     Args:
-        m: Models.
-        kf: Keyframes.
         X_FB: Pose (4, 4) relative to the measured reference.
         R: Its covariance (6, 6), in B.
         time: [s].
-        priors: See `Priors`.
         inlier: (K,) see `expected_inliers`.
 
     Returns:
@@ -191,10 +188,6 @@ def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, all_models: 
     """Solves the models that are scheduled, linearised at most `steps` times each.
 
     Args:
-        m: Models.
-        kf: Keyframes.
-        priors: See `Priors`.
-        steps: See above.
         all_models: Whether all models are scheduled. Otherwise those whose evidence is too far
             below the best model's are skipped, and so is the screw while the revolute model, which
             is its limit of no pitch, explains more. Skipped models inherit the best model's change
@@ -343,15 +336,12 @@ def update(
     """Corrects all models with one relative pose.
 
     Args:
-        m: Models.
         kf: Keyframes, the reference at least.
         X_FB: Pose (4, 4) relative to the measured reference.
         R: Its covariance (6, 6), in B.
         time: [s].
-        priors: See `Priors`.
         log_prior: (5,) log probability of each type before anything was measured.
         try_fresh_start: Whether to try one beside the last solution.
-        all_models: See `solve_all`.
     """
     inlier = np.empty(kf.time.size)
     k, all_solved = _correct(m, kf, X_FB, R, time, priors, log_prior, inlier, all_models)

@@ -21,7 +21,7 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.tangent_plane import normal_basis
 from crossmodal.systems.kinematics.joint_filters import JointFiltersConfig
-from crossmodal.systems.kinematics.joint_solver.joint_models import AXIS_SPREAD
+from crossmodal.systems.kinematics.solver.joint_models import AXIS_SPREAD
 
 CASES = ("door, 90 deg in 1 s", "drawer, 0.3 m in 0.5 s")
 _STEP = 1e-6

@@ -10,7 +10,7 @@ only the position is known.
 
 Residual: root mean square distance of the measured positions from the believed path, without the
 worst tenth. Innovations: share of the positions within two standard deviations per direction of
-what the believed type predicted, noise and strays from its path as large as they are believed to
+what the believed type predicted, noise and path deviations as large as they are believed to
 be, after the first second. Axis: angle to the mean over repeats, and the same of a least-squares
 fit of a line or a circle to all positions of each track.
 """

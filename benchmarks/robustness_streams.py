@@ -19,7 +19,7 @@ Motion = Callable[[Array], Array]
 FREE, BALL = "free", "ball"  # Motions that no joint with one degree of freedom explains.
 OUTLIER_TRANSLATION = 0.05  # Length of an outlier's displacement, [m].
 OUTLIER_ROTATION = np.deg2rad(20.0)
-BEND_LENGTH = 0.15  # Over which strays are alike, [m] of the child's way.
+BEND_LENGTH = 0.15  # Over which deviations are alike, [m] of the child's way.
 BEND_LEVER = 0.3  # [m].
 
 
@@ -39,8 +39,8 @@ class Case:
         rotation_noise: The same, [rad].
         claimed: Standard deviation that is claimed, as a multiple of the true one.
         outliers: Share of the frames that are off by 5 cm and 20 deg in a random direction.
-        bend: By what the child strays smoothly from the joint's path, sideways: one standard
-            deviation per direction, [m], and as many radians per `BEND_LEVER`.
+        bend: Smooth sideways deviation of the child from the joint's path: one standard deviation
+            per direction, [m], and as many radians per `BEND_LEVER`.
         correlation_time: Of the noise, a Gauss-Markov process of first order, [s]; zero if white.
         rotations: In every how many-th frame a rotation is measured; zero for none.
         held: How often each pose is sent before the next.
@@ -122,13 +122,13 @@ def _free_poses(case: Case, X0: Array, times: Array, rng: np.random.Generator) -
 
 
 def _bent(case: Case, poses: Array, axis: Array, rng: np.random.Generator) -> Array:
-    """The poses (N, 4, 4) with smooth strays sideways, a squared-exponential Gaussian process."""
+    """The poses (N, 4, 4) with smooth sideways deviations, a Gaussian process."""
     p = poses[:, :3, 3]
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))])
     K = np.exp(-0.5 * ((way[:, None] - way) / BEND_LENGTH) ** 2) + 1e-9 * np.eye(way.size)
-    strays = np.linalg.cholesky(K) @ rng.normal(size=(way.size, 6))
+    deviations = np.linalg.cholesky(K) @ rng.normal(size=(way.size, 6))
     bent = []
-    for X, v, e in zip(poses, np.gradient(p, axis=0), strays, strict=True):
+    for X, v, e in zip(poses, np.gradient(p, axis=0), deviations, strict=True):
         along, about = X[:3, :3].T @ v / np.linalg.norm(v), X[:3, :3].T @ axis
         moved, turned = case.bend * e[3:], case.bend / BEND_LEVER * e[:3]
         moved -= along * (along @ moved)

@@ -13,13 +13,13 @@ from crossmodal.diagrams.stations.connections import connect_alike, export_outpu
 from crossmodal.systems.arm_pose import ArmPose
 from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
-from crossmodal.systems.flap.flap_joint import FlapJoint
-from crossmodal.systems.flap.flap_joint_model import FlapJointConfig
-from crossmodal.systems.flap.flap_tracking import FlapTracker
-from crossmodal.systems.flap.flap_tracking_config import FlapTrackingConfig
-from crossmodal.systems.flap.hinge_estimator import HingeEstimator, HingeEstimatorConfig
-from crossmodal.systems.flap.hinge_limits import HingeLimitsConfig
+from crossmodal.systems.flap.hinge.hinge_estimator import HingeEstimator, HingeEstimatorConfig
+from crossmodal.systems.flap.hinge.hinge_limits import HingeLimitsConfig
+from crossmodal.systems.flap.joint.flap_joint import FlapJoint
+from crossmodal.systems.flap.joint.flap_joint_model import FlapJointConfig
 from crossmodal.systems.flap.tool_kinematics import ToolKinematics, ToolKinematicsConfig
+from crossmodal.systems.flap.tracking.flap_tracking import FlapTracker
+from crossmodal.systems.flap.tracking.flap_tracking_config import FlapTrackingConfig
 from crossmodal.systems.monitoring.angles import AnglesByRates, AnglesConfig
 from crossmodal.systems.monitoring.image_monitor import ImageMonitorConfig
 from crossmodal.systems.monitoring.window_monitor import WindowMonitorConfig

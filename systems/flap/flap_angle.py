@@ -10,8 +10,7 @@ from crossmodal.maths.gaussian import joseph_update
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
 from crossmodal.systems.depth_camera import DepthCamera, angle_variance
-from crossmodal.systems.flap.flap_lever import lever
-from crossmodal.systems.flap.flap_normals import angle_about, turned_normal
+from crossmodal.systems.flap.flap_geometry import angle_about, lever, turned_normal
 from crossmodal.systems.port_values import (
     UNKNOWN_ANGLE,
     UNKNOWN_FINGERTIP,
@@ -37,8 +36,8 @@ class FlapAngleConfig(Ticked):
     # Least such share with a known hinge: the contact wanders.
     least_lever_error: float = number(0.01, at_least=0.0, at_most=10.0)
     # Change of that share in one second.
-    lever_walk: float = number(0.005, at_least=0.0, at_most=10.0)
-    # What the finger's motion says wrongly of the flap's, after one second.
+    lever_random_walk: float = number(0.005, at_least=0.0, at_most=10.0)
+    # Standard deviation of the flap's angle against the finger's motion, after one second.
     slip: float = number(0.004, at_least=1e-6, at_most=10.0, unit="rad")
     # Rate of a flap that nobody touches: it holds itself by friction.
     free_rate: float = number(0.1, at_least=0.0, at_most=100.0, unit="rad/s")
@@ -108,7 +107,7 @@ def predict(
     """theta += rate (1 + s) dt."""
     F = np.eye(3)
     F[0, 1] = rate * dt
-    Q = np.diag([variance * dt**2 + config.slip**2 * dt, config.lever_walk**2 * dt, 0.0])
+    Q = np.diag([variance * dt**2 + config.slip**2 * dt, config.lever_random_walk**2 * dt, 0.0])
     x = state.x + np.array([rate * (1.0 + state.x[1]) * dt, 0.0, 0.0])
     return replace(state, x=x, P=F @ state.P @ F.T + Q, rate=rate, measured=False)
 
@@ -146,7 +145,7 @@ def see_first(state: FlapAngleState, plane: FlapPlane, config: FlapAngleConfig) 
     variance = float(np.linalg.eigvalsh(plane.covariance[:3, :3])[-1])
     x, P = state.x.copy(), state.P.copy()
     if state.n0_W is None:
-        # Just now the normal is turned by nothing from itself.
+        # The first normal is the reference: no rotation yet.
         J = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
         x[2], P = -x[0], J @ P[:2, :2] @ J.T
         P[2, 2] += variance
@@ -176,9 +175,9 @@ def with_normal(state: FlapAngleState, plane: FlapPlane) -> FlapAngleState:
     variance = float(state.P[0, 0] + 2.0 * state.P[0, 2] + state.P[2, 2])
     along_0 = np.cross(k, state.n0_W)
     variance += float(along_0 @ state.n0_common @ along_0)
-    # A normal that is measured about k leans with k: dn = -k (n · dk).
-    lean = float(n @ state.k_covariance @ n)
-    covariance = variance * np.outer(along, along) + lean * np.outer(k, k)
+    # A normal that is measured about k is tilted with k: dn = -k (n · dk).
+    tilt = float(n @ state.k_covariance @ n)
+    covariance = variance * np.outer(along, along) + tilt * np.outer(k, k)
     return replace(state, n_W=n, n_covariance=covariance)
 
 
@@ -273,7 +272,6 @@ class FlapAngleFilter(RecursiveFilter):
     al.); the gain, which is tuned there, follows from the covariances here.
 
     Args:
-        config: See `FlapAngleConfig`.
         camera: Whose planes these are, with its calibration's errors.
     """
 

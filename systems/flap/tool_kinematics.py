@@ -9,7 +9,7 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
-from crossmodal.systems.flap.flap_lever import lever, place_error
+from crossmodal.systems.flap.flap_geometry import lever, place_error
 from crossmodal.systems.port_values import (
     UNKNOWN_ANGLE,
     UNKNOWN_END_EFFECTOR,
@@ -65,7 +65,7 @@ def tool_link(
     contact: FingertipContact,
     end_effector: EndEffectorBelief,
 ) -> ToolBelief:
-    """The tool's links, of a known hinge, a known angle and a felt contact."""
+    """The tool's links, of a known hinge, a known angle and a sensed contact."""
     arm = lever(hinge, contact)
     k, R_WE, p_WE = hinge.k_W, end_effector.X[:3, :3], end_effector.X[:3, 3]
     at_E = displacement_at(p_WE, hinge.p_WQ)
@@ -159,16 +159,13 @@ class ToolKinematics(RecursiveFilter):
     - `flap_angle_estimated`: `FlapAngleBelief` of this tick.
     - `fingertip_contact_estimated`: `FingertipContact`.
     - `end_effector_estimated`: `EndEffectorBelief` of the arm that holds the tool; by how much its
-      calibration displaces it is said by the hinge's displacements.
+      calibration displaces it is part of the hinge's displacements.
     - `tool_estimated`: `ToolBelief` of this tick.
     - `tool_latest`: the one of the last tick, from the state.
 
     Frames: W world, E end-effector, K hinge, T contact.
 
     Source: the paper on visuo-tactile servoing of articulated tools, section III-B (Q. Li et al.).
-
-    Args:
-        config: See `ToolKinematicsConfig`.
     """
 
     def __init__(self, config: ToolKinematicsConfig) -> None:

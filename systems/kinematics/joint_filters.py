@@ -7,12 +7,12 @@ approximation. Measurements are averaged into a bounded number of keyframes; whe
 lose what the motion has shown, an old keyframe is marginalised, and leaves a Gaussian prior of the
 parameters and its share of the evidence.
 
-What is claimed of the measurements is a prior. How large their noise is and whether it is
-correlated in time follows from the stream itself (`noise_scale`, `noise_correlation`), what does
+The reported covariance of the measurements is a prior. How large their noise is and whether it is
+correlated in time follows from the stream itself (`measurement_noise`), what does
 not average out and by what the path is no ideal joint's from the evidence (`path_floor`), and a
 measurement that is far off is an outlier with a probability (`outliers`). Where no joint explains
-the motion, a free one wins (`free_motion`), and no joint is claimed with more certainty than the
-distance of the measurements from its path allows (`goodness_of_fit.most_certainty`).
+the motion, a free one wins (`free_motion`), and the distance of the measurements from its path
+limits the probability of a joint (`goodness_of_fit.largest_probability`).
 
 The filters work without Drake:
 
@@ -24,7 +24,7 @@ The filters work without Drake:
     print(belief.type, belief.probabilities[belief.type], belief.model.configuration)
 
 `start` takes the first pose as the reference, where the configuration is zero. A state is never
-changed in place. `predict` says where a model expects the child next; `rebase` goes on when the
+changed in place. `predict` is where a model expects the child next; `rebase` goes on when the
 child's pose has got a constant error.
 
 A measurement that cannot be true, as with NaN, a covariance that is none or a time before the last,
@@ -44,49 +44,35 @@ import numpy as np
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check
-from crossmodal.systems.kinematics.goodness_of_fit import claim, most_certainty
-from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
-from crossmodal.systems.kinematics.joint_filters_readout import read_joint, still_joint
-from crossmodal.systems.kinematics.joint_filters_start import (
+from crossmodal.systems.kinematics.evidence.covariance_floor import (
+    covariance_floor,
+    with_likelier_floor,
+)
+from crossmodal.systems.kinematics.evidence.goodness_of_fit import largest_probability
+from crossmodal.systems.kinematics.evidence.type_evidence import likelier_deviations, type_evidence
+from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
+from crossmodal.systems.kinematics.joint_filters_state import (
     LEAST_NOISE,
-    finite,
+    TYPES,
+    JointFiltersState,
     initial_state,
-    least_scale,
     rebased_state,
+    skip,
     solver_priors,
 )
-from crossmodal.systems.kinematics.joint_filters_state import TYPES, JointFiltersState, skip
-from crossmodal.systems.kinematics.joint_solver.free_motion import settle
-from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
-    FREE,
-    MOVING,
-    PRISMATIC,
-    RIGID,
-)
-from crossmodal.systems.kinematics.joint_solver.joint_models import Models
-from crossmodal.systems.kinematics.joint_solver.joint_readout import (
-    predict_pose,
-)
-from crossmodal.systems.kinematics.joint_solver.joint_update import update as update_models
-from crossmodal.systems.kinematics.joint_solver.noise_correlation import (
-    NoiseCorrelation,
-    correlations,
-    inflation,
-    observe_correlation,
-)
-from crossmodal.systems.kinematics.joint_solver.noise_scale import (
+from crossmodal.systems.kinematics.keyframes.measurement_noise import (
     MEASURED,
-    NoiseScale,
-    mean_claim,
+    MeasurementNoise,
+    correlations,
+    estimated_scale,
+    inflation,
+    mean_covariance,
     observe,
-    own_scale,
 )
-from crossmodal.systems.kinematics.joint_solver.path_floor import floor, with_likelier_floor
-from crossmodal.systems.kinematics.joint_solver.pose_keyframes import (
+from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
     copy_keyframes,
     rescale,
 )
-from crossmodal.systems.kinematics.joint_solver.type_evidence import likelier_strays, type_evidence
 from crossmodal.systems.kinematics.measurement_errors import (
     EXACT,
     correlated_shares,
@@ -98,22 +84,33 @@ from crossmodal.systems.kinematics.pose_checks import (
     SkipReason,
     covariance_array,
     covariance_fault,
+    finite,
     pose_array,
     pose_fault,
     time_fault,
 )
-from crossmodal.systems.port_values import JointBelief, JointType, PoseBelief
+from crossmodal.systems.kinematics.solver.free_motion import explain_pending
+from crossmodal.systems.kinematics.solver.joint_geometry import (
+    FREE,
+    MOVING,
+    PRISMATIC,
+    RIGID,
+    SCREW,
+    turns,
+)
+from crossmodal.systems.kinematics.solver.joint_models import Models
+from crossmodal.systems.kinematics.solver.joint_pitch import pitch_posterior
+from crossmodal.systems.kinematics.solver.joint_readout import predict_pose, read_moving
+from crossmodal.systems.kinematics.solver.joint_update import update as update_models
+from crossmodal.systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
 
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
 _RESTART_EVERY = 16  # Updates between fresh starts where the axis is better known than that.
-_TURN_EVERY = 4  # Updates between turns of all models (`joint_update.solve_all`).
-_OFTEN = 24  # Such turns up to which a floor is tried at each, then at every third.
+_ALL_MODELS_EVERY = 4  # Updates between solutions of all models (`joint_update.solve_all`).
+_OFTEN = 24  # Such solutions up to which a floor is tried at each, then at every third.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
 _SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
-
-
-def _log_prior(p: TypePriorsConfig) -> Array:
-    return np.log([p.prismatic, p.revolute, p.screw, p.rigid, p.disconnected])
+_NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 
 
 class JointFilters:
@@ -122,7 +119,6 @@ class JointFilters:
     It holds constants only; a pair's keyframes and models are in its `JointFiltersState`.
 
     Args:
-        config: See `JointFiltersConfig`.
         owner: Named in errors about it.
     """
 
@@ -132,8 +128,9 @@ class JointFilters:
         self._owner = owner
         self._priors = solver_priors(config)
         self._correlated = is_correlated(config.errors)
-        self._log_prior = _log_prior(config.ranking_priors)
-        self._log_prior_of_claims = _log_prior(config.type_priors)
+        p = config.type_priors
+        types = [p.prismatic, p.revolute, p.screw, p.rigid, p.disconnected]
+        self._log_prior = np.log(types)
 
     def start(
         self,
@@ -152,8 +149,6 @@ class JointFilters:
             covariance: Of that measurement (6, 6), in B; zero where it is exact, infinite on the
                 diagonal where nothing was measured, as a rotation.
             time: Of the reference, [s].
-            parent_id: See `JointBelief`.
-            child_id: See `JointBelief`.
             reference_error: Covariance (6, 6), in B, of a constant error of all later measurements
                 relative to the reference, as from a grip that settles; none if None. It displaces
                 the path; q is still counted from the measured reference.
@@ -279,46 +274,53 @@ class JointFilters:
         keyframes = copy_keyframes(state.keyframes)
         dt = time - state.time
         correlated = None if correlated is None else finite(correlated)
-        claimed = white_equivalent(covariance, dt, self.config.errors, correlated)
+        R_reported = white_equivalent(covariance, dt, self.config.errors, correlated)
         priors = self._priors
         if self._correlated:
-            white, rest = error_shares(covariance, claimed, dt, self.config.errors, correlated)
+            white, rest = error_shares(covariance, R_reported, dt, self.config.errors, correlated)
             priors = priors._replace(white_share=white, correlated_share=rest)
         X_FB = se3.inverse(state.X_PF) @ X_PB
         if np.diagonal(covariance)[:3].min() > MEASURED:
             # What stands for a rotation must not bend the path between positions.
             X_FB[:3, :3] = keyframes.Z[keyframes.size[0] - 1, :3, :3]
-        noise, scale = NoiseScale(*[x.copy() for x in state.noise]), state.scale
-        observe(noise, X_FB, claimed, time, least_scale(self.config))
-        alike = NoiseCorrelation(*[x.copy() for x in state.correlation])
-        observe_correlation(alike, X_FB, claimed, time)
-        own, r = own_scale(noise), correlations(alike, noise.variance)
-        wanted = own
+        noise, scale = MeasurementNoise(*[x.copy() for x in state.noise]), state.scale
+        observe(noise, X_FB, R_reported, time, self._correlated)
+        estimated, r = estimated_scale(noise), correlations(noise)
+        target = estimated
         if r.max() > 0.0:
-            wanted = own * np.sqrt(np.repeat(inflation(r), 3))
+            target = estimated * np.sqrt(np.repeat(inflation(r), 3))
             white, rest = correlated_shares(float(r.max()))
             priors = priors._replace(white_share=white, correlated_share=rest)
-        claim = mean_claim(state.claim, state.updates, covariance + EXACT)
-        if np.abs(np.log(wanted / scale)).max() > _RESCALE:
-            settle(keyframes, self._priors.free, self._priors.outliers, models.inlier[FREE])
-            independent = floor(state.floor_index, claim, own)
-            rescale(keyframes, wanted / scale, independent, self._priors.outliers)
-            scale = wanted
-        R = claimed * np.outer(scale, scale)
-        updates, index, strays = state.updates + 1, state.floor_index, state.strays_index
-        turn = updates % _TURN_EVERY == 0
-        update_models(
-            models, keyframes, X_FB, R, time, priors, self._log_prior, _wants_restart(state), turn
-        )
-        turns = updates // _TURN_EVERY
-        if turn and (turns <= _OFTEN or turns % 3 == 0):
-            tries = turns if turns <= _OFTEN else turns // 3
-            models, keyframes, index = with_likelier_floor(
-                models, keyframes, index, tries, claim, own, priors, self._log_prior
+        reported = mean_covariance(state.reported, state.updates, covariance + EXACT)
+        if np.abs(np.log(target / scale)).max() > _RESCALE:
+            explain_pending(
+                keyframes, self._priors.free, self._priors.outliers, models.inlier[FREE]
             )
-        if turn:
-            strays = likelier_strays(
-                models, keyframes, strays, turns, claim, own, priors, self._log_prior
+            independent = covariance_floor(state.floor_index, reported, estimated)
+            rescale(keyframes, target / scale, independent, self._priors.outliers)
+            scale = target
+        R = R_reported * np.outer(scale, scale)
+        updates, index, deviations = state.updates + 1, state.floor_index, state.deviations_index
+        rounds, all_models = updates // _ALL_MODELS_EVERY, updates % _ALL_MODELS_EVERY == 0
+        update_models(
+            models,
+            keyframes,
+            X_FB,
+            R,
+            time,
+            priors,
+            self._log_prior,
+            _wants_restart(state),
+            all_models,
+        )
+        if all_models and (rounds <= _OFTEN or rounds % 3 == 0):
+            tries = rounds if rounds <= _OFTEN else rounds // 3
+            models, keyframes, index = with_likelier_floor(
+                models, keyframes, index, tries, reported, estimated, priors, self._log_prior
+            )
+        if all_models:
+            deviations = likelier_deviations(
+                models, keyframes, deviations, rounds, reported, estimated, priors, self._log_prior
             )
         updated = replace(
             state,
@@ -327,11 +329,10 @@ class JointFilters:
             models=models,
             keyframes=keyframes,
             noise=noise,
-            correlation=alike,
             scale=scale,
-            claim=claim,
+            reported=reported,
             floor_index=index,
-            strays_index=strays,
+            deviations_index=deviations,
         )
         return self._with_probabilities(updated)
 
@@ -345,10 +346,16 @@ class JointFilters:
 
     def _with_probabilities(self, state: JointFiltersState) -> JointFiltersState:
         m, kf = state.models, state.keyframes
-        strays = floor(state.strays_index, state.claim, own_scale(state.noise))
-        evidence, covariance = type_evidence(m, kf, self._priors, strays)
-        p, likeliest = claim(evidence + self._log_prior_of_claims, evidence + self._log_prior)
-        lost = p[likeliest] * (1.0 - most_certainty(likeliest, m, kf, state.noise, state.claim))
+        deviations = covariance_floor(
+            state.deviations_index, state.reported, estimated_scale(state.noise)
+        )
+        evidence, covariance = type_evidence(m, kf, self._priors, deviations)
+        log_p = evidence + self._log_prior
+        p = np.exp(log_p - log_p.max())
+        p, likeliest = p / p.sum(), int(np.argmax(p))
+        lost = p[likeliest] * (
+            1.0 - largest_probability(likeliest, m, kf, state.noise, state.reported)
+        )
         p[likeliest] -= lost
         p[FREE] += lost
         probabilities = dict(zip(TYPES, p.tolist(), strict=True))
@@ -368,9 +375,9 @@ class JointFilters:
             child_id=state.child_id,
             probabilities=self.probabilities(state),
             models={
-                **{TYPES[kind]: read_joint(state, kind, dt, self.config) for kind in MOVING},
+                **{TYPES[kind]: _moving_joint(state, kind, dt, self.config) for kind in MOVING},
                 **{
-                    TYPES[kind]: still_joint(float(state.models.log_evidence[kind]))
+                    TYPES[kind]: _still_joint(float(state.models.log_evidence[kind]))
                     for kind in (RIGID, FREE)
                 },
             },
@@ -398,13 +405,13 @@ def _is_repeated(state: JointFiltersState, X_PB: Array, covariance: Array, time:
     Where there is noise, no two measurements are the same to the last digit.
     """
     last, kf = state.noise, state.keyframes
-    if np.abs(se3.inverse(state.X_PF) @ X_PB - last.Z[1]).max() >= _SAME_POSE:
+    if np.abs(se3.inverse(state.X_PF) @ X_PB - last.Z[-1]).max() >= _SAME_POSE:
         return False
-    if time == last.time[1]:
+    if time == last.time[-1]:
         return True
     differed = np.abs(kf.Z[: kf.size[0]] - kf.Z[0]).max() >= _SAME_POSE
     has_noise = np.diagonal(covariance).min() > LEAST_NOISE
-    return bool(differed and has_noise and np.allclose(covariance, last.R[1], 1e-6, 1e-11))
+    return bool(differed and has_noise and np.allclose(covariance, last.R[-1], 1e-6, 1e-11))
 
 
 def _wants_restart(state: JointFiltersState) -> bool:
@@ -414,3 +421,51 @@ def _wants_restart(state: JointFiltersState) -> bool:
         return False
     unknown = m.covariance[PRISMATIC, 6, 6] + m.covariance[PRISMATIC, 7, 7] > _WELL_KNOWN**2
     return bool(unknown) or (state.updates + 1) % _RESTART_EVERY == 0
+
+
+def _moving_joint(
+    state: JointFiltersState, kind: int, dt: float, config: JointFiltersConfig
+) -> JointModelBelief:
+    """What is believed of one kind of moving joint, predicted dt [s] ahead."""
+    m, S = state.models, config.unmeasured_process_noise
+    if turns(kind):
+        S /= config.radius**2 + float(m.c[kind] @ m.c[kind]) + float(m.pitch[kind]) ** 2
+    vectors, axis, point, configuration, covariance = read_moving(
+        kind,
+        m,
+        state.covariance[kind],
+        state.X_PF,
+        config.axis_distance,
+        state.W_zero,
+        state.reference_noise + state.offset,
+        float(state.zero_variance[kind]),
+        S,
+        dt,
+    )
+    pitch, pitch_variance = np.nan, np.nan
+    if kind == SCREW:
+        pitch, pitch_variance = pitch_posterior(m.pitch[kind], state.covariance[kind, 10, 10])
+    return JointModelBelief(
+        log_evidence=float(state.models.log_evidence[kind]),
+        axis_P=vectors[0],
+        axis_covariance=axis,
+        p_PA=vectors[1],
+        p_PA_covariance=point,
+        configuration=configuration,
+        configuration_covariance=covariance,
+        pitch=pitch,
+        pitch_variance=pitch_variance,
+    )
+
+
+def _still_joint(log_evidence: float) -> JointModelBelief:
+    """What is believed of what has neither axis nor configuration: rigid, or disconnected."""
+    return JointModelBelief(
+        log_evidence=log_evidence,
+        axis_P=_NO_VECTOR,
+        axis_covariance=_NO_MATRIX,
+        p_PA=_NO_VECTOR,
+        p_PA_covariance=_NO_MATRIX,
+        configuration=_NO_VECTOR[:2],
+        configuration_covariance=_NO_MATRIX[:2, :2],
+    )

@@ -1,28 +1,48 @@
-"""What the joint filters of one pair of bodies know at one measurement."""
+"""What the joint filters of one pair of bodies know at one measurement, and at the first one."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import numpy as np
+
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
-from crossmodal.systems.kinematics.goodness_of_fit import reduced_chi_square
-from crossmodal.systems.kinematics.joint_solver.joint_models import Models
-from crossmodal.systems.kinematics.joint_solver.noise_correlation import (
-    NoiseCorrelation,
+from crossmodal.systems.kinematics.evidence.covariance_floor import FLOORS
+from crossmodal.systems.kinematics.evidence.goodness_of_fit import reduced_chi_square
+from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
+from crossmodal.systems.kinematics.keyframes.measurement_noise import (
+    MeasurementNoise,
     correlations,
+    estimated_scale,
+    initial_noise,
+    observe,
 )
-from crossmodal.systems.kinematics.joint_solver.noise_scale import (
-    NoiseScale,
-    own_scale,
-)
-from crossmodal.systems.kinematics.joint_solver.path_floor import FLOORS
-from crossmodal.systems.kinematics.joint_solver.pose_keyframes import (
+from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
     Keyframes,
+    append,
+    empty_keyframes,
 )
+from crossmodal.systems.kinematics.measurement_errors import is_correlated, white_equivalent
 from crossmodal.systems.kinematics.pose_checks import (
     SkipReason,
 )
+from crossmodal.systems.kinematics.solver.axis_prior import may_be_far
+from crossmodal.systems.kinematics.solver.free_motion import free_motion
+from crossmodal.systems.kinematics.solver.joint_geometry import (
+    JOINTS,
+    PRISMATIC,
+    RIGID,
+    dimension,
+)
+from crossmodal.systems.kinematics.solver.joint_models import (
+    AXIS_SPREAD,
+    Models,
+    initial_models,
+)
+from crossmodal.systems.kinematics.solver.joint_pitch import WIDEST
+from crossmodal.systems.kinematics.solver.joint_solver import Priors
+from crossmodal.systems.kinematics.solver.joint_start import keep_axes
 from crossmodal.systems.port_values import JointFit, JointType
 
 TYPES = (
@@ -46,13 +66,12 @@ class JointFiltersState(Immutable):
         updates: Measurements seen.
         models: Parameters, configuration and evidence of each model.
         keyframes: The measurements, averaged.
-        noise: By how much the claimed covariances are wrong.
-        correlation: How alike neighbouring measurements err.
-        scale: (6,) standard deviations of the keyframes by those that were claimed.
-        claim: Covariance (6, 6), in B, that measurements claim, their harmonic mean.
+        noise: How large the measurements' noise is, and how correlated.
+        scale: (6,) standard deviations of the keyframes by those that were reported.
+        reported: Covariance (6, 6), in B, that measurements report, their harmonic mean.
         floor_index: In `path_floor.FLOORS` of what the keyframes have.
-        strays_index: The same of how large smooth strays are (`smooth_strays`).
-        covariance: (J, N, N) of each model's theta, strays smooth or independent.
+        deviations_index: The same of how large smooth deviations are (`smooth_deviations`).
+        covariance: (J, N, N) of each model's theta, deviations smooth or independent.
         W_zero: See `read_configuration`.
         reference_noise: Covariance (6, 6), in B, of the measured reference.
         offset: Covariance (6, 6), in B, of the poses' constant error since the last reset.
@@ -70,12 +89,11 @@ class JointFiltersState(Immutable):
     updates: int
     models: Models
     keyframes: Keyframes
-    noise: NoiseScale
-    correlation: NoiseCorrelation
+    noise: MeasurementNoise
     scale: Array
-    claim: Array
+    reported: Array
     floor_index: int
-    strays_index: int
+    deviations_index: int
     covariance: Array
     W_zero: Array
     reference_noise: Array
@@ -91,15 +109,15 @@ class JointFiltersState(Immutable):
         m, kf, size = self.models, self.keyframes, int(self.keyframes.size[0])
         kind = max(range(len(TYPES)), key=lambda k: self.probabilities[TYPES[k]])
         value, bounds, degrees = reduced_chi_square(kind, m, kf, self.noise)
-        scale = own_scale(self.noise)
-        undecided = float(kf.open[:size] @ (1.0 - m.inlier[kind, :size]))
+        scale = estimated_scale(self.noise)
+        undecided = float(kf.undecided[:size] @ (1.0 - m.inlier[kind, :size]))
         return JointFit(
             reduced_chi_square=value,
             bounds=bounds,
             degrees=degrees,
             outlier_share=(float(kf.outliers[0]) + undecided) / (self.updates + 1),
             noise_scale=(float(scale[0]), float(scale[3])),
-            noise_correlation=float(correlations(self.correlation, self.noise.variance).max()),
+            noise_correlation=float(correlations(self.noise).max()),
             path_floor=FLOORS[self.floor_index],
         )
 
@@ -108,3 +126,137 @@ def skip(state: JointFiltersState, reason: SkipReason) -> JointFiltersState:
     """The same state with one more measurement that was not used."""
     skipped = {**state.skipped, reason: state.skipped.get(reason, 0) + 1}
     return replace(state, skipped=skipped)
+
+
+_NO_OUTLIERS = np.zeros(7)
+LEAST_NOISE = 1e-10  # Variance up to which a measurement is exact, [rad^2, m^2].
+
+
+def solver_priors(config: JointFiltersConfig) -> Priors:
+    """The configuration as the compiled solver has it."""
+    to_pose = np.repeat([1.0 / config.radius, 1.0], 3)  # From metres.
+    speed, off = config.speed * to_pose, config.radius * to_pose
+    return Priors(
+        process_noise=np.array(config.process_noise),
+        jump_noise=config.jump_noise,
+        jumps=config.jumps,
+        speed=config.speed,
+        radius=config.radius,
+        axis_distance=config.axis_distance,
+        far_axes=config.far_axes,
+        hinge_pitch=config.hinge_pitch,
+        # A free body may change its velocity by its speed within a tenth of a second.
+        free=free_motion(speed**2, speed**2, 10.0 * config.speed * config.speed * to_pose**2),
+        outliers=np.concatenate([[config.outliers], off**2]),
+        coarseness=config.coarseness,
+        white_share=1.0,
+        correlated_share=0.0,
+    )
+
+
+def _per_metre(config: JointFiltersConfig) -> Array:
+    """Squared units of q (J,) by which the child moves a metre, by each model; zero if rigid."""
+    squares = np.full(JOINTS, config.radius**-2.0)
+    squares[[PRISMATIC, RIGID]] = 1.0, 0.0
+    return squares
+
+
+def _rate_variance(config: JointFiltersConfig) -> Array:
+    return config.speed**2 * _per_metre(config)
+
+
+def _initial_models(R: Array, config: JointFiltersConfig) -> Models:
+    models = initial_models(config.memory)
+    spread = np.array([AXIS_SPREAD] * 2 + [config.axis_distance] * 2 + [WIDEST])
+    for kind in range(JOINTS):
+        n = dimension(kind)
+        models.covariance[kind, :6, :6] = R
+        models.covariance[kind, 6:n, 6:n] = np.diag(spread[: n - 6] ** 2)
+    models.P[:, 1, 1] = _rate_variance(config)
+    models.process_noise[:] = config.unmeasured_process_noise * _per_metre(config)
+    return models
+
+
+def initial_state(
+    X_PF: Array,
+    covariance: Array,
+    error: Array,
+    time: float,
+    pair: tuple[int, int],
+    delay: float,
+    config: JointFiltersConfig,
+    priors: Priors,
+) -> JointFiltersState:
+    """The state at the reference; see `JointFilters.start`. The probabilities are still missing.
+
+    Args:
+        X_PF: Measured reference (4, 4).
+        covariance: Of it (6, 6), finite.
+        error: Of all later measurements relative to it (6, 6), finite.
+        time: [s].
+        pair: Ids of parent and child.
+        delay: For so long the child may have moved before, [s].
+        priors: Of it, see `solver_priors`.
+    """
+    keyframes = empty_keyframes(config.memory)
+    noise: Array = white_equivalent(covariance, 0.0, config.errors)
+    R = noise + error
+    measured = bool(covariance.max() > LEAST_NOISE)
+    keyframes.reference_deviates[0] = float(measured)
+    append(keyframes, np.eye(4), R, time, priors.outliers if measured else _NO_OUTLIERS)
+    scale = initial_noise()
+    observe(scale, np.eye(4), R, time, is_correlated(config.errors))
+    models = _initial_models(R, config)
+    models.log_evidence[:] = 0.5 * keyframes.log_det[0]
+    return JointFiltersState(
+        parent_id=pair[0],
+        child_id=pair[1],
+        X_PF=X_PF.copy(),
+        time=time,
+        updates=0,
+        models=models,
+        keyframes=keyframes,
+        noise=scale,
+        scale=np.ones(6),
+        reported=np.zeros((6, 6)),
+        floor_index=0,
+        deviations_index=0,
+        covariance=models.covariance,
+        W_zero=np.asarray(np.linalg.inv(R)) if error.any() else np.zeros((6, 6)),
+        reference_noise=noise,
+        offset=np.zeros((6, 6)),
+        zero_variance=models.P[:, 1, 1] * delay**2,
+    )
+
+
+def rebased_state(
+    state: JointFiltersState,
+    time: float,
+    offset: Array,
+    reference_error: Array,
+    config: JointFiltersConfig,
+) -> JointFiltersState:
+    """The state once poses have got a constant error; see `JointFilters.rebase`.
+
+    The probabilities are still those of before.
+    """
+    noise = state.reference_noise * np.outer(state.scale, state.scale)
+    R = noise + offset + reference_error
+    keyframes = empty_keyframes(config.memory)
+    keyframes.outliers[:] = state.keyframes.outliers
+    append(keyframes, np.eye(4), R, float(state.keyframes.time[0]), _NO_OUTLIERS)
+    far = config.far_axes and may_be_far(state.keyframes)
+    models = keep_axes(state.models, config.axis_distance, far)
+    models.P[:, 1, 1] = _rate_variance(config)
+    return replace(
+        state,
+        time=time,
+        models=models,
+        keyframes=keyframes,
+        # The next step is none of its noise.
+        noise=state.noise._replace(seen=np.zeros(1)),
+        floor_index=0,
+        deviations_index=0,
+        W_zero=np.asarray(np.linalg.inv(R)),
+        offset=offset,
+    )

@@ -16,9 +16,9 @@ from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFilte
 from crossmodal.systems.kinematics.joint_pairs import (
     Pair,
     constant_error,
-    due_pairs,
     measured_pose,
     possible_pairs,
+    scheduled_pairs,
 )
 from crossmodal.systems.kinematics.kinematic_model_config import KinematicModelConfig
 from crossmodal.systems.kinematics.pose_checks import SkipReason, covariance_fault, pose_fault
@@ -118,7 +118,7 @@ def transferred(
 
 def at_rest(body: BodyMotion, config: KinematicModelConfig) -> BodyMotion:
     """A body that is not measured any more, one tick later: at rest, with growing covariance."""
-    walk = np.repeat([config.rest_rotation, config.rest_translation], 3)
+    walk = config.rest_walk * np.repeat([1.0 / config.filters.radius, 1.0], 3)
     growth = np.diag(walk**2 * config.period)
     covariance = body.motion.covariance.copy()
     covariance[:6, :6] += growth
@@ -191,7 +191,6 @@ def update_graph(
         graph: At the last tick.
         bodies: Measured at this tick, by id.
         filters: Shared by all pairs.
-        config: See `KinematicModelConfig`.
         faults: Of bodies that were left out, by id.
     """
     faults = faults or {}
@@ -203,10 +202,10 @@ def update_graph(
         for pair in possible_pairs(bodies, resting)
         if pair[0] not in resting or pair in graph.pairs
     ]
-    due = due_pairs(possible, present, graph.pairs, config.max_pairs)
+    scheduled = scheduled_pairs(possible, present, graph.pairs, config.max_pairs)
     pairs: dict[Pair, JointFiltersState] = {}
     for pair in sorted({*possible, *graph.pairs}):
-        if pair in due:
+        if pair in scheduled:
             state = _update_pair(pair, graph, present, filters, config)
         else:
             state = graph.pairs[pair]
@@ -265,7 +264,7 @@ def predict_bodies(
 ) -> BodyPredictions:
     """Where each joint expects its child at the next tick, the likeliest first, for each child.
 
-    The disconnected type says nothing of its own and is left out.
+    The disconnected type predicts nothing and is left out.
     """
     found: list[tuple[float, BodyPrediction]] = []
     parents = {

@@ -1,4 +1,4 @@
-"""Pairs of bodies: which there are, whose turn it is, and what a pair measures.
+"""Pairs of bodies: which there are, which are scheduled, and what a pair measures.
 
 Frames: W world, P parent, B child. A pair is (parent id, child id); the parent is `STATIC_BODY` or
 the body with the higher id, the younger one.
@@ -11,7 +11,7 @@ import numpy as np
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.kinematics.joint_filters import JointFiltersState
-from crossmodal.systems.kinematics.joint_filters_start import finite
+from crossmodal.systems.kinematics.pose_checks import finite
 from crossmodal.systems.port_values import STATIC_BODY, BodyMotion, PoseBelief
 
 Pair = tuple[int, int]
@@ -30,31 +30,31 @@ def possible_pairs(measured: Iterable[int], resting: Iterable[int]) -> list[Pair
     return [(STATIC_BODY, child) for child in children] + younger
 
 
-def due_pairs(
+def scheduled_pairs(
     pairs: Sequence[Pair],
     bodies: Mapping[int, BodyMotion],
     filters: Mapping[Pair, JointFiltersState],
     max_pairs: int,
 ) -> set[Pair]:
-    """The pairs to update at this tick, so that its time grows with the bodies, not their pairs.
+    """The pairs to update at this tick, whose time so grows with the bodies, not with their pairs.
 
-    A body's joint to the environment is updated at every tick, and so is a pair that is new. The
-    other pairs take turns, those first that have waited longest, and of those the nearest.
+    A body's joint to the environment is updated at every tick, and so is a pair that is new. Of the
+    other pairs those come first that have waited longest, and of these the nearest.
 
     Args:
         pairs: The possible ones.
         bodies: By id.
         filters: Of the pairs that are followed already.
-        max_pairs: Most pairs in a tick; at least one pair of moving bodies has its turn.
+        max_pairs: Most pairs in a tick; at least one pair of moving bodies is among them.
     """
-    due = {pair for pair in pairs if pair[0] == STATIC_BODY or pair not in filters}
-    waiting = [pair for pair in pairs if pair not in due]
+    scheduled = {pair for pair in pairs if pair[0] == STATIC_BODY or pair not in filters}
+    waiting = [pair for pair in pairs if pair not in scheduled]
 
-    def turn(pair: Pair) -> tuple[float, float, Pair]:
+    def priority(pair: Pair) -> tuple[float, float, Pair]:
         p_WP, p_WB = (bodies[i].motion.X[:3, 3] for i in pair)
         return filters[pair].time, float(np.linalg.norm(p_WB - p_WP)), pair
 
-    return due.union(sorted(waiting, key=turn)[: max(1, max_pairs - len(due))])
+    return scheduled.union(sorted(waiting, key=priority)[: max(1, max_pairs - len(scheduled))])
 
 
 def relative_pose(parent: PoseBelief, child: PoseBelief) -> PoseBelief:

@@ -70,7 +70,6 @@ class KinematicModel(RecursiveFilter):
     sensor streams, section III; the filters are our own.
 
     Args:
-        config: See `KinematicModelConfig`.
         inputs: Number of `body_motions` ports.
     """
 

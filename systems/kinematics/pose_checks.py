@@ -14,6 +14,7 @@ import numpy as np
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
+from crossmodal.systems.kinematics.keyframes.measurement_noise import UNKNOWN
 
 FARTHEST = 1e6  # Distance between parent and child from which it is no place, [m].
 _ORTHONORMAL = 1e-3  # Largest entry of R^T R - I.
@@ -138,3 +139,12 @@ def time_fault(time: float, last: float) -> SkipReason | None:
     if not np.isfinite(time):
         return SkipReason.TIME_NOT_FINITE
     return SkipReason.TIME_BACKWARDS if time < last else None
+
+
+def finite(covariance: Array) -> Array:
+    """The covariance with `UNKNOWN` where a variance is above it, correlated with nothing."""
+    unknown = np.diagonal(covariance) > UNKNOWN
+    if not unknown.any():
+        return covariance
+    known = np.where(unknown[:, None] | unknown, 0.0, covariance)
+    return np.asarray(known + np.diag(np.where(unknown, UNKNOWN, 0.0)))

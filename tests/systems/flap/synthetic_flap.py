@@ -18,7 +18,7 @@ from crossmodal.systems.depth_camera import (
     plane_jacobian,
     seen_covariance,
 )
-from crossmodal.systems.flap.displacements import CAMERA, FINGER, HOLDER, NAMES
+from crossmodal.systems.flap.flap_geometry import CAMERA, FINGER, HOLDER, NAMES
 from crossmodal.systems.port_values import (
     DisplacementBelief,
     EndEffectorBelief,

@@ -21,7 +21,7 @@ from crossmodal.systems.flap.flap_angle import (
     read_angle,
     update_angle,
 )
-from crossmodal.systems.flap.flap_normals import angle_about, turned_normal
+from crossmodal.systems.flap.flap_geometry import angle_about, turned_normal
 from crossmodal.systems.port_values import UNKNOWN_FINGERTIP, UNKNOWN_HINGE, HingeBelief, unseen
 
 CONFIG = FlapAngleConfig()

@@ -11,12 +11,12 @@ from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U
 from synthetic_flap import PERIOD, Errors, Laboratory, ideal_depth, measured_depth
 
 from crossmodal.systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
-from crossmodal.systems.flap.flap_joint import FlapJoint
-from crossmodal.systems.flap.flap_joint_model import FlapJointConfig
-from crossmodal.systems.flap.flap_tracking import FlapTracker
-from crossmodal.systems.flap.flap_tracking_config import FlapTrackingConfig
-from crossmodal.systems.flap.hinge_estimator import HingeEstimator, HingeEstimatorConfig
+from crossmodal.systems.flap.hinge.hinge_estimator import HingeEstimator, HingeEstimatorConfig
+from crossmodal.systems.flap.joint.flap_joint import FlapJoint
+from crossmodal.systems.flap.joint.flap_joint_model import FlapJointConfig
 from crossmodal.systems.flap.tool_kinematics import ToolKinematics, ToolKinematicsConfig
+from crossmodal.systems.flap.tracking.flap_tracking import FlapTracker
+from crossmodal.systems.flap.tracking.flap_tracking_config import FlapTrackingConfig
 from crossmodal.systems.port_values import (
     UNKNOWN_FINGERTIP,
     FlapAngleBelief,

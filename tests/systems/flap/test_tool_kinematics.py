@@ -13,7 +13,7 @@ from crossmodal.controllers.servoing.tool_line_decisions import (
     next_line_state,
 )
 from crossmodal.maths import se3
-from crossmodal.systems.flap.flap_lever import lever, place_error
+from crossmodal.systems.flap.flap_geometry import lever, place_error
 from crossmodal.systems.flap.tool_kinematics import (
     ToolKinematicsConfig,
     ToolState,

@@ -105,7 +105,7 @@ def test_a_real_track_without_rotations_is_understood(name: str, sigma: float) -
 def test_a_real_track_is_understood_where_a_third_of_its_errors_or_less_is_claimed(
     name: str, sigma: float
 ) -> None:
-    """A real joint strays by millimetres from an ideal one, however well it is seen."""
+    """A real joint deviates by millimetres from an ideal one, however well it is seen."""
     track = TRACKS[name]
     belief, _ = believe(track, sigma, JointFilters(JointFiltersConfig()))
     assert belief.type == track.joint
@@ -121,14 +121,14 @@ def test_a_marker_that_is_seen_wrongly_at_times_is_understood(name: str, sigma: 
 
 @pytest.mark.parametrize("sigma", [1e-4, 1e-3, 2e-3, 4e-3, 1e-2])
 def test_a_drawer_that_bends_like_a_hinge_far_away_is_none(sigma: float) -> None:
-    """By 8 mm over half a metre; strays that were independent would be a hinge at 4 m."""
+    """By 8 mm over half a metre; deviations that were independent would be a hinge at 4 m."""
     belief, _ = believe(TRACKS["drawer_002"], sigma, JointFilters(JointFiltersConfig()))
     assert belief.type == JointType.PRISMATIC
 
 
 @pytest.mark.parametrize(("joint", "least"), [("door", 8), ("drawer", 7)])
 def test_a_path_that_bends_is_no_proof_of_another_joint(joint: str, least: int) -> None:
-    """With independent strays 4 and 5 of 10 are right, and a quarter of the axes inside."""
+    """With independent deviations 4 and 5 of 10 are right, and a quarter of the axes inside."""
     case, filters = CASES[f"{joint}, bent by 2 mm, 1 mm"], JointFilters(JointFiltersConfig())
     outcomes = [evaluate_case(case, seed, filters) for seed in range(10)]
     assert sum(outcome.type == case.joint for outcome in outcomes) >= least
@@ -170,7 +170,7 @@ def test_a_free_motion_is_never_claimed_to_be_a_joint(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [52, 54])
-def test_a_ball_joint_is_no_hinge_that_strays_by_centimetres(seed: int) -> None:
+def test_a_ball_joint_is_no_hinge_that_deviates_by_centimetres(seed: int) -> None:
     """Noise of a degree does not make a joint believable that is off by three."""
     outcome = evaluate_case(CASES["ball motion"], seed, JointFilters(JointFiltersConfig()))
     assert outcome.type == "disconnected"

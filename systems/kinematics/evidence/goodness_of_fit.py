@@ -1,0 +1,129 @@
+"""How well a joint type explains the keyframes, and with what probability it may be reported."""
+
+import math
+
+import numpy as np
+import scipy.special
+
+from crossmodal.maths import cholesky
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.se3_in_place import pose_difference
+from crossmodal.maths.tangent_plane import tangent_basis
+from crossmodal.systems.kinematics.evidence.covariance_floor import FLOORS, covariance_floor
+from crossmodal.systems.kinematics.keyframes.measurement_noise import (
+    MeasurementNoise,
+    degrees_of_freedom,
+    estimated_scale,
+)
+from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
+    Keyframes,
+    floor_share,
+    measured_directions,
+)
+from crossmodal.systems.kinematics.solver.joint_geometry import (
+    RIGID,
+    child_pose,
+    dimension,
+    jacobian,
+    screw_twists,
+)
+from crossmodal.systems.kinematics.solver.joint_models import Models
+
+
+@hot
+def _square(W: Array, r: Array, along: Array) -> float:
+    """r^T W r without its part along a direction (6,), or zero."""
+    rr, rs, ss = 0.0, 0.0, 0.0
+    for i in range(6):
+        for j in range(6):
+            rr += r[i] * W[i, j] * r[j]
+            rs += r[i] * W[i, j] * along[j]
+            ss += along[i] * W[i, j] * along[j]
+    return rr - rs * rs / ss if ss > 0.0 else rr
+
+
+@hot
+def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, int]:
+    """Chi-square of the keyframes' distances from a joint's path, and its degrees of freedom.
+
+    Where along the path a keyframe is, is free. An outlier counts as little as it did in the fit.
+
+    Args:
+        kind: `PRISMATIC`, `REVOLUTE`, `SCREW` or `RIGID`.
+        floor: Covariance (6, 6) of how far a keyframe may be off, beside its noise; in the place of
+            the keyframes' own.
+    """
+    six = int(np.int64(6))  # For a literal, Numba would compile all callees again.
+    Y, a, c, h, q = m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], m.q[kind]
+    X, G, J, B = np.empty((4, 4)), np.empty((6, 6)), np.zeros((6, 6)), np.empty((2, 3))
+    W, r, along = np.empty((6, 6)), np.empty(6), np.zeros(6)
+    tangent_basis(a, B)
+    screw_twists(kind, Y, a, c, h, B, G)
+    chi_square, degrees, measured = 0.0, 0, 0
+    for k in range(kf.size[0]):
+        child_pose(kind, Y, a, c, h, q[k], X)
+        pose_difference(X, kf.Z[k], r)
+        if kind != RIGID and k > 0:
+            jacobian(kind, G, h, q[k], J)
+            along[:] = J[0]
+            degrees -= 1
+        L = kf.R[k] + floor_share(kf, k) * floor
+        cholesky.factor(L, six)
+        cholesky.inverse(L, W, six)
+        if kf.undecided[k] > 0.0:
+            inlier = m.inlier[kind, k]
+            # The covariance of an outlier is far larger than any floor.
+            W[:] = inlier * W + (1.0 - inlier) * kf.W_out[k]
+        chi_square += _square(W, r, along)
+        measured = measured_directions(kf, k)
+        degrees += measured
+    return chi_square, degrees - (dimension(kind) - 6 + measured)
+
+
+_INSIDE = 0.95  # Probability of the bounds.
+_TAIL = 0.5 - 0.5 * _INSIDE
+
+
+def reduced_chi_square(
+    kind: int, m: Models, kf: Keyframes, noise: MeasurementNoise
+) -> tuple[float, tuple[float, float], int]:
+    """Reduced chi-square of the keyframes off a joint's path, its 95 % bounds, and its degrees.
+
+    The noise's scale is an estimate too, so that the bounds are those of an F distribution. NaN for
+    a free motion, which has no path to be off, and where there is too little data.
+    """
+    nothing = math.nan, (math.nan, math.nan), 0
+    if kind > RIGID:
+        return nothing
+    square, degrees = off_path(kind, m, kf, kf.floor)
+    if degrees < 1:
+        return nothing
+    of_noise = degrees_of_freedom(noise)
+    low, high = (float(scipy.special.fdtri(degrees, of_noise, p)) for p in (_TAIL, 1.0 - _TAIL))
+    return square / degrees, (low, high), degrees
+
+
+def largest_probability(
+    kind: int, m: Models, kf: Keyframes, noise: MeasurementNoise, reported: Array
+) -> float:
+    """Largest probability of a joint type, by how far the keyframes are off its path.
+
+    No real joint is ideal, but a child that deviates by more than the largest floor is on none. Let
+    p be the probability that keyframes are so far off or farther. The type may be certain while p
+    is above that of the upper bound; beyond it, its probability is at most the ratio of both.
+
+    Args:
+        kind: A type, likely or not.
+        noise: Scale of their noise.
+        reported: Covariance (6, 6) that measurements report.
+    """
+    if kind > RIGID:
+        return 1.0
+    square, degrees = off_path(
+        kind, m, kf, covariance_floor(len(FLOORS) - 1, reported, estimated_scale(noise))
+    )
+    if degrees < 1:
+        return 1.0
+    p = float(scipy.special.fdtrc(degrees, degrees_of_freedom(noise), square / degrees))
+    return min(1.0, p / _TAIL)

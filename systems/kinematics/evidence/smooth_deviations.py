@@ -1,0 +1,155 @@
+"""How likely a joint is if the child's deviations from its path are smooth along the path.
+
+The models are solved with deviations that are independent from keyframe to keyframe, see
+`covariance_floor`. But the deviations by a bent rail or a wrong calibration of a camera are similar
+at neighbouring places: a bend is one unlikely event instead of one per keyframe, and no proof of a
+hinge far away or of a pitch. Here the deviations are a `deviation_series`, whose coefficients are
+marginalised, linearised at the models' own solutions.
+"""
+
+import numpy as np
+
+from crossmodal.maths import cholesky
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.systems.kinematics.evidence.bent_slide import far_evidence
+from crossmodal.systems.kinematics.evidence.deviation_series import (
+    add_keyframes,
+    marginalise,
+    new_series,
+)
+from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes
+from crossmodal.systems.kinematics.solver.axis_prior import may_be_far
+from crossmodal.systems.kinematics.solver.joint_chain import (
+    Chain,
+    new_chain,
+    run_chain,
+    solve,
+)
+from crossmodal.systems.kinematics.solver.joint_geometry import (
+    BENT_SLIDE,
+    JOINTS,
+    PARAMETERS,
+    REVOLUTE,
+    RIGID,
+    SCREW,
+    dimension,
+)
+from crossmodal.systems.kinematics.solver.joint_linearisation import (
+    Linear,
+    add_priors,
+    clear,
+    new_linear,
+)
+from crossmodal.systems.kinematics.solver.joint_models import Models
+from crossmodal.systems.kinematics.solver.joint_pitch import pitch_evidence
+from crossmodal.systems.kinematics.solver.joint_solver import Priors, lever, trusted
+
+_ROUGH = 0.25  # Independent deviations beside the smooth ones, as a share of these.
+_PRUNING_THRESHOLD = 200.0  # Log evidence below the best model's, [nat].
+# A stored log evidence that is larger by this than the present one is inherited: the model has not
+# been solved since, see `joint_update.solve_all`, [nat].
+_INHERITED = 10.0
+
+
+@hot
+def _evidence(
+    kind: int,
+    m: Models,
+    kf: Keyframes,
+    priors: Priors,
+    deviations: Array,
+    rough: Array,
+    lin: Linear,
+    chain: Chain,
+) -> float:
+    """Log evidence of a model about its own solution; solves `chain`.
+
+    With smooth deviations, if their covariance is not zero; a body at rest has none.
+    """
+    clear(lin)
+    zero, still = int(np.int64(0)), np.zeros(PARAMETERS)
+    series, is_smooth = new_series(), np.trace(deviations) > 0.0 and kind != RIGID
+    add_keyframes(kind, m, kf, rough, is_smooth, lin, series)
+    if is_smooth:
+        marginalise(dimension(kind), deviations, series, lin)
+    far = priors.far_axes and may_be_far(kf)
+    add_priors(kind, m, priors.axis_distance, far, lin)
+    n, value = dimension(kind), lin.value[0]
+    if kind == RIGID:
+        for i in range(n):
+            chain.h[i] = lin.vector[i]
+            for j in range(i + 1):
+                chain.H[i, j] = lin.information[i, j]
+    else:
+        by = lever(kind, m, priors)
+        S, J, sigma_v = m.process_noise[kind], priors.jump_noise / by**2, priors.speed / by
+        value = run_chain(
+            n, S, J, priors.jumps, sigma_v, 1.0, m.q[kind], kf, lin, still, zero, chain
+        )
+    evidence, gain = solve(n, value, chain)
+    if kind == RIGID:
+        return evidence
+    # Of a step that goes too far, only a share can be trusted.
+    share = trusted(kind, m.c[kind], m.pitch[kind], chain.step)
+    chain.step[:] *= share
+    return evidence - gain * (1.0 - share) ** 2
+
+
+@hot
+def smooth_evidence(
+    m: Models, kf: Keyframes, priors: Priors, deviations: Array, evidence: Array, covariance: Array
+) -> tuple[float, float]:
+    """Writes each model's log evidence (5,) with smooth deviations, and covariance (J, N, N).
+
+    It is the evidence of the model's own solution plus its increase with smooth instead of
+    independent deviations, both linearised there. A model that has not been solved lately keeps
+    its own evidence.
+
+    Args:
+        m: Models, solved.
+        deviations: Their covariance (6, 6), in B.
+        covariance: Result; about the models' own solutions, which are not moved.
+
+    Returns:
+        The screw's pitch and its variance.
+    """
+    capacity, size = kf.time.size, kf.size[0]
+    lin, chain, none = new_linear(capacity), new_chain(capacity), 0.0 * deviations
+    pitch, variance = m.pitch[SCREW], m.covariance[SCREW, 10, 10]
+    evidence[:], covariance[:] = m.log_evidence, m.covariance
+    # A screw that is no likelier than its limit, the hinge, is not solved for itself.
+    is_hinge = evidence[SCREW] <= evidence[REVOLUTE]
+    least, log_det = evidence.max() - _PRUNING_THRESHOLD, 0.5 * kf.log_det[:size].sum()
+    for kind in range(JOINTS - 1, -1, -1):
+        if evidence[kind] < least or (kind == SCREW and is_hinge):
+            continue
+        independent = _evidence(kind, m, kf, priors, none, kf.floor, lin, chain)
+        if independent < evidence[kind] - m.marginal_evidence[kind] - log_det - _INHERITED:
+            continue
+        smooth = _evidence(kind, m, kf, priors, deviations, _ROUGH**2 * deviations, lin, chain)
+        evidence[kind] += smooth - independent
+        n = dimension(kind)
+        cholesky.inverse(chain.H, covariance[kind], n)
+        for i in range(n):
+            for j in range(n):
+                covariance[kind, i, j] += chain.step[i] * chain.step[j]
+        if kind == REVOLUTE and is_hinge:
+            evidence[SCREW] += smooth - independent
+        if kind == SCREW:
+            evidence[SCREW] -= pitch_evidence(pitch, variance)
+            pitch, variance = pitch + chain.step[10], chain.H[10, 10] ** -2
+            evidence[SCREW] += pitch_evidence(pitch, variance)
+    return pitch, variance
+
+
+@hot
+def bend(m: Models, kf: Keyframes, priors: Priors, deviations: Array) -> float:
+    """See `far_evidence`; with smooth deviations if their covariance (6, 6) is not zero."""
+    lin, series, bent = new_linear(kf.time.size), new_series(), int(np.int64(BENT_SLIDE))
+    is_smooth = np.trace(deviations) > 0.0
+    rough = _ROUGH**2 * deviations if is_smooth else kf.floor
+    add_keyframes(bent, m, kf, rough, is_smooth, lin, series)
+    if is_smooth:
+        marginalise(dimension(bent), deviations, series, lin)
+    return far_evidence(m, kf, priors, lin)

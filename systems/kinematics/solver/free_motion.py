@@ -1,0 +1,294 @@
+"""The evidence of a body that no joint holds, compiled.
+
+Its pose is filtered over the keyframes by several motion models at once: the pose is a random walk,
+or the velocity is, as that of a body that is carried (the nearly constant velocity model of Y.
+Bar-Shalom, X. Li and T. Kirubarajan, "Estimation with Applications to Tracking and Navigation",
+2001, 6.2), either with several strengths of its process noise. The mean over these models is the
+type that wins where no joint explains the motion.
+
+Rotation and position change independently of each other, in F: the position of a body that turns
+evenly is not expected to follow a circle.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from crossmodal.maths import cholesky
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.se3_in_place import pose_difference
+from crossmodal.systems.kinematics.keyframes.outliers import blend, inlier_share
+from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
+    FREE_MOTIONS,
+    MEMORY,
+    Keyframes,
+    floor_share,
+)
+
+_SCALES = (1.0, 0.1, 0.01)  # Of the process noise: of a walk, and of a velocity.
+assert 2 * len(_SCALES) == FREE_MOTIONS
+
+
+class FreeMotion(NamedTuple):
+    """The motion models of a free body.
+
+    Attributes:
+        has_velocity: (M,) one where its velocity is nearly constant, zero where its pose walks.
+        noise: (M, 6) process noise, of the walk [rad^2/s, m^2/s] or the velocity
+            [rad^2/s^3, m^2/s^3]; the first is that of the fastest walk.
+        velocity: (6,) variances of the first velocity, where it has one, [rad^2/s^2, m^2/s^2].
+    """
+
+    has_velocity: Array
+    noise: Array
+    velocity: Array
+
+
+def free_motion(walk: Array, velocity: Array, acceleration: Array) -> FreeMotion:
+    """All motion models, from the (6,) largest process noises of pose and velocity."""
+    noise = np.concatenate([np.outer(_SCALES, walk), np.outer(_SCALES, acceleration)])
+    return FreeMotion(np.repeat([0.0, 1.0], len(_SCALES)), noise, velocity)
+
+
+@hot
+def _rotate(X: Array, R: Array, out: Array) -> None:
+    """Writes a covariance (6, 6) of rotation and translation in B as one in F into `out`."""
+    T = np.empty((3, 3))
+    for a in range(0, 6, 3):
+        for b in range(0, 6, 3):
+            for i in range(3):
+                for j in range(3):
+                    T[i, j] = 0.0
+                    for k in range(3):
+                        T[i, j] += X[i, k] * R[a + k, b + j]
+            for i in range(3):
+                for j in range(3):
+                    s = 0.0
+                    for k in range(3):
+                        s += T[i, k] * X[j, k]
+                    out[a + i, b + j] = s
+
+
+@hot
+def _move(X: Array, xi: Array, share: float) -> None:
+    """Turns and moves a pose by a share of a rotation vector and a translation (6,) in F."""
+    w0, w1, w2 = share * xi[0], share * xi[1], share * xi[2]
+    square = w0 * w0 + w1 * w1 + w2 * w2
+    angle = np.sqrt(square)
+    s, d = (1.0, 0.5) if angle < 1e-6 else (np.sin(angle) / angle, (1.0 - np.cos(angle)) / square)
+    for j in range(3):
+        x, y, z = X[0, j], X[1, j], X[2, j]
+        u0, u1, u2 = w1 * z - w2 * y, w2 * x - w0 * z, w0 * y - w1 * x
+        X[0, j] += s * u0 + d * (w1 * u2 - w2 * u1)
+        X[1, j] += s * u1 + d * (w2 * u0 - w0 * u2)
+        X[2, j] += s * u2 + d * (w0 * u1 - w1 * u0)
+        X[j, 3] += share * xi[3 + j]
+
+
+@hot
+def _difference(X: Array, Z: Array, e: Array) -> None:
+    """Writes rotation and translation from the pose X to Z, in F, into `e` (6,)."""
+    pose_difference(X, Z, e)
+    x, y, z = e[0], e[1], e[2]
+    for i in range(3):
+        e[i] = X[i, 0] * x + X[i, 1] * y + X[i, 2] * z
+        e[3 + i] = Z[i, 3] - X[i, 3]
+
+
+@hot
+def _predict(A: Array, C: Array, D: Array, noise: Array, dt: float) -> None:
+    """Covariances, (6, 6) each, of pose, of pose and velocity and of velocity, dt [s] later."""
+    for i in range(6):
+        for j in range(6):
+            A[i, j] += dt * (C[i, j] + C[j, i] + dt * D[i, j])
+    for i in range(6):
+        S = noise[i] * dt
+        for j in range(6):
+            C[i, j] += dt * D[i, j]
+        A[i, i] += S * dt * dt / 3.0
+        C[i, i] += S * dt / 2.0
+        D[i, i] += S
+
+
+@hot
+def _whiten(e: Array, P: Array, R: Array, k: int, L: Array, x: Array) -> float:
+    """Factors P + R_k into `L`, writes L^-1 e into `x`; returns its log density.
+
+    Without the constant of all normal densities.
+    """
+    six = int(np.int64(6))  # For a literal, Numba would compile all callees again.
+    for i in range(6):
+        x[i] = e[i]
+        for j in range(i + 1):
+            L[i, j] = P[i, j] + R[k, i, j]
+    total = cholesky.factor(L, six)
+    cholesky.forward(L, x, six)
+    for i in range(6):
+        total += x[i] * x[i]
+    return -0.5 * total
+
+
+@hot
+def _gain(L: Array, P: Array, x: Array, K: Array, step: Array) -> None:
+    """Writes L^-1 P, both (6, 6), into `K`, and its rows weighted by `x` into `step` (6,)."""
+    for j in range(6):
+        step[j] = 0.0
+    for i in range(6):
+        for j in range(6):
+            K[i, j] = P[i, j]
+        for k in range(i):
+            scale = L[i, k]
+            for j in range(6):
+                K[i, j] -= scale * K[k, j]
+        scale = 1.0 / L[i, i]
+        for j in range(6):
+            K[i, j] *= scale
+            step[j] += x[i] * K[i, j]
+
+
+@hot
+def _reduce(P: Array, A: Array, B: Array) -> None:
+    """P -= A^T B, all (6, 6)."""
+    for i in range(6):
+        for k in range(6):
+            scale = A[k, i]
+            for j in range(6):
+                P[i, j] -= scale * B[k, j]
+
+
+@hot
+def _blended(kf: Keyframes, k: int, inlier: float, R: Array) -> None:
+    """Writes the covariance in F of a keyframe that is an outlier by a part into `R` (1, 6, 6)."""
+    six = int(np.int64(6))
+    L, W = np.empty((6, 6)), np.empty((6, 6))
+    blend(kf.W, kf.W_out, k, inlier, L)
+    cholesky.factor(L, six)
+    cholesky.inverse(L, W, six)
+    _rotate(kf.Z[k], W, R[0])
+
+
+@hot
+def _filter(
+    kf: Keyframes,
+    noise: Array,
+    velocity: Array,
+    has_velocity: bool,
+    R: Array,
+    R_out: Array,
+    share: float,
+    inlier: Array,
+) -> tuple[float, float]:
+    """The log evidence of one motion model, without the pending keyframes and with them.
+
+    Args:
+        noise: (6,) process noise, see `FreeMotion`.
+        velocity: (6,) variances of the first velocity.
+        R: (K, 6, 6) covariance of each keyframe, in F.
+        R_out: (K, 6, 6) the same if it is an outlier; of undecided ones.
+        share: Of outliers.
+        inlier: (K,) see `log_evidences`; a result.
+    """
+    X, v, zero = kf.Z[0].copy(), np.zeros(6), int(np.int64(0))
+    A, C, D = R[0].copy(), np.zeros((6, 6)), np.diag(velocity)
+    e, x, step, L, blended = np.empty(6), np.empty(6), np.empty(6), np.empty((6, 6)), R[:1].copy()
+    KA, KC = np.empty((6, 6)), np.empty((6, 6))
+    value = 0.5 * kf.log_det[0]
+    before = value
+    inlier[0] = 1.0
+    for k in range(1, kf.size[0]):
+        dt, half = kf.time[k] - kf.time[k - 1], 0.5 * kf.log_det[k]
+        if has_velocity:
+            _move(X, v, dt)
+            _predict(A, C, D, noise, dt)
+        else:
+            for i in range(6):
+                A[i, i] += noise[i] * dt
+        _difference(X, kf.Z[k], e)
+        outlier = half + _whiten(e, A, R_out, k, L, x) if kf.undecided[k] > 0.0 else -np.inf
+        density = half + _whiten(e, A, R, k, L, x)
+        if kf.undecided[k] > 0.0:
+            inlier[k], density = inlier_share(density, outlier, share)
+            if inlier[k] < 1.0 - 1e-9:
+                _blended(kf, k, inlier[k], blended)
+                _whiten(e, A, blended, zero, L, x)
+        value += density
+        if k < kf.size[0] - kf.pending[0]:
+            before = value
+        if has_velocity:
+            _gain(L, C, x, KC, step)
+            for i in range(6):
+                v[i] += step[i]
+        _gain(L, A, x, KA, step)
+        _move(X, step, 1.0)
+        _reduce(A, KA, KA)
+        if has_velocity:
+            _reduce(C, KA, KC)
+            _reduce(D, KC, KC)
+    return before, value
+
+
+@hot
+def log_evidences(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -> Array:
+    """The log evidence (2, M) of each motion model, without the pending keyframes and with them.
+
+    Each keyframe's own normaliser is left out.
+
+    Args:
+        inlier: (M, K) probability that each undecided keyframe is an inlier, given those before
+            it; a result.
+    """
+    n = kf.size[0]
+    R, R_out, W = np.empty((n, 6, 6)), np.empty((n, 6, 6)), np.empty((6, 6))
+    for k in range(n):
+        W[:] = kf.R[k] + floor_share(kf, k) * kf.floor
+        _rotate(kf.Z[k], W, R[k])
+        if kf.undecided[k] > 0.0:
+            for i in range(6):
+                W[i, i] += outliers[1 + i]
+            _rotate(kf.Z[k], W, R_out[k])
+    values = np.empty((2, kf.free.size))
+    for i in range(kf.free.size):
+        values[0, i], values[1, i] = _filter(
+            kf,
+            motion.noise[i],
+            motion.velocity,
+            motion.has_velocity[i] > 0.0,
+            R,
+            R_out,
+            outliers[0],
+            inlier[i],
+        )
+    return values
+
+
+@hot
+def explain(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -> None:
+    """Completes `kf.explained`, and `kf.free` by what averages have hidden since it was last known.
+
+    Args:
+        inlier: (K,) see `log_evidences`, of the likeliest model; a result.
+    """
+    each = np.ones((kf.free.size, inlier.size))
+    values = log_evidences(kf, motion, outliers, each)
+    if not np.isnan(kf.explained[0]):
+        kf.free[:] = np.minimum(np.maximum(kf.explained - values[0], -MEMORY), 0.0)
+    kf.explained[:] = values[1] + kf.free
+    kf.pending[0] = 0
+    inlier[:] = each[np.argmax(kf.explained)]
+
+
+@hot
+def explain_pending(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -> None:
+    """Explains what is pending, before keyframes change in a way that would lose it."""
+    if kf.pending[0] > 0 and not np.isnan(kf.explained[0]):
+        explain(kf, motion, outliers, inlier)
+
+
+@hot
+def free_evidence(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -> float:
+    """The log evidence of a body that no joint holds; see `explain`."""
+    if np.isnan(kf.explained[0]) or kf.pending[0] > 0:
+        explain(kf, motion, outliers, inlier)
+    top = kf.explained.max()
+    return top + np.log(np.exp(kf.explained - top).mean())

@@ -1,0 +1,163 @@
+"""The flap's plane in rendered depth images with the camera's noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_flap import Errors, Laboratory, ideal_depth, measured_depth
+
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.consistency import chi_square_bounds
+from crossmodal.systems.flap.tracking.flap_tracking import FlapTrack, track_flap
+from crossmodal.systems.flap.tracking.flap_tracking_config import (
+    FlapTrackingConfig,
+    check_flap_tracking,
+)
+from crossmodal.systems.flap.tracking.local_planes import fit_local_planes, inverse_depth, normals
+from crossmodal.systems.flap.tracking.plane_fit import fit_plane, world_plane
+from crossmodal.systems.flap.tracking.tool_segmentation import angle_between
+from crossmodal.systems.port_values import UNKNOWN_FINGERTIP, unseen
+
+EXACT = Errors(
+    camera_rotation=0.0, camera_translation=0.0, depth_scale=0.0, arm_rotation=0.0,
+    arm_translation=0.0, taxels=0.0,
+)  # fmt: skip
+CONFIG = FlapTrackingConfig()
+
+
+class Tracker:
+    """Tracks the flap of a laboratory, after two images at rest."""
+
+    def __init__(self, seed: int = 0, edge_on: float | None = None) -> None:
+        self.lab = Laboratory(seed, EXACT, edge_on)
+        self.rng = np.random.default_rng(seed)
+        self.track = FlapTrack(plane=unseen("none yet"))
+        for _ in range(2):
+            self(0.0, touching=False)
+
+    def __call__(
+        self, degrees: float, touching: bool = True, hidden: Array | None = None
+    ) -> FlapTrack:
+        theta = np.deg2rad(degrees)
+        depth = measured_depth(ideal_depth(self.lab.tool, theta, self.lab.X_WC_true), self.rng)
+        contact = self.lab.contact(theta, 0.08) if touching else UNKNOWN_FINGERTIP
+        p_WE = self.lab.tool.p_WK + np.array([0.0, 0.0, 0.1])
+        self.track = track_flap(self.track, depth, hidden, p_WE, contact, self.lab.camera, CONFIG)
+        return self.track
+
+    def error(self, degrees: float) -> Array:
+        """Of (n, d), (4,)."""
+        n, d, _ = self.lab.tool.plane(np.deg2rad(degrees), self.lab.X_WC_true[:3, 3])
+        plane = self.track.plane
+        return np.append(plane.n_W - n, plane.d - d)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 5.0, 15.0, 45.0, 80.0, 120.0])
+def test_the_flap_is_found_at_any_angle_to_the_bracket(degrees: float) -> None:
+    tracker = Tracker()
+    plane = tracker(degrees).plane
+    assert plane.seen, plane.why
+    limit = 0.06 if degrees < 10.0 else 0.025
+    assert np.linalg.norm(tracker.error(degrees)[:3]) < limit
+    p_FK = tracker.lab.tool.frame(np.deg2rad(degrees)).T @ (plane.p_WF - tracker.lab.tool.p_WK)
+    assert 0.0 < p_FK[0] < tracker.lab.tool.length
+
+
+def test_planes_are_as_wrong_as_they_say() -> None:
+    total, count = 0.0, 0
+    for seed in range(6):
+        tracker = Tracker(seed)
+        for degrees in (3.0, 30.0, 60.0, 90.0, 110.0):
+            plane = tracker(degrees).plane
+            assert plane.seen, plane.why
+            e = tracker.error(degrees)
+            total += float(e @ np.linalg.pinv(plane.covariance, rcond=1e-9) @ e)
+            count += 1
+    low, high = chi_square_bounds(3 * count, 0.99)
+    assert low < total < high
+
+
+def test_nothing_is_claimed_before_the_tool_was_touched() -> None:
+    tracker = Tracker()
+    assert tracker.track.plane.why == "not touched yet"
+    assert tracker.track.rest_W is not None
+    assert angle_between(tracker.track.rest_W, tracker.lab.tool.frame(0.0)[:, 1]) < 0.03
+
+
+def test_one_surface_that_nobody_touches_is_not_the_flap() -> None:
+    tracker = Tracker()
+    tracker(0.0)
+    plane = tracker(3.0, touching=False).plane
+    assert not plane.seen
+    assert plane.why == "one surface only"
+    assert np.isnan(plane.n_W).all()
+
+
+@pytest.mark.parametrize("degrees", [20.0, 110.0])
+def test_a_flap_that_was_swung_away_from_the_finger_is_seen_where_it_is(degrees: float) -> None:
+    tracker = Tracker()
+    tracker(40.0)
+    plane = tracker(degrees, touching=False).plane
+    assert plane.seen, plane.why
+    assert np.linalg.norm(tracker.error(degrees)[:3]) < 0.06
+
+
+def test_a_flap_that_is_edge_on_is_not_seen_and_then_shows_its_back() -> None:
+    tracker = Tracker(edge_on=np.deg2rad(62.0))
+    assert tracker(30.0).plane.seen
+    assert not tracker(62.0).plane.seen
+    plane = tracker(100.0).plane
+    assert plane.seen
+    front = tracker.lab.tool.frame(np.deg2rad(100.0))[:, 1]
+    assert plane.n_W @ front < -0.999
+
+
+def test_what_the_robot_hides_is_left_out() -> None:
+    tracker = Tracker()
+    hidden = np.zeros((480, 640), np.uint8)
+    assert tracker(45.0, hidden=hidden).plane.seen
+    points = tracker.track.plane.points
+    hidden[:, 320:] = 255
+    assert 0.2 * points < tracker(45.0, hidden=hidden).plane.points < 0.8 * points
+    hidden[:] = 255
+    assert tracker(45.0, hidden=hidden).plane.why == "no flat surface"
+
+
+def test_a_region_that_the_camera_does_not_see_is_said() -> None:
+    tracker = Tracker()
+    behind = tracker.lab.X_WC[:3, 3] + 0.5 * tracker.lab.X_WC[:3, 2] * -1.0
+    track = replace(tracker.track, p_WC=behind)
+    depth = np.ones((480, 640), np.float32)
+    after = track_flap(track, depth, None, behind, UNKNOWN_FINGERTIP, tracker.lab.camera, CONFIG)
+    assert after.plane.why == "the camera does not look there"
+    nowhere = np.full(3, np.nan)
+    after = track_flap(
+        FlapTrack(plane=unseen("")), depth, None, nowhere, UNKNOWN_FINGERTIP,
+        tracker.lab.camera, CONFIG,
+    )  # fmt: skip
+    assert after.plane.why == "where the tool is is not known"
+
+
+def test_local_normals_of_an_exact_plane_are_exact() -> None:
+    intrinsics = np.array([500.0, 500.0, 99.5, 79.5])
+    n, d = np.array([0.3, -0.5, -0.81]), -0.9
+    n /= np.linalg.norm(n)
+    u, v = np.meshgrid(np.arange(200), np.arange(160))
+    rays = np.dstack([(u - 99.5) / 500.0, (v - 79.5) / 500.0, np.ones(u.shape)])
+    depth = d / (rays @ n)
+    image = inverse_depth(depth, intrinsics, (10, 150, 20, 180), None)
+    planes = fit_local_planes(image, 20, 4, 0.6)
+    assert len(planes.m_C) > 500
+    np.testing.assert_allclose(normals(planes.m_C), np.tile(n, (len(planes.m_C), 1)), atol=1e-6)
+    fit = fit_plane(image, image.valid, 100)
+    assert fit is not None
+    n_W, d_W, _ = world_plane(fit, np.eye(3), np.eye(4))
+    np.testing.assert_allclose(n_W, n, atol=1e-7)
+    assert d_W == pytest.approx(d)
+
+
+def test_impossible_configurations_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"stride = 3 .*even"):
+        check_flap_tracking(FlapTrackingConfig(stride=3))
+    with pytest.raises(ValueError, match=r"least_angle = 0"):
+        check_flap_tracking(FlapTrackingConfig(least_angle=0.0))

@@ -135,14 +135,14 @@ _FURNITURE = TypePriorsConfig(screw=0.02, rigid=0.4)  # Few of its joints are sc
 _HINGE_PITCH = 3e-3  # What errors that last make a hinge climb, [m/rad].
 
 
-def _errors_of_the_eye() -> MeasurementErrorsConfig:
+def errors_of_the_eye() -> MeasurementErrorsConfig:
     """Bodies followed by the eye drift by a tenth of a millimetre or two for seconds."""
     return MeasurementErrorsConfig(
         correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
     )
 
 
-def _joints() -> KinematicModelConfig:
+def joints_of_furniture() -> KinematicModelConfig:
     """What an arm opens has its hinge within reach.
 
     The hand pulls at what the eye sees; unseen, a body's error is that of the hand.
@@ -170,7 +170,7 @@ class PerceptionConfig:
     Attributes:
         cut: Wires of `CROSSMODAL_WIRES` that the cross-modal network does without.
         hand: That holds the body.
-        joint_errors_of_vision: Of the bodies' poses where only the eye measures them; in
+        visual_errors: Of the bodies' poses where only the eye measures them; in
             `joints` are those of what the hand holds.
     """
 
@@ -188,8 +188,8 @@ class PerceptionConfig:
     held_body: HeldBodyMotionConfig = field(default_factory=HeldBodyMotionConfig)
     features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
     bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
-    joints: KinematicModelConfig = field(default_factory=_joints)
-    joint_errors_of_vision: MeasurementErrorsConfig = field(default_factory=_errors_of_the_eye)
+    joints: KinematicModelConfig = field(default_factory=joints_of_furniture)
+    visual_errors: MeasurementErrorsConfig = field(default_factory=errors_of_the_eye)
     joint_mechanics: JointMechanicsConfig = field(default_factory=JointMechanicsConfig)
 
 
@@ -221,7 +221,7 @@ def make_network(
     builder = DiagramBuilder()
     kinematics = config.joints
     if modality == "vision":
-        filters = replace(kinematics.filters, errors=config.joint_errors_of_vision)
+        filters = replace(kinematics.filters, errors=config.visual_errors)
         kinematics = with_shared(replace(kinematics, filters=filters), period=period)
         model = builder.AddNamedSystem("kinematic_model", KinematicModel(kinematics, inputs=1))
         bodies = _add_vision(builder, config, calibration, with_held_body=False)

@@ -99,7 +99,7 @@ def _quantity(port: str) -> str:
 
 
 def _package(system: System) -> str:
-    return ".".join(type(system).__module__.split(".")[:2])
+    return ".".join(type(system).__module__.split(".")[:3])
 
 
 def _of_one(system: System) -> Diagram:

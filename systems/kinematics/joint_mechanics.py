@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from pydrake.common.value import Value
 from pydrake.systems.framework import Context
 
 from crossmodal.maths import se3
@@ -18,7 +19,6 @@ from crossmodal.systems.port_values import (
     HELD_BODY,
     STATIC_BODY,
     UNKNOWN_END_EFFECTOR,
-    UNKNOWN_GRASP,
     UNKNOWN_LOAD,
     BodyMotions,
     EndEffectorBelief,
@@ -132,7 +132,7 @@ class JointMechanicsFilter(RecursiveFilter):
         self._load = self._declare_value_input("hand_load_estimated", UNKNOWN_LOAD)
         self._hand = self._declare_value_input("end_effector_estimated", UNKNOWN_END_EFFECTOR)
         self._active = self.DeclareVectorInputPort("interaction_active", 1)
-        self._grasp = self._declare_value_input("grasp_latest", UNKNOWN_GRASP)
+        self._grasp = self.DeclareAbstractInputPort("grasp_latest", Value[object]())
         self._bodies = self._declare_value_input("body_motions_latest", BodyMotions())
         zero = np.repeat([config.zero_torque, config.zero_force], 3)
         initial = HeldJointMechanics(zero=np.zeros(6), zero_variance=zero**2)

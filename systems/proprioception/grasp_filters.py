@@ -9,8 +9,8 @@ and v that of vision, a grasp says
 with E the identity for a perfect grasp, d = 0 for a revolute one. Axis and point are expressed in
 H where proprioception puts it: what is constant in the hand's error moves them with it, cannot be
 told from them, and does no harm there. The error state of each filter is (c, n, axis (2),
-point (2), phi, d), cut to what the type has. A failed grasp lets the body stay where it was,
-loosely.
+point (2), phi, d), cut to what the type has; errors of axis and point are in `normal_basis(axis)`.
+A failed grasp lets the body stay where it was, loosely.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +21,8 @@ import numpy as np
 from crossmodal.maths import error_state, se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.gaussian import joseph_update, log_likelihood, nees, symmetric
-from crossmodal.maths.vectors import cross, tangent_basis
+from crossmodal.maths.tangent_plane import normal_basis, transport
+from crossmodal.maths.vectors import cross
 from crossmodal.systems.port_values import GraspType
 from crossmodal.systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
@@ -71,7 +72,7 @@ def start_filter(
     variances = [1.0] * errors
     if grasp_type != GraspType.PERFECT:
         variances += [*line, *([1e-12] * _COORDINATES[grasp_type])]
-    U = np.kron(np.eye(2), tangent_basis(axis))
+    U = np.kron(np.eye(2), normal_basis(axis).T)
     return GraspFilter(
         type=grasp_type,
         z_0=z_0,
@@ -99,14 +100,14 @@ def prior_line_variances(bias_jacobian_0: Array, config: GraspModelConfig) -> Ar
 def grasp_displacement(axis: Array, point: Array, coordinates: Array) -> tuple[Array, Array]:
     """E (4, 4), and its derivative (6, 6): left perturbation by (axis, point, phi, d)."""
     phi, d = coordinates
-    U = tangent_basis(axis)
+    B = normal_basis(axis)
     tau = screw(axis, point) * phi
     tau[3:] += axis * d
     D = np.zeros((6, 6))
     for i in range(2):
-        D[:3, i] = phi * U[:, i]
-        D[3:, i] = phi * cross(point, U[:, i]) + d * U[:, i]
-        D[3:, 2 + i] = phi * cross(U[:, i], axis)
+        D[:3, i] = phi * B[i]
+        D[3:, i] = phi * cross(point, B[i]) + d * B[i]
+        D[3:, 2 + i] = phi * cross(B[i], axis)
     D[:, 4] = screw(axis, point)
     D[3:, 5] = axis
     return se3.exp(tau), se3.left_jacobian(tau) @ D
@@ -177,12 +178,15 @@ def correct_filter(
     errors = len(grasp.x)
     theta = np.zeros(6)
     theta[: len(correction) - errors] = correction[errors:]
-    U = tangent_basis(grasp.axis)
-    axis = grasp.axis + U @ theta[:2]
+    B = normal_basis(grasp.axis)
+    axis = grasp.axis + theta[:2] @ B
+    axis /= np.linalg.norm(axis)
+    if grasp.type != GraspType.PERFECT:
+        P = transported(P, errors, grasp.axis, axis)
     corrected = replace(
         grasp,
-        axis=axis / np.linalg.norm(axis),
-        point=grasp.point + U @ theta[2:4],
+        axis=axis,
+        point=grasp.point + theta[2:4] @ B,
         coordinates=grasp.coordinates + theta[4:],
         x=grasp.x + correction[:errors],
         P=P,
@@ -192,6 +196,22 @@ def correct_filter(
         single = single_tick_line_covariance(corrected, hand, noise_square_root, R, config)
         corrected = with_line_covariance(corrected, single)
     return corrected, likelihood
+
+
+def transported(P: Array, errors: int, axis: Array, axis_next: Array) -> Array:
+    """Covariance of a filter's error state in the basis at its axis after a correction.
+
+    Args:
+        P: In the basis at the axis before.
+        errors: Where axis and point begin in the error state.
+        axis: Unit vector (3,) before the correction.
+        axis_next: After it.
+    """
+    Q = np.empty((2, 2))
+    transport(axis, axis_next, Q)
+    T = np.eye(len(P))
+    T[errors : errors + 4, errors : errors + 4] = np.kron(np.eye(2), Q)
+    return np.asarray(T @ P @ T.T)
 
 
 def second_order_noise(grasp: GraspFilter) -> Array:
@@ -204,7 +224,7 @@ def second_order_noise(grasp: GraspFilter) -> Array:
     if count == 0:
         return noise
     variances = np.diag(grasp.P)[-count:]
-    U = tangent_basis(grasp.axis)
+    U = normal_basis(grasp.axis).T
     axis = U @ grasp.P[start : start + 2, start : start + 2] @ U.T
     point = U @ grasp.P[start + 2 : start + 4, start + 2 : start + 4] @ U.T
     noise[:3, :3] = variances[0] * axis
@@ -234,7 +254,7 @@ def single_tick_line_covariance(
 
 def with_line_covariance(grasp: GraspFilter, single: Array) -> GraspFilter:
     """Takes over the covariance (4, 4) of a single tick if it is smaller than what is known."""
-    U = np.kron(np.eye(2), tangent_basis(grasp.axis))
+    U = np.kron(np.eye(2), normal_basis(grasp.axis).T)
     known = U.T @ grasp.line_covariance @ U
     if np.linalg.det(single) > np.linalg.det(known):
         single = known

@@ -6,9 +6,16 @@ from pydrake.common.value import AbstractValue
 from simulated_grasp import Episode, Scene, Tick, pull, run, swing
 
 from crossmodal.maths import se3
-from crossmodal.maths.vectors import tangent_basis
+from crossmodal.maths.tangent_plane import normal_basis
 from crossmodal.systems.port_values import NO_SLIP, BodyMotions, GraspBelief, GraspType, SlipBelief
-from crossmodal.systems.proprioception.grasp_filters import grasp_displacement
+from crossmodal.systems.proprioception.bent_hand import BentHand
+from crossmodal.systems.proprioception.grasp_filters import (
+    GraspFilter,
+    correct_filter,
+    grasp_displacement,
+    predict_filter,
+    start_filter,
+)
 from crossmodal.systems.proprioception.grasp_model import GraspModel, initial_grasp
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 
@@ -130,7 +137,7 @@ def test_displacement_derivative_matches_finite_differences() -> None:
     axis /= np.linalg.norm(axis)
     point, coordinates = rng.normal(size=3), np.array([0.7, 0.1])
     E, D = grasp_displacement(axis, point, coordinates)
-    U = tangent_basis(axis)
+    U = normal_basis(axis).T
     step = 1e-6
     for i in range(6):
         d = step * np.eye(6)[i]
@@ -142,11 +149,39 @@ def test_displacement_derivative_matches_finite_differences() -> None:
         np.testing.assert_allclose(D[:, i], numeric, atol=1e-5)
 
 
-def test_tangent_basis_is_orthonormal() -> None:
-    for axis in (np.eye(3)[0], np.eye(3)[1], np.array([0.6, 0.0, -0.8])):
-        U = tangent_basis(axis)
-        np.testing.assert_allclose(U.T @ U, np.eye(2), atol=1e-12)
-        np.testing.assert_allclose(axis @ U, 0.0, atol=1e-12)
+def corrected_in_a_turned_hand(R_GH: np.ndarray) -> tuple[GraspFilter, list[float]]:
+    """A filter, and its log likelihoods, where all is expressed in a frame G instead of in H."""
+    rng = np.random.default_rng(0)
+    X_GH = np.eye(4)
+    X_GH[:3, :3] = R_GH
+    Ad = se3.adjoint(X_GH)
+    axis = R_GH @ CONFIG.axis_H
+    config = GraspModelConfig(axis_H=axis, p_HA=R_GH @ CONFIG.p_HA)
+    hand = BentHand(
+        X_WH=np.eye(4), bias_jacobian=np.zeros((6, 1)), noise_square_root=2e-3 * np.eye(6)
+    )
+    tilted = np.array([0.05, 1.0, 0.05]) / np.linalg.norm([0.05, 1.0, 0.05])
+    R = Ad @ np.diag(np.repeat([1e-5, 1e-6], 3)) @ Ad.T
+    grasp = start_filter(GraspType.CYLINDRICAL, X_GH, hand.bias_jacobian, config)
+    likelihoods = []
+    for k in range(1, 40):
+        E, _ = grasp_displacement(tilted, CONFIG.p_HA, np.array([0.02 * k, 0.0005 * k]))
+        z = X_GH @ E @ se3.exp(1e-3 * rng.standard_normal(6))
+        grasp = predict_filter(grasp, config, 0.0)
+        grasp, likelihood = correct_filter(grasp, z, R, hand, hand.noise_square_root, config)
+        likelihoods.append(likelihood)
+    return grasp, likelihoods
+
+
+def test_a_grasp_does_not_depend_on_the_frame_that_it_is_expressed_in() -> None:
+    """The basis of the errors of an axis jumps where another component becomes its smallest."""
+    grasp, likelihoods = corrected_in_a_turned_hand(np.eye(3))
+    for turn in ([0.3, -0.2, 0.9], [0.0, 1e-3, 0.0], [2.0, 0.5, -1.0]):
+        R_GH = se3.exp(np.array([*turn, 0.0, 0.0, 0.0]))[:3, :3]
+        turned, other = corrected_in_a_turned_hand(R_GH)
+        np.testing.assert_allclose(other, likelihoods, atol=1e-6)
+        np.testing.assert_allclose(turned.axis, R_GH @ grasp.axis, atol=1e-9)
+        np.testing.assert_allclose(turned.point, R_GH @ grasp.point, atol=1e-9)
 
 
 def test_a_hand_that_catches_the_body_again_holds_it_again() -> None:

@@ -110,13 +110,11 @@ class Disturbances(pushed.Disturbances):
 
     def spans(self) -> list[tuple[str, base.Interval]]:
         """What goes wrong, in words, and when."""
-        reported = [
-            (f"flap jerked by {1e3 * jerk.displacement:.3g} mm", jerk) for jerk in self.jerks
+        reported: list[tuple[str, FlapJerk | TaxelFault]] = [
+            *((f"flap jerked by {1e3 * jerk.displacement:.3g} mm", jerk) for jerk in self.jerks),
+            *((f"taxel {one.taxel} reads {one.reading:g} N", one) for one in self.taxels),
         ]
-        reported += [
-            (f"taxel {fault.taxel} reads {fault.reading:g} N", fault) for fault in self.taxels
-        ]
-        spans = [(what, base.Interval(start=span.start, end=span.end)) for what, span in reported]
+        spans = [(what, base.Interval(start=it.start, end=it.end)) for what, it in reported]
         return [*super().spans(), *spans]
 
 

@@ -120,7 +120,7 @@ class IsolatedSteps:
         noise: Array,
         is_sensed: Callable[[Step, SampleWindow], bool] | None = None,
     ) -> None:
-        self._config, self._noise, self._is_felt = config, noise, is_sensed
+        self._config, self._noise, self._is_sensed = config, noise, is_sensed
 
     def take_out(
         self, window: SampleWindow, before: Offsets | None, joints: SampleWindow | None
@@ -136,7 +136,7 @@ class IsolatedSteps:
         offset, variance = before.offset, before.variance
         values = window.values - offset
         for step in find_steps(every.times, every.values, self._noise, self._config):
-            if self._is_felt is not None and (motion is None or self._is_felt(step, motion)):
+            if self._is_sensed is not None and (motion is None or self._is_sensed(step, motion)):
                 continue
             after, variance = without_gone(offset + step.size, variance + step.variance)
             values = values - np.outer(window.times >= step.time, after - offset)

@@ -33,7 +33,6 @@ from crossmodal.systems.port_values.flap import (
 )
 from crossmodal.systems.port_values.grasp import (
     NO_SLIP,
-    UNKNOWN_GRASP,
     UNKNOWN_LOAD,
     GraspBelief,
     GraspType,
@@ -88,7 +87,6 @@ __all__ = [
     "UNKNOWN_ANGLE",
     "UNKNOWN_END_EFFECTOR",
     "UNKNOWN_FINGERTIP",
-    "UNKNOWN_GRASP",
     "UNKNOWN_HINGE",
     "UNKNOWN_LOAD",
     "UNKNOWN_TOOL",

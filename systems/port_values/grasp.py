@@ -75,14 +75,5 @@ class SlipBelief:
     shift: float = 0.0
 
 
-UNKNOWN_GRASP = GraspBelief(
-    probabilities=dict.fromkeys(GraspType, 0.25),
-    X_HB=np.eye(4),
-    covariance=np.eye(6),
-    axis_H=np.array([0.0, 1.0, 0.0]),
-    p_HA=np.zeros(3),
-    line_covariance=np.eye(6),
-    free_motion=np.zeros((6, 6)),
-)
 UNKNOWN_LOAD = HandLoad(F_S=np.full(6, np.nan), pressures=np.full(4, np.nan))
 NO_SLIP = SlipBelief()

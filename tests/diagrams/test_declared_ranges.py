@@ -125,6 +125,11 @@ def loaded(path: Path_, value: Any) -> Scenario | str:
         return str(error)
 
 
+def test_perception_has_few_numbers_of_its_own() -> None:
+    numbers = [path for path, _ in numeric_fields(Scenario) if path[0] == "perception"]
+    assert len(numbers) <= 220, len(numbers)
+
+
 @pytest.mark.parametrize("value", [nan, inf, -inf, -1, 0, 1e300])
 def test_any_value_of_any_number_is_refused_by_its_path_or_in_its_range(value: float) -> None:
     accepted = []
@@ -138,5 +143,5 @@ def test_any_value_of_any_number_is_refused_by_its_path_or_in_its_range(value: f
             assert possible.holds(value_at(result, path))
             accepted.append(path[-1])
     if not np.isfinite(value):
-        endless = ["end"] * 5 + ["explore_time_limit", "slip", *["stuck_after"] * 2, "travel"]
+        endless = ["end"] * 5 + ["explore_time_limit", "slip", "stuck_after", "travel"]
         assert sorted(map(str, accepted)) == (sorted(endless) if value == inf else [])

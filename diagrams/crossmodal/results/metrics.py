@@ -25,6 +25,10 @@ def _joint(record: Mapping[str, Any]) -> Mapping[str, Any]:
     return joint
 
 
+def _key_of_joint(key: str) -> Callable[[Mapping[str, Any]], Any]:
+    return lambda record: _joint(record)[key]
+
+
 def _unit(record: Mapping[str, Any]) -> str:
     return "rad" if _joint(record)["type_true"] in ("revolute", "screw") else "m"
 
@@ -53,7 +57,7 @@ def _of_screw(key: str, title: str) -> Metric:
 def _of_joint(key: str, unit: Any, title: str) -> Metric:
     return Metric(
         name=key,
-        value=lambda record: _joint(record)[key],
+        value=_key_of_joint(key),
         unit=unit,
         title=title,
         cell=median_and_range,
@@ -140,7 +144,7 @@ METRICS = (
     ),
     Metric(
         name="configuration_true",
-        value=lambda record: _joint(record)["configuration_true"],
+        value=_key_of_joint("configuration_true"),
         unit=_unit,
     ),
     _of_joint("configuration_error", _unit, "configuration error at the end"),
@@ -154,7 +158,7 @@ METRICS = (
     *(
         _known_share(
             f"{key}_inside_two_sigma",
-            lambda record, key=key: _joint(record)[f"{key}_inside_two_sigma"],
+            _key_of_joint(f"{key}_inside_two_sigma"),
             f"final {key} inside its 2σ claim",
         )
         for key in ("configuration", "axis")

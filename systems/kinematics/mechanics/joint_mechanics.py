@@ -18,7 +18,6 @@ from crossmodal.systems.port_values import (
     HELD_BODY,
     STATIC_BODY,
     UNKNOWN_END_EFFECTOR,
-    UNKNOWN_GRASP,
     UNKNOWN_LOAD,
     BodyMotions,
     EndEffectorBelief,

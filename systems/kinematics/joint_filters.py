@@ -99,9 +99,9 @@ from crossmodal.systems.kinematics.solver.joint_geometry import (
     turns,
 )
 from crossmodal.systems.kinematics.solver.joint_models import Models
-from crossmodal.systems.kinematics.solver.joint_pitch import pitch_posterior
 from crossmodal.systems.kinematics.solver.joint_readout import predict_pose, read_moving
 from crossmodal.systems.kinematics.solver.joint_update import update as update_models
+from crossmodal.systems.kinematics.solver.parameter_priors import pitch_posterior
 from crossmodal.systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
 
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].

@@ -9,7 +9,7 @@ from pydrake.systems.framework import Context
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
-from crossmodal.systems.kinematics.mechanics.hand_force import HandForce
+from crossmodal.systems.kinematics.joint_screws import HandForce
 from crossmodal.systems.kinematics.mechanics.joint_mechanics_config import JointMechanicsConfig
 from crossmodal.systems.kinematics.mechanics.joint_mechanics_filters import (
     JointMechanicsFilters,

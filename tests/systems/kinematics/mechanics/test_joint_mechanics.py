@@ -7,8 +7,12 @@ from pydrake.common.value import Value
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.consistency import chi_square_bounds, normalised_squared_error
-from crossmodal.systems.kinematics.joint_screws import screw_belief, speed_at
-from crossmodal.systems.kinematics.mechanics.hand_force import HandForce, hand_screw_covariance
+from crossmodal.systems.kinematics.joint_screws import (
+    HandForce,
+    hand_screw_covariance,
+    screw_belief,
+    speed_at,
+)
 from crossmodal.systems.kinematics.mechanics.joint_mechanics import (
     HeldJointMechanics,
     JointMechanicsFilter,

@@ -32,7 +32,7 @@ from crossmodal.systems.kinematics.solver.joint_models import (
     Models,
     initial_models,
 )
-from crossmodal.systems.kinematics.solver.joint_pitch import WIDEST
+from crossmodal.systems.kinematics.solver.parameter_priors import WIDEST
 
 K = 7
 S, SIGMA_V, SIGMA_C = 2e-3, 0.2, 0.6

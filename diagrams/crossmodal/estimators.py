@@ -135,7 +135,6 @@ def joints_of_furniture() -> KinematicModelConfig:
     """
     return KinematicModelConfig(
         filters=JointFiltersConfig(
-            far_axes=False,
             type_priors=TypePriorsConfig(screw=0.02, rigid=0.4),  # Few of its joints are screws.
             hinge_pitch=_HINGE_PITCH,
             errors=MeasurementErrorsConfig(

@@ -26,7 +26,6 @@ def _filters() -> JointFiltersConfig:
     return JointFiltersConfig(
         radius=0.1,
         axis_distance=0.1,
-        far_axes=False,
         type_priors=TypePriorsConfig(screw=0.02, rigid=0.4),
         errors=MeasurementErrorsConfig(declared_time=3.0),
     )

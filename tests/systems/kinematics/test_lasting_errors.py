@@ -93,7 +93,6 @@ def _seen_late(joint: JointType, seed: int) -> tuple[JointFilters, list, Run, in
     half = len(run.times) // 2
     error = rng.multivariate_normal(np.zeros(6), scene.covariance)
     config = _correlated(declared_time=5.0)
-    config.far_axes = False  # An error that lasts turns a slide as a hinge far away does.
     filters = JointFilters(config)
     states = [filters.start(run.X_PB[0], 1e-12 * np.eye(6), 0.0)]
     for k in range(1, len(run.times)):

@@ -148,7 +148,7 @@ def test_correlated_noise_needs_its_correlation_time_to_be_judged_honestly() -> 
 
 
 @pytest.mark.parametrize("joint", [PRISMATIC, REVOLUTE])
-def test_the_configuration_never_claims_less_than_a_correlated_error(
+def test_the_configuration_never_reports_less_than_a_correlated_error(
     joint: JointType,
 ) -> None:
     scene = Scene(joint=joint, radius=0.0, motion=at_rest, translation=1e-4, rotation=1e-2)

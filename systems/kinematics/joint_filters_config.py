@@ -32,8 +32,8 @@ class JointFiltersConfig:
     followed at once; with white noise it is that under which all keyframes are likeliest.
 
     Attributes:
-        process_noise: Densities S of the child's white acceleration, dv = sqrt(S) dw, in ascending
-            order; from a hand that guides slowly to a door that is thrown shut.
+        process_noise: Densities S of the child's white acceleration, dv = sqrt(S) dw; from a hand
+            that guides slowly to a door that is thrown shut.
         jumps: Probability that the velocity jumps between two measurements: a motion begins and
             ends at once.
         radius: Of the child itself: a revolute joint at a distance d moves it by
@@ -78,12 +78,12 @@ class JointFiltersConfig:
     @property
     def jump_noise(self) -> float:
         """Density of the acceleration in a step in which the velocity jumps, [m^2/s^3]."""
-        return 10.0 * self.process_noise[-1]
+        return 10.0 * max(self.process_noise)
 
     @property
     def unmeasured_process_noise(self) -> float:
         """Density of an acceleration that is not measured, at first and at last, [m^2/s^3]."""
-        return self.process_noise[len(self.process_noise) // 2]
+        return sorted(self.process_noise)[len(self.process_noise) // 2]
 
     @property
     def coarseness(self) -> float:

@@ -1,13 +1,14 @@
-"""Joint filters on streams that leave their model: outliers, fast motions, wrong claims, screws.
+"""Joint filters on streams that leave their model: outliers, fast motions, wrong reports, screws.
 
     python -m benchmarks.joint_robustness --seeds 20
 
-Right: the type at the end. Wrong: streams in which, after the first 2 s, a wrong type was claimed
+Right: the type at the end. Wrong: streams in which, after the first 2 s, a wrong type was reported
 with a probability over 0.9; a body that begins to move may be taken to rest for three frames. q:
 root mean square error after 2 s, against that of one raw frame. NEES: of q, mean after 2 s, one
-where claims are honest. Inside: shares of frames after 2 s whose q and axis are within two claimed
-standard deviations. Axis: angle at the end, median. Pitch: error at the end, median, and within two
-claimed standard deviations. The streams are defined in `robustness_streams.py`.
+where reported covariances are honest. Inside: shares of frames after 2 s whose q and axis are
+within two reported standard deviations. Axis: angle at the end, median. Pitch: error at the end,
+median, and within two reported standard deviations. The streams are defined in
+`robustness_streams.py`.
 """
 
 from dataclasses import dataclass
@@ -34,14 +35,14 @@ class Outcome:
 
     Attributes:
         type: At the end.
-        wrong: Whether a wrong type was ever claimed with certainty.
+        wrong: Whether a wrong type was ever reported with certainty.
         q_error: (N,) [m] along the path.
         nees: (N,) of q.
-        axis_sigma: (N,) the axis' error in claimed standard deviations, root of NEES over two.
+        axis_sigma: (N,) the axis' error in reported standard deviations, root of NEES over two.
         axis_error: At the end, [rad].
-        distance_z: Error of the axis' distance at the end, in claimed standard deviations.
+        distance_z: Error of the axis' distance at the end, in reported standard deviations.
         pitch_error: Of a screw at the end, as a share of its pitch.
-        pitch_z: The same in claimed standard deviations.
+        pitch_z: The same in reported standard deviations.
     """
 
     type: str

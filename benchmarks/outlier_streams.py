@@ -1,4 +1,4 @@
-"""Joint filters on the nine plain streams with outliers: type, wrong claims and the axis' error.
+"""Joint filters on the nine plain streams with outliers: type, wrong reports and the axis' error.
 
     python -m benchmarks.outlier_streams --seeds 20
 

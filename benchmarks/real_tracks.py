@@ -1,4 +1,4 @@
-"""Joint filters on real tracks: what type they believe, whatever noise is claimed.
+"""Joint filters on real tracks: what type they believe, whatever noise is reported.
 
     python -m benchmarks.real_tracks
 
@@ -30,8 +30,8 @@ from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFilte
 from crossmodal.systems.port_values import JointBelief, JointType
 
 TRACKS = Path(__file__).parent / "tracks"
-MARKER_ROTATION = np.deg2rad(5.0)  # Claimed of a marker's rotation, [rad].
-CLAIMS = (1e-3, 3e-3, 1e-2)  # Standard deviation of the position that is claimed, [m].
+MARKER_ROTATION = np.deg2rad(5.0)  # Reported of a marker's rotation, [rad].
+CLAIMS = (1e-3, 3e-3, 1e-2)  # Standard deviation of the position that is reported, [m].
 CERTAIN = 0.9
 
 
@@ -46,7 +46,7 @@ class Track:
     has_rotation: bool
 
     def covariance(self, sigma: float) -> Array:
-        """Claimed of each pose (6, 6), in B: positions to `sigma` [m]."""
+        """Reported of each pose (6, 6), in B: positions to `sigma` [m]."""
         rotation = MARKER_ROTATION**2 if self.has_rotation else np.inf
         return np.diag(np.repeat([rotation, sigma**2], 3))
 
@@ -143,13 +143,13 @@ def _spread(axes: list[Array]) -> float:
 
 def main(
     claims: Annotated[
-        list[float], typer.Option(help="Standard deviations of positions to claim, [m].")
+        list[float], typer.Option(help="Standard deviations of positions to report, [m].")
     ] = list(CLAIMS),  # noqa: B006
     folder: Annotated[Path, typer.Option(help="Of the tracks.")] = TRACKS,
 ) -> None:
-    """Prints a line per track and claim, and the repeats' axes."""
+    """Prints a line per track and reported noise, and the repeats' axes."""
     filters, tracks = JointFilters(JointFiltersConfig()), read_tracks(folder)
-    print("| track | joint | claimed mm | believed | p | residual mm | innovations inside |")
+    print("| track | joint | reported mm | believed | p | residual mm | innovations inside |")
     print("|---" * 7 + "|")
     axes: dict[tuple[str, float], list[Array]] = {}
     batch: dict[str, list[Array]] = {}

@@ -2,7 +2,7 @@
 
 The scene is that of `joint_streams`: the parent P is the sensor, the child starts 0.8 to 1.2 m from
 it in a random direction, the axis is random. What differs from stream to stream is the motion, the
-share of outliers, and by how much the claimed covariance is wrong.
+share of outliers, and by how much the reported covariance is wrong.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ Motion = Callable[[Array], Array]
 FREE, BALL = "free", "ball"  # Motions that no joint with one degree of freedom explains.
 OUTLIER_TRANSLATION = 0.05  # Length of an outlier's displacement, [m].
 OUTLIER_ROTATION = np.deg2rad(20.0)
-BEND_LENGTH = 0.15  # Over which deviations are alike, [m] of the child's way.
+BEND_LENGTH = 0.15  # Over which deviations are alike, [m] of the child's path.
 BEND_LEVER = 0.3  # [m].
 
 
@@ -37,7 +37,7 @@ class Case:
         pitch: Of a screw, [m/rad].
         translation_noise: One standard deviation per direction, [m].
         rotation_noise: The same, [rad].
-        claimed: Standard deviation that is claimed, as a multiple of the true one.
+        reported: Standard deviation that is reported, as a multiple of the true one.
         outliers: Share of the frames that are off by 5 cm and 20 deg in a random direction.
         bend: Smooth sideways deviation of the child from the joint's path: one standard deviation
             per direction, [m], and as many radians per `BEND_LEVER`.
@@ -55,7 +55,7 @@ class Case:
     pitch: float = 0.0
     translation_noise: float = 3e-3
     rotation_noise: float = float(np.deg2rad(1.0))
-    claimed: float = 1.0
+    reported: float = 1.0
     outliers: float = 0.0
     bend: float = 0.0
     correlation_time: float = 0.0
@@ -64,9 +64,9 @@ class Case:
 
     @property
     def covariance(self) -> Array:
-        """That is claimed of each frame (6, 6), in B."""
+        """That is reported of each frame (6, 6), in B."""
         scale = np.repeat([self.rotation_noise, self.translation_noise], 3)
-        return np.asarray(np.diag((self.claimed * scale) ** 2))
+        return np.asarray(np.diag((self.reported * scale) ** 2))
 
     def has_rotation(self, frame: int) -> bool:
         """Whether a rotation is measured in a frame."""
@@ -78,7 +78,7 @@ class RobustnessStream:
     """A stream and its truth, as `joint_streams.Stream`; a held pose has that of its measurement.
 
     Attributes:
-        covariances: (N, 6, 6) claimed, infinite on the diagonal where nothing was measured.
+        covariances: (N, 6, 6) reported, infinite on the diagonal where nothing was measured.
     """
 
     times: Array
@@ -124,9 +124,11 @@ def _free_poses(case: Case, X0: Array, times: Array, rng: np.random.Generator) -
 def _bent(case: Case, poses: Array, axis: Array, rng: np.random.Generator) -> Array:
     """The poses (N, 4, 4) with smooth sideways deviations, a Gaussian process."""
     p = poses[:, :3, 3]
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))])
-    K = np.exp(-0.5 * ((way[:, None] - way) / BEND_LENGTH) ** 2) + 1e-9 * np.eye(way.size)
-    deviations = np.linalg.cholesky(K) @ rng.normal(size=(way.size, 6))
+    displacement = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))])
+    K = np.exp(-0.5 * ((displacement[:, None] - displacement) / BEND_LENGTH) ** 2) + 1e-9 * np.eye(
+        displacement.size
+    )
+    deviations = np.linalg.cholesky(K) @ rng.normal(size=(displacement.size, 6))
     bent = []
     for X, v, e in zip(poses, np.gradient(p, axis=0), deviations, strict=True):
         along, about = X[:3, :3].T @ v / np.linalg.norm(v), X[:3, :3].T @ axis
@@ -218,9 +220,9 @@ def _cases_of_table(door: Case, drawer: Case, rigid: Case) -> list[Case]:
         replace(door, name="door, 90 deg in 1 s", motion=_at_once(deg(90), 2.0, 1.0), radius=0.5),
         replace(drawer, name="drawer, 0.3 m in 0.5 s", motion=_at_once(0.3, 2.0, 0.5)),
     ]
-    for factor, said in ((1 / 3, "a third"), (3.0, "three times")):
+    for factor, size in ((1 / 3, "a third of"), (3.0, "three times")):
         cases += [
-            replace(c, name=f"{c.name}, {said} of the noise claimed", claimed=factor)
+            replace(c, name=f"{c.name}, {size} the noise reported", reported=factor)
             for c in (*moving, rigid)
         ]
     screw = replace(door, joint="screw", accepted=("screw",), duration=15.0)

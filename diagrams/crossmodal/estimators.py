@@ -20,7 +20,7 @@ from crossmodal.diagrams.stations.connections import (
     export_input,
     export_outputs,
 )
-from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
+from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
 from crossmodal.systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from crossmodal.systems.kinematics.mechanics.joint_mechanics import JointMechanicsFilter
@@ -148,7 +148,7 @@ def joints_of_furniture() -> KinematicModelConfig:
     """
     return KinematicModelConfig(
         filters=JointFiltersConfig(
-            far_axes=False,
+            type_priors=TypePriorsConfig(screw=0.02, rigid=0.4),  # Few of its joints are screws.
             hinge_pitch=_HINGE_PITCH,
             errors=MeasurementErrorsConfig(
                 correlated_rotation=3e-3,

@@ -99,9 +99,9 @@ from crossmodal.systems.kinematics.solver.joint_geometry import (
     turns,
 )
 from crossmodal.systems.kinematics.solver.joint_models import Models
-from crossmodal.systems.kinematics.solver.joint_pitch import pitch_posterior
 from crossmodal.systems.kinematics.solver.joint_readout import predict_pose, read_moving
 from crossmodal.systems.kinematics.solver.joint_update import update as update_models
+from crossmodal.systems.kinematics.solver.parameter_priors import pitch_posterior
 from crossmodal.systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
 
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
@@ -293,34 +293,23 @@ class JointFilters:
             priors = priors._replace(white_share=white, correlated_share=rest)
         reported = mean_covariance(state.reported, state.updates, covariance + EXACT)
         if np.abs(np.log(target / scale)).max() > _RESCALE:
-            explain_pending(
-                keyframes, self._priors.free, self._priors.outliers, models.inlier[FREE]
-            )
+            explain_pending(keyframes, priors.free, priors.outliers, models.inlier[FREE])
             independent = covariance_floor(state.floor_index, reported, estimated)
-            rescale(keyframes, target / scale, independent, self._priors.outliers)
+            rescale(keyframes, target / scale, independent, priors.outliers)
             scale = target
         R = R_reported * np.outer(scale, scale)
         updates, index, deviations = state.updates + 1, state.floor_index, state.deviations_index
         rounds, all_models = updates // _ALL_MODELS_EVERY, updates % _ALL_MODELS_EVERY == 0
-        update_models(
-            models,
-            keyframes,
-            X_FB,
-            R,
-            time,
-            priors,
-            self._log_prior,
-            _wants_restart(state),
-            all_models,
-        )
+        restart, log_prior = _wants_restart(state), self._log_prior
+        update_models(models, keyframes, X_FB, R, time, priors, log_prior, restart, all_models)
         if all_models and (rounds <= _OFTEN or rounds % 3 == 0):
             tries = rounds if rounds <= _OFTEN else rounds // 3
             models, keyframes, index = with_likelier_floor(
-                models, keyframes, index, tries, reported, estimated, priors, self._log_prior
+                models, keyframes, index, tries, reported, estimated, priors, log_prior
             )
         if all_models:
             deviations = likelier_deviations(
-                models, keyframes, deviations, rounds, reported, estimated, priors, self._log_prior
+                models, keyframes, deviations, rounds, reported, estimated, priors, log_prior
             )
         updated = replace(
             state,

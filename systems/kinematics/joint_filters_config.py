@@ -4,20 +4,20 @@ from dataclasses import dataclass, field
 
 from crossmodal.maths.validation import number, numbers
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import FIRST, RECENT
-from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
+from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig, is_correlated
 
 
 @dataclass(kw_only=True)
 class TypePriorsConfig:
     """Prior probabilities of the joint types, above zero; they need not sum to one.
 
-    The defaults are those of furniture and tools: few joints are screws, and most things rest.
+    The defaults know next to nothing: all types are as likely, but a screw half as much.
     """
 
     prismatic: float = number(0.2, above=0.0, at_most=1000.0)
     revolute: float = number(0.2, above=0.0, at_most=1000.0)
-    screw: float = number(0.02, above=0.0, at_most=1000.0)
-    rigid: float = number(0.4, above=0.0, at_most=1000.0)
+    screw: float = number(0.1, above=0.0, at_most=1000.0)
+    rigid: float = number(0.2, above=0.0, at_most=1000.0)
     disconnected: float = number(0.2, above=0.0, at_most=1000.0)
 
 
@@ -32,8 +32,8 @@ class JointFiltersConfig:
     followed at once; with white noise it is that under which all keyframes are likeliest.
 
     Attributes:
-        process_noise: Densities S of the child's white acceleration, dv = sqrt(S) dw, in ascending
-            order; from a hand that guides slowly to a door that is thrown shut.
+        process_noise: Densities S of the child's white acceleration, dv = sqrt(S) dw; from a hand
+            that guides slowly to a door that is thrown shut.
         jumps: Probability that the velocity jumps between two measurements: a motion begins and
             ends at once.
         radius: Of the child itself: a revolute joint at a distance d moves it by
@@ -42,8 +42,6 @@ class JointFiltersConfig:
         speed: Standard deviation of the child's speed before anything was seen; as likely it is a
             fifth of that. A disconnected body wanders as far in the first second.
         axis_distance: Standard deviation of an axis' position from the body, per direction.
-        far_axes: Whether it may be up to some ten times farther, where rotations are measured. Not
-            for correlated errors: they turn a slide as a far hinge does.
         hinge_pitch: Standard deviation of what a hinge climbs per radian and is still one.
             Correlated errors make one climb, too.
         outliers: Share of the measurements that are outliers; zero for none.
@@ -63,7 +61,6 @@ class JointFiltersConfig:
     radius: float = number(0.3, at_least=1e-6, at_most=100.0, unit="m")
     speed: float = number(0.1, at_least=1e-9, at_most=100.0, unit="m/s")
     axis_distance: float = number(0.6, at_least=1e-6, at_most=1000.0, unit="m")
-    far_axes: bool = True
     hinge_pitch: float = number(3e-4, above=0.0, at_most=1.0, unit="m/rad")
     outliers: float = number(0.02, at_least=0.0, at_most=0.5)
     type_priors: TypePriorsConfig = field(default_factory=TypePriorsConfig)
@@ -71,14 +68,22 @@ class JointFiltersConfig:
     memory: int = number(24, at_least=FIRST + RECENT + 4, at_most=1000, unit="keyframes")
 
     @property
+    def far_axes(self) -> bool:
+        """Whether an axis may be some ten times farther away, where rotations are measured.
+
+        Correlated errors turn a slide as a far hinge does, so that it may not with these.
+        """
+        return not is_correlated(self.errors)
+
+    @property
     def jump_noise(self) -> float:
         """Density of the acceleration in a step in which the velocity jumps, [m^2/s^3]."""
-        return 10.0 * self.process_noise[-1]
+        return 10.0 * max(self.process_noise)
 
     @property
     def unmeasured_process_noise(self) -> float:
         """Density of an acceleration that is not measured, at first and at last, [m^2/s^3]."""
-        return self.process_noise[len(self.process_noise) // 2]
+        return sorted(self.process_noise)[len(self.process_noise) // 2]
 
     @property
     def coarseness(self) -> float:

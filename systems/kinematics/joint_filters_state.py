@@ -27,7 +27,6 @@ from crossmodal.systems.kinematics.measurement_errors import is_correlated, whit
 from crossmodal.systems.kinematics.pose_checks import (
     SkipReason,
 )
-from crossmodal.systems.kinematics.solver.axis_prior import may_be_far
 from crossmodal.systems.kinematics.solver.free_motion import free_motion
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     JOINTS,
@@ -40,9 +39,9 @@ from crossmodal.systems.kinematics.solver.joint_models import (
     Models,
     initial_models,
 )
-from crossmodal.systems.kinematics.solver.joint_pitch import WIDEST
 from crossmodal.systems.kinematics.solver.joint_solver import Priors
 from crossmodal.systems.kinematics.solver.joint_start import keep_axes
+from crossmodal.systems.kinematics.solver.parameter_priors import WIDEST, may_be_far
 from crossmodal.systems.port_values import JointFit, JointType
 
 TYPES = (

@@ -12,7 +12,7 @@ from crossmodal.systems.flap.flap_geometry import turned_normal
 from crossmodal.systems.flap.hinge.hinge_keyframes import Keyframe
 from crossmodal.systems.flap.hinge.hinge_limits import HingeLimitsConfig
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersState
-from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
+from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
 from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from crossmodal.systems.port_values import (
     DisplacementBelief,
@@ -26,7 +26,7 @@ def _filters() -> JointFiltersConfig:
     return JointFiltersConfig(
         radius=0.1,
         axis_distance=0.1,
-        far_axes=False,
+        type_priors=TypePriorsConfig(screw=0.02, rigid=0.4),
         errors=MeasurementErrorsConfig(declared_time=3.0),
     )
 

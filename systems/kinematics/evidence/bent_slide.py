@@ -13,7 +13,6 @@ from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes
-from crossmodal.systems.kinematics.solver.axis_prior import axis_prior
 from crossmodal.systems.kinematics.solver.joint_chain import new_chain, run_chain
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     BENT_SLIDE,
@@ -27,6 +26,7 @@ from crossmodal.systems.kinematics.solver.joint_linearisation import (
 )
 from crossmodal.systems.kinematics.solver.joint_models import AXIS_SPREAD, Models, has_prior
 from crossmodal.systems.kinematics.solver.joint_solver import Priors
+from crossmodal.systems.kinematics.solver.parameter_priors import axis_prior
 
 _POINTS = 20  # Of the integral, in distance and in direction.
 _DEVIATIONS = 6.0  # Beyond which a curvature is out of the question.

@@ -19,7 +19,6 @@ from crossmodal.systems.kinematics.evidence.deviation_series import (
     new_series,
 )
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes
-from crossmodal.systems.kinematics.solver.axis_prior import may_be_far
 from crossmodal.systems.kinematics.solver.joint_chain import (
     Chain,
     new_chain,
@@ -42,8 +41,8 @@ from crossmodal.systems.kinematics.solver.joint_linearisation import (
     new_linear,
 )
 from crossmodal.systems.kinematics.solver.joint_models import Models
-from crossmodal.systems.kinematics.solver.joint_pitch import pitch_evidence
 from crossmodal.systems.kinematics.solver.joint_solver import Priors, lever, trusted
+from crossmodal.systems.kinematics.solver.parameter_priors import may_be_far, pitch_evidence
 
 _ROUGH = 0.25  # Independent deviations beside the smooth ones, as a share of these.
 _PRUNING_THRESHOLD = 200.0  # Log evidence below the best model's, [nat].

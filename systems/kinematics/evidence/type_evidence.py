@@ -17,7 +17,6 @@ from crossmodal.systems.kinematics.evidence.covariance_floor import (
 )
 from crossmodal.systems.kinematics.evidence.smooth_deviations import bend, smooth_evidence
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes
-from crossmodal.systems.kinematics.solver.axis_prior import may_be_far
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     JOINTS,
     PRISMATIC,
@@ -25,8 +24,8 @@ from crossmodal.systems.kinematics.solver.joint_geometry import (
     SCREW,
 )
 from crossmodal.systems.kinematics.solver.joint_models import Models
-from crossmodal.systems.kinematics.solver.joint_pitch import hinge_evidence
 from crossmodal.systems.kinematics.solver.joint_solver import Priors
+from crossmodal.systems.kinematics.solver.parameter_priors import hinge_evidence, may_be_far
 
 _UNUSUAL = 5.0  # Log odds against smooth deviations at all, [nat].
 # Of `FLOORS`; with the largest a ball joint would be a hinge with smooth deviations.

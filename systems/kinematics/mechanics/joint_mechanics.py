@@ -3,12 +3,13 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from pydrake.common.value import Value
 from pydrake.systems.framework import Context
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
-from crossmodal.systems.kinematics.mechanics.hand_force import HandForce
+from crossmodal.systems.kinematics.joint_screws import HandForce
 from crossmodal.systems.kinematics.mechanics.joint_mechanics_config import JointMechanicsConfig
 from crossmodal.systems.kinematics.mechanics.joint_mechanics_filters import (
     JointMechanicsFilters,
@@ -130,7 +131,7 @@ class JointMechanicsFilter(RecursiveFilter):
         self._load = self._declare_value_input("hand_load_estimated", UNKNOWN_LOAD)
         self._hand = self._declare_value_input("end_effector_estimated", UNKNOWN_END_EFFECTOR)
         self._active = self.DeclareVectorInputPort("interaction_active", 1)
-        self._grasp = self._declare_value_input("grasp_latest", UNKNOWN_GRASP)
+        self._grasp = self.DeclareAbstractInputPort("grasp_latest", Value[object]())
         self._bodies = self._declare_value_input("body_motions_latest", BodyMotions())
         variance = (config.zero_force * _WRENCH) ** 2
         initial = HeldJointMechanics(zero=np.zeros(6), zero_variance=variance)

@@ -29,7 +29,12 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check
 from crossmodal.maths.vectors import cross
-from crossmodal.systems.kinematics.joint_screws import screw_belief, speed_at
+from crossmodal.systems.kinematics.joint_screws import (
+    HandForce,
+    hand_screw_covariance,
+    screw_belief,
+    speed_at,
+)
 from crossmodal.systems.kinematics.mechanics.force_regression import (
     ForceFit,
     ForceMoments,
@@ -37,7 +42,6 @@ from crossmodal.systems.kinematics.mechanics.force_regression import (
     no_moments,
     observe,
 )
-from crossmodal.systems.kinematics.mechanics.hand_force import HandForce, hand_screw_covariance
 from crossmodal.systems.kinematics.mechanics.joint_mechanics_config import JointMechanicsConfig
 from crossmodal.systems.kinematics.mechanics.joint_stops import (
     Excess,

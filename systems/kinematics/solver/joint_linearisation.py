@@ -20,7 +20,6 @@ from crossmodal.maths.se3_in_place import pose_difference, relative_log
 from crossmodal.maths.tangent_plane import tangent_basis
 from crossmodal.systems.kinematics.keyframes.outliers import blend, weigh_residual
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes
-from crossmodal.systems.kinematics.solver.axis_prior import axis_prior
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     PARAMETERS,
     RIGID,
@@ -32,7 +31,7 @@ from crossmodal.systems.kinematics.solver.joint_geometry import (
     turns,
 )
 from crossmodal.systems.kinematics.solver.joint_models import AXIS_SPREAD, Models, has_prior
-from crossmodal.systems.kinematics.solver.joint_pitch import WIDEST
+from crossmodal.systems.kinematics.solver.parameter_priors import WIDEST, axis_prior
 
 
 class Linear(NamedTuple):

@@ -13,7 +13,6 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
 from crossmodal.maths.tangent_plane import transport
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import RECENT, Keyframes
-from crossmodal.systems.kinematics.solver.axis_prior import may_be_far
 from crossmodal.systems.kinematics.solver.free_motion import FreeMotion
 from crossmodal.systems.kinematics.solver.joint_chain import (
     Chain,
@@ -37,7 +36,7 @@ from crossmodal.systems.kinematics.solver.joint_linearisation import (
     new_linear,
 )
 from crossmodal.systems.kinematics.solver.joint_models import Models
-from crossmodal.systems.kinematics.solver.joint_pitch import pitch_evidence
+from crossmodal.systems.kinematics.solver.parameter_priors import may_be_far, pitch_evidence
 
 _CONVERGED = 0.1  # Gain in log likelihood below which no further step is made, [nat].
 _SHORTER = 0.3  # Share of a step that is tried where the whole of it has lost likelihood.
@@ -58,8 +57,8 @@ class Priors(NamedTuple):
         speed: Standard deviation of the child's first speed, [m/s].
         radius: Lever of a rotation about the child itself, [m].
         axis_distance: Standard deviation from child to axis, per direction, [m].
-        far_axes: Whether it may be farther away, see `axis_prior`.
-        hinge_pitch: Standard deviation of a hinge's own pitch, see `joint_pitch`, [m/rad].
+        far_axes: Whether it may be farther away, see `parameter_priors`.
+        hinge_pitch: Standard deviation of a hinge's own pitch, see `parameter_priors`, [m/rad].
         free: How a body moves that no joint holds.
         outliers: (7,) share of outliers among the measurements, and the variances of what they are
             off by, [rad^2, m^2].

@@ -14,7 +14,6 @@ from crossmodal.maths.tangent_plane import normal_basis
 from crossmodal.maths.vectors import cross
 from crossmodal.systems.kinematics.keyframes.outliers import weigh_residual
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import FIRST, MEMORY, Keyframes
-from crossmodal.systems.kinematics.solver.axis_prior import axis_prior
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     MOVING,
     PARAMETERS,
@@ -32,7 +31,7 @@ from crossmodal.systems.kinematics.solver.joint_models import (
     has_prior,
     initial_models,
 )
-from crossmodal.systems.kinematics.solver.joint_pitch import WIDEST, pitch_evidence
+from crossmodal.systems.kinematics.solver.parameter_priors import WIDEST, axis_prior, pitch_evidence
 
 _SIGNIFICANT = 4.0  # Standard deviations of q from zero at which its sign is decided.
 _MOVED = 10.0  # Log evidence over the rigid model's at which its sign is decided, [nat].

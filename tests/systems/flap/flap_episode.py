@@ -1,4 +1,4 @@
-"""A synthetic episode through an estimator, with its errors and what it claims of them.
+"""A synthetic episode through an estimator, with its errors and what it reports of them.
 
     python tests/systems/flap/flap_episode.py 0 100 [filtered]
 

@@ -118,7 +118,7 @@ def test_what_is_left_of_a_contacts_error_is_its_place_on_the_fingertip() -> Non
 def test_the_first_link_is_as_sure_as_hinge_and_holder_are_against_each_other() -> None:
     C = 0.005**2 * np.eye(3)
 
-    def claimed(with_hinge: float) -> np.ndarray:
+    def reported(with_hinge: float) -> np.ndarray:
         P = np.zeros((18, 12))
         P[15:, 9:], P[3:6, 9:] = C, with_hinge * C
         hinge = replace(_hinge(P), covariance=np.diag(np.append(np.zeros(3), np.diag(C))))
@@ -128,9 +128,9 @@ def test_the_first_link_is_as_sure_as_hinge_and_holder_are_against_each_other() 
     R = E.X[:3, :3]
     rest = float(k @ place_error(CONTACT) @ k) * np.outer(k, k)
     rest = rest + R @ E.white_covariance[3:6, 3:6] @ R.T
-    assert_allclose(claimed(0.0), 2.0 * C + rest, atol=1e-12)
+    assert_allclose(reported(0.0), 2.0 * C + rest, atol=1e-12)
     # An axis that the camera sees where it sees the holder errs as the holder's place does.
-    assert_allclose(claimed(-1.0), rest, atol=1e-12)
+    assert_allclose(reported(-1.0), rest, atol=1e-12)
 
 
 def _untouched(state: ToolState, angle: FlapAngleBelief, X_EE: np.ndarray) -> ToolState:

@@ -1,4 +1,4 @@
-"""What control is told of the joint in the hand."""
+"""What control reads of the joint in the hand."""
 
 from dataclasses import replace
 
@@ -101,7 +101,7 @@ def test_nothing_is_said_of_a_joint_that_is_not_likely(unlikely: JointBelief) ->
 
 
 def test_a_joint_likelier_than_all_others_together_is_acted_on() -> None:
-    """A slide felt by the hand alone may leave a far hinge possible up to its goal."""
+    """A slide sensed by the hand alone may leave a far hinge possible up to its goal."""
     assert_allclose(read([joint(JointType.PRISMATIC, 0.1, probability=0.6)])[6], 0.1)
 
 

@@ -148,7 +148,7 @@ def test_correlated_noise_needs_its_correlation_time_to_be_judged_honestly() -> 
 
 
 @pytest.mark.parametrize("joint", [PRISMATIC, REVOLUTE])
-def test_the_configuration_never_claims_less_than_a_correlated_error(
+def test_the_configuration_never_reports_less_than_a_correlated_error(
     joint: JointType,
 ) -> None:
     scene = Scene(joint=joint, radius=0.0, motion=at_rest, translation=1e-4, rotation=1e-2)
@@ -333,7 +333,6 @@ def test_correlated_errors_count_as_much_as_their_average_is_worth() -> None:
         ("process_noise", [], "m^2/s^3"),
         ("process_noise", [1e-5, 0.0], "m^2/s^3"),
         ("memory", 11, "keyframes"),
-        ("coarseness", 1.0, "< 1"),
     ],
 )
 def test_impossible_values_are_refused_by_name(field: str, value: object, unit: str) -> None:
@@ -354,3 +353,14 @@ def test_the_config_is_read_from_yaml() -> None:
     assert config.process_noise == [1e-5]
     with pytest.raises(RuntimeError, match="memori"):
         yaml_load_typed(schema=JointFiltersConfig, data="{memori: 40}")
+
+
+def test_what_follows_from_other_numbers_is_no_number_of_its_own() -> None:
+    config = JointFiltersConfig()
+    assert config.jump_noise == 30.0
+    assert config.unmeasured_process_noise == 3e-3
+    assert config.coarseness == 0.05
+    assert config.far_axes
+    assert not JointFiltersConfig(errors=MeasurementErrorsConfig(declared_time=1.0)).far_axes
+    off = JointFilters(config)._priors.outliers
+    assert_allclose(np.sqrt(off[1:]), [1.0] * 3 + [0.3] * 3)

@@ -37,7 +37,7 @@ def test_what_the_eye_takes_for_the_held_body_is_none() -> None:
     assert bodies == {1: held}
 
 
-def test_a_joint_that_is_not_measured_any_more_is_claimed_ever_less_surely() -> None:
+def test_a_joint_that_is_not_measured_any_more_is_reported_ever_less_surely() -> None:
     config = KinematicModelConfig()
     driver = Driver(KinematicModel(config))
     slide(driver, 2)
@@ -79,8 +79,8 @@ def test_a_body_that_is_seen_when_it_moves_already_is_as_far_as_it_was_carried(
     rng = np.random.default_rng(0)
     for k in range(1, 31):
         body, seen = sliding_body(HELD_BODY, 0.0), k > lit
-        way = speed * (k - 1) / 15.0
-        moved = X_WA @ se3.exp(way * twist) @ se3.inverse(X_WA) @ body.X_WB_reference
+        displacement = speed * (k - 1) / 15.0
+        moved = X_WA @ se3.exp(displacement * twist) @ se3.inverse(X_WA) @ body.X_WB_reference
         share, since = min(k / lit, 1.0), (k - lit * seen) / 15.0
         carried = np.diag(np.repeat([0.02 * share, 2.3e-3 * share], 3) ** 2)
         noise = np.repeat([1e-3, 2e-4], 3)
@@ -97,7 +97,7 @@ def test_a_body_that_is_seen_when_it_moves_already_is_as_far_as_it_was_carried(
     belief = driver.joints().joints[0].models[joint]
     std = np.sqrt(belief.configuration_covariance[0, 0])
     assert driver.joints().joints[0].probabilities[JointType.RIGID] < 0.01
-    assert abs(abs(belief.configuration[0]) - way) < 2.0 * std
+    assert abs(abs(belief.configuration[0]) - displacement) < 2.0 * std
     assert std < (3e-3 if joint == JointType.PRISMATIC else 0.05)
 
 

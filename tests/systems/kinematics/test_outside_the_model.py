@@ -1,4 +1,4 @@
-"""Streams that leave the filters' model: outliers, wrong claims, real tracks, unknown rotations."""
+"""Streams that leave the filters' model: outliers, wrong covariances, tracks without rotations."""
 
 from dataclasses import replace
 
@@ -24,8 +24,8 @@ TRACKS = {track.name: track for track in read_tracks()}
             for joint in ("door", "drawer", "rigid")
             for share in (2, 10)
         ],
-        *[f"{joint}, a third of the noise claimed" for joint in ("door", "drawer", "rigid")],
-        *[f"{joint}, three times of the noise claimed" for joint in ("door", "drawer", "rigid")],
+        *[f"{joint}, a third of the noise reported" for joint in ("door", "drawer", "rigid")],
+        *[f"{joint}, three times the noise reported" for joint in ("door", "drawer", "rigid")],
         "free motion",
         "ball motion",
         "door, 30 deg, period 2 s",
@@ -33,7 +33,7 @@ TRACKS = {track.name: track for track in read_tracks()}
         "wheel, 120 deg/s",
     ],
 )
-def test_the_type_is_right_and_the_claims_hold(name: str) -> None:
+def test_the_type_is_right_and_the_reports_hold(name: str) -> None:
     filters = JointFilters(JointFiltersConfig())
     outcomes = [evaluate_case(CASES[name], seed, filters) for seed in range(4)]
     for outcome in outcomes:
@@ -102,7 +102,7 @@ def test_a_real_track_without_rotations_is_understood(name: str, sigma: float) -
     + [f"{side}_door_00{number}" for side in ("left", "right") for number in (1, 2, 3)],
 )
 @pytest.mark.parametrize("sigma", [1e-4, 1e-3])
-def test_a_real_track_is_understood_where_a_third_of_its_errors_or_less_is_claimed(
+def test_a_real_track_is_understood_where_a_third_of_its_errors_or_less_is_reported(
     name: str, sigma: float
 ) -> None:
     """A real joint deviates by millimetres from an ideal one, however well it is seen."""
@@ -136,7 +136,7 @@ def test_a_path_that_bends_is_no_proof_of_another_joint(joint: str, least: int) 
 
 
 @pytest.mark.parametrize("name", ["hinge at 3 m", "hinge at 10 m"])
-def test_a_far_hinge_is_claimed_where_it_is(name: str) -> None:
+def test_a_far_hinge_is_reported_where_it_is(name: str) -> None:
     filters = JointFilters(JointFiltersConfig())
     outcomes = [evaluate_case(CASES[name], seed, filters) for seed in range(4)]
     for outcome in outcomes:
@@ -146,24 +146,24 @@ def test_a_far_hinge_is_claimed_where_it_is(name: str) -> None:
     assert np.median(np.abs([outcome.distance_z for outcome in outcomes])) < 2.0
 
 
-def test_what_turns_slowly_is_not_claimed_to_rest() -> None:
+def test_what_turns_slowly_is_not_reported_to_rest() -> None:
     """Lids that are seen to 1 cm and 3 deg have turned by 7 to 12 deg here."""
     lid = next(config for config in stream_configs() if config.name == "lid 1 cm")
     filters = JointFilters(JointFiltersConfig())
     for seed in (3, 15, 17, 33, 34, 37):
-        stream, claimed = simulate_stream(lid, seed), []
+        stream, reported = simulate_stream(lid, seed), []
         state = filters.start(stream.X_PB_measured[0], lid.covariance, 0.0)
         for k in range(1, 55):
             t = float(stream.times[k])
             state = filters.update(state, stream.X_PB_measured[k], lid.covariance, t)
             p = filters.probabilities(state)
-            claimed.append(p[JointType.RIGID] if t > 2.0 else 0.0)
-        assert max(claimed) < 0.9
+            reported.append(p[JointType.RIGID] if t > 2.0 else 0.0)
+        assert max(reported) < 0.9
 
 
 @pytest.mark.parametrize("seed", [8, 12, 16])
-def test_a_free_motion_is_never_claimed_to_be_a_joint(seed: int) -> None:
-    """It begins gently: near some screw for three seconds, which used to be claimed."""
+def test_a_free_motion_is_never_reported_to_be_a_joint(seed: int) -> None:
+    """It begins gently: near some screw for three seconds, which used to be reported."""
     outcome = evaluate_case(CASES["free motion"], seed, JointFilters(JointFiltersConfig()))
     assert outcome.type == "disconnected"
     assert not outcome.wrong

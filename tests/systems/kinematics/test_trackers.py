@@ -1,4 +1,4 @@
-"""Streams as trackers send them: held, filtered, without rotations at times, of changing claims."""
+"""Streams as trackers send them: held, filtered, without rotations, of changing covariances."""
 
 from dataclasses import replace
 
@@ -27,8 +27,8 @@ def _run(
     return states, [FILTERS.belief(state) for state in states]
 
 
-def _claimed(beliefs: list[JointBelief], times: Array, since: float) -> set[JointType]:
-    """Types that were claimed with p > .9 from a time on."""
+def _reported(beliefs: list[JointBelief], times: Array, since: float) -> set[JointType]:
+    """Types that were reported with p > .9 from a time on."""
     late = [b for b, t in zip(beliefs, times, strict=True) if t >= since]
     return {b.type for b in late if b.probabilities[b.type] > 0.9}
 
@@ -43,7 +43,7 @@ def _positions(case: Case, stream: RobustnessStream) -> tuple[Array, list[Array]
 
 
 @pytest.mark.parametrize("noise", [3e-4, 1e-3])
-def test_a_door_whose_positions_alone_are_seen_is_never_claimed_to_slide(noise: float) -> None:
+def test_a_door_whose_positions_alone_are_seen_is_never_reported_to_slide(noise: float) -> None:
     inside = []
     for seed in range(3):
         case = replace(CASES["door"], translation_noise=noise)
@@ -51,7 +51,7 @@ def test_a_door_whose_positions_alone_are_seen_is_never_claimed_to_slide(noise: 
         poses, covariances = _positions(case, stream)
         _, beliefs = _run(stream.times, poses, covariances)
         assert beliefs[-1].type == JointType.REVOLUTE
-        assert JointType.PRISMATIC not in _claimed(beliefs, stream.times, 2.0)
+        assert JointType.PRISMATIC not in _reported(beliefs, stream.times, 2.0)
         for belief, q in zip(beliefs[30:], stream.configuration[30:], strict=True):
             model = belief.models[JointType.REVOLUTE]
             sign = np.sign(model.axis_P @ stream.axis_P)
@@ -70,7 +70,7 @@ def test_a_body_at_rest_rests_though_few_of_its_poses_have_a_rotation(every: int
         if k % every:
             poses[k], covariances[k] = positions[k], unknown[k]
     states, beliefs = _run(stream.times, poses, covariances)
-    assert _claimed(beliefs, stream.times, 2.0) == {JointType.RIGID}
+    assert _reported(beliefs, stream.times, 2.0) == {JointType.RIGID}
     # Two rotations that are not measured say nothing of how noisy rotations are.
     np.testing.assert_allclose(np.sqrt(states[-1].noise.variance), 1.0, atol=0.25)
 
@@ -105,13 +105,13 @@ def test_a_pose_that_is_held_until_the_next_is_one_measurement(name: str) -> Non
     times = np.arange(4 * len(stream.times)) / 60.0
     poses = np.repeat(stream.X_PB_measured, 4, axis=0)
     states, beliefs = _run(times, poses, [case.covariance] * len(times))
-    assert _claimed(beliefs, times, 2.0) <= {JointType(case.joint)}
+    assert _reported(beliefs, times, 2.0) <= {JointType(case.joint)}
     assert beliefs[-1].type == case.joint
     assert states[-1].skipped[SkipReason.REPEATED] > 2.5 * len(stream.times)
 
 
 def _filtered(case: Case, stream: RobustnessStream, rng: np.random.Generator) -> Array:
-    """The true poses with errors of the claimed size, correlated over half a second."""
+    """The true poses with errors of the reported size, correlated over half a second."""
     scale = np.repeat([case.rotation_noise, case.translation_noise], 3)
     r = np.exp(-1.0 / 15.0 / 0.5)
     error, poses = scale * rng.normal(size=6), []
@@ -129,16 +129,16 @@ def test_errors_correlated_in_time_are_found_and_no_proof_of_another_joint() -> 
             stream = simulate_case(case, seed)
             poses = _filtered(case, stream, np.random.default_rng(seed))
             _, beliefs = _run(stream.times, poses, [case.covariance] * len(poses))
-            wrong += not _claimed(beliefs, stream.times, 2.0) <= {JointType(case.joint)}
+            wrong += not _reported(beliefs, stream.times, 2.0) <= {JointType(case.joint)}
             assert beliefs[-1].fit is not None
             assert 0.5 < beliefs[-1].fit.noise_correlation < 0.95
     assert wrong <= 2  # Of 12; without an estimate of the correlation it was 11.
 
 
-@pytest.mark.parametrize(("claimed", "rotations"), [(1.0, 1), (3.0, 1), (3.0, 2)])
-def test_white_noise_is_not_taken_for_correlated(claimed: float, rotations: int) -> None:
+@pytest.mark.parametrize(("reported", "rotations"), [(1.0, 1), (3.0, 1), (3.0, 2)])
+def test_white_noise_is_not_taken_for_correlated(reported: float, rotations: int) -> None:
     for name in ("door", "drawer", "rigid", "free motion"):
-        case = replace(CASES[name], claimed=claimed, rotations=rotations)
+        case = replace(CASES[name], reported=reported, rotations=rotations)
         stream = simulate_case(case, 3)
         _, beliefs = _run(stream.times, stream.X_PB_measured, list(stream.covariances))
         assert beliefs[-1].fit is not None
@@ -161,17 +161,17 @@ def _slide_then_turn(times: Array, rng: np.random.Generator) -> Array:
 
 
 @pytest.mark.parametrize("noise", [1e-3, 3e-3, 5e-3])
-def test_a_joint_that_becomes_another_is_not_claimed(noise: float) -> None:
+def test_a_joint_that_becomes_another_is_not_reported(noise: float) -> None:
     scale = np.repeat([np.deg2rad(noise / 3e-3), noise], 3)
     times = np.arange(241) / 15.0
     for seed in range(4):
         rng = np.random.default_rng(seed)
         poses = [X @ se3.exp(scale * rng.normal(size=6)) for X in _slide_then_turn(times, rng)]
         _, beliefs = _run(times, np.array(poses), [np.diag(scale**2)] * len(times))
-        assert _claimed(beliefs, times, 11.0) <= {JointType.DISCONNECTED}
+        assert _reported(beliefs, times, 11.0) <= {JointType.DISCONNECTED}
 
 
-def test_the_type_does_not_follow_what_a_single_measurement_claims() -> None:
+def test_the_type_does_not_follow_what_a_single_measurement_reports() -> None:
     """One second of poses that are ten times noisier, and say so."""
     case = replace(CASES["drawer"], translation_noise=1e-3, rotation_noise=np.deg2rad(0.3))
     case = replace(case, bend=4e-3)

@@ -70,7 +70,7 @@ def test_the_joint_is_found(episodes: list[Episode]) -> None:
     assert np.median([episode.rms("theta", False) for episode in episodes]) < np.deg2rad(2.0)
 
 
-def test_a_first_touch_that_is_felt_beside_the_contact_does_not_turn_the_flap() -> None:
+def test_a_first_touch_that_is_sensed_beside_the_contact_does_not_turn_the_flap() -> None:
     """One tick after the first, the taxels find the contact 2 mm farther on: nothing has moved."""
     ends = []
     for offset in (0.0, 0.002):

@@ -77,7 +77,7 @@ def test_planes_are_as_wrong_as_they_say() -> None:
     assert low < total < high
 
 
-def test_nothing_is_claimed_before_the_tool_was_touched() -> None:
+def test_nothing_is_reported_before_the_tool_was_touched() -> None:
     tracker = Tracker()
     assert tracker.track.plane.why == "not touched yet"
     assert tracker.track.rest_W is not None

@@ -62,15 +62,15 @@ def test_a_far_hinge_is_not_behind_while_its_path_is_nearly_straight(name: str) 
 
 
 @pytest.mark.parametrize("name", ["hinge at 3 m", "hinge at 10 m", "screw, 1 cm a turn"])
-def test_what_is_hardly_told_from_its_limit_is_not_claimed_to_be_that(name: str) -> None:
+def test_what_is_hardly_told_from_its_limit_is_not_reported_to_be_that(name: str) -> None:
     case, filters = CASES[name], JointFilters(JointFiltersConfig())
     limit = JointType.PRISMATIC if "hinge" in name else JointType.REVOLUTE
     for seed in range(3):
         stream = simulate_case(case, seed)
         state = filters.start(stream.X_PB_measured[0], case.covariance, 0.0)
-        claimed = []
+        reported = []
         for t, X in zip(stream.times[1:], stream.X_PB_measured[1:], strict=True):
             state = filters.update(state, X, case.covariance, float(t))
-            claimed.append(filters.probabilities(state)[limit] if t > 2.0 else 0.0)
-        assert max(claimed) < 0.95
+            reported.append(filters.probabilities(state)[limit] if t > 2.0 else 0.0)
+        assert max(reported) < 0.95
         assert filters.belief(state).type.value in case.accepted

@@ -43,7 +43,7 @@ def test_a_wrong_type_does_not_fit() -> None:
 
 
 @pytest.mark.parametrize("joint", [JointType.PRISMATIC, JointType.REVOLUTE, JointType.RIGID])
-def test_the_right_type_may_be_claimed_with_certainty(joint: JointType) -> None:
+def test_the_right_type_may_be_reported_with_certainty(joint: JointType) -> None:
     motion = {"motion": lambda t: 0.0 * t} if joint == JointType.RIGID else {}
     scene = Scene(joint=joint, seconds=8.0, **motion)
     _, states = filter_states(scene, simulate(scene, 0))
@@ -54,7 +54,7 @@ def test_the_right_type_may_be_claimed_with_certainty(joint: JointType) -> None:
 
 @pytest.mark.parametrize(("deviations", "connected"), [(2.0, True), (30.0, False)])
 def test_a_path_that_is_far_from_any_joint_is_none(deviations: float, connected: bool) -> None:
-    """A slide that snakes, by a multiple of the claimed noise in two waves."""
+    """A slide that snakes, by a multiple of the reported noise in two waves."""
     rng, sigma, filters = np.random.default_rng(4), 1e-3, JointFilters(JointFiltersConfig())
     R = np.diag(np.repeat([np.deg2rad(0.3) ** 2, sigma**2], 3))
     state = filters.start(np.eye(4), R, 0.0)

@@ -28,7 +28,7 @@ from crossmodal.systems.kinematics.solver.joint_geometry import (
 from crossmodal.systems.kinematics.solver.joint_linearisation import new_linear
 
 CASES = {case.name: case for case in all_cases()}
-STRAYS = np.diag(np.repeat([5e-3**2, 1.5e-3**2], 3))
+DEVIATIONS = np.diag(np.repeat([5e-3**2, 1.5e-3**2], 3))
 
 
 def _state(name: str, seconds: float, seed: int = 0) -> JointFiltersState:
@@ -66,9 +66,9 @@ def test_the_series_is_marginalised_as_one_large_normal_distribution(kind: int) 
     state = _state("door", 4.0)
     m, kf = state.models, state.keyframes
     K, n = int(kf.size[0]), dimension(kind)
-    lin, series, rough = new_linear(kf.time.size), new_series(), STRAYS / 16.0
+    lin, series, rough = new_linear(kf.time.size), new_series(), DEVIATIONS / 16.0
     add_keyframes(kind, m, kf, rough, True, lin, series)
-    marginalise(n, STRAYS, series, lin)
+    marginalise(n, DEVIATIONS, series, lin)
 
     q = m.q[kind, :K]
     place = np.pi * (q - q.min()) / np.ptp(q)
@@ -88,7 +88,7 @@ def test_the_series_is_marginalised_as_one_large_normal_distribution(kind: int) 
             free -= np.linalg.inv(L) @ np.outer(u, u) @ L  # There is no deviation along the path.
         for i in range(4):
             waves[rows, 6 * i : 6 * i + 6] = free * np.cos((i + 1) * place[k])
-    prior = np.kron(np.diag(np.arange(1.0, 5.0) ** -4), STRAYS)
+    prior = np.kron(np.diag(np.arange(1.0, 5.0) ** -4), DEVIATIONS)
     S = np.linalg.inv(V + waves @ prior @ waves.T)
     H, h = A.T @ S @ A, A.T @ S @ r
     of_q = np.linalg.inv(H[n:, n:])
@@ -108,7 +108,7 @@ def test_smooth_deviations_explain_bends_better_than_independent_ones(name: str,
     covariance = np.empty((4, 11, 11))
     for seed in range(3):
         state = _state(f"{name}, bent by 2 mm, 1 mm", 20.0, seed)
-        smooth_evidence(state.models, state.keyframes, priors, STRAYS, smooth, covariance)
+        smooth_evidence(state.models, state.keyframes, priors, DEVIATIONS, smooth, covariance)
         assert smooth[kind] > state.models.log_evidence[kind] + 5.0
         assert state.deviations_index > 0
 
@@ -118,6 +118,6 @@ def test_in_white_noise_there_are_no_bends() -> None:
     smooth, covariance = np.empty(5), np.empty((4, 11, 11))
     for name, kind in (("door", REVOLUTE), ("drawer", PRISMATIC), ("rigid", RIGID)):
         state = _state(name, 10.0)
-        smooth_evidence(state.models, state.keyframes, priors, STRAYS, smooth, covariance)
+        smooth_evidence(state.models, state.keyframes, priors, DEVIATIONS, smooth, covariance)
         assert smooth[kind] < state.models.log_evidence[kind] + 3.0
         assert state.deviations_index == 0

@@ -7,8 +7,12 @@ from pydrake.common.value import Value
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.consistency import chi_square_bounds, normalised_squared_error
-from crossmodal.systems.kinematics.joint_screws import screw_belief, speed_at
-from crossmodal.systems.kinematics.mechanics.hand_force import HandForce, hand_screw_covariance
+from crossmodal.systems.kinematics.joint_screws import (
+    HandForce,
+    hand_screw_covariance,
+    screw_belief,
+    speed_at,
+)
 from crossmodal.systems.kinematics.mechanics.joint_mechanics import (
     HeldJointMechanics,
     JointMechanicsFilter,
@@ -171,7 +175,7 @@ def test_a_hand_that_is_elsewhere_sees_another_screw() -> None:
 
 @pytest.mark.parametrize("joint_type", [SLIDE, HINGE, SCREW])
 @pytest.mark.parametrize("rho", [0.0, 0.9])
-def test_friction_is_as_wrong_as_is_claimed(joint_type: JointType, rho: float) -> None:
+def test_friction_is_as_wrong_as_is_reported(joint_type: JointType, rho: float) -> None:
     values = []
     lever = 1.0 if joint_type == SLIDE else 0.4
     truth = np.array([FRICTION * lever, DAMPING * lever**2])
@@ -224,7 +228,7 @@ def test_friction_is_known_no_better_than_axis_zero_and_way_allow(to_and_fro_too
     assert np.mean(sigmas) < 0.06 * JointMechanicsConfig().friction
 
 
-def test_nothing_is_claimed_of_a_joint_that_did_not_move() -> None:
+def test_nothing_is_reported_of_a_joint_that_did_not_move() -> None:
     config = JointMechanicsConfig()
     found = perceived(SLIDE, np.zeros(60), np.full(60, 3.0))
     assert found.samples == 0
@@ -275,8 +279,8 @@ def test_a_hand_that_bends_at_a_stop_moves_no_joint() -> None:
     stop = q
     for _ in range(8):
         tick(0.001, 12.0, 0.003)
-    for way in np.linspace(0.0, 1.0, 40):
-        tick(0.01, 12.0 + 60.0 * way, 0.003 + 0.012 * way)
+    for share in np.linspace(0.0, 1.0, 40):
+        tick(0.01, 12.0 + 60.0 * share, 0.003 + 0.012 * share)
     found = filters.belief(state).models[SLIDE]
     assert found.friction[0] < 1.5 * FRICTION
     assert found.upper.probability > 0.99
@@ -308,7 +312,7 @@ def test_a_latch_takes_force_before_the_joint_moves() -> None:
     assert free.latch.probability < 0.5
 
 
-def test_a_latch_is_felt_before_the_joint_s_axis_is_known() -> None:
+def test_a_latch_is_sensed_before_the_joint_s_axis_is_known() -> None:
     """Until it moves the axis is believed to be across the push."""
     rise = np.linspace(0.0, 18.0, 45)
     filters = JointMechanicsFilters(JointMechanicsConfig())

@@ -37,23 +37,23 @@ def _keyframes(
     return kf
 
 
-def _path(way: int, axis: int, times: np.ndarray) -> np.ndarray:
+def _path(model: int, axis: int, times: np.ndarray) -> np.ndarray:
     """Covariance (N, N) of where a body is along one axis, from where it started."""
-    S = MOTION.noise[way, axis]
+    S = MOTION.noise[model, axis]
     s, t = np.minimum.outer(times, times), np.maximum.outer(times, times)
-    if way < 3:
+    if model < 3:
         return S * s
     return VELOCITY[axis] * np.outer(times, times) + S * s**2 * (t / 2.0 - s / 6.0)
 
 
 @pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize("way", range(pose_keyframes.FREE_MOTIONS))
-def test_the_evidence_is_that_of_the_dense_problem(way: int, turned: bool) -> None:
+@pytest.mark.parametrize("model", range(pose_keyframes.FREE_MOTIONS))
+def test_the_evidence_is_that_of_the_dense_problem(model: int, turned: bool) -> None:
     rng, n = np.random.default_rng(0), 6
     shifts, times = np.cumsum(0.01 * rng.normal(size=(n, 3)), axis=0), 0.1 * np.arange(n)
     kf = _keyframes(shifts, noise=SKEWED, turned=turned)
     kf.pending[0] = 1
-    found = free_motion.log_evidences(kf, MOTION, NONE, np.ones((6, n)))[:, way]
+    found = free_motion.log_evidences(kf, MOTION, NONE, np.ones((6, n)))[:, model]
     T = TURNED if turned else np.eye(3)
     noise = np.zeros((6, 6))
     noise[:3, :3], noise[3:, 3:] = T @ SKEWED[:3, :3] @ T.T, T @ SKEWED[3:, 3:] @ T.T
@@ -62,7 +62,7 @@ def test_the_evidence_is_that_of_the_dense_problem(way: int, turned: bool) -> No
         # Given the first pose, whose place is not known before.
         C = np.kron(np.eye(size - 1) + 1.0, noise)
         for axis in range(6):
-            C[axis::6, axis::6] += _path(way, axis, times[:size])[1:, 1:]
+            C[axis::6, axis::6] += _path(model, axis, times[:size])[1:, 1:]
         expected = multivariate_normal(cov=C).logpdf(z[1:size].ravel())
         own = -0.5 * kf.log_det[1:size].sum() - 3.0 * (size - 1) * np.log(2.0 * np.pi)
         assert_allclose(value, expected - own + 0.5 * kf.log_det[0], rtol=1e-6)
@@ -76,15 +76,15 @@ def test_a_pose_that_jumps_back_and_forth_is_an_outlier() -> None:
     assert (np.delete(inlier, 10) > 0.9).all()
 
 
-@pytest.mark.parametrize("way", range(pose_keyframes.FREE_MOTIONS))
-def test_the_likeliest_way_is_that_of_the_motion(way: int) -> None:
+@pytest.mark.parametrize("model", range(pose_keyframes.FREE_MOTIONS))
+def test_the_likeliest_model_is_that_of_the_motion(model: int) -> None:
     rng, n = np.random.default_rng(1), 60
-    noise = np.sqrt(0.1 * MOTION.noise[way, 3:]) * rng.normal(size=(n, 3))
-    shifts = np.cumsum(noise if way < 3 else 0.1 * np.cumsum(noise, axis=0), axis=0)
+    noise = np.sqrt(0.1 * MOTION.noise[model, 3:]) * rng.normal(size=(n, 3))
+    shifts = np.cumsum(noise if model < 3 else 0.1 * np.cumsum(noise, axis=0), axis=0)
     still = MOTION._replace(noise=MOTION.noise * np.repeat([1e-10, 1.0], 3))
     kf = _keyframes(shifts, noise=1e-4 * R)
     free_motion.explain(kf, still, NONE, np.ones(n))
-    assert np.argmax(kf.explained) == way
+    assert np.argmax(kf.explained) == model
 
 
 def test_a_body_that_turns_evenly_about_itself_has_a_velocity() -> None:

@@ -32,7 +32,7 @@ from crossmodal.systems.kinematics.solver.joint_models import (
     Models,
     initial_models,
 )
-from crossmodal.systems.kinematics.solver.joint_pitch import WIDEST
+from crossmodal.systems.kinematics.solver.parameter_priors import WIDEST
 
 K = 7
 S, SIGMA_V, SIGMA_C = 2e-3, 0.2, 0.6
@@ -219,9 +219,9 @@ def test_a_step_with_a_jump_counts_as_one() -> None:
     m, kf = _problem(PRISMATIC)
     at, jump, jumps = 4, 50.0, 1e-3
     for k in range(at, K):
-        way = 8.0 * (TIMES[k] - TIMES[at - 1])
-        m.q[PRISMATIC, k] += way
-        kf.Z[k, :3, 3] += way * m.a[PRISMATIC]
+        displacement = 8.0 * (TIMES[k] - TIMES[at - 1])
+        m.q[PRISMATIC, k] += displacement
+        kf.Z[k, :3, 3] += displacement * m.a[PRISMATIC]
     _, Jq, z, R = _dense(PRISMATIC, m, kf)
     lin, chain, still = new_linear(K), new_chain(K), np.zeros(PARAMETERS)
     linearise(PRISMATIC, m, kf, SIGMA_C, False, 0.0, 1.0, lin)

@@ -1,4 +1,4 @@
-"""The joint filters with errors that last: drifts, bodies seen late, grips that settle."""
+"""The joint filters with correlated errors: drifts, bodies seen late, grips that settle."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def _angle(model: JointModelBelief, axis: np.ndarray) -> float:
 
 
 def _slide_then_drift(config: JointFiltersConfig, *, declared: bool) -> tuple:
-    """A slide seen well for 4 s, then felt for 6 s with a correlated error that grows.
+    """A slide seen well for 4 s, then sensed for 6 s with a correlated error that grows.
 
     Returns:
         Probability of a prismatic joint and the angle of its axis to the true one, [rad].
@@ -58,7 +58,7 @@ def test_a_correlated_error_does_not_bend_a_slide_that_was_seen_well() -> None:
 
 @pytest.mark.parametrize("declared", [True, False])
 def test_a_body_that_stops_is_not_believed_to_go_on_for_a_correlated_error(declared: bool) -> None:
-    """A slide felt by the hand alone: off by a millimetre that stays, and by little that is new."""
+    """A slide sensed by the hand alone: off by a constant millimetre, and by little that is new."""
     config = _correlated(declared_time=5.0, correlated_rotation=3e-3, correlated_translation=3e-4)
     rng = np.random.default_rng(0)
     filters = JointFilters(config)
@@ -67,17 +67,17 @@ def test_a_body_that_stops_is_not_believed_to_go_on_for_a_correlated_error(decla
     errors = []
     for k in range(1, 150):
         time = k / 15
-        way = 0.02 * min(time, 8.0)
+        displacement = 0.02 * min(time, 8.0)
         off = np.array([0.0, 0.0, 0.0, 1e-3 * min(time, 1.0), 0.0, 0.0])
         X = se3.exp(
-            np.array([0.0, 0.0, 0.0, way, 0.0, 0.0])
+            np.array([0.0, 0.0, 0.0, displacement, 0.0, 0.0])
             + off
             + rng.multivariate_normal(np.zeros(6), new)
         )
         correlated = np.diag(np.repeat([0.05, 4e-3], 3) * min(time, 1.0)) ** 2
         state = filters.update(state, X, new + correlated, time, correlated if declared else None)
         slide = filters.belief(state).models[PRISMATIC]
-        errors.append(slide.configuration[0] - way)
+        errors.append(slide.configuration[0] - displacement)
     pulled, stopped = np.array(errors[60:118]), np.array(errors[121:])
     assert_allclose(pulled, 1e-3, atol=5e-4 if declared else 1e-3)
     assert (np.abs(stopped - 1e-3).max() < 1e-3) == declared
@@ -85,7 +85,7 @@ def test_a_body_that_stops_is_not_believed_to_go_on_for_a_correlated_error(decla
 
 
 def _seen_late(joint: JointType, seed: int) -> tuple[JointFilters, list, Run, int]:
-    """Half of a motion is felt, with an error that grows; it is constant from when it is seen."""
+    """Half of a motion is sensed, with an error that grows; it is constant from when it is seen."""
     scene = Scene(joint=joint, translation=1e-2, rotation=3.0)
     fine = 0.05**2 * scene.covariance
     run = simulate(scene, seed)
@@ -93,7 +93,6 @@ def _seen_late(joint: JointType, seed: int) -> tuple[JointFilters, list, Run, in
     half = len(run.times) // 2
     error = rng.multivariate_normal(np.zeros(6), scene.covariance)
     config = _correlated(declared_time=5.0)
-    config.far_axes = False  # An error that lasts turns a slide as a hinge far away does.
     filters = JointFilters(config)
     states = [filters.start(run.X_PB[0], 1e-12 * np.eye(6), 0.0)]
     for k in range(1, len(run.times)):
@@ -101,8 +100,8 @@ def _seen_late(joint: JointType, seed: int) -> tuple[JointFilters, list, Run, in
         X = run.X_PB[k] @ se3.exp(share * error)
         X = X @ se3.exp(rng.multivariate_normal(np.zeros(6), fine))
         if k < half:
-            felt = share**2 * scene.covariance
-            states.append(filters.update(states[-1], X, fine + felt, time, felt))
+            sensed = share**2 * scene.covariance
+            states.append(filters.update(states[-1], X, fine + sensed, time, sensed))
             continue
         state = states[-1]
         if k == half:
@@ -152,7 +151,7 @@ def test_what_is_seen_late_is_as_wrong_as_it_says(joint: JointType) -> None:
 
 
 def test_the_evidence_of_a_wrong_axis_far_away_does_not_jump() -> None:
-    """To and fro on a straight path, felt by a hand that can turn: hardly a revolute joint."""
+    """To and fro on a straight path, sensed by a hand that can turn: hardly a revolute joint."""
     filters = JointFilters(
         _correlated(correlated_rotation=0.05, correlated_translation=6e-3, correlated_time=5.0)
     )
@@ -211,20 +210,20 @@ def test_a_reference_that_came_late_leaves_the_configuration_as_uncertain_as_the
 
 
 def test_after_a_constant_error_the_reference_is_as_noisy_as_the_stream_was() -> None:
-    """The noise is four times as large as claimed, which the filters have found out."""
+    """The noise is four times as large as reported, which the filters have found out."""
     scene = Scene(joint=REVOLUTE, seconds=8.0)
     run, filters = simulate(scene, 0), JointFilters(JointFiltersConfig())
-    claimed = scene.covariance / 16.0
-    state = filters.start(run.measured[0], claimed, 0.0)
+    reported = scene.covariance / 16.0
+    state = filters.start(run.measured[0], reported, 0.0)
     for t, X in zip(run.times[1:], run.measured[1:], strict=True):
-        state = filters.update(state, X, claimed, float(t))
+        state = filters.update(state, X, reported, float(t))
     assert 3.0 < state.scale.min() < state.scale.max() < 5.0
     rebased = filters.rebase(state, state.time, 1e-12 * np.eye(6), np.zeros((6, 6)))
-    found = np.sqrt(np.diagonal(rebased.keyframes.R[0]) / np.diagonal(claimed))
+    found = np.sqrt(np.diagonal(rebased.keyframes.R[0]) / np.diagonal(reported))
     assert_allclose(found, state.scale, rtol=1e-6)
     # The step across the jump is none of the noise's.
     after = filters.update(
-        rebased, run.measured[-1] @ se3.exp(np.full(6, 0.05)), claimed, state.time + 1.0
+        rebased, run.measured[-1] @ se3.exp(np.full(6, 0.05)), reported, state.time + 1.0
     )
     assert_allclose(after.noise.variance, state.noise.variance)
     assert filters.belief(rebased).models[REVOLUTE].configuration_covariance[1, 1] > 0.0

@@ -9,7 +9,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from crossmodal.diagrams.run.calibration import Calibration, Camera, draw_camera
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.stations.add_rgbd_camera import (
-    add_renderers,
+    add_camera_scene,
     add_rgbd_camera,
     add_robot_mask,
 )
@@ -48,13 +48,13 @@ def add_cameras(
     lamps = {camera.lamp for camera in scenario.cameras.values()}
     if len(lamps) > 1:
         raise ValueError(f"cameras have lamps of {sorted(lamps)}, but all share one renderer")
-    add_renderers(scene_graph, *lamps)
+    camera_scene = add_camera_scene(builder, plant, scene_graph, *lamps)
     depths = {}
     for name, believed in calibration.cameras.items():
         depths[name] = add_rgbd_camera(
             builder,
             plant,
-            scene_graph,
+            camera_scene,
             draw_camera(name, believed, scenario.calibration.errors, scenario.seed),
             config,
             scenario.disturbances,

@@ -35,15 +35,26 @@ from crossmodal.systems.sensors.robot_mask import MaskedRobot, RobotMask, RobotM
 _RENDERERS = ("colour", "depth")
 
 
-def add_renderers(scene_graph: SceneGraph, lamp: float = 0.0) -> None:
-    """Adds what all cameras of a station render with.
+def add_camera_scene(
+    builder: DiagramBuilder, plant: MultibodyPlant, scene_graph: SceneGraph, lamp: float = 0.0
+) -> SceneGraph:
+    """Adds a copy of the scene for all cameras of a station to look at.
+
+    Renderers follow every pose that their scene is asked for. The plant asks at each of its steps;
+    the copy, which holds them, is asked when an image is due only.
 
     Args:
-        scene_graph: Of the simulated plant.
+        builder: Of the station.
+        plant: The simulated one.
+        scene_graph: Its geometry, complete, without renderers.
         lamp: Intensity of a lamp at the camera that renders; the ceiling light's is 0.9.
     """
+    scene = builder.AddNamedSystem("camera_scene", scene_graph.Clone())
     for name in _RENDERERS:
-        scene_graph.AddRenderer(name, MakeRenderEngineVtk(_room_light(lamp)))
+        scene.AddRenderer(name, MakeRenderEngineVtk(_room_light(lamp)))
+    poses = scene.get_source_pose_port(plant.get_source_id())
+    builder.Connect(plant.get_geometry_pose_output_port(), poses)
+    return scene
 
 
 def add_rgbd_camera(
@@ -65,7 +76,7 @@ def add_rgbd_camera(
     Args:
         builder: Of the station.
         plant: The simulated one.
-        scene_graph: Its geometry, with the renderers of `add_renderers`.
+        scene_graph: What `add_camera_scene` gave.
         camera: As it is, which need not be what the robot believes.
         config: Of its noise.
         disturbances: When it is dark and when something covers the camera.

@@ -18,7 +18,7 @@ from crossmodal.diagrams.crossmodal.estimators import (
     make_network,
 )
 from crossmodal.diagrams.crossmodal.meshcat_view import add_view
-from crossmodal.diagrams.crossmodal.modalities import COLORS, LABELS
+from crossmodal.diagrams.crossmodal.modalities import COLORS, FEELING, LABELS, SEEING
 from crossmodal.diagrams.crossmodal.own_object import identity, keep_files, own_object_assignments
 from crossmodal.diagrams.crossmodal.results.grasp_episode import GRASP_QUANTITIES
 from crossmodal.diagrams.crossmodal.results.metrics import CAMPAIGN_PLOTS, METRICS, OVERVIEW
@@ -52,23 +52,22 @@ from crossmodal.systems.port_values import (
 from crossmodal.systems.proprioception.grasp_model import initial_grasp
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 
-_SEEING, _FEELING = ("vision", "crossmodal"), ("proprioception", "crossmodal")
 QUANTITIES = (
     Quantity(port="joints_latest", model=JointBeliefs()),
     Quantity(port="body_motions_latest", model=BodyMotions()),
-    Quantity(port="features_latest", model=no_features(), estimators=_SEEING),
-    Quantity(port="grasp_latest", model=initial_grasp(GraspModelConfig()), estimators=_FEELING),
-    Quantity(port="joint_mechanics_latest", model=JointMechanicsBeliefs(), estimators=_FEELING),
-    Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR, estimators=_FEELING),
+    Quantity(port="features_latest", model=no_features(), estimators=SEEING),
+    Quantity(port="grasp_latest", model=initial_grasp(GraspModelConfig()), estimators=FEELING),
+    Quantity(port="joint_mechanics_latest", model=JointMechanicsBeliefs(), estimators=FEELING),
+    Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR, estimators=FEELING),
     Quantity(
         port="hand_bending_latest",
         model=PoseBelief(X=np.eye(4), covariance=np.eye(6)),
-        estimators=_FEELING,
+        estimators=FEELING,
     ),
     Quantity(port=f"{BODY_MOTIONS}_health_latest", model=StreamHealth()),
     *(
         Quantity(port=f"{stream}_health_latest", model=StreamHealth(), estimators=having)
-        for having, streams in ((_SEEING, SEEN_STREAMS), (_FEELING, FELT_STREAMS))
+        for having, streams in ((SEEING, SEEN_STREAMS), (FEELING, FELT_STREAMS))
         for stream in streams
     ),
 )

@@ -25,6 +25,7 @@ def add_cameras(
     scenario: Scenario,
     calibration: Calibration,
     config: CameraNoiseConfig,
+    colour_is_read: bool = True,
 ) -> dict[str, OutputPort]:
     """Adds the cameras of a scenario, drawn by its seed around what is believed of them.
 
@@ -38,6 +39,8 @@ def add_cameras(
         scenario: With seed, calibration errors, lamps and disturbances.
         calibration: What the robot believes of the cameras.
         config: Of their noise.
+        colour_is_read: Whether an estimator reads the colour images; otherwise they are rendered
+            for pictures only.
 
     Returns:
         What says the measured depth, by the camera's name.
@@ -61,6 +64,7 @@ def add_cameras(
             scenario.seed,
             scenario.network_period,
             owner_among(name, calibration.cameras),
+            colour_is_read,
         )
     return depths
 

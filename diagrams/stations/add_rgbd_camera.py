@@ -18,7 +18,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import GetScopedFrameByName
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.sensors import RgbdSensor
 
 from crossmodal.diagrams.run.calibration import Camera
@@ -67,6 +67,7 @@ def add_rgbd_camera(
     seed: int,
     period: float,
     owner: str = "",
+    colour_is_read: bool = True,
 ) -> OutputPort:
     """Adds a camera and what disturbs it; exports `color_measured` and `depth_measured`.
 
@@ -83,6 +84,8 @@ def add_rgbd_camera(
         seed: Of the noise.
         period: Between two images that are read, the ticks of the estimators, [s].
         owner: Name of the camera where there are several; it then begins the names.
+        colour_is_read: Whether an estimator reads the colour image. Otherwise it is for pictures:
+            rendered when one is taken, with a fixed exposure and without latency.
 
     Returns:
         What says the measured depth, as an image without a stamp.
@@ -126,6 +129,7 @@ def add_rgbd_camera(
             own_seed(seed, owner),
             depth_scale=camera.depth_scale,
             first_frame=-camera.latency % period,
+            is_metered=colour_is_read,
         ),
     )
     lighting = builder.AddNamedSystem(prefixed(owner, "lighting"), Lighting(disturbances))
@@ -136,21 +140,21 @@ def add_rgbd_camera(
         builder.Connect(surfaces.depth_image_32F_output_port(), noise.GetInputPort("surface_image"))
     for port in ("illumination", "cover"):
         builder.Connect(lighting.GetOutputPort(port), noise.GetInputPort(port))
-    delivered: System = noise
-    if camera.latency > 0.0:
-        delivered = builder.AddNamedSystem(
-            prefixed(owner, "image_delay"), ImageDelay(camera.latency, period)
-        )
-        for image in ("color", "depth"):
-            builder.Connect(
-                noise.GetOutputPort(f"{image}_measured"), delivered.GetInputPort(f"{image}_image")
-            )
     stamps = builder.AddNamedSystem(prefixed(owner, "image_stamps"), ImageStamps())
+    measured = {}
     for image in ("color", "depth"):
         port = f"{image}_measured"
-        builder.Connect(delivered.GetOutputPort(port), stamps.GetInputPort(f"{image}_image"))
+        measured[image] = noise.GetOutputPort(port)
+        if camera.latency > 0.0 and (colour_is_read or image == "depth"):
+            model = measured[image].Allocate()
+            delay = builder.AddNamedSystem(
+                prefixed(owner, f"{image}_delay"), ImageDelay(model, camera.latency, period)
+            )
+            builder.Connect(measured[image], delay.get_input_port())
+            measured[image] = delay.get_output_port()
+        builder.Connect(measured[image], stamps.GetInputPort(f"{image}_image"))
         builder.ExportOutput(stamps.GetOutputPort(port), prefixed(owner, port))
-    return delivered.GetOutputPort("depth_measured")
+    return measured["depth"]
 
 
 def add_robot_mask(

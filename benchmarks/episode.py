@@ -56,7 +56,10 @@ def timed_eval(system: Diagram, port: str, root: Context) -> float:
 def tick_times(episode: Episode, root: Context) -> dict[str, float]:
     """Wall time of each part of the tick that is due now, [s]."""
     times: dict[str, float] = defaultdict(float)
-    for port in IMAGES:
+    read = [
+        port for port in IMAGES if any(e.HasInputPort(port) for e in episode.estimators.values())
+    ]
+    for port in read:
         times["rendering and camera noise"] += timed_eval(episode.station.diagram, port, root)
     for modality in episode.estimators:
         network = episode.diagram.GetSubsystemByName(modality)

@@ -14,10 +14,11 @@ from crossmodal.diagrams.crossmodal.calibration import make_calibration
 from crossmodal.diagrams.crossmodal.estimators import (
     BODY_MOTIONS,
     BODY_STREAMS,
+    SEEN_STREAMS,
     make_network,
 )
 from crossmodal.diagrams.crossmodal.meshcat_view import add_view
-from crossmodal.diagrams.crossmodal.modalities import COLORS, LABELS
+from crossmodal.diagrams.crossmodal.modalities import COLORS, FEELING, LABELS, SEEING
 from crossmodal.diagrams.crossmodal.own_object import identity, keep_files, own_object_assignments
 from crossmodal.diagrams.crossmodal.results.grasp_episode import GRASP_QUANTITIES
 from crossmodal.diagrams.crossmodal.results.metrics import CAMPAIGN_PLOTS, METRICS, OVERVIEW
@@ -38,7 +39,6 @@ from crossmodal.diagrams.run.application import Application, Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.record import Quantity
 from crossmodal.diagrams.run.sensor_streams.codecs import JOINT_STATES, WRENCHES, Topic
-from crossmodal.diagrams.stations.add_monitors import SEEN_STREAMS
 from crossmodal.systems.kinematics.held_joint import HeldJoint, HeldJointConfig
 from crossmodal.systems.port_values import (
     UNKNOWN_END_EFFECTOR,
@@ -52,23 +52,22 @@ from crossmodal.systems.port_values import (
 from crossmodal.systems.proprioception.grasp_model import initial_grasp
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 
-_SEEING, _FEELING = ("vision", "crossmodal"), ("proprioception", "crossmodal")
 QUANTITIES = (
     Quantity(port="joints_latest", model=JointBeliefs()),
     Quantity(port="body_motions_latest", model=BodyMotions()),
-    Quantity(port="features_latest", model=no_features(), estimators=_SEEING),
-    Quantity(port="grasp_latest", model=initial_grasp(GraspModelConfig()), estimators=_FEELING),
-    Quantity(port="joint_mechanics_latest", model=JointMechanicsBeliefs(), estimators=_FEELING),
-    Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR, estimators=_FEELING),
+    Quantity(port="features_latest", model=no_features(), estimators=SEEING),
+    Quantity(port="grasp_latest", model=initial_grasp(GraspModelConfig()), estimators=FEELING),
+    Quantity(port="joint_mechanics_latest", model=JointMechanicsBeliefs(), estimators=FEELING),
+    Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR, estimators=FEELING),
     Quantity(
         port="hand_bending_latest",
         model=PoseBelief(X=np.eye(4), covariance=np.eye(6)),
-        estimators=_FEELING,
+        estimators=FEELING,
     ),
     Quantity(port=f"{BODY_MOTIONS}_health_latest", model=StreamHealth()),
     *(
         Quantity(port=f"{stream}_health_latest", model=StreamHealth(), estimators=having)
-        for having, streams in ((_SEEING, SEEN_STREAMS), (_FEELING, BODY_STREAMS))
+        for having, streams in ((SEEING, SEEN_STREAMS), (FEELING, BODY_STREAMS))
         for stream in streams
     ),
 )

@@ -9,7 +9,6 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from crossmodal.diagrams.crossmodal.modalities import MODALITIES
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.stations.add_monitors import (
-    SEEN_STREAMS,
     add_image_monitor,
     add_window_monitor,
 )
@@ -51,6 +50,7 @@ from crossmodal.systems.vision.features.feature_motion import FeatureMotion
 from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
 
 VISION_INPUTS = ("color_measured", "depth_measured", "robot_mask")
+SEEN_STREAMS = ("color", "depth")
 BODY_STREAMS = ("joint_state", "wrench", "pressure")
 BODY_MOTIONS = "body_motions"  # What the joints are made of.
 PROPRIOCEPTION_INPUTS = (

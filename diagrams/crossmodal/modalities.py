@@ -4,6 +4,7 @@ The colours are Paul Tol's bright scheme.
 """
 
 MODALITIES = ("vision", "proprioception", "crossmodal")
+SEEING, FEELING = ("vision", "crossmodal"), ("proprioception", "crossmodal")
 LABELS = {
     "vision": "vision",
     "proprioception": "proprioception",

@@ -13,7 +13,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from crossmodal.diagrams.flap.calibration import make_calibration
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
-from crossmodal.diagrams.flap.estimators import JOINT_STREAMS, TAXELS, make_estimator
+from crossmodal.diagrams.flap.estimators import JOINT_STREAMS, SEEN_STREAMS, TAXELS, make_estimator
 from crossmodal.diagrams.flap.experiments import EXPERIMENTS
 from crossmodal.diagrams.flap.meshcat_view import add_view
 from crossmodal.diagrams.flap.own_tool import identity, keep_files, own_tool_assignments
@@ -27,7 +27,6 @@ from crossmodal.diagrams.run.application import Application, Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.record import Quantity
 from crossmodal.diagrams.run.sensor_streams.codecs import JOINT_STATES, Topic
-from crossmodal.diagrams.stations.add_monitors import SEEN_STREAMS
 from crossmodal.systems.port_values import (
     UNKNOWN_ANGLE,
     UNKNOWN_FINGERTIP,

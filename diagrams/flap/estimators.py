@@ -33,6 +33,7 @@ from crossmodal.systems.shared_settings import with_shared
 from crossmodal.systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout
 
+SEEN_STREAMS = ("depth",)  # The flap is seen by its depth.
 JOINT_STREAMS = ("holder_joint_state", "finger_joint_state")
 TAXELS = "taxel"
 
@@ -99,7 +100,7 @@ def make_estimator(
 ) -> Diagram:
     """The systems of one estimator, wired.
 
-    Inputs are `color_measured`, `depth_measured`, `robot_mask`, `holder_joint_state_window`,
+    Inputs are `depth_measured`, `robot_mask`, `holder_joint_state_window`,
     `finger_joint_state_window` and `taxel_window`; outputs are `tool_latest`, `hinge_latest`,
     `flap_angle_latest`, `flap_plane_latest`, `fingertip_contact_latest` and the streams' health.
 

@@ -9,7 +9,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from crossmodal.diagrams.run.calibration import Calibration, Camera, draw_camera
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.stations.add_rgbd_camera import (
-    add_renderers,
+    add_camera_scene,
     add_rgbd_camera,
     add_robot_mask,
 )
@@ -25,6 +25,7 @@ def add_cameras(
     scenario: Scenario,
     calibration: Calibration,
     config: CameraNoiseConfig,
+    colour_is_read: bool = True,
 ) -> dict[str, OutputPort]:
     """Adds the cameras of a scenario, drawn by its seed around what is believed of them.
 
@@ -38,6 +39,8 @@ def add_cameras(
         scenario: With seed, calibration errors, lamps and disturbances.
         calibration: What the robot believes of the cameras.
         config: Of their noise.
+        colour_is_read: Whether an estimator reads the colour images; otherwise they are rendered
+            for pictures only.
 
     Returns:
         What says the measured depth, by the camera's name.
@@ -48,19 +51,20 @@ def add_cameras(
     lamps = {camera.lamp for camera in scenario.cameras.values()}
     if len(lamps) > 1:
         raise ValueError(f"cameras have lamps of {sorted(lamps)}, but all share one renderer")
-    add_renderers(scene_graph, *lamps)
+    camera_scene = add_camera_scene(builder, plant, scene_graph, *lamps)
     depths = {}
     for name, believed in calibration.cameras.items():
         depths[name] = add_rgbd_camera(
             builder,
             plant,
-            scene_graph,
+            camera_scene,
             draw_camera(name, believed, scenario.calibration.errors, scenario.seed),
             config,
             scenario.disturbances,
             scenario.seed,
             scenario.network_period,
             owner_among(name, calibration.cameras),
+            colour_is_read,
         )
     return depths
 

@@ -9,8 +9,6 @@ from crossmodal.systems.monitoring.image_monitor import ImageMonitor, ImageMonit
 from crossmodal.systems.monitoring.offsets import OffsetModel
 from crossmodal.systems.monitoring.window_monitor import WindowMonitor, WindowMonitorConfig
 
-SEEN_STREAMS = ("color", "depth")  # Those that a monitor of images watches.
-
 
 def add_window_monitor(
     builder: DiagramBuilder,
@@ -51,17 +49,17 @@ def add_image_monitor(
         builder: Of the estimator.
         config: Of the monitor.
         calibration: Of the only camera.
-        readers: By stream, of the images that can be true.
+        readers: Of the images that can be true, by stream: `color`, `depth`.
         masked: Who reads `robot_mask`, too.
     """
     intrinsics = calibration.camera.intrinsics
     monitor = builder.AddNamedSystem(
         "image_monitor", ImageMonitor(config, intrinsics.width, intrinsics.height)
     )
-    for stream in SEEN_STREAMS:
+    for stream, systems in readers.items():
         port = f"{stream}_measured"
         builder.ExportInput(monitor.GetInputPort(port), port)
-        for reader in readers.get(stream, ()):
+        for reader in systems:
             builder.Connect(monitor.GetOutputPort(f"{stream}_checked"), reader.GetInputPort(port))
         health = f"{stream}_health_latest"
         builder.ExportOutput(monitor.GetOutputPort(health), health)

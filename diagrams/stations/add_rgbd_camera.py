@@ -18,7 +18,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import GetScopedFrameByName
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.sensors import RgbdSensor
 
 from crossmodal.diagrams.run.calibration import Camera
@@ -35,15 +35,26 @@ from crossmodal.systems.sensors.robot_mask import MaskedRobot, RobotMask, RobotM
 _RENDERERS = ("colour", "depth")
 
 
-def add_renderers(scene_graph: SceneGraph, lamp: float = 0.0) -> None:
-    """Adds what all cameras of a station render with.
+def add_camera_scene(
+    builder: DiagramBuilder, plant: MultibodyPlant, scene_graph: SceneGraph, lamp: float = 0.0
+) -> SceneGraph:
+    """Adds a copy of the scene for all cameras of a station to look at.
+
+    Renderers follow every pose that their scene is asked for. The plant asks at each of its steps;
+    the copy, which holds them, is asked when an image is due only.
 
     Args:
-        scene_graph: Of the simulated plant.
+        builder: Of the station.
+        plant: The simulated one.
+        scene_graph: Its geometry, complete, without renderers.
         lamp: Intensity of a lamp at the camera that renders; the ceiling light's is 0.9.
     """
+    scene = builder.AddNamedSystem("camera_scene", scene_graph.Clone())
     for name in _RENDERERS:
-        scene_graph.AddRenderer(name, MakeRenderEngineVtk(_room_light(lamp)))
+        scene.AddRenderer(name, MakeRenderEngineVtk(_room_light(lamp)))
+    poses = scene.get_source_pose_port(plant.get_source_id())
+    builder.Connect(plant.get_geometry_pose_output_port(), poses)
+    return scene
 
 
 def add_rgbd_camera(
@@ -56,6 +67,7 @@ def add_rgbd_camera(
     seed: int,
     period: float,
     owner: str = "",
+    colour_is_read: bool = True,
 ) -> OutputPort:
     """Adds a camera and what disturbs it; exports `color_measured` and `depth_measured`.
 
@@ -65,13 +77,15 @@ def add_rgbd_camera(
     Args:
         builder: Of the station.
         plant: The simulated one.
-        scene_graph: Its geometry, with the renderers of `add_renderers`.
+        scene_graph: What `add_camera_scene` gave.
         camera: As it is, which need not be what the robot believes.
         config: Of its noise.
         disturbances: When it is dark and when something covers the camera.
         seed: Of the noise.
         period: Between two images that are read, the ticks of the estimators, [s].
         owner: Name of the camera where there are several; it then begins the names.
+        colour_is_read: Whether an estimator reads the colour image. Otherwise it is for pictures:
+            rendered when one is taken, with a fixed exposure and without latency.
 
     Returns:
         What says the measured depth, as an image without a stamp.
@@ -116,6 +130,7 @@ def add_rgbd_camera(
             depth_scale=camera.depth_scale,
             first_frame=-camera.latency % period,
             period=period,
+            is_metered=colour_is_read,
         ),
     )
     lighting = builder.AddNamedSystem(prefixed(owner, "lighting"), Lighting(disturbances))
@@ -126,21 +141,21 @@ def add_rgbd_camera(
         builder.Connect(surfaces.depth_image_32F_output_port(), noise.GetInputPort("surface_image"))
     for port in ("illumination", "cover"):
         builder.Connect(lighting.GetOutputPort(port), noise.GetInputPort(port))
-    delivered: System = noise
-    if camera.latency > 0.0:
-        delivered = builder.AddNamedSystem(
-            prefixed(owner, "image_delay"), ImageDelay(camera.latency, period)
-        )
-        for image in ("color", "depth"):
-            builder.Connect(
-                noise.GetOutputPort(f"{image}_measured"), delivered.GetInputPort(f"{image}_image")
-            )
     stamps = builder.AddNamedSystem(prefixed(owner, "image_stamps"), ImageStamps())
+    measured = {}
     for image in ("color", "depth"):
         port = f"{image}_measured"
-        builder.Connect(delivered.GetOutputPort(port), stamps.GetInputPort(f"{image}_image"))
+        measured[image] = noise.GetOutputPort(port)
+        if camera.latency > 0.0 and (colour_is_read or image == "depth"):
+            model = measured[image].Allocate()
+            delay = builder.AddNamedSystem(
+                prefixed(owner, f"{image}_delay"), ImageDelay(model, camera.latency, period)
+            )
+            builder.Connect(measured[image], delay.get_input_port())
+            measured[image] = delay.get_output_port()
+        builder.Connect(measured[image], stamps.GetInputPort(f"{image}_image"))
         builder.ExportOutput(stamps.GetOutputPort(port), prefixed(owner, port))
-    return delivered.GetOutputPort("depth_measured")
+    return measured["depth"]
 
 
 def add_robot_mask(

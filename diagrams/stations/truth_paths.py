@@ -63,9 +63,9 @@ def truth_references(diagram: Diagram) -> list[str]:
     leaves = leaf_systems(diagram)
     plants = [system for system in leaves if isinstance(system, MultibodyPlant)]
     scenes = [
-        wire.source
+        wire.target
         for wire in wires(diagram)
-        if wire.target in plants and isinstance(wire.source, SceneGraph)
+        if wire.source in plants and isinstance(wire.target, SceneGraph)
     ]
     found = []
     for system in leaves:

@@ -132,7 +132,8 @@ class ImageMonitor(RecursiveFilter):
         - color_health_latest
         - depth_health_latest
 
-    - `color_measured`: `StampedImage` of an `ImageRgba8U`.
+    - `color_measured`: `StampedImage` of an `ImageRgba8U`; may stay unconnected where nobody sees
+      by colour.
     - `depth_measured`: `StampedImage` of an `ImageDepth32F`, [m].
     - `robot_mask`: `ImageGrey8U`, nonzero on the robot; none if not connected.
     - `color_checked`: `ImageRgba8U`, black where the image is kept back.
@@ -182,7 +183,8 @@ class ImageMonitor(RecursiveFilter):
 
     def _watch(self, context: Context, before: Any) -> Watched:
         now = context.get_time()
-        images = {name: self._read(port, context) for name, port in self._ports.items()}
+        read = {name: self._read_optional(port, context) for name, port in self._ports.items()}
+        images = {name: image for name, image in read.items() if image is not None}
         watched = replace(
             before,
             **{
@@ -193,7 +195,8 @@ class ImageMonitor(RecursiveFilter):
         watched = without_pairs_apart(watched, before, now, self._config.apart)
         mask = self._read_optional(self._mask, context)
         robot = None if mask is None else mask.data
-        watched = self._watch_color(watched, images["color"].image.data, robot)
+        if "color" in images:
+            watched = self._watch_color(watched, images["color"].image.data, robot)
         return self._watch_depth(watched, before, images["depth"].image.data, robot, now)
 
     def _watch_color(self, watched: Watched, image: Any, robot: Any) -> Watched:

@@ -92,6 +92,7 @@ class CameraNoise(LeafSystem):
         depth_scale: float = 1.0,
         first_frame: float = 0.0,
         period: float = NETWORK_PERIOD,
+        is_metered: bool = True,
     ) -> None:
         """Declares ports, state and event.
 
@@ -102,6 +103,8 @@ class CameraNoise(LeafSystem):
             depth_scale: Measured depth over true depth.
             first_frame: When the first frame is metered after the start, [s].
             period: Between two metered frames, those that are read, [s].
+            is_metered: Whether the exposure follows the light. If it does not, its gain is 1, and
+                colour is rendered only where somebody reads it.
         """
         super().__init__()
         if not 0 < depth_scale < np.inf:
@@ -128,7 +131,8 @@ class CameraNoise(LeafSystem):
         self._exposure = self.DeclareDiscreteState([1.0, config.colour.grey_target])
         self.DeclareAbstractOutputPort("color_measured", color_model.Clone, self._calc_color)
         self.DeclareAbstractOutputPort("depth_measured", depth_model.Clone, self._calc_depth)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, first_frame, self._expose)
+        if is_metered:
+            self.DeclarePeriodicUnrestrictedUpdateEvent(period, first_frame, self._expose)
 
     def _calc_color(self, context: Context, output: AbstractValue) -> None:
         gain = context.get_discrete_state_vector().value()[0]

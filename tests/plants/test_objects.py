@@ -162,6 +162,24 @@ def test_the_free_carton_slides_on_the_table_as_far_as_its_feet_let_it() -> None
     assert_allclose(way[[0, 2]], 0.0, atol=5e-3)
 
 
+def test_the_table_bears_the_carton_at_every_step_of_its_slide() -> None:
+    """A solver that lets it hover or rattle takes the table's friction away, or adds to it."""
+    released = Released("cardboard_box.sdf", RigidTransform([1.0, -0.25, 0.70]), 5.0, free=True)
+    plant = released.scene.plant
+    released.simulator.AdvanceTo(0.3)
+    velocity = SpatialVelocity(np.zeros(3), np.array([0.0, 0.3, 0.0]))
+    box = plant.GetBodyByName("box")
+    plant.SetFreeBodySpatialVelocity(context=released.context, body=box, V_JpJc=velocity)
+    carried = []
+    for step in range(1, 16):
+        released.simulator.AdvanceTo(0.3 + step * PlantConfig().time_step)
+        results = plant.get_contact_results_output_port().Eval(released.context)
+        feet = map(results.point_pair_contact_info, range(results.num_point_pair_contacts()))
+        carried.append(sum(abs(foot.contact_force()[2]) for foot in feet))
+    mass = plant.CalcTotalMass(released.context, [released.scene.objects["object"]])
+    assert_allclose(carried, mass * 9.81, rtol=0.01)
+
+
 def test_the_lid_is_a_joint_of_the_free_carton() -> None:
     released = Released("cardboard_box.sdf", RigidTransform([1, 0, 0.7]), 5.0, free=True)
     scene = released.scene

@@ -1,6 +1,7 @@
 """The sensors of a station and their wires: of the body and of the eye."""
 
 from crossmodal.controllers.interaction.grasp_sequence import GraspSequence
+from crossmodal.diagrams.crossmodal.modalities import SEEING
 from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
 from crossmodal.diagrams.crossmodal.station.wiring import StationWiring
 from crossmodal.diagrams.run.calibration import Calibration
@@ -57,7 +58,13 @@ def add_vision(
     """
     builder, scene, sensors = wiring.builder, wiring.scene, wiring.scenario.sensors
     add_cameras(
-        builder, scene.plant, scene.scene_graph, wiring.scenario, calibration, sensors.camera
+        builder,
+        scene.plant,
+        scene.scene_graph,
+        wiring.scenario,
+        calibration,
+        sensors.camera,
+        colour_is_read=any(name in SEEING for name in wiring.scenario.modalities),
     )
     postures = {joint: (0.0, closed) for joint, closed in CLOSED_POSTURE.items()}
     robot = MaskedRobot(arm=ARM, arm_joints=ARM_JOINTS, hand=HAND, hand_posture=postures)

@@ -113,6 +113,7 @@ def add_vision(wiring: StationWiring, encoders: Mapping[str, JointEncoders]) -> 
         replace(wiring.scenario, cameras=wiring.scenario.drawn_cameras()),
         wiring.calibration,
         sensors.camera,
+        colour_is_read=False,
     )
 
     def build(plant: MultibodyPlant) -> None:

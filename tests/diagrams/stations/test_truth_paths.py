@@ -38,21 +38,31 @@ def a_filter(episode: Episode) -> System:
 @pytest.mark.parametrize(
     ("hold", "found"),
     [
-        (lambda plant, scene_graph: plant, "the simulation's MultibodyPlant"),
-        (lambda plant, scene_graph: {"scene": [scene_graph]}, "the simulation's SceneGraph"),
-        (lambda plant, scene_graph: plant.GetBodyByName("wrist"), "of the simulated plant"),
+        (lambda plant, scene_graph, camera_scene: plant, "the simulation's MultibodyPlant"),
         (
-            lambda plant, scene_graph: partial(print, plant.CreateDefaultContext()),
+            lambda plant, scene_graph, camera_scene: {"scene": [scene_graph]},
+            "the simulation's SceneGraph",
+        ),
+        (lambda plant, scene_graph, camera_scene: camera_scene, "the simulation's SceneGraph"),
+        (
+            lambda plant, scene_graph, camera_scene: plant.GetBodyByName("wrist"),
+            "of the simulated plant",
+        ),
+        (
+            lambda plant, scene_graph, camera_scene: partial(print, plant.CreateDefaultContext()),
             "a context of the simulation's MultibodyPlant",
         ),
-        (lambda plant, scene_graph: plant.CalcTotalMass, "the simulation's MultibodyPlant"),
+        (
+            lambda plant, scene_graph, camera_scene: plant.CalcTotalMass,
+            "the simulation's MultibodyPlant",
+        ),
     ],
 )
 def test_a_reference_to_the_simulated_world_is_found(
-    episode: Episode, hold: Callable[[Any, Any], Any], found: str
+    episode: Episode, hold: Callable[[Any, Any, Any], Any], found: str
 ) -> None:
     station = episode.station.diagram
-    world = [station.GetSubsystemByName(name) for name in ("plant", "scene_graph")]
+    world = [station.GetSubsystemByName(name) for name in ("plant", "scene_graph", "camera_scene")]
     guilty: Any = a_filter(episode)
     guilty.kept = hold(*world)
     try:

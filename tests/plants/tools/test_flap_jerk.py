@@ -8,6 +8,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from crossmodal.plants.parsing import add_model, make_parser
+from crossmodal.plants.scene import PlantConfig
 from crossmodal.plants.tools.flap_jerk import FlapJerk, FlapJerks, share_of_displacement
 from crossmodal.plants.tools.wiper import EDGE_FRAME, HINGE, WiperConfig, draw_wiper, wiper_sdf
 
@@ -18,7 +19,10 @@ def jerked(jerks: list[FlapJerk], start: float, times: list[float], seed: int = 
     """Angles [rad] of a wiper's flap, whose handle is fixed, and the way of its edge per radian."""
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlant(
-        MultibodyPlantConfig(time_step=STEP, discrete_contact_approximation="sap"), builder
+        MultibodyPlantConfig(
+            time_step=STEP, discrete_contact_approximation=PlantConfig().contact_approximation
+        ),
+        builder,
     )
     wiper = draw_wiper(WiperConfig(), np.random.default_rng(seed))
     tool = add_model(make_parser(plant), wiper_sdf(wiper), "tool")

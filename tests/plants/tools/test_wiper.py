@@ -6,6 +6,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from crossmodal.plants.parsing import add_model, make_parser
+from crossmodal.plants.scene import PlantConfig
 from crossmodal.plants.tools.wiper import Wiper, WiperConfig, draw_wiper, wiper_sdf
 
 
@@ -87,7 +88,10 @@ def test_more_than_friction_and_weight_turns_the_flap() -> None:
 def _braked(numbers: Wiper) -> tuple[MultibodyPlant, Simulator]:
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlant(
-        MultibodyPlantConfig(time_step=0.0025, discrete_contact_approximation="sap"), builder
+        MultibodyPlantConfig(
+            time_step=0.0025, discrete_contact_approximation=PlantConfig().contact_approximation
+        ),
+        builder,
     )
     tool = add_model(make_parser(plant), wiper_sdf(numbers), "tool")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("body", tool))

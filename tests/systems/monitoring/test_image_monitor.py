@@ -86,6 +86,21 @@ def test_new_images_pass_as_they_are() -> None:
         assert faults == ["", ""]
 
 
+def test_depth_passes_where_nobody_sees_by_colour() -> None:
+    system = ImageMonitor(CONFIG, *SIZE)
+    context = system.CreateDefaultContext()
+    faults = []
+    for tick in (0, 1, 2):
+        context.SetTime(tick * TICK)
+        image = StampedImage(time=tick * TICK, image=depth(min(tick, 1)))
+        system.GetInputPort("depth_measured").FixValue(context, AbstractValue.Make(image))
+        passed = bool(system.GetOutputPort("depth_checked").Eval(context).data.any())
+        system.ExecuteForcedEvents(context)
+        health = system.GetOutputPort("depth_health_latest").Eval(context)
+        faults.append((passed, health.fault))
+    assert faults == [(True, ""), (True, ""), (False, STUCK)]
+
+
 def test_depth_that_stopped_while_colour_lives_is_no_depth() -> None:
     stamps = [0.0, 1.0, 2.0, 3.0, 4.0], [0.0, 1.0, 1.0, 1.0, 4.0]
     found = watched([color(k) for k in range(5)], [depth(0), *[depth(1)] * 3, depth(4)], stamps)

@@ -58,10 +58,12 @@ class Reader(LeafSystem):
         self.depths.append(self._depth.Eval(context).data.copy())
 
 
-def simulate(duration, seed=0, reader_periods=(TICK,), published=False, **light):
+def simulate(duration, seed=0, reader_periods=(TICK,), published=False, is_metered=True, **light):
     builder = DiagramBuilder()
     ideal = builder.AddSystem(IdealCamera(**light))
-    camera = builder.AddSystem(CameraNoise(CameraNoiseConfig(), INTRINSICS, seed))
+    camera = builder.AddSystem(
+        CameraNoise(CameraNoiseConfig(), INTRINSICS, seed, is_metered=is_metered)
+    )
     for port in ("color_image", "depth_image", "illumination"):
         builder.Connect(ideal.GetOutputPort(port), camera.GetInputPort(port))
     readers = [builder.AddSystem(Reader(period)) for period in reader_periods]
@@ -143,6 +145,14 @@ def test_readers_and_exposure_share_one_drawing_per_instant():
     ideal, readers = simulate(0.99, reader_periods=(TICK, TICK, TICK), published=True)
     assert ideal.drawings == 15
     assert [len(reader.times) for reader in readers] == [15, 15, 15, 15]
+
+
+def test_without_a_meter_colour_is_drawn_for_its_readers_only():
+    ideal, _ = simulate(0.99, reader_periods=(), is_metered=False)
+    assert ideal.drawings == 0
+    ideal, (reader,) = simulate(0.99, reader_periods=(0.5,), is_metered=False, dark_from=0.1)
+    assert ideal.drawings == 2
+    assert reader.colors[1][:, :, :3].mean() < 0.65 * GREY
 
 
 def test_constant_light_leaves_the_exposure_alone():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.application import APPLICATION
@@ -92,6 +93,21 @@ def test_the_true_camera_is_not_quite_the_believed_one(error: str) -> None:
             station.diagram.GetOutputPort("color_measured").Eval(context).image.data.copy()
         )
     assert np.mean(images[0] != images[1]) > 0.05
+
+
+@pytest.mark.parametrize(("modality", "is_metered"), [("proprioception", False), ("vision", True)])
+def test_the_camera_follows_the_light_only_for_those_who_look(
+    modality: str, is_metered: bool
+) -> None:
+    covered = "disturbances.camera_covered=[{start: 0.05}]"
+    small = ["cameras.camera.width=64", "cameras.camera.height=48"]
+    station, _ = make_station("drawer", *small, covered, f"modalities=[{modality}]")
+    simulator = Simulator(station.diagram)
+    station.SetInitialState(simulator.get_mutable_context())
+    simulator.AdvanceTo(0.2)
+    noise = station.diagram.GetSubsystemByName("camera_noise")
+    gain = noise.GetMyContextFromRoot(simulator.get_context()).get_discrete_state_vector()
+    assert (gain.value()[0] != 1.0) == is_metered
 
 
 def test_leaks_and_forces_of_a_scenario_reach_hand_and_plant_while_they_last() -> None:

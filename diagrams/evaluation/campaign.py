@@ -118,7 +118,8 @@ def check_folder(folder: Path, *, force: bool = False) -> None:
         ScenarioError: where it cannot be written, or holds something else.
     """
     make_folder(folder)
-    if any(folder.iterdir()) and not any(folder.rglob("seed-[0-9]*")):
+    episodes = [*folder.glob("seed-[0-9]*"), *folder.glob("*/seed-[0-9]*")]
+    if any(folder.iterdir()) and not episodes:
         raise ScenarioError(
             f"{folder}: already holds files, but no evaluation; choose another folder with --out"
         )

@@ -32,7 +32,7 @@ WORKER = """
 import os, pathlib, shutil, signal, sys
 folder = pathlib.Path(sys.argv[1])
 seed = int(folder.name[-4:])
-prepared = folder.parent / f"prepared-{seed}"
+prepared = folder.parent.parent / f"prepared-{seed}"
 with (folder.parent / "runs.txt").open("a") as log: log.write(f"{seed}\\n")
 if seed == 3: os.kill(os.getpid(), signal.SIGKILL)
 if seed == 5: (folder / "error.txt").write_text("RuntimeError: gave up\\n\\nTraceback"); sys.exit(1)
@@ -55,12 +55,13 @@ def _drawer() -> tuple[Any, Any]:
 def fake_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder that holds the runs of even seeds, and what was run in `runs.txt`."""
     monkeypatch.setattr(process, "_COMMAND", (sys.executable, "-c", WORKER))
-    for scenario in campaign(tmp_path, [2, 4, 6]).scenarios:
+    folder = tmp_path / "here"
+    for scenario in campaign(folder, [2, 4, 6]).scenarios:
         record = synthetic_episode(seed=scenario.seed)
         record.scenario = scenario
         results = replace(APPLICATION.evaluate(record), plots={})
         write_run(tmp_path / f"prepared-{scenario.seed}", APPLICATION, record, results)
-    return tmp_path
+    return folder
 
 
 def runs(folder: Path) -> list[int]:

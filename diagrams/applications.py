@@ -1,7 +1,9 @@
 """The applications that there are, and how a scenario finds its own.
 
-Besides those that come with the program, the environment variable `CROSSMODAL_APPLICATIONS` names
-others, with commas between them: each a Python file or a module that holds an `APPLICATION`.
+Besides those that come with the program there are those of installed packages, which name them as
+entry points of the group `crossmodal.applications`, and those that the environment variable
+`CROSSMODAL_APPLICATIONS` names, with commas between them: a Python file or a module each. Each of
+these modules holds an `APPLICATION`.
 """
 
 import importlib
@@ -12,6 +14,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -20,12 +23,12 @@ from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.folder.run_folder import ESTIMATES_FILE, SCENARIO_FILE, SUMMARY_FILE
 from crossmodal.diagrams.run.scenario import parse_scenario, read_document
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
-from crossmodal.diagrams.run.yaml_input.units import check_units
 
 if TYPE_CHECKING:
     import pandas as pd
 
 OWN = "CROSSMODAL_APPLICATIONS"
+GROUP = "crossmodal.applications"
 _COME_ALONG = ("crossmodal.diagrams.crossmodal.application", "crossmodal.diagrams.flap.application")
 
 
@@ -33,10 +36,11 @@ def applications() -> dict[str, Application]:
     """All applications by name, those that come with the program first.
 
     Raises:
-        ScenarioError: where one that the environment names cannot be had.
+        ScenarioError: where one cannot be had.
     """
-    own = tuple(filter(None, (name.strip() for name in os.environ.get(OWN, "").split(","))))
-    return _load((*_COME_ALONG, *own))
+    own = filter(None, (name.strip() for name in os.environ.get(OWN, "").split(",")))
+    installed = (entry.module for entry in entry_points(group=GROUP))
+    return _load(tuple(dict.fromkeys([*_COME_ALONG, *installed, *own])))
 
 
 @cache
@@ -45,9 +49,9 @@ def _load(sources: tuple[str, ...]) -> dict[str, Application]:
     for source in sources:
         application = getattr(_module(source), "APPLICATION", None)
         if not isinstance(application, Application):
-            raise ScenarioError(f"{OWN}: '{source}' holds no Application called APPLICATION")
+            raise ScenarioError(f"application '{source}': holds no Application called APPLICATION")
         if application.name in found:
-            raise ScenarioError(f"{OWN}: there are two applications '{application.name}'")
+            raise ScenarioError(f"there are two applications '{application.name}'")
         found[application.name] = application
     return found
 
@@ -68,7 +72,7 @@ def _module(source: str) -> ModuleType:
         raise
     except Exception as error:  # Whatever a user's own file raises.
         what = f"{type(error).__name__}: {one_line(error)}"
-        raise ScenarioError(f"{OWN}: '{source}' cannot be had: {what}") from error
+        raise ScenarioError(f"application '{source}' cannot be had: {what}") from error
     return module
 
 
@@ -138,7 +142,7 @@ def load_scenario(
     schema = application.scenario
     scenario = application.resolve(parse_scenario(schema, document, path), path)
     if units_known:
-        check_units(document, schema, str(path), lambda: application.units(scenario))
+        parse_scenario(schema, document, path, scenario.units)
     return application, scenario
 
 

@@ -6,47 +6,13 @@ another file. Here a folder for each module is named by the contents of all file
 imports, directly or not.
 """
 
-import hashlib
-import re
 import shutil
-from functools import cache
 from pathlib import Path
 
 import numba
 from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
 
-_ROOT = Path(__file__).parents[2]
-_PACKAGES = ("crossmodal.maths.", "crossmodal.systems.")  # Only these compile.
-_IMPORT = re.compile(r"^(?:from|import) ([\w.]+)(?: import (\([^)]*\)|.*))?", re.MULTILINE)
-
-
-def _imported_files(source: str) -> list[Path]:
-    names = set()
-    for module, imported in _IMPORT.findall(source):
-        names |= {module, *(f"{module}.{name}" for name in re.findall(r"\w+", imported))}
-    ours = [name.replace(".", "/") + ".py" for name in names if f"{name}.".startswith(_PACKAGES)]
-    return sorted(_ROOT / file for file in ours if (_ROOT / file).exists())
-
-
-@cache
-def _file_hash_and_imports(path: Path) -> tuple[bytes, list[Path]]:
-    content = path.read_bytes()
-    return hashlib.sha256(content).digest(), _imported_files(content.decode())
-
-
-def sources_stamp(path: Path) -> str:
-    """Hash of a Python file and of all that it imports from these packages, directly or not."""
-    hashes: dict[Path, bytes] = {}
-    waiting = [path]
-    while waiting:
-        file = waiting.pop()
-        if file not in hashes:
-            hashes[file], imported = _file_hash_and_imports(file)
-            waiting += imported
-    digest = hashlib.sha256()
-    for file in sorted(hashes):
-        digest.update(hashes[file])
-    return digest.hexdigest()[:16]
+from crossmodal.maths.source_files import sources_stamp
 
 
 class _AllSources:

@@ -30,18 +30,17 @@ def ablate_command(
         from crossmodal.diagrams.crossmodal.studies.ablation_study import run_ablations
         from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS, find_ablation
         from crossmodal.diagrams.evaluation.seeds import parse_seeds
-        from crossmodal.diagrams.run.folder.own_files import held
-        from crossmodal.diagrams.run.folder.run_folder import write_text
+        from crossmodal.diagrams.run.folder.run_folder import make_folder, write_text
 
         chosen, numbers = names or list(ABLATIONS), parse_seeds(seeds)
         for name in chosen:
             find_ablation(name)
-        with held(out, (TABLE_FILE,), shared=True):
-            with tqdm(total=len(chosen) * len(numbers), unit="episode", disable=None) as bar:
+        make_folder(out)
+        with tqdm(total=len(chosen) * len(numbers), unit="episode", disable=None) as bar:
 
-                def progress(name: str, seed: int) -> None:
-                    bar.update()
-                    bar.write(f"{name}, seed {seed}: done", file=sys.stderr)
+            def progress(name: str, seed: int) -> None:
+                bar.update()
+                bar.write(f"{name}, seed {seed}: done", file=sys.stderr)
 
-                table = run_ablations(APPLICATION, chosen, numbers, out, progress)
-            typer.echo(f"{table}\n  {write_text(out / TABLE_FILE, table)}")
+            table = run_ablations(APPLICATION, chosen, numbers, out, progress)
+        typer.echo(f"{table}\n  {write_text(out / TABLE_FILE, table)}")

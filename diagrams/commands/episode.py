@@ -12,8 +12,7 @@ import threading
 import traceback
 from pathlib import Path
 
-from crossmodal.diagrams.run.folder.own_files import held
-from crossmodal.diagrams.run.folder.run_folder import FILES, SCENARIO_FILE, write_run, write_text
+from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, write_run, write_text
 from crossmodal.diagrams.run.process import ERROR_FILE
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
@@ -25,9 +24,8 @@ def run_here(folder: Path) -> int:
 
     try:
         application, scenario = load_scenario(str(folder / SCENARIO_FILE))
-        with held(folder, FILES, force=True):
-            record = run_episode(application, scenario)
-            write_run(folder, application, record, application.evaluate(record))
+        record = run_episode(application, scenario)
+        write_run(folder, application, record, application.evaluate(record))
     except Exception as error:
         name = "" if isinstance(error, ScenarioError) else f"{type(error).__name__}: "
         text = f"{name}{one_line(error)}\n\n{traceback.format_exc()}"

@@ -41,13 +41,10 @@ def evaluate_command(
 ) -> None:
     """Repeat an experiment over seeds and write tables and plots beside the paper's figures."""
     with one_line_errors():
-        from contextlib import ExitStack
-
         from crossmodal.diagrams.applications import experiments, load_scenario
         from crossmodal.diagrams.evaluation import campaign_report as reports
-        from crossmodal.diagrams.evaluation.campaign import Workers, connect, held_campaign, prepare
+        from crossmodal.diagrams.evaluation.campaign import Workers, check_folder, connect, prepare
         from crossmodal.diagrams.evaluation.seeds import parse_seeds
-        from crossmodal.diagrams.run.folder.own_files import held
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 
         known = experiments()
@@ -68,21 +65,19 @@ def evaluate_command(
             + [f"--set {assignment}" for assignment in overrides or []]
         )
         campaigns, written, finished = [], list[Path](), True
-        with ExitStack() as holding:
-            if experiment == ALL:
-                holding.enter_context(held(top, reports.OVERVIEW_FILES, shared=True))
-            for name, folder in folders.items():
-                chosen = known[name].experiments[name]
-                application, scenario = load_scenario(chosen.scenario, overrides or [])
-                holding.enter_context(held_campaign(folder, force=force))
-                campaigns.append(prepare(name, application, scenario, numbers, folder, force=force))
-            for campaign in campaigns:
-                finished = finished and _run_campaign(campaign, workers)
-                origin = reports.made_by(command, complete=campaign.is_complete)
-                written = reports.write_campaign(campaign, origin) or written
-            if experiment == ALL:
-                origin = reports.made_by(command, complete=finished)
-                written = reports.write_overview(campaigns, top, origin)
+        if experiment == ALL:
+            check_folder(top)
+        for name, folder in folders.items():
+            chosen = known[name].experiments[name]
+            application, scenario = load_scenario(chosen.scenario, overrides or [])
+            campaigns.append(prepare(name, application, scenario, numbers, folder, force=force))
+        for campaign in campaigns:
+            finished = finished and _run_campaign(campaign, workers)
+            origin = reports.made_by(command, complete=campaign.is_complete)
+            written = reports.write_campaign(campaign, origin) or written
+        if experiment == ALL:
+            origin = reports.made_by(command, complete=finished)
+            written = reports.write_overview(campaigns, top, origin)
     _finish_evaluation(campaigns, written)
 
 

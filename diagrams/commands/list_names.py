@@ -11,6 +11,7 @@ def list_command() -> None:
     """Show the scenarios, experiments, flows and networks that there are."""
     with one_line_errors():
         from crossmodal.diagrams.applications import applications, load_scenario, scenarios_of
+        from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS
 
         known = applications()
         names = [name for application in known.values() for name in scenarios_of(application)]
@@ -25,10 +26,11 @@ def list_command() -> None:
                 typer.echo("Experiments (crossmodal evaluate NAME):")
             for name, experiment in application.experiments.items():
                 _line(name, experiment.description, width)
-            for heading, lines in application.extras.items():
-                typer.echo(f"{heading}:")
-                for name, text in lines.items():
-                    _line(name, text, width)
+        typer.echo("Flows of information (crossmodal ablate NAME):")
+        for name, ablation in ABLATIONS.items():
+            _line(name, ablation.flow, width)
+        typer.echo("Networks (crossmodal train NAME):")
+        _line("hand-bending", "the soft hand's bending from wrench and air pressure", width)
 
 
 def _line(name: str, text: str, width: int) -> None:

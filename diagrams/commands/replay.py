@@ -28,8 +28,7 @@ def replay_command(
         from tqdm import tqdm
 
         from crossmodal.diagrams.applications import load_scenario
-        from crossmodal.diagrams.run.folder.own_files import held
-        from crossmodal.diagrams.run.folder.run_folder import FILES, first_free
+        from crossmodal.diagrams.run.folder.run_folder import opened
         from crossmodal.diagrams.run.replay import check_recorded, replay
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
@@ -37,9 +36,8 @@ def replay_command(
         application, chosen = load_scenario(str(check_recorded(run, changes)), changes)
         if out is not None and out.resolve() == run.resolve():
             raise ScenarioError(f"--out {out}: holds the recorded run itself; choose another")
-        usual = run / "replay"
-        folder = out or (usual if force else first_free(usual))
-        with held(folder, FILES, force=force):
+        numbered = out is None and not force
+        with opened(out or run / "replay", force=force, numbered=numbered) as folder:
             title = f"{chosen.name}, seed {chosen.seed}"
             with tqdm(desc=title, unit="tick", disable=None) as bar:
 

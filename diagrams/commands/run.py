@@ -84,13 +84,7 @@ def run_command(
         from dataclasses import replace
 
         from crossmodal.diagrams.applications import load_scenario
-        from crossmodal.diagrams.run.folder.own_files import held
-        from crossmodal.diagrams.run.folder.run_folder import (
-            FILES,
-            SENSORS_FILE,
-            default_folder,
-            first_free,
-        )
+        from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE, default_folder, opened
 
         assignments = list(overrides or [])
         if seed is not None:
@@ -109,17 +103,15 @@ def run_command(
         }
         assignments = _own_object(scenario, assignments, own_object, about_object) + assignments
         application, chosen = load_scenario(scenario, assignments)
-        usual = default_folder(chosen)
-        folder = out or (usual if force else first_free(usual))
-        with held(folder, FILES, force=force) as own:
-            sensors_file = own.place(SENSORS_FILE) if record_sensors else None
+        numbered = out is None and not force
+        with opened(out or default_folder(chosen), force=force, numbered=numbered) as folder:
             record = _simulate(
                 application,
                 chosen,
                 live=meshcat,
                 host=host,
                 recording=recording,
-                sensors_file=sensors_file,
+                sensors_file=folder / SENSORS_FILE if record_sensors else None,
             )
             if not recording:
                 record = replace(record, meshcat_html=None)

@@ -25,6 +25,8 @@ def train_hand_bending_command(
 ) -> None:
     """Train the networks that read the soft hand's bending from wrench and air pressure."""
     with one_line_errors():
+        from importlib.util import find_spec
+
         from tqdm import tqdm
 
         from crossmodal.diagrams.crossmodal.training.network_training import (
@@ -33,29 +35,29 @@ def train_hand_bending_command(
             simulate_interactions,
             train_hand_bending,
         )
-        from crossmodal.diagrams.run.folder.own_files import held
+        from crossmodal.diagrams.run.folder.run_folder import make_folder
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
         from crossmodal.models import WEIGHTS_DIR
 
         folder = out or WEIGHTS_DIR
-        with held(folder, (), shared=True):
-            there = [folder / name for name in FILES if (folder / name).exists()]
-            if there and not force:
-                raise ScenarioError(
-                    f"{there[0]}: exists already; replace it with --force or choose another folder"
-                    " with --out"
-                )
-            simulated = tqdm(
-                simulate_interactions(seed, jobs=jobs),
-                total=INTERACTIONS,
-                desc="interactions",
-                disable=None,
+        if find_spec("torch") is None:
+            raise ScenarioError("train: PyTorch is not installed; pip install 'crossmodal[train]'")
+        make_folder(folder)
+        there = [folder / name for name in FILES if (folder / name).exists()]
+        if there and not force:
+            raise ScenarioError(
+                f"{there[0]}: exists already; replace it with --force or choose another folder"
+                " with --out"
             )
-            interactions = list(simulated)
-            typer.echo("Training ..." + (" and comparing topologies ..." if search else ""))
-            written, card = train_hand_bending(
-                interactions, seed=seed, search=search, folder=folder
-            )
+        simulated = tqdm(
+            simulate_interactions(seed, jobs=jobs),
+            total=INTERACTIONS,
+            desc="interactions",
+            disable=None,
+        )
+        interactions = list(simulated)
+        typer.echo("Training ..." + (" and comparing topologies ..." if search else ""))
+        written, card = train_hand_bending(interactions, seed=seed, search=search, folder=folder)
         typer.echo(f"\n{card}")
         for path in written:
             typer.echo(f"  {path}")

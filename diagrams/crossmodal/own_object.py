@@ -9,7 +9,6 @@ import numpy as np
 
 from crossmodal.diagrams.crossmodal.objects.object_import import (
     ObjectWarning,
-    content_hash,
     copied_files,
     imported,
 )
@@ -171,14 +170,3 @@ def keep_files(scenario: Scenario) -> tuple[Scenario, dict[str, Path]]:
             thing = replace(thing, model=f"{place}/{MODEL_FILE}")
         objects[name] = thing
     return replace(scenario, objects=objects), files
-
-
-def identity(scenario: Scenario) -> Scenario:
-    """Of an imported object it matters what it is, not where its copy lies."""
-    objects = {
-        name: replace(thing, model=content_hash(Path(thing.model)))
-        if Path(thing.model).is_absolute()
-        else thing
-        for name, thing in scenario.objects.items()
-    }
-    return replace(scenario, objects=objects)

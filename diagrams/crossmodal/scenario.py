@@ -150,6 +150,24 @@ class Scenario(base.Scenario):
             return self.task.modality
         return "crossmodal" if "crossmodal" in self.modalities else self.modalities[0]
 
+    def units(self) -> dict[str, str]:
+        """Of the values, by path, whose unit depends on whether a joint slides or turns."""
+        found: dict[str, str] = {}
+        for name, thing in self.objects.items():
+            model, key = object_model_file(thing), f"objects.{name}"
+            facts = read_object_model(
+                model, joint=thing.joint, frame=thing.handle_frame, source=f"{self.name}: {key}"
+            )
+            force = "N" if facts.joint_type == JointType.PRISMATIC else "N m"
+            found |= {
+                f"{key}.initial_position": facts.unit,
+                f"{key}.friction": force,
+                f"{key}.detent": force,
+            }
+            if thing is self.object:
+                found |= {f"task.{item}": facts.unit for item in ("opening", "goal", "tolerance")}
+        return found
+
 
 def resolve(scenario: Scenario, path: Path) -> Scenario:
     """A scenario that was read from a file, checked, its object imported and placed.
@@ -175,25 +193,6 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
 def object_model_file(thing: ObjectConfig) -> Path:
     """The object's model; a scenario that was loaded names it from models/sdf or absolutely."""
     return SDF_DIR / thing.model
-
-
-def units(scenario: Scenario) -> dict[str, str]:
-    """Of the values, by path, whose unit depends on whether a joint slides or turns."""
-    found: dict[str, str] = {}
-    for name, thing in scenario.objects.items():
-        model, key = object_model_file(thing), f"objects.{name}"
-        facts = read_object_model(
-            model, joint=thing.joint, frame=thing.handle_frame, source=f"{scenario.name}: {key}"
-        )
-        force = "N" if facts.joint_type == JointType.PRISMATIC else "N m"
-        found |= {
-            f"{key}.initial_position": facts.unit,
-            f"{key}.friction": force,
-            f"{key}.detent": force,
-        }
-        if thing is scenario.object:
-            found |= {f"task.{item}": facts.unit for item in ("opening", "goal", "tolerance")}
-    return found
 
 
 def _resolve_object(thing: ObjectConfig, key: str, path: Path) -> ObjectConfig:

@@ -1,33 +1,32 @@
 """Runs the episodes of an experiment, and goes on where it was stopped."""
 
 import contextlib
-import json
 import logging
 import os
 import socket
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from crossmodal.diagrams.evaluation.folder_checksums import CHECKSUM_FILE, damage, write_checksums
 from crossmodal.diagrams.run import process
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import Experiment
-from crossmodal.diagrams.run.folder.fingerprint import fingerprint, versions
-from crossmodal.diagrams.run.folder.own_files import OwnFiles, held
-from crossmodal.diagrams.run.folder.run_folder import SUMMARY_FILE, finished_summary, write_text
+from crossmodal.diagrams.run.folder.fingerprint import fingerprint
+from crossmodal.diagrams.run.folder.run_folder import (
+    FILES,
+    SUMMARY_FILE,
+    finished_summary,
+    make_folder,
+    read_summary,
+    remove_run,
+)
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 
 Summary = dict[str, Any]
-_MARKER = "evaluation.json"
 # joblib's threads only wait: each episode has a process of its own, on a cluster on any machine.
 BACKENDS = ("processes", "ray")
-_MOST_PER_CORE = 8  # Episodes at a time: each takes some gigabyte of memory.
-_MOST_ON_CLUSTER = 1000  # A thread of this process waits for each.
 
 
 @dataclass(kw_only=True)
@@ -50,19 +49,12 @@ def connect(workers: Workers) -> None:
     """Makes the backend ready.
 
     Raises:
-        ScenarioError: where it is unknown, not installed or does not answer, or is to run more
-            episodes at a time than it can.
+        ScenarioError: where it is unknown, not installed or does not answer.
     """
     if workers.backend not in BACKENDS:
         hint = suggestion(workers.backend, BACKENDS)
         raise ScenarioError(f"--backend {workers.backend}: unknown; {hint}")
-    on_cluster = workers.backend == "ray"
-    cores = os.cpu_count() or 1
-    most = _MOST_ON_CLUSTER if on_cluster else _MOST_PER_CORE * cores
-    if workers.jobs > most:
-        why = "on a cluster" if on_cluster else f"with this machine's {cores} cores"
-        raise ScenarioError(f"--jobs {workers.jobs}: {why} it must be at most {most}")
-    if not on_cluster:
+    if workers.backend != "ray":
         if workers.address:
             raise ScenarioError("--address is for --backend ray only")
         return
@@ -115,124 +107,41 @@ def run_on_cluster(
     return summary
 
 
-class DamageWarning(UserWarning):
-    """A file of an evaluation is missing or not what it was when it was written."""
-
-
-def held_campaign(folder: Path, *, force: bool = False) -> AbstractContextManager[OwnFiles]:
-    """Holds the folder of an experiment, so that no other evaluation writes there meanwhile.
-
-    Args:
-        force: As for `open_campaign_folder`.
-
-    Raises:
-        ScenarioError: where another one does, or where it holds something else.
-    """
-    return held(folder, (_MARKER, CHECKSUM_FILE), force=force, shared=_is_campaign(folder))
-
-
-def _is_campaign(folder: Path) -> bool:
-    return any(map(os.path.exists, (folder / _MARKER, folder / CHECKSUM_FILE)))
-
-
-def open_campaign_folder(
-    folder: Path,
-    name: str,
-    application: Application,
-    scenario: Scenario,
-    *,
-    force: bool = False,
-) -> None:
-    """Begins or resumes an experiment in a folder, which `held_campaign` holds.
-
-    Where its own file is damaged, an episode of this scenario and program shows whose folder it is.
-
-    Args:
-        force: Start afresh where it holds other results; its episodes are removed.
-
-    Raises:
-        ScenarioError: where it holds anything but this experiment of this scenario and program.
-    """
-    own = OwnFiles(folder)
-    wanted = {"experiment": name, **fingerprint(application, replace(scenario, seed=0))}
-    is_campaign = _is_campaign(folder)
-    if is_campaign and not force:
-        damaged = damage(folder, _MARKER)
-        if not damaged:
-            _refuse_other_results(folder, wanted)
-        elif not _has_episode_of(folder, application, scenario):
-            raise ScenarioError(
-                f"{folder}: {damaged}, and no whole episode there is of this scenario and program;"
-                " choose another --out, or start afresh with --force"
-            )
-        else:
-            text = f"{folder}: {damaged}; it is written anew, and whole episodes stay"
-            warnings.warn(text, DamageWarning, stacklevel=2)
-    if is_campaign and force:
-        _remove_episodes(folder)
-    text = json.dumps(wanted | {"versions": versions()}, indent=2) + "\n"
-    own.place(CHECKSUM_FILE)
-    write_checksums(folder, [write_text(own.place(_MARKER), text)])
-
-
-def _refuse_other_results(folder: Path, wanted: Mapping[str, str]) -> None:
-    found = json.loads((folder / _MARKER).read_text(encoding="utf-8"))
-    for key, what in (
-        ("experiment", "the experiment"),
-        ("scenario_hash", "results of the scenario with hash"),
-        ("source_hash", "results of the program with source hash"),
-    ):
-        if found.get(key) != wanted[key]:
-            raise ScenarioError(
-                f"{folder}: holds {what} '{found.get(key)}', not '{wanted[key]}';"
-                " choose another --out, or start afresh with --force"
-            )
-    for package, version in versions().items():
-        before = found.get("versions", {}).get(package, version)
-        if before != version:
-            raise ScenarioError(
-                f"{folder}: holds results of {package} {before}, not {version};"
-                " choose another --out, or start afresh with --force"
-            )
-
-
-def _has_episode_of(folder: Path, application: Application, scenario: Scenario) -> bool:
-    return any(
-        not damage(place, SUMMARY_FILE)
-        and finished_summary(place, application, replace(scenario, seed=int(place.name[5:])))
-        for place in sorted(folder.glob("seed-[0-9]*"))
-        if place.name[5:].isdecimal()
-    )
-
-
-def _remove_episodes(folder: Path) -> None:
-    """Removes the files of episodes, and their folders where nothing else is in them."""
-    for episode in folder.glob("seed-[0-9]*"):
-        with held(episode, (), shared=True) as own:
-            own.remove_all_but(())
-            for name in (process.LOG_FILE, process.ERROR_FILE, CHECKSUM_FILE):
-                (episode / name).unlink(missing_ok=True)
-        with contextlib.suppress(OSError):
-            episode.rmdir()
-
-
 def episode_folder(folder: Path, seed: int) -> Path:
     return folder / f"seed-{seed:04d}"
 
 
-def whole_summary(folder: Path, application: Application, scenario: Scenario) -> Summary | None:
-    """The summary of an episode that has ended and whose files are as they were written.
+def check_folder(folder: Path, *, force: bool = False) -> None:
+    """Makes the folder of an evaluation, or removes the episodes there where it starts afresh.
 
-    Warns of a file that is not.
+    Raises:
+        ScenarioError: where it cannot be written, or holds something else.
     """
-    place = episode_folder(folder, scenario.seed)
-    if not any((place / name).exists() for name in (CHECKSUM_FILE, SUMMARY_FILE)):
-        return None
-    damaged = damage(place, SUMMARY_FILE)
-    if not damaged:
-        return finished_summary(place, application, scenario)
-    warnings.warn(f"{place}: {damaged}; that seed runs again", DamageWarning, stacklevel=2)
-    return None
+    make_folder(folder)
+    episodes = [*folder.glob("seed-[0-9]*"), *folder.glob("*/seed-[0-9]*")]
+    if any(folder.iterdir()) and not episodes:
+        raise ScenarioError(
+            f"{folder}: already holds files, but no evaluation; choose another folder with --out"
+        )
+    for episode in folder.glob("seed-[0-9]*") if force else ():
+        remove_run(episode)
+        for name in (*FILES, process.LOG_FILE, process.ERROR_FILE):
+            (episode / name).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            episode.rmdir()
+
+
+def _refuse_other_results(folder: Path, application: Application, scenario: Scenario) -> None:
+    """All episodes in a folder are of one scenario and program, so that one tells which."""
+    for path in sorted(folder.glob(f"seed-[0-9]*/{SUMMARY_FILE}"))[:1]:
+        found = read_summary(path.parent)
+        seed = found.get("seed", scenario.seed)
+        for key, wanted in fingerprint(application, replace(scenario, seed=seed)).items():
+            if key in found and found[key] != wanted:
+                raise ScenarioError(
+                    f"{path}: holds results of another scenario or program: {key} is {found[key]},"
+                    f" not {wanted}; choose another --out, or start afresh with --force"
+                )
 
 
 def run_episodes(
@@ -247,30 +156,16 @@ def run_episodes(
     cores = 1 if on_cluster else max(1, (os.cpu_count() or 1) // workers.jobs)
     limits = process.thread_limits(cores)
 
-    def run_and_list(scenario: Scenario) -> Summary:
-        place = episode_folder(folder, scenario.seed)
-        try:
-            (place / CHECKSUM_FILE).unlink(missing_ok=True)
-            summary = run_one(application, scenario, place, limits)
-            if summary["modalities"]:
-                write_checksums(place, _files_of_episode(place))
-        except (OSError, ScenarioError) as error:
-            return process.failed_summary(scenario, one_line(error))
-        return summary
-
     parallel = Parallel(
-        n_jobs=workers.jobs,
+        n_jobs=max(1, min(workers.jobs, len(scenarios))),
         backend="threading",
         return_as="generator_unordered",
         pre_dispatch="n_jobs",
     )
-    yield from parallel(delayed(run_and_list)(scenario) for scenario in scenarios)
-
-
-def _files_of_episode(place: Path) -> list[Path]:
-    """What it has written and what belongs to its result, which its log does not."""
-    beside = {process.LOG_FILE, CHECKSUM_FILE}
-    return [path for path in place.rglob("*") if path.is_file() and path.name not in beside]
+    yield from parallel(
+        delayed(run_one)(application, scenario, episode_folder(folder, scenario.seed), limits)
+        for scenario in scenarios
+    )
 
 
 @dataclass(kw_only=True)
@@ -323,20 +218,22 @@ def prepare(
     *,
     force: bool = False,
 ) -> Campaign:
-    """Opens the folder of an experiment, which `held_campaign` holds, before all is computed.
+    """Opens the folder of an experiment and reads the episodes that have ended there.
 
     Args:
         name: Of the experiment, one of the application's.
         scenario: The experiment's, of any seed.
-
-    An episode with a file that is missing or damaged counts as one that is still to run.
+        force: Start afresh: what is there of episodes is removed.
 
     Raises:
-        ScenarioError: where the folder holds something else.
+        ScenarioError: where the folder cannot be written or holds something else.
     """
+    check_folder(folder, force=force)
+    _refuse_other_results(folder, application, scenario)
     scenarios = [replace(scenario, seed=seed) for seed in seeds]
-    open_campaign_folder(folder, name, application, scenario, force=force)
-    done = [whole_summary(folder, application, one) for one in scenarios]
+    done = [
+        finished_summary(episode_folder(folder, one.seed), application, one) for one in scenarios
+    ]
     return Campaign(
         name=name,
         application=application,

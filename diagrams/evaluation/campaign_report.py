@@ -26,7 +26,6 @@ from crossmodal.diagrams.evaluation.metric_table import (
     title,
 )
 from crossmodal.diagrams.run.folder.fingerprint import versions
-from crossmodal.diagrams.run.folder.own_files import OwnFiles
 from crossmodal.diagrams.run.folder.run_folder import (
     PLOT_FOLDER,
     undrawn,
@@ -98,16 +97,15 @@ def write_campaign(campaign: Campaign, origin: str) -> list[Path]:
     if not campaign.summaries:
         return []
     folder, name, application = campaign.folder, campaign.name, campaign.application
-    own = OwnFiles(folder)
     figures = tidy_metrics(application, name, campaign.summaries)
     task = task_in_words(campaign)
     table = markdown(application, name, campaign.experiment, figures, origin, task, campaign.seeds)
     written = [
-        write_atomically(own.place(CSV_FILE), partial(figures.to_csv, index=False)),
-        write_text(own.place(TABLE_FILE), table),
+        write_atomically(folder / CSV_FILE, partial(figures.to_csv, index=False)),
+        write_text(folder / TABLE_FILE, table),
     ]
     for file, plot in application.campaign_plots.items():
-        place = own.place(file)
+        place = folder / file
         place.unlink(missing_ok=True)
         try:
             figure = plot.draw(campaign)
@@ -118,7 +116,7 @@ def write_campaign(campaign: Campaign, origin: str) -> list[Path]:
         except Exception as error:
             campaign.missing.append(undrawn(place, error))
     section = _section(campaign, figures, folder)
-    written.append(write_text(own.place(PAGE_FILE), page(name, origin, [section])))
+    written.append(write_text(folder / PAGE_FILE, page(name, origin, [section])))
     return written
 
 
@@ -157,12 +155,11 @@ def write_overview(campaigns: Sequence[Campaign], folder: Path, origin: str) -> 
         for one in campaigns
     ]
     table = "\n\n".join(parts) + "\n"
-    own = OwnFiles(folder)
     together = pd.concat(figures.values(), ignore_index=True)
     return [
-        write_atomically(own.place(CSV_FILE), partial(together.to_csv, index=False)),
-        write_text(own.place(TABLE_FILE), table),
-        write_text(own.place(PAGE_FILE), page(heading, origin, sections, overall)),
+        write_atomically(folder / CSV_FILE, partial(together.to_csv, index=False)),
+        write_text(folder / TABLE_FILE, table),
+        write_text(folder / PAGE_FILE, page(heading, origin, sections, overall)),
     ]
 
 

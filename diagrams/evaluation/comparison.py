@@ -13,7 +13,6 @@ import pandas as pd
 
 from crossmodal.diagrams.drawing.digits import fixed, written, written_range
 from crossmodal.diagrams.evaluation.campaign_report import Picture, Section, inline, page
-from crossmodal.diagrams.evaluation.folder_checksums import CHECKSUM_FILE, damage
 from crossmodal.diagrams.evaluation.metric_table import (
     EPISODE_METRICS,
     TICK_METRICS,
@@ -29,7 +28,8 @@ from crossmodal.diagrams.evaluation.metric_table import (
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import Metric
 from crossmodal.diagrams.run.folder.run_folder import PLOT_FOLDER, SCENARIO_FILE, SUMMARY_FILE
-from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, read_yaml
+from crossmodal.diagrams.run.yaml_input.loader import read_yaml
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 from crossmodal.maths.arrays import Array
 
 _LONGEST = 80  # Letters of a scenario's value in a cell.
@@ -112,8 +112,6 @@ def read_compared(
 
 def _read_summary(place: Path) -> Summary:
     path = place / SUMMARY_FILE
-    if (place / CHECKSUM_FILE).exists() and (damaged := damage(place, SUMMARY_FILE)):
-        raise ScenarioError(f"{place}: {damaged}; evaluate that seed again")
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

@@ -8,9 +8,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from crossmodal.diagrams.drawing.digits import fixed, written
-from crossmodal.diagrams.drawing.estimate_plots import draw_estimates
-from crossmodal.diagrams.evaluation.metric_table import mean_share, median_and_range, readable
 from crossmodal.diagrams.run.application import Results
 from crossmodal.diagrams.run.experiment import Metric
 from crossmodal.diagrams.run.record import EpisodeRecord, Tick
@@ -129,6 +126,9 @@ def _draw(
     labels: Mapping[str, str],
     colors: Mapping[str, str],
 ) -> Any:
+    from crossmodal.diagrams.drawing.estimate_plots import draw_estimates
+    from crossmodal.diagrams.evaluation.metric_table import readable
+
     components = dict.fromkeys(table.loc[table["quantity"] == quantity, "component"].astype(str))
     scale, shown = readable(unit)
     return draw_estimates(
@@ -137,6 +137,9 @@ def _draw(
 
 
 def _report(labels: Mapping[str, str], summary: Mapping[str, Any]) -> list[str]:
+    from crossmodal.diagrams.drawing.digits import fixed, written
+    from crossmodal.diagrams.evaluation.metric_table import readable
+
     lines = []
     for name, record in summary["modalities"].items():
         for quantity, errors in record["quantities"].items():
@@ -160,6 +163,8 @@ def error_metrics(units: Mapping[str, str]) -> list[Metric]:
     Args:
         units: Of the quantities, in SI; a component stands as `quantity_component`.
     """
+
+    from crossmodal.diagrams.evaluation.metric_table import mean_share, median_and_range
 
     def of(name: str, key: str) -> Callable[[Mapping[str, Any]], Any]:
         return lambda record: record["quantities"][name][key]

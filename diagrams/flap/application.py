@@ -5,97 +5,24 @@ Source: Q. Li, A. Ückermann, R. Haschke and H. Ritter, Estimating an articulate
 via visuo-tactile based robotic interactive manipulation, IROS 2018.
 """
 
-from collections.abc import Mapping
-
-import numpy as np
-from pydrake.math import RigidTransform
-from pydrake.systems.framework import Diagram, DiagramBuilder, System
-
 from crossmodal.diagrams.flap.calibration import make_calibration
+from crossmodal.diagrams.flap.episode_parts import (
+    QUANTITIES,
+    STATION_QUANTITIES,
+    TOPICS,
+    close_loop,
+    make_estimators,
+    make_station,
+)
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
-from crossmodal.diagrams.flap.estimators import JOINT_STREAMS, SEEN_STREAMS, TAXELS, make_estimator
 from crossmodal.diagrams.flap.experiments import EXPERIMENTS
 from crossmodal.diagrams.flap.meshcat_view import add_view
-from crossmodal.diagrams.flap.own_tool import identity, keep_files, own_tool_assignments
+from crossmodal.diagrams.flap.own_tool import keep_files, own_tool_assignments
 from crossmodal.diagrams.flap.results.metrics import METRICS, OVERVIEW
 from crossmodal.diagrams.flap.results.results import evaluate
 from crossmodal.diagrams.flap.results.task import task_in_words
 from crossmodal.diagrams.flap.scenario import SCENARIO_FOLDER, Scenario, resolve
-from crossmodal.diagrams.flap.station.station import make_flap_station
-from crossmodal.diagrams.flap.truth import UNKNOWN_FLAP
-from crossmodal.diagrams.run.application import Application, Station
-from crossmodal.diagrams.run.calibration import Calibration
-from crossmodal.diagrams.run.record import Quantity
-from crossmodal.diagrams.run.sensor_streams.codecs import JOINT_STATES, Topic
-from crossmodal.systems.port_values import (
-    UNKNOWN_ANGLE,
-    UNKNOWN_FINGERTIP,
-    UNKNOWN_HINGE,
-    UNKNOWN_TOOL,
-    StreamHealth,
-    unseen,
-)
-
-QUANTITIES = (
-    Quantity(port="tool_latest", model=UNKNOWN_TOOL),
-    Quantity(port="hinge_latest", model=UNKNOWN_HINGE),
-    Quantity(port="flap_angle_latest", model=UNKNOWN_ANGLE),
-    Quantity(port="flap_plane_latest", model=unseen("no image yet")),
-    Quantity(port="fingertip_contact_latest", model=UNKNOWN_FINGERTIP),
-    *(
-        Quantity(port=f"{stream}_health_latest", model=StreamHealth())
-        for stream in (*SEEN_STREAMS, *JOINT_STREAMS, TAXELS)
-    ),
-)
-STATION_QUANTITIES = (
-    Quantity(port="tip_estimated", model=np.full(3, np.nan)),
-    Quantity(port="cheat_flap", model=UNKNOWN_FLAP),
-    Quantity(port="cheat_edge_pose", model=RigidTransform()),
-    Quantity(port="cheat_end_effector_pose", model=RigidTransform()),
-    Quantity(port="cheat_fingertip_pose", model=RigidTransform()),
-)
-TOPICS = {
-    "holder_joint_state_window": Topic(name="/holder/joint_states", window=JOINT_STATES),
-    "finger_joint_state_window": Topic(name="/finger/joint_states", window=JOINT_STATES),
-    "taxel_window": Topic(name="/fingertip/taxels"),
-    "color_measured": Topic(name="/camera/color/image_raw"),
-    "depth_measured": Topic(name="/camera/depth/image_raw"),
-    "robot_mask": Topic(name="/camera/robot_mask"),
-    "tip_estimated": Topic(name="/holder/tip"),
-    "cheat_flap": Topic(name="/cheat/flap"),
-    "cheat_edge_pose": Topic(name="/cheat/edge_pose"),
-    "cheat_end_effector_pose": Topic(name="/cheat/end_effector_pose"),
-    "cheat_fingertip_pose": Topic(name="/cheat/fingertip_pose"),
-}
-# Beliefs that control acts by: the station's inputs of these names.
-PERCEIVED = ("flap_angle_latest", "hinge_latest", "tool_latest")
-
-
-def make_station(scenario: Scenario, calibration: Calibration) -> Station:
-    """The station of a scenario with its seed."""
-    station = make_flap_station(scenario, calibration)
-    return Station(diagram=station.diagram, initialise=station.SetInitialState)
-
-
-def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, Diagram]:
-    """The estimators that the scenario asks for."""
-    layout = scenario.finger.layout()
-    return {
-        name: make_estimator(
-            name, scenario.perception, calibration, layout, scenario.network_period
-        )
-        for name in scenario.modalities
-    }
-
-
-def close_loop(
-    builder: DiagramBuilder, scenario: Scenario, station: System, estimators: Mapping[str, System]
-) -> None:
-    """Lets both arms act by what the acting estimator believes of flap and tool."""
-    estimator = estimators[scenario.acting_estimator]
-    for port in PERCEIVED:
-        builder.Connect(estimator.GetOutputPort(port), station.GetInputPort(port))
-
+from crossmodal.diagrams.run.application import Application
 
 APPLICATION = Application(
     name="flap",
@@ -116,7 +43,6 @@ APPLICATION = Application(
     view=add_view,
     own_object=own_tool_assignments,
     keep_files=keep_files,
-    identity=identity,
     labels=LABELS,
     colors=COLORS,
     metrics=METRICS,

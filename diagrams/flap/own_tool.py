@@ -1,6 +1,5 @@
 """Tools that do not come with the program: on the command line, and in a run's folder."""
 
-import hashlib
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -73,13 +72,3 @@ def keep_files(scenario: Scenario) -> tuple[Scenario, dict[str, Path]]:
     }
     tool = replace(scenario.tool, model=f"{MODEL_FOLDER}/{model.name}")
     return replace(scenario, tool=tool), files
-
-
-def identity(scenario: Scenario) -> Scenario:
-    """Of a tool it matters what it is, not where its file lies."""
-    if not _is_own(scenario.tool.model):
-        return scenario
-    digest = hashlib.sha256()
-    for path in tool_files(Path(scenario.tool.model)):
-        digest.update(path.read_bytes())
-    return replace(scenario, tool=replace(scenario.tool, model=digest.hexdigest()[:16]))

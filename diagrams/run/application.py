@@ -83,14 +83,6 @@ def _as_read(scenario: Any, path: Path) -> Any:
     return scenario
 
 
-def _as_it_is(scenario: Any) -> Any:
-    return scenario
-
-
-def _no_units(scenario: Any) -> Mapping[str, str]:
-    return {}
-
-
 def _no_task(scenario: Any) -> str:
     return ""
 
@@ -142,10 +134,6 @@ class Application:
         keep_files: What a scenario needs and what does not come with the program, for a run's
             folder: the scenario that names it there, relative to the folder, and by their places
             in it the files to be copied.
-        identity: The scenario with what is in the files that it names in place of where they lie:
-            two scenarios are the same if this is.
-        units: Of a resolved scenario's values, by path, where the field leaves it open (`m or rad`)
-            and the scenario decides.
         task_in_words: What counts as done in a scenario, with its tolerances, in a sentence.
         labels: How tables and plots call the estimators, in order; without one, by its name.
         colors: '#RRGGBB' of the estimators.
@@ -153,7 +141,6 @@ class Application:
         experiments: Scenarios to be repeated over seeds.
         overview: Columns of the table over all of them.
         campaign_plots: Pictures of many episodes, by file name.
-        extras: What else `crossmodal list` shows: by heading, lines by name.
     """
 
     name: str
@@ -175,8 +162,6 @@ class Application:
     )
     own_object: Callable[[Any, str, OwnObject, Sequence[str]], Sequence[str]] | None = None
     keep_files: Callable[[Any], tuple[Any, Mapping[str, Path]]] = _keep_nothing
-    identity: Callable[[Any], Any] = _as_it_is
-    units: Callable[[Any], Mapping[str, str]] = _no_units
     task_in_words: Callable[[Any], str] = _no_task
     labels: Mapping[str, str] = field(default_factory=dict)
     colors: Mapping[str, str] = field(default_factory=dict)
@@ -184,7 +169,6 @@ class Application:
     experiments: Mapping[str, Experiment] = field(default_factory=dict)
     overview: Sequence[Column] = ()
     campaign_plots: Mapping[str, CampaignPlot] = field(default_factory=dict)
-    extras: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
 def check_quantities(

@@ -14,9 +14,9 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, PortD
 
 from crossmodal.diagrams.run.application import Application, Station, check_quantities
 from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.run.folder.fingerprint import contents
 from crossmodal.diagrams.run.process import peak_memory
 from crossmodal.diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
-from crossmodal.diagrams.run.recorded_scenario import as_recorded
 from crossmodal.diagrams.run.recorder import (
     STATUS_PORT,
     EpisodeRecorder,
@@ -281,7 +281,7 @@ def _add_sensor_recorder(
     }
     known = {port: model for port, model in models.items() if station.HasOutputPort(port)}
     streams = make_streams(known, application.topics)
-    said = as_recorded(application, scenario)
+    said = contents(application, scenario)
     recorder = builder.AddNamedSystem(
         "sensors", SensorRecorder(path, streams, scenario.network_period, said)
     )

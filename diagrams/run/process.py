@@ -14,11 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from crossmodal.diagrams.run.application import Application
-from crossmodal.diagrams.run.folder.own_files import held
 from crossmodal.diagrams.run.folder.run_folder import (
-    FILES,
     SUMMARY_FILE,
     finished_summary,
+    remove_run,
     write_scenario,
 )
 from crossmodal.diagrams.run.scenario import Scenario
@@ -61,11 +60,10 @@ def run_apart(
         The episode's summary, or that of a failure with its reason.
     """
     try:
-        with held(folder, FILES, force=True) as own:
-            own.remove_all_but(())
-            (folder / ERROR_FILE).unlink(missing_ok=True)
-            write_scenario(folder, application, scenario)
-            log = (folder / LOG_FILE).open("wb")
+        remove_run(folder)
+        (folder / ERROR_FILE).unlink(missing_ok=True)
+        write_scenario(folder, application, scenario)
+        log = (folder / LOG_FILE).open("wb")
     except (OSError, ScenarioError) as error:
         return failed_summary(scenario, one_line(error))
     with log:

@@ -4,9 +4,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import yaml
-from pydrake.common.yaml import yaml_dump_typed
 
 from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.folder.fingerprint import contents
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
@@ -14,12 +14,6 @@ from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 # streams on their way there, not what was measured.
 REPLACEABLE = ("perception", "modalities", "calibration", "disturbances.faults")
 _SAYS_NOTHING = ("name", "description", "versions")
-
-
-def as_recorded(application: Application, scenario: Scenario) -> str:
-    """The scenario as a recording holds it; of a file that it names, what is in it."""
-    text: str = yaml_dump_typed(application.identity(scenario))
-    return text
 
 
 def is_replaceable(key: str) -> bool:
@@ -45,7 +39,7 @@ def check_unchanged(
     if not recorded:
         return
     then = yaml.safe_load(recorded)
-    now = yaml.safe_load(as_recorded(application, scenario))
+    now = yaml.safe_load(contents(application, scenario))
     for key in _SAYS_NOTHING:
         then.pop(key, None)
     for key, was, is_ in _differences(then, now):

@@ -5,7 +5,7 @@ system are that system's own config. Each number declares its range, and all are
 is impossible only beside other values is refused by the system that it is for.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,13 +14,8 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from crossmodal.diagrams.run.calibration import CalibrationConfig, Camera
-from crossmodal.diagrams.run.yaml_input.schema import (
-    ScenarioError,
-    apply_override,
-    load_typed,
-    read_yaml,
-)
-from crossmodal.diagrams.run.yaml_input.units import without_units
+from crossmodal.diagrams.run.yaml_input.loader import apply_override, read_yaml
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, load_typed
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.maths.validation import check, number, numbers
 from crossmodal.systems.sensors.stream_fault import StreamFault
@@ -129,6 +124,10 @@ class Scenario:
     disturbances: Disturbances = field(default_factory=Disturbances)
     versions: dict[str, str] = field(default_factory=dict)  # Written into a run's folder.
 
+    def units(self) -> Mapping[str, str]:
+        """Of values, by path, whose fields leave the unit open (`m or rad`) to the scenario."""
+        return {}
+
 
 def read_document(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """A scenario's file as a mapping; assignments `key.path=value` replace what it says."""
@@ -138,14 +137,19 @@ def read_document(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     return document
 
 
-def parse_scenario(schema: type[S], document: Mapping[str, Any], path: Path) -> S:
+def parse_scenario(
+    schema: type[S],
+    document: Mapping[str, Any],
+    path: Path,
+    units: Callable[[], Mapping[str, str]] = dict,
+) -> S:
     """The scenario that a mapping describes, checked as far as every scenario is the same.
 
     Args:
         path: Of its file, which names it where it has no name.
+        units: Gives the units, by path, of values whose fields leave them open.
     """
-    plain = without_units(dict(document), schema, str(path))
-    scenario = load_typed(schema, plain, str(path))
+    scenario = load_typed(schema, document, str(path), units)
     scenario = replace(scenario, name=scenario.name or path.stem)
     if scenario.name in ("..", ".") or "/" in scenario.name or not scenario.name.isprintable():
         raise ScenarioError(

@@ -8,6 +8,7 @@ from synthetic_episode import LIGHTS_OFF, synthetic_episode
 from typer.testing import CliRunner
 
 from crossmodal.diagrams.applications import (
+    GROUP,
     OWN,
     applications,
     experiments,
@@ -149,8 +150,23 @@ def test_what_is_no_application_is_said_in_one_line_with_status_two(
         applications()
     result = RUNNER.invoke(app, command)
     assert result.exit_code == 2, result.output
-    assert result.stderr.startswith(f"crossmodal: {OWN}: ")
+    assert result.stderr.startswith("crossmodal: ")
     assert result.stderr.count("\n") == 1
+
+
+def test_an_installed_package_names_its_applications_as_entry_points(
+    toy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    installed = tmp_path / "rolling-1.0.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: rolling\nVersion: 1.0\n")
+    (installed / "entry_points.txt").write_text(f"[{GROUP}]\ntoy = rolling_application\n")
+    monkeypatch.delenv(OWN)
+    assert "toy" not in applications()
+    monkeypatch.syspath_prepend(tmp_path)
+    assert list(applications())[-1] == "toy"
+    monkeypatch.setenv(OWN, "rolling_application")  # Named twice, it is still one.
+    assert list(applications())[-1] == "toy"
 
 
 def test_a_module_that_there_is_not_is_said_too(monkeypatch: pytest.MonkeyPatch) -> None:

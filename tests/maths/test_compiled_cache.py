@@ -11,7 +11,7 @@ from pathlib import Path
 from numba.core.registry import CPUDispatcher
 
 from crossmodal import maths, systems
-from crossmodal.maths.compiled_cache import _AllSources, sources_stamp
+from crossmodal.maths.compiled_cache import _AllSources
 
 CALLER = """
 from crossmodal.maths.compiled import hot
@@ -104,12 +104,3 @@ def test_every_compiled_function_is_kept_so() -> None:
                     found += 1
                     assert isinstance(value._cache._impl.locator, _AllSources)
     assert found > 5
-
-
-def test_the_stamp_is_that_of_the_contents(tmp_path: Path) -> None:
-    path = tmp_path / "module.py"
-    path.write_text("import numpy\n")
-    assert sources_stamp(path) == sources_stamp(path)
-    other = tmp_path / "other.py"
-    other.write_text("import numpy\n\n")
-    assert sources_stamp(path) != sources_stamp(other)

@@ -6,11 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from crossmodal.diagrams.crossmodal.results.frame_plots import draw_frames
 from crossmodal.diagrams.crossmodal.results.grasp_episode import grasp_episode, summarise_grasp
-from crossmodal.diagrams.crossmodal.results.mechanics_plot import draw_mechanics
-from crossmodal.diagrams.crossmodal.results.plots import draw_configurations, draw_errors
-from crossmodal.diagrams.crossmodal.results.report import report
 from crossmodal.diagrams.crossmodal.task import (
     can_be_judged,
     task_failure,
@@ -32,6 +28,12 @@ from crossmodal.diagrams.run.record import EpisodeRecord, Tick
 
 def evaluate(record: EpisodeRecord) -> Results:
     """Compares an episode's beliefs with the truth."""
+    # What only shows is imported here, so that it does not belong to `program_files`.
+    from crossmodal.diagrams.crossmodal.results.frame_plots import draw_frames
+    from crossmodal.diagrams.crossmodal.results.mechanics_plot import draw_mechanics
+    from crossmodal.diagrams.crossmodal.results.plots import draw_configurations, draw_errors
+    from crossmodal.diagrams.crossmodal.results.report import report
+
     episode = joint_episode(record)
     task, truth = record.scenario.task, episode.truth
     phases = task_phases(task, truth, record.events)

@@ -15,10 +15,9 @@ from crossmodal.diagrams.drawing.digits import written
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.episode import run_episode
 from crossmodal.diagrams.run.folder.fingerprint import fingerprint
-from crossmodal.diagrams.run.folder.own_files import held
 from crossmodal.diagrams.run.folder.run_folder import (
-    FILES,
     SENSORS_FILE,
+    make_folder,
     without_nan,
     write_run,
     write_text,
@@ -51,12 +50,11 @@ def run_ablation(
             return dict(known["wirings"])
     except (OSError, ValueError):
         pass
-    with held(folder, (*FILES, _RESULT_FILE), force=True) as own:
-        record = _perceive_whole_and_cut(application, ablation, scenario, folder)
-        perceived = application.evaluate(record).summary["modalities"]
-        wirings = {name: without_nan(perceived[name]["joints"][0]) for name in WIRINGS}
-        text = json.dumps(key | {"wirings": wirings}, indent=2) + "\n"
-        write_text(own.place(_RESULT_FILE), text)
+    make_folder(folder)
+    record = _perceive_whole_and_cut(application, ablation, scenario, folder)
+    perceived = application.evaluate(record).summary["modalities"]
+    wirings = {name: without_nan(perceived[name]["joints"][0]) for name in WIRINGS}
+    write_text(folder / _RESULT_FILE, json.dumps(key | {"wirings": wirings}, indent=2) + "\n")
     return wirings
 
 

@@ -3,56 +3,29 @@
 import hashlib
 import inspect
 import platform
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
+import yaml
 from pydrake.common.yaml import yaml_dump_typed
 
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.maths.source_files import PACKAGE, source_files, sources_stamp
+from crossmodal.models import SDF_DIR, WEIGHTS_DIR
 
-_PACKAGES = ("maths", "models", "plants", "systems", "controllers", "diagrams")
-_SOURCE_TYPES = {".py", ".sdf", ".urdf", ".yaml", ".obj", ".mtl", ".png", ".npz", ".pt"}
-# What only shows results: a change there leaves finished episodes valid.
-PRESENTATION = (
-    "diagrams/command_line.py",
-    "diagrams/commands",
-    "diagrams/crossmodal/inspection",
-    "diagrams/crossmodal/meshcat_view.py",
-    "diagrams/crossmodal/results/frame_plots.py",
-    "diagrams/crossmodal/results/mechanics_plot.py",
-    "diagrams/crossmodal/results/metrics.py",
-    "diagrams/crossmodal/results/plots.py",
-    "diagrams/crossmodal/results/report.py",
-    "diagrams/crossmodal/studies/experiments.py",
-    "diagrams/drawing",
-    "diagrams/evaluation/campaign.py",
-    "diagrams/evaluation/campaign_plots.py",
-    "diagrams/evaluation/campaign_report.py",
-    "diagrams/evaluation/comparison.py",
-    "diagrams/evaluation/folder_checksums.py",
-    "diagrams/evaluation/metric_table.py",
-    "diagrams/evaluation/seeds.py",
-    "diagrams/flap/experiments.py",
-    "diagrams/flap/meshcat_view.py",
-    "diagrams/flap/results/frame_plots.py",
-    "diagrams/flap/results/line_plots.py",
-    "diagrams/flap/results/metrics.py",
-    "diagrams/flap/results/plots.py",
-    "diagrams/joints/joint_drawing.py",
-    "diagrams/joints/joint_errors.py",
-    "diagrams/joints/joint_palette.py",
-    "diagrams/run/process.py",
-)
+_COMPUTES = ("drake", "numpy", "scipy", "opencv-python-headless", "numba")
 
 
+@cache
 def versions() -> dict[str, str]:
     """Of the program, its sources and what it computes with."""
-    names = ("crossmodal", "drake", "numpy", "scipy", "opencv-python-headless", "numba", "torch")
-    found = {"python": platform.python_version(), "source": source_hash()}
-    for name in names:
+    found = {"python": platform.python_version(), "source": _stamp_of_all()}
+    for name in ("crossmodal", *_COMPUTES):
         try:
             found[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
@@ -60,45 +33,67 @@ def versions() -> dict[str, str]:
     return found
 
 
-def only_shows(place: str) -> bool:
-    """Whether a file, by its path from the root, cannot change the numbers of an episode."""
-    return any(place == entry or place.startswith(f"{entry}/") for entry in PRESENTATION)
+def _stamp_of_all() -> str:
+    # Room by room: in a checkout they are links, which a pattern does not follow.
+    return sources_stamp(*(path for room in PACKAGE.iterdir() for path in room.rglob("*.py")))
+
+
+def program_files(application: Application) -> list[Path]:
+    """The Python files that decide what an episode comes to.
+
+    They are those of the station, the estimators, the scenario, the calibration, the evaluation and
+    the episode, and what these import. What only shows results is imported where it is called.
+    """
+    made_by = [
+        application.scenario,
+        application.resolve,
+        application.make_calibration,
+        application.make_station,
+        application.make_estimators,
+        application.close_loop,
+        application.evaluate,
+    ]
+    own = [Path(inspect.getfile(part)) for value in made_by for part in _parts(value)]
+    return source_files([PACKAGE / "diagrams/run/episode.py", *own])
+
+
+def _parts(value: Any) -> Iterator[Any]:
+    """The functions and classes that a function or a partial consists of."""
+    if isinstance(value, partial):
+        for part in (value.func, *value.args, *value.keywords.values()):
+            yield from _parts(part)
+    elif inspect.isfunction(value) or inspect.isclass(value):
+        yield value
+
+
+def source_hash(application: Application) -> str:
+    """Hash of all files that can change an episode, as they were when they were first read."""
+    return hashlib.sha256(
+        (sources_stamp(*program_files(application)) + _stamp_of_data()).encode()
+    ).hexdigest()[:16]
 
 
 @cache
-def source_hash() -> str:
-    """Hash of every file that can change an episode, as they were when it was first asked for."""
-    root = Path(__file__).parents[3]  # The package `crossmodal`.
-    digest = hashlib.sha256()
-    for package in _PACKAGES:
-        for path in sorted((root / package).rglob("*")):
-            place = path.relative_to(root).as_posix()
-            if path.suffix in _SOURCE_TYPES and not only_shows(place):
-                digest.update(place.encode())
-                digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+def _stamp_of_data() -> str:
+    files = [path for place in (SDF_DIR, WEIGHTS_DIR) for path in sorted(place.rglob("*.*"))]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
-def scenario_hash(application: Application, scenario: Scenario) -> str:
-    """Hash of all that the scenario says, its versions left out.
+def contents(application: Application, scenario: Scenario) -> str:
+    """All that a scenario says, as YAML; of files that it names what is in them, not their places.
 
-    Of a file that it names it matters what is in it, not where it lies.
+    The files that do not come with the program stand below `files` with their SHA-256 sums.
     """
-    said = application.identity(replace(scenario, versions={}))
-    return hashlib.sha256(yaml_dump_typed(said).encode()).hexdigest()[:16]
+    said, files = application.keep_files(scenario)
+    sums = {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in files.items()}
+    return yaml_dump_typed(said) + (yaml.safe_dump({"files": sums}) if sums else "")
 
 
-def _own_hash(application: Application) -> str:
-    """Hash of the file of an application that does not come with the program; else nothing."""
-    file = inspect.getsourcefile(application.scenario)
-    if file is None or Path(file).is_relative_to(Path(__file__).parents[2]):
-        return ""
-    return "-" + hashlib.sha256(Path(file).read_bytes()).hexdigest()[:8]
-
-
-def fingerprint(application: Application, scenario: Scenario) -> dict[str, str]:
+def fingerprint(application: Application, scenario: Scenario) -> dict[str, Any]:
     """What decides whether a finished run is still the one that a scenario would give."""
+    said = contents(application, replace(scenario, versions={}))
     return {
-        "scenario_hash": scenario_hash(application, scenario),
-        "source_hash": source_hash() + _own_hash(application),
+        "scenario_hash": hashlib.sha256(said.encode()).hexdigest()[:16],
+        "source_hash": source_hash(application),
+        "computed_with": {name: versions()[name] for name in _COMPUTES},
     }

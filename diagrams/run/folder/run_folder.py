@@ -2,18 +2,20 @@
 
 Every file is written beside its place and moved there when it is whole. A folder with a
 `summary.json` holds a run's scenario and estimates; the run is complete if all files are there that
-the summary names.
+the summary names. Only these files are removed when another run replaces it.
 """
 
+import contextlib
 import json
 import math
 import os
 import shutil
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import chain, count
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +23,6 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from crossmodal.diagrams.run.application import Application, Results
 from crossmodal.diagrams.run.folder.fingerprint import fingerprint, versions
-from crossmodal.diagrams.run.folder.own_files import OwnFiles
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
@@ -44,15 +45,78 @@ def default_folder(scenario: Scenario) -> Path:
     return Path("runs") / f"{scenario.name}-seed{scenario.seed}"
 
 
-def first_free(folder: Path) -> Path:
-    """`folder`, or the first of `folder-2`, `folder-3`, ... where nothing is yet."""
-    numbered = (folder.with_name(f"{folder.name}-{number}") for number in count(2))
-    return next(path for path in chain([folder], numbered) if not _is_taken(path))
+def make_folder(folder: Path) -> Path:
+    """Makes a folder before anything is computed for it.
+
+    Raises:
+        ScenarioError: where nothing can be written there.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise ScenarioError(f"{folder}: cannot be written: {error.strerror or error}") from None
+    return folder
 
 
-def _is_taken(path: Path) -> bool:
-    """Whether anything is there but an empty folder; one that a run holds has its list of files."""
-    return os.path.lexists(path) and not (path.is_dir() and not any(path.iterdir()))
+@contextlib.contextmanager
+def opened(folder: Path, *, force: bool = False, numbered: bool = False) -> Iterator[Path]:
+    """Makes the folder of a run before anything is computed; one left empty is removed again.
+
+    Args:
+        folder: Where to write.
+        force: Whether an earlier run there may be replaced.
+        numbered: Whether to take the first of `folder-2`, `folder-3`, ... that is not there yet
+            where `folder` is.
+
+    Raises:
+        ScenarioError: where it cannot be written, or holds what must not be replaced.
+    """
+    places = chain([folder], (folder.with_name(f"{folder.name}-{n}") for n in count(2)))
+    place = make_folder(next(p for p in places if not (numbered and os.path.lexists(p))))
+    occupied = any(place.iterdir())
+    if occupied and not force:
+        raise ScenarioError(
+            f"{place}: already holds files; choose another folder with --out,"
+            " or replace an earlier run there with --force"
+        )
+    if occupied and not files_of_run(place):
+        raise ScenarioError(
+            f"{place}: holds files, but no run that --force could replace; choose another folder"
+            " with --out"
+        )
+    try:
+        yield place
+    finally:
+        with contextlib.suppress(OSError):
+            place.rmdir()
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """What `summary.json` in a folder holds; nothing where there is none, or another one."""
+    try:
+        summary = json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return summary if isinstance(summary, dict) else {}
+
+
+def files_of_run(folder: Path) -> list[str]:
+    """The files of the run in a folder, the summary first, by their paths relative to it."""
+    names = read_summary(folder).get("files", [])
+    root = folder.resolve()
+    below = [name for name in names if (folder / name).resolve().is_relative_to(root)]
+    return [SUMMARY_FILE, *below] if names else []
+
+
+def remove_run(folder: Path, *, kept: Collection[str] = ()) -> None:
+    """Removes the files of the run in a folder, and folders that are empty then."""
+    for name in files_of_run(folder):
+        if name not in kept:
+            (folder / name).unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                for parent in PurePosixPath(name).parents[:-1]:
+                    (folder / parent).rmdir()
 
 
 def write_atomically(path: Path, write: Callable[[Path], Any]) -> Path:
@@ -85,10 +149,9 @@ def undrawn(place: Path, error: Exception) -> str:
 def write_scenario(folder: Path, application: Application, scenario: Scenario) -> Path:
     """Writes the resolved scenario with the versions that run it; it can be run again as it is."""
     kept, files = application.keep_files(replace(scenario, versions=versions()))
-    own = OwnFiles(folder)
     for name, source in files.items():
-        write_atomically(own.place(name), partial(shutil.copyfile, source))
-    return write_text(own.place(SCENARIO_FILE), yaml_dump_typed(kept))
+        write_atomically(folder / name, partial(shutil.copyfile, source))
+    return write_text(folder / SCENARIO_FILE, yaml_dump_typed(kept))
 
 
 class RunWriter:
@@ -100,14 +163,14 @@ class RunWriter:
         missing: What is not there, and why, a line each.
 
     Args:
-        folder: Of the run. Files in it that are no run's are not replaced.
+        folder: Of the run. A picture in it that is of no run is not replaced.
         results: Of the record.
     """
 
     def __init__(
         self, folder: Path, application: Application, record: EpisodeRecord, results: Results
     ) -> None:
-        self._folder, self._own = folder, OwnFiles(folder)
+        self._folder, self._earlier = folder, files_of_run(folder)
         self._application, self._record, self._results = application, record, results
         self.missing = list(record.missing)
         self._figures = self._draw()
@@ -117,7 +180,6 @@ class RunWriter:
             names.append(MESHCAT_FILE)
         if record.sensors_file is not None:
             names.append(SENSORS_FILE)
-            self._own.adopt(SENSORS_FILE)
         self._names = names
         text = json.dumps(summarise(application, record, results) | {"files": names}, indent=2)
         self.summary: dict[str, Any] = json.loads(text)
@@ -138,11 +200,10 @@ class RunWriter:
     def write_results(self) -> None:
         """Writes scenario and estimates and, where both are there, the summary.
 
-        Before, it removes files of an earlier run that this one does not write again, and its
-        summary first: without one the folder holds no complete run.
+        Before, it removes the summary of an earlier run, without which the folder holds no run, and
+        its files that this one does not write again.
         """
-        self._own.remove_all_but([name for name in self._own.names if name != SUMMARY_FILE])
-        self._own.remove_all_but(self._names)
+        remove_run(self._folder, kept=self._names)
         scenario = self._record.scenario
         self._try(lambda: write_scenario(self._folder, self._application, scenario))
         self._write(
@@ -161,6 +222,8 @@ class RunWriter:
 
         for name, figure in self._figures.items():
             try:
+                if name not in self._earlier and os.path.lexists(self._folder / name):
+                    raise FileExistsError("a file is there that no run has drawn")
                 self._write(name, partial(save, figure))
             except Exception as error:
                 self.missing.append(undrawn(self._folder / name, error))
@@ -171,7 +234,7 @@ class RunWriter:
             self._write(MESHCAT_FILE, lambda path: path.write_text(page, encoding="utf-8"))
 
     def _write(self, name: str, write: Callable[[Path], Any]) -> None:
-        self._try(lambda: write_atomically(self._own.place(name), write))
+        self._try(lambda: write_atomically(self._folder / name, write))
 
     def _try(self, write: Callable[[], Path]) -> None:
         try:
@@ -247,11 +310,8 @@ def finished_summary(
     folder: Path, application: Application, scenario: Scenario
 ) -> dict[str, Any] | None:
     """The summary of a complete run of this very scenario, seed and program, if there is one."""
-    try:
-        summary = json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    if not isinstance(summary, dict) or summary.get("interrupted"):
+    summary = read_summary(folder)
+    if not summary or summary.get("interrupted"):
         return None
     if not all((folder / name).is_file() for name in summary.get("files", ())):
         return None

@@ -1,86 +1,79 @@
-"""Reads YAML as scenarios are written in it: plain values, each key once, and nothing unbounded."""
+"""Reads YAML files into mappings, and assignments of single values."""
 
 from collections.abc import Hashable
+from pathlib import Path
 from typing import Any
 
 import yaml
 
-MOST_LEVELS = 40  # Of mappings and lists within each other.
-_PREFIX = "tag:yaml.org,2002:"
-_PLAIN = {_PREFIX + name for name in ("map", "seq", "str", "int", "float", "bool", "null")}
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
 
-class _PlainLoader(yaml.SafeLoader):
-    """YAML without what a scenario has no use for and what can grow without bound.
-
-    Dates, binary data and the like are no types of their own: they stay text, and their tags are
-    refused. So are aliases, for a change of one place would change another, and so are keys that
-    are no text or that a mapping has twice.
-    """
-
-    yaml_implicit_resolvers = {  # noqa: RUF012 (as PyYAML declares it)
-        first: [(tag, pattern) for tag, pattern in resolvers if tag in _PLAIN]
-        for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
-    }
-
-    def __init__(self, stream: str) -> None:
-        super().__init__(stream)
-        self._level = 0
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        event = self.peek_event()
-        if isinstance(event, yaml.AliasEvent):
-            raise _error(f"*{event.anchor}: aliases are not read, write the value out", event)
-        if self._level == MOST_LEVELS:
-            raise _error(f"more than {MOST_LEVELS} levels within each other", event)
-        self._level += 1
-        node = super().compose_node(parent, index)
-        self._level -= 1
-        return node
-
-    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
-        if node.tag not in _PLAIN:
-            raise _error(f"{_tag(node)}: values of this type are not read", node)
-        try:
-            value = super().construct_object(node, deep)
-        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
-            raise _error(f"cannot be read as {_tag(node)}", node) from None
-        if isinstance(value, int) and abs(value) >= 2**63:
-            raise _error("a whole number beyond 64 bits", node)
-        if isinstance(value, str) and not _is_text(value):
-            raise _error("text with a character that no text has", node)
-        return value
+class _Loader(yaml.SafeLoader):
+    """Refuses a key that a mapping has twice, of which otherwise the last one would count."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         lines: dict[str, int] = {}
-        for key, _ in node.value:
-            name = f"'{key.value}'" if isinstance(key, yaml.ScalarNode) else "of several values"
-            if key.tag != _PREFIX + "str":
-                raise _error(f"the key {name} is no text; put it into quotes if it is one", key)
+        for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
             if key.value in lines:
-                raise _error(f"the key {name} is there already, in line {lines[key.value]}", key)
+                problem = f"the key '{key.value}' is there already, in line {lines[key.value]}"
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
             lines[key.value] = key.start_mark.line + 1
         return super().construct_mapping(node, deep)
 
 
-def _error(problem: str, place: Any) -> yaml.MarkedYAMLError:
-    return yaml.MarkedYAMLError(problem=problem, problem_mark=place.start_mark)
+def _load(text: str, source: str) -> Any:
+    try:
+        return yaml.load(text, Loader=_Loader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        problem = one_line(getattr(error, "problem", None) or error)
+        raise ScenarioError(f"{source}: is not valid YAML: {where}{problem}") from None
 
 
-def _tag(node: yaml.Node) -> str:
-    return str(node.tag).replace(_PREFIX, "!!")
+def read_yaml(path: Path) -> dict[str, Any]:
+    """The mapping in a YAML file; an empty file holds an empty one."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ScenarioError(f"{path}: there is no such file") from None
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"{path}: cannot be read: {one_line(error)}") from None
+    document = _load(text, str(path))
+    if document is None:
+        return {}
+    if not isinstance(document, dict):
+        kind = type(document).__name__
+        raise ScenarioError(f"{path}: must hold a mapping of keys to values, not a {kind}")
+    return document
 
 
-def _is_text(value: str) -> bool:
-    """Whether a string can be a file's name or be written to one."""
-    return "\0" not in value and not any("\ud800" <= letter <= "\udfff" for letter in value)
+def apply_override(document: dict[str, Any], assignment: str) -> None:
+    """Sets `key.path=value` in a nested mapping in place; the value is YAML.
 
-
-def load_yaml(text: str) -> Any:
-    """The value that a YAML document holds: None, a number, text, true, false, or of these lists
-    and mappings by text.
-
-    Raises:
-        yaml.YAMLError: where it is no such document.
+    A number in the path names an element of a list that exists.
     """
-    return yaml.load(text, Loader=_PlainLoader)
+    path, equals, text = assignment.partition("=")
+    *parents, last = path.strip().split(".")
+    if not equals or not all([*parents, last]):
+        raise ScenarioError(f"--set {assignment}: expected key.path=value")
+    value = _load(text, f"--set {assignment}")
+    node: Any = document
+    for key in parents:
+        if isinstance(node, dict):
+            node = node.setdefault(key, {})
+        else:
+            node = node[_index(node, key, assignment)]
+    if isinstance(node, dict):
+        node[last] = value
+    else:
+        node[_index(node, last, assignment)] = value
+
+
+def _index(node: Any, key: str, assignment: str) -> int:
+    if not isinstance(node, list):
+        raise ScenarioError(f"--set {assignment}: '{key}' is inside a plain value")
+    if key not in map(str, range(len(node))):
+        raise ScenarioError(f"--set {assignment}: '{key}' is not one of the {len(node)} elements")
+    return int(key)

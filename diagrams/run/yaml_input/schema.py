@@ -1,24 +1,25 @@
-"""Reads YAML into config dataclasses and says in one line what is wrong with it."""
+"""Makes config dataclasses of plain values and says in one line what is wrong with them."""
 
+import contextlib
 import dataclasses
 import difflib
+import re
 import reprlib
 import types
 import typing
-from collections.abc import Iterable
-from pathlib import Path
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
-import yaml
-from pydrake.common.yaml import yaml_dump, yaml_dump_typed, yaml_load_typed
 
-from crossmodal.diagrams.run.yaml_input.loader import MOST_LEVELS, load_yaml
+from crossmodal.maths.units import in_unit
+from crossmodal.maths.validation import declared
 
 T = TypeVar("T")
-_MOST_BYTES = 1_000_000  # Of a file: what comes with the program has some thousand.
 _SHOWN = reprlib.Repr()  # How a value stands in a message.
 _SHOWN.maxstring = _SHOWN.maxother = 100
+_MEASURE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*((?:1/)?[A-Za-z].*)")
 
 
 class ScenarioError(Exception):
@@ -42,205 +43,118 @@ def suggestion(word: str, allowed: Iterable[str]) -> str:
     return f"{hint}allowed: {', '.join(names) or 'none'}"
 
 
-def read_yaml(path: Path) -> dict[str, Any]:
-    """The mapping in a YAML file; an empty file holds an empty one."""
-    try:
-        document = load_yaml(_read_text(path))
-    except yaml.YAMLError as error:
-        raise ScenarioError(f"{path}: is not valid YAML: {_position(error)}") from None
-    if document is None:
-        return {}
-    if not isinstance(document, dict):
-        raise ScenarioError(
-            f"{path}: must hold a mapping of keys to values, not a {type(document).__name__}"
-        )
-    return document
-
-
-def _read_text(path: Path) -> str:
-    try:
-        if path.exists() and not path.is_file():
-            raise ScenarioError(f"{path}: is no file")
-        if (size := path.stat().st_size) > _MOST_BYTES:
-            raise ScenarioError(
-                f"{path}: has {size} bytes; a scenario has at most {_MOST_BYTES} bytes"
-            )
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ScenarioError(f"{path}: there is no such file") from None
-    except (OSError, ValueError) as error:
-        raise ScenarioError(f"{path}: cannot be read: {one_line(error)}") from None
-
-
-def _position(error: yaml.YAMLError) -> str:
-    if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
-        mark = error.problem_mark
-        return f"line {mark.line + 1}, column {mark.column + 1}: {error.problem}"
-    return one_line(error)
-
-
-def apply_override(document: dict[str, Any], assignment: str) -> None:
-    """Sets `key.path=value` in a nested mapping in place; the value is YAML.
-
-    A number in the path names an element of a list that exists.
-    """
-    path, equals, text = assignment.partition("=")
-    keys = path.strip().split(".")
-    if not equals or not all(keys):
-        raise ScenarioError(f"--set {assignment}: expected key.path=value")
-    if len(keys) > MOST_LEVELS:
-        raise ScenarioError(f"--set {_SHOWN.repr(path)}=...: more than {MOST_LEVELS} levels")
-    try:
-        value = load_yaml(text)
-    except yaml.YAMLError as error:
-        raise ScenarioError(f"--set {assignment}: {_position(error)}") from None
-    node: Any = document
-    for key in keys[:-1]:
-        node = _child(node, key, assignment)
-    if isinstance(node, list):
-        node[_list_index(node, keys[-1], assignment)] = value
-    elif isinstance(node, dict):
-        node[keys[-1]] = value
-    else:
-        raise ScenarioError(f"--set {assignment}: '{keys[-1]}' is inside a plain value")
-
-
-def _child(node: Any, key: str, assignment: str) -> Any:
-    if isinstance(node, list):
-        return node[_list_index(node, key, assignment)]
-    if isinstance(node, dict):
-        return node.setdefault(key, {})
-    raise ScenarioError(f"--set {assignment}: '{key}' is inside a plain value")
-
-
-def _list_index(node: list[Any], key: str, assignment: str) -> int:
-    if key in map(str, range(len(node))):
-        return int(key)
-    raise ScenarioError(f"--set {assignment}: '{key}' is not one of the {len(node)} elements")
-
-
-def load_typed(schema: type[T], document: dict[str, Any], source: str) -> T:
+def load_typed(
+    schema: type[T],
+    document: Mapping[str, Any],
+    source: str,
+    units: Callable[[], Mapping[str, str]] = dict,
+) -> T:
     """The mapping as an instance of the dataclass `schema`; absent keys keep their defaults.
 
+    Of a mapping of names to parts, such as the cameras, those parts are there that the document
+    names; one that is also among the defaults keeps its values. A number may be a text with a unit,
+    such as `5 cm`, which becomes the number in the unit that its field declares.
+
     Args:
-        source: Where the mapping comes from, the beginning of every error message.
+        schema: Its fields are numbers, texts, arrays, dataclasses, lists and mappings of these.
+        document: As it was read.
+        source: Where it comes from, the beginning of every error message.
+        units: Gives the units, by path, of fields that leave them open (`m or rad`).
+
+    Raises:
+        ScenarioError: for an unknown key, a value of another type, or a unit that does not measure
+            what the field's does.
     """
-    _check(document, schema, source, "")
-    defaults = schema()
-    try:
-        document = _completed(document, defaults)
-        return yaml_load_typed(
-            schema=schema,
-            data=yaml_dump(document),
-            defaults=defaults,
-            retain_map_defaults=False,
-        )
-    except (RuntimeError, TypeError, ValueError, yaml.YAMLError) as error:
-        raise ScenarioError(f"{source}: {one_line(error)}") from None
+    made: T = _Reader(source, units).part(document, schema, schema(), "")
+    return made
 
 
-def _completed(document: dict[str, Any], defaults: Any) -> dict[str, Any]:
-    """A document whose named parts keep the defaults' values of what it does not say of them.
+@dataclass(frozen=True)
+class _Reader:
+    source: str
+    units: Callable[[], Mapping[str, str]]
 
-    A mapping of names to parts, such as the cameras, holds the parts that the document names. Drake
-    would give those the values of their class, also where the defaults have a part of that name.
-    """
-    completed = dict(document)
-    for name, said in document.items():
-        default = getattr(defaults, name)
-        if not isinstance(said, dict):
-            continue
-        if dataclasses.is_dataclass(default):
-            completed[name] = _completed(said, default)
-        elif isinstance(default, dict):
-            completed[name] = {
-                key: _merged(yaml.safe_load(yaml_dump_typed(default[key])), part)
-                if dataclasses.is_dataclass(default.get(key))
-                else part
-                for key, part in said.items()
-            }
-    return completed
-
-
-def _merged(default: Any, said: Any) -> Any:
-    """`said`, and of `default` what it does not say."""
-    if not isinstance(default, dict) or not isinstance(said, dict):
-        return said
-    return default | {key: _merged(default.get(key), value) for key, value in said.items()}
-
-
-def _check(value: Any, schema: Any, source: str, path: str) -> None:
-    """Compares a YAML value with the type it must have, recursively."""
-    origin, arguments = typing.get_origin(schema), typing.get_args(schema)
-    if dataclasses.is_dataclass(schema):
-        _check_dataclass(value, schema, source, path)
-    elif origin in (typing.Union, types.UnionType):
-        if value is None and type(None) in arguments:
-            return
-        choices = [choice for choice in arguments if choice is not type(None)]
-        if len(choices) == 1:
-            _check(value, choices[0], source, path)
-    elif origin is list:
-        _require(isinstance(value, list), value, "a list", source, path)
-        for index, item in enumerate(value):
-            _check(item, arguments[0], source, f"{path}.{index}")
-    elif origin is dict:
-        _require(isinstance(value, dict), value, "a mapping", source, path)
+    def part(self, value: Any, schema: Any, default: Any, path: str) -> Any:
+        """The mapping `value` as an instance of the dataclass `schema`."""
+        self._require(isinstance(value, dict), value, "a mapping", path)
+        fields = {field.name: field for field in dataclasses.fields(schema)}
+        hints = typing.get_type_hints(schema)
+        made = {}
         for key, item in value.items():
-            _check(item, arguments[1], source, f"{path}.{key}")
-    else:
-        _check_leaf(value, origin or schema, source, path)
+            where = f"{path}.{key}".lstrip(".")
+            if key not in fields:
+                hint = suggestion(str(key), fields)
+                raise ScenarioError(f"{self.source}: unknown key '{where}'; {hint}")
+            possible = declared(fields[key])
+            unit = possible.unit if possible else ""
+            made[key] = self.value(item, hints[key], getattr(default, key), where, unit)
+        return dataclasses.replace(default, **made)
 
+    def value(self, value: Any, schema: Any, default: Any, path: str, unit: str) -> Any:
+        origin, arguments = typing.get_origin(schema), typing.get_args(schema)
+        kind = origin or schema
+        if kind in (typing.Union, types.UnionType):
+            if value is None:
+                return None
+            (schema,) = (choice for choice in arguments if choice is not type(None))
+            return self.value(value, schema, default, path, unit)
+        if dataclasses.is_dataclass(kind):
+            default = default if isinstance(default, typing.cast(type, kind)) else schema()
+            return self.part(value, schema, default, path)
+        if kind is list:
+            self._require(isinstance(value, list), value, "a list", path)
+            return [
+                self.value(item, arguments[0], None, f"{path}.{index}", unit)
+                for index, item in enumerate(value)
+            ]
+        if kind is dict:
+            self._require(isinstance(value, dict), value, "a mapping", path)
+            self._require(all(isinstance(key, str) for key in value), value, "keyed by text", path)
+            return {
+                key: self.value(item, arguments[1], (default or {}).get(key), f"{path}.{key}", unit)
+                for key, item in value.items()
+            }
+        if kind is np.ndarray:
+            self._require(isinstance(value, list), value, "numbers in a list", path)
+            try:
+                return np.array(self._numbers(value, path, unit), dtype=float)
+            except ValueError:  # Rows of different lengths.
+                raise self._refusal(value, "numbers in a list", path) from None
+        if kind is float:
+            return self._number(value, "a number", path, unit)
+        if kind is int:
+            whole = "a whole number"
+            number = value if type(value) is int else self._number(value, whole, path, unit)
+            self._require(isinstance(number, int) or number.is_integer(), number, whole, path)
+            return int(number)
+        expected = "true or false" if kind is bool else "text"
+        self._require(isinstance(value, kind), value, expected, path)
+        return value
 
-def _check_dataclass(value: Any, schema: Any, source: str, path: str) -> None:
-    _require(isinstance(value, dict), value, "a mapping", source, path)
-    hints = typing.get_type_hints(schema)
-    names = [field.name for field in dataclasses.fields(schema)]
-    for key, item in value.items():
-        where = f"{path}.{key}".lstrip(".")
-        if key not in names:
-            raise ScenarioError(f"{source}: unknown key '{where}'; {suggestion(str(key), names)}")
-        _check(item, hints[key], source, where)
+    def _numbers(self, value: Any, path: str, unit: str) -> Any:
+        if not isinstance(value, list):
+            return self._number(value, "a number", path, unit)
+        return [self._numbers(item, f"{path}.{index}", unit) for index, item in enumerate(value)]
 
+    def _number(self, value: Any, expected: str, path: str, unit: str) -> float:
+        with contextlib.suppress(TypeError, ValueError, OverflowError):
+            if not isinstance(value, bool):
+                return float(value)  # Also of a text: YAML 1.1 reads 1e-3 as one.
+        measure = _MEASURE.fullmatch(value) if isinstance(value, str) else None
+        if measure is None:
+            raise self._refusal(value, expected, path)
+        wanted = self.units().get(path, unit) if " or " in unit else unit
+        try:
+            return in_unit(float(measure[1]), measure[2], wanted)
+        except (ValueError, OverflowError):
+            need = f"in {wanted}" if wanted else "a number without a unit"
+            raise self._refusal(value, need, path) from None
 
-def _check_leaf(value: Any, schema: Any, source: str, path: str) -> None:
-    if schema is float:
-        _require(is_number(value), value, "a number", source, path)
-    elif schema is int:
-        whole = isinstance(value, int) and not isinstance(value, bool)
-        _require(whole, value, "a whole number", source, path)
-    elif schema is bool:
-        _require(isinstance(value, bool), value, "true or false", source, path)
-    elif schema is str:
-        _require(isinstance(value, str), value, "text", source, path)
-    elif schema is np.ndarray:
-        _require(_is_array(value), value, "numbers in a list", source, path)
+    def _require(self, condition: bool, value: Any, expected: str, path: str) -> None:
+        if not condition:
+            raise self._refusal(value, expected, path)
 
-
-def is_number(value: Any) -> bool:
-    """YAML 1.1 reads 1e-3 as text; Drake's loader takes it as the number that was meant."""
-    if not isinstance(value, int | float | str) or isinstance(value, bool):
-        return False
-    try:
-        float(value)
-    except (ValueError, OverflowError):
-        return False
-    return True
-
-
-def _is_array(value: Any) -> bool:
-    """Whether it is a list of numbers, or of equally long lists of them."""
-    if not isinstance(value, list):
-        return False
-    rows = [item for item in value if isinstance(item, list)]
-    if rows:
-        even = len(rows) == len(value) and len(set(map(len, rows))) == 1
-        return even and all(map(_is_array, rows))
-    return all(map(is_number, value))
-
-
-def _require(condition: bool, value: Any, expected: str, source: str, path: str) -> None:
-    if not condition:
-        raise ScenarioError(
-            f"{source}: {path or 'the document'} = {_SHOWN.repr(value)}, but it must be {expected}"
-        )
+    def _refusal(self, value: Any, expected: str, path: str) -> ScenarioError:
+        shown = _SHOWN.repr(value)
+        where = path or "the document"
+        return ScenarioError(f"{self.source}: {where} = {shown}, but it must be {expected}")

@@ -13,7 +13,6 @@ from crossmodal.diagrams.evaluation.campaign_report import OVERVIEW_FILES
 from crossmodal.diagrams.run import process
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import CampaignPlot
-from crossmodal.diagrams.run.folder.own_files import held
 from crossmodal.diagrams.run.folder.run_folder import finished_summary, write_scenario
 from crossmodal.diagrams.run.process import failed_summary
 from crossmodal.diagrams.run.scenario import Scenario
@@ -86,22 +85,6 @@ def test_all_experiments_end_in_one_table_and_single_ones_are_taken_over(
     assert "| all | 2/2 (100 %) |" in result.output
     assert Path("runs/evaluate/report.html").is_file()
     assert Path("runs/evaluate/drawer/report.html").is_file()
-
-
-@pytest.mark.usefixtures("in_this_process", "fake_episode")
-def test_an_evaluation_does_not_run_where_another_one_does() -> None:
-    for command, folder in (
-        (["evaluate", "drawer", "--seeds", "1", "--out", "here"], Path("here")),
-        (["evaluate", "all", "--seeds", "1", "--out", "there"], Path("there")),
-        (["evaluate", "all", "--seeds", "1", "--out", "top"], Path("top/drawer")),
-    ):
-        with held(folder, ()):
-            result = RUNNER.invoke(app, command)
-        assert result.exit_code == 2, result.output
-        assert result.stderr == (
-            f"crossmodal: {folder}: another run is writing there; wait for its end, or choose"
-            " another folder with --out\n"
-        )
 
 
 def test_a_folder_whose_name_is_too_long_is_refused_in_one_line() -> None:

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from truth_paths import truth_paths
 
 from crossmodal.diagrams.applications import load_scenario
-from crossmodal.diagrams.crossmodal.application import APPLICATION, QUANTITIES
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.crossmodal.episode_parts import QUANTITIES
 from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_WIRES, MODALITIES, make_network
 from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.drawing.diagram_drawing import leaf_systems, wires
@@ -17,7 +19,6 @@ from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.episode import Episode, build_estimators, build_station
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
-from crossmodal.diagrams.stations.truth_paths import truth_paths
 from crossmodal.systems.port_values import HELD_BODY, SampleWindow
 from crossmodal.systems.proprioception.grasp_model import initial_grasp
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig

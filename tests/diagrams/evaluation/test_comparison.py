@@ -16,7 +16,6 @@ from crossmodal.diagrams.evaluation.comparison import (
     read_compared,
     scenarios_table,
 )
-from crossmodal.diagrams.evaluation.folder_checksums import write_checksums
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
@@ -135,8 +134,4 @@ def test_what_an_application_does_not_write_is_not_compared(tmp_path: Path) -> N
     wrong = toy_summary(3, left=0.1, right=0.1) | {"score": "many"}
     folder = write_episode(tmp_path / "run", wrong)
     with pytest.raises(ScenarioError, match="holds what 'toy' does not write"):
-        read(folder)
-    write_checksums(folder, [folder / "summary.json"])
-    (folder / "summary.json").write_text(json.dumps(toy_summary(3, left=0.1, right=0.1)))
-    with pytest.raises(ScenarioError, match=r"summary\.json is damaged"):
         read(folder)

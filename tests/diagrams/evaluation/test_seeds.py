@@ -18,23 +18,7 @@ def test_seeds_are_counts_ranges_and_lists(text: str, expected: list[int]) -> No
     assert parse_seeds(text) == expected
 
 
-@pytest.mark.parametrize("text", ["", "0", "a", "1:", "5:5", "-3", "1;2", "1,,2"])
+@pytest.mark.parametrize("text", ["", "0", "a", "1:", "5:5", "-3", "1;2", "1,,2", "²"])
 def test_other_seeds_are_refused(text: str) -> None:
     with pytest.raises(ScenarioError, match="--seeds"):
-        parse_seeds(text)
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("1000000", "names more than 10000 seeds"),
-        ("5,0:10000", "names more than 10000 seeds"),
-        ("0:99999999999999", "a seed is at most 4294967295"),
-        ("99999999999999999999", "a seed is at most"),
-        ("9" * 5000, "expected a count"),
-        ("²", "expected a count"),
-    ],
-)
-def test_more_seeds_than_anybody_runs_are_refused_at_once(text: str, expected: str) -> None:
-    with pytest.raises(ScenarioError, match=expected):
         parse_seeds(text)

@@ -5,10 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
+from truth_paths import truth_paths, truth_references
 
 from crossmodal.diagrams.applications import applications, load_scenario, scenarios_of
 from crossmodal.diagrams.drawing.meshcat import start_meshcat
-from crossmodal.diagrams.flap.application import APPLICATION, PERCEIVED
+from crossmodal.diagrams.flap.application import APPLICATION
+from crossmodal.diagrams.flap.episode_parts import PERCEIVED
 from crossmodal.diagrams.flap.estimator_names import ESTIMATORS
 from crossmodal.diagrams.flap.estimators import make_estimator
 from crossmodal.diagrams.flap.experiments import EXPERIMENTS
@@ -17,7 +19,6 @@ from crossmodal.diagrams.run.episode import Episode
 from crossmodal.diagrams.run.folder.run_folder import write_run
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.replay import replay
-from crossmodal.diagrams.stations.truth_paths import truth_paths, truth_references
 
 ESTIMATES = {"axis", "theta", "L1", "L2", "flap_seen", "stream_age", "stream_fault"}
 

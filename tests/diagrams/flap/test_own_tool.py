@@ -5,8 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from crossmodal.diagrams.flap.own_tool import identity, keep_files, own_tool_assignments, tool_files
+from crossmodal.diagrams.flap.application import APPLICATION
+from crossmodal.diagrams.flap.own_tool import keep_files, own_tool_assignments, tool_files
 from crossmodal.diagrams.flap.scenario import Scenario
+from crossmodal.diagrams.run.folder.fingerprint import contents
 from crossmodal.diagrams.run.own_object import OwnObject
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
@@ -45,13 +47,13 @@ def test_a_run_takes_its_tool_along(load: Load, tmp_path: Path) -> None:
     kept, files = keep_files(scenario)
     assert files == {"model/squeegee.sdf": EXAMPLE}
     assert kept.tool.model == "model/squeegee.sdf"
-    copy = tmp_path / "copy.sdf"
+    copy = tmp_path / EXAMPLE.name
     copy.write_text(EXAMPLE.read_text())
     other = load("flap", f"tool.model={copy}", "tool.thickness=0.02")
-    same = identity(scenario).tool.model
-    assert identity(other).tool.model == same != scenario.tool.model
+    same = contents(APPLICATION, scenario)
+    assert contents(APPLICATION, other) == same
     copy.write_text(EXAMPLE.read_text().replace("0.19", "0.18"))
-    assert identity(other).tool.model != same
+    assert contents(APPLICATION, other) != same
     assert keep_files(load("flap"))[1] == {}
 
 

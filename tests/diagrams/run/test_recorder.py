@@ -8,7 +8,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 from synthetic_episode import PERIOD, ReplayedBeliefs, connect_all, synthetic_episode
 
-from crossmodal.diagrams.crossmodal.application import QUANTITIES
+from crossmodal.diagrams.crossmodal.episode_parts import QUANTITIES
 from crossmodal.diagrams.joints.joint_truth import TRUTH_QUANTITIES
 from crossmodal.diagrams.run.record import Quantity, TaskStatus
 from crossmodal.diagrams.run.recorder import EpisodeRecorder, RecorderConfig, TickStopwatch

@@ -12,7 +12,8 @@ import yaml
 from numpy.testing import assert_allclose
 
 from crossmodal.diagrams.applications import load_scenario
-from crossmodal.diagrams.crossmodal.application import APPLICATION, TOPICS
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.crossmodal.episode_parts import TOPICS
 from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_WIRES, make_network
 from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.joints.joint_episode import JointEpisode, joint_episode

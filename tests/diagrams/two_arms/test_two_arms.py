@@ -9,6 +9,7 @@ import pytest
 from mcap.reader import make_reader
 from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.systems.framework import Context
+from truth_paths import truth_paths, truth_references
 
 from crossmodal.diagrams.applications import OWN, load_scenario
 from crossmodal.diagrams.drawing.diagram_drawing import diagram_dot, render_svg
@@ -20,7 +21,6 @@ from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.replay import check_recorded, replay
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
-from crossmodal.diagrams.stations.truth_paths import truth_paths, truth_references
 
 FOLDER = Path(__file__).parent
 FILE = FOLDER / "two_arms.yaml"

@@ -13,7 +13,6 @@ from crossmodal.diagrams.crossmodal.studies import ablation_study
 from crossmodal.diagrams.crossmodal.studies.ablation_study import run_ablation, table
 from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS, Ablation, find_ablation
 from crossmodal.diagrams.run.folder.fingerprint import fingerprint
-from crossmodal.diagrams.run.folder.own_files import OwnFiles
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
@@ -55,7 +54,7 @@ def test_a_finished_ablation_is_not_simulated_again(
     application, scenario = load_scenario("drawer", ["seed=4", "modalities=[crossmodal]"])
     wirings = {"whole": joint(1e-3), "cut": joint(2e-3)}
     known = fingerprint(application, scenario) | {"wire": ablation.wire, "wirings": wirings}
-    OwnFiles(tmp_path).place("ablation.json").write_text(json.dumps(known))
+    (tmp_path / "ablation.json").write_text(json.dumps(known))
 
     def simulate(*_: object, **__: object) -> None:
         raise AssertionError("simulated")

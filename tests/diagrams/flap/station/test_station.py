@@ -7,12 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
+from truth_paths import truth_paths, truth_references
 
 from crossmodal.diagrams.flap.calibration import make_calibration
 from crossmodal.diagrams.flap.scenario import Scenario
 from crossmodal.diagrams.flap.station.station import FlapStation, make_flap_station
 from crossmodal.diagrams.flap.station.tool_placement import draw_tool
-from crossmodal.diagrams.stations.truth_paths import truth_paths, truth_references
 
 Load = Callable[..., Scenario]
 REACH = 0.010  # Of the pad from the fingertip's centre, [m].

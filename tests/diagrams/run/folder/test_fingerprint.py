@@ -1,62 +1,52 @@
 """What decides whether a finished run is still the one that a scenario would give."""
 
 from dataclasses import replace
-from pathlib import Path
 
-import grimp
 import pytest
 
-from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.applications import applications, load_scenario
 from crossmodal.diagrams.crossmodal.application import APPLICATION
-from crossmodal.diagrams.run.folder.fingerprint import PRESENTATION, only_shows, scenario_hash
-
-ROOT = Path(__file__).parents[4]
-# Who may use what only shows: it is drawn, listed or measured there, and nothing computed with it.
-USERS = {
-    "crossmodal.diagrams.crossmodal.application",
-    "crossmodal.diagrams.crossmodal.results.results",
-    "crossmodal.diagrams.crossmodal.studies.ablation_study",  # Its table.
-    "crossmodal.diagrams.crossmodal.training.network_training",  # By which program, on its card.
-    "crossmodal.diagrams.evaluation.estimates",
-    "crossmodal.diagrams.flap.application",
-    "crossmodal.diagrams.flap.results.results",
-    "crossmodal.diagrams.joints.mechanics_record",  # The digits of a printed line.
-    "crossmodal.diagrams.run.episode",  # How much memory it took.
-    "crossmodal.diagrams.run.folder.run_folder",
-    "crossmodal.diagrams.stations.truth_paths",  # Names in a message.
-}
+from crossmodal.diagrams.run.folder.fingerprint import fingerprint, program_files, versions
+from crossmodal.maths.source_files import PACKAGE
 
 
 def test_the_versions_that_ran_a_scenario_do_not_make_it_another() -> None:
     _, scenario = load_scenario("drawer")
-    first = scenario_hash(APPLICATION, scenario)
-    assert scenario_hash(APPLICATION, replace(scenario, versions={"drake": "1.0"})) == first
-    assert scenario_hash(APPLICATION, replace(scenario, seed=1)) != first
+    first = fingerprint(APPLICATION, scenario)
+    assert fingerprint(APPLICATION, replace(scenario, versions={"drake": "1.0"})) == first
+    assert fingerprint(APPLICATION, replace(scenario, seed=1)) != first
 
 
-@pytest.mark.parametrize("place", PRESENTATION)
-def test_what_only_shows_is_there(place: str) -> None:
-    assert (ROOT / place).exists()
-
-
-def test_nothing_that_decides_an_episode_s_numbers_uses_what_only_shows() -> None:
-    graph = grimp.build_graph("crossmodal", cache_dir=None)
-
-    def shows(module: str) -> bool:
-        path = module.removeprefix("crossmodal.").replace(".", "/")
-        return only_shows(path) or only_shows(f"{path}.py")
-
-    used = {
-        importer
-        for module in graph.modules
-        if shows(module)
-        for importer in graph.find_modules_that_directly_import(module)
-        if not shows(importer)
+@pytest.mark.parametrize(
+    ("name", "others"), [("crossmodal", ("flap", "servoing")), ("flap", ("crossmodal",))]
+)
+def test_what_an_episode_is_computed_by_decides_and_what_only_shows_it_does_not(
+    name: str, others: tuple[str, ...]
+) -> None:
+    application = applications()[name]
+    places = {path.relative_to(PACKAGE).as_posix() for path in program_files(application)}
+    own = f"diagrams/{name}"
+    assert places > {
+        f"{own}/episode_parts.py",
+        f"{own}/estimators.py",
+        f"{own}/results/results.py",
+        f"{own}/scenario.py",
+        f"{own}/station/station_sensors.py",
+        "diagrams/run/episode.py",
+        "diagrams/run/recorder.py",
+        "diagrams/stations/add_cameras.py",
+        "maths/se3.py",
+        "plants/scene.py",
+        "systems/monitoring/window_monitor.py",
+        "systems/port_values/__init__.py",
+        "systems/sensors/rgbd_camera.py",
     }
-    assert used == USERS
+    for place in places:
+        shows = ("diagrams/commands", "plot", "meshcat", "campaign", "/metrics.py", "applications")
+        assert not any(part in place for part in shows), place
+        assert not any(f"/{other}/" in place for other in others), place
 
 
-def test_a_file_is_meant_by_its_path_and_not_by_its_name() -> None:
-    assert only_shows("diagrams/drawing/palette.py")
-    for place in ("systems/vision/metrics.py", "diagrams/drawings.py", "systems/drawing/a.py"):
-        assert not only_shows(place)
+def test_versions_name_what_it_computes_with() -> None:
+    assert {"python", "source", "crossmodal", "drake", "numpy", "numba"} <= versions().keys()
+    assert "not installed" not in versions().values()

@@ -12,14 +12,14 @@ from synthetic_episode import empty_episode, synthetic_episode
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.application import APPLICATION
-from crossmodal.diagrams.run.folder.own_files import MANIFEST
 from crossmodal.diagrams.run.folder.run_folder import (
     PLOT_FOLDER,
     SENSORS_FILE,
     RunWriter,
     default_folder,
     finished_summary,
-    first_free,
+    opened,
+    remove_run,
     summarise,
     without_nan,
     write_atomically,
@@ -54,7 +54,7 @@ def test_a_run_writes_all_its_files_and_can_be_run_again(tmp_path: Path) -> None
     written = write(folder, record)
     assert {path.relative_to(folder).as_posix() for path in written} == FILES
     files = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
-    assert files == FILES | {MANIFEST}
+    assert files == FILES
     summary = json.loads((folder / "summary.json").read_text())
     assert {*summary["files"], "summary.json"} == FILES
     for path in (folder / PLOT_FOLDER).iterdir():
@@ -99,7 +99,7 @@ def test_on_a_full_disk_only_the_large_files_are_missing_and_the_run_is_not_comp
     writer.write_results()
     writer.write_pictures()
     there = {path.name for path in tmp_path.rglob("*") if path.is_file()}
-    assert there == {MANIFEST, "scenario.yaml", "estimates.parquet", "summary.json", "errors.png",
+    assert there == {"scenario.yaml", "estimates.parquet", "summary.json", "errors.png",
                      "configuration.png"}  # fmt: skip
     assert writer.missing == [
         f"{tmp_path / name}: cannot be written: No space left on device"
@@ -202,12 +202,69 @@ def test_the_usual_folder_names_scenario_and_seed() -> None:
 
 def test_a_folder_that_is_taken_gives_way_to_the_next_number(tmp_path: Path) -> None:
     usual = tmp_path / "drawer-seed4"
-    assert first_free(usual) == usual
-    usual.mkdir()
-    assert first_free(usual) == usual
-    (usual / "summary.json").touch()
-    (tmp_path / "drawer-seed4-2").touch()
-    assert first_free(usual) == tmp_path / "drawer-seed4-3"
+    for number in ("", "-2", "-3"):
+        with opened(usual, numbered=True) as folder:
+            assert folder == tmp_path / f"drawer-seed4{number}"
+            (folder / "summary.json").touch()
+
+
+def test_a_folder_that_nothing_is_written_into_is_removed_again(tmp_path: Path) -> None:
+    with opened(tmp_path / "a" / "b"):
+        pass
+    assert list((tmp_path / "a").iterdir()) == []
+
+
+def test_only_a_run_is_replaced_and_only_if_asked(tmp_path: Path) -> None:
+    write(tmp_path / "run", synthetic_episode())
+    with (
+        pytest.raises(ScenarioError, match=r"already holds files.*--force"),
+        opened(tmp_path / "run"),
+    ):
+        pass
+    with opened(tmp_path / "run", force=True):
+        pass
+    mine = write_text(tmp_path / "mine" / "summary.json", '{"mine": 1}')
+    with (
+        pytest.raises(ScenarioError, match="no run that --force could replace"),
+        opened(tmp_path / "mine", force=True),
+    ):
+        pass
+    assert mine.read_text() == '{"mine": 1}'
+
+
+def test_a_picture_that_no_run_has_drawn_is_not_replaced(tmp_path: Path) -> None:
+    record = synthetic_episode()
+    results = APPLICATION.evaluate(record)
+    write_run(tmp_path, APPLICATION, record, replace(results, plots={}))
+    mine = write_text(tmp_path / "figures" / "errors.png", "mine")
+    with pytest.raises(ScenarioError, match=r"errors\.png: cannot be drawn: .*no run has drawn"):
+        write(tmp_path, record)
+    assert mine.read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["../mine", "/{}/mine", "link/mine"])
+def test_nothing_outside_the_folder_is_removed_whatever_a_summary_says(
+    tmp_path: Path, name: str
+) -> None:
+    mine, folder = write_text(tmp_path / "mine", "mine"), tmp_path / "run"
+    write_text(folder / "a.txt", "of a run")
+    (folder / "link").symlink_to(tmp_path)
+    named = ["a.txt", name.format(tmp_path)]
+    write_text(folder / "summary.json", json.dumps({"files": named}))
+    remove_run(folder)
+    assert mine.read_text() == "mine"
+    assert [path.name for path in folder.iterdir()] == ["link"]
+
+
+@pytest.mark.parametrize("place", ["file", "file/below", "/proc/nowhere/run", "a" * 300])
+def test_a_folder_that_cannot_be_written_is_refused_in_one_line(tmp_path: Path, place: str) -> None:
+    (tmp_path / "file").write_text("")
+    with (
+        pytest.raises(ScenarioError, match="cannot be written") as caught,
+        opened(tmp_path / place),
+    ):
+        pass
+    assert "\n" not in str(caught.value)
 
 
 def test_an_error_while_drawing_loses_nothing_but_that_picture(tmp_path: Path) -> None:

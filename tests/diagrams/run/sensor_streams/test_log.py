@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
-from crossmodal.diagrams.crossmodal.application import TOPICS
+from crossmodal.diagrams.crossmodal.episode_parts import TOPICS
 from crossmodal.diagrams.run.record import TaskStatus
 from crossmodal.diagrams.run.sensor_streams.log import (
     SensorLog,

@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from crossmodal.diagrams.run.yaml_input.loader import apply_override, read_yaml
 from crossmodal.diagrams.run.yaml_input.schema import (
     ScenarioError,
-    apply_override,
     load_typed,
     one_line,
-    read_yaml,
     suggestion,
 )
 
@@ -111,10 +110,10 @@ def test_loading_one_does_not_change_the_defaults_of_the_next() -> None:
         ({"eyes": {"left": {"position": "up"}}}, "eyes.left.position = 'up', but it must be num"),
         ({"gains": ["x"]}, "gains.0 = 'x', but it must be a number"),
         ({"gains": [10**400]}, "gains.0 = 1"),
-        ({"eyes": {"left": {"position": [0, 0, 10**400]}}}, "eyes.left.position = [0, 0, 1"),
+        ({"eyes": {"left": {"position": [0, 0, 10**400]}}}, "eyes.left.position.2 = 1"),
         ({"name": 3}, "name = 3, but it must be text"),
-        ({"eyes": {"left": {"position": [1, None]}}}, "position = [1, None], but it must be num"),
-        ({"eyes": {"left": {"position": [True, 1]}}}, "position = [True, 1], but it must be num"),
+        ({"eyes": {"left": {"position": [1, None]}}}, "position.1 = None, but it must be a num"),
+        ({"eyes": {"left": {"position": [True, 1]}}}, "position.0 = True, but it must be a num"),
         ({"eyes": {"left": {"position": [[1], [1, 2]]}}}, "but it must be numbers in a list"),
         ({"gains": [None]}, "gains.0 = None, but it must be a number"),
         ({"na\nme": 3}, "mine.yaml: unknown key 'na me'"),
@@ -167,7 +166,7 @@ def test_overrides_reach_into_lists_and_make_missing_mappings() -> None:
         ("a..b=1", "expected key.path=value"),
         ("a.5=1", "not one of the 1 elements"),
         ("b.c=1", "inside a plain value"),
-        ("a=[1", "--set a=[1: line"),
+        ("a=[1", "--set a=[1: is not valid YAML: line"),
     ],
 )
 def test_overrides_that_lead_nowhere_are_refused(assignment: str, expected: str) -> None:

@@ -7,7 +7,6 @@ import pytest
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, load_typed
-from crossmodal.diagrams.run.yaml_input.units import check_units, without_units
 from crossmodal.maths.validation import number, numbers
 
 
@@ -29,7 +28,7 @@ class Car:
 
 
 def load(document: dict) -> Car:
-    return load_typed(Car, without_units(document, Car, "mine.yaml"), "mine.yaml")
+    return load_typed(Car, document, "mine.yaml")
 
 
 def test_a_number_with_a_unit_is_read_wherever_a_number_may_be() -> None:
@@ -82,9 +81,9 @@ def test_a_unit_of_something_else_is_refused_with_field_value_and_unit(
 
 def test_a_unit_that_a_field_leaves_open_is_the_scenario_s() -> None:
     document = {"wheels": {"left": [{"turn": "5 cm", "radius": "5 cm"}]}}
-    check_units(document, Car, "mine.yaml", lambda: {"wheels.left.0.turn": "m"})
+    load_typed(Car, document, "mine.yaml", lambda: {"wheels.left.0.turn": "m"})
     with pytest.raises(ScenarioError, match=r"turn = '5 cm', but it must be in rad"):
-        check_units(document, Car, "mine.yaml", lambda: {"wheels.left.0.turn": "rad"})
+        load_typed(Car, document, "mine.yaml", lambda: {"wheels.left.0.turn": "rad"})
 
 
 def test_a_goal_is_a_way_where_the_joint_slides_and_an_angle_where_it_turns() -> None:

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 from pydrake.systems.framework import Diagram, System
+from truth_paths import truth_paths, truth_references
 
 from crossmodal.diagrams.applications import load_scenario, scenario_files
 from crossmodal.diagrams.run.episode import Episode
-from crossmodal.diagrams.stations.truth_paths import truth_paths, truth_references
 
 
 def built(name: str) -> Episode:

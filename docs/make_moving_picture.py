@@ -24,9 +24,7 @@ from crossmodal.diagrams.run.record import Picture
 
 SCENARIO, SEED = "drawer-lights-off", 7
 FIRST = 3.0  # Before it only the arm moves, [s].
-PER_FRAME = (
-    180  # A picture is kept every half a second, so that time runs about three times as fast, [ms].
-)
+PER_FRAME = 180  # A picture is kept every half second of the episode, [ms].
 AT_THE_END = 2500  # [ms]
 
 

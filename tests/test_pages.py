@@ -7,6 +7,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import resolve_name
+from runpy import run_path
 from textwrap import dedent
 from typing import Any
 
@@ -102,7 +103,7 @@ def _check_command(words: list[str]) -> None:
         assert taken["experiment"] in ("all", *experiments()), words
         parse_seeds(taken["seeds"])
     elif words[0] == "ablate":
-        assert set(taken.get("flows") or []) <= set(ABLATIONS), words
+        assert set(taken.get("names") or []) <= set(ABLATIONS), words
 
 
 def _instead_of_running(command: Any, taken: dict[str, Any]) -> None:
@@ -123,6 +124,11 @@ def test_make_has_the_targets(page: Path) -> None:
 def test_modules_that_are_run_exist(page: Path) -> None:
     for module, *_ in commands(page, "python -m"):
         assert find_spec(module) is not None, module
+
+
+@pytest.mark.parametrize("script", sorted(ROOT.glob("docs/*.py")), ids=lambda path: path.stem)
+def test_scripts_of_the_pages_find_what_they_import(script: Path) -> None:
+    run_path(str(script), run_name=script.stem)
 
 
 @cache

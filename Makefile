@@ -1,5 +1,6 @@
 # Everything runs in .venv, which the first target that needs it makes.
-PYTHON ?= $(shell command -v python3.11 || command -v python3)
+PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3.13 || \
+	command -v python3.14 || echo python3)
 # Tuning seeds; a table to be published takes new ones, see docs/results/seeds.md.
 SEEDS ?= 0:20
 # Processes of the tests, episodes at a time of an evaluation.

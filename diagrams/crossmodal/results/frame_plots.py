@@ -52,7 +52,7 @@ def draw_frames(episode: JointEpisode, modality: str | None = None) -> Figure | 
         bodies: set[int] = set()
         joints: set[JointType] = set()
         for axes, frame in zip(np.atleast_1d(figure.subplots(1, len(frames))), frames, strict=True):
-            _draw_frame(axes, frame, episode, modality, bodies, joints)
+            draw_frame(axes, frame, episode, modality, bodies, joints)
         _frame_legend(figure, modality, bodies, joints)
     return figure
 
@@ -77,7 +77,7 @@ def _choose_frames(episode: JointEpisode) -> list[Picture]:
     return [frames[k] for k in chosen]
 
 
-def _draw_frame(
+def draw_frame(
     axes: Axes,
     frame: Picture,
     episode: JointEpisode,

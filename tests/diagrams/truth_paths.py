@@ -126,12 +126,12 @@ def _referents(thing: Any) -> Iterator[tuple[str, Any]]:
         yield ".func", thing.func
         yield ".args", thing.args
         yield ".keywords", thing.keywords
-    elif isinstance(thing, types.MethodType):
-        yield ".__self__", thing.__self__
     elif isinstance(thing, types.FunctionType):
         for index, cell in enumerate(thing.__closure__ or ()):
             yield f".closure[{index}]", cell.cell_contents
         yield ".defaults", thing.__defaults__
+    elif hasattr(thing, "__self__"):  # A bound method of Python's, pybind11's or nanobind's.
+        yield ".__self__", thing.__self__
     elif not isinstance(thing, type | types.ModuleType):
         for key, value in getattr(thing, "__dict__", {}).items():
             # By these Drake keeps a diagram and its systems alive together.

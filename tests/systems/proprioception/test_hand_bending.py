@@ -35,6 +35,7 @@ ACTIVE_TICK = 20
 
 @pytest.fixture(scope="module")
 def interactions() -> list[tuple[np.ndarray, np.ndarray]]:
+    pytest.importorskip("torch", reason="only training needs PyTorch, the extra `train`")
     rng = np.random.default_rng(0)
     return [interaction(120, rng) for _ in range(10)]
 

@@ -22,6 +22,7 @@ from crossmodal.diagrams.crossmodal.results.frame_plots import draw_frame
 from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.plot_style import STYLE
 from crossmodal.diagrams.joints.joint_episode import JointEpisode, joint_episode
+from crossmodal.diagrams.joints.joint_palette import JOINT
 from crossmodal.diagrams.run.record import Picture
 
 SCENARIO = "drawer-lights-off"
@@ -80,7 +81,8 @@ def _draw_openings(axes: Axes, episode: JointEpisode, until: float) -> None:
 
 def _palette(frames: list[Image.Image]) -> Image.Image:
     """Colours of the first, the middle and the last frame, and those of thin lines and bands."""
-    lines = [ImageColor.getrgb(color)[:3] for color in (*COLORS.values(), palette.TRUTH)]
+    drawn = (*COLORS.values(), *JOINT.values(), palette.TRUTH)
+    lines = [ImageColor.getrgb(color)[:3] for color in drawn]
     bands = [
         tuple(round(0.2 * c + 0.8 * b) for c, b in zip(line, ImageColor.getrgb(back), strict=False))
         for line in lines
@@ -90,7 +92,7 @@ def _palette(frames: list[Image.Image]) -> Image.Image:
     patch = np.broadcast_to(stripes, (frames[0].height, *stripes.shape))
     parts = [frames[0], frames[len(frames) // 2], frames[-1], Image.fromarray(patch.copy())]
     everything = np.concatenate([np.asarray(part) for part in parts], axis=1)
-    return Image.fromarray(everything).quantize(96)
+    return Image.fromarray(everything).quantize(128)
 
 
 def save(frames: list[Image.Image], path: Path) -> None:

@@ -133,7 +133,7 @@ LEAST_NOISE = 1e-10  # Variance up to which a measurement is exact, [rad^2, m^2]
 
 def solver_priors(config: JointFiltersConfig) -> Priors:
     """The configuration as the compiled solver has it."""
-    to_pose = np.repeat([1.0 / config.radius, 1.0], 3)  # From metres.
+    to_pose = np.repeat([1.0 / config.radius, 1.0], 3)  # Converts metres.
     speed, off = config.speed * to_pose, config.radius * to_pose
     return Priors(
         process_noise=np.array(config.process_noise),
@@ -252,7 +252,7 @@ def rebased_state(
         time=time,
         models=models,
         keyframes=keyframes,
-        # The next step is none of its noise.
+        # The step to the next pose is not due to noise.
         noise=state.noise._replace(seen=np.zeros(1)),
         floor_index=0,
         deviations_index=0,

@@ -32,9 +32,7 @@ _UNUSUAL = 5.0  # Prior log odds against smooth deviations, [nat].
 _SIZES = len(FLOORS) - 1
 _LEAST_GAIN = 0.5  # Least gain in log probability by other deviations, [nat].
 _AHEAD = 3.0  # Log evidence over the slide's from which a hinge's own solution counts, [nat].
-_PRUNING_THRESHOLD = (
-    20.0  # Log evidence below the best type's from which a slide makes no difference, [nat].
-)
+_PRUNING_THRESHOLD = 20.0  # Log evidence of a slide below the best one's, [nat].
 
 
 @hot

@@ -30,9 +30,7 @@ _MEDIAN = 2.365974  # Of a chi-square of three degrees of freedom.
 _MOST_LIKELY = 11.344867  # Its 99 % quantile, above which a difference is one with an outlier,
 _MEAN_BELOW = 2.894075  # and its mean below that.
 _DOUBT = 1.0  # Log odds of the reported variance against one e times as large, [nat].
-_BEFORE = (
-    16.0  # Weight of the prior of the outliers' share, in differences: one of them has an outlier.
-)
+_BEFORE = 16.0  # Differences in the prior of the outliers' share, one of them with one.
 _LOG_RANGE = np.log(1e4)  # Log range of the squares of differences with an outlier.
 _INDEPENDENT = 0.5  # Independent differences per difference: neighbours have poses in common.
 _MEMORY = 150  # Differences that are remembered.

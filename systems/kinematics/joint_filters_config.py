@@ -37,8 +37,7 @@ class JointFiltersConfig:
         jumps: Probability that the velocity jumps between two measurements: a motion begins and
             ends at once.
         radius: Of the child itself: a revolute joint at a distance d moves it by
-            sqrt(radius^2 + d^2) per radian. It makes rotations of translations where nothing else
-            is known, and is also how far an outlier is off.
+            sqrt(radius^2 + d^2) per radian.
         speed: Standard deviation of the child's speed before anything was seen; as likely it is a
             fifth of that. A disconnected body wanders as far in the first second.
         axis_distance: Standard deviation of an axis' position from the body, per direction.

@@ -11,13 +11,13 @@ from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsCo
 class TypePriorsConfig:
     """Prior probabilities of the joint types, above zero; they need not sum to one.
 
-    The defaults know next to nothing: all types are as likely, but a screw half as much.
+    The defaults know little: most things rest, and a screw is half as likely as another joint.
     """
 
     prismatic: float = number(0.2, above=0.0, at_most=1000.0)
     revolute: float = number(0.2, above=0.0, at_most=1000.0)
     screw: float = number(0.1, above=0.0, at_most=1000.0)
-    rigid: float = number(0.2, above=0.0, at_most=1000.0)
+    rigid: float = number(0.4, above=0.0, at_most=1000.0)
     disconnected: float = number(0.2, above=0.0, at_most=1000.0)
 
 

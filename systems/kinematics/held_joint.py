@@ -29,9 +29,9 @@ from crossmodal.systems.port_values import (
 class HeldJointConfig:
     """How likely a joint has to be before anyone acts on it."""
 
-    # Least probability of its type.
+    # Least probability of the joint's type.
     least_probability: float = number(0.5, at_least=0.0, at_most=1.0)
-    # Largest standard deviation of its axis.
+    # Largest standard deviation of the joint's axis.
     largest_axis_angle: float = number(0.5, above=0.0, at_most=10.0, unit="rad")
 
 

@@ -107,9 +107,9 @@ from crossmodal.systems.port_values import JointBelief, JointModelBelief, JointT
 _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh start, [rad].
 _RESTART_EVERY = 16  # Updates between fresh starts where the axis is better known than that.
 _ALL_MODELS_EVERY = 4  # Updates between solutions of all models (`joint_update.solve_all`).
-_OFTEN = 24  # Such solutions up to which a floor is tried at each, then at every third.
+_OFTEN = 24  # A floor is tried at each of so many such solutions, later at every third.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
-_SAME_POSE = 1e-12  # Largest difference of what is one measurement, sent twice.
+_SAME_POSE = 1e-12  # Largest difference between two copies of one measurement.
 _NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 
 
@@ -281,7 +281,7 @@ class JointFilters:
             priors = priors._replace(white_share=white, correlated_share=rest)
         X_FB = se3.inverse(state.X_PF) @ X_PB
         if np.diagonal(covariance)[:3].min() > MEASURED:
-            # What stands for a rotation must not bend the path between positions.
+            # An unmeasured rotation must not bend the path between positions.
             X_FB[:3, :3] = keyframes.Z[keyframes.size[0] - 1, :3, :3]
         noise, scale = MeasurementNoise(*[x.copy() for x in state.noise]), state.scale
         observe(noise, X_FB, R_reported, time, self._correlated)

@@ -11,13 +11,13 @@ from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsCo
 class TypePriorsConfig:
     """Prior probabilities of the joint types, above zero; they need not sum to one.
 
-    The defaults know next to nothing: all types are as likely, but a screw half as much.
+    The defaults know little: most things rest, and a screw is half as likely as another joint.
     """
 
     prismatic: float = number(0.2, above=0.0, at_most=1000.0)
     revolute: float = number(0.2, above=0.0, at_most=1000.0)
     screw: float = number(0.1, above=0.0, at_most=1000.0)
-    rigid: float = number(0.2, above=0.0, at_most=1000.0)
+    rigid: float = number(0.4, above=0.0, at_most=1000.0)
     disconnected: float = number(0.2, above=0.0, at_most=1000.0)
 
 
@@ -37,8 +37,7 @@ class JointFiltersConfig:
         jumps: Probability that the velocity jumps between two measurements: a motion begins and
             ends at once.
         radius: Of the child itself: a revolute joint at a distance d moves it by
-            sqrt(radius^2 + d^2) per radian. It makes rotations of translations where nothing else
-            is known, and is also how far an outlier is off.
+            sqrt(radius^2 + d^2) per radian.
         speed: Standard deviation of the child's speed before anything was seen; as likely it is a
             fifth of that. A disconnected body wanders as far in the first second.
         axis_distance: Standard deviation of an axis' position from the body, per direction.

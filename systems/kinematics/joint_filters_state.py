@@ -128,13 +128,15 @@ def skip(state: JointFiltersState, reason: SkipReason) -> JointFiltersState:
 
 
 _NO_OUTLIERS = np.zeros(7)
+_OUTLIER = np.repeat([1.0, 0.3], 3)  # An outlier may be off by anything: [rad], [m].
+_FREE_TURN = 0.3  # Standard deviation of a free body's rotation after one second, [rad].
 LEAST_NOISE = 1e-10  # Variance up to which a measurement is exact, [rad^2, m^2].
 
 
 def solver_priors(config: JointFiltersConfig) -> Priors:
     """The configuration as the compiled solver has it."""
-    to_pose = np.repeat([1.0 / config.radius, 1.0], 3)  # From metres.
-    speed, off = config.speed * to_pose, config.radius * to_pose
+    lever = np.repeat([config.radius, 1.0], 3)
+    walk = np.repeat([_FREE_TURN, config.speed], 3)
     return Priors(
         process_noise=np.array(config.process_noise),
         jump_noise=config.jump_noise,
@@ -145,8 +147,8 @@ def solver_priors(config: JointFiltersConfig) -> Priors:
         far_axes=config.far_axes,
         hinge_pitch=config.hinge_pitch,
         # A free body may change its velocity by its speed within a tenth of a second.
-        free=free_motion(speed**2, speed**2, 10.0 * config.speed * config.speed * to_pose**2),
-        outliers=np.concatenate([[config.outliers], off**2]),
+        free=free_motion(walk**2, (config.speed / lever) ** 2, config.speed**2 / 0.1 / lever**2),
+        outliers=np.concatenate([[config.outliers], _OUTLIER**2]),
         coarseness=config.coarseness,
         white_share=1.0,
         correlated_share=0.0,
@@ -252,7 +254,7 @@ def rebased_state(
         time=time,
         models=models,
         keyframes=keyframes,
-        # The next step is none of its noise.
+        # The step to the next pose is not due to noise.
         noise=state.noise._replace(seen=np.zeros(1)),
         floor_index=0,
         deviations_index=0,

@@ -108,7 +108,7 @@ def transferred(
     frame of the parent where it stood. None where that was before the transfer window.
     """
     parent = bodies[pair[0]]
-    stood = time - parent.reference_age  # NaN, an unknown age, finds no state.
+    stood = time - parent.reference_age  # An unknown age, NaN, finds no state.
     earlier = [state for state in past if state.time <= stood + 1e-9]
     if not earlier:
         return None

@@ -16,7 +16,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
 from crossmodal.systems.kinematics.keyframes.measurement_noise import UNKNOWN
 
-FARTHEST = 1e6  # Distance between parent and child from which it is no place, [m].
+FARTHEST = 1e6  # Largest distance between parent and child, [m].
 _ORTHONORMAL = 1e-3  # Largest entry of R^T R - I.
 _ROUNDING = 1e-6  # Of a correlation: asymmetry, and how far below zero an eigenvalue may be.
 _EXACT = 1e-12  # Added to every variance, for exact ones, [rad^2, m^2].

@@ -26,7 +26,7 @@ def _filters() -> JointFiltersConfig:
     return JointFiltersConfig(
         radius=0.1,
         axis_distance=0.1,
-        type_priors=TypePriorsConfig(screw=0.02, rigid=0.4),
+        type_priors=TypePriorsConfig(screw=0.02),
         errors=MeasurementErrorsConfig(declared_time=3.0),
     )
 

@@ -28,9 +28,9 @@ from crossmodal.systems.kinematics.solver.joint_models import AXIS_SPREAD, Model
 from crossmodal.systems.kinematics.solver.joint_solver import Priors
 from crossmodal.systems.kinematics.solver.parameter_priors import axis_prior
 
-_POINTS = 20  # Of the integral, in distance and in direction.
-_DEVIATIONS = 6.0  # Beyond which a curvature is out of the question.
-_NEAREST, _FARTHEST = 0.05, 64.0  # Distances beyond which no axis is, by the nearest scale.
+_POINTS = 20  # Points of the integral, in distance and in direction each.
+_DEVIATIONS = 6.0  # Standard deviations beyond which a curvature is left out.
+_NEAREST, _FARTHEST = 0.05, 64.0  # Range of an axis' distance, by the nearest scale.
 
 
 @hot

@@ -18,10 +18,11 @@ from crossmodal.systems.kinematics.solver.joint_models import Models
 from crossmodal.systems.kinematics.solver.joint_solver import Priors
 from crossmodal.systems.kinematics.solver.joint_update import STEPS, restart, solve_all
 
-FLOORS = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)  # Multiples of standard deviations, see `floor`.
+# Multiples of standard deviations, see `covariance_floor`.
+FLOORS = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)
 # Variance [rad^2, m^2] of a joint's usual deviation: doors, drawers and lids have play.
 USUAL_DEVIATION = np.repeat([5e-3**2, 1.5e-3**2], 3)
-_LEAST_GAIN = 0.5  # Gain in log probability from which another floor is taken, [nat].
+_LEAST_GAIN = 0.5  # Least gain in log probability by another floor, [nat].
 
 
 @hot

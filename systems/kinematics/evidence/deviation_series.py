@@ -32,7 +32,7 @@ from crossmodal.systems.kinematics.solver.joint_linearisation import (
 )
 from crossmodal.systems.kinematics.solver.joint_models import Models
 
-_WAVES = 4  # Of the series.
+_WAVES = 4  # Number of waves of the series.
 
 
 class Series(NamedTuple):
@@ -130,7 +130,7 @@ def add_keyframes(
         lin.value[0] -= 0.5 * (square + log_det)
         lin.value[0] += gain
         if is_smooth and k > 0:
-            # Information about q is none about a deviation.
+            # Only what is not information about q is about a deviation.
             for i in range(6):
                 for j in range(6):
                     W[0, i, j] -= WJ[0, i] * WJ[0, j] / lin.alpha[k]

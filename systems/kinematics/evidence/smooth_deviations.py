@@ -45,7 +45,7 @@ from crossmodal.systems.kinematics.solver.joint_solver import Priors, lever, tru
 from crossmodal.systems.kinematics.solver.parameter_priors import may_be_far, pitch_evidence
 
 _ROUGH = 0.25  # Independent deviations beside the smooth ones, as a share of these.
-_PRUNING_THRESHOLD = 200.0  # Log evidence below the best model's, [nat].
+_PRUNING_THRESHOLD = 200.0  # Log evidence below the best one's, [nat].
 # A stored log evidence that is larger by this than the present one is inherited: the model has not
 # been solved since, see `joint_update.solve_all`, [nat].
 _INHERITED = 10.0

@@ -27,14 +27,12 @@ from crossmodal.systems.kinematics.solver.joint_models import Models
 from crossmodal.systems.kinematics.solver.joint_solver import Priors
 from crossmodal.systems.kinematics.solver.parameter_priors import hinge_evidence, may_be_far
 
-_UNUSUAL = 5.0  # Log odds against smooth deviations at all, [nat].
+_UNUSUAL = 5.0  # Prior log odds against smooth deviations, [nat].
 # Of `FLOORS`; with the largest a ball joint would be a hinge with smooth deviations.
 _SIZES = len(FLOORS) - 1
-_LEAST_GAIN = 0.5  # Gain in log probability from which other deviations are taken, [nat].
+_LEAST_GAIN = 0.5  # Least gain in log probability by other deviations, [nat].
 _AHEAD = 3.0  # Log evidence over the slide's from which a hinge's own solution counts, [nat].
-_PRUNING_THRESHOLD = (
-    20.0  # Log evidence below the most from which a slide's makes no difference, [nat].
-)
+_PRUNING_THRESHOLD = 20.0  # Log evidence of a slide below the best one's, [nat].
 
 
 @hot

@@ -24,14 +24,14 @@ from crossmodal.maths.compiled import hot
 from crossmodal.maths.se3_in_place import perturb, pose_difference, relative_log
 
 UNKNOWN = 1e4  # Variance of what was not measured, [rad^2] or [m^2].
-MEASURED = 10.0  # From which a direction was not: far below, for averages are made of it, too.
+MEASURED = 10.0  # A direction of a larger variance was not measured, nor was an average of such.
 _PRIOR = 6.0  # Degrees of freedom of the prior, in which the reported covariance is right.
 _MEDIAN = 2.365974  # Of a chi-square of three degrees of freedom.
 _MOST_LIKELY = 11.344867  # Its 99 % quantile, above which a difference is one with an outlier,
 _MEAN_BELOW = 2.894075  # and its mean below that.
 _DOUBT = 1.0  # Log odds of the reported variance against one e times as large, [nat].
-_BEFORE = 16.0  # Differences that the prior of their share counts, one of them with an outlier.
-_LOG_RANGE = np.log(1e4)  # Of what an outlier makes of a square.
+_BEFORE = 16.0  # Differences in the prior of the outliers' share, one of them with one.
+_LOG_RANGE = np.log(1e4)  # Log range of the squares of differences with an outlier.
 _INDEPENDENT = 0.5  # Independent differences per difference: neighbours have poses in common.
 _MEMORY = 150  # Differences that are remembered.
 _ITERATIONS = 3

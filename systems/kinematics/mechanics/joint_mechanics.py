@@ -33,7 +33,7 @@ from crossmodal.systems.recursive_filter import RecursiveFilter
 _DOWN_W = np.array([0.0, 0.0, -1.0])
 SENSOR_LEVER = 0.1  # Error of a torque by that of a force, [m].
 _WRENCH = np.repeat([SENSOR_LEVER, 1.0], 3)
-# Of a sensor's zero, however long it was watched: it drifts, and turns with the hand's weight.
+# Least error of a sensor's zero, which drifts and depends on how the hand's weight is turned.
 _LEAST_ZERO = 0.05 * _WRENCH  # [N m], [N]
 _FREE = 60  # Readings of the open hand that are remembered.
 _CORRELATED = 10.0  # Readings per independent sample.

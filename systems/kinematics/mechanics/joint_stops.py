@@ -99,7 +99,7 @@ class Excess:
     probability: float
 
 
-Judge = Callable[[Rest, int], Excess]  # What is to be thought of a rest's push in a direction.
+Judge = Callable[[Rest, int], Excess]  # Judges the push of a rest in a direction.
 
 
 def limit_belief(

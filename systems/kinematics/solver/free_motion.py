@@ -26,7 +26,7 @@ from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
     floor_share,
 )
 
-_SCALES = (1.0, 0.1, 0.01)  # Of the process noise: of a walk, and of a velocity.
+_SCALES = (1.0, 0.1, 0.01)  # Factors on the process noise, of a random walk and of a velocity.
 assert 2 * len(_SCALES) == FREE_MOTIONS
 
 

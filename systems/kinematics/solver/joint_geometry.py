@@ -23,7 +23,7 @@ MOVING = (PRISMATIC, REVOLUTE, SCREW)
 JOINTS = 4  # Models of a joint; after them comes a free motion.
 FREE = JOINTS
 BENT_SLIDE = 5  # A prismatic joint, linearised with a curvature besides, see `bent_slide`.
-PARAMETERS = 11  # Of the model that has most.
+PARAMETERS = 11  # Number of parameters of the largest model.
 
 
 @hot

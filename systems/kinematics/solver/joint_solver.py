@@ -41,7 +41,7 @@ from crossmodal.systems.kinematics.solver.parameter_priors import may_be_far, pi
 _CONVERGED = 0.1  # Gain in log likelihood below which no further step is made, [nat].
 _SHORTER = 0.3  # Share of a step that is tried where the whole of it has lost likelihood.
 _PROMISED = 1.0  # Most gain that the last step may add to the evidence unverified, [nat].
-_SLOWLY = 0.2  # Of the first speed, for a motion that begins slowly.
+_SLOWLY = 0.2  # Ratio of a slow motion's first speed to `speed`.
 _UNLIKELY = 12.0  # Log evidence below the best from which a density is not solved for again, [nat].
 _TILT = 0.7  # Most that one step may tilt an axis, [rad].
 _SHIFT = 0.5  # Most that one step may move an axis, as a share of its distance.

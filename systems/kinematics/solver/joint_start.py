@@ -244,14 +244,14 @@ def keep_axes(old: Models, axis_distance: float, far: bool) -> Models:
         information = symmetric(np.asarray(np.linalg.inv(old.covariance[kind, 6:n, 6:n]), float))
         embedding(old.a[kind], E)
         new.prior_information[kind] = E[6:n].T @ (information - np.diag(vague)) @ E[6:n]
-        # The vague one is about Fo and no pitch.
+        # The vague prior has its mean at Fo and at no pitch.
         new.prior_vector[kind, 9:12] = c * of_place
         new.prior_vector[kind, 12] = old.pitch[kind] / WIDEST**2
         others = np.log(np.delete(vague, slice(2, 4))).sum()
         gain = np.linalg.slogdet(information)[1] - others + (old.pitch[kind] / WIDEST) ** 2
         new.prior_value[kind] = 0.5 * gain - density
     evidence = old.log_evidence.copy()
-    # What the pitch is worth is added anew by each solution.
+    # Each solution adds the pitch's part of the evidence anew.
     evidence[SCREW] -= pitch_evidence(old.pitch[SCREW], old.covariance[SCREW, 10, 10])
     new.marginal_evidence[:] = np.maximum(evidence - evidence.max(), -MEMORY)
     return new

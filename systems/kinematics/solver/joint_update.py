@@ -47,11 +47,11 @@ from crossmodal.systems.kinematics.solver.joint_start import (
     start_from_revolute,
 )
 
-_STREAK = 3  # Most outliers in a row.
+_STREAK = 3  # A longer streak of outliers may be a free motion.
 STEPS = 6  # Most linearisations of one update.
 _FRESH_STEPS = 8  # Most linearisations from a fresh start.
-_TEMPERED_STEPS = 3  # Before them, with residuals that count less.
-_TEMPER = 10.0  # By so much, so that nothing is an outlier only because the start is far off.
+_TEMPERED_STEPS = 3  # Most linearisations before these, with residuals that count less.
+_TEMPER = 10.0  # Factor by which they count less: a start far off must not make outliers.
 # Log evidence below the best model's from which a model is not solved at every update, [nat].
 _PRUNING_THRESHOLD = 30.0
 _SURPRISE = 5.0  # Loss of the best model's log evidence from which all models are solved, [nat].
@@ -275,7 +275,7 @@ def restart(m: Models, kf: Keyframes, priors: Priors, all_models: bool) -> None:
         solve_moving(REVOLUTE, other, kf, priors, _TEMPERED_STEPS, _TEMPER)
         solve_moving(REVOLUTE, other, kf, priors, _FRESH_STEPS, 1.0)
         _take_over(m, other, (REVOLUTE,))
-    if not screw and ratio <= 0.0:  # The limit that it starts from is likelier now.
+    if not screw and ratio <= 0.0:  # Its limit, from which it starts, is likelier now.
         m.log_evidence[SCREW] = m.log_evidence[REVOLUTE] + ratio
 
 

@@ -58,11 +58,11 @@ def add_flip_control(
         taxels: `taxel_measured` of the fingertip.
     """
     builder, scenario = wiring.builder, wiring.scenario
-    lever = scenario.perception.angle.lever
+    noise, lever = wiring.calibration.noise, scenario.perception.angle.lever
     control = builder.AddNamedSystem(
         "flip_control",
         make_flip_control(
-            with_shared(scenario.control, typical_distance=lever),
+            with_shared(scenario.control, noise=noise, typical_distance=lever),
             wiring.calibration.arms[FINGER_ARM].model,
             scenario.finger.layout(),
             encoders.as_read(wiring.start.finger),

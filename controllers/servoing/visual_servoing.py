@@ -17,6 +17,14 @@ from crossmodal.maths.vectors import cross
 
 @dataclass(kw_only=True)
 class VisualServoingConfig:
+    """Gains and limits.
+
+    Attributes:
+        typical_distance: Of the hinge from the contact, expected while none is known, [m]. It is no
+            field: the station hands over what the estimators expect.
+    """
+
+    typical_distance = 0.085
     # Gain of the roll towards the flap, and of the finger's alignment with the hinge.
     roll_gain: float = number(1.0, at_least=0.0, at_most=100.0, unit="1/s")
     align_gain: float = number(0.5, at_least=0.0, at_most=100.0, unit="1/s")
@@ -24,9 +32,7 @@ class VisualServoingConfig:
     turn_limit: float = number(0.2, above=0.0, at_most=10.0, unit="rad/s")
     # Standard deviation of a direction above which it is not used.
     uncertainty: float = number(0.35, above=0.0, at_most=3.2, unit="rad")
-    # Distance of the hinge from the contact that is expected while none is known.
-    typical_distance: float = number(0.085, above=0.0, at_most=10.0, unit="m")
-    # Its standard deviation among tools.
+    # Standard deviation of that distance among tools.
     distance_spread: float = number(0.02, above=0.0, at_most=10.0, unit="m")
 
 

@@ -19,6 +19,7 @@ from crossmodal.diagrams.run.recorder import STATUS_PORT
 from crossmodal.diagrams.stations.connections import connect_alike, export_input, export_outputs
 from crossmodal.diagrams.stations.naming import prefixed
 from crossmodal.systems.sensors.joint_encoders import JointEncoders
+from crossmodal.systems.shared_settings import with_shared
 
 
 def add_drives(wiring: StationWiring) -> dict[str, InputPort]:
@@ -57,10 +58,11 @@ def add_flip_control(
         taxels: `taxel_measured` of the fingertip.
     """
     builder, scenario = wiring.builder, wiring.scenario
+    noise, lever = wiring.calibration.noise, scenario.perception.angle.lever
     control = builder.AddNamedSystem(
         "flip_control",
         make_flip_control(
-            scenario.control,
+            with_shared(scenario.control, noise=noise, typical_distance=lever),
             wiring.calibration.arms[FINGER_ARM].model,
             scenario.finger.layout(),
             encoders.as_read(wiring.start.finger),

@@ -158,5 +158,5 @@ def test_depths_that_are_no_numbers_are_told() -> None:
 
 @pytest.mark.parametrize("value", [np.nan, 0.0, -1.0])
 def test_impossible_limits_are_refused(value: float) -> None:
-    with pytest.raises(ValueError, match="apart"):
-        ImageMonitor(ImageMonitorConfig(apart=value), *SIZE)
+    with pytest.raises(ValueError, match="oldest"):
+        ImageMonitor(ImageMonitorConfig(oldest=value), *SIZE)

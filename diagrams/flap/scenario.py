@@ -119,7 +119,7 @@ class Disturbances(pushed.Disturbances):
 
 
 def _plant() -> PlantConfig:
-    return PlantConfig(scene="flap_scene.dmd.yaml", time_step=0.0025)
+    return PlantConfig(scene="flap_scene.dmd.yaml", time_step=0.005, stiction_tolerance=1e-4)
 
 
 def _camera() -> dict[str, CameraConfig]:

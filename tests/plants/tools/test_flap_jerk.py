@@ -12,7 +12,7 @@ from crossmodal.plants.scene import PlantConfig
 from crossmodal.plants.tools.flap_jerk import FlapJerk, FlapJerks, share_of_displacement
 from crossmodal.plants.tools.wiper import EDGE_FRAME, HINGE, WiperConfig, draw_wiper, wiper_sdf
 
-STEP = 0.0025  # [s]
+STEP = 0.005  # [s]
 
 
 def jerked(jerks: list[FlapJerk], start: float, times: list[float], seed: int = 0) -> list[float]:

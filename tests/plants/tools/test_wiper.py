@@ -89,7 +89,7 @@ def _braked(numbers: Wiper) -> tuple[MultibodyPlant, Simulator]:
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlant(
         MultibodyPlantConfig(
-            time_step=0.0025, discrete_contact_approximation=PlantConfig().contact_approximation
+            time_step=0.005, discrete_contact_approximation=PlantConfig().contact_approximation
         ),
         builder,
     )

@@ -28,6 +28,7 @@ from crossmodal.diagrams.run.sensor_streams.log import SensorLog, SensorReplay, 
 from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from crossmodal.diagrams.run.ticks import advance_by_ticks
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.systems.compile_ahead import compile_ahead
 from crossmodal.systems.port_values import StampedImage
 
 
@@ -106,6 +107,7 @@ def replay(
             builder.Connect(heard(port.get_name()), port)
     builder.AddNamedSystem("recorder", recorder)
     connect_recorder(builder, source, estimators, recorder)
+    compile_ahead()
     simulator = Simulator(builder.Build())
     simulator.Initialize()
     began = perf_counter()

@@ -8,7 +8,6 @@ Where strays from the path are smooth (`smooth_strays`), that counts for all typ
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
 from crossmodal.systems.kinematics.joint_solver.axis_prior import may_be_far
 from crossmodal.systems.kinematics.joint_solver.joint_geometry import (
     JOINTS,
@@ -31,14 +30,12 @@ _AHEAD = 3.0  # Log evidence over the slide's from which a hinge's own solution 
 _FAR_BEHIND = 20.0  # Log evidence below the most from which a slide's makes no difference, [nat].
 
 
-@hot
 def _add_hinges(evidence: Array, pitch: float, variance: float, priors: Priors) -> None:
     """Counts a screw of next to no pitch as a hinge, in place."""
     hinge = evidence[SCREW] + hinge_evidence(pitch, variance, priors.hinge_pitch)
     evidence[REVOLUTE] = max(evidence[REVOLUTE], hinge)
 
 
-@hot
 def _wants_bend(evidence: Array, kf: Keyframes, priors: Priors) -> bool:
     """Whether a hinge far away may be likelier than one whose axis' place is known."""
     slide = evidence[PRISMATIC]
@@ -46,7 +43,6 @@ def _wants_bend(evidence: Array, kf: Keyframes, priors: Priors) -> bool:
     return bool(matters and priors.far_axes and may_be_far(kf))
 
 
-@hot
 def _add_bend(evidence: Array, bend: float) -> None:
     """Counts a bent slide as a hinge far away, where a pitch makes no difference; in place."""
     far = evidence[PRISMATIC] + bend
@@ -54,7 +50,6 @@ def _add_bend(evidence: Array, bend: float) -> None:
     evidence[SCREW] = max(evidence[SCREW], far)
 
 
-@hot
 def type_evidence(m: Models, kf: Keyframes, priors: Priors, strays: Array) -> tuple[Array, Array]:
     """Log evidence (5,) of each type, and covariance (J, N, N) of each model's theta.
 
@@ -86,7 +81,6 @@ def type_evidence(m: Models, kf: Keyframes, priors: Priors, strays: Array) -> tu
     return np.logaddexp(evidence, smooth - unusual), covariance
 
 
-@hot
 def _total(log_p: Array) -> float:
     return log_p.max() + np.log(np.exp(log_p - log_p.max()).sum())
 

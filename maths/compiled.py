@@ -11,7 +11,9 @@ from numba.core.event import Event, TimingListener, install_listener
 # Without fast maths: a function is optimised differently within each caller, and which copy runs
 # depends on what was on the disk. What may be reordered then has other last digits.
 # Nobody calls it from C.
-_compiled = numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
+_compiled = numba.njit(  # type: ignore[call-overload]
+    cache=True, error_model="numpy", no_cfunc_wrapper=True
+)
 F = TypeVar("F", bound=Callable[..., Any])
 
 

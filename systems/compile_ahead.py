@@ -25,13 +25,13 @@ LIST = Path(__file__).with_name("compiled_ahead.yaml")
 _ORDERS = (1, -1)  # Of the two processes.
 
 
-def listed() -> Iterator[tuple[CPUDispatcher, tuple[types.Type, ...]]]:
+def listed() -> Iterator[tuple[Any, tuple[types.Type, ...]]]:
     """The functions of the list whose modules are imported, and the types of their arguments."""
     document = yaml.safe_load(LIST.read_text())
     names: dict[str, Any] = {**vars(types), "bool": types.boolean}
     for name, fields in document["named_tuples"].items():
         if (of := _imported(name)) is not None:
-            names[of.__name__] = types.NamedTuple([eval(field, names) for field in fields], of)
+            names[of.__name__] = types.BaseTuple.from_types(eval(f"({fields},)", names), of)
     for name, signatures in document["functions"].items():
         if isinstance(dispatcher := _imported(name), CPUDispatcher):
             yield from ((dispatcher, eval(f"({each},)", names)) for each in signatures)
@@ -42,7 +42,7 @@ def _imported(name: str) -> Any:
     return getattr(sys.modules[module], attribute) if module in sys.modules else None
 
 
-def is_kept(dispatcher: CPUDispatcher) -> bool:
+def is_kept(dispatcher: Any) -> bool:
     """Whether the disk holds compiled code of this function as it is now."""
     module = Path(dispatcher.py_func.__code__.co_filename).stem
     kept = Path(dispatcher.stats.cache_path).glob(f"{module}.{dispatcher.__name__}-*.nbi")

@@ -314,6 +314,5 @@ def run_episode(
         progress: Called with the simulated time [s], about once per tick.
         sensors_file: Where to keep the sensor streams, so that they can be replayed.
     """
-    episode = Episode(application, scenario, meshcat, sensors_file)
     compile_ahead()
-    return episode.Run(progress)
+    return Episode(application, scenario, meshcat, sensors_file).Run(progress)

@@ -73,6 +73,7 @@ def replay(
         ScenarioError: if the recording is damaged, lacks a stream that an estimator needs, or was
             made with another scenario.
     """
+    compile_ahead()
     with building(scenario.name):
         calibration = application.make_calibration(scenario)
     if estimators is None:
@@ -107,7 +108,6 @@ def replay(
             builder.Connect(heard(port.get_name()), port)
     builder.AddNamedSystem("recorder", recorder)
     connect_recorder(builder, source, estimators, recorder)
-    compile_ahead()
     simulator = Simulator(builder.Build())
     simulator.Initialize()
     began = perf_counter()

@@ -27,7 +27,7 @@ def double(point: Point, share: float) -> float:
     return 2.0 * share * point.x[0]
 """
 LIST = {
-    "named_tuples": {"crossmodal.systems.mine.Point": ["Array(float64, 1, 'C', False)"]},
+    "named_tuples": {"crossmodal.systems.mine.Point": "float64[::1]"},
     "functions": {
         "crossmodal.systems.mine.double": ["Point, float64"],
         "crossmodal.systems.other.triple": ["float64"],

@@ -40,21 +40,27 @@ def noted_calls() -> Iterator[set[Call]]:
 
 def document(calls: set[Call]) -> dict[str, Any]:
     """The calls as `compile_ahead` reads them."""
-    named_tuples: dict[str, list[str]] = {}
+    named_tuples: dict[str, str] = {}
     functions: dict[str, list[str]] = {}
-    for name, kinds in calls:
-        written = ", ".join(_written(kind, named_tuples) for kind in kinds)
-        functions[name] = sorted({*functions.get(name, []), written})
-    return {"named_tuples": named_tuples, "functions": dict(sorted(functions.items()))}
+    for name, kinds in sorted(calls, key=str):
+        functions.setdefault(name, []).append(_written(kinds, named_tuples))
+    return {"named_tuples": named_tuples, "functions": functions}
 
 
-def _written(kind: Any, named_tuples: dict[str, list[str]]) -> str:
-    if not isinstance(kind, types.NamedTuple):
-        return repr(kind)
-    fields = [_written(field, named_tuples) for field in kind.types]  # Inner ones come first.
-    cls = kind.instance_class
-    named_tuples[f"{cls.__module__}.{cls.__name__}"] = fields
-    return str(cls.__name__)
+def _written(kinds: tuple[Any, ...], named_tuples: dict[str, str]) -> str:
+    """Types as Python reads them; named tuples are collected, the inner ones first."""
+    written = []
+    for kind in kinds:
+        if isinstance(kind, types.NamedTuple | types.NamedUniTuple):
+            cls, fields = kind.instance_class, _written(kind.types, named_tuples)
+            named_tuples[f"{cls.__module__}.{cls.__name__}"] = fields
+            written.append(cls.__name__)
+        elif isinstance(kind, types.Array) and kind.mutable and kind.layout in "AC":
+            last = "::1" if kind.layout == "C" else ":"
+            written.append(f"{kind.dtype}[{', '.join([':'] * (kind.ndim - 1) + [last])}]")
+        else:
+            written.append(repr(kind))
+    return ", ".join(written)
 
 
 def main() -> None:

@@ -10,7 +10,10 @@ from numba.core.event import Event, TimingListener, install_listener
 
 # Without fast maths: a function is optimised differently within each caller, and which copy runs
 # depends on what was on the disk. What may be reordered then has other last digits.
-_compiled = numba.njit(cache=True, error_model="numpy")
+# Nobody calls it from C.
+_compiled = numba.njit(  # type: ignore[call-overload]
+    cache=True, error_model="numpy", no_cfunc_wrapper=True
+)
 F = TypeVar("F", bound=Callable[..., Any])
 
 

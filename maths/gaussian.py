@@ -4,22 +4,22 @@ A measurement z of a state x with prior covariance P and Jacobian H has the inno
 covariance is S = H P H^T + R.
 """
 
-import numba
 import numpy as np
 import scipy.special
 
 from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.compiled import hot
 
 FALSE_ALARM = 1e-3  # Probability with which a measurement without a fault is taken for an outlier.
 
 
-@numba.njit(cache=True)
+@hot
 def symmetric(P: Array) -> Array:
     """The symmetric part (n, n) of `P`."""
     return 0.5 * (P + P.T)
 
 
-@numba.njit(cache=True)
+@hot
 def schmidt_update(P: Array, H: Array, R: Array, e: Array, considered: Mask) -> tuple[Array, Array]:
     """One Kalman correction that leaves some states as they are, but knows that they may be wrong.
 
@@ -46,19 +46,19 @@ def schmidt_update(P: Array, H: Array, R: Array, e: Array, considered: Mask) -> 
     return K @ e, symmetric(posterior)
 
 
-@numba.njit(cache=True)
+@hot
 def joseph_update(P: Array, H: Array, R: Array, e: Array) -> tuple[Array, Array]:
     """The correction of every state, see `schmidt_update`."""
     return schmidt_update(P, H, R, e, np.zeros(P.shape[0], dtype=np.bool_))
 
 
-@numba.njit(cache=True)
+@hot
 def nees(e: Array, P: Array) -> float:
     """Normalised error squared e^T P^-1 e of the error `e` (n,) under its covariance (n, n)."""
     return float(e @ np.linalg.solve(P, e))
 
 
-@numba.njit(cache=True)
+@hot
 def log_likelihood(e: Array, S: Array) -> float:
     """Log density of the innovation `e` (m,) under N(0, S), with S (m, m) positive definite."""
     L = np.linalg.cholesky(S)

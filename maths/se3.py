@@ -7,21 +7,22 @@ they are compiled here because the joint filters call them thousands of times pe
 Source: T. D. Barfoot, State Estimation for Robotics, 2017, chapter 7.
 """
 
-import numba
 import numpy as np
 
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.in_place import assign
 
 _SMALL = 1e-4  # Below this angle, [rad], series replace closed forms.
 
 
-@numba.njit(cache=True)
+@hot
 def skew(v: Array) -> Array:
     """The matrix (3, 3) with `skew(v) @ w == cross(v, w)`; `v` is (3,)."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-@numba.njit(cache=True)
+@hot
 def so3_left_jacobian(omega: Array) -> Array:
     """The matrix J (3, 3) with exp(omega + d) ~ exp(J d) exp(omega); `omega` is (3,) [rad]."""
     angle = np.sqrt(omega @ omega)
@@ -35,7 +36,7 @@ def so3_left_jacobian(omega: Array) -> Array:
     )
 
 
-@numba.njit(cache=True)
+@hot
 def so3_left_jacobian_inverse(omega: Array) -> Array:
     """The inverse (3, 3) of `so3_left_jacobian`, for angles below 2 pi."""
     angle = np.sqrt(omega @ omega)
@@ -46,7 +47,7 @@ def so3_left_jacobian_inverse(omega: Array) -> Array:
     return np.eye(3) - 0.5 * K + (1.0 - half / np.tan(half)) / angle**2 * (K @ K)
 
 
-@numba.njit(cache=True)
+@hot
 def so3_exp(omega: Array) -> Array:
     """Rotation matrix (3, 3) of the rotation vector `omega` (3,) [rad]."""
     angle = np.sqrt(omega @ omega)
@@ -56,7 +57,7 @@ def so3_exp(omega: Array) -> Array:
     return np.eye(3) + np.sin(angle) / angle * K + (1.0 - np.cos(angle)) / angle**2 * (K @ K)
 
 
-@numba.njit(cache=True)
+@hot
 def so3_log(R: Array) -> Array:
     """Rotation vector (3,) [rad] of the rotation matrix (3, 3), angle in [0, pi].
 
@@ -83,47 +84,47 @@ def so3_log(R: Array) -> Array:
     return scale * np.array([qx, qy, qz])
 
 
-@numba.njit(cache=True)
+@hot
 def exp(xi: Array) -> Array:
     """Pose (4, 4) of the tangent vector `xi` (6,)."""
     X = np.eye(4)
-    X[:3, :3] = so3_exp(xi[:3])
-    X[:3, 3] = so3_left_jacobian(xi[:3]) @ xi[3:]
+    assign(X[:3, :3], so3_exp(xi[:3]))
+    assign(X[:3, 3], so3_left_jacobian(xi[:3]) @ xi[3:])
     return X
 
 
-@numba.njit(cache=True)
+@hot
 def log(X: Array) -> Array:
     """Tangent vector (6,) of the pose (4, 4); `exp(log(X)) == X`."""
     xi = np.empty(6)
     omega = so3_log(X[:3, :3])
-    xi[:3] = omega
-    xi[3:] = so3_left_jacobian_inverse(omega) @ np.ascontiguousarray(X[:3, 3])
+    assign(xi[:3], omega)
+    assign(xi[3:], so3_left_jacobian_inverse(omega) @ np.ascontiguousarray(X[:3, 3]))
     return xi
 
 
-@numba.njit(cache=True)
+@hot
 def inverse(X: Array) -> Array:
     """X_BA (4, 4) of X_AB (4, 4)."""
     Y = np.eye(4)
     R = np.ascontiguousarray(X[:3, :3].T)
-    Y[:3, :3] = R
-    Y[:3, 3] = -(R @ np.ascontiguousarray(X[:3, 3]))
+    assign(Y[:3, :3], R)
+    assign(Y[:3, 3], -(R @ np.ascontiguousarray(X[:3, 3])))
     return Y
 
 
-@numba.njit(cache=True)
+@hot
 def adjoint(X: Array) -> Array:
     """Ad_X (6, 6) with `X @ exp(xi) == exp(adjoint(X) @ xi) @ X`."""
     Ad = np.zeros((6, 6))
     R = np.ascontiguousarray(X[:3, :3])
-    Ad[:3, :3] = R
-    Ad[3:, 3:] = R
-    Ad[3:, :3] = skew(X[:3, 3]) @ R
+    assign(Ad[:3, :3], R)
+    assign(Ad[3:, 3:], R)
+    assign(Ad[3:, :3], skew(X[:3, 3]) @ R)
     return Ad
 
 
-@numba.njit(cache=True)
+@hot
 def _coupling(omega: Array, rho: Array) -> Array:
     """The lower left block Q (3, 3) of the left Jacobian (Barfoot 2017, eq. 7.86)."""
     angle = np.sqrt(omega @ omega)
@@ -149,29 +150,29 @@ def _coupling(omega: Array, rho: Array) -> Array:
     )
 
 
-@numba.njit(cache=True)
+@hot
 def left_jacobian(xi: Array) -> Array:
     """J (6, 6) with exp(xi + d) ~ exp(J d) exp(xi); `xi` is (6,)."""
     J = np.zeros((6, 6))
     block = so3_left_jacobian(xi[:3])
-    J[:3, :3] = block
-    J[3:, 3:] = block
-    J[3:, :3] = _coupling(xi[:3], xi[3:])
+    assign(J[:3, :3], block)
+    assign(J[3:, 3:], block)
+    assign(J[3:, :3], _coupling(xi[:3], xi[3:]))
     return J
 
 
-@numba.njit(cache=True)
+@hot
 def left_jacobian_inverse(xi: Array) -> Array:
     """The inverse (6, 6) of `left_jacobian`, for angles below 2 pi."""
     J = np.zeros((6, 6))
     block = so3_left_jacobian_inverse(xi[:3])
-    J[:3, :3] = block
-    J[3:, 3:] = block
-    J[3:, :3] = -block @ _coupling(xi[:3], xi[3:]) @ block
+    assign(J[:3, :3], block)
+    assign(J[3:, 3:], block)
+    assign(J[3:, :3], -block @ _coupling(xi[:3], xi[3:]) @ block)
     return J
 
 
-@numba.njit(cache=True)
+@hot
 def right_jacobian(xi: Array) -> Array:
     """J (6, 6) with exp(xi + d) ~ exp(xi) exp(J d); `xi` is (6,)."""
     return left_jacobian(-xi)

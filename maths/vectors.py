@@ -1,12 +1,12 @@
 """Vectors of three dimensions, compiled; NumPy's take twenty times as long for a single one."""
 
-import numba
 import numpy as np
 
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
 
 
-@numba.njit(cache=True)
+@hot
 def cross(a: Array, b: Array) -> Array:
     """a x b (3,)."""
     return np.array(
@@ -14,13 +14,14 @@ def cross(a: Array, b: Array) -> Array:
     )
 
 
-@numba.njit(cache=True)
+@hot
 def tangent_basis(axis: Array) -> Array:
     """Two unit vectors (3, 2) perpendicular to `axis` and to each other."""
     helper = np.zeros(3)
     helper[np.argmin(np.abs(axis))] = 1.0
-    U = np.empty((3, 2))
-    U[:, 0] = cross(axis, helper)
-    U[:, 0] /= np.sqrt(np.sum(U[:, 0] ** 2))
-    U[:, 1] = cross(axis, U[:, 0])
+    u, U = cross(axis, helper), np.empty((3, 2))
+    u /= np.sqrt(np.sum(u**2))
+    v = cross(axis, u)
+    for i in range(3):
+        U[i, 0], U[i, 1] = u[i], v[i]
     return U

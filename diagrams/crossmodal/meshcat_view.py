@@ -40,7 +40,12 @@ from crossmodal.diagrams.joints.joint_drawing import (
 )
 from crossmodal.diagrams.joints.joint_metrics import joint_now
 from crossmodal.diagrams.joints.joint_palette import JOINT, body_color, body_label
-from crossmodal.diagrams.joints.joint_truth import TRUTH_QUANTITIES, Truth, truth_of_ticks
+from crossmodal.diagrams.joints.joint_truth import (
+    TRUTH_QUANTITIES,
+    Truth,
+    add_tick,
+    truth_of_ticks,
+)
 from crossmodal.diagrams.run.episode import connect_latest
 from crossmodal.diagrams.run.record import Tick
 from crossmodal.diagrams.run.recorder import declare_input, read_inputs
@@ -170,7 +175,7 @@ class MeshcatView(LeafSystem):
         show_legend(meshcat, legend_title(shown, LABELS), _LEGEND)
         self._path = self.DeclareAbstractInputPort("path_planned", Value[object]())
         self._truth_ports = {q.port: declare_input(self, q.port, q.model) for q in TRUTH_QUANTITIES}
-        self._station: list[Tick] = []
+        self._station: list[Tick] = []  # Those that the truth at the newest one follows from.
         self._plan = _PlannedPath(meshcat, f"{ROOT}/planned_path", config)
         self.DeclarePeriodicPublishEvent(config.period, 0.0, self._draw)
 
@@ -179,7 +184,7 @@ class MeshcatView(LeafSystem):
         if time > 0.0:  # At first the scene itself is drawn, which may be later than this.
             while self._textured:
                 self._meshcat.SetObject(*self._textured.popitem())
-        self._station.append(Tick(time=time, values=read_inputs(self._truth_ports, context)))
+        add_tick(self._station, Tick(time=time, values=read_inputs(self._truth_ports, context)))
         truth = truth_of_ticks(self._station)
         for modality, ports in self._ports.items():
             values = read_inputs(ports, context)

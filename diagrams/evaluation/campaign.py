@@ -150,6 +150,9 @@ def run_episodes(
     """Yields the summary of each episode as it ends."""
     from joblib import Parallel, delayed
 
+    from crossmodal.systems.compile_ahead import compile_ahead
+
+    compile_ahead()  # Once, and not in each of the episodes' processes.
     folder = folder.resolve()
     on_cluster = workers.backend == "ray"
     run_one = run_on_cluster if on_cluster else process.run_apart

@@ -9,12 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from crossmodal.diagrams.joints.joint_truth import Truth
 from crossmodal.diagrams.run.record import Tick
 from crossmodal.maths.arrays import Array, Mask
-from crossmodal.maths.consistency import normalised_squared_error
+from crossmodal.maths.consistency import chi_square_quantile, normalised_squared_error
 from crossmodal.maths.tangent_plane import normal_basis
 from crossmodal.systems.port_values import (
     HELD_BODY,
@@ -29,6 +28,7 @@ from crossmodal.systems.port_values import (
 # Travel from which an object counts as moved, [m or rad], and speed of a moving one, [per s].
 MOTION_START = {JointType.PRISMATIC: 0.005, JointType.REVOLUTE: 0.015, JointType.SCREW: 0.015}
 MOVING_SPEED = {JointType.PRISMATIC: 0.002, JointType.REVOLUTE: 0.006, JointType.SCREW: 0.006}
+_TWO_SIGMA = math.erf(math.sqrt(2.0))  # Probability of two deviations of one dimension.
 
 
 def axis_sign(axis: Array, axis_true: Array) -> float:
@@ -356,7 +356,7 @@ def inside_claim(series: JointSeries, k: int) -> tuple[bool | None, bool | None]
     Two sigma hold 95.4 % of a Gaussian: an ellipse of that content for the axis, which has two
     degrees of freedom. None where nothing is claimed that can be compared.
     """
-    bound = chi2.ppf(chi2.cdf(4.0, 1), [1, 2])
+    bound = [chi_square_quantile(_TWO_SIGMA, degrees) for degrees in (1, 2)]
     values = (series.configuration_nees[k], series.axis_nees[k])
     inside = [None if math.isnan(v) else bool(v <= b) for v, b in zip(values, bound, strict=True)]
     return inside[0], inside[1]

@@ -227,6 +227,21 @@ class Truth:
         return self.configuration - self.configuration[start]
 
 
+def add_tick(station: list[Tick], tick: Tick) -> None:
+    """Adds a tick to those from which `truth_of_ticks` says what is true at the newest one.
+
+    Between two changes of the grasp only the newest tick stays, so that the list does not grow with
+    the episode.
+    """
+    if len(station) > 1 and _holds(station[-1]) == _holds(station[-2]):
+        station.pop()
+    station.append(tick)
+
+
+def _holds(tick: Tick) -> bool:
+    return bool(tick.values.get("interaction_active", np.zeros(1))[0] > 0.5)
+
+
 def truth_of(record: EpisodeRecord) -> Truth:
     """The truth in a record; of a recording without one everything is unknown."""
     return truth_of_ticks(record.station)
@@ -250,10 +265,9 @@ def truth_of_ticks(station: Sequence[Tick]) -> Truth:
     grasps: list[float] = []
     held = False
     for tick in station:
-        now = bool(tick.values.get("interaction_active", np.zeros(1))[0] > 0.5)
-        if now and not held:
+        if _holds(tick) and not held:
             grasps.append(tick.time)
-        held = now
+        held = _holds(tick)
     poses = [tick.values["cheat_body_pose"].GetAsMatrix4() for tick in ticks]
     return Truth(
         joint_name=constants.name,

@@ -29,6 +29,7 @@ from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faul
 from crossmodal.diagrams.run.ticks import advance_by_ticks
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 from crossmodal.maths.compiled import compilation_timed
+from crossmodal.systems.compile_ahead import compile_ahead
 
 SCENE_PORT = "cheat_query_object"  # Of a station whose scene Meshcat can draw.
 
@@ -313,4 +314,5 @@ def run_episode(
         progress: Called with the simulated time [s], about once per tick.
         sensors_file: Where to keep the sensor streams, so that they can be replayed.
     """
+    compile_ahead()
     return Episode(application, scenario, meshcat, sensors_file).Run(progress)

@@ -32,7 +32,7 @@ class RecorderConfig:
     # Least time between kept images of a camera.
     picture_interval: float = number(0.5, at_least=1e-3, at_most=86400.0, unit="s")
     # Kept images of a camera; beyond it every other one is given up.
-    max_pictures: int = number(32, at_least=3, at_most=10000)
+    max_pictures: int = number(16, at_least=3, at_most=10000)
 
 
 class EpisodeRecorder(LeafSystem):
@@ -153,10 +153,13 @@ def read_inputs(ports: dict[str, InputPort], context: Context) -> dict[str, Any]
 
 
 def _kept(value: Any) -> Any:
-    """Port values of our own are never written again; Drake's are, in place."""
+    """Port values of our own are never written again; Drake's are, in place.
+
+    A value with a method `recorded` says itself what of it is worth keeping at every tick.
+    """
     if isinstance(value, np.ndarray) or type(value).__module__.startswith("pydrake"):
         return copy.copy(value)
-    return value
+    return value.recorded() if hasattr(value, "recorded") else value
 
 
 class TickStopwatch(LeafSystem):

@@ -28,6 +28,7 @@ from crossmodal.diagrams.run.sensor_streams.log import SensorLog, SensorReplay, 
 from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from crossmodal.diagrams.run.ticks import advance_by_ticks
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.systems.compile_ahead import compile_ahead
 from crossmodal.systems.port_values import StampedImage
 
 
@@ -72,6 +73,7 @@ def replay(
         ScenarioError: if the recording is damaged, lacks a stream that an estimator needs, or was
             made with another scenario.
     """
+    compile_ahead()
     with building(scenario.name):
         calibration = application.make_calibration(scenario)
     if estimators is None:

@@ -1,6 +1,6 @@
 """Rigid bodies: how they move and where they are expected."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -73,6 +73,11 @@ class BodyMotions:
     def find(self, body_id: int) -> BodyMotion | None:
         """The body of this number, None where it is not known."""
         return next((body for body in self.bodies if body.body_id == body_id), None)
+
+    def recorded(self) -> "BodyMotions":
+        """The bodies without their landmarks' covariances, which take 100 kB each."""
+        nothing = np.zeros((0, 0))
+        return BodyMotions(bodies=[replace(body, p_BF_covariance=nothing) for body in self.bodies])
 
 
 @dataclass(kw_only=True)

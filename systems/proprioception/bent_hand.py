@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.in_place import assign
 from crossmodal.maths.vectors import cross
 from crossmodal.systems.port_values import EndEffectorBelief, PoseBelief
 
@@ -39,12 +40,12 @@ def bent_hand(end_effector: EndEffectorBelief, bending: PoseBelief) -> BentHand:
     )
 
 
-@numba.njit(cache=True)
+@hot
 def screw(axis: Array, point: Array) -> Array:
     """Unit twist (6,) of a rotation about the line along `axis` (3,) through `point` (3,)."""
     twist = np.empty(6)
-    twist[:3] = axis
-    twist[3:] = cross(point, axis)
+    assign(twist[:3], axis)
+    assign(twist[3:], cross(point, axis))
     return twist
 
 

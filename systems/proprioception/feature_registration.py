@@ -1,11 +1,12 @@
 """A rigid body's pose from point features on it, robust against a minority that left it."""
 
-import numba
 import numpy as np
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
 from crossmodal.maths.gaussian import diagonal_blocks, outlier_gate
+from crossmodal.maths.in_place import assign
 from crossmodal.maths.rigid_points import pose_jacobian
 
 GATE = outlier_gate(3)  # Squared distance beyond which a feature is an outlier.
@@ -53,7 +54,7 @@ def register(
     return X, noise + _WEAK * covariance @ covariance, landmarks, distance
 
 
-@numba.njit(cache=True)
+@hot
 def _iterate(
     X: Array, p_BF: Array, p_WF: Array, W: Array, JtW: Array, JtWJ: Array
 ) -> tuple[Array, Array]:
@@ -84,6 +85,6 @@ def _iterate(
                     vector[row] += weight * JtW[i, row, k] * residual[i, k]
                 for k in range(6):
                     information[row, k] += weight * JtWJ[i, row, k]
-        step[:] = np.linalg.solve(information, vector)
+        assign(step, np.linalg.solve(information, vector))
         X = X @ se3.exp(step)
     return X, distance

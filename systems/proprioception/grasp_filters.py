@@ -15,12 +15,13 @@ A failed grasp lets the body stay where it was, loosely.
 
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 
 from crossmodal.maths import error_state, se3
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
 from crossmodal.maths.gaussian import joseph_update, log_likelihood, nees, symmetric
+from crossmodal.maths.in_place import assign
 from crossmodal.maths.tangent_plane import normal_basis, transport
 from crossmodal.maths.vectors import cross
 from crossmodal.systems.port_values import GraspType
@@ -96,7 +97,7 @@ def prior_line_variances(bias_jacobian_0: Array, config: GraspModelConfig) -> Ar
     return np.repeat(own + offset, 2)
 
 
-@numba.njit(cache=True)
+@hot
 def grasp_displacement(axis: Array, point: Array, coordinates: Array) -> tuple[Array, Array]:
     """E (4, 4), and its derivative (6, 6): left perturbation by (axis, point, phi, d)."""
     phi, d = coordinates
@@ -105,11 +106,11 @@ def grasp_displacement(axis: Array, point: Array, coordinates: Array) -> tuple[A
     tau[3:] += axis * d
     D = np.zeros((6, 6))
     for i in range(2):
-        D[:3, i] = phi * B[i]
-        D[3:, i] = phi * cross(point, B[i]) + d * B[i]
-        D[3:, 2 + i] = phi * cross(B[i], axis)
-    D[:, 4] = screw(axis, point)
-    D[3:, 5] = axis
+        assign(D[:3, i], phi * B[i])
+        assign(D[3:, i], phi * cross(point, B[i]) + d * B[i])
+        assign(D[3:, 2 + i], phi * cross(B[i], axis))
+    assign(D[:, 4], screw(axis, point))
+    assign(D[3:, 5], axis)
     return se3.exp(tau), se3.left_jacobian(tau) @ D
 
 

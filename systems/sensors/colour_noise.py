@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 from functools import cache
 
-import numba
 import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtri
 
+from crossmodal.maths.compiled import hot
 from crossmodal.maths.validation import number
 
 Bytes = npt.NDArray[np.uint8]
@@ -75,7 +75,7 @@ def noisy_response(config: ColourNoiseConfig, light: float, gain: float) -> Byte
     return _encode(config, mean[:, None] + sigma[:, None] * _quantiles()[None, :], gain)
 
 
-@numba.njit(cache=True)
+@hot
 def measure_colour(ideal: Bytes, table: Bytes, random: Bytes, measured: Bytes) -> None:
     """Writes `table[ideal, random]` to the colours of `measured` (h, w, 4); alpha is 255.
 

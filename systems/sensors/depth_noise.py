@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import cv2
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.compiled import hot
 from crossmodal.maths.validation import check, number, require
 from crossmodal.systems.sensors.randomness import random_bytes
 
@@ -66,7 +66,7 @@ def correlated_noise(rng: np.random.Generator, shape: tuple[int, int], window: i
     return (summed - np.float32(127.5 * window**2)) * np.float32(1.0 / sigma)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@hot
 def returns(
     depth: Depth,
     intrinsics: tuple[float, float, float, float],
@@ -119,7 +119,7 @@ def returns(
     return valid
 
 
-@numba.njit(cache=True, error_model="numpy")
+@hot
 def measure_depth(
     depth: Depth,
     valid: Mask,

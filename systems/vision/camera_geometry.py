@@ -7,11 +7,11 @@ A plane's inverse depth w = 1/z is an affine function of the pixel, so that a le
 w = w0 + wu (u - u0) + wv (v - v0) over a window describes a planar surface exactly.
 """
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.compiled import hot
 
 
 def transform(X_AB: Array, p_B: Array) -> Array:
@@ -19,7 +19,7 @@ def transform(X_AB: Array, p_B: Array) -> Array:
     return p_B @ X_AB[:3, :3].T + X_AB[:3, 3]
 
 
-@numba.njit(cache=True)
+@hot
 def _fit_plane(
     depth: npt.NDArray[np.float32],
     u0: float,
@@ -73,7 +73,7 @@ def _fit_plane(
     return fit, unit, max(float(square - fit @ moment), 0.0) / (used - 3), used
 
 
-@numba.njit(cache=True)
+@hot
 def fit_surfaces(
     depth: npt.NDArray[np.float32],
     uv: Array,

@@ -2,9 +2,11 @@
 
 import numpy as np
 from numpy.testing import assert_allclose
+from scipy.stats import chi2
 
 from crossmodal.maths.consistency import (
     chi_square_bounds,
+    chi_square_quantile,
     is_consistent,
     normalised_squared_error,
     share_inside,
@@ -21,6 +23,14 @@ def test_errors_drawn_from_their_covariance_are_inside_as_often_as_the_bounds_sa
     low, high = chi_square_bounds(2, 0.5)
     assert_allclose(np.mean((values > low) & (values < high)), 0.5, atol=0.03)
     assert np.mean([is_consistent(e, P) for e in errors]) == share_inside(values, 2)
+
+
+def test_the_quantile_is_that_of_scipy_stats() -> None:
+    for degrees in (1, 2, 6):
+        for probability in (0.025, 0.9545, 0.975):
+            assert_allclose(
+                chi_square_quantile(probability, degrees), chi2.ppf(probability, degrees), 1e-14
+            )
 
 
 def test_a_covariance_that_is_not_positive_definite_is_never_consistent() -> None:

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from crossmodal.diagrams.flap.results.flap_episode import FlapSeries, TrueFlap
 from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.consistency import chi_square_quantile
 
 JUDGED_FROM = float(np.deg2rad(30.0))  # From this angle on the hinge and the vectors count.
 SETTLING = 2.0  # After the flipping began, [s].
@@ -113,7 +113,7 @@ def share_inside(errors: Array, covariances: Array) -> float:
         variances, axes = np.linalg.eigh(covariance)
         spread = variances > 1e-9 * max(variances[-1], 1e-300)
         squared = np.sum((axes.T @ error)[spread] ** 2 / variances[spread])
-        inside.append(bool(squared <= chi2.ppf(_TWO_SIGMA, int(spread.sum()))))
+        inside.append(bool(squared <= chi_square_quantile(_TWO_SIGMA, int(spread.sum()))))
     return float(np.mean(inside)) if inside else float("nan")
 
 

@@ -1,10 +1,10 @@
 """Which pixels of a depth image show what lies near a point, or ahead of it."""
 
 import cv2
-import numba
 import numpy as np
 
 from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.compiled import hot
 from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.flap.tracking.local_planes import InverseDepth, inverse_depth
 
@@ -45,7 +45,7 @@ def within(image: InverseDepth, p_CQ: Array, radius: float) -> Mask:
     return np.asarray(_within(image.w, image.valid, image.x, image.y, p_CQ, radius))
 
 
-@numba.njit(cache=True)
+@hot
 def _within(w: Array, valid: Mask, x: Array, y: Array, p_CQ: Array, radius: float) -> Mask:
     inside = np.zeros_like(valid)
     for row in range(w.shape[0]):
@@ -62,7 +62,7 @@ def ahead(image: InverseDepth, p_CQ: Array, direction_C: Array, length: float) -
     return np.asarray(_ahead(image.w, image.valid, image.x, image.y, p_CQ, direction_C, length))
 
 
-@numba.njit(cache=True)
+@hot
 def _ahead(
     w: Array, valid: Mask, x: Array, y: Array, p_CQ: Array, direction_C: Array, length: float
 ) -> Mask:

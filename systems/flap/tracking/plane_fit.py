@@ -3,10 +3,10 @@
 from typing import NamedTuple
 
 import cv2
-import numba
 import numpy as np
 
 from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.compiled import hot
 from crossmodal.systems.flap.tracking.local_planes import InverseDepth
 
 
@@ -28,7 +28,7 @@ class PlaneFit(NamedTuple):
     spread: float
 
 
-@numba.njit(cache=True)
+@hot
 def _normal_equations(
     w: Array, x: Array, y: Array, pixels: Mask
 ) -> tuple[Array, Array, float, int]:
@@ -58,7 +58,7 @@ def _normal_equations(
     return normal, moment, square, total
 
 
-@numba.njit(cache=True)
+@hot
 def _solve(normal: Array, moment: Array) -> Array:
     """The plane m_C (3,); zeros where the pixels do not say it."""
     if np.linalg.cond(normal) > 1e12:
@@ -67,7 +67,7 @@ def _solve(normal: Array, moment: Array) -> Array:
     return plane
 
 
-@numba.njit(cache=True)
+@hot
 def _near_plane(w: Array, x: Array, y: Array, allowed: Mask, m_C: Array, limit: float) -> Mask:
     """Which of the allowed pixels (h, w) are nearer to a plane (3,) than `limit`, [1/m]."""
     near = np.zeros_like(allowed)

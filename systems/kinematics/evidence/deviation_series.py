@@ -12,6 +12,7 @@ import numpy as np
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
+from crossmodal.maths.in_place import assign
 from crossmodal.maths.se3_in_place import pose_difference
 from crossmodal.maths.tangent_plane import tangent_basis
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes, floor_share
@@ -117,12 +118,12 @@ def add_keyframes(
         child_pose(kind, Y, a, c, pitch, q[k], X)
         pose_difference(X, kf.Z[k], r)
         share = floor_share(kf, k)
-        A[:] = kf.R[k] + share * rough
+        assign(A, kf.R[k] + share * rough)
         log_det = cholesky.factor(A, six)
         cholesky.inverse(A, W[0], six)
         if kf.undecided[k] > 0.0:
             inlier = m.inlier[of, k]
-            W[0] = inlier * W[0] + (1.0 - inlier) * kf.W_out[k]
+            assign(W[0], inlier * W[0] + (1.0 - inlier) * kf.W_out[k])
             log_det *= inlier
         if kind != RIGID:
             jacobian(kind, G, pitch, q[k], J)

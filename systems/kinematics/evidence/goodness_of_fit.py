@@ -8,6 +8,7 @@ import scipy.special
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
+from crossmodal.maths.in_place import assign
 from crossmodal.maths.se3_in_place import pose_difference
 from crossmodal.maths.tangent_plane import tangent_basis
 from crossmodal.systems.kinematics.evidence.covariance_floor import FLOORS, covariance_floor
@@ -66,7 +67,7 @@ def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, 
         pose_difference(X, kf.Z[k], r)
         if kind != RIGID and k > 0:
             jacobian(kind, G, h, q[k], J)
-            along[:] = J[0]
+            assign(along, J[0])
             degrees -= 1
         L = kf.R[k] + floor_share(kf, k) * floor
         cholesky.factor(L, six)
@@ -74,7 +75,7 @@ def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, 
         if kf.undecided[k] > 0.0:
             inlier = m.inlier[kind, k]
             # The covariance of an outlier is far larger than any floor.
-            W[:] = inlier * W + (1.0 - inlier) * kf.W_out[k]
+            assign(W, inlier * W + (1.0 - inlier) * kf.W_out[k])
         chi_square += _square(W, r, along)
         measured = measured_directions(kf, k)
         degrees += measured

@@ -12,6 +12,7 @@ import numpy as np
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
+from crossmodal.maths.in_place import assign
 from crossmodal.systems.kinematics.evidence.bent_slide import far_evidence
 from crossmodal.systems.kinematics.evidence.deviation_series import (
     add_keyframes,
@@ -91,11 +92,10 @@ def _evidence(
         return evidence
     # Of a step that goes too far, only a share can be trusted.
     share = trusted(kind, m.c[kind], m.pitch[kind], chain.step)
-    chain.step[:] *= share
+    assign(chain.step, share * chain.step)
     return evidence - gain * (1.0 - share) ** 2
 
 
-@hot
 def smooth_evidence(
     m: Models, kf: Keyframes, priors: Priors, deviations: Array, evidence: Array, covariance: Array
 ) -> tuple[float, float]:
@@ -130,9 +130,7 @@ def smooth_evidence(
         evidence[kind] += smooth - independent
         n = dimension(kind)
         cholesky.inverse(chain.H, covariance[kind], n)
-        for i in range(n):
-            for j in range(n):
-                covariance[kind, i, j] += chain.step[i] * chain.step[j]
+        covariance[kind, :n, :n] += np.outer(chain.step[:n], chain.step[:n])
         if kind == REVOLUTE and is_hinge:
             evidence[SCREW] += smooth - independent
         if kind == SCREW:
@@ -142,13 +140,12 @@ def smooth_evidence(
     return pitch, variance
 
 
-@hot
 def bend(m: Models, kf: Keyframes, priors: Priors, deviations: Array) -> float:
     """See `far_evidence`; with smooth deviations if their covariance (6, 6) is not zero."""
-    lin, series, bent = new_linear(kf.time.size), new_series(), int(np.int64(BENT_SLIDE))
+    lin, series = new_linear(kf.time.size), new_series()
     is_smooth = np.trace(deviations) > 0.0
     rough = _ROUGH**2 * deviations if is_smooth else kf.floor
-    add_keyframes(bent, m, kf, rough, is_smooth, lin, series)
+    add_keyframes(BENT_SLIDE, m, kf, rough, is_smooth, lin, series)
     if is_smooth:
-        marginalise(dimension(bent), deviations, series, lin)
+        marginalise(dimension(BENT_SLIDE), deviations, series, lin)
     return far_evidence(m, kf, priors, lin)

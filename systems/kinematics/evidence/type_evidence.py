@@ -8,7 +8,6 @@ deviations from the path are smooth (`smooth_deviations`), that counts for all t
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
 from crossmodal.systems.kinematics.evidence.covariance_floor import (
     FLOORS,
     USUAL_DEVIATION,
@@ -35,14 +34,12 @@ _AHEAD = 3.0  # Log evidence over the slide's from which a hinge's own solution 
 _PRUNING_THRESHOLD = 20.0  # Log evidence of a slide below the best one's, [nat].
 
 
-@hot
 def _add_hinges(evidence: Array, pitch: float, variance: float, priors: Priors) -> None:
     """Counts a screw of next to no pitch as a hinge, in place."""
     hinge = evidence[SCREW] + hinge_evidence(pitch, variance, priors.hinge_pitch)
     evidence[REVOLUTE] = max(evidence[REVOLUTE], hinge)
 
 
-@hot
 def _wants_bend(evidence: Array, kf: Keyframes, priors: Priors) -> bool:
     """Whether a hinge far away may be likelier than one whose axis' place is known."""
     slide = evidence[PRISMATIC]
@@ -50,7 +47,6 @@ def _wants_bend(evidence: Array, kf: Keyframes, priors: Priors) -> bool:
     return bool(matters and priors.far_axes and may_be_far(kf))
 
 
-@hot
 def _add_bend(evidence: Array, bend: float) -> None:
     """Counts a bent slide as a hinge far away, where a pitch makes no difference; in place."""
     far = evidence[PRISMATIC] + bend
@@ -58,7 +54,6 @@ def _add_bend(evidence: Array, bend: float) -> None:
     evidence[SCREW] = max(evidence[SCREW], far)
 
 
-@hot
 def type_evidence(
     m: Models, kf: Keyframes, priors: Priors, deviations: Array
 ) -> tuple[Array, Array]:
@@ -89,7 +84,6 @@ def type_evidence(
     return np.logaddexp(evidence, smooth - unusual), covariance
 
 
-@hot
 def _total(log_p: Array) -> float:
     return log_p.max() + np.log(np.exp(log_p - log_p.max()).sum())
 

@@ -19,6 +19,7 @@ import numpy as np
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.compiled import hot
+from crossmodal.maths.in_place import assign
 from crossmodal.maths.se3_in_place import perturb, relative_log
 from crossmodal.systems.kinematics.keyframes.measurement_noise import MEASURED
 
@@ -141,27 +142,20 @@ def _fill_outlier(kf: Keyframes, k: int, outliers: Array) -> None:
     cholesky.inverse(L, kf.W_out[k], six)
 
 
-@hot
 def _delete(kf: Keyframes, k: int) -> None:
     """Removes keyframe k."""
     n = kf.size[0]
-    for i in range(k, n - 1):
-        kf.time[i], kf.log_det[i] = kf.time[i + 1], kf.log_det[i + 1]
-        kf.Z[i], kf.R[i] = kf.Z[i + 1], kf.R[i + 1]
-        kf.W[i], kf.W_out[i] = kf.W[i + 1], kf.W_out[i + 1]
-        kf.undecided[i], kf.log_out[i] = kf.undecided[i + 1], kf.log_out[i + 1]
-        kf.streak[i] = kf.streak[i + 1]
+    for x in (kf.time, kf.Z, kf.R, kf.W, kf.log_det, kf.undecided, kf.W_out, kf.log_out, kf.streak):
+        x[k : n - 1] = x[k + 1 : n]
     kf.size[0] = n - 1
 
 
-@hot
 def remove(kf: Keyframes, k: int) -> None:
     """Removes keyframe k."""
     _delete(kf, k)
     kf.explained[:] = np.nan
 
 
-@hot
 def append(kf: Keyframes, X: Array, R: Array, time: float, outliers: Array) -> None:
     """Adds one measurement as a keyframe of its own; there must be room.
 
@@ -180,15 +174,12 @@ def append(kf: Keyframes, X: Array, R: Array, time: float, outliers: Array) -> N
     kf.pending[0] += 1
 
 
-@hot
 def rescale(kf: Keyframes, scale: Array, floor: Array, outliers: Array) -> None:
     """Multiplies the standard deviations of all keyframes by `scale` (6,), and sets their floor."""
     kf.floor[:] = floor
     kf.explained[:] = np.nan
+    kf.R[: kf.size[0]] *= np.outer(scale, scale)
     for k in range(kf.size[0]):
-        for i in range(6):
-            for j in range(6):
-                kf.R[k, i, j] *= scale[i] * scale[j]
         _fill(kf, k)
         if kf.undecided[k] > 0.0:
             _fill_outlier(kf, k, outliers)
@@ -199,7 +190,7 @@ def expected_noise(kf: Keyframes, k: int, inlier: float, R: Array) -> None:
     """Writes the expected covariance (6, 6) of undecided keyframe k into `R`."""
     six = int(np.int64(6))
     if inlier > 1.0 - 1e-9:
-        R[:] = kf.R[k]
+        assign(R, kf.R[k])
         return
     L = inlier * kf.W[k] + (1.0 - inlier) * kf.W_out[k]
     cholesky.factor(L, six)
@@ -207,7 +198,6 @@ def expected_noise(kf: Keyframes, k: int, inlier: float, R: Array) -> None:
     R -= floor_share(kf, k) * kf.floor
 
 
-@hot
 def fix(kf: Keyframes, k: int, inlier: float) -> None:
     """Fixes the association of keyframe k: it gets the weight of an inlier of this probability."""
     if kf.undecided[k] == 0.0:
@@ -218,14 +208,11 @@ def fix(kf: Keyframes, k: int, inlier: float) -> None:
     _fill(kf, k)
 
 
-@hot
 def merge(kf: Keyframes, k: int) -> None:
     """Averages keyframes k and k + 1 with scalar weights, which keeps the mean on their screw."""
-    ratio, inverse = 0.0, 0.0
-    for i in range(6):
-        ratio += kf.R[k, i, i] / kf.R[k + 1, i, i]
-        inverse += kf.R[k + 1, i, i] / kf.R[k, i, i]
-    weight = np.sqrt(ratio) / (np.sqrt(ratio) + np.sqrt(inverse))
+    first, second = np.diagonal(kf.R[k]), np.diagonal(kf.R[k + 1])
+    ratio, inverse = np.sqrt((first / second).sum()), np.sqrt((second / first).sum())
+    weight = ratio / (ratio + inverse)
     xi = np.empty(6)
     relative_log(kf.Z[k], kf.Z[k + 1], xi)
     perturb(kf.Z[k], weight * xi, kf.Z[k])

@@ -17,6 +17,7 @@ import numpy as np
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
+from crossmodal.maths.in_place import assign
 from crossmodal.maths.se3_in_place import pose_difference
 from crossmodal.systems.kinematics.keyframes.outliers import blend, inlier_share
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
@@ -241,7 +242,7 @@ def log_evidences(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Ar
     n = kf.size[0]
     R, R_out, W = np.empty((n, 6, 6)), np.empty((n, 6, 6)), np.empty((6, 6))
     for k in range(n):
-        W[:] = kf.R[k] + floor_share(kf, k) * kf.floor
+        assign(W, kf.R[k] + floor_share(kf, k) * kf.floor)
         _rotate(kf.Z[k], W, R[k])
         if kf.undecided[k] > 0.0:
             for i in range(6):
@@ -272,10 +273,10 @@ def explain(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Array) -
     each = np.ones((kf.free.size, inlier.size))
     values = log_evidences(kf, motion, outliers, each)
     if not np.isnan(kf.explained[0]):
-        kf.free[:] = np.minimum(np.maximum(kf.explained - values[0], -MEMORY), 0.0)
-    kf.explained[:] = values[1] + kf.free
+        assign(kf.free, np.minimum(np.maximum(kf.explained - values[0], -MEMORY), 0.0))
+    assign(kf.explained, values[1] + kf.free)
     kf.pending[0] = 0
-    inlier[:] = each[np.argmax(kf.explained)]
+    assign(inlier, each[np.argmax(kf.explained)])
 
 
 @hot

@@ -15,6 +15,7 @@ import numpy as np
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
+from crossmodal.maths.in_place import assign
 from crossmodal.maths.se3_in_place import perturb
 from crossmodal.maths.tangent_plane import tangent_basis
 
@@ -96,7 +97,7 @@ def screw_twists(kind: int, Y: Array, a: Array, c: Array, pitch: float, B: Array
         _into_body(Y, B[i], v, G[1 + i])
     _into_body(Y, w, a, G[5])
     if slides(kind):
-        G[0] = G[5]
+        assign(G[0], G[5])
     else:
         v[0], v[1], v[2] = _cross(c, a)
         for i in range(3):

@@ -7,6 +7,7 @@ import numpy as np
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
+from crossmodal.maths.in_place import assign
 from crossmodal.maths.se3_in_place import relative_log
 from crossmodal.maths.tangent_plane import tangent_basis
 from crossmodal.systems.kinematics.solver.joint_geometry import (
@@ -189,9 +190,10 @@ def predict_pose(kind: int, m: Models, X_PF: Array, dt: float) -> tuple[Array, A
         tangent_basis(m.a[kind], B)
         screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], B, G)
         jacobian(kind, G, m.pitch[kind], q, rows)
-        J[6:] = rows[1 : n - 5]
+        assign(J[6:], rows[1 : n - 5])
         for i in range(n):
-            J[i] += rows[0] * (m.gain[kind, 0, i] + dt * m.gain[kind, 1, i])
+            for j in range(6):
+                J[i, j] += rows[0, j] * (m.gain[kind, 0, i] + dt * m.gain[kind, 1, i])
         S, P = m.process_noise[kind], m.P[kind]
         variance = P[0, 0] + dt * (2.0 * P[0, 1] + dt * P[1, 1]) + S * dt**3 / 3.0
     _projected(J, m.covariance[kind], 0, covariance)

@@ -11,6 +11,7 @@ import numpy as np
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
+from crossmodal.maths.in_place import assign
 from crossmodal.maths.tangent_plane import transport
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import RECENT, Keyframes
 from crossmodal.systems.kinematics.solver.free_motion import FreeMotion
@@ -94,8 +95,12 @@ def lever(kind: int, m: Models, priors: Priors) -> float:
 @hot
 def _copy(chain: Chain, to: Chain) -> None:
     """Copies a solution."""
-    to.m[:], to.M[:], to.P[:], to.S[:] = chain.m, chain.M, chain.P, chain.S
-    to.H[:], to.step[:] = chain.H, chain.step
+    assign(to.m, chain.m)
+    assign(to.M, chain.M)
+    assign(to.P, chain.P)
+    assign(to.S, chain.S)
+    assign(to.H, chain.H)
+    assign(to.step, chain.step)
 
 
 @hot
@@ -168,7 +173,9 @@ def _track(
         value = run_chain(n, S, J, jumps, speed, white, q, kf, lin, best.step, since, trial)
         if value > top:
             top, best_S = value, S
-            best.m[:], best.M[:], best.P[:] = trial.m, trial.M, trial.P
+            assign(best.m, trial.m)
+            assign(best.M, trial.M)
+            assign(best.P, trial.P)
     best.P[0] += priors.correlated_share / lin.alpha[kf.size[0] - 1]
     return best_S
 
@@ -261,23 +268,31 @@ def solve_moving(
         if i < steps - 1 and value < previous:
             share = _SHORTER if i < steps - 2 else 0.0
             step *= share
-            m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind] = Y, a, c, pitch
-            m.q[kind], evidences[:] = q_previous + share * dq, accepted
+            assign(m.Y[kind], Y)
+            assign(m.a[kind], a)
+            assign(m.c[kind], c)
+            assign(m.q[kind], q_previous + share * dq)
+            assign(evidences, accepted)
+            m.pitch[kind] = pitch
             _move(kind, m, priors, q_previous, step)
             continue
-        previous, accepted[:] = value, evidences
-        Y[:], a[:], c[:], q_previous[:] = m.Y[kind], m.a[kind], m.c[kind], m.q[kind]
-        pitch = m.pitch[kind]
+        assign(accepted, evidences)
+        assign(Y, m.Y[kind])
+        assign(a, m.a[kind])
+        assign(c, m.c[kind])
+        assign(q_previous, m.q[kind])
+        previous, pitch = value, m.pitch[kind]
         last = i >= steps - 2 or gain < _CONVERGED
-        best.step[:] *= trusted(kind, m.c[kind], pitch, best.step)
+        assign(best.step, trusted(kind, m.c[kind], pitch, best.step) * best.step)
         if last and gain >= _CONVERGED:
             best.step[:] = 0.0
-        step[:] = best.step
+        assign(step, best.step)
         smooth(dimension(kind), best.S, sigma_v, q_previous, kf, lin, step, m.q[kind])
         if last and priors.white_share < 1.0:
-            m.q[kind], q_smooth = q_previous, m.q[kind].copy()
+            q_smooth = m.q[kind].copy()
+            assign(m.q[kind], q_previous)
             S = _track(kind, m, kf, priors, lin, best, trial)
-            m.q[kind] = q_smooth
+            assign(m.q[kind], q_smooth)
         dq = m.q[kind] - q_previous
         _move(kind, m, priors, q_previous, step)
         if last:

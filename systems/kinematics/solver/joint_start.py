@@ -154,7 +154,6 @@ def fresh_start(m: Models, kf: Keyframes, axis_distance: float, share: float) ->
             m.a[kind], m.q[kind] = -m.a[kind], -m.q[kind]
 
 
-@hot
 def copy_model(kind: int, source: Models, into: int, target: Models) -> None:
     """Copies the solution of one model for the keyframes in memory to another one, or to others."""
     target.Y[into], target.a[into], target.c[into] = source.Y[kind], source.a[kind], source.c[kind]
@@ -165,7 +164,6 @@ def copy_model(kind: int, source: Models, into: int, target: Models) -> None:
     target.log_evidence[into] = source.log_evidence[kind]
 
 
-@hot
 def start_from_revolute(m: Models, kf: Keyframes) -> None:
     """Starts the screw, in place, from the revolute model and what the path climbs along its axis.
 
@@ -173,28 +171,20 @@ def start_from_revolute(m: Models, kf: Keyframes) -> None:
     """
     copy_model(REVOLUTE, m, SCREW, m)
     m.signed[SCREW] = m.signed[REVOLUTE]
-    product, square = 0.0, 0.0
-    for k in range(kf.size[0]):
-        climbed = 0.0
-        for i in range(3):
-            climbed += (kf.Z[k, i, 3] - m.Y[REVOLUTE, i, 3]) * m.a[REVOLUTE, i]
-        weighted = m.q[REVOLUTE, k] / kf.R[k, 3, 3]
-        product += weighted * climbed
-        square += weighted * m.q[REVOLUTE, k]
-    pitch = product / max(square, 1e-12)
+    n = kf.size[0]
+    climbed = (kf.Z[:n, :3, 3] - m.Y[REVOLUTE, :3, 3]) @ m.a[REVOLUTE]
+    weighted = m.q[REVOLUTE, :n] / kf.R[:n, 3, 3]
+    pitch = weighted @ climbed / max(weighted @ m.q[REVOLUTE, :n], 1e-12)
     m.pitch[SCREW] = min(max(pitch, -WIDEST), WIDEST)
 
 
-@hot
 def reverse_axis(kind: int, m: Models) -> None:
     """Reverses the axis, and with it the sign of q, in place; the prior's axis, too."""
-    m.a[kind], m.q[kind] = -m.a[kind], -m.q[kind]
-    m.prior_a[kind] = -m.prior_a[kind]
-    for i in range(6, 9):
-        m.prior_vector[kind, i] *= -1.0
-        m.prior_information[kind, i, :] *= -1.0
-        m.prior_information[kind, :, i] *= -1.0
-    m.state[kind], m.gain[kind] = -m.state[kind], -m.gain[kind]
+    for x in (m.a, m.q, m.prior_a, m.state, m.gain):
+        x[kind] *= -1.0
+    m.prior_vector[kind, 6:9] *= -1.0
+    m.prior_information[kind, 6:9, :] *= -1.0
+    m.prior_information[kind, :, 6:9] *= -1.0
     # `tangent_basis(-a)` has the first vector of `tangent_basis(a)` and the opposite of its second.
     for i in (6, 9):
         m.gain[kind, :, i] *= -1.0
@@ -202,15 +192,13 @@ def reverse_axis(kind: int, m: Models) -> None:
         m.covariance[kind, :, i] *= -1.0
 
 
-@hot
 def decide_sign(kind: int, m: Models) -> None:
     """Turns the axis, in place, so that q grows positive in the direction first moved."""
     if m.signed[kind] > 0.0:
         return
-    n, variance = dimension(kind), m.P[kind, 0, 0]
-    for i in range(n):
-        for j in range(n):
-            variance += m.gain[kind, 0, i] * m.covariance[kind, i, j] * m.gain[kind, 0, j]
+    n = dimension(kind)
+    gain = m.gain[kind, 0, :n]
+    variance = m.P[kind, 0, 0] + gain @ m.covariance[kind, :n, :n] @ gain
     moved = m.log_evidence[kind] > m.log_evidence[RIGID] + _MOVED
     if moved and m.state[kind, 0] ** 2 > _SIGNIFICANT**2 * variance:
         m.signed[kind] = 1.0

@@ -57,14 +57,10 @@ _PRUNING_THRESHOLD = 30.0
 _SURPRISE = 5.0  # Loss of the best model's log evidence from which all models are solved, [nat].
 
 
-@hot
 def _delete_configuration(m: Models, kf: Keyframes, k: int) -> None:
-    for kind in MOVING:
-        for i in range(k, kf.size[0]):
-            m.q[kind, i] = m.q[kind, i + 1]
-    for kind in range(JOINTS + 1):
-        for i in range(k, kf.size[0]):
-            m.inlier[kind, i] = m.inlier[kind, i + 1]
+    n = kf.size[0]
+    m.q[:, k:n] = m.q[:, k + 1 : n + 1]
+    m.inlier[:, k:n] = m.inlier[:, k + 1 : n + 1]
 
 
 @hot
@@ -117,7 +113,6 @@ def expected_inliers(m: Models, kf: Keyframes, log_prior: Array, inlier: Array) 
             inlier[k] = max(inlier[k], m.inlier[FREE, k])
 
 
-@hot
 def add_measurement(
     m: Models,
     kf: Keyframes,
@@ -170,7 +165,6 @@ def _turns_are_seen(kf: Keyframes) -> bool:
     return bool(min(R[0, 0], R[1, 1], R[2, 2]) < 1.0)
 
 
-@hot
 def _solve(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int) -> None:
     """Solves one model."""
     if kind == RIGID:
@@ -179,11 +173,9 @@ def _solve(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int) -> N
         free = free_evidence(kf, priors.free, priors.outliers, m.inlier[FREE])
         m.log_evidence[FREE] = free + m.marginal_evidence[FREE]
     else:
-        temper = 1.0
-        solve_moving(kind, m, kf, priors, steps, temper)
+        solve_moving(kind, m, kf, priors, steps, 1.0)
 
 
-@hot
 def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, all_models: bool) -> bool:
     """Solves the models that are scheduled, linearised at most `steps` times each.
 
@@ -289,13 +281,11 @@ def _take_over(m: Models, other: Models, kinds: tuple[int, ...]) -> None:
             copy_model(kind, other, kind, m)
 
 
-@hot
 def _decide_signs(m: Models) -> None:
     for kind in range(RIGID):
         decide_sign(kind, m)
 
 
-@hot
 def _correct(
     m: Models,
     kf: Keyframes,
@@ -313,11 +303,10 @@ def _correct(
         -1, or the keyframe that has to be marginalised first, with its probability in `inlier`
         (K,); nothing is done then. And what `solve_all` returns.
     """
-    steps = int(np.int64(STEPS))
     expected_inliers(m, kf, log_prior, inlier)
     k = add_measurement(m, kf, X_FB, R, time, priors, inlier)
     if k < 0:
-        all_models = solve_all(m, kf, priors, steps, all_models)
+        all_models = solve_all(m, kf, priors, STEPS, all_models)
         _decide_signs(m)
     return k, all_models
 

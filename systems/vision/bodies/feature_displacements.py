@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.maths.compiled import hot
 from crossmodal.systems.vision.bodies.feature_history import FeatureHistory
 
 REST_COUNT = 20  # Number of samples that the mean of a feature at rest counts as.
@@ -32,7 +32,7 @@ class Displacements:
     count_new: Ids
 
 
-@numba.njit(cache=True)
+@hot
 def _accumulate(
     R: Array, t: Array, information: Array, moment: Array, total: Array, total_moment: Array
 ) -> None:
@@ -58,7 +58,7 @@ def _accumulate(
             total[a, b] += R[0, a] * half[0, b] + R[1, a] * half[1, b] + R[2, a] * half[2, b]
 
 
-@numba.njit(cache=True)
+@hot
 def _inverse(A: Array, out: Array) -> None:
     """Inverse of a symmetric positive definite (3, 3) matrix."""
     a, b, c = A[0, 0], A[0, 1], A[0, 2]
@@ -72,7 +72,7 @@ def _inverse(A: Array, out: Array) -> None:
             out[i, j] /= determinant
 
 
-@numba.njit(cache=True)
+@hot
 def _means(
     p_W: Array,
     information: Array,

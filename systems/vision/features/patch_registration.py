@@ -8,10 +8,10 @@ affine map A starts from what is known of scale and foreshortening, and may chan
 Source: S. Baker and I. Matthews, Lucas-Kanade 20 Years On: A Unifying Framework, 2004, section 3.2.
 """
 
-import numba
 import numpy as np
 
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.compiled import hot
 from crossmodal.systems.vision.features.patch_templates import (
     Image,
     Templates,
@@ -23,7 +23,7 @@ from crossmodal.systems.vision.features.patch_templates import (
 )
 
 
-@numba.njit(cache=True)
+@hot
 def _shift(
     image: Image,
     values: Image,
@@ -64,7 +64,7 @@ def _shift(
     return best_u, best_v, best
 
 
-@numba.njit(cache=True)
+@hot
 def _register(
     image: Image,
     values: Image,

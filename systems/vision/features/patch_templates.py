@@ -6,11 +6,11 @@ product is the zero-mean normalised cross-correlation (ZNCC).
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.maths.compiled import hot
 
 Image = npt.NDArray[np.float32]
 
@@ -55,7 +55,7 @@ def concatenate(first: Templates, second: Templates) -> Templates:
     )
 
 
-@numba.njit(cache=True)
+@hot
 def sample(image: Image, u: float, v: float, A: Array, radius: int, out: Image) -> bool:
     """Bilinear patch around (u, v) under the map A; False if it leaves the image."""
     height, width = image.shape
@@ -77,7 +77,7 @@ def sample(image: Image, u: float, v: float, A: Array, radius: int, out: Image) 
     return True
 
 
-@numba.njit(cache=True)
+@hot
 def correlation(patch: Image, template: Image) -> float:
     """Inner product, in lanes: a compiler must not reorder sums, and one chain of them is slow."""
     n = patch.shape[0]
@@ -96,7 +96,7 @@ def correlation(patch: Image, template: Image) -> float:
     return float(((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7)))
 
 
-@numba.njit(cache=True)
+@hot
 def normalise(patch: Image) -> float:
     """Removes the mean and scales to unit norm in place; returns the standard deviation."""
     n = patch.shape[0]
@@ -119,7 +119,7 @@ def normalise(patch: Image) -> float:
     return float(norm) / np.sqrt(n)
 
 
-@numba.njit(cache=True)
+@hot
 def derivatives(gradients: Image, radius: int, values: Image) -> Array:
     """Inner products (6,) of `values` (n,) with the derivatives to shift and affine map."""
     products = np.zeros(6)
@@ -137,7 +137,7 @@ def derivatives(gradients: Image, radius: int, values: Image) -> Array:
     return products
 
 
-@numba.njit(cache=True)
+@hot
 def _hessian(gradients: Image, radius: int, overlaps: Array) -> Array:
     n = gradients.shape[1]
     hessian = np.zeros((6, 6))
@@ -159,7 +159,7 @@ def _hessian(gradients: Image, radius: int, overlaps: Array) -> Array:
     return hessian
 
 
-@numba.njit(cache=True)
+@hot
 def _cut(image: Image, uv: Array, radius: int) -> tuple[Image, Image, Array, Array, Array, Mask]:
     count, side = uv.shape[0], 2 * radius + 1
     n = side * side
@@ -205,7 +205,7 @@ def cut_templates(image: Image, uv: Array, radius: int) -> tuple[Templates, Mask
     return templates, valid
 
 
-@numba.njit(cache=True)
+@hot
 def _score(image: Image, values: Image, warps: Array, uv: Array, radius: int) -> Array:
     scores = np.full(uv.shape[0], -1.0)
     patch = np.empty((2 * radius + 1) ** 2, dtype=np.float32)
@@ -221,7 +221,7 @@ def score_patches(image: Image, templates: Templates, warps: Array, uv: Array) -
     return _score(image, templates.values, warps, uv, radius_of(templates))
 
 
-@numba.njit(cache=True)
+@hot
 def _contrasts(image: Image, warps: Array, uv: Array, radius: int) -> Array:
     contrasts = np.zeros(uv.shape[0])
     patch = np.empty((2 * radius + 1) ** 2, dtype=np.float32)

@@ -12,7 +12,8 @@ RUNNER = CliRunner()
 def test_help_teaches_by_example_and_needs_no_heavy_import() -> None:
     code = (
         "import sys; from crossmodal.diagrams import command_line;"
-        "heavy = {'pydrake', 'numpy', 'torch', 'cv2', 'matplotlib', 'pandas'} & set(sys.modules);"
+        "heavy = {'pydrake', 'numpy', 'numba', 'scipy', 'torch', 'cv2', 'matplotlib', 'pandas',"
+        " 'trimesh', 'yaml'} & set(sys.modules);"
         "assert not heavy, heavy"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

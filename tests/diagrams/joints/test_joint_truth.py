@@ -8,7 +8,14 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, Joint, ScrewJoint, SpatialInertia, UnitInertia
 from synthetic_episode import GRASP_TIME, empty_episode, synthetic_episode, without_truth
 
-from crossmodal.diagrams.joints.joint_truth import ObjectTruth, joint_constants, truth_of
+from crossmodal.diagrams.joints.joint_truth import (
+    ObjectTruth,
+    add_tick,
+    joint_constants,
+    truth_of,
+    truth_of_ticks,
+)
+from crossmodal.diagrams.run.record import Tick
 from crossmodal.models import SDF_DIR
 from crossmodal.plants.parsing import make_parser
 from crossmodal.systems.port_values import JointType
@@ -112,3 +119,25 @@ def test_without_the_truth_only_the_grasp_is_known() -> None:
     assert truth.X_WB.shape == (0, 4, 4)
     assert_allclose(truth.grasp_time, GRASP_TIME)
     assert np.isnan(truth_of(empty_episode()).grasp_time)
+
+
+def test_what_is_true_now_follows_from_few_ticks() -> None:
+    kept: list[Tick] = []
+    ticks: list[Tick] = []
+    grasped = [0] * 5 + [1] * 7 + [0] * 2 + [1] * 20 + [0] * 9
+    for k, held in enumerate(grasped):
+        values = {
+            "cheat_configuration": np.array([0.01 * k**2]),
+            "cheat_body_pose": RigidTransform([0.0, 0.0, 0.01 * k]),
+            "interaction_active": np.array([float(held)]),
+        }
+        ticks.append(Tick(time=0.1 * k, values=values))
+        add_tick(kept, ticks[-1])
+        found, expected = truth_of_ticks(kept), truth_of_ticks(ticks)
+        assert_allclose(found.grasp_time, expected.grasp_time)
+        assert_allclose(found.regrasp_times, expected.regrasp_times)
+        assert_allclose(found.opening()[[0, -1]], expected.opening()[[0, -1]])
+        for time in found.regrasp_times:
+            openings = (np.interp(time, t.times, t.opening()) for t in (found, expected))
+            assert_allclose(*openings)
+    assert len(kept) <= 6

@@ -54,6 +54,16 @@ def record(duration: float, **config: float) -> tuple[EpisodeRecorder, FakeCamer
     return recorder, camera
 
 
+def test_what_a_value_says_is_not_worth_keeping_is_not_kept() -> None:
+    recorder, _ = record(6.0)
+    bodies = recorder.estimators["vision"].ticks[-1].values["body_motions_latest"].bodies
+    given = synthetic_episode().estimators["vision"].ticks[89].values["body_motions_latest"].bodies
+    assert given[0].p_BF_covariance.size > 0
+    assert bodies[0].p_BF_covariance.size == 0
+    assert_allclose(bodies[0].motion.X, given[0].motion.X)
+    assert_allclose(bodies[0].p_BF, given[0].p_BF)
+
+
 def test_belief_and_truth_of_one_tick_are_stored_under_its_time() -> None:
     expected = synthetic_episode()
     recorder, _ = record(6.0 + 0.6 * PERIOD)

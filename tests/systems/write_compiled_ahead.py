@@ -1,0 +1,76 @@
+"""Writes `systems/compiled_ahead.yaml` anew: what Python calls in all recordings and two episodes.
+
+python -m tests.systems.write_compiled_ahead
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import yaml
+from numba import types
+from numba.core.dispatcher import Dispatcher
+
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.run.episode import run_episode
+from crossmodal.systems.compile_ahead import LIST
+from tests.recordings.outputs import RECORDINGS, perceive
+
+Call = tuple[str, tuple[types.Type, ...]]
+
+
+@contextmanager
+def noted_calls() -> Iterator[set[Call]]:
+    """The compiled functions of this package that Python calls inside it for the first time."""
+    calls: set[Call] = set()
+    usual = Dispatcher._compile_for_args
+
+    def noting(function: Any, *args: Any, **named: Any) -> Any:
+        if function.__module__.startswith("crossmodal."):
+            kinds = tuple(function.typeof_pyval(value) for value in args)
+            calls.add((f"{function.__module__}.{function.__name__}", kinds))
+        return usual(function, *args, **named)
+
+    Dispatcher._compile_for_args = noting
+    try:
+        yield calls
+    finally:
+        Dispatcher._compile_for_args = usual
+
+
+def document(calls: set[Call]) -> dict[str, Any]:
+    """The calls as `compile_ahead` reads them."""
+    named_tuples: dict[str, str] = {}
+    functions: dict[str, list[str]] = {}
+    for name, kinds in sorted(calls, key=str):
+        functions.setdefault(name, []).append(_written(kinds, named_tuples))
+    return {"named_tuples": named_tuples, "functions": functions}
+
+
+def _written(kinds: tuple[Any, ...], named_tuples: dict[str, str]) -> str:
+    """Types as Python reads them; named tuples are collected, the inner ones first."""
+    written = []
+    for kind in kinds:
+        if isinstance(kind, types.NamedTuple | types.NamedUniTuple):
+            cls, fields = kind.instance_class, _written(kind.types, named_tuples)
+            named_tuples[f"{cls.__module__}.{cls.__name__}"] = fields
+            written.append(cls.__name__)
+        elif isinstance(kind, types.Array) and kind.mutable and kind.layout in "AC":
+            last = "::1" if kind.layout == "C" else ":"
+            written.append(f"{kind.dtype}[{', '.join([':'] * (kind.ndim - 1) + [last])}]")
+        else:
+            written.append(repr(kind))
+    return ", ".join(written)
+
+
+def main() -> None:
+    with noted_calls() as calls:
+        for folder in RECORDINGS:
+            perceive(folder)
+        for name, duration in (("drawer", 1.0), ("flap", 10.0)):
+            run_episode(*load_scenario(name, [f"duration={duration}"]))
+    LIST.write_text(yaml.safe_dump(document(calls), sort_keys=False, width=100))
+
+
+if __name__ == "__main__":
+    main()

@@ -148,7 +148,7 @@ def joints_of_furniture() -> KinematicModelConfig:
     """
     return KinematicModelConfig(
         filters=JointFiltersConfig(
-            type_priors=TypePriorsConfig(screw=0.02),  # Few of its joints are screws.
+            type_priors=TypePriorsConfig(revolute=0.2, screw=0.02),  # Few of its joints are screws.
             hinge_pitch=_HINGE_PITCH,
             errors=MeasurementErrorsConfig(
                 correlated_rotation=3e-3,

@@ -11,12 +11,13 @@ from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsCo
 class TypePriorsConfig:
     """Prior probabilities of the joint types, above zero; they need not sum to one.
 
-    The defaults know little: most things rest, and a screw is half as likely as another joint.
+    The defaults know little: most things rest, slides are told from hinges far away as the commoner
+    ones, and a screw is half as likely as a hinge.
     """
 
     prismatic: float = number(0.2, above=0.0, at_most=1000.0)
-    revolute: float = number(0.2, above=0.0, at_most=1000.0)
-    screw: float = number(0.1, above=0.0, at_most=1000.0)
+    revolute: float = number(0.1, above=0.0, at_most=1000.0)
+    screw: float = number(0.05, above=0.0, at_most=1000.0)
     rigid: float = number(0.4, above=0.0, at_most=1000.0)
     disconnected: float = number(0.2, above=0.0, at_most=1000.0)
 

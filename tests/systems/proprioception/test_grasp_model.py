@@ -18,6 +18,8 @@ from crossmodal.systems.proprioception.grasp_filters import (
 )
 from crossmodal.systems.proprioception.grasp_model import GraspModel, initial_grasp
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
+from crossmodal.systems.proprioception.hand_config import HandConfig
+from crossmodal.systems.shared_settings import with_shared
 
 CONFIG = GraspModelConfig()
 SCENES = {
@@ -155,8 +157,9 @@ def corrected_in_a_turned_hand(R_GH: np.ndarray) -> tuple[GraspFilter, list[floa
     X_GH = np.eye(4)
     X_GH[:3, :3] = R_GH
     Ad = se3.adjoint(X_GH)
-    axis = R_GH @ CONFIG.axis_H
-    config = GraspModelConfig(axis_H=axis, p_HA=R_GH @ CONFIG.p_HA)
+    axis, point = CONFIG.hand.grasping_axis
+    turned = HandConfig(axis_H=R_GH @ axis, p_HA=R_GH @ point)
+    config = with_shared(CONFIG, hand=turned)
     hand = BentHand(
         X_WH=np.eye(4), bias_jacobian=np.zeros((6, 1)), noise_square_root=2e-3 * np.eye(6)
     )
@@ -165,7 +168,7 @@ def corrected_in_a_turned_hand(R_GH: np.ndarray) -> tuple[GraspFilter, list[floa
     grasp = start_filter(GraspType.CYLINDRICAL, X_GH, hand.bias_jacobian, config)
     likelihoods = []
     for k in range(1, 40):
-        E, _ = grasp_displacement(tilted, CONFIG.p_HA, np.array([0.02 * k, 0.0005 * k]))
+        E, _ = grasp_displacement(tilted, point, np.array([0.02 * k, 0.0005 * k]))
         z = X_GH @ E @ se3.exp(1e-3 * rng.standard_normal(6))
         grasp = predict_filter(grasp, config, 0.0)
         grasp, likelihood = correct_filter(grasp, z, R, hand, hand.noise_square_root, config)

@@ -6,7 +6,6 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
 from crossmodal.maths.gaussian import diagonal_blocks, outlier_gate
-from crossmodal.maths.in_place import assign
 from crossmodal.maths.rigid_points import pose_jacobian
 
 GATE = outlier_gate(3)  # Squared distance beyond which a feature is an outlier.
@@ -85,6 +84,6 @@ def _iterate(
                     vector[row] += weight * JtW[i, row, k] * residual[i, k]
                 for k in range(6):
                     information[row, k] += weight * JtWJ[i, row, k]
-        assign(step, np.linalg.solve(information, vector))
+        step[:] = np.linalg.solve(information, vector)
         X = X @ se3.exp(step)
     return X, distance

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 from pydrake.common.value import AbstractValue, Value
 
-
 # Processes that a test starts run this checkout, too, whatever their folder is.
 _ROOT = str(Path(__file__).parents[1])
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [_ROOT, os.environ.get("PYTHONPATH")]))

@@ -10,6 +10,8 @@ ARGS ?=
 
 BIN := .venv/bin
 INSTALLED := .venv/.installed
+# With what tests, lint and training need besides.
+DEVELOPING := .venv/.developing
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test lint pytest replays recordings bench evaluate clean
@@ -24,10 +26,14 @@ help:
 	@echo "make bench      time per tick, real-time factor, joint filters, episodes per hour"
 	@echo "make evaluate   all experiments over SEEDS=$(SEEDS) with JOBS=$(JOBS), beside the paper"
 
-# The stamp is written last, so that an interrupted installation starts again.
+# The stamps are written last, so that an interrupted installation starts again.
 $(INSTALLED): pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed, not " + sys.version)'
 	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	touch $@
+
+$(DEVELOPING): $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	touch $@
 
@@ -36,7 +42,7 @@ demo: $(INSTALLED)
 
 test: lint pytest
 
-lint: $(INSTALLED)
+lint: $(DEVELOPING)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
@@ -45,14 +51,14 @@ lint: $(INSTALLED)
 # Processes that each take all cores for small matrices would wait for each other.
 pytest: export OMP_NUM_THREADS = 1
 pytest: export OPENBLAS_NUM_THREADS = 1
-pytest: $(INSTALLED)
+pytest: $(DEVELOPING)
 	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
 
 # Only perceives; nothing is simulated.
-replays: $(INSTALLED)
+replays: $(DEVELOPING)
 	$(BIN)/python -m tests.recordings.write
 
-recordings: $(INSTALLED)
+recordings: $(DEVELOPING)
 	$(BIN)/python -m tests.recordings.write --simulate
 
 bench: $(INSTALLED)

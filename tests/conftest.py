@@ -1,11 +1,16 @@
-"""What all tests share: a recorded episode, and Drake's newer refusal of None."""
+"""What all tests share: a recorded episode, Drake's newer refusal of None, and where to import."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from pydrake.common.value import AbstractValue, Value
+
+# Processes that a test starts run this checkout, too, whatever their folder is.
+_ROOT = str(Path(__file__).parents[1])
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [_ROOT, os.environ.get("PYTHONPATH")]))
 
 
 @pytest.fixture(scope="session", autouse=True)

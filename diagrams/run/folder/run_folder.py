@@ -73,7 +73,9 @@ def opened(folder: Path, *, force: bool = False, numbered: bool = False) -> Iter
         ScenarioError: where it cannot be written, or holds what must not be replaced.
     """
     places = chain([folder], (folder.with_name(f"{folder.name}-{n}") for n in count(2)))
-    place = make_folder(next(p for p in places if not (numbered and os.path.lexists(p))))
+    place = next(place for place in places if not (numbered and os.path.lexists(place)))
+    made = [path for path in (place, *place.parents) if not os.path.exists(path)]
+    make_folder(place)
     occupied = any(place.iterdir())
     if occupied and not force:
         raise ScenarioError(
@@ -89,7 +91,8 @@ def opened(folder: Path, *, force: bool = False, numbered: bool = False) -> Iter
         yield place
     finally:
         with contextlib.suppress(OSError):
-            place.rmdir()
+            for path in made:
+                path.rmdir()
 
 
 def read_summary(folder: Path) -> dict[str, Any]:

@@ -150,7 +150,7 @@ def test_an_error_while_drawing_is_said_in_one_line_after_the_results(
     def fail(*_: object) -> None:
         raise IndexError("list index out of range")
 
-    monkeypatch.setattr("crossmodal.diagrams.crossmodal.results.results.draw_errors", fail)
+    monkeypatch.setattr("crossmodal.diagrams.crossmodal.results.plots.draw_errors", fail)
     result = RUNNER.invoke(app, ["run", "drawer", "--out", "here", "--no-recording"])
     assert result.exit_code == 1
     assert "Perceived joint:" in result.output

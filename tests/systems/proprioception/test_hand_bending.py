@@ -44,6 +44,7 @@ def interactions() -> list[tuple[np.ndarray, np.ndarray]]:
 def trained(
     interactions: list[tuple[np.ndarray, np.ndarray]],
 ) -> tuple[BendingNetwork, dict[str, object]]:
+    pytest.importorskip("torch")
     return train(interactions, seed=0, steps=800)
 
 
@@ -99,6 +100,7 @@ def test_networks_beat_no_bending_on_unseen_interactions(trained: tuple) -> None
 
 
 def test_training_repeats_from_its_seed(interactions: list) -> None:
+    pytest.importorskip("torch")
     few = [(u[::4], y[::4]) for u, y in interactions[:4]]
     first, second = train(few, seed=3, steps=50)[0], train(few, seed=3, steps=50)[0]
     for (W, b), (W_again, b_again) in zip(first.pose_layers, second.pose_layers, strict=True):
@@ -107,6 +109,7 @@ def test_training_repeats_from_its_seed(interactions: list) -> None:
 
 
 def test_search_ranks_topologies_by_unseen_error(interactions: list) -> None:
+    pytest.importorskip("torch")
     few = [(u[::6], y[::6]) for u, y in interactions[:4]]
     results = search_topology(few, widths=(3, 10), depths=(1,), steps=100)
     assert [result["score"] for result in results] == sorted(r["score"] for r in results)

@@ -211,7 +211,7 @@ def test_a_folder_that_is_taken_gives_way_to_the_next_number(tmp_path: Path) -> 
 def test_a_folder_that_nothing_is_written_into_is_removed_again(tmp_path: Path) -> None:
     with opened(tmp_path / "a" / "b"):
         pass
-    assert list((tmp_path / "a").iterdir()) == []
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_only_a_run_is_replaced_and_only_if_asked(tmp_path: Path) -> None:

@@ -131,6 +131,7 @@ def check_cut(cut: Sequence[str]) -> None:
             )
 
 
+_FURNITURE = TypePriorsConfig(screw=0.02, rigid=0.4)  # Few of its joints are screws.
 _HINGE_PITCH = 3e-3  # What errors that last make a hinge climb, [m/rad].
 
 
@@ -148,7 +149,8 @@ def joints_of_furniture() -> KinematicModelConfig:
     """
     return KinematicModelConfig(
         filters=JointFiltersConfig(
-            type_priors=TypePriorsConfig(revolute=0.2, screw=0.02),  # Few of its joints are screws.
+            type_priors=_FURNITURE,
+            ranking_priors=_FURNITURE,
             hinge_pitch=_HINGE_PITCH,
             errors=MeasurementErrorsConfig(
                 correlated_rotation=3e-3,

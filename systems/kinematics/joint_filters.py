@@ -48,9 +48,12 @@ from crossmodal.systems.kinematics.evidence.covariance_floor import (
     covariance_floor,
     with_likelier_floor,
 )
-from crossmodal.systems.kinematics.evidence.goodness_of_fit import largest_probability
+from crossmodal.systems.kinematics.evidence.goodness_of_fit import (
+    largest_probability,
+    reported_probabilities,
+)
 from crossmodal.systems.kinematics.evidence.type_evidence import likelier_deviations, type_evidence
-from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
+from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
 from crossmodal.systems.kinematics.joint_filters_state import (
     LEAST_NOISE,
     TYPES,
@@ -113,6 +116,10 @@ _SAME_POSE = 1e-12  # Largest difference between two copies of one measurement.
 _NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 
 
+def _log_prior(p: TypePriorsConfig) -> Array:
+    return np.log([p.prismatic, p.revolute, p.screw, p.rigid, p.disconnected])
+
+
 class JointFilters:
     """Starts, updates and reads the joint models of any number of pairs; see the module.
 
@@ -128,9 +135,8 @@ class JointFilters:
         self._owner = owner
         self._priors = solver_priors(config)
         self._correlated = is_correlated(config.errors)
-        p = config.type_priors
-        types = [p.prismatic, p.revolute, p.screw, p.rigid, p.disconnected]
-        self._log_prior = np.log(types)
+        self._log_prior = _log_prior(config.ranking_priors)
+        self._log_prior_of_reports = _log_prior(config.type_priors)
 
     def start(
         self,
@@ -339,9 +345,9 @@ class JointFilters:
             state.deviations_index, state.reported, estimated_scale(state.noise)
         )
         evidence, covariance = type_evidence(m, kf, self._priors, deviations)
-        log_p = evidence + self._log_prior
-        p = np.exp(log_p - log_p.max())
-        p, likeliest = p / p.sum(), int(np.argmax(p))
+        p, likeliest = reported_probabilities(
+            evidence + self._log_prior_of_reports, evidence + self._log_prior
+        )
         lost = p[likeliest] * (
             1.0 - largest_probability(likeliest, m, kf, state.noise, state.reported)
         )

@@ -11,15 +11,19 @@ from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsCo
 class TypePriorsConfig:
     """Prior probabilities of the joint types, above zero; they need not sum to one.
 
-    The defaults know little: most things rest, slides are told from hinges far away as the commoner
-    ones, and a screw is half as likely as a hinge.
+    The defaults know next to nothing: all types are as likely, but a screw half as much.
     """
 
     prismatic: float = number(0.2, above=0.0, at_most=1000.0)
-    revolute: float = number(0.1, above=0.0, at_most=1000.0)
-    screw: float = number(0.05, above=0.0, at_most=1000.0)
-    rigid: float = number(0.4, above=0.0, at_most=1000.0)
+    revolute: float = number(0.2, above=0.0, at_most=1000.0)
+    screw: float = number(0.1, above=0.0, at_most=1000.0)
+    rigid: float = number(0.2, above=0.0, at_most=1000.0)
     disconnected: float = number(0.2, above=0.0, at_most=1000.0)
+
+
+def common_joints() -> TypePriorsConfig:
+    """What joints of furniture and tools are: few screws or far hinges; most things rest."""
+    return TypePriorsConfig(revolute=0.1, screw=0.01, rigid=0.4)
 
 
 @dataclass(kw_only=True)
@@ -45,7 +49,9 @@ class JointFiltersConfig:
         hinge_pitch: Standard deviation of what a hinge climbs per radian and is still one.
             Correlated errors make one climb, too.
         outliers: Share of the measurements that are outliers; zero for none.
-        type_priors: Of the joint types.
+        type_priors: Of the joint types; what is reported holds for one who expects no type.
+        ranking_priors: By which the likeliest type is chosen: of two that nothing measured can tell
+            apart the commoner one. What is reported of it holds for them, too.
         errors: Of the measurements, correlated in time.
         memory: Keyframes kept.
     """
@@ -64,6 +70,7 @@ class JointFiltersConfig:
     hinge_pitch: float = number(3e-4, above=0.0, at_most=1.0, unit="m/rad")
     outliers: float = number(0.02, at_least=0.0, at_most=0.5)
     type_priors: TypePriorsConfig = field(default_factory=TypePriorsConfig)
+    ranking_priors: TypePriorsConfig = field(default_factory=common_joints)
     errors: MeasurementErrorsConfig = field(default_factory=MeasurementErrorsConfig)
     memory: int = number(24, at_least=FIRST + RECENT + 4, at_most=1000, unit="keyframes")
 

@@ -26,7 +26,8 @@ def _filters() -> JointFiltersConfig:
     return JointFiltersConfig(
         radius=0.1,
         axis_distance=0.1,
-        type_priors=TypePriorsConfig(revolute=0.2, screw=0.02),
+        type_priors=TypePriorsConfig(screw=0.02, rigid=0.4),
+        ranking_priors=TypePriorsConfig(screw=0.02, rigid=0.4),
         errors=MeasurementErrorsConfig(declared_time=3.0),
     )
 

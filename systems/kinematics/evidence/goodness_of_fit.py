@@ -84,6 +84,7 @@ def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, 
 
 _INSIDE = 0.95  # Probability of the bounds.
 _TAIL = 0.5 - 0.5 * _INSIDE
+_LEAD = 1e-6  # By which the likeliest type is ahead.
 
 
 def reduced_chi_square(
@@ -128,3 +129,32 @@ def largest_probability(
         return 1.0
     p = float(scipy.special.fdtrc(degrees, degrees_of_freedom(noise), square / degrees))
     return min(1.0, p / _TAIL)
+
+
+@hot
+def _normalised(log_p: Array) -> Array:
+    p = np.exp(log_p - log_p.max())
+    return p / p.sum()
+
+
+@hot
+def reported_probabilities(reported: Array, ranking: Array) -> tuple[Array, int]:
+    """Probabilities (n,) of the types that hold for both priors, and the likeliest type.
+
+    Where the priors by which types are ranked are less certain of the likeliest one, theirs count.
+    Where another one would lead by the others, as much of the ranking is mixed in as it takes.
+
+    Args:
+        reported: Log probabilities (n,), not normalised, of one who expects no type.
+        ranking: The same from the priors by which types are ranked.
+    """
+    p, ranked = _normalised(reported), _normalised(ranking)
+    likeliest, share = int(np.argmax(ranked)), 0.0
+    if ranked[likeliest] < p[likeliest]:
+        return ranked, likeliest
+    for k in range(p.size):
+        behind = p[k] + _LEAD - p[likeliest]
+        if k != likeliest and behind > 0.0:
+            ahead = ranked[likeliest] - ranked[k]
+            share = max(share, behind / max(ahead + behind, _LEAD))
+    return (1.0 - share) * p + share * ranked, likeliest

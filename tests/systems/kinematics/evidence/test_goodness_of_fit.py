@@ -8,6 +8,7 @@ from crossmodal.maths import se3
 from crossmodal.systems.kinematics.evidence.goodness_of_fit import (
     largest_probability,
     reduced_chi_square,
+    reported_probabilities,
 )
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from crossmodal.systems.kinematics.solver.joint_geometry import PRISMATIC, RIGID
@@ -113,3 +114,33 @@ def test_averages_of_unmeasured_rotations_are_no_measured_ones() -> None:
     # A slide's direction and place, and where along it each keyframe but the reference is.
     assert fit.degrees == 3 * n - (n - 1) - 2 - 3
     assert 0.4 < fit.reduced_chi_square < 2.0
+
+
+def test_a_report_is_that_of_one_who_expects_no_type() -> None:
+    ranked, p = np.array([0.9, 0.06, 0.04]), np.array([0.7, 0.2, 0.1])
+    reported, likeliest = reported_probabilities(np.log(p), np.log(ranked))
+    np.testing.assert_allclose(reported, p)
+    assert likeliest == 0
+
+
+def test_a_report_holds_for_one_who_expects_common_types_too() -> None:
+    ranked, p = np.array([0.6, 0.3, 0.1]), np.array([0.9, 0.06, 0.04])
+    reported, likeliest = reported_probabilities(np.log(p), np.log(ranked))
+    np.testing.assert_allclose(reported, ranked)
+    assert likeliest == 0
+
+
+@pytest.mark.parametrize("p", [[0.2, 0.5, 0.3], [0.4, 0.4, 0.2], [1e-300, 1.0, 1e-300]])
+def test_the_likeliest_type_leads_if_only_just(p: list[float]) -> None:
+    ranked = np.array([0.5, 0.3, 0.2])
+    reported, likeliest = reported_probabilities(np.log(p), np.log(ranked) - 7.0)
+    assert likeliest == 0
+    assert np.argmax(reported) == 0
+    np.testing.assert_allclose(reported.sum(), 1.0)
+    np.testing.assert_allclose(reported[0], reported[1], atol=1e-5)
+
+
+def test_types_that_are_alike_may_be_reported_alike() -> None:
+    np.testing.assert_allclose(
+        reported_probabilities(np.zeros(3), np.zeros(3))[0], np.full(3, 1 / 3)
+    )

@@ -21,6 +21,7 @@ import numpy as np
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
+from crossmodal.maths.in_place import assign
 from crossmodal.maths.se3_in_place import perturb, pose_difference, relative_log
 
 UNKNOWN = 1e4  # Variance of what was not measured, [rad^2] or [m^2].
@@ -136,7 +137,7 @@ def off_geodesic(
     relative_log(Z[0], Z[2], step)
     perturb(Z[0], share * step, between)
     pose_difference(between, Z[1], e)
-    C[:] = R[1] + (1.0 - share) ** 2 * R[0] + share**2 * R[2]
+    assign(C, R[1] + (1.0 - share) ** 2 * R[0] + share**2 * R[2])
 
 
 @hot

@@ -17,6 +17,7 @@ from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.folder.run_folder import (
     SUMMARY_FILE,
     finished_summary,
+    make_folder,
     remove_run,
     write_scenario,
 )
@@ -60,6 +61,7 @@ def run_apart(
         The episode's summary, or that of a failure with its reason.
     """
     try:
+        make_folder(folder)
         remove_run(folder)
         (folder / ERROR_FILE).unlink(missing_ok=True)
         write_scenario(folder, application, scenario)

@@ -260,7 +260,9 @@ class JointFilters:
         if fault is not None:
             return skip(state, fault)
         try:
-            updated = self._updated(state, X_PB, covariance, float(time), correlated)
+            # What overflows is found below, whether compiled functions or NumPy's computed it.
+            with np.errstate(all="ignore"):
+                updated = self._updated(state, X_PB, covariance, float(time), correlated)
         except np.linalg.LinAlgError:
             return skip(state, SkipReason.NO_SOLUTION)
         if not np.isfinite(updated.models.log_evidence).all():

@@ -297,8 +297,6 @@ def test_the_loop_with_the_body_level_builds_and_each_predicts_the_other_s_next_
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("period", 0.0),
-        ("period", float("nan")),
         ("reference_age", -1.0),
         ("patience", -0.1),
         ("transfer_window", 0.0),
@@ -322,6 +320,6 @@ def test_filter_settings_are_checked_in_the_system_s_name() -> None:
 def test_the_config_is_read_from_yaml_with_the_filters_in_it() -> None:
     config = yaml_load_typed(
         schema=KinematicModelConfig,
-        data="{period: 0.1, filters: {errors: {correlation_time: 2.0}}}",
+        data="{patience: 0.1, filters: {errors: {correlation_time: 2.0}}}",
     )
-    assert (config.period, config.filters.errors.correlation_time) == (0.1, 2.0)
+    assert (config.patience, config.filters.errors.correlation_time) == (0.1, 2.0)

@@ -16,9 +16,9 @@ COMMAND = "make replays"  # Writes the outputs of all recordings anew.
 KEYS = ["time", "modality", "quantity", "component"]
 INSTANTS = 5  # At which the outputs are kept: evenly spaced, the last tick among them.
 
-# With other instructions of the processor (AVX off in NumPy and OpenBLAS, in OpenCV, in Numba) an
-# estimate changes by up to 2.5e-4 of its standard deviation, a standard deviation by 1.7e-4 of
-# itself, a probability by 2.5e-6. What is allowed is twenty times that and more.
+# With other instructions of the processor (`python -m benchmarks.instruction_sets`) an estimate
+# changes by up to 3.6e-4 of its standard deviation, a standard deviation by 1.8e-4 of itself, a
+# probability by 8.9e-6. What is allowed is ten times that and more.
 SHARE_OF_STD = 0.005
 WITHOUT_STD = 1e-3  # Probabilities, counts, ages [s].
 

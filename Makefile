@@ -68,10 +68,9 @@ bench: $(INSTALLED)
 	$(BIN)/python -m benchmarks.joint_filters $(ARGS)
 	$(BIN)/python -m benchmarks.joint_robustness
 	$(BIN)/python -m benchmarks.configuration_bound
-	$(BIN)/python -m benchmarks.outlier_streams
+	$(BIN)/python -m benchmarks.joint_robustness --plain
 	$(BIN)/python -m benchmarks.real_tracks
 	$(BIN)/python -m benchmarks.many_bodies
-	$(BIN)/python -m benchmarks.evaluation
 
 evaluate: $(INSTALLED)
 	$(BIN)/crossmodal evaluate all --seeds $(SEEDS) --jobs $(JOBS) $(ARGS)

@@ -16,10 +16,15 @@ import numpy as np
 import typer
 
 from benchmarks.joint_robustness import SETTLING
-from benchmarks.robustness_streams import Case, all_cases, simulate_case
+from benchmarks.robustness_streams import (
+    Case,
+    all_cases,
+    joint_pose,
+    moved_joint,
+    simulate_case,
+)
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.tangent_plane import normal_basis
 from crossmodal.systems.kinematics.joint_filters import JointFiltersConfig
 from crossmodal.systems.kinematics.solver.joint_models import AXIS_SPREAD
 
@@ -30,21 +35,12 @@ _STEP = 1e-6
 def _jacobians(case: Case, seed: int) -> tuple[Array, Array]:
     """Of the poses by reference pose, axis and its place (N, 6, n), and by q (N, 6)."""
     stream = simulate_case(case, seed)
-    X0, B = stream.X_PB[0], normal_basis(stream.axis_P)
-    turns = case.joint == "revolute"
 
     def pose(d: Array, q: float) -> Array:
-        axis = stream.axis_P + d[6:8] @ B
-        axis /= np.linalg.norm(axis)
-        X = np.eye(4)
-        if turns:
-            point = stream.p_PA + d[8:10] @ B
-            X = se3.exp(q * np.concatenate([axis, np.cross(point, axis)]))
-        else:
-            X[:3, 3] = q * axis
-        return X @ X0 @ se3.exp(d[:6])
+        X0, axis, point = moved_joint(case, stream, d)
+        return joint_pose(case, axis, point, q) @ X0
 
-    n = 10 if turns else 8
+    n = 8 if case.joint == "prismatic" else 10
     J, Jq, still = (
         np.empty((stream.times.size, 6, n)),
         np.empty((stream.times.size, 6)),

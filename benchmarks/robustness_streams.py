@@ -1,8 +1,11 @@
-"""Synthetic streams of a body's pose that leave the model which the joint filters assume.
+"""Synthetic streams of a body's noisy pose, plain ones and ones that leave the filters' model.
 
-The scene is that of `joint_streams`: the parent P is the sensor, the child starts 0.8 to 1.2 m from
-it in a random direction, the axis is random. What differs from stream to stream is the motion, the
-share of outliers, and by how much the reported covariance is wrong.
+The parent P is the sensor, at rest. The body's frame B starts 0.8 to 1.2 m from Po in a random
+direction with a random orientation; the joint's axis is random, and at the given radius from Bo, in
+a random direction normal to it. Every frame, the first included, is measured as X_PB exp(n), n
+Gaussian, the same in all rotations and in all translations: the noise acts at the body. What
+differs from stream to stream is the motion, the share of outliers, and by how much the reported
+covariance is wrong.
 """
 
 from collections.abc import Callable
@@ -11,10 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.joint_streams import RATE
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.tangent_plane import normal_basis
 
+RATE = 15.0  # [Hz]
 Motion = Callable[[Array], Array]
 FREE, BALL = "free", "ball"  # Motions that no joint with one degree of freedom explains.
 OUTLIER_TRANSLATION = 0.05  # Length of an outlier's displacement, [m].
@@ -38,7 +42,8 @@ class Case:
         translation_noise: One standard deviation per direction, [m].
         rotation_noise: The same, [rad].
         reported: Standard deviation that is reported, as a multiple of the true one.
-        outliers: Share of the frames that are off by 5 cm and 20 deg in a random direction.
+        outliers: Share of the frames that are off by 5 cm and 20 deg in a random direction; None
+            for a stream of whose frames none is drawn.
         bend: Smooth sideways deviation of the child from the joint's path: one standard deviation
             per direction, [m], and as many radians per `BEND_LEVER`.
         correlation_time: Of the noise, a Gauss-Markov process of first order, [s]; zero if white.
@@ -56,7 +61,7 @@ class Case:
     translation_noise: float = 3e-3
     rotation_noise: float = float(np.deg2rad(1.0))
     reported: float = 1.0
-    outliers: float = 0.0
+    outliers: float | None = 0.0
     bend: float = 0.0
     correlation_time: float = 0.0
     rotations: int = 1
@@ -75,10 +80,16 @@ class Case:
 
 @dataclass(kw_only=True)
 class RobustnessStream:
-    """A stream and its truth, as `joint_streams.Stream`; a held pose has that of its measurement.
+    """A stream and its truth; a held pose has that of its measurement.
 
     Attributes:
+        times: (N,) [s].
         covariances: (N, 6, 6) reported, infinite on the diagonal where nothing was measured.
+        X_PB_measured: (N, 4, 4).
+        X_PB: (N, 4, 4) true.
+        configuration: (N,) [m] or [rad].
+        axis_P: (3,) unit vector in the direction of growing configuration.
+        p_PA: (3,) a point of the axis, [m].
     """
 
     times: Array
@@ -95,12 +106,21 @@ def _unit(rng: np.random.Generator) -> Array:
     return np.asarray(v / np.linalg.norm(v))
 
 
-def _screw(axis: Array, point: Array, q: float, slide: float) -> Array:
-    """The motion (4, 4) by q [rad] about the axis and by `slide` [m] along it."""
+def joint_pose(case: Case, axis: Array, point: Array, q: float) -> Array:
+    """The motion (4, 4) of the child in P from configuration zero to q [m or rad]."""
+    turn, slide = (0.0, q) if case.joint == "prismatic" else (q, case.pitch * q)
     X = np.eye(4)
-    X[:3, :3] = Rotation.from_rotvec(axis * q).as_matrix()
+    X[:3, :3] = Rotation.from_rotvec(axis * turn).as_matrix()
     X[:3, 3] = point - X[:3, :3] @ point + slide * axis
     return X
+
+
+def moved_joint(case: Case, stream: RobustnessStream, d: Array) -> tuple[Array, Array, Array]:
+    """The first pose, the axis and its place, moved from the true ones by d (6 + 2 + 2,)."""
+    B = normal_basis(stream.axis_P)
+    axis = stream.axis_P + d[6:8] @ B
+    point = stream.p_PA if case.joint == "prismatic" else stream.p_PA + d[8:10] @ B
+    return stream.X_PB[0] @ se3.exp(d[:6]), axis / np.linalg.norm(axis), point
 
 
 def _free_poses(case: Case, X0: Array, times: Array, rng: np.random.Generator) -> Array:
@@ -153,10 +173,8 @@ def simulate_case(case: Case, seed: int) -> RobustnessStream:
     q = case.motion(times)
     if case.joint in (FREE, BALL):
         poses = _free_poses(case, X0, times, rng)
-    elif case.joint == "prismatic":
-        poses = np.array([_screw(axis, p_PA, 0.0, x) @ X0 for x in q])
     else:
-        poses = np.array([_screw(axis, p_PA, x, case.pitch * x) @ X0 for x in q])
+        poses = np.array([joint_pose(case, axis, p_PA, x) @ X0 for x in q])
     if case.bend > 0.0:
         poses = _bent(case, poses, axis, rng)
     scale = np.repeat([case.rotation_noise, case.translation_noise], 3)
@@ -170,7 +188,7 @@ def simulate_case(case: Case, seed: int) -> RobustnessStream:
         fresh = scale * rng.normal(size=6)
         noise = r * noise + np.sqrt(1.0 - r * r) * fresh if k > 0 else fresh
         error = noise.copy()
-        if rng.random() < case.outliers:
+        if case.outliers is not None and rng.random() < case.outliers:
             error += np.concatenate(
                 [OUTLIER_ROTATION * _unit(rng), OUTLIER_TRANSLATION * _unit(rng)]
             )
@@ -273,8 +291,36 @@ def _cases_of_trackers(door: Case, drawer: Case, rigid: Case) -> list[Case]:
     ]
 
 
+def plain_cases(outliers: float | None = None) -> list[Case]:
+    """The nine plain streams, which move evenly and are seen to 1 mm, 3 mm and 1 cm."""
+    joints = [
+        ("drawer", "prismatic", 1.0, 0.225, 11.25),
+        ("door", "revolute", 0.35, np.deg2rad(85.0), 30.0),
+        ("lid", "revolute", 0.15, np.deg2rad(100.0), 30.0),
+    ]
+    return [
+        Case(
+            name=f"{name} {noise}",
+            joint=joint,
+            accepted=(joint,),
+            motion=_steady(final, round(duration * RATE) / RATE),
+            duration=duration,
+            radius=radius,
+            translation_noise=translation,
+            rotation_noise=float(np.deg2rad(rotation)),
+            outliers=outliers,
+        )
+        for name, joint, radius, final, duration in joints
+        for noise, translation, rotation in (
+            ("1 mm", 1e-3, 0.3),
+            ("3 mm", 3e-3, 1.0),
+            ("1 cm", 1e-2, 3.0),
+        )
+    ]
+
+
 def all_cases() -> list[Case]:
-    """The cases of the table but for the nine plain streams, which `joint_filters` has."""
+    """The cases of the table but for the nine plain streams."""
     door = Case(
         name="door",
         joint="revolute",

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.joint_robustness import evaluate_case
-from benchmarks.joint_streams import simulate_stream, stream_configs
 from benchmarks.real_tracks import believe, read_tracks, residual
-from benchmarks.robustness_streams import all_cases
+from benchmarks.robustness_streams import all_cases, plain_cases, simulate_case
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from crossmodal.systems.port_values import JointType
 
@@ -148,10 +147,10 @@ def test_a_far_hinge_is_reported_where_it_is(name: str) -> None:
 
 def test_what_turns_slowly_is_not_reported_to_rest() -> None:
     """Lids that are seen to 1 cm and 3 deg have turned by 7 to 12 deg here."""
-    lid = next(config for config in stream_configs() if config.name == "lid 1 cm")
+    lid = next(case for case in plain_cases() if case.name == "lid 1 cm")
     filters = JointFilters(JointFiltersConfig())
     for seed in (3, 15, 17, 33, 34, 37):
-        stream, reported = simulate_stream(lid, seed), []
+        stream, reported = simulate_case(lid, seed), []
         state = filters.start(stream.X_PB_measured[0], lid.covariance, 0.0)
         for k in range(1, 55):
             t = float(stream.times[k])

@@ -11,19 +11,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from crossmodal.diagrams.drawing.digits import fixed, written, written_range
+from crossmodal.diagrams.drawing.digits import fixed, written
 from crossmodal.diagrams.evaluation.campaign_report import Picture, Section, inline, page
 from crossmodal.diagrams.evaluation.metric_table import (
-    EPISODE_METRICS,
-    TICK_METRICS,
     Summary,
     Table,
     count,
     label,
+    median_and_range,
+    metrics_of,
     quantile,
     readable,
     seed_ranges,
     tidy_metrics,
+    values_of,
 )
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import Metric
@@ -143,29 +144,32 @@ def figures_table(compared: Sequence[Compared]) -> Table:
     table = Table(header=["", "", *(one.heading for one in compared)])
     table.header += [f"{one.name} - {compared[0].name}" for one in compared[1:]]
     estimators = dict.fromkeys(name for frame in frames for name in frame["modality"])
-    for metric in _metrics(compared):
+    metrics = {
+        metric.name: metric for one in compared for metric in metrics_of(one.application).values()
+    }
+    for metric in metrics.values():
+        truth = _is_truth(metric, compared)
         for estimator in estimators:
-            found = [_values(frame, metric.name, estimator) for frame in frames]
+            found = [
+                values_of(frame, metric.name, estimator)
+                or (np.full(frame["seed"].nunique(), np.nan), "")
+                for frame in frames
+            ]
             if not any(np.any(np.isfinite(values)) for values, _ in found):
                 continue
-            truth = _is_truth(metric, compared)
-            writers = [_Truths() if truth else _Magnitudes(unit) for _, unit in found]
-            cells = [write.cell(values) for write, (values, _) in zip(writers, found, strict=True)]
             first, first_unit = found[0]
-            rest = [
-                _difference(first, values, writers[0]) if unit == first_unit else "-"
-                for values, unit in found[1:]
-            ]
-            title = metric.title or metric.name.replace("_", " ")
-            name = label(compared[0].application, estimator)
-            table.rows.append([title, name, *cells, *rest])
+            table.rows.append(
+                [
+                    metric.title or metric.name.replace("_", " "),
+                    label(compared[0].application, estimator),
+                    *(_cell(values, unit, truth=truth) for values, unit in found),
+                    *(
+                        _difference(first, values, unit, truth=truth) if unit == first_unit else "-"
+                        for values, unit in found[1:]
+                    ),
+                ]
+            )
     return table
-
-
-def _metrics(compared: Sequence[Compared]) -> list[Metric]:
-    own = (metric for one in compared for metric in one.application.metrics)
-    by_name = {metric.name: metric for metric in (*EPISODE_METRICS, *own, *TICK_METRICS)}
-    return list(by_name.values())
 
 
 def _is_truth(metric: Metric, compared: Sequence[Compared]) -> bool:
@@ -178,55 +182,32 @@ def _is_truth(metric: Metric, compared: Sequence[Compared]) -> bool:
     return False
 
 
-def _values(frame: pd.DataFrame, metric: str, estimator: str) -> tuple[Array, str]:
-    """One value per episode, NaN for those that have none, and the unit."""
-    chosen = frame[(frame["metric"] == metric) & (frame["modality"] == estimator)]
-    values = chosen.set_index("seed")["value"].reindex(frame["seed"].unique()).to_numpy(float)
-    return values, str(chosen["unit"].iloc[0]) if len(chosen) else ""
+def _cell(values: Array, unit: str, *, truth: bool) -> str:
+    """How often something is true, or the median of magnitudes and their range; or one's."""
+    if not np.any(np.isfinite(values)):
+        return "-"
+    if len(values) > 1:
+        return count(values) if truth else median_and_range(values, unit)
+    scale, shown = readable(unit)
+    magnitude = written(scale * abs(float(values[0])), shown, significant=_DIGITS)
+    return ("yes" if values[0] else "no") if truth else magnitude
 
 
-class _Truths:
-    """How often something is true; one episode's truth."""
-
-    def cell(self, values: Array) -> str:
-        if not np.any(np.isfinite(values)):
-            return "-"
-        return count(values) if len(values) > 1 else ("yes" if values[0] else "no")
-
-    def change(self, first: Array, other: Array) -> str:
-        if len(first) == len(other) == 1:
-            return "differs"
-        change = float(np.mean(other == 1.0) - np.mean(first == 1.0))
-        return f"{fixed(100.0 * change, 0, signed=True)} %"
-
-
-class _Magnitudes:
-    """The median of magnitudes and their range; one episode's magnitude."""
-
-    def __init__(self, unit: str) -> None:
-        self._scale, self._unit = readable(unit)
-
-    def cell(self, values: Array) -> str:
-        if not np.any(np.isfinite(values)):
-            return "-"
-        low, median, high = (
-            self._scale * float(quantile(values, share)) for share in (0.05, 0.5, 0.95)
-        )
-        if len(values) == 1:
-            return written(median, self._unit, significant=_DIGITS)
-        return written_range(low, median, high, self._unit)
-
-    def change(self, first: Array, other: Array) -> str:
-        before, after = (float(quantile(values, 0.5)) for values in (first, other))
-        if not np.isfinite([before, after]).all():
-            return "-"
-        return written(self._scale * (after - before), self._unit, signed=True)
-
-
-def _difference(first: Array, other: Array, write: _Truths | _Magnitudes) -> str:
+def _difference(first: Array, other: Array, unit: str, *, truth: bool) -> str:
     if not (np.any(np.isfinite(first)) and np.any(np.isfinite(other))):
         return "-"
-    return "same" if np.array_equal(first, other) else write.change(first, other)
+    if np.array_equal(first, other):
+        return "same"
+    if truth and len(first) == len(other) == 1:
+        return "differs"
+    if truth:
+        change = float(np.mean(other == 1.0) - np.mean(first == 1.0))
+        return f"{fixed(100.0 * change, 0, signed=True)} %"
+    before, after = (float(quantile(values, 0.5)) for values in (first, other))
+    if not np.isfinite([before, after]).all():
+        return "-"
+    scale, shown = readable(unit)
+    return written(scale * (after - before), shown, signed=True)
 
 
 def scenarios_table(compared: Sequence[Compared]) -> Table:

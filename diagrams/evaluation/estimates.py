@@ -163,16 +163,12 @@ def error_metrics(units: Mapping[str, str]) -> list[Metric]:
     Args:
         units: Of the quantities, in SI; a component stands as `quantity_component`.
     """
-
-    from crossmodal.diagrams.evaluation.metric_table import mean_share, median_and_range
-
-    def of(name: str, key: str) -> Callable[[Mapping[str, Any]], Any]:
-        return lambda record: record["quantities"][name][key]
+    from crossmodal.diagrams.evaluation.metric_table import mean_share, median_and_range, value_at
 
     return [
         Metric(
             name=f"{name}_{key}",
-            value=of(name, key),
+            value=value_at(f"quantities.{name}.{key}"),
             unit=unit if key.endswith("error") else "",
             title=f"{name}, {key.replace('_', ' ')}",
             cell=cell,
@@ -181,6 +177,6 @@ def error_metrics(units: Mapping[str, str]) -> list[Metric]:
         for key, cell in (
             ("final_error", median_and_range),
             ("rms_error", median_and_range),
-            ("inside_two_sigma", lambda values, unit: mean_share(values)),
+            ("inside_two_sigma", mean_share),
         )
     ]

@@ -1,9 +1,8 @@
 """The metrics of an experiment's episodes as a tidy table, and their summary in Markdown."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -35,6 +34,28 @@ def readable(unit: str) -> tuple[float, str]:
     return READABLE.get(unit, (1.0, unit))
 
 
+def value_at(path: str) -> Callable[[Mapping[str, Any]], Any]:
+    """What a metric is where it stands in a summary under keys with points between them.
+
+    It raises a KeyError where an episode has nothing of the kind.
+    """
+
+    def value(record: Any) -> Any:
+        for key in path.split("."):
+            if record is None:
+                raise KeyError(path)
+            record = record[int(key) if isinstance(record, list) else key]
+        return record
+
+    return value
+
+
+def metrics_of(application: Application) -> dict[str, Metric]:
+    """All metrics of an application's episodes, by name."""
+    every = (*EPISODE_METRICS, *application.metrics, *TICK_METRICS)
+    return {metric.name: metric for metric in every}
+
+
 def tidy_metrics(application: Application, name: str, summaries: Sequence[Summary]) -> pd.DataFrame:
     """One row per episode, estimator and metric.
 
@@ -44,29 +65,28 @@ def tidy_metrics(application: Application, name: str, summaries: Sequence[Summar
     off has only the metrics of the whole episode.
     """
     rows: list[dict[str, Any]] = []
-    metrics = (*EPISODE_METRICS, *application.metrics, *TICK_METRICS)
     for summary in summaries:
-        common = {"experiment": name, "seed": summary["seed"], "reason": ""}
         parts = [("", summary), *summary.get("modalities", {}).items()]
         for modality, record in parts:
-            for metric in metrics:
+            for metric in metrics_of(application).values():
                 if metric.by_estimator != bool(modality):
                     continue
                 try:
                     value = metric.value(record)
                 except KeyError:
                     continue
+                failed = metric.name == "success" and value is False
                 rows.append(
-                    common
-                    | {
+                    {
+                        "experiment": name,
+                        "seed": summary["seed"],
                         "modality": modality,
                         "metric": metric.name,
                         "value": math.nan if value is None else float(value),
                         "unit": metric.unit_in(record),
+                        "reason": (summary.get("failure") or "unknown") if failed else "",
                     }
                 )
-                if metric.name == "success" and value is False:
-                    rows[-1]["reason"] = summary.get("failure") or "unknown"
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
@@ -84,6 +104,9 @@ def quantile(values: npt.ArrayLike, share: float) -> Array:
     return np.where((low == high) | (place == math.floor(place)), low, between)
 
 
+# Cells of a table: from one value per episode, NaN for those that have none, and their unit.
+
+
 def median_and_range(values: npt.ArrayLike, unit: str) -> str:
     """'median (5 % to 95 %) unit' of magnitudes in SI; 'none' for what is missing."""
     values = np.asarray(values, dtype=float)
@@ -96,55 +119,61 @@ def median_and_range(values: npt.ArrayLike, unit: str) -> str:
 
 def mean_and_deviation(values: npt.ArrayLike, unit: str) -> str:
     """'mean ± standard deviation unit' of magnitudes in SI, of the episodes that have one."""
-    values = np.asarray(values, dtype=float)
-    known = np.abs(values[np.isfinite(values)])
+    known, without = _known(values)
     if len(known) == 0:
         return "-"
     scale, shown = readable(unit)
-    deviation = float(np.std(known, ddof=1)) if len(known) > 1 else math.nan
-    text = written(scale * float(np.mean(known)), shown, spread=scale * deviation)
-    missing = len(values) - len(known)
-    return text + (f" ({missing} without)" if missing else "")
+    deviation = float(np.std(np.abs(known), ddof=1)) if len(known) > 1 else math.nan
+    text = written(scale * float(np.mean(np.abs(known))), shown, spread=scale * deviation)
+    return text + _in_brackets(without)
 
 
-def count(values: npt.ArrayLike) -> str:
+def count(values: npt.ArrayLike, unit: str = "") -> str:
     """'so many/of all'."""
     values = np.asarray(values, dtype=float)
     return f"{int(np.sum(values == 1.0))}/{len(values)}"
 
 
-def count_of_known(values: npt.ArrayLike) -> str:
-    """'so many/of those that have a value', and how many have none."""
-    values = np.asarray(values, dtype=float)
-    known = values[np.isfinite(values)]
+def count_of_known(values: npt.ArrayLike, unit: str = "", *, with_share: bool = False) -> str:
+    """'so many/of those that have a value', the share of these, and how many have none."""
+    known, without = _known(values)
     if len(known) == 0:
         return "-"
-    without = len(values) - len(known)
-    return f"{int(np.sum(known == 1.0))}/{len(known)}" + (
-        f" ({without} without)" if without else ""
-    )
+    share = [f"{100.0 * np.mean(known == 1.0):.0f} %"] if with_share else []
+    return count(known) + _in_brackets(share + without)
 
 
-def mean_share(values: npt.ArrayLike) -> str:
+def mean_share(values: npt.ArrayLike, unit: str = "") -> str:
     """Mean of shares in percent, of the episodes that have one."""
-    values = np.asarray(values, dtype=float)
-    known = values[np.isfinite(values)]
+    known, _ = _known(values)
     return f"{100.0 * np.mean(known):.0f} %" if len(known) else "-"
 
 
-def milliseconds(values: Array, unit: str) -> str:
+def milliseconds(values: npt.ArrayLike, unit: str) -> str:
     """Median and range of times in seconds, written in milliseconds."""
-    known = values[np.isfinite(values)]
+    known, _ = _known(values)
     return median_and_range(1000.0 * known, "") + " ms" if len(known) else "-"
 
 
+def _known(values: npt.ArrayLike) -> tuple[Array, list[str]]:
+    """The values that there are, and in words how many there are not."""
+    values = np.asarray(values, dtype=float)
+    known = values[np.isfinite(values)]
+    missing = len(values) - len(known)
+    return known, [f"{missing} without"] if missing else []
+
+
+def _in_brackets(remarks: Sequence[str]) -> str:
+    return f" ({', '.join(remarks)})" if remarks else ""
+
+
 def _of_episode(name: str, unit: str = "", **shown: Any) -> Metric:
-    return Metric(name=name, value=itemgetter(name), unit=unit, by_estimator=False, **shown)
+    return Metric(name=name, value=value_at(name), unit=unit, by_estimator=False, **shown)
 
 
 # Of every application.
 EPISODE_METRICS = (
-    _of_episode("success", title="done", cell=lambda v, _: count_of_known(v), totals=True),
+    _of_episode("success", title="done", cell=count_of_known, totals=True),
     _of_episode("duration", "s"),
     _of_episode("wall_time", "s"),
     _of_episode("real_time_factor"),
@@ -153,12 +182,12 @@ EPISODE_METRICS = (
 TICK_METRICS = (
     Metric(
         name="tick_median",
-        value=lambda record: record["tick"]["median"],
+        value=value_at("tick.median"),
         unit="s",
         title="tick",
         cell=milliseconds,
     ),
-    Metric(name="tick_p95", value=lambda record: record["tick"]["p95"], unit="s"),
+    Metric(name="tick_p95", value=value_at("tick.p95"), unit="s"),
 )
 
 
@@ -178,9 +207,9 @@ def _escaped(cells: list[str]) -> list[str]:
     return [cell.replace("|", "\\|").replace("\n", " ") for cell in cells]
 
 
-def _values(figures: pd.DataFrame, modality: str, figure: str) -> tuple[Array, str] | None:
+def values_of(figures: pd.DataFrame, metric: str, modality: str) -> tuple[Array, str] | None:
     """One value per episode, NaN for those that broke off, and the unit; None where unknown."""
-    chosen = figures[(figures["metric"] == figure) & (figures["modality"] == modality)]
+    chosen = figures[(figures["metric"] == metric) & (figures["modality"] == modality)]
     if chosen.empty:
         return None
     by_seed = chosen.set_index("seed")["value"]
@@ -200,7 +229,7 @@ def label(application: Application, estimator: str) -> str:
 
 
 def _cells(figures: pd.DataFrame, metric: Metric, estimators: Sequence[str]) -> list[str] | None:
-    found = [_values(figures, estimator, metric.name) for estimator in estimators]
+    found = [values_of(figures, metric.name, estimator) for estimator in estimators]
     if metric.cell is None or all(values is None for values in found):
         return None
     return ["-" if values is None else metric.cell(*values) for values in found]
@@ -223,7 +252,6 @@ def experiment_tables(
     there = figures["seed"].nunique()
     corner = interrupted(there, len(asked)) if there < len(asked) else ""
     estimators = estimators_of(application, figures)
-    metrics = (*EPISODE_METRICS, *application.metrics, *TICK_METRICS)
     references = experiment.references.values()
     beside = [kind for kind in ("paper", "goal") if any(getattr(r, kind) for r in references)]
     tables = []
@@ -232,7 +260,7 @@ def experiment_tables(
         (True, estimators, [label(application, name) for name in estimators]),
     ):
         table = Table(header=[corner, *header, *beside])
-        for metric in metrics:
+        for metric in metrics_of(application).values():
             if metric.by_estimator != by_estimator or metric.name in experiment.without:
                 continue
             cells = _cells(figures, metric, columns)
@@ -277,14 +305,13 @@ def title(name: str, figures: pd.DataFrame, asked: Sequence[int] = ()) -> str:
 
 def running_notes(figures: pd.DataFrame) -> list[str]:
     """What the computer did: real-time factor and memory."""
+    found = (values_of(figures, name, "") for name in ("real_time_factor", "peak_memory"))
+    factor, memory = (np.zeros(0) if one is None else _known(one[0])[0] for one in found)
     notes = []
-    factor = _values(figures, "", "real_time_factor")
-    if factor is not None and np.any(np.isfinite(factor[0])):
-        median, least = np.nanmedian(factor[0]), np.nanmin(factor[0])
-        notes.append(f"Real-time factor: median {median:.2f}, least {least:.2f}.")
-    memory = _values(figures, "", "peak_memory")
-    if memory is not None and np.any(np.isfinite(memory[0])):
-        notes.append(f"Peak memory of an episode: at most {np.nanmax(memory[0]) / 1e9:.2f} GB.")
+    if len(factor):
+        notes.append(f"Real-time factor: median {np.median(factor):.2f}, least {min(factor):.2f}.")
+    if len(memory):
+        notes.append(f"Peak memory of an episode: at most {max(memory) / 1e9:.2f} GB.")
     return notes
 
 
@@ -334,10 +361,7 @@ def overall_table(
     """
     there = {name: frame["seed"].nunique() for name, frame in figures.items()}
     wanted = there | {name: len(seeds) for name, seeds in (asked or {}).items()}
-    metrics = {
-        metric.name: metric for metric in (*EPISODE_METRICS, *application.metrics, *TICK_METRICS)
-    }
-    columns = application.overview
+    metrics, columns = metrics_of(application), application.overview
     table = Table(header=["experiment", *(column.header for column in columns), "paper", "goal"])
     flags: dict[int, list[Array]] = {}
     for name, frame in figures.items():
@@ -346,7 +370,7 @@ def overall_table(
         cells = [f"{name}: {interrupted(there[name], wanted[name])}" if missing else name]
         for index, column in enumerate(columns):
             metric = metrics[column.metric]
-            found = _values(frame, column.estimator, metric.name)
+            found = values_of(frame, metric.name, column.estimator)
             if metric.totals:
                 found = found or (np.full(frame["seed"].nunique(), np.nan), "")
                 # Episodes that broke off count here too.
@@ -354,12 +378,16 @@ def overall_table(
                 flags.setdefault(index, []).append(known)
             shown = found is not None and len(found[0]) and metric.name not in experiment.without
             cells.append(metric.cell(*found) if shown and found and metric.cell else "-")
-        beside = [_beside(application, experiment, kind) for kind in ("paper", "goal")]
-        table.rows.append([*cells, *beside])
+        compared = dict.fromkeys(c.metric for c in columns if not metrics[c.metric].totals)
+        references = [experiment.references.get(key, Reference()) for key in compared]
+        for kind in ("paper", "goal"):
+            texts = filter(None, (getattr(reference, kind) for reference in references))
+            cells.append(" / ".join(texts) or "-")
+        table.rows.append(cells)
     ended, all_asked = sum(there.values()), sum(wanted.values())
     totals = [""] * len(columns)
     for index, values in flags.items():
-        totals[index] = _total(np.concatenate(values), with_share=ended == all_asked)
+        totals[index] = count_of_known(np.concatenate(values), with_share=ended == all_asked)
     heading = "all" if ended == all_asked else f"all: {interrupted(ended, all_asked)}"
     table.rows.append([heading, *totals, "", ""])
     return table
@@ -369,31 +397,3 @@ def _broke_off(figures: pd.DataFrame) -> npt.NDArray[np.bool_]:
     """Of which of the episodes there is nothing of any estimator."""
     ended = figures.loc[figures["modality"] != "", "seed"].unique()
     return ~np.isin(figures["seed"].unique(), ended)
-
-
-def _total(values: Array, *, with_share: bool) -> str:
-    """'so many/of those that have a value (share, how many have none)'."""
-    known = values[np.isfinite(values)]
-    if len(known) == 0:
-        return "-"
-    share = [f"{100.0 * np.mean(known == 1.0):.0f} %"] if with_share else []
-    without = [f"{len(values) - len(known)} without"] if len(known) < len(values) else []
-    beside = ", ".join(share + without)
-    return count(known) + (f" ({beside})" if beside else "")
-
-
-def _beside(application: Application, experiment: Experiment, kind: str) -> str:
-    """What an experiment's errors are compared with, by 'paper' or 'goal'."""
-    shown = dict.fromkeys(column.metric for column in application.overview)
-    texts = [
-        getattr(experiment.references[name], kind)
-        for name in shown
-        if name in experiment.references and not _is_count(application, name)
-    ]
-    return " / ".join(filter(None, texts)) or "-"
-
-
-def _is_count(application: Application, name: str) -> bool:
-    return any(
-        metric.name == name and metric.totals for metric in (*EPISODE_METRICS, *application.metrics)
-    )

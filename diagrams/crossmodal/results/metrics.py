@@ -14,111 +14,70 @@ from crossmodal.diagrams.evaluation.metric_table import (
     mean_share,
     median_and_range,
     tidy_metrics,
+    value_at,
 )
 from crossmodal.diagrams.joints.joint_errors import error_panels, read_errors
 from crossmodal.diagrams.run.experiment import CampaignPlot, Column, Metric
 from crossmodal.systems.port_values import MOVING_TYPES
 
-
-def _joint(record: Mapping[str, Any]) -> Mapping[str, Any]:
-    joint: Mapping[str, Any] = record["joints"][0]
-    return joint
-
-
-def _key_of_joint(key: str) -> Callable[[Mapping[str, Any]], Any]:
-    return lambda record: _joint(record)[key]
+_TURNING = ("revolute", "screw")
+_joint = value_at("joints.0")
 
 
 def _unit(record: Mapping[str, Any]) -> str:
-    return "rad" if _joint(record)["type_true"] in ("revolute", "screw") else "m"
-
-
-def _unit_of_episode(summary: Mapping[str, Any]) -> str:
-    return next((_unit(record) for record in summary["modalities"].values()), "")
-
-
-def _axis_distance(record: Mapping[str, Any]) -> Any:
-    joint = _joint(record)
-    if joint["type_true"] not in ("revolute", "screw"):
-        raise KeyError("a prismatic joint's axis has no place")
-    return joint["axis_distance_error"]
-
-
-def _of_screw(key: str, title: str) -> Metric:
-    def value(record: Mapping[str, Any]) -> Any:
-        joint = _joint(record)
-        if joint["type_true"] != "screw":
-            raise KeyError("only a screw has a pitch")
-        return joint[key]
-
-    return Metric(name=key, value=value, unit="m/rad", title=title, cell=median_and_range)
-
-
-def _of_joint(key: str, unit: Any, title: str) -> Metric:
-    return Metric(
-        name=key,
-        value=_key_of_joint(key),
-        unit=unit,
-        title=title,
-        cell=median_and_range,
-    )
-
-
-def _known_share(name: str, value: Callable[[Mapping[str, Any]], Any], title: str) -> Metric:
-    return Metric(name=name, value=value, title=title, cell=lambda v, _: count_of_known(v))
-
-
-def _consistency(key: str, title: str) -> Metric:
-    return Metric(
-        name=f"consistency_{key}",
-        value=lambda record: _joint(record)["consistency"][key],
-        title=f"{title} NEES inside 95 % bounds",
-        cell=lambda v, _: mean_share(v),
-    )
-
-
-def _of_phase(phase: str, key: str, **shown: Any) -> Metric:
-    return Metric(
-        name=f"{phase}_{key}",
-        value=lambda summary: summary["phases"][phase][key],
-        unit=_unit_of_episode,
-        by_estimator=False,
-        **shown,
-    )
-
-
-def _mechanics(record: Mapping[str, Any]) -> Mapping[str, Any]:
-    found: Mapping[str, Any] | None = _joint(record)["mechanics"]
-    if found is None:
-        raise KeyError("an estimator without touch knows no forces")
-    return found
+    return "rad" if _joint(record)["type_true"] in _TURNING else "m"
 
 
 def _force_unit(record: Mapping[str, Any]) -> str:
     return "N" if _unit(record) == "m" else "N m"
 
 
-def _resistance(key: str) -> Callable[[Mapping[str, Any]], Any]:
-    """Coulomb friction and damping together, at the speed of the motion."""
-    return lambda record: (_mechanics(record).get("resistance") or {})[key]
+def _unit_of_episode(summary: Mapping[str, Any]) -> str:
+    return next((_unit(record) for record in summary["modalities"].values()), "")
 
 
-def _of_resistance(key: str, title: str) -> Metric:
+def _of_phase(phase: str, key: str, **shown: Any) -> Metric:
     return Metric(
-        name=f"resistance_{key}",
-        value=_resistance(key),
-        unit=_force_unit,
-        title=title,
-        cell=median_and_range,
+        name=f"{phase}_{key}",
+        value=value_at(f"phases.{phase}.{key}"),
+        unit=_unit_of_episode,
+        by_estimator=False,
+        **shown,
     )
 
 
+def _of_joint(
+    name: str,
+    title: str,
+    unit: str | Callable[[Mapping[str, Any]], str] = "",
+    *,
+    path: str = "",
+    kinds: tuple[str, ...] = (),
+    cell: Callable[..., str] = median_and_range,
+) -> Metric:
+    """A figure that stands in the joint's summary.
+
+    Args:
+        path: Where, if not under its name.
+        kinds: True types of joints that have it; none: all of them.
+    """
+    value = value_at(f"joints.0.{path or name}")
+
+    def value_of_kind(record: Mapping[str, Any]) -> Any:
+        if _joint(record)["type_true"] not in kinds:
+            raise KeyError(f"only {kinds} have a {name}")
+        return value(record)
+
+    chosen = value_of_kind if kinds else value
+    return Metric(name=name, value=chosen, unit=unit, title=title, cell=cell)
+
+
 def _reached_stops(record: Mapping[str, Any]) -> bool:
-    found = _mechanics(record)
-    reached = [found[side] for side in ("lower", "upper") if found[side]["reached"]]
+    stops = [value_at(f"joints.0.mechanics.{side}")(record) for side in ("lower", "upper")]
+    reached = [stop["inside_two_sigma"] for stop in stops if stop["reached"]]
     if not reached:
         raise KeyError("no end stop is claimed to have been reached")
-    return all(stop["inside_two_sigma"] for stop in reached)
+    return all(reached)
 
 
 METRICS = (
@@ -133,60 +92,57 @@ METRICS = (
         name="joint_found",
         value=lambda record: _joint(record)["type_estimated"] in MOVING_TYPES,
         title="joint found",
-        cell=lambda v, _: count(v),
+        cell=count,
     ),
     Metric(
         name="type_right",
         value=lambda record: _joint(record)["type_estimated"] == _joint(record)["type_true"],
         title="joint type right at the end",
-        cell=lambda v, _: count(v),
+        cell=count,
         totals=True,
     ),
-    Metric(
-        name="configuration_true",
-        value=_key_of_joint("configuration_true"),
-        unit=_unit,
-    ),
-    _of_joint("configuration_error", _unit, "configuration error at the end"),
-    _of_joint("configuration_std", _unit, "configuration's claimed deviation at the end"),
-    _of_joint("configuration_error_at_turn", _unit, "configuration error at the turning point"),
-    _of_joint("configuration_rms_moving", _unit, "configuration error while moving, RMS"),
-    _of_joint("configuration_error_last_seen", _unit, "configuration error when last seen"),
-    _of_joint("axis_angle_error", "rad", "axis direction error"),
-    _of_joint("axis_angle_error_at_turn", "rad", "axis direction error at the turning point"),
-    _of_joint("axis_angle_std", "rad", "axis' claimed deviation at the end"),
+    Metric(name="configuration_true", value=value_at("joints.0.configuration_true"), unit=_unit),
+    _of_joint("configuration_error", "configuration error at the end", _unit),
+    _of_joint("configuration_std", "configuration's claimed deviation at the end", _unit),
+    _of_joint("configuration_error_at_turn", "configuration error at the turning point", _unit),
+    _of_joint("configuration_rms_moving", "configuration error while moving, RMS", _unit),
+    _of_joint("configuration_error_last_seen", "configuration error when last seen", _unit),
+    _of_joint("axis_angle_error", "axis direction error", "rad"),
+    _of_joint("axis_angle_error_at_turn", "axis direction error at the turning point", "rad"),
+    _of_joint("axis_angle_std", "axis' claimed deviation at the end", "rad"),
     *(
-        _known_share(
-            f"{key}_inside_two_sigma",
-            _key_of_joint(f"{key}_inside_two_sigma"),
-            f"final {key} inside its 2σ claim",
+        _of_joint(
+            f"{key}_inside_two_sigma", f"final {key} inside its 2σ claim", cell=count_of_known
         )
         for key in ("configuration", "axis")
     ),
+    _of_joint("axis_distance_error", "axis distance error", "m", kinds=_TURNING),
+    _of_joint("pitch_error", "pitch error at the end", "m/rad", kinds=("screw",)),
+    _of_joint("pitch_std", "pitch's claimed deviation at the end", "m/rad", kinds=("screw",)),
+    *(
+        _of_joint(f"resistance_{key}", title, unit, path=f"mechanics.resistance.{key}", cell=cell)
+        for key, title, unit, cell in (
+            ("error", "friction error at the motion's speed", _force_unit, median_and_range),
+            ("std", "friction's claimed deviation there", _force_unit, median_and_range),
+            ("inside_two_sigma", "friction inside its 2σ claim", "", count_of_known),
+        )
+    ),
     Metric(
-        name="axis_distance_error",
-        value=_axis_distance,
-        unit="m",
-        title="axis distance error",
-        cell=median_and_range,
+        name="end_stops_inside_two_sigma",
+        value=_reached_stops,
+        title="end stops claimed as reached, inside their 2σ claims",
+        cell=count_of_known,
     ),
-    _of_screw("pitch_error", "pitch error at the end"),
-    _of_screw("pitch_std", "pitch's claimed deviation at the end"),
-    _of_resistance("error", "friction error at the motion's speed"),
-    _of_resistance("std", "friction's claimed deviation there"),
-    _known_share(
-        "resistance_inside_two_sigma",
-        _resistance("inside_two_sigma"),
-        "friction inside its 2σ claim",
+    _of_joint("type_settled_at", "type settled after motion of", "s"),
+    *(
+        _of_joint(
+            f"consistency_{key}",
+            f"{whose} NEES inside 95 % bounds",
+            path=f"consistency.{key}",
+            cell=mean_share,
+        )
+        for key, whose in (("configuration", "configuration's"), ("axis", "axis'"))
     ),
-    _known_share(
-        "end_stops_inside_two_sigma",
-        _reached_stops,
-        "end stops claimed as reached, inside their 2σ claims",
-    ),
-    _of_joint("type_settled_at", "s", "type settled after motion of"),
-    _consistency("configuration", "configuration's"),
-    _consistency("axis", "axis'"),
 )
 # Of an experiment that only explores: where the object was to be brought is no target.
 TRIAL_METRICS = ("exploration_error", "exploitation_error")

@@ -41,7 +41,7 @@ TOY = Application(
             value=lambda summary: summary["score"] > 3,
             by_estimator=False,
             title="scored",
-            cell=lambda values, unit: count(values),
+            cell=count,
             totals=True,
         ),
     ),

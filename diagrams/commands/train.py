@@ -7,13 +7,10 @@ import typer
 
 from crossmodal.diagrams.commands.endings import one_line_errors
 
-EXAMPLES = "Example:  crossmodal train hand-bending --jobs 2 --search --out runs/weights"
+EXAMPLES = "Example:  crossmodal train hand-bending --jobs 2 --out runs/weights"
 
 
 def train_hand_bending_command(
-    search: Annotated[
-        bool, typer.Option("--search", help="Also compare topologies by leave-one-out.")
-    ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of data and weights.")] = 0,
     jobs: Annotated[int, typer.Option(min=1, help="Interactions simulated at a time.")] = 1,
     out: Annotated[
@@ -56,8 +53,8 @@ def train_hand_bending_command(
             disable=None,
         )
         interactions = list(simulated)
-        typer.echo("Training ..." + (" and comparing topologies ..." if search else ""))
-        written, card = train_hand_bending(interactions, seed=seed, search=search, folder=folder)
+        typer.echo("Training ...")
+        written, card = train_hand_bending(interactions, seed=seed, folder=folder)
         typer.echo(f"\n{card}")
         for path in written:
             typer.echo(f"  {path}")

@@ -10,7 +10,6 @@ from synthetic_hand import PRELOAD, bending_path, interaction, reading
 
 from crossmodal.diagrams.crossmodal.training.hand_bending_training import (
     relative_to_first,
-    search_topology,
     train,
 )
 from crossmodal.maths import se3
@@ -106,14 +105,6 @@ def test_training_repeats_from_its_seed(interactions: list) -> None:
     for (W, b), (W_again, b_again) in zip(first.pose_layers, second.pose_layers, strict=True):
         np.testing.assert_array_equal(W, W_again)
         np.testing.assert_array_equal(b, b_again)
-
-
-def test_search_ranks_topologies_by_unseen_error(interactions: list) -> None:
-    pytest.importorskip("torch")
-    few = [(u[::6], y[::6]) for u, y in interactions[:4]]
-    results = search_topology(few, widths=(3, 10), depths=(1,), steps=100)
-    assert [result["score"] for result in results] == sorted(r["score"] for r in results)
-    assert {result["hidden"] for result in results} == {(3,), (10,)}
 
 
 @pytest.mark.parametrize(

@@ -16,13 +16,11 @@ FACTS = {"data": "15 interactions", "split": "pairs", "metric": "rms", "command"
 
 
 def test_a_card_sets_unseen_errors_beside_those_of_no_bending() -> None:
-    topologies = [{"hidden": (10, 10), "score": 0.25, **ERROR}]
-    card = hand_bending_card(FACTS, topologies)
+    card = hand_bending_card(FACTS)
     assert "| unseen interactions | 1.23 | 2.50 |" in card
     assert "| the same, if there were no bending | 1.23 | 2.50 |" in card
     assert "translation rms [mm]" in card
     assert "93 %" in card
-    assert "| 10-10 | 0.25 | 1.23 | 2.50 |" in card
 
 
 def test_a_card_says_by_which_program_the_networks_were_trained(

@@ -193,9 +193,27 @@ class MeshcatView(LeafSystem):
             layer.draw_features(time, values.get("features", no_features()), bodies.bodies)
             joints = values.get("joints", JointBeliefs())
             joint = joint_now(joints, bodies, truth.parent_moves)
-            layer.draw_joint(time, joint, bodies.bodies, truth)
+            layer.draw_joint(time, joint, bodies, truth)
         if self._path.HasValue(context):
             self._plan.draw(time, self._path.Eval(context))
+
+
+class _Visible:
+    """Which of several objects in one place is seen."""
+
+    def __init__(self, meshcat: Meshcat) -> None:
+        self._meshcat = meshcat
+        self.path = ""
+
+    def change(self, time: float, path: str = "") -> None:
+        """Shows another object in place of the one before, or none."""
+        if path == self.path:
+            return
+        if self.path:
+            self._meshcat.SetProperty(self.path, "visible", False, time)
+        if path:
+            show_from(self._meshcat, path, time)
+        self.path = path
 
 
 class _PlannedPath:
@@ -205,25 +223,21 @@ class _PlannedPath:
         self._meshcat = meshcat
         self._path = path
         self._interval = config.refresh_interval
-        self._shown = ""
+        self._line = _Visible(meshcat)
         self._drawn = -np.inf
         self._lines = 0
 
     def draw(self, time: float, X_WE: Array) -> None:
         """Replaces the line when it is time; hides it without a plan."""
-        if len(X_WE) > 0 and time < self._drawn + self._interval - 1e-6:
-            return
-        if self._shown:
-            self._meshcat.SetProperty(self._shown, "visible", False, time)
-            self._shown = ""
         if len(X_WE) == 0:
-            return
-        self._lines += 1
-        self._drawn = time
-        self._shown = f"{self._path}/line_{self._lines}"
-        color = Rgba(*palette.rgb(palette.PLAN))
-        self._meshcat.SetLine(self._shown, X_WE[:, :3, 3].T, 4.0, color)
-        show_from(self._meshcat, self._shown, time)
+            self._line.change(time)
+        elif time >= self._drawn + self._interval - 1e-6:
+            self._lines += 1
+            self._drawn = time
+            path = f"{self._path}/line_{self._lines}"
+            color = Rgba(*palette.rgb(palette.PLAN))
+            self._meshcat.SetLine(path, X_WE[:, :3, 3].T, 4.0, color)
+            self._line.change(time, path)
 
 
 class _Layer:
@@ -237,10 +251,9 @@ class _Layer:
         self._clouds_drawn = -np.inf
         self._sets = 0
         self._text = ""
-        self._text_path = ""
         self._text_drawn = -np.inf
+        self._board, self._joint = _Visible(meshcat), _Visible(meshcat)
         self._made: set[JointType] = set()
-        self._shown: JointType | None = None
 
     def draw_features(self, time: float, features: FeatureBelief, bodies: list[BodyMotion]) -> None:
         """Moves the clouds with their bodies; draws new ones when it is time."""
@@ -278,23 +291,16 @@ class _Layer:
         self._clouds[body_id] = path
 
     def draw_joint(
-        self, time: float, joint: JointBelief | None, bodies: list[BodyMotion], truth: Truth
+        self, time: float, joint: JointBelief | None, bodies: BodyMotions, truth: Truth
     ) -> None:
         """Moves and scales the likeliest joint's shapes; hides the others."""
-        sketch = None
-        if joint is not None:
-            body = next((b for b in bodies if b.body_id == joint.child_id), None)
-            sketch = sketch_joint(joint, body)
-        kind = None if sketch is None else sketch.type
-        if kind != self._shown:
-            if self._shown is not None:
-                self._meshcat.SetProperty(self._joint_path(self._shown), "visible", False, time)
-                self._hide_text(time)
-            if kind is not None:
-                if kind not in self._made:
-                    self._make_joint(kind)
-                show_from(self._meshcat, self._joint_path(kind), time)
-            self._shown = kind
+        sketch = None if joint is None else sketch_joint(joint, bodies.find(joint.child_id))
+        path = "" if sketch is None else self._joint_path(sketch.type)
+        if sketch is not None and sketch.type not in self._made:
+            self._make_joint(sketch.type)
+        if path != self._joint.path:
+            self._hide_text(time)
+            self._joint.change(time, path)
         if sketch is None or joint is None:
             return
         self._place_joint(time, sketch)
@@ -346,20 +352,17 @@ class _Layer:
     def _write_text(self, time: float, text: str, sketch: JointSketch) -> None:
         due = time >= self._text_drawn + self._config.text_interval - 1e-6
         if text != self._text and due:
-            self._hide_text(time)
             self._text, self._text_drawn = text, time
-            self._text_path = f"{self._path}/text/{round(1000 * time)}"
+            path = f"{self._path}/text/{round(1000 * time)}"
             red, green, blue = (round(255 * c) for c in palette.rgb(JOINT[sketch.type]))
-            board = text_board(text, _BOARD_HEIGHT, (red, green, blue))
-            self._meshcat.SetObject(self._text_path, board)
-            show_from(self._meshcat, self._text_path, time)
-        if self._text_path:
-            self._meshcat.SetTransform(self._text_path, self._text_pose(sketch.center_W), time)
+            self._meshcat.SetObject(path, text_board(text, _BOARD_HEIGHT, (red, green, blue)))
+            self._board.change(time, path)
+        if self._board.path:
+            self._meshcat.SetTransform(self._board.path, self._text_pose(sketch.center_W), time)
 
     def _hide_text(self, time: float) -> None:
-        if self._text_path:
-            self._meshcat.SetProperty(self._text_path, "visible", False, time)
-        self._text, self._text_path = "", ""
+        self._board.change(time)
+        self._text = ""
 
     def _text_pose(self, p_WJ: Array) -> RigidTransform:
         """Upright above a joint at p_WJ and in front of it, its -y towards the viewer."""

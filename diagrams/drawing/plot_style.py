@@ -1,6 +1,6 @@
 """How every plot looks, and how it is written."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +57,7 @@ def note(axes: Axes, time: float, text: str, *, lines_below: int = 0) -> None:
 def mark_times(
     axes: Axes,
     events: Iterable[tuple[str, float]],
-    spans: Iterable[tuple[str, float, float]],
+    spans: Iterable[tuple[str, Any]],
     *,
     label: bool,
 ) -> None:
@@ -66,7 +66,7 @@ def mark_times(
     Args:
         axes: Over time, within its final limits.
         events: Names and times [s].
-        spans: Names, starts and ends [s].
+        spans: Names and, with `start` and `end` [s], times.
         label: Whether the names are written there.
     """
     left, right = axes.get_xlim()
@@ -78,13 +78,30 @@ def mark_times(
             last = time
             if label:
                 note(axes, time, name, lines_below=line + 1)
-    for name, start, end in spans:
-        if start < right:
-            axes.axvspan(start, min(end, right), color="#000000", alpha=0.06, lw=0)
-            axes.axvline(start, color=palette.TRUTH, lw=1.1)
+    for name, span in spans:
+        if span.start < right:
+            axes.axvspan(span.start, min(span.end, right), color="#000000", alpha=0.06, lw=0)
+            axes.axvline(span.start, color=palette.TRUTH, lw=1.1)
             if label:
-                note(axes, start, name)
+                note(axes, span.start, name)
     axes.set_xlim(left, right)
+
+
+def mark_panels(
+    panels: Sequence[Axes],
+    events: Sequence[tuple[str, float]],
+    spans: Sequence[tuple[str, Any]],
+) -> list[Line2D]:
+    """Marks in panels over one time, within their final limits, what happens and curves that leave.
+
+    Returns:
+        For the legend, see `mark_leaving`.
+    """
+    beyond: list[Line2D] = []
+    for axes in panels:
+        beyond += mark_leaving(axes)
+        mark_times(axes, events, spans, label=axes is panels[0])
+    return beyond[:1]
 
 
 def mark_leaving(axes: Axes) -> list[Line2D]:

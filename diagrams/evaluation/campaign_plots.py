@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 from crossmodal.diagrams.drawing import palette
-from crossmodal.diagrams.drawing.plot_style import STYLE, mark_leaving, mark_times, new_figure
+from crossmodal.diagrams.drawing.plot_style import STYLE, mark_panels, new_figure
 from crossmodal.diagrams.evaluation.metric_table import estimators_of, label, quantile, readable
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.scenario import Disturbances
@@ -110,18 +110,15 @@ def draw_spreads(
         grid = figure.subplots(
             len(panels), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
         )[:, 0]
-        spans = [(name, span.start, span.end) for name, span in disturbances.spans()]
         every = [times for panel in panels for one in panel.series.values() for times, _ in one]
         grid[0].set_xlim(0.0, max([step, *(times[-1] for times in every if len(times))]))
-        beyond: list[Line2D] = []
         for axes, panel in zip(grid, panels, strict=True):
             axes.set_title(panel.title)
             axes.set_yscale("log" if panel.logarithmic else "linear")
             _draw_panel(axes, application, panel, step)
-            beyond += mark_leaving(axes)
-            mark_times(axes, events.items(), spans, label=axes is grid[0])
+        beyond = mark_panels(grid, list(events.items()), disturbances.spans())
         grid[-1].set_xlabel("time [s]")
-        handles = [*grid[0].get_legend_handles_labels()[0], *beyond[:1]]
+        handles = [*grid[0].get_legend_handles_labels()[0], *beyond]
         figure.legend(handles=handles, loc="outside upper center", ncols=4, title=_HOW_TO_READ)
     return figure
 

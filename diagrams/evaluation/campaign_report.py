@@ -5,7 +5,7 @@ import datetime
 import io
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -40,37 +40,21 @@ _THUMBNAIL = (480, 480)  # Largest width and height, [pixels].
 
 
 @dataclass(kw_only=True)
-class Picture:
-    """An image inside the page, and what it shows."""
+class Section:
+    """An experiment on the page, or what is compared there.
 
-    data: str
-    text: str
-
-
-@dataclass(kw_only=True)
-class EpisodeCard:
-    """An episode on the page; a reason says that it failed.
-
-    Its links lead to its pictures, by their names, the first to what the thumbnail shows.
+    Attributes:
+        pictures: Addresses that hold them, and what each shows.
+        episodes: Seed, reason of a failure, thumbnail, and links to its pictures by their names.
     """
 
-    seed: int
-    reason: str
-    thumbnail: str
-    links: dict[str, str]
-
-
-@dataclass(kw_only=True)
-class Section:
-    """An experiment on the page, or what is compared there."""
-
-    name: str
     title: str
-    description: str
-    tables: list[Table]
-    notes: list[str]
-    pictures: list[Picture] = field(default_factory=list)
-    episodes: list[EpisodeCard] = field(default_factory=list)
+    name: str = ""
+    description: str = ""
+    tables: Sequence[Table] = ()
+    notes: Sequence[str] = ()
+    pictures: Sequence[tuple[str, str]] = ()
+    episodes: Sequence[tuple[int, str, str, dict[str, str]]] = ()
     side_by_side: bool = False
 
 
@@ -98,11 +82,9 @@ def write_campaign(campaign: Campaign, origin: str) -> list[Path]:
         return []
     folder, name, application = campaign.folder, campaign.name, campaign.application
     figures = tidy_metrics(application, name, campaign.summaries)
-    task = task_in_words(campaign)
-    table = markdown(application, name, campaign.experiment, figures, origin, task, campaign.seeds)
     written = [
         write_atomically(folder / CSV_FILE, partial(figures.to_csv, index=False)),
-        write_text(folder / TABLE_FILE, table),
+        write_text(folder / TABLE_FILE, _markdown(campaign, figures, origin)),
     ]
     for file, plot in application.campaign_plots.items():
         place = folder / file
@@ -120,6 +102,13 @@ def write_campaign(campaign: Campaign, origin: str) -> list[Path]:
     return written
 
 
+def _markdown(campaign: Campaign, figures: pd.DataFrame, origin: str) -> str:
+    task, asked = task_in_words(campaign), campaign.seeds
+    return markdown(
+        campaign.application, campaign.name, campaign.experiment, figures, origin, task, asked
+    )
+
+
 def write_overview(campaigns: Sequence[Campaign], folder: Path, origin: str) -> list[Path]:
     """Writes the files of several experiments together, from what each has written."""
     if not any(campaign.summaries for campaign in campaigns):
@@ -128,32 +117,18 @@ def write_overview(campaigns: Sequence[Campaign], folder: Path, origin: str) -> 
         one.name: tidy_metrics(one.application, one.name, one.summaries) for one in campaigns
     }
     applications = {one.application.name: one.application for one in campaigns}
-    overall = [
-        overall_table(
-            application,
-            {one.name: figures[one.name] for one in campaigns if one.application is application},
-            {one.name: one.seeds for one in campaigns if one.application is application},
-        )
-        for application in applications.values()
-    ]
+    overall = []
+    for application in applications.values():
+        own = [one for one in campaigns if one.application is application]
+        asked = {one.name: one.seeds for one in own}
+        overall.append(overall_table(application, {n: figures[n] for n in asked}, asked))
     campaigns = [campaign for campaign in campaigns if campaign.summaries]
     sections = [_section(one, figures[one.name], folder) for one in campaigns]
     heading = "All experiments"
     parts = [f"# {heading}", origin, *(table.markdown() for table in overall)]
-    parts += [
-        markdown(
-            one.application,
-            one.name,
-            one.experiment,
-            figures[one.name],
-            "",
-            task_in_words(one),
-            one.seeds,
-        )
-        .replace("# ", "## ", 1)
-        .rstrip()
-        for one in campaigns
-    ]
+    for one in campaigns:
+        text = _markdown(one, figures[one.name], "")
+        parts.append(text.replace("# ", "## ", 1).rstrip())
     table = "\n\n".join(parts) + "\n"
     together = pd.concat(figures.values(), ignore_index=True)
     return [
@@ -177,47 +152,35 @@ def page(
 
 
 def _section(campaign: Campaign, figures: pd.DataFrame, base: Path) -> Section:
-    pictures = [
-        Picture(data=inline(campaign.folder / file), text=plot.caption)
-        for file, plot in campaign.application.campaign_plots.items()
-        if (campaign.folder / file).is_file()
-    ]
-    cards = []
+    experiment, folder = campaign.experiment, campaign.folder
+    episodes = []
     for summary in campaign.summaries:
-        plots = _plots(episode_folder(campaign.folder, summary["seed"]))
-        shown = plots if summary["modalities"] else []
-        cards.append(
-            EpisodeCard(
-                seed=summary["seed"],
-                reason=_reason(summary),
-                thumbnail=_thumbnail(shown[0]) if shown else "",
-                links={
-                    path.stem.replace("_", " "): Path(os.path.relpath(path, base)).as_posix()
-                    for path in shown
-                },
-            )
-        )
+        plots = episode_folder(folder, summary["seed"]) / PLOT_FOLDER
+        shown = sorted(plots.glob("*.png")) if summary["modalities"] else []
+        links = {
+            path.stem.replace("_", " "): Path(os.path.relpath(path, base)).as_posix()
+            for path in shown
+        }
+        thumbnail = _thumbnail(shown[0]) if shown else ""  # The first one stands for the episode.
+        episodes.append((summary["seed"], _reason(summary), thumbnail, links))
     return Section(
         name=campaign.name,
         title=title(campaign.name, figures, campaign.seeds),
-        description=campaign.experiment.description,
-        tables=experiment_tables(
-            campaign.application, campaign.experiment, figures, campaign.seeds
-        ),
+        description=experiment.description,
+        tables=experiment_tables(campaign.application, experiment, figures, campaign.seeds),
         notes=[
             *filter(None, [task_in_words(campaign)]),
-            *campaign.experiment.notes,
+            *experiment.notes,
             HOW_TO_READ,
             *running_notes(figures),
         ],
-        pictures=pictures,
-        episodes=cards,
+        pictures=[
+            (inline(folder / file), plot.caption)
+            for file, plot in campaign.application.campaign_plots.items()
+            if (folder / file).is_file()
+        ],
+        episodes=episodes,
     )
-
-
-def _plots(folder: Path) -> list[Path]:
-    """An episode's pictures; the first one stands for it on the page."""
-    return sorted((folder / PLOT_FOLDER).glob("*.png"))
 
 
 def _reason(summary: Summary) -> str:
@@ -229,7 +192,11 @@ def _reason(summary: Summary) -> str:
 
 def inline(path: Path) -> str:
     """A picture as an address that holds it."""
-    return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode()
+    return _address(path.read_bytes())
+
+
+def _address(png: bytes) -> str:
+    return "data:image/png;base64," + base64.b64encode(png).decode()
 
 
 def _thumbnail(path: Path) -> str:
@@ -238,4 +205,4 @@ def _thumbnail(path: Path) -> str:
     small.thumbnail(_THUMBNAIL)
     buffer = io.BytesIO()
     small.save(buffer, "PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+    return _address(buffer.getvalue())

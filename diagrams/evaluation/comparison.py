@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from crossmodal.diagrams.drawing.digits import fixed, written
-from crossmodal.diagrams.evaluation.campaign_report import Picture, Section, inline, page
+from crossmodal.diagrams.evaluation.campaign_report import Section, inline, page
 from crossmodal.diagrams.evaluation.metric_table import (
     Summary,
     Table,
@@ -244,11 +244,8 @@ def comparison_page(compared: Sequence[Compared], origin: str) -> str:
         Section(
             name=name,
             title=name,
-            description="",
-            tables=[],
-            notes=[],
             pictures=[
-                Picture(data=inline(one.pictures[name]), text=one.heading)
+                (inline(one.pictures[name]), one.heading)
                 for one in compared
                 if name in one.pictures
             ],

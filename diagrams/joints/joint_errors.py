@@ -9,15 +9,12 @@ import numpy as np
 import pandas as pd
 
 from crossmodal.diagrams.evaluation.campaign_plots import Panel
+from crossmodal.diagrams.evaluation.metric_table import readable
+from crossmodal.diagrams.joints.joint_metrics import unit_of
 from crossmodal.diagrams.run.folder.run_folder import ESTIMATES_FILE
 from crossmodal.maths.arrays import Array
 
 _QUANTITIES = ("configuration", "axis", "type_probability")
-_UNIT = {
-    "prismatic": (1000.0, "mm"),
-    "revolute": (180.0 / math.pi, "deg"),
-    "screw": (180.0 / math.pi, "deg"),
-}
 
 
 @dataclass(kw_only=True)
@@ -103,7 +100,7 @@ def error_panels(
     known = [errors for episode in episodes for errors in episode.values()]
     if not known:
         return []
-    scale, unit = _UNIT[known[0].joint_type]
+    scale, unit = readable(unit_of(known[0].joint_type))
     panels = (
         ("configuration", scale, f"configuration error [{unit}]"),
         ("axis", 180.0 / math.pi, "axis direction error [deg]"),

@@ -31,6 +31,11 @@ MOVING_SPEED = {JointType.PRISMATIC: 0.002, JointType.REVOLUTE: 0.006, JointType
 _TWO_SIGMA = math.erf(math.sqrt(2.0))  # Probability of two deviations of one dimension.
 
 
+def unit_of(joint_type: str | None) -> str:
+    """The unit of a joint's configuration, in SI."""
+    return "rad" if joint_type in (JointType.REVOLUTE, JointType.SCREW) else "m"
+
+
 def axis_sign(axis: Array, axis_true: Array) -> float:
     """-1 where the unit axis (3,) points against the true one, else 1."""
     return -1.0 if float(axis @ axis_true) < 0.0 else 1.0

@@ -25,6 +25,14 @@ from crossmodal.maths import se3
 from crossmodal.maths.consistency import share_inside
 from crossmodal.systems.port_values import MOVING_TYPES, BodyMotion, JointBelief, JointType
 
+# What a summary says of a joint where one was believed in, else null.
+_OF_A_BELIEF = (
+    "type_estimated", "probability", "configuration_estimated", "configuration_std",
+    "configuration_error", "configuration_error_last_seen", "configuration_error_at_turn",
+    "configuration_inside_two_sigma", "axis_estimated", "axis_angle_error", "axis_angle_std",
+    "axis_angle_error_at_turn", "axis_inside_two_sigma", "axis_distance_error", "pitch",
+    "pitch_std", "pitch_error", "seen_until", "fit",
+)  # fmt: skip
 _STILL_SEEN = 0.5  # An estimator that lost the joint longer ago claims nothing at the end, [s].
 
 
@@ -121,31 +129,13 @@ def summarise_joint(
     summary: dict[str, Any] = {
         "name": truth.joint_name,
         "type_true": None if truth.joint_type is None else str(truth.joint_type),
-        "type_estimated": None,
-        "probability": None,
         "configuration_true": end,
-        "configuration_estimated": None,
-        "configuration_std": None,
-        "configuration_error": None,
-        "configuration_error_last_seen": None,
         "axis_true": truth.axis_W.tolist(),
-        "axis_estimated": None,
-        "axis_angle_error": None,
-        "axis_angle_std": None,
-        "axis_distance_error": None,
         "pitch_true": None if math.isnan(truth.pitch) else truth.pitch,
-        "pitch": None,
-        "pitch_std": None,
-        "pitch_error": None,
         "type_settled_at": type_settled_at(series, truth),
-        "seen_until": None,
         "consistency": _consistency(series, truth),
-        "configuration_error_at_turn": None,
-        "axis_angle_error_at_turn": None,
         "configuration_rms_moving": rms_while_moving(series, truth),
-        "configuration_inside_two_sigma": None,
-        "axis_inside_two_sigma": None,
-        "fit": None,
+        **dict.fromkeys(_OF_A_BELIEF),
         "skipped": {},
     }
     turn = turning_point(truth, exploration_end)
@@ -158,8 +148,8 @@ def summarise_joint(
         return summary
     joint = series.joints[last]
     assert joint is not None
-    comparable = not math.isnan(series.error[last])
     configuration = float(series.configuration[last])
+    comparable = not math.isnan(series.error[last])
     summary |= {
         "type_estimated": str(joint.type),
         "probability": float(joint.probabilities[joint.type]),

@@ -17,6 +17,7 @@ from crossmodal.diagrams.evaluation.metric_table import (
     value_at,
 )
 from crossmodal.diagrams.joints.joint_errors import error_panels, read_errors
+from crossmodal.diagrams.joints.joint_metrics import unit_of
 from crossmodal.diagrams.run.experiment import CampaignPlot, Column, Metric
 from crossmodal.systems.port_values import MOVING_TYPES
 
@@ -25,7 +26,7 @@ _joint = value_at("joints.0")
 
 
 def _unit(record: Mapping[str, Any]) -> str:
-    return "rad" if _joint(record)["type_true"] in _TURNING else "m"
+    return unit_of(_joint(record)["type_true"])
 
 
 def _force_unit(record: Mapping[str, Any]) -> str:

@@ -11,23 +11,12 @@ from matplotlib.lines import Line2D
 
 from crossmodal.diagrams.crossmodal.modalities import COLORS, LABELS
 from crossmodal.diagrams.drawing import palette
-from crossmodal.diagrams.drawing.plot_style import STYLE, mark_leaving, mark_times, new_figure
+from crossmodal.diagrams.drawing.plot_style import STYLE, mark_panels, new_figure
+from crossmodal.diagrams.evaluation.metric_table import readable
 from crossmodal.diagrams.joints.joint_episode import JointEpisode
-from crossmodal.diagrams.joints.joint_metrics import JointSeries, last_seen, motion_start
+from crossmodal.diagrams.joints.joint_metrics import JointSeries, last_seen, motion_start, unit_of
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.port_values import JointType
-
-_UNIT = {
-    JointType.PRISMATIC: (1000.0, "mm"),
-    JointType.REVOLUTE: (180.0 / np.pi, "deg"),
-    JointType.SCREW: (180.0 / np.pi, "deg"),
-}
-# The cross-modal curve is wide and lies below the others, so that none hides another.
-_LINE: dict[str, Any] = {
-    "vision": {"lw": 1.5, "zorder": 3},
-    "proprioception": {"lw": 1.5, "zorder": 3},
-    "crossmodal": {"lw": 2.8, "zorder": 2.5},
-}
 
 
 def _color(name: str) -> str:
@@ -35,7 +24,8 @@ def _color(name: str) -> str:
 
 
 def _line(name: str) -> dict[str, Any]:
-    return _LINE.get(name, {"lw": 1.5, "zorder": 3})
+    """The cross-modal curve is wide and lies below the others, so that none hides another."""
+    return {"lw": 2.8, "zorder": 2.5} if name == "crossmodal" else {"lw": 1.5, "zorder": 3}
 
 
 def draw_errors(episode: JointEpisode) -> Figure | None:
@@ -46,7 +36,7 @@ def draw_errors(episode: JointEpisode) -> Figure | None:
     truth = episode.truth
     if truth.joint_type is None:
         return None
-    scale, unit = _UNIT[truth.joint_type]
+    scale, unit = readable(unit_of(truth.joint_type))
     with mpl.rc_context(STYLE):
         figure = new_figure(9.0, 8.0)
         configuration, axis, belief = panels = figure.subplots(
@@ -76,7 +66,7 @@ def draw_errors(episode: JointEpisode) -> Figure | None:
         belief.set_xlabel("time [s]")
         _limit_errors(configuration, axis, all_series, scale)
         beyond = _finish(panels, episode)
-        _legend(figure, episode, [*lost[:1], *beyond[:1]])
+        _legend(figure, episode, [*lost[:1], *beyond])
     return figure
 
 
@@ -106,7 +96,7 @@ def draw_configurations(episode: JointEpisode) -> Figure | None:
         reach = max(high - low, 1e-3 * scale)
         axes.set_ylim(low - 0.15 * reach, high + 0.3 * reach)
         beyond = _finish([axes], episode)
-        _legend(figure, episode, [true_line, *beyond[:1]])
+        _legend(figure, episode, [true_line, *beyond])
     return figure
 
 
@@ -150,12 +140,7 @@ def _finish(panels: Sequence[Axes], episode: JointEpisode) -> list[Line2D]:
     if moving is not None:
         events.append(("moving", moving))
     disturbances = episode.record.scenario.disturbances
-    spans = [(name, span.start, span.end) for name, span in disturbances.spans()]
-    beyond: list[Line2D] = []
-    for axes in panels:
-        beyond += mark_leaving(axes)
-        mark_times(axes, events, spans, label=axes is panels[0])
-    return beyond
+    return mark_panels(panels, events, disturbances.spans())
 
 
 def _legend(figure: Figure, episode: JointEpisode, others: Sequence[Line2D]) -> None:

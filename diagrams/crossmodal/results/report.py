@@ -1,7 +1,7 @@
 """Says in words and in a small table what was perceived and how good it was."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,9 +11,15 @@ from crossmodal.diagrams.crossmodal.modalities import LABELS
 from crossmodal.diagrams.crossmodal.results.grasp_episode import grasp_lines
 from crossmodal.diagrams.crossmodal.task import GRASP_LOST
 from crossmodal.diagrams.drawing.digits import fixed, written
+from crossmodal.diagrams.evaluation.metric_table import readable
 from crossmodal.diagrams.evaluation.stream_faults import fault_lines
 from crossmodal.diagrams.joints.joint_episode import JointEpisode
-from crossmodal.diagrams.joints.joint_metrics import axis_sign, configuration_since_grasp, last_seen
+from crossmodal.diagrams.joints.joint_metrics import (
+    axis_sign,
+    configuration_since_grasp,
+    last_seen,
+    unit_of,
+)
 from crossmodal.diagrams.joints.joint_truth import Truth
 from crossmodal.diagrams.joints.mechanics_record import mechanics_line
 from crossmodal.systems.port_values import MOVING_TYPES, JointBelief, JointType
@@ -44,8 +50,7 @@ def written_configuration(
         spread: Its standard deviation.
         beside: What it stands next to, which says how many digits it gets.
     """
-    prismatic = joint_type not in (JointType.REVOLUTE, JointType.SCREW)
-    scale, unit = (100.0, "cm") if prismatic else (180.0 / math.pi, "deg")
+    scale, unit = (100.0, "cm") if unit_of(joint_type) == "m" else readable("rad")
     scaled = None if value is None else scale * value
     return written(scaled, unit, spread=scale * spread, beside=scale * beside)
 
@@ -116,66 +121,40 @@ def forces(summary: Mapping[str, Any]) -> list[str]:
 
 def comparison(summary: Mapping[str, Any]) -> list[str]:
     """The estimates beside the truth as an aligned table."""
-    joints = {name: value["joints"][0] for name, value in summary["modalities"].items()}
-    header = ["", *(LABELS.get(name, name) for name in joints), "truth"]
-    first = next(iter(joints.values()))
-    kind = first["type_true"]
+    modalities = summary["modalities"]
+    joints = [modality["joints"][0] for modality in modalities.values()]
+    kind = joints[0]["type_true"]
 
-    def row(title: str, cells: list[str], truth: str = "") -> list[str]:
-        return [title, *cells, truth]
+    def row(title: str, key: str, unit: str) -> list[str]:
+        return [title, *(_scaled(joint[key], unit) for joint in joints)]
 
-    def cells(key: str, scale: float, unit: str) -> list[str]:
-        return [
-            written(None if joint[key] is None else scale * joint[key], unit)
-            for joint in joints.values()
-        ]
-
-    small, small_unit = (1000.0, "mm") if kind == JointType.PRISMATIC else (180.0 / np.pi, "deg")
-    claims = [joint["configuration_std"] for joint in joints.values()]
-    finest = min((claim for claim in claims if claim), default=math.nan)
-
-    def configuration(value: float | None, joint_type: str | None) -> str:
-        return written_configuration(value, joint_type or "", beside=finest)
-
+    finest = min(joint["configuration_std"] or math.inf for joint in joints)
+    configurations = [
+        (joint["configuration_estimated"], joint["type_estimated"]) for joint in joints
+    ]
+    configurations.append((joints[0]["configuration_true"], kind))
     rows = [
-        header,
-        row("joint", [joint["type_estimated"] or "-" for joint in joints.values()], kind),
-        row(
+        ["", *(LABELS.get(name, name) for name in modalities), "truth"],
+        ["joint", *(joint["type_estimated"] or "-" for joint in joints), kind],
+        [
             "configuration",
-            [
-                configuration(joint["configuration_estimated"], joint["type_estimated"])
-                for joint in joints.values()
-            ],
-            configuration(first["configuration_true"], kind),
-        ),
-        row("configuration error", cells("configuration_error", small, small_unit)),
-        row("axis direction error", cells("axis_angle_error", 180.0 / np.pi, "deg")),
-        row("type settled after", cells("type_settled_at", 1.0, "s")),
-        row(
-            "tick, median",
-            [_milliseconds(summary["modalities"][name]["tick"]["median"]) for name in joints],
-        ),
+            *(written_configuration(q, of or "", beside=finest) for q, of in configurations),
+        ],
+        row("configuration error", "configuration_error", unit_of(kind)),
+        row("axis direction error", "axis_angle_error", "rad"),
     ]
     if kind in (JointType.REVOLUTE, JointType.SCREW):
-        rows.insert(5, row("axis distance error", cells("axis_distance_error", 1000.0, "mm")))
+        rows.append(row("axis distance error", "axis_distance_error", "m"))
     if kind == JointType.SCREW:
-        rows.insert(6, _pitch_row(joints.values()))
-    return align(rows)
-
-
-def _pitch_row(joints: Collection[Mapping[str, Any]]) -> list[str]:
-    finest = min((joint["pitch_std"] for joint in joints if joint["pitch_std"]), default=math.nan)
-
-    def cell(pitch: float | None) -> str:
-        value = None if pitch is None else 1000.0 * pitch
-        return written(value, "mm/rad", beside=1000.0 * finest, significant=3)
-
-    pitches = [joint["pitch"] for joint in joints]
-    return ["pitch", *map(cell, pitches), cell(next(iter(joints))["pitch_true"])]
-
-
-def _milliseconds(seconds: float | None) -> str:
-    return written(None if seconds is None else 1000.0 * seconds, "ms")
+        finest = min(joint["pitch_std"] or math.inf for joint in joints)
+        pitches = [*(joint["pitch"] for joint in joints), joints[0]["pitch_true"]]
+        rows.append(
+            ["pitch", *(_scaled(p, "m/rad", beside=finest, significant=3) for p in pitches)]
+        )
+    rows.append(row("type settled after", "type_settled_at", "s"))
+    ticks = (modality["tick"]["median"] for modality in modalities.values())
+    rows.append(["tick, median", *(written(None if t is None else 1e3 * t, "ms") for t in ticks)])
+    return align([[*cells, ""][: len(rows[0])] for cells in rows])
 
 
 def align(rows: list[list[str]]) -> list[str]:
@@ -211,19 +190,20 @@ def manipulation(episode: JointEpisode, summary: Mapping[str, Any]) -> list[str]
 
 def report(episode: JointEpisode, summary: Mapping[str, Any]) -> list[str]:
     """What was perceived, how far that is from the truth, and what the robot did."""
-    lines = ["Perceived joint:"]
-    lines += [f"  {line}" for line in perceived(episode)]
-    if measured := forces(summary):
-        lines += ["", "Forces of the joint:"] + [f"  {line}" for line in measured]
-    if summary["modalities"] and episode.truth.joint_type is not None:
-        lines += ["", "Against the truth:"] + [f"  {line}" for line in comparison(summary)]
-    if done := manipulation(episode, summary):
-        lines += ["", "Manipulation:"] + [f"  {line}" for line in done]
-    if held := grasp_lines(summary["grasp"]):
-        lines += ["", "The grip:"] + [f"  {line}" for line in held]
-    if faults := fault_lines(summary["stream_faults"]):
-        lines += ["", "Streams that were not trusted:"] + [f"  {line}" for line in faults]
-    return lines
+    against = summary["modalities"] and episode.truth.joint_type is not None
+    sections = {
+        "Perceived joint:": perceived(episode),
+        "Forces of the joint:": forces(summary),
+        "Against the truth:": comparison(summary) if against else [],
+        "Manipulation:": manipulation(episode, summary),
+        "The grip:": grasp_lines(summary["grasp"]),
+        "Streams that were not trusted:": fault_lines(summary["stream_faults"]),
+    }
+    lines: list[str] = []
+    for title, found in sections.items():
+        if found or not lines:
+            lines += ["", title, *(f"  {line}" for line in found)]
+    return lines[1:]
 
 
 def final_beliefs(summary: Mapping[str, Any]) -> pd.DataFrame:
@@ -231,16 +211,19 @@ def final_beliefs(summary: Mapping[str, Any]) -> pd.DataFrame:
     rows = {}
     for name, modality in summary["modalities"].items():
         joint = modality["joints"][0]
-        scale, unit = (1e3, "mm") if joint["type_true"] == "prismatic" else (180.0 / np.pi, "deg")
+        unit = unit_of(joint["type_true"])
         rows[LABELS.get(name, name)] = {
             "type": joint["type_estimated"],
             "probability": written(joint["probability"], significant=3),
-            "configuration error": _scaled(joint["configuration_error"], scale, unit),
-            "its deviation": _scaled(joint["configuration_std"], scale, unit),
-            "axis direction error": _scaled(joint["axis_angle_error"], 180.0 / np.pi, "deg"),
+            "configuration error": _scaled(joint["configuration_error"], unit),
+            "its deviation": _scaled(joint["configuration_std"], unit),
+            "axis direction error": _scaled(joint["axis_angle_error"], "rad"),
         }
     return pd.DataFrame.from_dict(rows, orient="index")
 
 
-def _scaled(value: float | None, scale: float, unit: str) -> str:
-    return written(None if value is None else scale * value, unit)
+def _scaled(value: float | None, unit: str, *, beside: float = math.nan, **shown: Any) -> str:
+    """A value in SI as it is written for people."""
+    scale, readable_unit = readable(unit)
+    scaled = None if value is None else scale * value
+    return written(scaled, readable_unit, beside=scale * beside, **shown)

@@ -12,6 +12,8 @@ from crossmodal.diagrams.crossmodal.estimators import make_network
 from crossmodal.diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve
 from crossmodal.diagrams.crossmodal.studies.ablations import Ablation, find_ablation
 from crossmodal.diagrams.drawing.digits import written
+from crossmodal.diagrams.evaluation.metric_table import readable
+from crossmodal.diagrams.joints.joint_metrics import unit_of
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.episode import run_episode
 from crossmodal.diagrams.run.folder.fingerprint import fingerprint
@@ -25,7 +27,6 @@ from crossmodal.diagrams.run.folder.run_folder import (
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.replay import replay
 from crossmodal.diagrams.run.scenario import parse_scenario, read_document
-from crossmodal.systems.port_values import JointType
 
 _RESULT_FILE = "ablation.json"
 WIRINGS = ("whole", "cut")
@@ -129,16 +130,17 @@ def table(results: dict[str, list[dict[str, Any]]]) -> str:
 
 def _cells(joints: list[dict[str, Any]]) -> tuple[str, str, str]:
     right = sum(joint["type_estimated"] == joint["type_true"] for joint in joints)
-    slides = joints[0]["type_true"] == JointType.PRISMATIC
-    scale, unit = (1e3, "mm") if slides else (180.0 / np.pi, "deg")
     return (
         f"{right}/{len(joints)}",
-        _spread([joint["configuration_error"] for joint in joints], scale, unit),
-        _spread([joint["axis_angle_error"] for joint in joints], 180.0 / np.pi, "deg"),
+        _spread(
+            [joint["configuration_error"] for joint in joints], unit_of(joints[0]["type_true"])
+        ),
+        _spread([joint["axis_angle_error"] for joint in joints], "rad"),
     )
 
 
-def _spread(values: list[float | None], scale: float, unit: str) -> str:
+def _spread(values: list[float | None], unit_in_si: str) -> str:
+    scale, unit = readable(unit_in_si)
     known = [scale * abs(value) for value in values if value is not None]
     if not known:
         return "-"

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from crossmodal.diagrams.drawing import palette
-from crossmodal.diagrams.drawing.plot_style import STYLE, mark_leaving, mark_times, new_figure
+from crossmodal.diagrams.drawing.plot_style import STYLE, mark_panels, new_figure
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.flap.results.flap_episode import FlapEpisode
 from crossmodal.maths.arrays import Array, Mask
@@ -144,20 +144,15 @@ def _limit_to_flipping(axes: Axes, values: Array, least: float) -> None:
 
 def _finish(panels: Sequence[Axes], episode: FlapEpisode) -> None:
     """Marks the time: events, disturbances, and when the camera did not see the flap."""
-    truth = episode.truth
     panels[-1].set_xlabel("time [s]")
     panels[-1].set_xlim(0.0, max(episode.record.duration, 1e-3))
     events = [(event.name, event.time) for event in episode.record.events]
-    spans = [
-        (name, span.start, span.end) for name, span in episode.record.scenario.disturbances.spans()
-    ]
-    for axes in panels:
-        if episode.series and len(truth.times):
-            series = next(iter(episode.series.values()))
-            for start, end in hidden_spans(series.times, series.seen):
+    if episode.series and len(episode.truth.times):
+        series = next(iter(episode.series.values()))
+        for start, end in hidden_spans(series.times, series.seen):
+            for axes in panels:
                 axes.axvspan(start, end, color="#000000", alpha=0.05, lw=0)
-        mark_leaving(axes)
-        mark_times(axes, events, spans, label=axes is panels[0])
+    mark_panels(panels, events, episode.record.scenario.disturbances.spans())
 
 
 def _title(episode: FlapEpisode) -> str:

@@ -2,6 +2,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from crossmodal.diagrams.drawing.plot_style import mark_leaving, mark_times, new_figure
+from crossmodal.diagrams.run.scenario import Interval
 from crossmodal.maths.arrays import Array
 
 TIMES = np.arange(0.0, 10.0, 0.1)
@@ -57,7 +58,7 @@ def test_what_lies_outside_the_time_shown_is_not_marked() -> None:
 
 def test_events_close_together_are_written_below_each_other() -> None:
     axes = drawn(0.0 * TIMES)
-    mark_times(axes, [("b", 2.2), ("a", 2.0), ("late", 12.0)], [("dark", 5.0, 99.0)], label=True)
+    mark_times(axes, [("b", 2.2), ("a", 2.0), ("late", 12.0)], [("dark", Interval(start=5.0, end=99.0))], label=True)
     heights = {text.get_text(): text.get_position()[1] for text in axes.texts}
     assert set(heights) == {"a", "b", "dark"}
     assert heights["b"] < heights["a"]

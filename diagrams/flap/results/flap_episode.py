@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from crossmodal.diagrams.flap.flip_status import FLIPPING, RETREATING, TO_TABLE
 from crossmodal.diagrams.flap.results.tip_line import TipLine, tip_line
-from crossmodal.diagrams.flap.truth import UNKNOWN_FLAP, FlapTruth
+from crossmodal.diagrams.flap.truth import UNKNOWN_FLAP
 from crossmodal.diagrams.run.record import EpisodeRecord, Tick
 from crossmodal.diagrams.run.recorder import STATUS_PORT
 from crossmodal.maths.arrays import Array, Mask
@@ -134,32 +135,24 @@ def _stack(values: Sequence[Any], read: Callable[[Any], Any], *shape: int) -> Ar
 
 def _truth(record: EpisodeRecord) -> TrueFlap:
     ticks = record.station
-    flaps: list[FlapTruth] = [tick.values.get("cheat_flap", UNKNOWN_FLAP) for tick in ticks]
-    p_WE = [
-        tick.values["cheat_end_effector_pose"].translation()
-        if "cheat_end_effector_pose" in tick.values
-        else np.full(3, np.nan)
-        for tick in ticks
+    flaps = [tick.values.get("cheat_flap", UNKNOWN_FLAP) for tick in ticks]
+    of_flap: dict[str, Any] = {
+        name: _stack(flaps, attrgetter(name), *np.shape(unknown))
+        for name, unknown in vars(UNKNOWN_FLAP).items()
+    }
+    of_flap["theta"] -= of_flap["theta"][:1]
+    of_flap["touching"] = of_flap["touching"].astype(bool)
+    poses = [tick.values.get("cheat_end_effector_pose") for tick in ticks]
+    phases = [
+        tick.values[STATUS_PORT].phase if STATUS_PORT in tick.values else "" for tick in ticks
     ]
-    status = [tick.values.get(STATUS_PORT) for tick in ticks]
-    leaving = (
-        tick.time for tick, s in zip(ticks, status, strict=True) if s and s.phase == RETREATING
-    )
-    theta = _stack(flaps, lambda flap: flap.theta)
+    leaving = [tick.time for tick, phase in zip(ticks, phases, strict=True) if phase == RETREATING]
     return TrueFlap(
         times=np.array([tick.time for tick in ticks]),
-        theta=theta - theta[0] if len(theta) else theta,
-        k_W=_stack(flaps, lambda flap: flap.k_W, 3),
-        p_WK=_stack(flaps, lambda flap: flap.p_WK, 3),
-        n_W=_stack(flaps, lambda flap: flap.n_W, 3),
-        touching=np.array([flap.touching for flap in flaps], dtype=bool),
-        p_WC=_stack(flaps, lambda flap: flap.p_WC, 3),
-        p_SC=_stack(flaps, lambda flap: flap.p_SC, 3),
-        n_W_contact=_stack(flaps, lambda flap: flap.n_W_contact, 3),
-        force=_stack(flaps, lambda flap: flap.force),
-        p_WE=_stack(p_WE, lambda p: p, 3),
-        flipping=_from_first_to_last([s is not None and s.phase == FLIPPING for s in status]),
-        retreated_at=next(leaving, np.inf),
+        p_WE=_stack(poses, lambda X: np.full(3, np.nan) if X is None else X.translation(), 3),
+        flipping=_from_first_to_last([phase == FLIPPING for phase in phases]),
+        retreated_at=min(leaving, default=np.inf),
+        **of_flap,
     )
 
 

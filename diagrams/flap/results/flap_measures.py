@@ -28,11 +28,11 @@ class Servoing:
     """
 
     turned: float
-    longest_loss: float
-    contact_position_rms: float
-    contact_position_offset: float
-    force_rms: float
-    normals_aligned_after: float
+    longest_loss: float = float("nan")
+    contact_position_rms: float = float("nan")
+    contact_position_offset: float = float("nan")
+    force_rms: float = float("nan")
+    normals_aligned_after: float = float("nan")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,17 +68,22 @@ def longest_run(times: Array, flags: Mask) -> float:
     return float(lengths.max()) * period
 
 
+def lasting_from(times: Array, flags: Mask, duration: float, first: int = 0) -> int | None:
+    """The first index, not before `first`, from which `flags` (T,) stay true for `duration` [s]."""
+    for k in first + np.flatnonzero(flags[first:]):
+        following = (times >= times[k]) & (times <= times[k] + duration)
+        if flags[following].all() and times[-1] >= times[k] + duration:
+            return int(k)
+    return None
+
+
 def aligned_after(times: Array, cosine: Array) -> float:
     """When |cosine| (T,) comes near zero and stays for a second, since the first time; NaN never.
 
     A second that the contact breaks off (NaN) does not count as near.
     """
-    near = np.abs(cosine) < ALIGNED
-    for start in np.flatnonzero(near):
-        following = (times >= times[start]) & (times <= times[start] + 1.0)
-        if near[following].all() and times[-1] >= times[start] + 1.0:
-            return float(times[start] - times[0])
-    return float("nan")
+    start = lasting_from(times, np.abs(cosine) < ALIGNED, 1.0)
+    return float("nan") if start is None else float(times[start] - times[0])
 
 
 def rms(values: Array) -> float:
@@ -127,17 +132,13 @@ def measure_servoing(truth: TrueFlap, force_desired: float) -> Servoing:
     flipping = np.flatnonzero(truth.flipping)
     theta = truth.theta[: flipping[-1] + 1] if len(flipping) else truth.theta
     turned = float(np.nanmax(theta, initial=0.0)) if len(theta) else 0.0
-    nothing = float("nan")
     if len(flipping) == 0:
-        return Servoing(
-            turned=turned, longest_loss=nothing, contact_position_rms=nothing,
-            contact_position_offset=nothing, force_rms=nothing, normals_aligned_after=nothing,
-        )  # fmt: skip
+        return Servoing(turned=turned)
     times = truth.times[flipping]
     touching = truth.touching[flipping]
     settled = (times >= times[0] + SETTLING) & touching
     p_SC = truth.p_SC[flipping][settled][:, [0, 2]]  # Across the pad's normal.
-    centre = p_SC.mean(axis=0) if len(p_SC) else np.full(2, nothing)
+    centre = p_SC.mean(axis=0) if len(p_SC) else np.full(2, np.nan)
     cosine = np.sum(truth.n_W_contact * truth.n_W, axis=1)[flipping]
     return Servoing(
         turned=turned,
@@ -154,33 +155,28 @@ def measure_estimation(truth: TrueFlap, series: FlapSeries) -> Estimation:
     count = min(len(truth.times), len(series.times))
     flipping, theta = truth.flipping[:count], truth.theta[:count]
     judged = flipping & (theta >= JUDGED_FROM)
-    axis_error = angles_between(series.k_W[:count], truth.k_W[:count])
+    k_W, k_true, seen = series.k_W[:count], truth.k_W[:count], series.seen[:count]
+    axis_error = angles_between(k_W, k_true)
     theta_error = series.theta[:count] - theta
-    L1_error, L2_error = (
-        series.L1_W[:count] - truth.L1_W[:count],
-        series.L2_W[:count] - (truth.L2_W[:count]),
-    )
-    seen = series.seen[:count]
+    theta_variance = series.theta_std[:count, None, None] ** 2
+    L1_error = series.L1_W[:count] - truth.L1_W[:count]
+    L2_error = series.L2_W[:count] - truth.L2_W[:count]
     first = np.flatnonzero(judged)
     nothing = float("nan")
     return Estimation(
         axis_angle_error=float(axis_error[first[0]]) if len(first) else nothing,
         axis_angle_error_at_end=float(axis_error[first[-1]]) if len(first) else nothing,
         theta_rmse_visible=rms(theta_error[flipping & seen]),
-        theta_rmse_hidden=rms(theta_error[flipping & ~seen & (theta >= JUDGED_FROM)]),
+        theta_rmse_hidden=rms(theta_error[judged & ~seen]),
         L1_error=mean(np.linalg.norm(L1_error[judged], axis=1)),
         L2_error=mean(np.linalg.norm(L2_error[judged], axis=1)),
         inside_two_sigma={
-            "axis": share_inside(
-                np.cross(truth.k_W[:count], np.cross(series.k_W[:count], truth.k_W[:count]))[
-                    judged
-                ],
-                series.k_covariance[:count][judged],
-            ),
-            "theta": share_inside(
-                theta_error[judged, None], series.theta_std[:count][judged, None, None] ** 2
-            ),
-            "L1": share_inside(L1_error[judged], series.L1_covariance[:count][judged]),
-            "L2": share_inside(L2_error[judged], series.L2_covariance[:count][judged]),
+            name: share_inside(errors[judged], covariances[:count][judged])
+            for name, errors, covariances in (
+                ("axis", np.cross(k_true, np.cross(k_W, k_true)), series.k_covariance),
+                ("theta", theta_error[:, None], theta_variance),
+                ("L1", L1_error, series.L1_covariance),
+                ("L2", L2_error, series.L2_covariance),
+            )
         },
     )

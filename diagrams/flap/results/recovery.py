@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from crossmodal.diagrams.flap.results.flap_episode import TrueFlap
+from crossmodal.diagrams.flap.results.flap_measures import lasting_from
 from crossmodal.plants.tools.flap_jerk import FlapJerk
 
 KEPT = 1.0  # A contact that lasts so long has come back, [s].
@@ -42,17 +43,14 @@ def recovery(truth: TrueFlap, jerk: FlapJerk) -> Recovery | None:
     lever = float(np.linalg.norm(truth.L2_W[before]))
     displacement = lever * float(truth.theta[end] - truth.theta[before])
     lost = np.flatnonzero(~truth.touching[index : len(times)])
-    back = float("nan")
-    for k in range(index + int(lost[0]), len(times)) if len(lost) else ():
-        kept = (times >= times[k]) & (times <= times[k] + KEPT)
-        if truth.touching[: len(times)][kept].all() and times[-1] >= times[k] + KEPT:
-            back = float(times[k] - jerk.start)
-            break
+    touching = truth.touching[: len(times)]
+    back = lasting_from(times, touching, KEPT, index + int(lost[0])) if len(lost) else None
+    reestablished = float("nan") if back is None else float(times[back] - jerk.start)
     return Recovery(
         start=jerk.start,
         displacement=displacement,
         contact_lost=len(lost) > 0,
-        reestablished_after=back if len(lost) else 0.0,
+        reestablished_after=reestablished if len(lost) else 0.0,
     )
 
 

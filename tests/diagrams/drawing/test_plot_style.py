@@ -58,7 +58,12 @@ def test_what_lies_outside_the_time_shown_is_not_marked() -> None:
 
 def test_events_close_together_are_written_below_each_other() -> None:
     axes = drawn(0.0 * TIMES)
-    mark_times(axes, [("b", 2.2), ("a", 2.0), ("late", 12.0)], [("dark", Interval(start=5.0, end=99.0))], label=True)
+    mark_times(
+        axes,
+        [("b", 2.2), ("a", 2.0), ("late", 12.0)],
+        [("dark", Interval(start=5.0, end=99.0))],
+        label=True,
+    )
     heights = {text.get_text(): text.get_position()[1] for text in axes.texts}
     assert set(heights) == {"a", "b", "dark"}
     assert heights["b"] < heights["a"]

@@ -7,12 +7,12 @@ pushes the object shut with 250 N for a second) and a moment of the exploration.
 already in the folder is not run again; the table is of all that are there.
 """
 
-import argparse
 import json
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
@@ -126,21 +126,19 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--seeds", default="40", help="a count, or FIRST:END as in `evaluate`")
-    parser.add_argument("--out", type=Path, default=Path("runs/empty-hand"))
-    parser.add_argument("--jobs", type=int, default=1)
-    args = parser.parse_args()
-    args.out.mkdir(parents=True, exist_ok=True)
-    seeds = parse_seeds(args.seeds)
-    jobs = Parallel(n_jobs=args.jobs, return_as="generator_unordered")
-    runs = jobs(delayed(measured)(seed, args.out) for seed in seeds)
-    rows = sorted(tqdm(runs, total=len(seeds)), key=lambda row: row["seed"])
+def main(
+    seeds: Annotated[str, typer.Option(help="A count, or FIRST:END as in `evaluate`.")] = "40",
+    out: Annotated[Path, typer.Option(help="Of the episodes.")] = Path("runs/empty-hand"),
+    jobs: Annotated[int, typer.Option(min=1, help="Episodes at a time.")] = 1,
+) -> None:
+    """Prints the episodes and what they come to."""
+    out.mkdir(parents=True, exist_ok=True)
+    numbers = parse_seeds(seeds)
+    parallel = Parallel(n_jobs=jobs, return_as="generator_unordered")
+    runs = parallel(delayed(measured)(seed, out) for seed in numbers)
+    rows = sorted(tqdm(runs, total=len(numbers)), key=lambda row: row["seed"])
     print("\n".join(table(rows)))
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -92,24 +92,19 @@ class Outcome:
     Attributes:
         crash: What was raised, in a line.
         told_after: When the stream's monitor told a fault, after its start and before its end.
-        told: All that was told, in words.
         inside: Share of the claims from the fault on whose error is below three deviations.
-        claimed: Share of the ticks from the fault on at which a configuration was claimed.
         worst: Largest error over claimed deviation from the fault on.
         recovered: Whether the truth was within two deviations 1 s after the end; None if the
             recording ended before, or nothing would be claimed then without a fault either.
     """
 
     case: Case
-    run: str
     crash: str | None = None
     told_after: float | None = None
-    told: list[str]
-    inside: float
-    claimed: float
-    worst: float
-    final_error: float
-    final_std: float
+    inside: float = float("nan")
+    worst: float = float("nan")
+    final_error: float = float("nan")
+    final_std: float = float("nan")
     recovered: bool | None = None
 
 
@@ -153,7 +148,7 @@ def deviations(series: JointSeries) -> Array:
 
 
 def outcome(
-    case: Case, run: str, record: EpisodeRecord, modality: str, healthy: Array | None = None
+    case: Case, record: EpisodeRecord, modality: str, healthy: Array | None = None
 ) -> Outcome:
     """What a replay came to.
 
@@ -162,29 +157,24 @@ def outcome(
     """
     series: JointSeries = joint_episode(record).series[modality]
     z = deviations(series)
-    concerned = series.times >= case.start
-    claims = z[concerned & ~np.isnan(z)]
-    spans = fault_spans(record)
+    known = np.flatnonzero(~np.isnan(z))
+    claims = z[known[series.times[known] >= case.start]]
     name = STREAMS.get(case.stream)
-    own = [span for span in spans if span.stream == name and span.start < case.end]
-    delays = [span.start - case.start for span in own]
-    told = [f"{span.stream}: {span.fault} at {span.start:.2f} s" for span in spans]
+    told = [s.start for s in fault_spans(record) if s.stream == name and s.start < case.end]
     later = np.flatnonzero(series.times >= case.end + RECOVERY - 1e-6)
     judged = len(later) and (healthy is None or not np.isnan(healthy[later[0]]))
-    known = np.flatnonzero(~np.isnan(z))
-    last = known[-1] if len(known) else None
-    return Outcome(
+    found = Outcome(
         case=case,
-        run=run,
-        told_after=min((delay for delay in delays if delay >= 0.0), default=None),
-        told=told,
-        inside=float(np.mean(claims < 3.0)) if len(claims) else float("nan"),
-        claimed=len(claims) / max(int(concerned.sum()), 1),
-        worst=float(claims.max()) if len(claims) else float("nan"),
-        final_error=float("nan") if last is None else float(series.error[last]),
-        final_std=float("nan") if last is None else float(series.configuration_std[last]),
+        told_after=min((start - case.start for start in told if start >= case.start), default=None),
         recovered=bool(z[later[0]] < 2.0) if judged else None,
     )
+    if len(known):
+        final_error, final_std = series.error[known[-1]], series.configuration_std[known[-1]]
+        found = replace(found, final_error=float(final_error), final_std=float(final_std))
+    if len(claims):
+        inside = float(np.mean(claims < 3.0))
+        found = replace(found, inside=inside, worst=float(claims.max()))
+    return found
 
 
 def try_case(
@@ -201,14 +191,10 @@ def try_case(
     modality = scenario.modalities[0]
     try:
         record = replay(application, run, replace(scenario, disturbances=disturbances))
-        return outcome(case, str(run), record, modality, healthy)
+        return outcome(case, record, modality, healthy)
     except Exception as error:
-        nan = float("nan")
         crash = f"{type(error).__name__}: {error}".splitlines()[0]
-        return Outcome(
-            case=case, run=str(run), crash=crash, told=[], inside=0.0, claimed=nan, worst=nan,
-            final_error=nan, final_std=nan, recovered=False,
-        )  # fmt: skip
+        return Outcome(case=case, crash=crash, inside=0.0, recovered=False)
 
 
 def read_outcomes(file: Path) -> list[Outcome]:
@@ -287,7 +273,7 @@ def main(
         healthy = replay(application, run, scenario)
         episode = joint_episode(healthy)
         truth, usual = episode.truth, deviations(episode.series[modality])
-        found = [outcome(Case(), str(run), healthy, modality)]
+        found = [outcome(Case(), healthy, modality)]
         known = {one.case: one for one in read_outcomes(file)}
         cases = cases_of(truth, healthy.duration, streams.split(","), kinds.split(","))
         with file.open("a") as log:

@@ -24,11 +24,8 @@ from crossmodal.systems.sensors.stream_fault import FAULTS, check_fault
 LENGTHS = {"joint_state_window": 14, "wrench_window": 6, "pressure_window": 4}
 HEALTHY = Outcome(
     case=Case(stream="wrench_window", kind="silent", when="while", start=1.0, end=4.0),
-    run="a",
     told_after=0.2,
-    told=[],
     inside=1.0,
-    claimed=1.0,
     worst=2.0,
     final_error=0.0,
     final_std=1.0,

@@ -35,10 +35,9 @@ from crossmodal.diagrams.joints.joint_drawing import (
     BAR_LENGTH,
     JointSketch,
     helix_along,
-    perpendicular_axes,
     sketch_joint,
 )
-from crossmodal.diagrams.joints.joint_metrics import joint_now
+from crossmodal.diagrams.joints.joint_metrics import joint_in_world
 from crossmodal.diagrams.joints.joint_palette import JOINT, body_color, body_label
 from crossmodal.diagrams.joints.joint_truth import (
     TRUTH_QUANTITIES,
@@ -50,6 +49,7 @@ from crossmodal.diagrams.run.episode import connect_latest
 from crossmodal.diagrams.run.record import Tick
 from crossmodal.diagrams.run.recorder import declare_input, read_inputs
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.tangent_plane import normal_basis
 from crossmodal.maths.validation import check, number, numbers
 from crossmodal.systems.port_values import (
     HELD_BODY,
@@ -192,7 +192,7 @@ class MeshcatView(LeafSystem):
             layer = self._layers[modality]
             layer.draw_features(time, values.get("features", no_features()), bodies.bodies)
             joints = values.get("joints", JointBeliefs())
-            joint = joint_now(joints, bodies, truth.parent_moves)
+            joint = joint_in_world(joints, bodies, truth.parent_moves)
             layer.draw_joint(time, joint, bodies, truth)
         if self._path.HasValue(context):
             self._plan.draw(time, self._path.Eval(context))
@@ -331,7 +331,7 @@ class _Layer:
 
     def _place_joint(self, time: float, sketch: JointSketch) -> None:
         path = self._joint_path(sketch.type)
-        x, y = perpendicular_axes(sketch.direction_W)
+        x, y = normal_basis(sketch.direction_W)
         R_WJ = RotationMatrix(np.column_stack([x, y, sketch.direction_W]))
         self._meshcat.SetTransform(path, RigidTransform(R_WJ, sketch.center_W), time)
         half = 0.5 * sketch.length

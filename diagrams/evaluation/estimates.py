@@ -65,8 +65,6 @@ def evaluate_rows(
     record: EpisodeRecord,
     rows: Callable[[str, Tick, Tick], Iterable[Row]],
     units: Mapping[str, str],
-    labels: Mapping[str, str] | None = None,
-    colors: Mapping[str, str] | None = None,
 ) -> Results:
     """What an episode comes to by the table of its estimates alone.
 
@@ -78,8 +76,6 @@ def evaluate_rows(
         rows: From an estimator's name, its tick and the station's at the same instant to rows of
             the table.
         units: Of the quantities, in SI.
-        labels: What plots and report call the estimators; without one, by its name.
-        colors: '#RRGGBB' of the estimators in the plots.
     """
     table = estimates_table(
         {
@@ -105,9 +101,7 @@ def evaluate_rows(
             "unit": units.get(str(quantity), ""),
         }
     plots = {
-        f"{quantity}.png": partial(
-            _draw, table, str(quantity), units.get(str(quantity), ""), labels or {}, colors or {}
-        )
+        f"{quantity}.png": partial(_draw, table, str(quantity), units.get(str(quantity), ""))
         for quantity in table["quantity"].cat.categories
     }
     return Results(
@@ -115,28 +109,20 @@ def evaluate_rows(
         estimates=table,
         summary={"modalities": modalities},
         plots=plots,
-        report=partial(_report, labels or {}),
+        report=_report,
     )
 
 
-def _draw(
-    table: pd.DataFrame,
-    quantity: str,
-    unit: str,
-    labels: Mapping[str, str],
-    colors: Mapping[str, str],
-) -> Any:
+def _draw(table: pd.DataFrame, quantity: str, unit: str) -> Any:
     from crossmodal.diagrams.drawing.estimate_plots import draw_estimates
     from crossmodal.diagrams.evaluation.metric_table import readable
 
     components = dict.fromkeys(table.loc[table["quantity"] == quantity, "component"].astype(str))
     scale, shown = readable(unit)
-    return draw_estimates(
-        table, quantity, list(components), scale=scale, unit=shown, labels=labels, colors=colors
-    )
+    return draw_estimates(table, quantity, list(components), scale=scale, unit=shown)
 
 
-def _report(labels: Mapping[str, str], summary: Mapping[str, Any]) -> list[str]:
+def _report(summary: Mapping[str, Any]) -> list[str]:
     from crossmodal.diagrams.drawing.digits import fixed, written
     from crossmodal.diagrams.evaluation.metric_table import readable
 
@@ -151,7 +137,7 @@ def _report(labels: Mapping[str, str], summary: Mapping[str, Any]) -> list[str]:
             share = errors["inside_two_sigma"]
             inside = "-" if share is None else fixed(100.0 * share, 0)
             lines.append(
-                f"{labels.get(name, name)}: {quantity} {final} off at the end, {rms} RMS,"
+                f"{name}: {quantity} {final} off at the end, {rms} RMS,"
                 f" {inside} % of the ticks inside two claimed deviations"
             )
     return lines

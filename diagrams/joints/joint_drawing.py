@@ -17,6 +17,7 @@ from scipy.spatial import ConvexHull, QhullError
 from crossmodal.diagrams.joints.joint_palette import JOINT
 from crossmodal.diagrams.run.calibration import Camera
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.tangent_plane import normal_basis
 from crossmodal.systems.port_values import MOVING_TYPES, BodyMotion, JointBelief, JointType
 
 BAR_LENGTH = 0.3  # [m]
@@ -77,21 +78,13 @@ def sketch_joint(joint: JointBelief, body: BodyMotion | None) -> JointSketch | N
     )
 
 
-def perpendicular_axes(direction: Array) -> tuple[Array, Array]:
-    """Two unit vectors (3,) that complete a direction to an orthonormal frame."""
-    helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    u = np.cross(direction, helper)
-    u /= np.linalg.norm(u)
-    return u, np.cross(direction, u)
-
-
 def uncertainty_outline(sketch: JointSketch, side: float, points: int = 32) -> Array:
     """Points (points + points, 3) of one cone or half tube: its ring at the middle and at the end.
 
     Args:
         side: 1 for the end in the joint's direction, -1 for the other.
     """
-    u, v = perpendicular_axes(sketch.direction_W)
+    u, v = normal_basis(sketch.direction_W)
     turn = np.linspace(0.0, 2.0 * np.pi, points, endpoint=False)
     ring = np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v
     half = 0.5 * sketch.length
@@ -103,7 +96,7 @@ def uncertainty_outline(sketch: JointSketch, side: float, points: int = 32) -> A
 
 def helix_along(bar: Array, turns: int = 3, points: int = 73) -> Array:
     """Points (points, 3) of a thread about a bar (3,) centred at zero; its pitch says nothing."""
-    u, v = perpendicular_axes(bar / np.linalg.norm(bar))
+    u, v = normal_basis(bar / np.linalg.norm(bar))
     along = np.linspace(-0.5, 0.5, points)
     turn = 2.0 * np.pi * turns * along
     ring = np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from crossmodal.diagrams.joints.joint_metrics import JointSeries, joint_series
-from crossmodal.diagrams.joints.joint_truth import Truth, truth_of
+from crossmodal.diagrams.joints.joint_truth import Truth, truth_of_ticks
 from crossmodal.diagrams.run.record import EpisodeRecord
 
 
@@ -23,7 +23,7 @@ class JointEpisode:
 
 
 def joint_episode(record: EpisodeRecord) -> JointEpisode:
-    truth = truth_of(record)
+    truth = truth_of_ticks(record.station)
     return JointEpisode(
         record=record,
         truth=truth,

@@ -102,24 +102,17 @@ def in_world(joint: JointBelief, X_WP: Array) -> JointBelief:
     return replace(joint, models=models)
 
 
-def joint_at_reference(
-    joints: JointBeliefs, bodies: BodyMotions, parent_moves: bool
+def joint_in_world(
+    joints: JointBeliefs, bodies: BodyMotions, parent_moves: bool, *, at_reference: bool = False
 ) -> JointBelief | None:
-    """The episode's joint in W, its parent where it was before anything moved."""
+    """The episode's joint in W, its parent where it is now or was before anything moved."""
     joint = select_joint(joints, parent_moves)
     if joint is None or joint.parent_id == STATIC_BODY:
         return joint
     parent = bodies.find(joint.parent_id)
-    return None if parent is None else in_world(joint, parent.X_WB_reference)
-
-
-def joint_now(joints: JointBeliefs, bodies: BodyMotions, parent_moves: bool) -> JointBelief | None:
-    """The episode's joint in W, its parent where it is now."""
-    joint = select_joint(joints, parent_moves)
-    if joint is None or joint.parent_id == STATIC_BODY:
-        return joint
-    parent = bodies.find(joint.parent_id)
-    return None if parent is None else in_world(joint, parent.motion.X)
+    if parent is None:
+        return None
+    return in_world(joint, parent.X_WB_reference if at_reference else parent.motion.X)
 
 
 @dataclass(kw_only=True)
@@ -177,28 +170,27 @@ def joint_series(ticks: Sequence[Tick], truth: Truth) -> JointSeries:
     """Evaluates every tick of an estimator."""
     times = np.array([tick.time for tick in ticks], dtype=float)
     opening = opening_at(times, truth)
-    names = ("configuration", "configuration_std", "error", "axis_error", "axis_std",
-             "distance_error", "configuration_nees", "axis_nees")  # fmt: skip
+    names = ("configuration", "configuration_std", "configuration_nees", "error", "axis_error",
+             "axis_std", "axis_nees", "distance_error", "probability_true_type")  # fmt: skip
     columns = {name: np.full(len(ticks), np.nan) for name in names}
-    probability = np.full(len(ticks), np.nan)
     joints = [
-        joint_at_reference(joints_of(tick), bodies_of(tick), truth.parent_moves) for tick in ticks
+        joint_in_world(joints_of(tick), bodies_of(tick), truth.parent_moves, at_reference=True)
+        for tick in ticks
     ]
     for k, joint in enumerate(joints):
         if joint is None:
             continue
-        if truth.joint_type is not None:
-            probability[k] = joint.probabilities.get(truth.joint_type, 0.0)
         configuration = configuration_since_grasp(joint, truth, times[k])
         for name, value in _compare(joint, truth, opening[k], configuration).items():
             columns[name][k] = value
-    right = np.array([joint is not None and joint.type == truth.joint_type for joint in joints])
+        if truth.joint_type is not None:
+            columns["probability_true_type"][k] = joint.probabilities.get(truth.joint_type, 0.0)
+    right = [joint is not None and joint.type == truth.joint_type for joint in joints]
     return JointSeries(
         times=times,
         joints=joints,
         opening=opening,
-        probability_true_type=probability,
-        type_is_right=right.astype(bool),
+        type_is_right=np.array(right, dtype=bool),
         **columns,
     )
 

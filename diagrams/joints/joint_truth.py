@@ -10,7 +10,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint, ScrewJoint
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from crossmodal.diagrams.run.record import EpisodeRecord, Quantity, Tick
+from crossmodal.diagrams.run.record import Quantity, Tick
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.plants.screw_axis import screw_axis
@@ -242,32 +242,17 @@ def _holds(tick: Tick) -> bool:
     return bool(tick.values.get("interaction_active", np.zeros(1))[0] > 0.5)
 
 
-def truth_of(record: EpisodeRecord) -> Truth:
-    """The truth in a record; of a recording without one everything is unknown."""
-    return truth_of_ticks(record.station)
-
-
 def truth_of_ticks(station: Sequence[Tick]) -> Truth:
-    """The truth in what a station gave at its ticks."""
+    """The truth in what a station gave at its ticks; where it gave none, everything is unknown."""
     ticks = [tick for tick in station if "cheat_configuration" in tick.values]
     constants: JointTruth = next(
         (tick.values["cheat_joint"] for tick in ticks if "cheat_joint" in tick.values),
         UNKNOWN_JOINT,
     )
-    mechanics = next(
-        (
-            tick.values[MECHANICS_QUANTITY.port]
-            for tick in station
-            if MECHANICS_QUANTITY.port in tick.values
-        ),
-        UNKNOWN_MECHANICS,
-    )
-    grasps: list[float] = []
-    held = False
-    for tick in station:
-        if _holds(tick) and not held:
-            grasps.append(tick.time)
-        held = _holds(tick)
+    port = MECHANICS_QUANTITY.port
+    mechanics = next((t.values[port] for t in station if port in t.values), UNKNOWN_MECHANICS)
+    holds = [False, *map(_holds, station)]
+    grasps = [t.time for t, before in zip(station, holds, strict=False) if _holds(t) > before]
     poses = [tick.values["cheat_body_pose"].GetAsMatrix4() for tick in ticks]
     return Truth(
         joint_name=constants.name,

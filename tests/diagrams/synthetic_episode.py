@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, State
 
 from crossmodal.diagrams.crossmodal.scenario import Scenario
-from crossmodal.diagrams.joints.joint_truth import JointTruth, Truth, truth_of
+from crossmodal.diagrams.joints.joint_truth import JointTruth, Truth, truth_of_ticks
 from crossmodal.diagrams.run.calibration import Calibration, CalibrationErrors, Camera, calibrated
 from crossmodal.diagrams.run.record import EpisodeRecord, EstimatorRecord, Event, Picture, Tick
 from crossmodal.diagrams.run.scenario import CameraConfig, Interval
@@ -146,7 +146,7 @@ def synthetic_episode(
         events=[Event(time=2.0, name="closing"), Event(time=GRASP_TIME, name="exploring")],
         peak_memory=700_000_000,
     )
-    truth = truth_of(record)
+    truth = truth_of_ticks(record.station)
     errors = {"vision": (0.0015, 0.8), "proprioception": (0.006, 1.5), "crossmodal": (0.001, 0.4)}
     static = np.column_stack([rng.uniform(0.76, 0.8, 60), rng.uniform(-0.4, 0.4, 60),
                               rng.uniform(0.1, 0.8, 60)])  # fmt: skip

@@ -17,7 +17,12 @@ from crossmodal.diagrams.crossmodal.results.report import (
 from crossmodal.diagrams.drawing.plot_style import STYLE, new_figure
 from crossmodal.diagrams.joints.joint_drawing import draw_joint, joint_color
 from crossmodal.diagrams.joints.joint_episode import JointEpisode
-from crossmodal.diagrams.joints.joint_metrics import bodies_of, joint_now, joints_of, motion_start
+from crossmodal.diagrams.joints.joint_metrics import (
+    bodies_of,
+    joint_in_world,
+    joints_of,
+    motion_start,
+)
 from crossmodal.diagrams.joints.joint_palette import body_color, body_label
 from crossmodal.diagrams.joints.joint_truth import Truth
 from crossmodal.diagrams.run.record import Picture
@@ -102,7 +107,7 @@ def draw_frame(
         u, v = features.uv.T
         colors = [body_color(owner) for owner in owners]
         axes.scatter(u, v, s=9, c=colors, edgecolors="#202020", linewidths=0.35)
-    joint = joint_now(joints_of(tick), bodies_now, episode.truth.parent_moves)
+    joint = joint_in_world(joints_of(tick), bodies_now, episode.truth.parent_moves)
     if joint is not None and joint.type in MOVING_TYPES:
         body = bodies_now.find(joint.child_id)
         if draw_joint(axes, joint, body, episode.record.calibration.camera):

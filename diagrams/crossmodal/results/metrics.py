@@ -145,8 +145,6 @@ METRICS = (
         for key, whose in (("configuration", "configuration's"), ("axis", "axis'"))
     ),
 )
-# Of an experiment that only explores: where the object was to be brought is no target.
-TRIAL_METRICS = ("exploration_error", "exploitation_error")
 
 OVERVIEW = (
     Column(header="done", metric="success"),

@@ -107,18 +107,6 @@ def test_every_quantity_is_drawn(with_truth: bool) -> None:
         assert draw() is not None
 
 
-def test_plots_and_report_call_the_estimators_as_they_are_told_to() -> None:
-    results = evaluate_rows(
-        record(), rows, UNITS, labels={"left": "the left eye"}, colors={"left": "#123456"}
-    )
-    figure = results.plots["angle.png"]()
-    assert figure is not None
-    legend = figure.legends[0]
-    assert [text.get_text() for text in legend.get_texts()] == ["the left eye", "right", "truth"]
-    assert legend.get_lines()[0].get_color() == "#123456"
-    assert results.report(results.summary)[0].startswith("the left eye: angle")
-
-
 def test_of_what_nobody_knows_no_error_is_claimed() -> None:
     results = evaluate_rows(record(with_truth=False), rows, UNITS)
     summary = without_nan(results.summary)

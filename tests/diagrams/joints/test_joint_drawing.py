@@ -8,7 +8,6 @@ from crossmodal.diagrams.joints.joint_drawing import (
     HELIX_RADIUS,
     draw_joint,
     helix_along,
-    perpendicular_axes,
     sketch_joint,
     uncertainty_outline,
 )
@@ -55,14 +54,6 @@ def test_a_thread_runs_about_its_bar_from_end_to_end() -> None:
     thread = helix_along(bar)
     assert_allclose(thread[[0, -1], 0], [-0.15, 0.15])
     assert_allclose(np.linalg.norm(thread[:, 1:], axis=1), HELIX_RADIUS)
-
-
-@pytest.mark.parametrize("direction", np.eye(3))
-def test_perpendicular_axes_complete_a_right_handed_frame(direction: np.ndarray) -> None:
-    u, v = perpendicular_axes(direction)
-    R = np.column_stack([u, v, direction])
-    assert_allclose(R.T @ R, np.eye(3), atol=1e-12)
-    assert_allclose(np.linalg.det(R), 1.0)
 
 
 @pytest.mark.parametrize("joint_type", [JointType.PRISMATIC, JointType.REVOLUTE])

@@ -14,7 +14,7 @@ from crossmodal.diagrams.joints.joint_metrics import (
     axis_sign,
     error_at,
     inside_claim,
-    joint_now,
+    joint_in_world,
     joint_series,
     last_seen,
     motion_start,
@@ -222,7 +222,7 @@ def test_a_joint_between_moving_bodies_is_compared_where_its_parent_was_at_the_r
     assert_allclose(series.axis_error, 0.0, atol=1e-9)
     assert_allclose(series.distance_error, 0.0, atol=1e-9)
     assert_allclose(series.error, 0.0, atol=1e-9)
-    drawn = joint_now(beliefs, bodies, parent_moves=True)
+    drawn = joint_in_world(beliefs, bodies, parent_moves=True)
     assert drawn is not None
     assert_allclose(drawn.model.axis_P, X_WP[:3, :3] @ R_WP.T @ AXIS, atol=1e-12)
     assert select_joint(JointBeliefs(joints=[to_the_room]), parent_moves=True) is None

@@ -12,7 +12,6 @@ from crossmodal.diagrams.joints.joint_truth import (
     ObjectTruth,
     add_tick,
     joint_constants,
-    truth_of,
     truth_of_ticks,
 )
 from crossmodal.diagrams.run.record import Tick
@@ -92,7 +91,7 @@ def test_a_joint_of_another_type_is_refused() -> None:
 
 def test_the_truth_of_a_record_is_what_its_station_gave() -> None:
     record = synthetic_episode(JointType.REVOLUTE)
-    truth = truth_of(record)
+    truth = truth_of_ticks(record.station)
     assert (truth.joint_name, truth.joint_type) == ("hinge", JointType.REVOLUTE)
     assert_allclose(truth.grasp_time, GRASP_TIME)
     assert truth.regrasp_times == []
@@ -105,7 +104,7 @@ def test_a_grasp_after_a_lost_one_is_told() -> None:
     for tick in record.station:
         if 5.0 <= tick.time < 7.0:
             tick.values = tick.values | {"interaction_active": np.zeros(1)}
-    truth = truth_of(record)
+    truth = truth_of_ticks(record.station)
     assert_allclose(truth.grasp_time, GRASP_TIME)
     assert_allclose(truth.regrasp_times, [7.0])
     assert_allclose(truth.last_grasp(6.9), GRASP_TIME)
@@ -113,12 +112,12 @@ def test_a_grasp_after_a_lost_one_is_told() -> None:
 
 
 def test_without_the_truth_only_the_grasp_is_known() -> None:
-    truth = truth_of(without_truth(synthetic_episode()))
+    truth = truth_of_ticks(without_truth(synthetic_episode()).station)
     assert truth.joint_type is None
     assert len(truth.times) == len(truth.opening()) == 0
     assert truth.X_WB.shape == (0, 4, 4)
     assert_allclose(truth.grasp_time, GRASP_TIME)
-    assert np.isnan(truth_of(empty_episode()).grasp_time)
+    assert np.isnan(truth_of_ticks(empty_episode().station).grasp_time)
 
 
 def test_what_is_true_now_follows_from_few_ticks() -> None:

@@ -67,7 +67,6 @@ bench: $(INSTALLED)
 	$(BIN)/python -m benchmarks.servoing
 	$(BIN)/python -m benchmarks.joint_filters $(ARGS)
 	$(BIN)/python -m benchmarks.joint_robustness
-	$(BIN)/python -m benchmarks.configuration_bound
 	$(BIN)/python -m benchmarks.joint_robustness --plain
 	$(BIN)/python -m benchmarks.real_tracks
 	$(BIN)/python -m benchmarks.many_bodies

@@ -99,9 +99,8 @@ def run_command(
             "joint": joint,
             "pull_direction": pull_direction,
             "object_pose": object_pose,
-            "scale": "" if scale == 1.0 else str(scale),
         }
-        assignments = _own_object(scenario, assignments, own_object, about_object) + assignments
+        assignments[:0] = _own_object(scenario, assignments, own_object, scale, about_object)
         application, chosen = load_scenario(scenario, assignments)
         numbered = out is None and not force
         with opened(out or default_folder(chosen), force=force, numbered=numbered) as folder:
@@ -120,7 +119,7 @@ def run_command(
 
 
 def _own_object(
-    scenario: str, assignments: list[str], model: Path | None, options: dict[str, str]
+    scenario: str, assignments: list[str], model: Path | None, scale: float, about: dict[str, str]
 ) -> list[str]:
     """The assignments that put a user's object in place of the scenario's."""
     from crossmodal.diagrams.applications import load_scenario
@@ -128,19 +127,12 @@ def _own_object(
     from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
     if model is None:
-        refuse_without_object(**options)
+        refuse_without_object(**about, scale="" if scale == 1.0 else str(scale))
         return []
     application, base = load_scenario(scenario, assignments, units_known=False)
     if application.own_object is None:
         raise ScenarioError(f"--object {model}: '{scenario}' has no object to be replaced")
-    own = OwnObject(
-        model=model,
-        grasp_frame=options["grasp_frame"],
-        joint=options["joint"],
-        pull_direction=options["pull_direction"],
-        pose=options["object_pose"],
-        scale=float(options["scale"] or 1.0),
-    )
+    own = OwnObject(model=model, pose=about.pop("object_pose"), scale=scale, **about)
     return list(application.own_object(base, scenario, own, assignments))
 
 

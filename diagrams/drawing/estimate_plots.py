@@ -18,20 +18,6 @@ def _names(estimates: pd.DataFrame) -> list[str]:
     return list(dict.fromkeys(estimates["modality"].astype(str)))
 
 
-def _rows(estimates: pd.DataFrame, name: str, quantity: str, component: str) -> pd.DataFrame:
-    """What one network believed, with NaN at the ticks at which it believed nothing."""
-    chosen = estimates[
-        (estimates["modality"] == name)
-        & (estimates["quantity"] == quantity)
-        & (estimates["component"] == component)
-    ]
-    if chosen.empty:
-        return chosen
-    ticks = pd.Index(np.unique(estimates["time"]), name="time")
-    numbers = chosen.set_index("time")[["estimate", "std", "truth"]]
-    return numbers.reindex(ticks).reset_index()
-
-
 def _shade(axes: Axes, spans: Spans, end: float) -> None:
     for start, stop in spans:
         if start < end:
@@ -66,8 +52,9 @@ def draw_estimates(
     Raises:
         ValueError: for a quantity that the table does not hold.
     """
-    known = sorted(set(estimates["quantity"].astype(str)))
-    if quantity not in known:
+    chosen, ticks = estimates[estimates["quantity"] == quantity], np.unique(estimates["time"])
+    if chosen.empty:
+        known = sorted(set(estimates["quantity"].astype(str)))
         raise ValueError(f"no quantity '{quantity}'; there are {', '.join(known)}")
     with mpl.rc_context(STYLE):
         figure = new_figure(9.0, 1.2 + 1.9 * len(components))
@@ -76,20 +63,17 @@ def draw_estimates(
             _shade(axes, shaded, float(estimates["time"].max()))
             truth: pd.Series | None = None
             for index, name in enumerate(_names(estimates)):
-                rows = _rows(estimates, name, quantity, component)
+                rows = chosen[(chosen["modality"] == name) & (chosen["component"] == component)]
                 if rows.empty:
                     continue
-                offset = rows["truth"] if errors else 0.0
-                value, band = scale * (rows["estimate"] - offset), 2.0 * scale * rows["std"]
+                # NaN at the ticks at which it believed nothing.
+                rows = rows.set_index("time")[["estimate", "std", "truth"]].reindex(ticks)
+                value = scale * (rows["estimate"] - (rows["truth"] if errors else 0.0))
+                band = 2.0 * scale * rows["std"]
                 color = palette.estimator_color(colors or {}, name, index)
-                axes.fill_between(
-                    rows["time"], value - band, value + band, color=color, alpha=0.15, lw=0
-                )
-                axes.plot(
-                    rows["time"], value, color=color, lw=1.6, label=(labels or {}).get(name, name)
-                )
-                true = rows.set_index("time")["truth"]
-                truth = true if truth is None else truth.fillna(true)
+                axes.fill_between(ticks, value - band, value + band, color=color, alpha=0.15, lw=0)
+                axes.plot(ticks, value, color=color, lw=1.6, label=(labels or {}).get(name, name))
+                truth = rows["truth"] if truth is None else truth.fillna(rows["truth"])
             if not errors and truth is not None and truth.notna().any():
                 axes.plot(truth.index, scale * truth, color=palette.TRUTH, ls="--", label="truth")
             axes.set_ylabel(f"{component} [{unit}]".strip() if unit else component)

@@ -64,11 +64,13 @@ def connect(workers: Workers) -> None:
         raise ScenarioError(
             "--backend ray: Ray is not installed; pip install 'crossmodal[cluster]'"
         ) from None
+    # By these a worker finds a user's own applications.
+    own = {key: value for key, value in os.environ.items() if key.startswith("CROSSMODAL_")}
     try:
         _knock(workers.address)
         ray.init(
             address=workers.address or "auto",
-            runtime_env={"env_vars": _own_applications()},
+            runtime_env={"env_vars": own},
             ignore_reinit_error=True,
             logging_level=logging.ERROR,
         )
@@ -78,11 +80,6 @@ def connect(workers: Workers) -> None:
             f"--backend ray: no Ray cluster answers at {where}; start one with 'ray start --head'"
             " or name it with --address"
         ) from error
-
-
-def _own_applications() -> dict[str, str]:
-    """What a worker's environment needs to find a user's own applications."""
-    return {key: value for key, value in os.environ.items() if key.startswith("CROSSMODAL_")}
 
 
 def _knock(address: str) -> None:

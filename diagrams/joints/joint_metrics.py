@@ -36,6 +36,11 @@ def unit_of(joint_type: str | None) -> str:
     return "rad" if joint_type in (JointType.REVOLUTE, JointType.SCREW) else "m"
 
 
+def drawn_in(joint_type: str | None) -> tuple[float, str]:
+    """Factor from SI and unit in which people look at a joint's configuration."""
+    return (100.0, "cm") if unit_of(joint_type) == "m" else (180.0 / math.pi, "deg")
+
+
 def axis_sign(axis: Array, axis_true: Array) -> float:
     """-1 where the unit axis (3,) points against the true one, else 1."""
     return -1.0 if float(axis @ axis_true) < 0.0 else 1.0

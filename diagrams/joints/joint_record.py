@@ -127,7 +127,7 @@ def summarise_joint(
     opening = truth.opening()
     end = float(opening[-1]) if len(opening) else math.nan
     summary: dict[str, Any] = {
-        "name": truth.joint_name,
+        "name": truth.name,
         "type_true": None if truth.joint_type is None else str(truth.joint_type),
         "configuration_true": end,
         "axis_true": truth.axis_W.tolist(),

@@ -35,7 +35,7 @@ class JointTruth(Immutable):
     type: str
     axis_W: Array
     point_W: Array
-    parent_moves: bool
+    parent_moves: bool = False
     pitch: float = np.nan
 
 
@@ -180,38 +180,30 @@ class ObjectTruth(LeafSystem):
         output.set_value(self._plant.EvalBodyPoseInWorld(self._scratch, self._joint.child_body()))
 
 
-@dataclass(kw_only=True)
-class Truth:
+@dataclass(frozen=True, kw_only=True)
+class Truth(JointTruth):
     """What is true about the explored joint over an episode. Only the evaluation reads it.
 
     Attributes:
-        joint_name: Its name in the object's model.
-        joint_type: Prismatic, revolute or screw; None where nothing is known.
-        axis_W: Unit axis (3,), the direction of growing q.
-        point_W: A point (3,) on the axis, [m].
         times: Instants of the network's ticks (T,), [s].
         configuration: The joint's position q (T,), [m or rad].
         X_WB: Pose (T, 4, 4) of the moved body.
         grasp_time: The instant the hand was closed, [s]; estimated configurations count from here.
         regrasp_times: When it was closed again after a lost grasp, [s]; then they count from there.
-        parent_moves: Whether the joint's parent can move too; axis and point are those before
-            anything moved.
-        pitch: Of a screw, [m/rad]; else NaN.
         mechanics: What the joint takes to move, and its range in its own position.
     """
 
-    joint_name: str
-    joint_type: JointType | None
-    axis_W: Array
-    point_W: Array
     times: Array
     configuration: Array
     X_WB: Array
     grasp_time: float
-    parent_moves: bool = False
-    pitch: float = np.nan
     regrasp_times: list[float] = field(default_factory=list)
     mechanics: JointMechanicsTruth = UNKNOWN_MECHANICS
+
+    @property
+    def joint_type(self) -> JointType | None:
+        """Prismatic, revolute or screw; None where nothing is known."""
+        return JointType(self.type) if self.type else None
 
     def last_grasp(self, time: float) -> float:
         """When the hand was last closed before `time`, [s]; else when it was closed first."""
@@ -255,16 +247,11 @@ def truth_of_ticks(station: Sequence[Tick]) -> Truth:
     grasps = [t.time for t, before in zip(station, holds, strict=False) if _holds(t) > before]
     poses = [tick.values["cheat_body_pose"].GetAsMatrix4() for tick in ticks]
     return Truth(
-        joint_name=constants.name,
-        joint_type=JointType(constants.type) if constants.type else None,
-        axis_W=constants.axis_W,
-        point_W=constants.point_W,
+        **vars(constants),
         times=np.array([tick.time for tick in ticks]),
         configuration=np.array([float(tick.values["cheat_configuration"][0]) for tick in ticks]),
         X_WB=np.array(poses).reshape(-1, 4, 4),
         grasp_time=grasps[0] if grasps else float("nan"),
         regrasp_times=grasps[1:],
-        parent_moves=constants.parent_moves,
-        pitch=constants.pitch,
         mechanics=mechanics,
     )

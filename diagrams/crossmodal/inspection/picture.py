@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from pydrake.geometry import (
@@ -121,17 +121,8 @@ def _draw_solids(
         solid = solid_of(plant, inspector, context, bodies, plant.world_frame(), visual=True)
         if solid.is_empty:
             continue
-        corners = solid.vertices[:, [0, second]]
-        axes.tripcolor(
-            corners[:, 0],
-            corners[:, 1],
-            solid.faces,
-            facecolors=np.zeros(len(solid.faces)),
-            cmap=ListedColormap([color]),
-            edgecolors="none",
-            zorder=order,
-            rasterized=True,
-        )
+        triangles = solid.vertices[solid.faces][:, :, [0, second]]
+        axes.add_collection(PolyCollection(triangles, fc=color, ec="none", zorder=order))
 
 
 def _draw_handle(axes: Axes, p_WHandle: Array, pull: Array, second: int, is_reached: bool) -> None:

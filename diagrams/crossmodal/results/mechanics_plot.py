@@ -14,19 +14,14 @@ from crossmodal.diagrams.crossmodal.modalities import COLORS, LABELS
 from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.plot_style import STYLE, new_figure
 from crossmodal.diagrams.joints.joint_episode import JointEpisode
+from crossmodal.diagrams.joints.joint_metrics import drawn_in, unit_of
 from crossmodal.diagrams.joints.mechanics_record import (
     CLAIMED,
     TickMechanics,
     mechanics_at,
     true_range,
 )
-from crossmodal.systems.port_values import JointType, LimitBelief
-
-_UNITS = {
-    JointType.PRISMATIC: (100.0, "cm", "N"),
-    JointType.REVOLUTE: (180.0 / math.pi, "deg", "N m"),
-    JointType.SCREW: (180.0 / math.pi, "deg", "N m"),
-}
+from crossmodal.systems.port_values import LimitBelief
 
 
 def draw_mechanics(episode: JointEpisode) -> Figure | None:
@@ -40,12 +35,13 @@ def draw_mechanics(episode: JointEpisode) -> Figure | None:
         return None
     kinds = [ticks[-1].joint_type for ticks in found.values()]
     kind = next((k for k in kinds if k == episode.truth.joint_type), kinds[0])
-    scale, unit, force_unit = _UNITS[kind]
+    scale, unit = drawn_in(kind)
+    force_unit = "N" if unit_of(kind) == "m" else "N m"
     with mpl.rc_context(STYLE):
         figure = new_figure(9.0, 4.8)
         axes = figure.subplots()
         for name, ticks in found.items():
-            if _UNITS[ticks[-1].joint_type] == _UNITS[kind]:
+            if unit_of(ticks[-1].joint_type) == unit_of(kind):
                 _draw(axes, palette.estimator_color(COLORS, name, 0), ticks, scale)
         truth = episode.truth
         handles: list[Artist] = [_handle(name) for name in found]

@@ -14,9 +14,14 @@ from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.plot_style import STYLE, mark_panels, new_figure
 from crossmodal.diagrams.evaluation.metric_table import readable
 from crossmodal.diagrams.joints.joint_episode import JointEpisode
-from crossmodal.diagrams.joints.joint_metrics import JointSeries, last_seen, motion_start, unit_of
+from crossmodal.diagrams.joints.joint_metrics import (
+    JointSeries,
+    drawn_in,
+    last_seen,
+    motion_start,
+    unit_of,
+)
 from crossmodal.maths.arrays import Array
-from crossmodal.systems.port_values import JointType
 
 
 def _color(name: str) -> str:
@@ -75,7 +80,7 @@ def draw_configurations(episode: JointEpisode) -> Figure | None:
     truth = episode.truth
     if truth.joint_type is None:
         return None
-    scale, unit = (100.0, "cm") if truth.joint_type == JointType.PRISMATIC else (180 / np.pi, "deg")
+    scale, unit = drawn_in(truth.joint_type)
     with mpl.rc_context(STYLE):
         figure = new_figure(9.0, 4.4)
         axes = figure.subplots()
@@ -90,7 +95,7 @@ def draw_configurations(episode: JointEpisode) -> Figure | None:
         (true_line,) = axes.plot(
             truth.times, true_q, color=palette.TRUTH, lw=1.2, ls="--", zorder=4, label="truth"
         )
-        axes.set_title(f"configuration [{unit}] of '{truth.joint_name}'")
+        axes.set_title(f"configuration [{unit}] of '{truth.name}'")
         axes.set_xlabel("time [s]")
         low, high = min(0.0, *true_q), max(0.0, *true_q)
         reach = max(high - low, 1e-3 * scale)

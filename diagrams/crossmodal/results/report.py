@@ -17,6 +17,7 @@ from crossmodal.diagrams.joints.joint_episode import JointEpisode
 from crossmodal.diagrams.joints.joint_metrics import (
     axis_sign,
     configuration_since_grasp,
+    drawn_in,
     last_seen,
     unit_of,
 )
@@ -50,7 +51,7 @@ def written_configuration(
         spread: Its standard deviation.
         beside: What it stands next to, which says how many digits it gets.
     """
-    scale, unit = (100.0, "cm") if unit_of(joint_type) == "m" else readable("rad")
+    scale, unit = drawn_in(joint_type)
     scaled = None if value is None else scale * value
     return written(scaled, unit, spread=scale * spread, beside=scale * beside)
 

@@ -1,7 +1,5 @@
 """Simulates the interactions from which the hand's bending is learned."""
 
-from collections.abc import Callable
-
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
@@ -43,9 +41,7 @@ def make_training_station(seed: int) -> ManipulationStation:
     )
 
 
-def simulate_interaction(
-    seed: int, duration: float = 14.0, progress: Callable[[float], None] | None = None
-) -> tuple[Array, Array]:
+def simulate_interaction(seed: int, duration: float = 14.0) -> tuple[Array, Array]:
     """One interaction with an object that is fixed to the world.
 
     The object does not move, so the bent hand, which goes with it, stays where the end-effector
@@ -55,7 +51,6 @@ def simulate_interaction(
     Args:
         seed: Of placement, guidance, noise and path.
         duration: Of the motion after the hand has closed, [s].
-        progress: Called with the simulated time [s].
 
     Returns:
         Inputs (T, 10), wrench without the hand's weight (6) and pressures (4), and labels
@@ -79,8 +74,6 @@ def simulate_interaction(
     for tick in range(1, int((closed + duration) / period)):
         time = tick * period
         simulator.AdvanceTo(time)
-        if progress is not None:
-            progress(time)
         if time < closed + period:
             continue
         ports = [station.diagram.GetOutputPort(n) for n in ("wrench_window", "pressure_window")]

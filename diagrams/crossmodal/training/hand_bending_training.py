@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from crossmodal.maths import se3
-from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.maths.arrays import Array, Ids
 from crossmodal.systems.proprioception.bending_network import (
     BendingNetwork,
     Layers,
@@ -167,53 +167,6 @@ def _check(interactions: Sequence[Interaction]) -> None:
             raise ValueError(f"hand-bending training: interaction {number} has a value not finite")
 
 
-def _learn_deviation(
-    data: _Data,
-    full: Array,
-    partial: Array,
-    held_out: Sequence[Mask],
-    hidden: Sequence[int],
-    seed: int,
-    steps: int,
-) -> tuple[Layers, Array]:
-    """MLPR2, and the factor (6,) from what it says to the error on unseen interactions.
-
-    It learns the logarithm of the spread of the partial networks about the full one.
-    """
-    spread = np.sqrt(((partial - full) ** 2).mean(axis=0)) / data.label_scale
-    target = np.log(np.maximum(spread, LEAST_SPREAD))
-    everything = np.ones((1, len(data.v)))
-    layers = _fit(data.v, None, target, np.ones(6), everything, hidden, seed, steps)[0]
-    sigma = data.label_scale * np.exp(mlp(layers, data.v))
-    ratios = [
-        ((guess - data.labels) / sigma)[rows] for guess, rows in zip(partial, held_out, strict=True)
-    ]
-    return layers, np.sqrt((np.vstack(ratios) ** 2).mean(axis=0))
-
-
-def _card(
-    data: _Data,
-    network: BendingNetwork,
-    partial: Array,
-    held_out: Sequence[Mask],
-) -> dict[str, Any]:
-    """Errors on unseen interactions, of no bending on the same ones, and on seen ones."""
-    pairs = list(zip(partial, held_out, strict=True))
-    errors = np.vstack([(guess - data.labels)[rows] for guess, rows in pairs])
-    truth = np.vstack([data.labels[rows] for rows in held_out])
-    owner = np.concatenate([data.owner[rows] for rows in held_out])
-    sigma = data.label_scale * np.exp(mlp(network.deviation_layers, data.v))
-    sigma = np.vstack([sigma[rows] for rows in held_out]) * network.deviation_factor
-    seen = _difference(network.pose_layers, data) - data.labels
-    return {
-        "unseen": error_summary(errors, owner),
-        "no_bending": error_summary(truth, owner),
-        "seen": error_summary(seen, data.owner),
-        "deviation_factor": [float(factor) for factor in network.deviation_factor],
-        "unseen_within_2_sigma": float((np.abs(errors) < 2.0 * sigma).mean()),
-    }
-
-
 def train(
     interactions: Sequence[Interaction],
     seed: int = 0,
@@ -240,7 +193,17 @@ def train(
     fitted = _fit(data.v, data.v_reference, target, data.weight, masks, hidden, seed, steps)
     full = _difference(fitted[0], data)
     partial = np.array([_difference(layers, data) for layers in fitted[1:]])
-    deviation, factor = _learn_deviation(data, full, partial, held_out, hidden, seed + 1, steps)
+    # MLPR2 learns the logarithm of the spread of the partial networks about the full one.
+    spread = np.sqrt(((partial - full) ** 2).mean(axis=0)) / data.label_scale
+    log_spread = np.log(np.maximum(spread, LEAST_SPREAD))
+    deviation = _fit(data.v, None, log_spread, np.ones(6), masks[:1], hidden, seed + 1, steps)[0]
+    sigma = data.label_scale * np.exp(mlp(deviation, data.v))
+    unseen = np.vstack([(y - data.labels)[rows] for y, rows in zip(partial, held_out, strict=True)])
+    labels, sigma, owner = (
+        np.concatenate([values[rows] for rows in held_out])
+        for values in (data.labels, sigma, data.owner)
+    )
+    factor = np.sqrt(((unseen / sigma) ** 2).mean(axis=0))
     network = BendingNetwork(
         input_mean=data.mean,
         input_scale=data.scale,
@@ -260,6 +223,10 @@ def train(
         "command": command,
         "seed": seed,
         "hidden": [int(width) for width in hidden],
-        **_card(data, network, partial, held_out),
+        "unseen": error_summary(unseen, owner),
+        "no_bending": error_summary(labels, owner),
+        "seen": error_summary(full - data.labels, data.owner),
+        "deviation_factor": [float(value) for value in factor],
+        "unseen_within_2_sigma": float((np.abs(unseen) < 2.0 * sigma * factor).mean()),
     }
     return network, card

@@ -1,7 +1,6 @@
 """Whether a contact that was provoked to be lost came back, and when."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -13,27 +12,16 @@ from crossmodal.plants.tools.flap_jerk import FlapJerk
 KEPT = 1.0  # A contact that lasts so long has come back, [s].
 
 
-@dataclass(frozen=True, kw_only=True)
-class Recovery:
-    """What became of the contact after one jerk of the flap.
+def recovery(truth: TrueFlap, jerk: FlapJerk) -> dict[str, Any] | None:
+    """What became of the contact after one jerk of the flap; None where the flip was over before.
 
-    Attributes:
-        start: Of the jerk, [s].
-        displacement: Of the contact's place on the flap in it, as it truly came about, [m]; NaN
-            where it was not touched before.
-        contact_lost: Whether the contact broke off before the finger left the flap for good.
-        reestablished_after: Since the jerk began, until a contact that lasted; 0 where none was
-            lost, NaN where it did not come back, [s].
+    Returns:
+        `start` of the jerk, [s]; the `displacement` of the contact's place on the flap in it, as it
+        truly came about, [m], NaN where it was not touched before; `contact_lost`, whether the
+        contact broke off before the finger left the flap for good; `reestablished_after`, since the
+        jerk began, until a contact that lasted, [s]: 0 where none was lost, NaN where it did not
+        come back.
     """
-
-    start: float
-    displacement: float
-    contact_lost: bool
-    reestablished_after: float
-
-
-def recovery(truth: TrueFlap, jerk: FlapJerk) -> Recovery | None:
-    """The recovery after a jerk; None where the flip was over before."""
     times = truth.times[truth.times < truth.retreated_at]
     after = np.flatnonzero(times > jerk.start)
     if len(after) == 0:
@@ -46,12 +34,12 @@ def recovery(truth: TrueFlap, jerk: FlapJerk) -> Recovery | None:
     touching = truth.touching[: len(times)]
     back = lasting_from(times, touching, KEPT, index + int(lost[0])) if len(lost) else None
     reestablished = float("nan") if back is None else float(times[back] - jerk.start)
-    return Recovery(
-        start=jerk.start,
-        displacement=displacement,
-        contact_lost=len(lost) > 0,
-        reestablished_after=reestablished if len(lost) else 0.0,
-    )
+    return {
+        "start": jerk.start,
+        "displacement": displacement,
+        "contact_lost": len(lost) > 0,
+        "reestablished_after": reestablished if len(lost) else 0.0,
+    }
 
 
 def summarise_recoveries(truth: TrueFlap, jerks: Sequence[FlapJerk]) -> dict[str, Any]:
@@ -60,10 +48,10 @@ def summarise_recoveries(truth: TrueFlap, jerks: Sequence[FlapJerk]) -> dict[str
     seen = [item for item in found if item is not None]
     if not jerks:
         return {}
-    times = [item.reestablished_after for item in seen]
+    times = [item["reestablished_after"] for item in seen]
     back = len(seen) == len(jerks) and bool(np.isfinite(times).all())
     return {
         "contact_reestablished": back,
         "reestablished_after": max(times) if back else float("nan"),
-        "jerks": [asdict(item) for item in seen],
+        "jerks": seen,
     }

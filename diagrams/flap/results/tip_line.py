@@ -82,10 +82,10 @@ def tip_line(record: EpisodeRecord) -> TipLine:
         p_FT = poses[touch].inverse() @ ticks[touch].values["cheat_flap"].p_WC
         p_WT = np.array([pose @ p_FT for pose in poses])
     estimated = [tick.values.get("tip_estimated", np.full(3, np.nan)) for tick in ticks]
-    tools = {
-        name: UNKNOWN_TOOL if touch is None else _tool_after(found.ticks, touch)
-        for name, found in record.estimators.items()
-    }
+    tools: dict[str, ToolBelief] = dict.fromkeys(record.estimators, UNKNOWN_TOOL)
+    for name, found in record.estimators.items() if touch is not None else ():
+        after = found.ticks[min(touch + 1, len(found.ticks) - 1)]  # When it has touched at last.
+        tools[name] = after.values.get("tool_latest", UNKNOWN_TOOL)
     return TipLine(
         times=np.array([tick.time for tick in ticks]),
         p_WT=p_WT,
@@ -112,16 +112,12 @@ def _phase(tick: Tick) -> str:
 
 def last_touch(ticks: list[Tick]) -> int | None:
     """Index of the last tick at which the finger touched the flap and flipped it."""
-    for index in range(len(ticks) - 1, -1, -1):
-        if _phase(ticks[index]) == FLIPPING and ticks[index].values["cheat_flap"].touching:
-            return index
-    return None
-
-
-def _tool_after(ticks: list[Tick], touch: int) -> ToolBelief:
-    """The tool as it is believed when the finger has touched at last."""
-    tool: ToolBelief = ticks[min(touch + 1, len(ticks) - 1)].values.get("tool_latest", UNKNOWN_TOOL)
-    return tool
+    touched = [
+        index
+        for index, tick in enumerate(ticks)
+        if _phase(tick) == FLIPPING and tick.values["cheat_flap"].touching
+    ]
+    return touched[-1] if touched else None
 
 
 def _link_errors(

@@ -29,8 +29,8 @@ TASK = Task(goal=0.2, return_to_start=True, tolerance=0.05)
 def truth(*opening: float) -> Truth:
     """One opening per second, grasped at the first."""
     return Truth(
-        joint_name="slide",
-        joint_type=JointType.PRISMATIC,
+        name="slide",
+        type=JointType.PRISMATIC,
         axis_W=np.array([1.0, 0.0, 0.0]),
         point_W=np.zeros(3),
         times=np.arange(len(opening), dtype=float),
@@ -111,8 +111,8 @@ def test_a_record_without_truth_or_turning_point_is_not_judged(
 
 def test_where_the_truth_is_unknown_nothing_failed_and_nothing_is_said_to_be_reached() -> None:
     unknown = Truth(
-        joint_name="", joint_type=None, axis_W=UNKNOWN_JOINT.axis_W, point_W=UNKNOWN_JOINT.point_W,
-        times=np.zeros(0), configuration=np.zeros(0), X_WB=np.zeros((0, 4, 4)), grasp_time=1.0,
+        **vars(UNKNOWN_JOINT), times=np.zeros(0),
+        configuration=np.zeros(0), X_WB=np.zeros((0, 4, 4)), grasp_time=1.0,
     )  # fmt: skip
     for task in (TASK, Task(opening=0.2), Task(goal=0.2)):
         assert task_failure(task, unknown, DONE) is None

@@ -41,8 +41,8 @@ AXIS = np.array([0.6, 0.0, 0.8])
 
 def truth_of(q: np.ndarray, joint_type: JointType = JointType.PRISMATIC) -> Truth:
     return Truth(
-        joint_name="slide",
-        joint_type=joint_type,
+        name="slide",
+        type=joint_type,
         axis_W=AXIS,
         point_W=np.array([1.0, 2.0, 3.0]),
         times=np.arange(len(q), dtype=float),
@@ -110,13 +110,13 @@ def test_flipping_axis_and_configuration_together_changes_nothing(sign: float) -
 def test_the_true_opening_counts_from_the_grasp() -> None:
     truth = truth_of(np.array([0.0, 0.01, 0.03, 0.06]))
     assert_allclose(truth.opening(), [-0.01, 0.0, 0.02, 0.05])
-    truth.grasp_time = float("nan")
+    truth = replace(truth, grasp_time=float("nan"))
     assert len(truth.opening()) == 4
 
 
 def test_after_a_lost_grasp_the_estimate_counts_from_the_next_one() -> None:
     truth = truth_of(np.array([0.0, 0.0, 0.05, 0.06, 0.10]))
-    truth.regrasp_times = [3.0]
+    truth = replace(truth, regrasp_times=[3.0])
     first = joint_belief(JointType.PRISMATIC, AXIS, 0.052, 0.002, 0.01)
     second = joint_belief(JointType.PRISMATIC, AXIS, 0.041, 0.002, 0.01)
     series = joint_series([tick(2.0, first), tick(4.0, second)], truth)
@@ -208,7 +208,7 @@ def test_a_joint_between_moving_bodies_is_compared_where_its_parent_was_at_the_r
     X_WP_0[:3, :3], X_WP_0[:3, 3] = R_WP, [0.4, -0.1, 0.7]
     X_WP[:3, :3], X_WP[:3, 3] = Rotation.from_rotvec([0, 0, 0.2]).as_matrix(), [0.5, 0.0, 0.7]
     truth = truth_of(np.array([0.0, 0.0, 0.3, 0.6]), JointType.REVOLUTE)
-    truth.parent_moves = True
+    truth = replace(truth, parent_moves=True)
     p_PA = R_WP.T @ (truth.point_W + 0.2 * AXIS - X_WP_0[:3, 3])
     lid = replace(
         joint_belief(JointType.REVOLUTE, R_WP.T @ AXIS, 0.6, 0.01, 0.01, point=p_PA),
@@ -231,7 +231,7 @@ def test_a_joint_between_moving_bodies_is_compared_where_its_parent_was_at_the_r
 @pytest.mark.parametrize("q", [0.6, -0.6])
 def test_of_two_bodies_that_are_only_seen_either_may_be_the_parent(q: float) -> None:
     truth = truth_of(np.array([0.0, 0.0, 0.3, 0.6]), JointType.REVOLUTE)
-    truth.parent_moves = True
+    truth = replace(truth, parent_moves=True)
     lid = joint_belief(JointType.REVOLUTE, AXIS, q, 0.01, 0.01, point=truth.point_W)
     bodies = BodyMotions(bodies=[body_motion(3, np.eye(4), np.eye(4), np.zeros(0))])
 

@@ -92,7 +92,7 @@ def test_a_joint_of_another_type_is_refused() -> None:
 def test_the_truth_of_a_record_is_what_its_station_gave() -> None:
     record = synthetic_episode(JointType.REVOLUTE)
     truth = truth_of_ticks(record.station)
-    assert (truth.joint_name, truth.joint_type) == ("hinge", JointType.REVOLUTE)
+    assert (truth.name, truth.joint_type) == ("hinge", JointType.REVOLUTE)
     assert_allclose(truth.grasp_time, GRASP_TIME)
     assert truth.regrasp_times == []
     assert len(truth.times) == len(truth.configuration) == len(truth.X_WB) == len(record.station)

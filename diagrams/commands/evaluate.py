@@ -52,12 +52,9 @@ def evaluate_command(
             hint = suggestion(experiment, [*known, ALL])
             raise ScenarioError(f"unknown experiment '{experiment}'; {hint}")
         numbers = parse_seeds(seeds)
-        root = Path("runs") / "evaluate"
-        if experiment == ALL:
-            top = out or root
-            folders = {name: top / name for name in known}
-        else:
-            folders = {experiment: out or root / experiment}
+        together = experiment == ALL
+        top = out or Path("runs", "evaluate", "" if together else experiment)
+        folders = {name: top / name for name in known} if together else {experiment: top}
         workers = Workers(jobs=jobs, backend=backend, address=address)
         connect(workers)
         command = " ".join(
@@ -65,7 +62,7 @@ def evaluate_command(
             + [f"--set {assignment}" for assignment in overrides or []]
         )
         campaigns, written, finished = [], list[Path](), True
-        if experiment == ALL:
+        if together:
             check_folder(top)
         for name, folder in folders.items():
             chosen = known[name].experiments[name]
@@ -75,7 +72,7 @@ def evaluate_command(
             finished = finished and _run_campaign(campaign, workers)
             origin = reports.made_by(command, complete=campaign.is_complete)
             written = reports.write_campaign(campaign, origin) or written
-        if experiment == ALL:
+        if together:
             origin = reports.made_by(command, complete=finished)
             written = reports.write_overview(campaigns, top, origin)
     _finish_evaluation(campaigns, written)

@@ -50,7 +50,7 @@ from crossmodal.diagrams.run.record import Tick
 from crossmodal.diagrams.run.recorder import declare_input, read_inputs
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.tangent_plane import normal_basis
-from crossmodal.maths.validation import check, number, numbers
+from crossmodal.maths.validation import check, number
 from crossmodal.systems.port_values import (
     HELD_BODY,
     STATIC_BODY,
@@ -65,6 +65,11 @@ from crossmodal.systems.port_values import (
 
 _BAR_RADIUS = 0.007  # [m]
 _BOARD_HEIGHT = 0.05  # [m]
+_DOT_RADIUS = 0.009  # Of a feature, [m].
+_REFRESHED_AFTER = 1.0  # Between new sets of features, which move in between, and new lines, [s].
+_TEXT_AFTER = 0.5  # Least time between new texts, [s].
+_VIEWPOINT = np.array([-0.25, 0.75, 1.45])  # Where the page is first seen from, p_WV, [m].
+_LOOKING_AT = np.array([0.6, -0.2, 0.85])  # And its target, [m].
 _LEGEND: list[Entry] = [
     *(("dot", body_color(body), body_label(body)) for body in (STATIC_BODY, HELD_BODY, 2, 3)),
     ("bar", JOINT[JointType.PRISMATIC], "prismatic joint, its direction within 2σ"),
@@ -77,18 +82,6 @@ _LEGEND: list[Entry] = [
 @dataclass(kw_only=True)
 class MeshcatViewConfig:
     period: float = number(0.1, at_least=1e-3, at_most=3600.0, unit="s")  # Between drawings.
-    # Between new sets of features; between them they move.
-    refresh_interval: float = number(1.0, at_least=1e-3, at_most=3600.0, unit="s")
-    # Least time between new texts.
-    text_interval: float = number(0.5, at_least=1e-3, at_most=3600.0, unit="s")
-    dot_radius: float = number(0.009, at_least=1e-6, at_most=1.0, unit="m")  # Of a feature.
-    # Where the page is first seen from, and what the texts face, p_WV; and its target.
-    viewpoint: np.ndarray = numbers(
-        np.array([-0.25, 0.75, 1.45]), at_least=-100.0, at_most=100.0, unit="m"
-    )
-    looking_at: np.ndarray = numbers(
-        np.array([0.6, -0.2, 0.85]), at_least=-100.0, at_most=100.0, unit="m"
-    )
 
 
 def add_view(
@@ -113,7 +106,7 @@ class MeshcatView(LeafSystem):
     """Draws each modality's features, coloured by body, and joint into Meshcat.
 
     A recording holds transforms and properties, no new geometry. So features are drawn as clouds
-    that are fixed in their body and move with it; every `refresh_interval` new clouds take the
+    that are fixed in their body and move with it; every second new clouds take the
     place of the old ones, which are hidden. Joints are unit shapes that are scaled. All modalities
     are drawn below `/perception`, one visible; the others can be switched on in Meshcat's tree.
 
@@ -156,7 +149,7 @@ class MeshcatView(LeafSystem):
         super().__init__()
         check(config, "MeshcatView")
         self._meshcat, self._textured = meshcat, dict(textured or {})
-        clear_view(meshcat, config.viewpoint, config.looking_at)
+        clear_view(meshcat, _VIEWPOINT, _LOOKING_AT)
         self._ports: dict[str, dict[str, InputPort]] = {}
         self._layers: dict[str, _Layer] = {}
         models = {
@@ -170,13 +163,13 @@ class MeshcatView(LeafSystem):
                 name: declare_input(self, f"{modality}_{name}_latest", model)
                 for name, model in models.items()
             }
-            self._layers[modality] = _Layer(meshcat, f"{ROOT}/{modality}", config)
+            self._layers[modality] = _Layer(meshcat, f"{ROOT}/{modality}")
             meshcat.SetProperty(f"{ROOT}/{modality}", "visible", modality == shown)
         show_legend(meshcat, legend_title(shown, LABELS), _LEGEND)
         self._path = self.DeclareAbstractInputPort("path_planned", Value[object]())
         self._truth_ports = {q.port: declare_input(self, q.port, q.model) for q in TRUTH_QUANTITIES}
         self._station: list[Tick] = []  # Those that the truth at the newest one follows from.
-        self._plan = _PlannedPath(meshcat, f"{ROOT}/planned_path", config)
+        self._plan = _PlannedPath(meshcat, f"{ROOT}/planned_path")
         self.DeclarePeriodicPublishEvent(config.period, 0.0, self._draw)
 
     def _draw(self, context: Context) -> None:
@@ -217,12 +210,11 @@ class _Visible:
 
 
 class _PlannedPath:
-    """The way that the end-effector has before it; every `refresh_interval` a new line."""
+    """The way that the end-effector has before it; every second a new line."""
 
-    def __init__(self, meshcat: Meshcat, path: str, config: MeshcatViewConfig) -> None:
+    def __init__(self, meshcat: Meshcat, path: str) -> None:
         self._meshcat = meshcat
         self._path = path
-        self._interval = config.refresh_interval
         self._line = _Visible(meshcat)
         self._drawn = -np.inf
         self._lines = 0
@@ -231,7 +223,7 @@ class _PlannedPath:
         """Replaces the line when it is time; hides it without a plan."""
         if len(X_WE) == 0:
             self._line.change(time)
-        elif time >= self._drawn + self._interval - 1e-6:
+        elif time >= self._drawn + _REFRESHED_AFTER - 1e-6:
             self._lines += 1
             self._drawn = time
             path = f"{self._path}/line_{self._lines}"
@@ -243,10 +235,9 @@ class _PlannedPath:
 class _Layer:
     """The objects of one modality below one path."""
 
-    def __init__(self, meshcat: Meshcat, path: str, config: MeshcatViewConfig) -> None:
+    def __init__(self, meshcat: Meshcat, path: str) -> None:
         self._meshcat = meshcat
         self._path = path
-        self._config = config
         self._clouds: dict[int, str] = {}  # Path of the visible cloud of each body.
         self._clouds_drawn = -np.inf
         self._sets = 0
@@ -257,7 +248,7 @@ class _Layer:
 
     def draw_features(self, time: float, features: FeatureBelief, bodies: list[BodyMotion]) -> None:
         """Moves the clouds with their bodies; draws new ones when it is time."""
-        if time >= self._clouds_drawn + self._config.refresh_interval - 1e-6:
+        if time >= self._clouds_drawn + _REFRESHED_AFTER - 1e-6:
             self._replace_clouds(time, features, bodies)
             self._clouds_drawn = time
         for body in bodies:
@@ -286,7 +277,7 @@ class _Layer:
             return
         path = f"{self._path}/features/set_{self._sets}/body_{body_id}"
         color = Rgba(*palette.rgb(body_color(body_id)))
-        set_dots(self._meshcat, path, points, self._config.dot_radius, color)
+        set_dots(self._meshcat, path, points, _DOT_RADIUS, color)
         show_from(self._meshcat, path, time)
         self._clouds[body_id] = path
 
@@ -350,7 +341,7 @@ class _Layer:
             self._meshcat.SetTransform(f"{path}/tip", tip, time)
 
     def _write_text(self, time: float, text: str, sketch: JointSketch) -> None:
-        due = time >= self._text_drawn + self._config.text_interval - 1e-6
+        due = time >= self._text_drawn + _TEXT_AFTER - 1e-6
         if text != self._text and due:
             self._text, self._text_drawn = text, time
             path = f"{self._path}/text/{round(1000 * time)}"
@@ -366,7 +357,7 @@ class _Layer:
 
     def _text_pose(self, p_WJ: Array) -> RigidTransform:
         """Upright above a joint at p_WJ and in front of it, its -y towards the viewer."""
-        to_viewer = self._config.viewpoint - p_WJ
+        to_viewer = _VIEWPOINT - p_WJ
         to_viewer /= np.linalg.norm(to_viewer)
         p_WT = p_WJ + np.array([0.0, 0.0, 0.1]) + 0.15 * to_viewer
         yaw = float(np.arctan2(-to_viewer[1], -to_viewer[0])) - 0.5 * np.pi

@@ -70,15 +70,10 @@ def _perceive_whole_and_cut(
             raise KeyboardInterrupt
         write_run(folder, application, episode, application.evaluate(episode))
         calibration = application.make_calibration(scenario)
-        cuts = dict(zip(WIRINGS, ([], [ablation.wire]), strict=True))
+        period, perception = scenario.network_period, scenario.perception
         networks = {
-            name: make_network(
-                "crossmodal",
-                replace(scenario.perception, cut=cut),
-                calibration,
-                scenario.network_period,
-            )
-            for name, cut in cuts.items()
+            name: make_network("crossmodal", replace(perception, cut=cut), calibration, period)
+            for name, cut in zip(WIRINGS, ([], [ablation.wire]), strict=True)
         }
         return replay(application, folder, scenario, networks)
     finally:

@@ -154,19 +154,6 @@ def _pairs(count: int, seed: int) -> list[tuple[int, int]]:
     return [(int(order[i]), int(order[(i + 1) % count])) for i in range(count)]
 
 
-def _check(interactions: Sequence[Interaction]) -> None:
-    if len(interactions) < 4:
-        raise ValueError(f"hand-bending training: need 4 interactions, got {len(interactions)}")
-    for number, (u, y) in enumerate(interactions):
-        if u.ndim != 2 or u.shape[1:] != (10,) or y.shape != (len(u), 6) or len(u) < 2:
-            raise ValueError(
-                f"hand-bending training: interaction {number} has inputs {u.shape} and labels "
-                f"{y.shape}, need (T, 10) and (T, 6) with T > 1"
-            )
-        if not (np.isfinite(u).all() and np.isfinite(y).all()):
-            raise ValueError(f"hand-bending training: interaction {number} has a value not finite")
-
-
 def train(
     interactions: Sequence[Interaction],
     seed: int = 0,
@@ -184,7 +171,6 @@ def train(
     Returns:
         The networks, and the card: data, split, metric, command and errors.
     """
-    _check(interactions)
     data = _Data(interactions)
     pairs = _pairs(len(interactions), seed)
     held_out = [np.isin(data.owner, pair) for pair in pairs]

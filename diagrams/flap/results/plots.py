@@ -53,7 +53,6 @@ def draw_servoing(episode: FlapEpisode) -> Figure | None:
         _limit_to_flipping(position, truth.p_SC[:, [0, 2]][truth.flipping] * 1e3, 1.0)
         _limit_to_flipping(force, np.append(truth.force[truth.flipping], [0.0, desired]), 0.1)
         _finish(panels, episode)
-        figure.suptitle(_title(episode), fontsize=9.5)
     return figure
 
 
@@ -91,7 +90,6 @@ def draw_angle(episode: FlapEpisode) -> Figure | None:
         error.set_ylim(-12.0, 12.0)
         angle.legend(loc="lower right", ncols=3)
         _finish(panels, episode)
-        figure.suptitle(_title(episode), fontsize=9.5)
     return figure
 
 
@@ -123,7 +121,6 @@ def draw_tool(episode: FlapEpisode) -> Figure | None:
             axes.axhline(0.0, color=palette.TRUTH, lw=0.9)
             axes.set_ylim(-25.0, 25.0)
         _finish(panels, episode)
-        figure.suptitle(_title(episode), fontsize=9.5)
     return figure
 
 
@@ -143,7 +140,7 @@ def _limit_to_flipping(axes: Axes, values: Array, least: float) -> None:
 
 
 def _finish(panels: Sequence[Axes], episode: FlapEpisode) -> None:
-    """Marks the time: events, disturbances, and when the camera did not see the flap."""
+    """Marks events, disturbances and when the camera did not see the flap; says which episode."""
     panels[-1].set_xlabel("time [s]")
     panels[-1].set_xlim(0.0, max(episode.record.duration, 1e-3))
     events = [(event.name, event.time) for event in episode.record.events]
@@ -152,8 +149,7 @@ def _finish(panels: Sequence[Axes], episode: FlapEpisode) -> None:
         for start, end in hidden_spans(series.times, series.seen):
             for axes in panels:
                 axes.axvspan(start, end, color="#000000", alpha=0.05, lw=0)
-    mark_panels(panels, events, episode.record.scenario.disturbances.spans())
-
-
-def _title(episode: FlapEpisode) -> str:
-    return f"n = 1 episode, seed {episode.record.scenario.seed}"
+    scenario = episode.record.scenario
+    mark_panels(panels, events, scenario.disturbances.spans())
+    title = f"n = 1 episode, seed {scenario.seed}"
+    panels[0].figure.suptitle(title, fontsize=9.5)

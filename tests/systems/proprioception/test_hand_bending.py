@@ -107,19 +107,6 @@ def test_training_repeats_from_its_seed(interactions: list) -> None:
         np.testing.assert_array_equal(b, b_again)
 
 
-@pytest.mark.parametrize(
-    "broken",
-    [
-        [(np.zeros((5, 9)), np.zeros((5, 6)))] * 4,
-        [(np.full((5, 10), np.nan), np.zeros((5, 6)))] * 4,
-        [(np.zeros((5, 10)), np.zeros((5, 6)))],
-    ],
-)
-def test_training_refuses_broken_interactions(broken: list) -> None:
-    with pytest.raises(ValueError, match="hand-bending training"):
-        train(broken)
-
-
 def test_labels_become_relative_to_the_first() -> None:
     rng = np.random.default_rng(2)
     start, motion = se3.exp(rng.normal(size=6)), 0.1 * rng.normal(size=(4, 6))

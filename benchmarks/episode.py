@@ -7,13 +7,14 @@ then every filter's posterior is evaluated in the order of the data flow; Drake 
 each evaluation costs that system's own work and nothing is computed twice.
 """
 
-import argparse
 from collections import defaultdict
 from time import perf_counter
+from typing import Annotated
 
 import numpy as np
+import typer
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Context, System
 from tqdm import tqdm
 
 from crossmodal.diagrams.applications import load_scenario
@@ -45,7 +46,7 @@ FILTERS = (
 MOVING = ("exploring", "flipping")  # Phases of the robot in which it is measured.
 
 
-def timed_eval(system: Diagram, port: str, root: Context) -> float:
+def timed_eval(system: System, port: str, root: Context) -> float:
     """Wall time of one evaluation, [s]."""
     context = system.GetMyContextFromRoot(root)
     began = perf_counter()
@@ -56,35 +57,37 @@ def timed_eval(system: Diagram, port: str, root: Context) -> float:
 def tick_times(episode: Episode, root: Context) -> dict[str, float]:
     """Wall time of each part of the tick that is due now, [s]."""
     times: dict[str, float] = defaultdict(float)
-    read = [
-        port for port in IMAGES if any(e.HasInputPort(port) for e in episode.estimators.values())
-    ]
-    for port in read:
-        times["rendering and camera noise"] += timed_eval(episode.station.diagram, port, root)
+    for port in IMAGES:
+        if any(estimator.HasInputPort(port) for estimator in episode.estimators.values()):
+            times["rendering and camera noise"] += timed_eval(episode.station.diagram, port, root)
     for modality in episode.estimators:
-        network = episode.diagram.GetSubsystemByName(modality)
+        systems = {
+            system.get_name(): system
+            for system in episode.diagram.GetSubsystemByName(modality).GetSystems()
+        }
         for name, port in FILTERS:
-            if network.HasSubsystemNamed(name) and network.GetSubsystemByName(name).HasOutputPort(
-                port
-            ):
-                system = network.GetSubsystemByName(name)
-                times[f"{modality}/{name}"] += timed_eval(system, port, root)
+            if name in systems and systems[name].HasOutputPort(port):
+                times[f"{modality}/{name}"] += timed_eval(systems[name], port, root)
     return times
 
 
-def run(scenario_name: str, seed: int) -> None:
-    application, scenario = load_scenario(scenario_name, [f"seed={seed}"])
-    episode = Episode(application, scenario)
+def main(
+    scenario: Annotated[str, typer.Option(help="Its name.")] = "drawer",
+    seed: Annotated[int, typer.Option(help="Of the episode.")] = 0,
+) -> None:
+    """Prints the table."""
+    application, chosen = load_scenario(scenario, [f"seed={seed}"])
+    episode = Episode(application, chosen)
     simulator = Simulator(episode.diagram)
     root = simulator.get_mutable_context()
     episode.station.initialise(root)
     simulator.Initialize()
     station = episode.station.diagram
     parts: dict[str, list[float]] = defaultdict(list)
-    period = scenario.network_period
+    period = chosen.network_period
     exploring = 0.0
     began = perf_counter()
-    for tick in tqdm(range(1, int(scenario.duration / period)), desc="ticks", disable=None):
+    for tick in tqdm(range(1, int(chosen.duration / period)), desc="ticks", disable=None):
         start = perf_counter()
         simulator.AdvanceTo(tick * period)
         advance = perf_counter() - start
@@ -120,13 +123,5 @@ def report(
         )
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenario", default="drawer")
-    parser.add_argument("--seed", type=int, default=0)
-    arguments = parser.parse_args()
-    run(arguments.scenario, arguments.seed)
-
-
 if __name__ == "__main__":
-    main()
+    typer.run(main)

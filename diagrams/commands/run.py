@@ -104,14 +104,9 @@ def run_command(
         application, chosen = load_scenario(scenario, assignments)
         numbered = out is None and not force
         with opened(out or default_folder(chosen), force=force, numbered=numbered) as folder:
-            record = _simulate(
-                application,
-                chosen,
-                live=meshcat,
-                host=host,
-                recording=recording,
-                sensors_file=folder / SENSORS_FILE if record_sensors else None,
-            )
+            viewer = _start_meshcat(host, announce=meshcat) if meshcat or recording else None
+            sensors_file = folder / SENSORS_FILE if record_sensors else None
+            record = _simulate(application, chosen, viewer, sensors_file)
             if not recording:
                 record = replace(record, meshcat_html=None)
             status = write_and_report(folder, application, record)
@@ -137,20 +132,13 @@ def _own_object(
 
 
 def _simulate(
-    application: "Application",
-    scenario: "Scenario",
-    *,
-    live: bool,
-    host: str,
-    recording: bool,
-    sensors_file: Path | None,
+    application: "Application", scenario: "Scenario", viewer: Any, sensors_file: Path | None
 ) -> "EpisodeRecord":
     from tqdm import tqdm
 
     from crossmodal.diagrams.run.episode import run_episode
     from crossmodal.maths.compiled import compilation_timed
 
-    viewer = _start_meshcat(host, announce=live) if live or recording else None
     bar = tqdm(
         total=scenario.duration,
         desc=f"{scenario.name}, seed {scenario.seed}",

@@ -42,10 +42,9 @@ def errors_over_time(estimates: pd.DataFrame) -> dict[str, ErrorsOverTime]:
     errors = {}
     known = estimates[estimates["quantity"].isin(_QUANTITIES)]
     for modality, rows in known.groupby("modality", observed=True):
-        wide = rows.assign(key=rows["quantity"].astype(str) + "/" + rows["component"].astype(str))
-        estimate = wide.pivot_table(index="time", columns="key", values="estimate", sort=True)
-        truth = wide.pivot_table(index="time", columns="key", values="truth", sort=True)
-        one = _errors(estimate, truth.reindex(estimate.index))
+        keys = rows["quantity"].astype(str) + "/" + rows["component"].astype(str)
+        wide = rows.assign(key=keys).set_index(["time", "key"])[["estimate", "truth"]].unstack()
+        one = _errors(wide["estimate"], wide["truth"])
         if one is not None:
             errors[str(modality)] = one
     return errors

@@ -63,18 +63,17 @@ def grasp_faults(solid: trimesh.Trimesh, frame: str, can: GraspRange) -> list[st
 def faults_of_bar(bar: Bar, can: GraspRange) -> list[str]:
     """What about a bar is outside of what a hand can hold, in a few words each."""
     depth, height = bar.thickness
+    closes = (
+        f"it closes around {1e3 * can.least_thickness:.0f} to {1e3 * can.most_thickness:.0f} mm"
+    )
     faults = []
     if height > can.most_thickness or depth > can.most_depth:
         faults.append(
-            f"it is {1e3 * max(depth, height):.0f} mm thick, it closes around"
-            f" {1e3 * can.least_thickness:.0f} to {1e3 * can.most_thickness:.0f} mm"
+            f"it is {1e3 * max(depth, height):.0f} mm thick, {closes}"
             " (y of the frame along the bar, x out of the object)"
         )
     elif min(depth, height) < can.least_thickness:
-        faults.append(
-            f"it is {1e3 * min(depth, height):.1f} mm thin, it closes around"
-            f" {1e3 * can.least_thickness:.0f} to {1e3 * can.most_thickness:.0f} mm"
-        )
+        faults.append(f"it is {1e3 * min(depth, height):.1f} mm thin, {closes}")
     if bar.tilt > can.tilt and not faults:
         faults.append(
             f"it is {np.rad2deg(bar.tilt):.0f} deg off the frame's y, and may be"

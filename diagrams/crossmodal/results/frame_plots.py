@@ -45,12 +45,8 @@ def draw_frames(episode: JointEpisode, modality: str | None = None) -> Figure | 
     frames = _choose_frames(episode)
     if not frames or not episode.record.estimators:
         return None
-    if modality is None:
-        modality = (
-            "crossmodal"
-            if "crossmodal" in episode.record.estimators
-            else next(iter(episode.record.estimators))
-        )
+    names = list(episode.record.estimators)
+    modality = modality or ("crossmodal" if "crossmodal" in names else names[0])
     height, width = frames[0].color.shape[:2]
     with mpl.rc_context(STYLE | {"axes.grid": False}):
         figure = new_figure(4.6 * len(frames), 4.6 * height / width + 0.55)

@@ -87,7 +87,7 @@ def test_a_task_that_ran_out_of_time_says_so_in_readable_units() -> None:
     before = events((0.0, ControlPhase.CLOSE))
     cut = " asked for when the time was over"
     assert task_failure(Task(), truth(0.0, 0.0), before) == f"opened 0.0 cm of the 20 cm{cut}"
-    door = replace(truth(0.0, 0.1), joint_type=JointType.REVOLUTE)
+    door = replace(truth(0.0, 0.1), type=JointType.REVOLUTE)
     assert task_failure(Task(), door, before) == f"opened 5.7 deg of the 11.5 deg{cut}"
     stopped = events((2.0, ControlPhase.STOP))
     assert task_failure(Task(), truth(0.0, 0.0), stopped) == "opened 0.0 cm of the 20 cm asked for"

@@ -30,6 +30,7 @@ from benchmarks.robustness_streams import (
     plain_cases,
     simulate_case,
 )
+from crossmodal.diagrams.joints.joint_metrics import axis_angle_error
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from crossmodal.systems.port_values import JointBelief, JointModelBelief, JointType
@@ -65,10 +66,6 @@ class Outcome:
     distance_z: float
     pitch_error: float
     pitch_z: float
-
-
-def _angle(a: Array, b: Array) -> float:
-    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
 def _model(case: Case, belief: JointBelief) -> JointModelBelief | None:
@@ -109,8 +106,7 @@ def evaluate_case(case: Case, seed: int, filters: JointFilters) -> Outcome:
     errors = np.array(rows).reshape(-1, 3)
     axis, distance, pitch, pitch_z = np.nan, np.nan, np.nan, np.nan
     if model is not None:
-        axis = _angle(model.axis_P, stream.axis_P)
-        axis = min(axis, np.pi - axis)
+        axis = axis_angle_error(model.axis_P, stream.axis_P)
         if case.joint in ("revolute", "screw"):
             d = model.p_PA - stream.X_PB[0, :3, 3]
             u = d / np.linalg.norm(d)

@@ -48,10 +48,6 @@ class JointSketch:
     radius: float
 
 
-def joint_color(joint_type: JointType) -> str:
-    return JOINT[joint_type]
-
-
 def sketch_joint(joint: JointBelief, body: BodyMotion | None) -> JointSketch | None:
     """The drawing of a joint to the environment; None for a rigid or disconnected body."""
     if joint.type not in MOVING_TYPES:
@@ -108,7 +104,7 @@ def draw_joint(axes: Axes, joint: JointBelief, body: BodyMotion | None, camera: 
     sketch = sketch_joint(joint, body)
     if sketch is None:
         return False
-    color = joint_color(sketch.type)
+    color = JOINT[sketch.type]
     for side in (1.0, -1.0):
         outline = _hull(camera.project(uncertainty_outline(sketch, side)))
         if outline is not None:

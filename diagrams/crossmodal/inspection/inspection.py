@@ -1,12 +1,13 @@
 """What `crossmodal inspect` shows of a model: a report, a picture, a command line."""
 
+import shlex
 import warnings
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from crossmodal.diagrams.crossmodal.inspection.report import likely_handles, report, run_command
+from crossmodal.diagrams.crossmodal.inspection.report import likely_handles, report
 from crossmodal.diagrams.crossmodal.objects.object_import import (
     WIDEST_PULL,
     imported,
@@ -55,13 +56,16 @@ def inspected(
     assert isinstance(chosen, Scenario)
     from crossmodal.diagrams.crossmodal.inspection.picture import picture
 
-    options = [
+    words = ["crossmodal", "run", scenario, "--object", str(own.model)]
+    for name, value in (
+        ("--grasp-frame", own.grasp_frame),
         ("--joint", own.joint),
         ("--pull-direction", own.pull_direction),
         ("--object-pose", own.pose),
         ("--scale", "" if own.scale == 1.0 else f"{own.scale:g}"),
-    ]
-    lines += ["Run it", f"  {run_command(own.model, scenario, own.grasp_frame, options)}"]
+    ):
+        words += [name, value] if value else []
+    lines += ["Run it", f"  {shlex.join(words)}"]
     return lines, picture(chosen, f"{own.model.name}, grasped at {own.grasp_frame}")
 
 

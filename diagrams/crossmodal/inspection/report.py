@@ -1,6 +1,5 @@
 """What `crossmodal inspect` says of a model."""
 
-import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -41,23 +40,6 @@ def report(found: Inspection, source: Path) -> list[str]:
             " them; --grasp-frame LINK@x,y,z,roll,pitch,yaw names another place"
         )
     return lines
-
-
-def run_command(
-    source: Path, scenario: str, frame: str, options: Sequence[tuple[str, str]] = ()
-) -> str:
-    """The command line that runs a model.
-
-    Args:
-        source: The model.
-        scenario: In which its object takes the place of the scenario's.
-        frame: What is grasped.
-        options: Others, by name, of which the empty ones are left out.
-    """
-    words = ["crossmodal", "run", scenario, "--object", str(source), "--grasp-frame", frame]
-    for name, value in options:
-        words += [name, value] if value else []
-    return shlex.join(words)
 
 
 def _count(number: int, what: str) -> str:

@@ -15,7 +15,7 @@ from crossmodal.diagrams.crossmodal.results.report import (
     describe_pitch,
 )
 from crossmodal.diagrams.drawing.plot_style import STYLE, new_figure
-from crossmodal.diagrams.joints.joint_drawing import draw_joint, joint_color
+from crossmodal.diagrams.joints.joint_drawing import draw_joint
 from crossmodal.diagrams.joints.joint_episode import JointEpisode
 from crossmodal.diagrams.joints.joint_metrics import (
     bodies_of,
@@ -23,7 +23,7 @@ from crossmodal.diagrams.joints.joint_metrics import (
     joints_of,
     motion_start,
 )
-from crossmodal.diagrams.joints.joint_palette import body_color, body_label
+from crossmodal.diagrams.joints.joint_palette import JOINT, body_color, body_label
 from crossmodal.diagrams.joints.joint_truth import Truth
 from crossmodal.diagrams.run.record import Picture
 from crossmodal.systems.port_values import (
@@ -152,8 +152,7 @@ def _frame_legend(figure: Figure, modality: str, bodies: set[int], joints: set[J
         for body in sorted(bodies)
     ]
     handles += [
-        Line2D([], [], color=joint_color(joint), lw=4, label=f"{joint} joint")
-        for joint in sorted(joints)
+        Line2D([], [], color=JOINT[joint], lw=4, label=f"{joint} joint") for joint in sorted(joints)
     ]
     figure.legend(
         handles=handles,

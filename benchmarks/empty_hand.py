@@ -19,7 +19,7 @@ from tqdm import tqdm
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.results.grasp_episode import grasp_episode
 from crossmodal.diagrams.evaluation.seeds import parse_seeds
-from crossmodal.diagrams.joints.joint_episode import joint_episode
+from crossmodal.diagrams.joints.joint_metrics import joint_episode
 from crossmodal.diagrams.run.episode import run_episode
 
 AFTERWARDS = 6.0  # How long an episode goes on, [s].

@@ -25,8 +25,7 @@ from tqdm import tqdm
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.evaluation.stream_faults import fault_spans
-from crossmodal.diagrams.joints.joint_episode import joint_episode
-from crossmodal.diagrams.joints.joint_metrics import JointSeries, motion_start
+from crossmodal.diagrams.joints.joint_metrics import JointSeries, joint_episode, motion_start
 from crossmodal.diagrams.joints.joint_truth import Truth
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.record import EpisodeRecord

@@ -22,14 +22,7 @@ import typer
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
-from benchmarks.robustness_streams import (
-    BALL,
-    FREE,
-    Case,
-    all_cases,
-    plain_cases,
-    simulate_case,
-)
+from benchmarks.robustness_streams import BALL, FREE, Case, all_cases, plain_cases, simulate_case
 from crossmodal.diagrams.joints.joint_metrics import axis_angle_error
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig

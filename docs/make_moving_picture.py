@@ -21,7 +21,7 @@ from crossmodal.diagrams.crossmodal.modalities import COLORS, LABELS
 from crossmodal.diagrams.crossmodal.results.frame_plots import draw_frame
 from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.plot_style import STYLE
-from crossmodal.diagrams.joints.joint_episode import JointEpisode, joint_episode
+from crossmodal.diagrams.joints.joint_metrics import JointEpisode, joint_episode
 from crossmodal.diagrams.joints.joint_palette import JOINT
 from crossmodal.diagrams.run.record import Picture
 

@@ -39,12 +39,7 @@ from crossmodal.diagrams.joints.joint_drawing import (
 )
 from crossmodal.diagrams.joints.joint_metrics import joint_in_world
 from crossmodal.diagrams.joints.joint_palette import JOINT, body_color, body_label
-from crossmodal.diagrams.joints.joint_truth import (
-    TRUTH_QUANTITIES,
-    Truth,
-    add_tick,
-    truth_of_ticks,
-)
+from crossmodal.diagrams.joints.joint_truth import TRUTH_QUANTITIES, Truth, add_tick, truth_of_ticks
 from crossmodal.diagrams.run.episode import connect_latest
 from crossmodal.diagrams.run.record import Tick
 from crossmodal.diagrams.run.recorder import declare_input, read_inputs

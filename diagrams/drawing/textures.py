@@ -5,13 +5,7 @@ from functools import lru_cache
 import numpy as np
 import trimesh
 from PIL import Image
-from pydrake.geometry import (
-    Box,
-    Mesh,
-    Rgba,
-    Role,
-    SceneGraph,
-)
+from pydrake.geometry import Box, Mesh, Rgba, Role, SceneGraph
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from crossmodal.diagrams.joints.joint_truth import Truth
-from crossmodal.diagrams.run.record import Tick
+from crossmodal.diagrams.joints.joint_truth import Truth, truth_of_ticks
+from crossmodal.diagrams.run.record import EpisodeRecord, Tick
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.consistency import chi_square_quantile, normalised_squared_error
 from crossmodal.maths.tangent_plane import normal_basis
@@ -362,3 +362,26 @@ def inside_claim(series: JointSeries, k: int) -> tuple[bool | None, bool | None]
     values = (series.configuration_nees[k], series.axis_nees[k])
     inside = [None if math.isnan(v) else bool(v <= b) for v, b in zip(values, bound, strict=True)]
     return inside[0], inside[1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointEpisode:
+    """A record, the truth in it and every estimator's beliefs against that, evaluated once.
+
+    Attributes:
+        record: Of the episode.
+        truth: For the evaluation alone.
+        series: By estimator, of those that ticked.
+    """
+
+    record: EpisodeRecord
+    truth: Truth
+    series: dict[str, JointSeries]
+
+
+def joint_episode(record: EpisodeRecord) -> JointEpisode:
+    truth = truth_of_ticks(record.station)
+    series = {
+        name: joint_series(estimator.ticks, truth) for name, estimator in record.estimators.items()
+    }
+    return JointEpisode(record=record, truth=truth, series=series)

@@ -1,9 +1,7 @@
 """Reads an articulated object's model alone, to see whether it has what a scenario names."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydrake.geometry import SceneGraph
@@ -52,16 +50,16 @@ class ObjectModel:
 def read_object_model(model: Path, *, joint: str, frame: str, source: str) -> ObjectModel:
     """Raises a ScenarioError unless the model can be read and has the joint and the frame."""
     plant, scene_graph, instance = parse_alone(model, source)
-    joints = _names(plant.GetJointIndices, plant.get_joint, instance)
+    joints = [plant.get_joint(index).name() for index in plant.GetJointIndices(instance)]
     if joint not in joints:
         raise ScenarioError(
             f"{source}.joint: {model.name} has no joint '{joint}'; {suggestion(joint, joints)}"
         )
-    frames = _names(plant.GetFrameIndices, plant.get_frame, instance)
+    frames = [plant.get_frame(index).name() for index in plant.GetFrameIndices(instance)]
     if frame not in frames:
         raise ScenarioError(
             f"{source}.handle_frame: {model.name} has no frame '{frame}';"
-            f" {suggestion(frame, frames)}"
+            f" {suggestion(frame, filter(None, frames))}"
         )
     kind = plant.GetJointByName(joint, instance).type_name()
     if kind not in MOVING_TYPES:
@@ -134,11 +132,3 @@ def _bottom(plant: MultibodyPlant, scene_graph: SceneGraph, instance: ModelInsta
                 reach = np.abs(X_OX.rotation().matrix()[2]) @ box.half_width()
                 heights.append(float(X_OX.translation()[2] - reach))
     return min(heights)
-
-
-def _names(
-    indices: Callable[[ModelInstanceIndex], list[Any]],
-    element: Callable[[Any], Any],
-    instance: ModelInstanceIndex,
-) -> list[str]:
-    return [element(index).name() for index in indices(instance) if element(index).name()]

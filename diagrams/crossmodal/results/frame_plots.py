@@ -16,8 +16,8 @@ from crossmodal.diagrams.crossmodal.results.report import (
 )
 from crossmodal.diagrams.drawing.plot_style import STYLE, new_figure
 from crossmodal.diagrams.joints.joint_drawing import draw_joint
-from crossmodal.diagrams.joints.joint_episode import JointEpisode
 from crossmodal.diagrams.joints.joint_metrics import (
+    JointEpisode,
     bodies_of,
     joint_in_world,
     joints_of,

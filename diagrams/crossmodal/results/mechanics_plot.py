@@ -13,8 +13,7 @@ from matplotlib.patches import Patch
 from crossmodal.diagrams.crossmodal.modalities import COLORS, LABELS
 from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.plot_style import STYLE, new_figure
-from crossmodal.diagrams.joints.joint_episode import JointEpisode
-from crossmodal.diagrams.joints.joint_metrics import drawn_in, unit_of
+from crossmodal.diagrams.joints.joint_metrics import JointEpisode, drawn_in, unit_of
 from crossmodal.diagrams.joints.mechanics_record import (
     CLAIMED,
     TickMechanics,

@@ -13,8 +13,8 @@ from crossmodal.diagrams.crossmodal.modalities import COLORS, LABELS
 from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.plot_style import STYLE, mark_panels, new_figure
 from crossmodal.diagrams.evaluation.metric_table import readable
-from crossmodal.diagrams.joints.joint_episode import JointEpisode
 from crossmodal.diagrams.joints.joint_metrics import (
+    JointEpisode,
     JointSeries,
     drawn_in,
     last_seen,

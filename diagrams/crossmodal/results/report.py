@@ -13,8 +13,8 @@ from crossmodal.diagrams.crossmodal.task import GRASP_LOST
 from crossmodal.diagrams.drawing.digits import fixed, written
 from crossmodal.diagrams.evaluation.metric_table import readable
 from crossmodal.diagrams.evaluation.stream_faults import fault_lines
-from crossmodal.diagrams.joints.joint_episode import JointEpisode
 from crossmodal.diagrams.joints.joint_metrics import (
+    JointEpisode,
     axis_sign,
     configuration_since_grasp,
     drawn_in,

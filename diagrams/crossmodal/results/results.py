@@ -14,12 +14,8 @@ from crossmodal.diagrams.crossmodal.task import (
     turning_time,
 )
 from crossmodal.diagrams.evaluation.estimates import Row, estimates_table, scalar, vector
-from crossmodal.diagrams.evaluation.stream_faults import (
-    fault_events,
-    fault_spans,
-    health_rows,
-)
-from crossmodal.diagrams.joints.joint_episode import JointEpisode, joint_episode
+from crossmodal.diagrams.evaluation.stream_faults import fault_events, fault_spans, health_rows
+from crossmodal.diagrams.joints.joint_metrics import JointEpisode, joint_episode
 from crossmodal.diagrams.joints.joint_record import joint_rows, summarise_joint
 from crossmodal.diagrams.joints.mechanics_record import mechanics_rows, summarise_mechanics
 from crossmodal.diagrams.run.application import Results

@@ -17,11 +17,7 @@ import numpy as np
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array, Ids
-from crossmodal.systems.proprioception.bending_network import (
-    BendingNetwork,
-    Layers,
-    mlp,
-)
+from crossmodal.systems.proprioception.bending_network import BendingNetwork, Layers, mlp
 
 Interaction = tuple[Array, Array]
 

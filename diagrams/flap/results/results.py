@@ -17,8 +17,11 @@ from crossmodal.diagrams.evaluation.stream_faults import (
 )
 from crossmodal.diagrams.flap.estimator_names import LABELS
 from crossmodal.diagrams.flap.results.flap_episode import FlapEpisode, flap_episode
-from crossmodal.diagrams.flap.results.flap_measures import measure_estimation, measure_servoing
-from crossmodal.diagrams.flap.results.recovery import summarise_recoveries
+from crossmodal.diagrams.flap.results.flap_measures import (
+    measure_estimation,
+    measure_servoing,
+    summarise_recoveries,
+)
 from crossmodal.diagrams.flap.results.task import can_be_judged, line_note, task_failure
 from crossmodal.diagrams.run.application import Results
 from crossmodal.diagrams.run.record import EpisodeRecord
@@ -28,8 +31,12 @@ def evaluate(record: EpisodeRecord) -> Results:
     """Compares an episode's beliefs with the truth."""
     # What only shows is imported here, so that it does not belong to `program_files`.
     from crossmodal.diagrams.flap.results.frame_plots import draw_frames
-    from crossmodal.diagrams.flap.results.line_plots import draw_line
-    from crossmodal.diagrams.flap.results.plots import draw_angle, draw_servoing, draw_tool
+    from crossmodal.diagrams.flap.results.plots import (
+        draw_angle,
+        draw_line,
+        draw_servoing,
+        draw_tool,
+    )
 
     episode = flap_episode(record)
     scenario, truth = record.scenario, episode.truth

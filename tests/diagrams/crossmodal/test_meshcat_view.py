@@ -16,7 +16,7 @@ from crossmodal.diagrams.crossmodal.meshcat_view import (
 )
 from crossmodal.diagrams.drawing.meshcat import start_meshcat
 from crossmodal.diagrams.drawing.text_board import text_board
-from crossmodal.diagrams.joints.joint_episode import joint_episode
+from crossmodal.diagrams.joints.joint_metrics import joint_episode
 from crossmodal.diagrams.joints.joint_palette import JOINT, body_color, body_label
 from crossmodal.diagrams.run.episode import recorded_page
 from crossmodal.systems.port_values import HELD_BODY, STATIC_BODY, JointType

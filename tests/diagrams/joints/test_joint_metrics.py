@@ -6,7 +6,6 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 from synthetic_episode import body_motion, joint_belief, synthetic_episode
 
-from crossmodal.diagrams.joints.joint_episode import joint_episode
 from crossmodal.diagrams.joints.joint_metrics import (
     axis_angle_error,
     axis_distance_error,
@@ -14,6 +13,7 @@ from crossmodal.diagrams.joints.joint_metrics import (
     axis_sign,
     error_at,
     inside_claim,
+    joint_episode,
     joint_in_world,
     joint_series,
     last_seen,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 from synthetic_episode import LIGHTS_OFF, empty_episode, synthetic_episode, without_truth
 
-from crossmodal.diagrams.joints.joint_episode import joint_episode
+from crossmodal.diagrams.joints.joint_metrics import joint_episode
 from crossmodal.diagrams.joints.joint_record import joint_rows, summarise_joint
 from crossmodal.diagrams.run.record import EpisodeRecord
 

@@ -13,8 +13,7 @@ from crossmodal.diagrams.crossmodal.application import APPLICATION
 from crossmodal.diagrams.crossmodal.results.mechanics_plot import draw_mechanics
 from crossmodal.diagrams.crossmodal.results.results import evaluate
 from crossmodal.diagrams.evaluation.metric_table import tidy_metrics
-from crossmodal.diagrams.joints.joint_episode import joint_episode
-from crossmodal.diagrams.joints.joint_metrics import joints_of
+from crossmodal.diagrams.joints.joint_metrics import joint_episode, joints_of
 from crossmodal.diagrams.joints.joint_truth import JointMechanicsTruth, joint_mechanics
 from crossmodal.diagrams.joints.mechanics_record import mechanics_line
 from crossmodal.diagrams.run.folder.run_folder import summarise

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.application import APPLICATION
-from crossmodal.diagrams.joints.joint_episode import JointEpisode, joint_episode
+from crossmodal.diagrams.joints.joint_metrics import JointEpisode, joint_episode
 from crossmodal.diagrams.run.episode import build_station, run_episode
 from crossmodal.diagrams.run.folder.run_folder import SUMMARY_FILE, write_run
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError

@@ -16,7 +16,7 @@ from crossmodal.diagrams.crossmodal.application import APPLICATION
 from crossmodal.diagrams.crossmodal.episode_parts import TOPICS
 from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_WIRES, make_network
 from crossmodal.diagrams.crossmodal.scenario import Scenario
-from crossmodal.diagrams.joints.joint_episode import JointEpisode, joint_episode
+from crossmodal.diagrams.joints.joint_metrics import JointEpisode, joint_episode
 from crossmodal.diagrams.run.episode import build_estimators, stream_models
 from crossmodal.diagrams.run.folder.run_folder import (
     ESTIMATES_FILE,

@@ -14,8 +14,8 @@ from crossmodal.diagrams.crossmodal.results.report import written_configuration
 from crossmodal.diagrams.crossmodal.results.results import evaluate
 from crossmodal.diagrams.drawing.plot_style import save
 from crossmodal.diagrams.evaluation.campaign_plots import common_events
-from crossmodal.diagrams.joints.joint_episode import JointEpisode, joint_episode
 from crossmodal.diagrams.joints.joint_errors import error_panels, errors_over_time
+from crossmodal.diagrams.joints.joint_metrics import JointEpisode, joint_episode
 from crossmodal.systems.port_values import JointType
 
 

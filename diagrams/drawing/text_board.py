@@ -1,4 +1,4 @@
-"""A line of text as an object for Meshcat, which has no text of its own."""
+"""Boards with text or a picture as objects for Meshcat, which has none of its own."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -6,11 +6,11 @@ from pathlib import Path
 import matplotlib
 import trimesh
 from PIL import Image, ImageDraw, ImageFont
-from pydrake.geometry import Mesh
+from pydrake.common import MemoryFile
+from pydrake.geometry import InMemoryMesh, Mesh
+from trimesh.exchange.gltf import export_gltf
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
-
-from crossmodal.diagrams.drawing.gltf import in_memory
 
 _PIXELS = 96  # Height of the texture.
 
@@ -58,6 +58,13 @@ def picture_board(texture: Image.Image, width: float, height: float, name: str) 
         process=False,
     )
     return in_memory(board, name)
+
+
+def in_memory(surface: trimesh.Trimesh, name: str) -> Mesh:
+    """A surface as glTF with everything embedded; glTF's y is up, Drake turns it to z."""
+    files = export_gltf(trimesh.Scene(surface), embed_buffers=True)
+    text = str(files["model.gltf"].decode())
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(text, ".gltf", name)))
 
 
 def _texture(text: str, color: tuple[int, int, int]) -> Image.Image:

@@ -9,7 +9,7 @@ from pydrake.geometry import Box, Mesh, Rgba, Role, SceneGraph
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
-from crossmodal.diagrams.drawing.gltf import in_memory
+from crossmodal.diagrams.drawing.text_board import in_memory
 
 _SCENE = "/drake/visualizer"
 _PIXELS = 256  # Side of a texture: the page holds one for each box.

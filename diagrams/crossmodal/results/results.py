@@ -26,8 +26,11 @@ def evaluate(record: EpisodeRecord) -> Results:
     """Compares an episode's beliefs with the truth."""
     # What only shows is imported here, so that it does not belong to `program_files`.
     from crossmodal.diagrams.crossmodal.results.frame_plots import draw_frames
-    from crossmodal.diagrams.crossmodal.results.mechanics_plot import draw_mechanics
-    from crossmodal.diagrams.crossmodal.results.plots import draw_configurations, draw_errors
+    from crossmodal.diagrams.crossmodal.results.plots import (
+        draw_configurations,
+        draw_errors,
+        draw_mechanics,
+    )
     from crossmodal.diagrams.crossmodal.results.report import report
 
     episode = joint_episode(record)

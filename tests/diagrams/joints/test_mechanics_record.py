@@ -10,7 +10,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from synthetic_episode import synthetic_episode, without_truth
 
 from crossmodal.diagrams.crossmodal.application import APPLICATION
-from crossmodal.diagrams.crossmodal.results.mechanics_plot import draw_mechanics
+from crossmodal.diagrams.crossmodal.results.plots import draw_mechanics
 from crossmodal.diagrams.crossmodal.results.results import evaluate
 from crossmodal.diagrams.evaluation.metric_table import tidy_metrics
 from crossmodal.diagrams.joints.joint_metrics import joint_episode, joints_of

@@ -1,7 +1,6 @@
 """Runs and evaluations side by side: their figures, what differs in their scenarios, pictures."""
 
 import contextlib
-import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,7 +27,12 @@ from crossmodal.diagrams.evaluation.metric_table import (
 )
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import Metric
-from crossmodal.diagrams.run.folder.run_folder import PLOT_FOLDER, SCENARIO_FILE, SUMMARY_FILE
+from crossmodal.diagrams.run.folder.run_folder import (
+    PLOT_FOLDER,
+    SCENARIO_FILE,
+    SUMMARY_FILE,
+    read_summary,
+)
 from crossmodal.diagrams.run.yaml_input.loader import read_yaml
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 from crossmodal.maths.arrays import Array
@@ -93,7 +97,10 @@ def read_compared(
     application = find_application(system, str(places[0] / SCENARIO_FILE))
     if not is_run:
         document.pop("seed", None)
-    summaries = [_read_summary(place) for place in places]
+    summaries = [read_summary(place) for place in places]
+    for place, summary in zip(places, summaries, strict=True):
+        if not {"seed", "success", "modalities"} <= summary.keys():
+            raise ScenarioError(f"{place / SUMMARY_FILE}: is no summary of a run")
     try:
         figures = tidy_metrics(application, name, summaries)
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
@@ -109,17 +116,6 @@ def read_compared(
         figures=figures,
         pictures={path.stem.replace("_", " "): path for path in sorted(pictures.glob("*.png"))},
     )
-
-
-def _read_summary(place: Path) -> Summary:
-    path = place / SUMMARY_FILE
-    try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ScenarioError(f"{path}: cannot be read: {one_line(error)}") from None
-    if not isinstance(summary, dict) or not {"seed", "success", "modalities"} <= summary.keys():
-        raise ScenarioError(f"{path}: is no summary of a run")
-    return summary
 
 
 def _flat(document: Mapping[str, Any], path: str = "") -> dict[str, Any]:

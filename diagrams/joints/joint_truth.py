@@ -150,22 +150,18 @@ class ObjectTruth(LeafSystem):
     ) -> None:
         super().__init__()
         self._plant, self._joint = plant, joint
-        self._constants = joint_constants(plant, joint)
         self._scratch = plant.CreateDefaultContext()
         self._state = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
-        self.DeclareAbstractOutputPort(
-            "cheat_joint",
-            lambda: Value[object](self._constants),
-            lambda context, output: output.set_value(self._constants),
-            {self.nothing_ticket()},
-        )
-        mechanics = joint_mechanics(joint, friction, detent)
-        self.DeclareAbstractOutputPort(
-            "cheat_joint_mechanics",
-            lambda: Value[object](mechanics),
-            lambda context, output: output.set_value(mechanics),
-            {self.nothing_ticket()},
-        )
+        for name, constants in (
+            ("cheat_joint", joint_constants(plant, joint)),
+            ("cheat_joint_mechanics", joint_mechanics(joint, friction, detent)),
+        ):
+            self.DeclareAbstractOutputPort(
+                name,
+                lambda value=constants: Value[object](value),
+                lambda context, output, value=constants: output.set_value(value),
+                {self.nothing_ticket()},
+            )
         self.DeclareVectorOutputPort("cheat_configuration", 1, self._calc_configuration)
         self.DeclareAbstractOutputPort(
             "cheat_body_pose", lambda: Value(RigidTransform()), self._calc_pose

@@ -111,7 +111,17 @@ def draw_frame(
     spans = episode.record.scenario.disturbances.spans()
     note = "".join(f", {name}" for name, interval in spans if frame.time in interval)
     belief = _belief(joint, episode.truth, tick.time)
-    _inset(axes, f"t = {frame.time:.1f} s{note}\n{belief}")
+    axes.text(
+        0.025,
+        0.965,
+        f"t = {frame.time:.1f} s{note}\n{belief}",
+        transform=axes.transAxes,
+        va="top",
+        fontsize=10,
+        color="white",
+        linespacing=1.35,
+        bbox={"boxstyle": "round,pad=0.35", "facecolor": "black", "alpha": 0.62, "lw": 0},
+    )
 
 
 def _belief(joint: JointBelief | None, truth: Truth, time: float) -> str:
@@ -123,20 +133,6 @@ def _belief(joint: JointBelief | None, truth: Truth, time: float) -> str:
         if fit := describe_fit(joint):
             belief += f"\n{fit.removeprefix('; ')}"
     return belief
-
-
-def _inset(axes: Axes, text: str) -> None:
-    axes.text(
-        0.025,
-        0.965,
-        text,
-        transform=axes.transAxes,
-        va="top",
-        fontsize=10,
-        color="white",
-        linespacing=1.35,
-        bbox={"boxstyle": "round,pad=0.35", "facecolor": "black", "alpha": 0.62, "lw": 0},
-    )
 
 
 def _owners(features: FeatureBelief, bodies: BodyMotions) -> list[int]:

@@ -116,7 +116,7 @@ def draw_spreads(
             axes.set_title(panel.title)
             axes.set_yscale("log" if panel.logarithmic else "linear")
             _draw_panel(axes, application, panel, step)
-        beyond = mark_panels(grid, list(events.items()), disturbances.spans())
+        beyond = mark_panels(list(grid), list(events.items()), disturbances.spans())
         grid[-1].set_xlabel("time [s]")
         handles = [*grid[0].get_legend_handles_labels()[0], *beyond]
         figure.legend(handles=handles, loc="outside upper center", ncols=4, title=_HOW_TO_READ)

@@ -44,7 +44,7 @@ def errors_over_time(estimates: pd.DataFrame) -> dict[str, ErrorsOverTime]:
     for modality, rows in known.groupby("modality", observed=True):
         keys = rows["quantity"].astype(str) + "/" + rows["component"].astype(str)
         wide = rows.assign(key=keys).set_index(["time", "key"])[["estimate", "truth"]].unstack()
-        one = _errors(wide["estimate"], wide["truth"])
+        one = _errors(wide.xs("estimate", axis=1), wide.xs("truth", axis=1))
         if one is not None:
             errors[str(modality)] = one
     return errors

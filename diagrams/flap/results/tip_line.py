@@ -83,9 +83,10 @@ def tip_line(record: EpisodeRecord) -> TipLine:
         p_WT = np.array([pose @ p_FT for pose in poses])
     estimated = [tick.values.get("tip_estimated", np.full(3, np.nan)) for tick in ticks]
     tools: dict[str, ToolBelief] = dict.fromkeys(record.estimators, UNKNOWN_TOOL)
-    for name, found in record.estimators.items() if touch is not None else ():
-        after = found.ticks[min(touch + 1, len(found.ticks) - 1)]  # When it has touched at last.
-        tools[name] = after.values.get("tool_latest", UNKNOWN_TOOL)
+    if touch is not None:
+        for name, found in record.estimators.items():
+            after = found.ticks[min(touch + 1, len(found.ticks) - 1)]  # It has touched at last.
+            tools[name] = after.values.get("tool_latest", UNKNOWN_TOOL)
     return TipLine(
         times=np.array([tick.time for tick in ticks]),
         p_WT=p_WT,

@@ -101,7 +101,7 @@ class MeshcatView(LeafSystem):
     """Draws each modality's features, coloured by body, and joint into Meshcat.
 
     A recording holds transforms and properties, no new geometry. So features are drawn as clouds
-    that are fixed in their body and move with it; every second new clouds take the
+    that are fixed in their body and move with it; once a second new clouds take the
     place of the old ones, which are hidden. Joints are unit shapes that are scaled. All modalities
     are drawn below `/perception`, one visible; the others can be switched on in Meshcat's tree.
 
@@ -205,7 +205,7 @@ class _Visible:
 
 
 class _PlannedPath:
-    """The way that the end-effector has before it; every second a new line."""
+    """The way that the end-effector has before it; once a second a new line."""
 
     def __init__(self, meshcat: Meshcat, path: str) -> None:
         self._meshcat = meshcat

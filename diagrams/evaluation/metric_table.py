@@ -33,7 +33,7 @@ def readable(unit: str) -> tuple[float, str]:
 
 
 def value_at(path: str) -> Callable[[Mapping[str, Any]], Any]:
-    """What a metric is where it stands in a summary under keys with points between them.
+    """Reads what stands in a summary, or in a part of it, under keys with points between them.
 
     It raises a KeyError where an episode has nothing of the kind.
     """

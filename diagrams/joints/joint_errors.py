@@ -43,8 +43,12 @@ def errors_over_time(estimates: pd.DataFrame) -> dict[str, ErrorsOverTime]:
     known = estimates[estimates["quantity"].isin(_QUANTITIES)]
     for modality, rows in known.groupby("modality", observed=True):
         keys = rows["quantity"].astype(str) + "/" + rows["component"].astype(str)
-        wide = rows.assign(key=keys).set_index(["time", "key"])[["estimate", "truth"]].unstack()
-        one = _errors(wide.xs("estimate", axis=1), wide.xs("truth", axis=1))
+        wide = rows.assign(key=keys)
+        estimate, truth = (
+            wide.pivot(index="time", columns="key", values=values)
+            for values in ("estimate", "truth")
+        )
+        one = _errors(estimate, truth)
         if one is not None:
             errors[str(modality)] = one
     return errors

@@ -10,13 +10,15 @@ import trimesh
 from pydrake.geometry import SceneGraphInspector
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, FrameIndex, Joint, RigidBody
+from pydrake.multibody.tree import FrameIndex, Joint, RigidBody
 from pydrake.systems.framework import Context
 
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.object_import.bars import Bar, bar_at
 from crossmodal.plants.object_import.flat_model import (
     flat_names,
+    joints_above,
+    links,
     moves,
     parent_joints,
     written_joints,
@@ -126,7 +128,7 @@ class _Inspector:
         self._plant, self._inspector, self._reach = plant, inspector, reach
         self._parents, self._names = parents, flat_names(plant)
         self._context: Context = plant.CreateDefaultContext()
-        self._bodies = [plant.get_body(BodyIndex(i)) for i in range(1, plant.num_bodies())]
+        self._bodies = links(plant)
 
     def run(self, warnings: list[str]) -> Inspection:
         whole = self._solid(self._bodies)
@@ -173,13 +175,8 @@ class _Inspector:
 
     def _moving_joint(self, body: RigidBody) -> str:
         """The nearest joint that moves a body; empty for none."""
-        index = int(body.index())
-        while index in self._parents:
-            joint = self._parents[index]
-            if moves(joint):
-                return self._names.joints[int(joint.index())]
-            index = int(joint.parent_body().index())
-        return ""
+        above = joints_above(body, self._parents)
+        return next((self._names.joints[int(j.index())] for j in above if moves(j)), "")
 
     def _handles(self, whole: trimesh.Trimesh) -> list[Handle]:
         """Frames of the model that are in a bar, then bars without one."""

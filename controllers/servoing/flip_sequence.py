@@ -7,8 +7,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context
 
 from crossmodal.controllers.arm.kinematics import ArmModel
-from crossmodal.controllers.arm.sequence import Sequence
-from crossmodal.controllers.servoing.beliefs import known_belief
+from crossmodal.controllers.arm.sequence import Sequence, known_belief
 from crossmodal.controllers.servoing.contact_search import twist_towards
 from crossmodal.controllers.servoing.flip_config import FlipSequenceConfig
 from crossmodal.controllers.servoing.flip_decisions import (

@@ -8,7 +8,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from crossmodal.controllers.arm.kinematics import ArmModel
-from crossmodal.controllers.servoing.beliefs import known_belief
+from crossmodal.controllers.arm.sequence import known_belief
 from crossmodal.controllers.servoing.twists import from_contact, to_contact
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number

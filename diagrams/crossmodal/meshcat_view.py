@@ -1,7 +1,6 @@
 """Draws what the network believes into Meshcat, live and in the recording."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from pydrake.common.value import Value
@@ -50,7 +49,6 @@ from crossmodal.diagrams.run.episode import connect_latest
 from crossmodal.diagrams.run.record import Tick
 from crossmodal.diagrams.run.recorder import declare_input, read_inputs
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.validation import check, number, numbers
 from crossmodal.systems.port_values import (
     HELD_BODY,
     STATIC_BODY,
@@ -63,6 +61,12 @@ from crossmodal.systems.port_values import (
     no_features,
 )
 
+_PERIOD = 0.1  # Between drawings, [s].
+_REFRESH_INTERVAL = 1.0  # Between new sets of features, which move between them, [s].
+_TEXT_INTERVAL = 0.5  # Least time between new texts, [s].
+# Where the page is first seen from, and what the texts face, p_WV; and its target, [m].
+_VIEWPOINT, _LOOKING_AT = np.array([-0.25, 0.75, 1.45]), np.array([0.6, -0.2, 0.85])
+_DOT_RADIUS = 0.009  # Of a feature, [m].
 _BAR_RADIUS = 0.007  # [m]
 _BOARD_HEIGHT = 0.05  # [m]
 _LEGEND: list[Entry] = [
@@ -72,23 +76,6 @@ _LEGEND: list[Entry] = [
     ("bar", JOINT[JointType.SCREW], "screw, its axis within 2σ"),
     ("line", palette.PLAN, "planned way of the hand"),
 ]
-
-
-@dataclass(kw_only=True)
-class MeshcatViewConfig:
-    period: float = number(0.1, at_least=1e-3, at_most=3600.0, unit="s")  # Between drawings.
-    # Between new sets of features; between them they move.
-    refresh_interval: float = number(1.0, at_least=1e-3, at_most=3600.0, unit="s")
-    # Least time between new texts.
-    text_interval: float = number(0.5, at_least=1e-3, at_most=3600.0, unit="s")
-    dot_radius: float = number(0.009, at_least=1e-6, at_most=1.0, unit="m")  # Of a feature.
-    # Where the page is first seen from, and what the texts face, p_WV; and its target.
-    viewpoint: np.ndarray = numbers(
-        np.array([-0.25, 0.75, 1.45]), at_least=-100.0, at_most=100.0, unit="m"
-    )
-    looking_at: np.ndarray = numbers(
-        np.array([0.6, -0.2, 0.85]), at_least=-100.0, at_most=100.0, unit="m"
-    )
 
 
 def add_view(
@@ -102,7 +89,7 @@ def add_view(
     scene_graph = station.GetSubsystemByName("scene_graph")
     view = builder.AddNamedSystem(
         "meshcat_view",
-        MeshcatView(MeshcatViewConfig(), meshcat, list(estimators), textured_boxes(scene_graph)),
+        MeshcatView(meshcat, list(estimators), textured_boxes(scene_graph)),
     )
     for port in ("path_planned", *(quantity.port for quantity in TRUTH_QUANTITIES)):
         builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
@@ -148,15 +135,13 @@ class MeshcatView(LeafSystem):
 
     def __init__(
         self,
-        config: MeshcatViewConfig,
         meshcat: Meshcat,
         modalities: Sequence[str],
         textured: Mapping[str, Mesh] | None = None,
     ) -> None:
         super().__init__()
-        check(config, "MeshcatView")
         self._meshcat, self._textured = meshcat, dict(textured or {})
-        clear_view(meshcat, config.viewpoint, config.looking_at)
+        clear_view(meshcat, _VIEWPOINT, _LOOKING_AT)
         self._ports: dict[str, dict[str, InputPort]] = {}
         self._layers: dict[str, _Layer] = {}
         models = {
@@ -170,14 +155,14 @@ class MeshcatView(LeafSystem):
                 name: declare_input(self, f"{modality}_{name}_latest", model)
                 for name, model in models.items()
             }
-            self._layers[modality] = _Layer(meshcat, f"{ROOT}/{modality}", config)
+            self._layers[modality] = _Layer(meshcat, f"{ROOT}/{modality}")
             meshcat.SetProperty(f"{ROOT}/{modality}", "visible", modality == shown)
         show_legend(meshcat, legend_title(shown, LABELS), _LEGEND)
         self._path = self.DeclareAbstractInputPort("path_planned", Value[object]())
         self._truth_ports = {q.port: declare_input(self, q.port, q.model) for q in TRUTH_QUANTITIES}
         self._station: list[Tick] = []  # Those that the truth at the newest one follows from.
-        self._plan = _PlannedPath(meshcat, f"{ROOT}/planned_path", config)
-        self.DeclarePeriodicPublishEvent(config.period, 0.0, self._draw)
+        self._plan = _PlannedPath(meshcat, f"{ROOT}/planned_path")
+        self.DeclarePeriodicPublishEvent(_PERIOD, 0.0, self._draw)
 
     def _draw(self, context: Context) -> None:
         time = context.get_time()
@@ -201,17 +186,16 @@ class MeshcatView(LeafSystem):
 class _PlannedPath:
     """The way that the end-effector has before it; every `refresh_interval` a new line."""
 
-    def __init__(self, meshcat: Meshcat, path: str, config: MeshcatViewConfig) -> None:
+    def __init__(self, meshcat: Meshcat, path: str) -> None:
         self._meshcat = meshcat
         self._path = path
-        self._interval = config.refresh_interval
         self._shown = ""
         self._drawn = -np.inf
         self._lines = 0
 
     def draw(self, time: float, X_WE: Array) -> None:
         """Replaces the line when it is time; hides it without a plan."""
-        if len(X_WE) > 0 and time < self._drawn + self._interval - 1e-6:
+        if len(X_WE) > 0 and time < self._drawn + _REFRESH_INTERVAL - 1e-6:
             return
         if self._shown:
             self._meshcat.SetProperty(self._shown, "visible", False, time)
@@ -229,10 +213,9 @@ class _PlannedPath:
 class _Layer:
     """The objects of one modality below one path."""
 
-    def __init__(self, meshcat: Meshcat, path: str, config: MeshcatViewConfig) -> None:
+    def __init__(self, meshcat: Meshcat, path: str) -> None:
         self._meshcat = meshcat
         self._path = path
-        self._config = config
         self._clouds: dict[int, str] = {}  # Path of the visible cloud of each body.
         self._clouds_drawn = -np.inf
         self._sets = 0
@@ -244,7 +227,7 @@ class _Layer:
 
     def draw_features(self, time: float, features: FeatureBelief, bodies: list[BodyMotion]) -> None:
         """Moves the clouds with their bodies; draws new ones when it is time."""
-        if time >= self._clouds_drawn + self._config.refresh_interval - 1e-6:
+        if time >= self._clouds_drawn + _REFRESH_INTERVAL - 1e-6:
             self._replace_clouds(time, features, bodies)
             self._clouds_drawn = time
         for body in bodies:
@@ -273,7 +256,7 @@ class _Layer:
             return
         path = f"{self._path}/features/set_{self._sets}/body_{body_id}"
         color = Rgba(*palette.rgb(body_color(body_id)))
-        set_dots(self._meshcat, path, points, self._config.dot_radius, color)
+        set_dots(self._meshcat, path, points, _DOT_RADIUS, color)
         show_from(self._meshcat, path, time)
         self._clouds[body_id] = path
 
@@ -344,7 +327,7 @@ class _Layer:
             self._meshcat.SetTransform(f"{path}/tip", tip, time)
 
     def _write_text(self, time: float, text: str, sketch: JointSketch) -> None:
-        due = time >= self._text_drawn + self._config.text_interval - 1e-6
+        due = time >= self._text_drawn + _TEXT_INTERVAL - 1e-6
         if text != self._text and due:
             self._hide_text(time)
             self._text, self._text_drawn = text, time
@@ -363,7 +346,7 @@ class _Layer:
 
     def _text_pose(self, p_WJ: Array) -> RigidTransform:
         """Upright above a joint at p_WJ and in front of it, its -y towards the viewer."""
-        to_viewer = self._config.viewpoint - p_WJ
+        to_viewer = _VIEWPOINT - p_WJ
         to_viewer /= np.linalg.norm(to_viewer)
         p_WT = p_WJ + np.array([0.0, 0.0, 0.1]) + 0.15 * to_viewer
         yaw = float(np.arctan2(-to_viewer[1], -to_viewer[0])) - 0.5 * np.pi

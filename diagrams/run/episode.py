@@ -7,12 +7,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, PortDataType, System
 
-from crossmodal.diagrams.run.application import Application, Station, check_quantities
+from crossmodal.diagrams.run.application import Application, Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.folder.fingerprint import contents
 from crossmodal.diagrams.run.process import peak_memory
@@ -20,12 +19,11 @@ from crossmodal.diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
 from crossmodal.diagrams.run.recorder import (
     STATUS_PORT,
     EpisodeRecorder,
-    RecorderConfig,
     TickStopwatch,
 )
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.sensor_streams.log import SensorLogWriter, SensorRecorder, make_streams
-from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
+from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults, model_of
 from crossmodal.diagrams.run.ticks import advance_by_ticks
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 from crossmodal.maths.compiled import compilation_timed
@@ -110,7 +108,6 @@ class Episode:
             self.calibration = application.make_calibration(scenario)
         self.station = build_station(application, scenario, self.calibration)
         self.estimators = build_estimators(application, scenario, self.calibration)
-        check_quantities(application, self.station.diagram, self.estimators)
         period = scenario.network_period
         builder = DiagramBuilder()
         station = builder.AddNamedSystem("station", self.station.diagram)
@@ -125,7 +122,7 @@ class Episode:
         self.recorder = builder.AddNamedSystem(
             "recorder",
             EpisodeRecorder(
-                RecorderConfig(period=period),
+                period,
                 list(self.estimators),
                 application.quantities,
                 application.station_quantities,
@@ -134,6 +131,12 @@ class Episode:
         )
         with building(scenario.name):
             connect_recorder(builder, station, self.estimators, self.recorder)
+            for quantity in application.station_quantities:
+                station.GetOutputPort(quantity.port)  # Raises an error for one that is mistyped.
+            for name, estimator in self.estimators.items():
+                for quantity in application.quantities:
+                    if not quantity.estimators or name in quantity.estimators:
+                        estimator.GetOutputPort(quantity.port)
         self._sensor_log: SensorLogWriter | None = None
         if sensors_file is not None:
             self._sensor_log = _add_sensor_recorder(
@@ -260,10 +263,7 @@ def stream_models(
     for estimator in estimators.values():
         for index in range(estimator.num_input_ports()):
             port = estimator.get_input_port(index)
-            is_vector = port.get_data_type() == PortDataType.kVectorValued
-            models[port.get_name()] = (
-                np.zeros(port.size()) if is_vector else port.Allocate().get_value()
-            )
+            models[port.get_name()] = model_of(port)
     models |= {quantity.port: quantity.model for quantity in station_quantities}
     return models | {STATUS_PORT: TaskStatus()}
 

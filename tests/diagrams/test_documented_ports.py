@@ -8,7 +8,7 @@ import pytest
 from pydrake.systems.framework import Diagram, System
 
 from crossmodal.diagrams.applications import load_scenario
-from crossmodal.diagrams.crossmodal.meshcat_view import MeshcatView, MeshcatViewConfig
+from crossmodal.diagrams.crossmodal.meshcat_view import MeshcatView
 from crossmodal.diagrams.drawing.meshcat import start_meshcat
 from crossmodal.diagrams.run.episode import Episode
 from crossmodal.diagrams.run.record import TaskStatus
@@ -55,7 +55,7 @@ def declared(tmp_path_factory: pytest.TempPathFactory) -> dict[type, dict[str, s
     """By class of our own, the names of input and output ports that its instances declare."""
     application, scenario = load_scenario("drawer-return")
     episode = Episode(application, scenario)
-    view = MeshcatView(MeshcatViewConfig(), start_meshcat(), scenario.modalities)
+    view = MeshcatView(start_meshcat(), scenario.modalities)
     path = tmp_path_factory.mktemp("log") / "sensors.mcap"
     streams = make_streams({STATUS_PORT: TaskStatus()}, {})
     recorder = SensorRecorder(path, streams, 1.0)

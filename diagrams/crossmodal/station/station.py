@@ -124,16 +124,15 @@ def make_manipulation_station(
     """
     thing, seed, errors = scenario.object, scenario.seed, scenario.calibration.errors
     name = scenario.task.object or next(iter(scenario.objects))
-    believed_arm = calibration.arms[ARM]
-    X_WBase = draw_base(ARM, believed_arm.X_WBase, errors, seed)
-    moved = X_WBase is not believed_arm.X_WBase
+    believed = calibration.arms[ARM].X_WBase
+    X_WBase = draw_base(ARM, believed, errors, seed)
     builder = DiagramBuilder()
     scene = add_manipulation_scene(
         builder,
         scenario.plant,
         placements or draw_placements(scenario),
         [(ARM, HAND)],
-        {ARM: X_WBase} if moved else {},
+        {ARM: X_WBase} if X_WBase is not believed else {},
     )
     plant = scene.plant
     joint = plant.GetJointByName(thing.joint, scene.objects[name])
@@ -142,10 +141,9 @@ def make_manipulation_station(
     wiring = StationWiring(
         builder=builder,
         scene=scene,
-        true_arm=make_arm_with_load(WAM_WITH_SOFT_HAND, X_WBase),
-        arm=believed_arm.model,
-        X_WBase=believed_arm.X_WBase,
         scenario=scenario,
+        calibration=calibration,
+        true_arm=make_arm_with_load(WAM_WITH_SOFT_HAND, X_WBase),
     )
     _add_object_mechanics(wiring, joint)
     add_true_pose(builder, plant, plant.GetFrameByName("sensor", scene.model(HAND)), "hand")
@@ -163,7 +161,7 @@ def make_manipulation_station(
     taught = [encoders.as_read(q) for q in (q_grasp, q_start)]
     direction_E = facing(RigidTransform()).rotation().inverse() @ thing.pull_direction
     sequence = add_control(wiring, encoders, taught[0], taught[1], direction_E)
-    add_vision(wiring, encoders, sequence, calibration)
+    add_vision(wiring, encoders, sequence)
     status = builder.AddNamedSystem("task_status", ManipulationStatus())
     connect_alike(builder, sequence, "phase", status)
     connect_alike(builder, sequence, "grasp_lost", status)

@@ -105,8 +105,8 @@ def add_control(
         q_before: Likewise where the approach begins.
         direction_E: Taught direction of the pull (3,), in E.
     """
-    builder, plant, control = wiring.builder, wiring.scene.plant, wiring.scenario.control
-    arm = ArmModel(wiring.arm)
+    builder, control = wiring.builder, wiring.scenario.control
+    arm = ArmModel(wiring.arm.model)
     still = np.zeros(arm.num_joints)
     X_WE, X_WE_before = (
         arm.Evaluate(np.concatenate([q, still])).X_WE for q in (q_taught, q_before)
@@ -124,9 +124,7 @@ def add_control(
     generator = builder.AddNamedSystem(
         "trajectory_generator", TrajectoryGenerator(control.trajectory, arm)
     )
-    impedance = add_impedance_control(
-        builder, plant, wiring.scene.model(ARM), encoders, arm, control.impedance, q_taught
-    )
+    impedance = add_impedance_control(wiring, ARM, encoders, arm, control.impedance, q_taught)
     switch = builder.AddNamedSystem("motion_switch", MotionSwitch(MOTION_SOURCES))
     if control.excitation is None:
         exploration = ExplorationController(control.exploration, arm)

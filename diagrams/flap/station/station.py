@@ -4,7 +4,7 @@ Its outputs are what the robots have (measured and commanded quantities); the tr
 through ports named `cheat_...`, for evaluation.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
@@ -86,7 +86,7 @@ def make_flap_station(scenario: Scenario, calibration: Calibration) -> FlapStati
     wiring = StationWiring(
         builder=builder,
         scene=add_scene(builder, scenario, tool, bases),
-        scenario=scenario,
+        scenario=replace(scenario, cameras=scenario.drawn_cameras()),
         calibration=calibration,
         start=settled_start(scenario, tool, bases, arms),
     )

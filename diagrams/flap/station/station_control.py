@@ -4,9 +4,8 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
-from crossmodal.diagrams.flap.flip_control import make_flip_control
+from crossmodal.diagrams.flap.flip_control import make_flip_control, make_line_control
 from crossmodal.diagrams.flap.flip_status import FlipStatus
-from crossmodal.diagrams.flap.line_control import make_line_control
 from crossmodal.diagrams.flap.robot_config import (
     FINGER,
     FINGER_ARM,

@@ -8,9 +8,12 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, System
 
-from crossmodal.diagrams.flap.flip_control import FlipControlConfig, joint_limits, make_flip_control
+from crossmodal.diagrams.flap.flip_control import (
+    FlipControlConfig,
+    make_flip_control,
+    make_line_control,
+)
 from crossmodal.diagrams.flap.flip_status import FlipStatus
-from crossmodal.diagrams.flap.line_control import make_line_control
 from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
 from crossmodal.plants.robots.lwr import LWR_WITH_FINGERTIP, LWR_WITH_THREE_FINGERS
 from crossmodal.systems.arm_pose import ArmPose
@@ -85,11 +88,3 @@ def test_the_arm_with_the_tool_stays_while_nothing_is_believed_of_it(line_contro
     simulator.AdvanceTo(0.1)
     command = line_control.GetOutputPort("joint_position_commanded").Eval(context)
     np.testing.assert_allclose(command, Q, atol=1e-9)
-
-
-def test_the_limits_are_those_of_the_arms_model() -> None:
-    model = make_arm_with_load(LWR_WITH_FINGERTIP, RigidTransform())
-    limits = joint_limits(model)
-    assert np.all(np.isfinite([limits.lower, limits.upper, limits.velocity]))
-    assert np.all(limits.lower < 0.0)
-    assert np.all(limits.velocity > 1.0)

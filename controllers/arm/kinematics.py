@@ -37,19 +37,12 @@ class ArmModel:
         plant: As given.
 
     Args:
-        plant: A finalized plant with the arm alone (the hand's inertia lumped into it) and its
-            frame `end_effector`; not the simulated plant, but what the robot knows about itself.
-
-    Raises:
-        ValueError: if a joint's velocity is not the derivative of its position.
+        plant: A finalized plant with the arm alone, of one-axis joints on a fixed base (the hand's
+            inertia lumped into it), and its frame `end_effector`; not the simulated plant, but what
+            the robot knows about itself.
     """
 
     def __init__(self, plant: MultibodyPlant) -> None:
-        if plant.num_positions() != plant.num_velocities():
-            raise ValueError(
-                f"ArmModel: {plant.num_positions()} positions and {plant.num_velocities()}"
-                " velocities, need an arm of one-axis joints on a fixed base"
-            )
         self.plant = plant
         self._frame = plant.GetFrameByName("end_effector")
         self._context = plant.CreateDefaultContext()

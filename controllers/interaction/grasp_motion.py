@@ -9,21 +9,9 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 
 
-def unit(direction: Array, name: str) -> Array:
-    """`direction` (3,) with length one.
-
-    Raises:
-        ValueError: if it has no direction, under this `name`.
-    """
-    length = np.linalg.norm(direction)
-    if np.shape(direction) != (3,) or not 0 < length < np.inf:
-        raise ValueError(f"{name} = {np.asarray(direction).tolist()}: need 3 numbers, not all zero")
-    return np.asarray(direction / length)
-
-
 def exploration_gains(config: GraspSequenceConfig, direction_E: Array) -> ImpedanceGains:
     """Compliant in all directions, stiff in the pulling direction (3,) of E."""
-    direction = unit(direction_E, "direction_E")
+    direction = direction_E / np.linalg.norm(direction_E)
     pull = np.zeros((6, 6))
     pull[3:, 3:] = np.outer(direction, direction)
     free = np.eye(6) - pull
@@ -36,16 +24,11 @@ def exploration_gains(config: GraspSequenceConfig, direction_E: Array) -> Impeda
 
 def stiff_gains(config: GraspSequenceConfig) -> ImpedanceGains:
     """Holds the pose while the hand approaches and closes."""
-    ones = np.ones(3)
+    stiffness = config.stiff_rotation, config.stiff_translation
+    damping = config.stiff_rotation_damping, config.stiff_translation_damping
     return ImpedanceGains(
-        stiffness=np.diag(
-            np.concatenate([config.stiff_rotation * ones, config.stiff_translation * ones])
-        ),
-        damping=np.diag(
-            np.concatenate(
-                [config.stiff_rotation_damping * ones, config.stiff_translation_damping * ones]
-            )
-        ),
+        stiffness=np.diag(np.repeat(stiffness, 3)),
+        damping=np.diag(np.repeat(damping, 3)),
         mass=config.mass * np.eye(6),
     )
 

@@ -5,12 +5,12 @@ Source: Q. Li, A. Ückermann, R. Haschke and H. Ritter, Estimating an articulate
 via visuo-tactile based robotic interactive manipulation, IROS 2018.
 """
 
-from crossmodal.diagrams.flap.calibration import make_calibration
 from crossmodal.diagrams.flap.episode_parts import (
     QUANTITIES,
     STATION_QUANTITIES,
     TOPICS,
     close_loop,
+    make_calibration,
     make_estimators,
     make_station,
 )

@@ -103,21 +103,25 @@ class Episode:
         sensors_file: Path | None = None,
     ) -> None:
         self._scenario = scenario
-        self._meshcat: Meshcat | None = None
+        self._meshcat = meshcat
         with building(scenario.name):
-            self.calibration = application.make_calibration(scenario)
+            self._build(application, scenario, sensors_file)
+
+    def _build(
+        self, application: Application, scenario: Scenario, sensors_file: Path | None
+    ) -> None:
+        self.calibration = application.make_calibration(scenario)
         self.station = build_station(application, scenario, self.calibration)
         self.estimators = build_estimators(application, scenario, self.calibration)
         period = scenario.network_period
         builder = DiagramBuilder()
         station = builder.AddNamedSystem("station", self.station.diagram)
-        with building(scenario.name):
-            faults = scenario.disturbances.faults
-            heard = add_stream_faults(builder, station, faults, period, scenario.seed)
-            self._stopwatches = {
-                name: _add_estimator(builder, heard, name, estimator, period)
-                for name, estimator in self.estimators.items()
-            }
+        faults = scenario.disturbances.faults
+        heard = add_stream_faults(builder, station, faults, period, scenario.seed)
+        self._stopwatches = {
+            name: _add_estimator(builder, heard, name, estimator, period)
+            for name, estimator in self.estimators.items()
+        }
         application.close_loop(builder, scenario, station, self.estimators)
         self.recorder = builder.AddNamedSystem(
             "recorder",
@@ -129,26 +133,27 @@ class Episode:
                 application.pictures,
             ),
         )
-        with building(scenario.name):
-            connect_recorder(builder, station, self.estimators, self.recorder)
-            for quantity in application.station_quantities:
-                station.GetOutputPort(quantity.port)  # Raises an error for one that is mistyped.
-            for name, estimator in self.estimators.items():
-                for quantity in application.quantities:
-                    if not quantity.estimators or name in quantity.estimators:
-                        estimator.GetOutputPort(quantity.port)
+        connect_recorder(builder, station, self.estimators, self.recorder)
+        for quantity in application.station_quantities:
+            station.GetOutputPort(quantity.port)  # Raises an error for one that is mistyped.
+        for name, estimator in self.estimators.items():
+            for quantity in application.quantities:
+                if not quantity.estimators or name in quantity.estimators:
+                    estimator.GetOutputPort(quantity.port)
         self._sensor_log: SensorLogWriter | None = None
         if sensors_file is not None:
             self._sensor_log = _add_sensor_recorder(
                 builder, application, scenario, station, self.estimators, sensors_file
             )
-        if meshcat is not None and station.HasOutputPort(SCENE_PORT):
-            self._meshcat = meshcat
+        if self._meshcat is not None and station.HasOutputPort(SCENE_PORT):
             if application.view is not None:
-                application.view(builder, scenario, meshcat, station, self.estimators)
-            scene = MeshcatVisualizer(meshcat, MeshcatVisualizerParams(publish_period=1.0 / 16.0))
+                application.view(builder, scenario, self._meshcat, station, self.estimators)
+            params = MeshcatVisualizerParams(publish_period=1.0 / 16.0)
+            scene = MeshcatVisualizer(self._meshcat, params)
             builder.AddNamedSystem("meshcat_scene", scene)
             builder.Connect(station.GetOutputPort(SCENE_PORT), scene.query_object_input_port())
+        else:
+            self._meshcat = None
         self.diagram = builder.Build()
 
     def Run(self, progress: Callable[[float], None] | None = None) -> EpisodeRecord:

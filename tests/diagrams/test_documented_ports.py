@@ -78,7 +78,7 @@ def test_all_filters_sensors_and_controllers_are_in_the_episode(
     names = {cls.__name__ for cls in declared}
     assert {"FeatureMotion", "GraspModel", "KinematicModel", "CameraNoise", "RobotMask"} <= names
     assert {"ImpedanceController", "ExplorationController", "PneumaticHand"} <= names
-    assert {"SensorRecorder", "SensorReplay", "EpisodeRecorder", "ManipulationStatus"} <= names
+    assert {"SensorRecorder", "SensorReplay", "EpisodeRecorder", "TaskStatusSource"} <= names
     assert len(names) > 20
 
 

@@ -9,23 +9,21 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import Joint
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
-from pydrake.systems.primitives import Adder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
 from crossmodal.diagrams.crossmodal.scenario import ObjectConfig, Scenario, object_model_file
 from crossmodal.diagrams.crossmodal.station.station_control import add_control, taught_postures
 from crossmodal.diagrams.crossmodal.station.station_sensors import add_proprioception, add_vision
 from crossmodal.diagrams.crossmodal.station.wiring import StationWiring
-from crossmodal.diagrams.crossmodal.task import ManipulationStatus
+from crossmodal.diagrams.crossmodal.task import task_status
 from crossmodal.diagrams.joints.joint_truth import ObjectTruth
 from crossmodal.diagrams.run.calibration import Calibration, draw_base
-from crossmodal.diagrams.run.recorder import STATUS_PORT
-from crossmodal.diagrams.stations.connections import connect_alike, export_outputs
+from crossmodal.diagrams.stations.connections import export_outputs
+from crossmodal.diagrams.stations.task_status import add_task_status
 from crossmodal.diagrams.stations.true_pose import add_true_pose
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.external_forces import ExternalForces
-from crossmodal.plants.joint_detent import JointDetent
 from crossmodal.plants.joint_friction import JointFriction
 from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
 from crossmodal.plants.robots.wam import WAM_WITH_SOFT_HAND
@@ -162,10 +160,8 @@ def make_manipulation_station(
     direction_E = facing(RigidTransform()).rotation().inverse() @ thing.pull_direction
     sequence = add_control(wiring, encoders, taught[0], taught[1], direction_E)
     add_vision(wiring, encoders, sequence)
-    status = builder.AddNamedSystem("task_status", ManipulationStatus())
-    connect_alike(builder, sequence, "phase", status)
-    connect_alike(builder, sequence, "grasp_lost", status)
-    builder.ExportOutput(status.get_output_port(), STATUS_PORT)
+    ports = {name: sequence.GetOutputPort(name) for name in ("phase", "grasp_lost")}
+    add_task_status(builder, task_status, ports)
     return ManipulationStation(
         diagram=builder.Build(),
         scene=scene,
@@ -179,17 +175,15 @@ def make_manipulation_station(
 def _add_object_mechanics(wiring: StationWiring, joint: Joint) -> None:
     builder, scene = wiring.builder, wiring.scene
     plant = scene.plant
-    applied: dict[str, System] = {"joint_friction": JointFriction(plant, scene.applied_friction)}
-    for name, thing in wiring.scenario.objects.items():
-        if thing.detent > 0.0:
-            caught = plant.GetJointByName(thing.joint, scene.objects[name])
-            applied[f"{name}_detent"] = JointDetent(plant, caught, thing.detent)
-    total = builder.AddNamedSystem("joint_forces", Adder(len(applied), plant.num_velocities()))
-    for i, (name, system) in enumerate(applied.items()):
-        builder.AddNamedSystem(name, system)
-        builder.Connect(plant.get_state_output_port(), system.get_input_port())
-        builder.Connect(system.get_output_port(), total.get_input_port(i))
-    builder.Connect(total.get_output_port(), plant.get_applied_generalized_force_input_port())
+    detents = [
+        (plant.GetJointByName(thing.joint, scene.objects[name]), thing.detent)
+        for name, thing in wiring.scenario.objects.items()
+        if thing.detent > 0.0
+    ]
+    friction = JointFriction(plant, scene.applied_friction, detents)
+    builder.AddNamedSystem("joint_friction", friction)
+    builder.Connect(plant.get_state_output_port(), friction.get_input_port())
+    builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())
     v = joint.velocity_start()
     taken, detent = float(scene.friction[v]), wiring.scenario.object.detent
     # Applied friction is next to nothing where a joint stands, so that the detent holds all alone.

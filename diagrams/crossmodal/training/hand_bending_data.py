@@ -8,7 +8,7 @@ from pydrake.systems.analysis import Simulator
 
 from crossmodal.controllers.interaction.bending_excitation import BendingExcitationConfig
 from crossmodal.controllers.interaction.grasp_sequence_config import GraspSequenceConfig
-from crossmodal.diagrams.crossmodal.calibration import make_calibration
+from crossmodal.diagrams.crossmodal.episode_parts import make_calibration
 from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.crossmodal.station.station import (
     ManipulationStation,

@@ -5,7 +5,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, Output
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
 from crossmodal.diagrams.flap.flip_control import make_flip_control, make_line_control
-from crossmodal.diagrams.flap.flip_status import FlipStatus
+from crossmodal.diagrams.flap.flip_status import flip_status
 from crossmodal.diagrams.flap.robot_config import (
     FINGER,
     FINGER_ARM,
@@ -14,9 +14,9 @@ from crossmodal.diagrams.flap.robot_config import (
     HOLDER_HAND,
 )
 from crossmodal.diagrams.flap.station.wiring import StationWiring
-from crossmodal.diagrams.run.recorder import STATUS_PORT
 from crossmodal.diagrams.stations.connections import connect_alike, export_input, export_outputs
 from crossmodal.diagrams.stations.naming import prefixed
+from crossmodal.diagrams.stations.task_status import add_task_status
 from crossmodal.systems.sensors.joint_encoders import JointEncoders
 from crossmodal.systems.shared_settings import with_shared
 
@@ -101,11 +101,12 @@ def add_line_control(
     builder.Connect(flip.GetOutputPort("phase"), line.GetInputPort("flip_phase"))
     export_input(builder, "tool_latest", line)
     export_outputs(builder, line, "tip_estimated")
-    status = builder.AddNamedSystem("task_status", FlipStatus())
-    for name, control in (("flip", flip), ("line", line)):
-        for port in ("phase", "failure"):
-            builder.Connect(control.GetOutputPort(port), status.GetInputPort(f"{name}_{port}"))
-    builder.ExportOutput(status.get_output_port(), STATUS_PORT)
+    ports = {
+        f"{name}_{port}": control.GetOutputPort(port)
+        for name, control in (("flip", flip), ("line", line))
+        for port in ("phase", "failure")
+    }
+    add_task_status(builder, flip_status, ports)
 
 
 def _drive(

@@ -13,7 +13,6 @@ from crossmodal.diagrams.flap.flip_control import (
     make_flip_control,
     make_line_control,
 )
-from crossmodal.diagrams.flap.flip_status import FlipStatus
 from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
 from crossmodal.plants.robots.lwr import LWR_WITH_FINGERTIP, LWR_WITH_THREE_FINGERS
 from crossmodal.systems.arm_pose import ArmPose
@@ -60,7 +59,7 @@ def test_every_system_has_the_ports_that_it_documents(
         fingertip_layout(),
     )
     own = [system for system in control.GetSystems() if system.get_name() != "twist_sum"]
-    for system in [*own, *line_control.GetSystems(), motion, FlipStatus()]:
+    for system in [*own, *line_control.GetSystems(), motion]:
         for kind, names in declared(system).items():
             assert documented(type(system).__doc__ or "", kind) == names, system.get_name()
     for make, diagram in ((make_flip_control, control), (make_line_control, line_control)):

@@ -73,10 +73,10 @@ def test_quantities_that_are_there_are_taken_of_whichever_estimators_run() -> No
 @pytest.mark.parametrize(
     ("quantities", "station", "expected"),
     [
-        ([quantity("jonts_latest")], (), "'jonts_latest'.*eye.*joints_latest"),
-        ([quantity("grasp_latest")], (), "'grasp_latest'.*eye"),
-        ([quantity("grsp_latest", "hand")], (), "'grsp_latest'.*hand"),
-        ([], ("cheat_pos",), "'cheat_pos'.*station.*cheat_pose"),
+        ([quantity("jonts_latest")], (), "eye does not have an output port named jonts_latest"),
+        ([quantity("grasp_latest")], (), "eye does not have an output port named grasp_latest"),
+        ([quantity("grsp_latest", "hand")], (), "hand does not have an output port named grsp_"),
+        ([], ("cheat_pos",), "station does not have an output port named cheat_pos"),
     ],
 )
 def test_a_mistyped_quantity_is_refused_in_one_line(
@@ -88,6 +88,4 @@ def test_a_mistyped_quantity_is_refused_in_one_line(
     }
     with pytest.raises(ScenarioError) as caught:
         episode(application(*quantities, station=station), both)
-    message = str(caught.value)
-    for part in expected.split(".*"):
-        assert part in message
+    assert expected in str(caught.value)

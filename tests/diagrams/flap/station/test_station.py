@@ -9,7 +9,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 from truth_paths import truth_paths, truth_references
 
-from crossmodal.diagrams.flap.calibration import make_calibration
+from crossmodal.diagrams.flap.episode_parts import make_calibration
 from crossmodal.diagrams.flap.scenario import Scenario
 from crossmodal.diagrams.flap.station.station import FlapStation, make_flap_station
 from crossmodal.diagrams.flap.station.tool_placement import draw_tool

@@ -14,8 +14,7 @@ from crossmodal.diagrams.crossmodal.estimators import (
 from crossmodal.diagrams.crossmodal.modalities import FEELING, SEEING
 from crossmodal.diagrams.crossmodal.robot_config import ARM
 from crossmodal.diagrams.crossmodal.scenario import Scenario
-from crossmodal.diagrams.crossmodal.station.overlaps import overlaps
-from crossmodal.diagrams.crossmodal.station.settling import settling
+from crossmodal.diagrams.crossmodal.station.start_warnings import overlaps, settling
 from crossmodal.diagrams.crossmodal.station.station import (
     draw_placements,
     make_manipulation_station,

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
-from crossmodal.diagrams.crossmodal.modalities import MODALITIES
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.stations.add_monitors import (
     add_image_monitor,
@@ -209,10 +208,8 @@ def make_network(
         period: Of the ticks, [s].
 
     Raises:
-        ValueError: for an unknown modality or an impossible config value.
+        ValueError: for an impossible config value.
     """
-    if modality not in MODALITIES:
-        raise ValueError(f"unknown modality '{modality}'; there are {', '.join(MODALITIES)}")
     check_cut(config.cut)
     config = with_shared(
         config, period=period, noise=calibration.noise, hand=config.hand, windows=config.windows

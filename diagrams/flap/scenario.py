@@ -12,9 +12,10 @@ from crossmodal.diagrams.flap.robot_config import SensorsConfig
 from crossmodal.diagrams.run import scenario as base
 from crossmodal.diagrams.run.calibration import CalibrationConfig, realistic_errors
 from crossmodal.diagrams.run.scenario import CameraConfig
-from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 from crossmodal.diagrams.stations import pushed
 from crossmodal.diagrams.stations.scenario_checks import (
+    check_modalities,
     check_one_camera,
     check_scene,
     check_textures,
@@ -184,9 +185,8 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
     check_one_camera(scenario, str(path), "the flap is tracked")
     check_scene(scenario.plant.scene, str(path))
     check_textures(scenario.tool.variation.textures, f"{path}: tool.variation.textures")
-    for name in scenario.modalities:
-        if name not in ESTIMATORS:
-            raise ScenarioError(f"{path}: modalities: {suggestion(name, ESTIMATORS)}")
+    modalities = scenario.modalities or list(ESTIMATORS)
+    check_modalities(modalities, ESTIMATORS, str(path))
     try:
         scenario.finger.layout()
     except ValueError as error:
@@ -205,6 +205,6 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
             )
     return replace(
         scenario,
-        modalities=scenario.modalities or list(ESTIMATORS),
+        modalities=modalities,
         tool=replace(scenario.tool, model=model),
     )

@@ -158,7 +158,11 @@ def add_control(
             ),
         ),
     )
-    _export(builder, sequence, memory, generator)
+    for name in PERCEIVED_INPUTS:  # Each perceived quantity goes to all that read it.
+        parts = (part for part in (sequence, memory, generator) if part.HasInputPort(name))
+        export_input(builder, name, *parts)
+    export_outputs(builder, generator, "path_planned")
+    export_outputs(builder, sequence, "interaction_active", "phase", "grasp_lost")
     return sequence
 
 
@@ -203,17 +207,3 @@ def _add_excitation(
             (excitation, "motion_desired", switch, "exploration_motion_desired"),
         ),
     )
-
-
-def _export(
-    builder: DiagramBuilder,
-    sequence: GraspSequence,
-    memory: JointMemory,
-    generator: TrajectoryGenerator,
-) -> None:
-    """Each perceived quantity goes to all that read it."""
-    for name in PERCEIVED_INPUTS:
-        parts = (sequence, memory, generator)
-        export_input(builder, name, *(part for part in parts if part.HasInputPort(name)))
-    export_outputs(builder, generator, "path_planned")
-    export_outputs(builder, sequence, "interaction_active", "phase", "grasp_lost")

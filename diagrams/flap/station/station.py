@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
+from pydrake.systems.framework import Context, DiagramBuilder, System
 
 from crossmodal.diagrams.flap.robot_config import FINGER, HOLDER, HOLDER_HAND, ROBOTS, TOOL
 from crossmodal.diagrams.flap.scenario import Scenario
@@ -27,6 +27,7 @@ from crossmodal.diagrams.flap.station.station_sensors import (
 )
 from crossmodal.diagrams.flap.station.tool_placement import draw_tool
 from crossmodal.diagrams.flap.station.wiring import StationWiring
+from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration, draw_base
 from crossmodal.diagrams.stations.true_pose import add_true_pose
 from crossmodal.plants.external_forces import ExternalForces
@@ -40,23 +41,16 @@ _VIEWS = 9  # Angles of the flap at which a camera is asked whether it sees it.
 
 
 @dataclass(kw_only=True)
-class FlapStation:
-    """The station's Diagram and what of it others than the estimators may know.
+class FlapStation(Station):
+    """The station and what of it others than the estimators may know.
 
     Attributes:
-        diagram: See `make_flap_station` for its ports.
         scene: The simulated plant and its names.
         start: The true state at first.
     """
 
-    diagram: Diagram
     scene: ManipulationScene
     start: Start
-
-    def SetInitialState(self, root_context: Context) -> None:
-        """The hand holds the tool, the finger waits at the flap."""
-        context = self.scene.plant.GetMyMutableContextFromRoot(root_context)
-        self.scene.plant.SetPositions(context, self.start.positions)
 
 
 def make_flap_station(scenario: Scenario, calibration: Calibration) -> FlapStation:
@@ -99,7 +93,14 @@ def make_flap_station(scenario: Scenario, calibration: Calibration) -> FlapStati
     add_line_control(wiring, drives[HOLDER], encoders[HOLDER], flip)
     add_vision(wiring, encoders)
     _add_outside(wiring)
-    return FlapStation(diagram=builder.Build(), scene=wiring.scene, start=wiring.start)
+    plant, start = wiring.plant, wiring.start
+
+    def initialise(root: Context) -> None:
+        plant.SetPositions(plant.GetMyMutableContextFromRoot(root), start.positions)
+
+    return FlapStation(
+        diagram=builder.Build(), initialise=initialise, scene=wiring.scene, start=start
+    )
 
 
 def _check_sight(wiring: StationWiring) -> None:

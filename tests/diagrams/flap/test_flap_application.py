@@ -12,7 +12,6 @@ from crossmodal.diagrams.drawing.meshcat import start_meshcat
 from crossmodal.diagrams.flap.application import APPLICATION
 from crossmodal.diagrams.flap.episode_parts import PERCEIVED
 from crossmodal.diagrams.flap.estimator_names import ESTIMATORS
-from crossmodal.diagrams.flap.estimators import make_estimator
 from crossmodal.diagrams.flap.experiments import EXPERIMENTS
 from crossmodal.diagrams.flap.meshcat_view import MeshcatView
 from crossmodal.diagrams.run.episode import Episode
@@ -62,12 +61,6 @@ def test_the_first_estimator_is_what_the_fingertip_rolls_by(episode: Episode, sc
         if source[0] is acting and target[0] is station
     }
     assert told == {station.GetInputPort(port).get_index() for port in PERCEIVED}
-
-
-def test_an_unknown_estimator_is_refused(scenario) -> None:
-    calibration = APPLICATION.make_calibration(scenario)
-    with pytest.raises(ValueError, match="there are geometric, filtered"):
-        make_estimator("guess", scenario.perception, calibration, scenario.finger.layout(), 0.1)
 
 
 @pytest.mark.parametrize("name", ESTIMATORS)

@@ -115,7 +115,6 @@ class VisualServoing(LeafSystem):
     Source: as `TactileServoing`.
 
     Args:
-        config: Gains and limits.
         arm: The arm's own model, its end-effector the fingertip S.
 
     Raises:
@@ -167,7 +166,6 @@ def servoing_twist(
         slide: What touch adds to that, [m/s].
         angle: `FlapAngleBelief`; None if unknown.
         hinge: `HingeBelief`; None if unknown.
-        config: Gains and limits.
     """
     R_WS = X_WS[:3, :3]
     y_S, z_S = np.ascontiguousarray(R_WS.T)[1:]

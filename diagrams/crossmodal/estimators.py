@@ -203,7 +203,6 @@ def make_network(
 
     Args:
         modality: One of `MODALITIES`.
-        config: Of the filters.
         calibration: What the robot believes of its sensors.
         period: Of the ticks, [s].
 

@@ -106,9 +106,7 @@ def make_estimator(
     Args:
         name: One of `ESTIMATORS`: `geometric` intersects the flap's planes and fits the contact's
             circle, `filtered` asks the joint filters of the cross-modal network.
-        config: Of the systems.
         calibration: What the robots believe of their sensors.
-        layout: Of the taxels.
         period: Of the ticks, [s].
 
     Raises:

@@ -62,9 +62,7 @@ def make_flip_control(
     The two beliefs may stay unconnected.
 
     Args:
-        config: Of the parts.
         model: The arm's own model.
-        layout: Of the taxels.
         q_initial: Posture in which the arm begins (n,), [rad].
     """
     builder, arm = DiagramBuilder(), ArmModel(model)
@@ -127,7 +125,6 @@ def make_line_control(
     The belief may stay unconnected; then the arm stays where it is.
 
     Args:
-        config: Of the parts.
         model: The arm's own model.
         q_initial: Posture in which the arm begins (n,), [rad].
     """

@@ -102,7 +102,6 @@ class MeshcatView(LeafSystem):
 
     Args:
         estimators: Names; the last is shown first.
-        layout: Of the taxels.
         line: Ends of the line that the tip is to follow, (3,) each, [m].
     """
 

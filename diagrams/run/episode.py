@@ -313,7 +313,6 @@ def run_episode(
     """Builds and simulates one episode.
 
     Args:
-        application: What runs it.
         scenario: What is simulated, with its seed.
         meshcat: Where to draw; the recording becomes part of the record.
         progress: Called with the simulated time [s], about once per tick.

@@ -29,11 +29,9 @@ def add_encoders(
     """Adds the encoders of an arm's joints; exports `joint_state_window`.
 
     Args:
-        wiring: Of the station.
         arm: Name of the arm's model in the scene.
         true_arm: The arm alone, as it is.
         q_nominal: Posture (n,) at which the end-effector's offset has its covariance, [rad].
-        config: Of the encoders.
         owner: Name of the arm where there are several; it then begins the names.
     """
     builder, plant, scenario = wiring.builder, wiring.plant, wiring.scenario
@@ -60,9 +58,7 @@ def add_wrist_wrench(
     """Adds the sensor of what a hand does to the arm that carries it; exports `wrench_window`.
 
     Args:
-        wiring: Of the station.
         sensor: S, a frame of the first body beyond the joint or weld that the sensor measures.
-        config: Of the sensor.
         owner: Name of the arm where there are several; it then begins the names.
     """
     builder, plant, scenario = wiring.builder, wiring.plant, wiring.scenario
@@ -97,11 +93,8 @@ def add_impedance_control(
     """Adds the controller that moves an arm; motion, gains and tare are left to be connected.
 
     Args:
-        wiring: Of the station.
         arm: Name of the arm's model in the scene.
-        encoders: Of the arm.
         model: What the robot believes of the arm.
-        config: Of the controller.
         q_posture: What the null space's spring draws the joints to (n,), [rad].
         owner: Name of the arm where there are several; it then begins the system's name.
     """

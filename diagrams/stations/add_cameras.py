@@ -44,8 +44,6 @@ def add_cameras(
     before it.
 
     Args:
-        wiring: Of the station.
-        config: Of the cameras' noise.
         colour_is_read: Whether an estimator reads the colour images. Otherwise they are for
             pictures: rendered when one is taken, with a fixed exposure and without latency.
 
@@ -74,10 +72,8 @@ def add_robot_masks(
     """Adds the mask of the robots in each camera's images; exports `robot_mask` as the images are.
 
     Args:
-        wiring: Of the station.
         build_robot: Adds the robots to a plant, fixed in the world where they believe to stand.
         robots: By name.
-        config: Of the masks.
         postures: What says how the robots stand, by the input ports of `RobotMask`.
         depths: What the cameras see, by their names; with it what stands before a robot is not
             masked.
@@ -106,7 +102,6 @@ def add_camera_scene(
     the copy, which holds them, is asked when an image is due only.
 
     Args:
-        builder: Of the station.
         plant: The simulated one.
         scene_graph: Its geometry, complete, without renderers.
         lamp: Intensity of a lamp at the camera that renders; the ceiling light's is 0.9.
@@ -132,10 +127,8 @@ def _add_camera(
     it, so that they are stamped with the tick.
 
     Args:
-        wiring: Of the station.
         scene_graph: What `add_camera_scene` gave.
         name: Of the camera.
-        config: Of its noise.
         colour_is_read: As for `add_cameras`.
     """
     builder, plant, scenario = wiring.builder, wiring.plant, wiring.scenario

@@ -26,9 +26,7 @@ def add_soft_hand(
     What the pneumatics are commanded is left to be connected.
 
     Args:
-        wiring: Of the station.
         hand: Name of the hand's model in the scene.
-        config: Of the pneumatics.
         sensor: Of the pressure sensors.
         owner: Name of the hand where there are several; it then begins the names.
         leaks: When air escapes from all chambers.

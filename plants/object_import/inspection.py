@@ -93,7 +93,6 @@ def inspect_model(source: Path, *, scale: float = 1.0, reach: float = 0.03) -> I
     """Looks into an SDF or URDF, all joints at 0.
 
     Args:
-        source: The file.
         scale: Of all lengths in it.
         reach: Greatest distance from a frame to a bar that it may stand for, [m].
 

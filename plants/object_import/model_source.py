@@ -123,7 +123,6 @@ class Repair:
     """Changes a model in place until Drake's parser takes it; says what it changes.
 
     Args:
-        source: The file.
         folder: Where converted meshes are written.
         warn: Takes one line for each change that a user should know of.
         scale: Of all lengths in the file.

@@ -53,7 +53,6 @@ def settling(
     to close. Objects that come with the program stay where they are.
 
     Args:
-        scenario: Of the episode.
         placements: Of its objects.
         q_start: Posture of the arm (n,) at the start, [rad].
     """

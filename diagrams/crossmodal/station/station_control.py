@@ -44,7 +44,6 @@ def taught_postures(
     """True arm postures (n,) at the grasp that a person guided the hand to, and before it.
 
     Args:
-        wiring: Of the station.
         X_WHandle: Pose of the handle.
         X_HandleO: Pose of the object's model in it, to say where the object would be in reach.
 
@@ -99,8 +98,6 @@ def add_control(
     """Adds the controllers, from what is perceived to arm and hand.
 
     Args:
-        wiring: Of the station.
-        encoders: Of the arm.
         q_taught: Posture (n,) of the grasp as the encoders read it, [rad].
         q_before: Likewise where the approach begins.
         direction_E: Taught direction of the pull (3,), in E.

@@ -19,7 +19,6 @@ def add_proprioception(wiring: StationWiring, q_grasp: Array) -> JointEncoders:
     """Adds encoders, wrist sensor and the hand's pneumatics.
 
     Args:
-        wiring: Of the station.
         q_grasp: True posture (n,) at the grasp, [rad].
     """
     scenario, sensors = wiring.scenario, wiring.scenario.sensors
@@ -40,8 +39,6 @@ def add_vision(wiring: StationWiring, encoders: JointEncoders, sequence: GraspSe
     """Adds the camera and the mask of the robot in its images.
 
     Args:
-        wiring: Of the station.
-        encoders: Of the arm.
         sequence: Which says how far the hand is closed.
     """
     sensors = wiring.scenario.sensors

@@ -51,7 +51,6 @@ def add_flip_control(
     stay unconnected.
 
     Args:
-        wiring: Of the station.
         drive: Where the finger's joint positions are commanded.
         encoders: Of the finger's arm.
         taxels: `taxel_measured` of the fingertip.
@@ -83,9 +82,7 @@ def add_line_control(
     The station's input `tool_latest` says what is perceived of it; it may stay unconnected.
 
     Args:
-        wiring: Of the station.
         drive: Where the joint positions of the arm with the tool are commanded.
-        encoders: Of that arm.
         flip: What moves the fingertip.
     """
     builder = wiring.builder

@@ -34,7 +34,6 @@ def add_joint_sensors(
     """Adds the encoders of both arms; exports `<owner>_joint_state_window`.
 
     Args:
-        wiring: Of the station.
         arms: The arms alone, as they are, by their names.
     """
     start, config = wiring.start, wiring.scenario.sensors.encoders
@@ -51,7 +50,6 @@ def add_taxels(wiring: StationWiring, layout: TaxelLayout) -> OutputPort:
     """Adds the taxels, where the seed has put them on the fingertip; exports `taxel_window`.
 
     Args:
-        wiring: Of the station.
         layout: Where the robot believes them to be.
 
     Returns:
@@ -91,7 +89,6 @@ def add_vision(wiring: StationWiring, encoders: Mapping[str, JointEncoders]) -> 
     """Adds the camera and the mask of both robots in its images.
 
     Args:
-        wiring: Of the station.
         encoders: Of the arms, by owner.
     """
     sensors = wiring.scenario.sensors

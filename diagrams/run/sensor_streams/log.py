@@ -154,7 +154,6 @@ class SensorLog:
         interrupted: Whether the file says that the episode did not come to its end.
 
     Args:
-        path: Of the file.
         known: The streams to look for.
 
     Raises:

@@ -26,7 +26,6 @@ def add_stream_faults(
     """Adds a `FailingStream` for each stream that has faults.
 
     Args:
-        builder: Of the episode.
         source: Whose output ports are the streams: a station, or a recording.
         faults: Of the scenario.
         period: Of the ticks, [s].

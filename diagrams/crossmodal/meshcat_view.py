@@ -183,31 +183,41 @@ class MeshcatView(LeafSystem):
             self._plan.draw(time, self._path.Eval(context))
 
 
+class _Shown:
+    """What is shown at a time in the place of what was shown before."""
+
+    def __init__(self, meshcat: Meshcat) -> None:
+        self._meshcat = meshcat
+        self.path = ""  # Of it; empty while nothing is shown.
+
+    def show(self, path: str, time: float) -> None:
+        self.hide(time)
+        self.path = path
+        show_from(self._meshcat, path, time)
+
+    def hide(self, time: float) -> None:
+        if self.path:
+            self._meshcat.SetProperty(self.path, "visible", False, time)
+        self.path = ""
+
+
 class _PlannedPath:
-    """The way that the end-effector has before it; every `refresh_interval` a new line."""
+    """The way that the end-effector has before it; a new line at every refresh."""
 
     def __init__(self, meshcat: Meshcat, path: str) -> None:
-        self._meshcat = meshcat
-        self._path = path
-        self._shown = ""
-        self._drawn = -np.inf
-        self._lines = 0
+        self._meshcat, self._path = meshcat, path
+        self._line, self._lines, self._drawn = _Shown(meshcat), 0, -np.inf
 
     def draw(self, time: float, X_WE: Array) -> None:
         """Replaces the line when it is time; hides it without a plan."""
-        if len(X_WE) > 0 and time < self._drawn + _REFRESH_INTERVAL - 1e-6:
-            return
-        if self._shown:
-            self._meshcat.SetProperty(self._shown, "visible", False, time)
-            self._shown = ""
         if len(X_WE) == 0:
-            return
-        self._lines += 1
-        self._drawn = time
-        self._shown = f"{self._path}/line_{self._lines}"
-        color = Rgba(*palette.rgb(palette.PLAN))
-        self._meshcat.SetLine(self._shown, X_WE[:, :3, 3].T, 4.0, color)
-        show_from(self._meshcat, self._shown, time)
+            self._line.hide(time)
+        elif time >= self._drawn + _REFRESH_INTERVAL - 1e-6:
+            self._lines += 1
+            self._drawn = time
+            path, color = f"{self._path}/line_{self._lines}", Rgba(*palette.rgb(palette.PLAN))
+            self._meshcat.SetLine(path, X_WE[:, :3, 3].T, 4.0, color)
+            self._line.show(path, time)
 
 
 class _Layer:
@@ -220,10 +230,10 @@ class _Layer:
         self._clouds_drawn = -np.inf
         self._sets = 0
         self._text = ""
-        self._text_path = ""
+        self._board = _Shown(meshcat)
         self._text_drawn = -np.inf
         self._made: set[JointType] = set()
-        self._shown: JointType | None = None
+        self._joint = _Shown(meshcat)
 
     def draw_features(self, time: float, features: FeatureBelief, bodies: list[BodyMotion]) -> None:
         """Moves the clouds with their bodies; draws new ones when it is time."""
@@ -268,18 +278,16 @@ class _Layer:
         if joint is not None:
             body = next((b for b in bodies if b.body_id == joint.child_id), None)
             sketch = sketch_joint(joint, body)
-        kind = None if sketch is None else sketch.type
-        if kind != self._shown:
-            if self._shown is not None:
-                self._meshcat.SetProperty(self._joint_path(self._shown), "visible", False, time)
-                self._hide_text(time)
-            if kind is not None:
-                if kind not in self._made:
-                    self._make_joint(kind)
-                show_from(self._meshcat, self._joint_path(kind), time)
-            self._shown = kind
+        path = "" if sketch is None else self._joint_path(sketch.type)
+        if path != self._joint.path:
+            self._joint.hide(time)
+            self._hide_text(time)
         if sketch is None or joint is None:
             return
+        if path != self._joint.path:
+            if sketch.type not in self._made:
+                self._make_joint(sketch.type)
+            self._joint.show(path, time)
         self._place_joint(time, sketch)
         configuration = describe_configuration(joint, truth, time)
         self._write_text(time, f"{sketch.type} {configuration}{describe_pitch(joint)}", sketch)
@@ -331,18 +339,17 @@ class _Layer:
         if text != self._text and due:
             self._hide_text(time)
             self._text, self._text_drawn = text, time
-            self._text_path = f"{self._path}/text/{round(1000 * time)}"
+            path = f"{self._path}/text/{round(1000 * time)}"
             red, green, blue = (round(255 * c) for c in palette.rgb(JOINT[sketch.type]))
             board = text_board(text, _BOARD_HEIGHT, (red, green, blue))
-            self._meshcat.SetObject(self._text_path, board)
-            show_from(self._meshcat, self._text_path, time)
-        if self._text_path:
-            self._meshcat.SetTransform(self._text_path, self._text_pose(sketch.center_W), time)
+            self._meshcat.SetObject(path, board)
+            self._board.show(path, time)
+        if self._board.path:
+            self._meshcat.SetTransform(self._board.path, self._text_pose(sketch.center_W), time)
 
     def _hide_text(self, time: float) -> None:
-        if self._text_path:
-            self._meshcat.SetProperty(self._text_path, "visible", False, time)
-        self._text, self._text_path = "", ""
+        self._board.hide(time)
+        self._text = ""
 
     def _text_pose(self, p_WJ: Array) -> RigidTransform:
         """Upright above a joint at p_WJ and in front of it, its -y towards the viewer."""

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from crossmodal.controllers.interaction.grasp_motion import exploration_gains
+from crossmodal.controllers.interaction.grasp_sequence import exploration_gains
 from crossmodal.controllers.interaction.grasp_sequence_config import GraspSequenceConfig
 
 BACK = np.array([0.0, 0.0, -1.0])

@@ -12,7 +12,7 @@ from crossmodal.controllers.interaction.grasp_decisions import (
     SequenceState,
     next_state,
 )
-from crossmodal.controllers.interaction.grasp_motion import approach_motion, release_motion
+from crossmodal.controllers.interaction.grasp_sequence import approach_motion, release_motion
 from crossmodal.controllers.interaction.grasp_sequence_config import GraspSequenceConfig
 from crossmodal.controllers.interaction.phases import Phase
 from crossmodal.maths import se3

@@ -55,6 +55,11 @@ def tactile_projector(phase: FlipPhase, config: FlipSequenceConfig) -> Array:
     return np.array(config.tactile_flip if flipping else config.tactile_establish)
 
 
+def visual_projector(phase: FlipPhase, config: FlipSequenceConfig) -> Array:
+    """Diagonal (6,) of P_vis in a phase."""
+    return np.array(config.visual_flip) * (phase == FlipPhase.FLIP)
+
+
 class FlipSequence(Sequence):
     """Says which phase the flip is in, and who moves which component of the fingertip in it.
 
@@ -116,25 +121,20 @@ class FlipSequence(Sequence):
         self._declare_state(FIRST, config.period)
         vector, on_contact = self._declare_vector, self._on_state | {self._contact.ticket()}
         vector("phase", 1, lambda c: self._state(c).phase, self._on_state)
-        vector("feed_forward", 1, self._calc_feed)
+        vector("feed_forward", 1, lambda c: feed_forward(self._state(c), c.get_time(), config))
         vector("approach_twist_desired", 6, self._calc_approach, on_contact)
-        vector("tactile_projector", 6, self._calc_tactile, self._on_state)
-        vector("visual_projector", 6, self._calc_visual, self._on_state)
+        for name, projector in (("tactile", tactile_projector), ("visual", visual_projector)):
+            vector(
+                f"{name}_projector",
+                6,
+                lambda c, projector=projector: projector(self._state(c).phase, config),
+                self._on_state,
+            )
         self._declare_value("failure", "", lambda c: self._state(c).why, self._on_state)
-
-    def _calc_feed(self, context: Context) -> float:
-        return feed_forward(self._state(context), context.get_time(), self._config)
 
     def _calc_approach(self, context: Context) -> Array:
         contact: Any = self._contact.Eval(context)
         return approach_twist(self._state(context), contact.touching, self._config)
-
-    def _calc_tactile(self, context: Context) -> Array:
-        return tactile_projector(self._state(context).phase, self._config)
-
-    def _calc_visual(self, context: Context) -> Array:
-        flipping = self._state(context).phase == FlipPhase.FLIP
-        return flipping * np.array(self._config.visual_flip)
 
     def _next(self, context: Context) -> FlipState:
         angle, hinge = (known_belief(port, context) for port in (self._angle, self._hinge))

@@ -96,8 +96,7 @@ def replay(
         faults = scenario.disturbances.faults
         heard = add_stream_faults(builder, source, faults, period, scenario.seed)
     for name, estimator in estimators.items():
-        estimator.set_name(name)
-        builder.AddSystem(estimator)
+        builder.AddNamedSystem(name, estimator)
         for index in range(estimator.num_input_ports()):
             port = estimator.get_input_port(index)
             if not source.HasOutputPort(port.get_name()):

@@ -15,7 +15,6 @@ from crossmodal.diagrams.flap.scenario import Scenario
 from crossmodal.diagrams.flap.station.flap_truth import add_flap_truth
 from crossmodal.diagrams.flap.station.settling import Start, add_scene, settled_start
 from crossmodal.diagrams.flap.station.station_control import (
-    add_drives,
     add_flip_control,
     add_line_control,
     hold_still,
@@ -85,12 +84,11 @@ def make_flap_station(scenario: Scenario, calibration: Calibration) -> FlapStati
         start=settled_start(scenario, tool, bases, arms),
     )
     _check_sight(wiring)
-    drives = add_drives(wiring)
     hold_still(wiring)
     encoders = add_joint_sensors(wiring, arms)
     taxels = add_taxels(wiring, scenario.finger.layout())
-    flip = add_flip_control(wiring, drives[FINGER], encoders[FINGER], taxels)
-    add_line_control(wiring, drives[HOLDER], encoders[HOLDER], flip)
+    flip = add_flip_control(wiring, encoders[FINGER], taxels)
+    add_line_control(wiring, encoders[HOLDER], flip)
     add_vision(wiring, encoders)
     _add_outside(wiring)
     plant, start = wiring.plant, wiring.start

@@ -1,6 +1,7 @@
 """What an episode consists of: station, estimators, what control reads, what is recorded."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
@@ -86,14 +87,8 @@ def make_calibration(scenario: Scenario) -> Calibration:
 def make_station(scenario: Scenario, calibration: Calibration) -> Station:
     """The station of a scenario with its seed."""
     station = make_manipulation_station(scenario, calibration)
-    return Station(
-        diagram=station.diagram,
-        initialise=station.SetInitialState,
-        warnings=[
-            *overlaps(station),
-            *settling(scenario, draw_placements(scenario), station.q_start),
-        ],
-    )
+    falling = settling(scenario, draw_placements(scenario), station.q_start)
+    return replace(station, warnings=[*overlaps(station), *falling])
 
 
 def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, Diagram]:

@@ -22,7 +22,7 @@ _MOST = 0.02  # Way of a handle that the hand still closes around, [m].
 def overlaps(station: ManipulationStation) -> list[str]:
     """What of an object is inside something else at the start, by more than 5 mm, a line each."""
     scene, context = station.scene, station.diagram.CreateDefaultContext()
-    station.SetInitialState(context)
+    station.initialise(context)
     query = scene.scene_graph.get_query_output_port().Eval(
         scene.scene_graph.GetMyContextFromRoot(context)
     )

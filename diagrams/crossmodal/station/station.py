@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import Joint
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, DiagramBuilder
 
 from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
 from crossmodal.diagrams.crossmodal.scenario import ObjectConfig, Scenario, object_model_file
@@ -18,6 +18,7 @@ from crossmodal.diagrams.crossmodal.station.station_sensors import add_proprioce
 from crossmodal.diagrams.crossmodal.station.wiring import StationWiring
 from crossmodal.diagrams.crossmodal.task import task_status
 from crossmodal.diagrams.joints.joint_truth import ObjectTruth
+from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration, draw_base
 from crossmodal.diagrams.stations.connections import export_outputs
 from crossmodal.diagrams.stations.task_status import add_task_status
@@ -37,31 +38,18 @@ from crossmodal.systems.sensors.randomness import make_generator
 
 
 @dataclass(kw_only=True)
-class ManipulationStation:
-    """The station's Diagram and what of it others than the estimators may know.
+class ManipulationStation(Station):
+    """The station and what of it others than the estimators may know.
 
     Attributes:
-        diagram: See `make_manipulation_station` for its ports.
         scene: The simulated plant and its names.
-        object: The manipulated object's name.
         joint: The explored joint.
         q_start: Posture (7,) at the start of the approach, true, [rad].
-        locked: Whether the object is fixed to the world.
     """
 
-    diagram: Diagram
     scene: ManipulationScene
-    object: str
     joint: Joint
     q_start: Array
-    locked: bool
-
-    def SetInitialState(self, root_context: Context) -> None:
-        """Puts the arm where the approach begins; locks the object if it is to stay."""
-        context = self.scene.plant.GetMyMutableContextFromRoot(root_context)
-        self.scene.plant.SetPositions(context, self.scene.model(ARM), self.q_start)
-        if self.locked:
-            self.joint.Lock(context)
 
 
 def draw_placements(scenario: Scenario) -> dict[str, ObjectPlacement]:
@@ -162,13 +150,15 @@ def make_manipulation_station(
     add_vision(wiring, encoders, sequence)
     ports = {name: sequence.GetOutputPort(name) for name in ("phase", "grasp_lost")}
     add_task_status(builder, task_status, ports)
+
+    def initialise(root: Context) -> None:
+        context = plant.GetMyMutableContextFromRoot(root)
+        plant.SetPositions(context, scene.model(ARM), q_start)
+        if scenario.control.excitation is not None:
+            joint.Lock(context)  # The object is to stay.
+
     return ManipulationStation(
-        diagram=builder.Build(),
-        scene=scene,
-        object=name,
-        joint=joint,
-        q_start=q_start,
-        locked=scenario.control.excitation is not None,
+        diagram=builder.Build(), initialise=initialise, scene=scene, joint=joint, q_start=q_start
     )
 
 

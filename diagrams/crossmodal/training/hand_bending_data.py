@@ -64,7 +64,7 @@ def simulate_interaction(
     station = make_training_station(seed)
     simulator = Simulator(station.diagram)
     root = simulator.get_mutable_context()
-    station.SetInitialState(root)
+    station.initialise(root)
     simulator.Initialize()
     plant = station.scene.plant
     context = plant.GetMyContextFromRoot(root)

@@ -123,13 +123,11 @@ class FlipSequence(Sequence):
         vector("phase", 1, lambda c: self._state(c).phase, self._on_state)
         vector("feed_forward", 1, lambda c: feed_forward(self._state(c), c.get_time(), config))
         vector("approach_twist_desired", 6, self._calc_approach, on_contact)
-        for name, projector in (("tactile", tactile_projector), ("visual", visual_projector)):
-            vector(
-                f"{name}_projector",
-                6,
-                lambda c, projector=projector: projector(self._state(c).phase, config),
-                self._on_state,
-            )
+        state, on_state = self._state, self._on_state
+        vector(
+            "tactile_projector", 6, lambda c: tactile_projector(state(c).phase, config), on_state
+        )
+        vector("visual_projector", 6, lambda c: visual_projector(state(c).phase, config), on_state)
         self._declare_value("failure", "", lambda c: self._state(c).why, self._on_state)
 
     def _calc_approach(self, context: Context) -> Array:

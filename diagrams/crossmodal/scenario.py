@@ -139,12 +139,6 @@ class Scenario(base.Scenario):
         return self.objects[self.task.object or next(iter(self.objects))]
 
     @property
-    def camera(self) -> CameraConfig:
-        """The camera that the estimators see through."""
-        (camera,) = self.cameras.values()
-        return camera
-
-    @property
     def acting_modality(self) -> str:
         """The estimator whose beliefs the robot acts by."""
         if self.task.modality:

@@ -124,7 +124,8 @@ def synthetic_episode(
         )
     }
     scenario.disturbances.lights_off.append(Interval(start=LIGHTS_OFF))
-    camera = scenario.camera.camera()
+    (config,) = scenario.cameras.values()
+    camera = config.camera()
     record = EpisodeRecord(
         scenario=scenario,
         calibration=Calibration(cameras={"camera": calibrated(camera, CalibrationErrors())}),

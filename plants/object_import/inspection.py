@@ -128,18 +128,18 @@ class _Inspector:
         self._parents, self._names = parents, flat_names(plant)
         self._context: Context = plant.CreateDefaultContext()
         self._bodies = links(plant)
-
-    def run(self, warnings: list[str]) -> Inspection:
-        whole = self._solid(self._bodies)
-        frames = {
-            name: self._body_name(self._plant.get_frame(FrameIndex(index)).body())
+        self._frames = {
+            name: plant.get_frame(FrameIndex(index))
             for index, name in self._names.frames.items()
             if not name.endswith(_OF_JOINTS)
         }
+
+    def run(self, warnings: list[str]) -> Inspection:
+        whole = self._solid(self._bodies)
         return Inspection(
             links=[self._link(body) for body in self._bodies],
             joints=[self._joint(joint) for joint in written_joints(self._plant)],
-            frames=frames,
+            frames={name: self._body_name(frame.body()) for name, frame in self._frames.items()},
             handles=self._handles(whole),
             size=np.zeros(3) if whole.is_empty else whole.extents,
             warnings=warnings,
@@ -180,17 +180,10 @@ class _Inspector:
     def _handles(self, whole: trimesh.Trimesh) -> list[Handle]:
         """Frames of the model that are in a bar, then bars without one."""
         found, places = list[Handle](), list[Array]()
-        frames = {
-            **{
-                name: self._plant.get_frame(FrameIndex(index))
-                for index, name in self._names.frames.items()
-                if not name.endswith(_OF_JOINTS)
-            },
-            **{
-                self._body_name(body): body.body_frame()
-                for body in self._bodies
-                if not self._plant.GetCollisionGeometriesForBody(body)
-            },
+        frames = self._frames | {
+            self._body_name(body): body.body_frame()
+            for body in self._bodies
+            if not self._plant.GetCollisionGeometriesForBody(body)
         }
         for name, frame in frames.items():
             joint = self._moving_joint(frame.body())

@@ -99,8 +99,6 @@ def inspect_model(source: Path, *, scale: float = 1.0, reach: float = 0.03) -> I
     Raises:
         ValueError: in one line, for what cannot be read.
     """
-    if not 0 < scale < np.inf:
-        raise ValueError(f"{source}: a scale of {scale:g}, but it must be > 0")
     warnings: list[str] = []
     model = read_model(source)
     with tempfile.TemporaryDirectory() as name:

@@ -130,6 +130,8 @@ class Repair:
     """
 
     def __init__(self, source: Path, folder: Path, warn: Warn, scale: float = 1.0) -> None:
+        if not 0 < scale < np.inf:
+            raise ValueError(f"{source}: a scale of {scale:g}, but it must be > 0")
         self._scale = scale
         self._source, self._folder, self._warn = source, folder, warn
         self._files = ModelFiles(source)

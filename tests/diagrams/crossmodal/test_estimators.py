@@ -12,7 +12,8 @@ from truth_paths import truth_paths
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.application import APPLICATION
 from crossmodal.diagrams.crossmodal.episode_parts import QUANTITIES
-from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_WIRES, MODALITIES
+from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_WIRES
+from crossmodal.diagrams.crossmodal.modalities import MODALITIES
 from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.drawing.diagram_drawing import leaf_systems, wires
 from crossmodal.diagrams.run.application import Station

@@ -7,7 +7,7 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from crossmodal.diagrams.applications import load_scenario, scenarios_of
 from crossmodal.diagrams.crossmodal.application import APPLICATION
-from crossmodal.diagrams.crossmodal.estimators import MODALITIES
+from crossmodal.diagrams.crossmodal.modalities import MODALITIES
 from crossmodal.diagrams.crossmodal.scenario import Scenario, object_model_file
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 

@@ -173,10 +173,11 @@ def test_the_camera_may_have_any_name() -> None:
 
 
 def test_a_camera_that_is_moved_a_little_keeps_the_rest_of_its_defaults() -> None:
-    usual, moved = loaded("drawer"), loaded("drawer", "cameras.camera.lamp=0.5")
-    assert moved.camera.lamp == 0.5
-    assert moved.camera.position.tolist() == usual.camera.position.tolist()
-    assert moved.camera.looking_at.tolist() == usual.camera.looking_at.tolist()
+    usual = loaded("drawer").cameras["camera"]
+    moved = loaded("drawer", "cameras.camera.lamp=0.5").cameras["camera"]
+    assert moved.lamp == 0.5
+    assert moved.position.tolist() == usual.position.tolist()
+    assert moved.looking_at.tolist() == usual.looking_at.tolist()
 
 
 def test_a_hand_without_a_driver_is_refused() -> None:

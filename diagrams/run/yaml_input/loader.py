@@ -1,5 +1,6 @@
 """Reads YAML files into mappings, and assignments of single values."""
 
+from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 
@@ -8,9 +9,22 @@ import yaml
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
 
+class _Loader(yaml.SafeLoader):
+    """Refuses a key that a mapping has twice, of which otherwise the last one would count."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        lines: dict[str, int] = {}
+        for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
+            if key.value in lines:
+                problem = f"the key '{key.value}' is there already, in line {lines[key.value]}"
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+            lines[key.value] = key.start_mark.line + 1
+        return super().construct_mapping(node, deep)
+
+
 def _load(text: str, source: str) -> Any:
     try:
-        return yaml.safe_load(text)
+        return yaml.load(text, Loader=_Loader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""

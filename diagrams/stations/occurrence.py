@@ -10,13 +10,8 @@ from crossmodal.diagrams.run.scenario import Interval
 class Occurrence(LeafSystem):
     """One value while any of the intervals lasts, by default one, and else the other of 0 and 1.
 
-    .. pydrake_system::
-
-        name: Occurrence
-        output_ports:
-        - occurring
-
-    - occurring: (1,) 1 or 0.
+    Output ports:
+    - `occurring`: (1,) 1 or 0.
     """
 
     def __init__(self, intervals: Iterable[Interval], during: float = 1.0) -> None:

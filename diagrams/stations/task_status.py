@@ -13,16 +13,11 @@ from crossmodal.diagrams.run.sensor_streams.stream_faults import model_of
 class TaskStatusSource(LeafSystem):
     """Says in the words of the task what the controllers do.
 
-    .. pydrake_system::
-
-        name: TaskStatusSource
-        input_ports:
-        - <quantity>
-        output_ports:
-        - task_status
-
+    Input ports:
     - `<quantity>`: what the controllers say of themselves.
-    - task_status: `TaskStatus`.
+
+    Output ports:
+    - `task_status`: `TaskStatus`.
 
     Args:
         status: From the values of the inputs, by their names.

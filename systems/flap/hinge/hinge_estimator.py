@@ -7,8 +7,8 @@ from pydrake.systems.framework import Context
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.tangent_plane import normal_basis
 from crossmodal.maths.validation import check, number
-from crossmodal.maths.vectors import tangent_basis
 from crossmodal.systems.flap.flap_geometry import CAMERA, FINGER, NAMES, holder_given_others
 from crossmodal.systems.flap.hinge.hinge_geometry import (
     AXIS,
@@ -17,7 +17,6 @@ from crossmodal.systems.flap.hinge.hinge_geometry import (
     SIZE,
     TOUCH,
     HingeModel,
-    displacement,
     first_model,
     front_normal,
 )
@@ -37,6 +36,7 @@ from crossmodal.systems.port_values import (
     FingertipContact,
     FlapPlane,
     HingeBelief,
+    displacement_at,
     unknown_displacements,
     unseen,
 )
@@ -105,13 +105,13 @@ def read_hinge(
         displacements: What was known of them before, about the model's Q.
     """
     k, p_WQ = model.k_W, displacements.p_WQ
-    offset = displacement(model.touch, p_WC, p_WQ)
+    offset = displacement_at(p_WC, p_WQ) @ model.touch
     along = float(k @ (p_WC - offset - model.p_W))
     m, G, rest = holder_given_others(displacements)
     J = np.zeros((18, SIZE))
-    J[:3, AXIS] = tangent_basis(k)
+    J[:3, AXIS] = normal_basis(k).T
     J[3:6, POINT] = np.eye(3) - np.outer(k, k)
-    J[3:6, AXIS] = along * tangent_basis(k)
+    J[3:6, AXIS] = along * normal_basis(k).T
     J[6:12, TOUCH] = np.eye(6)
     J[12:, DISPLACEMENTS] = G
     joint = J @ covariance @ J.T

@@ -20,8 +20,9 @@ from typing import NamedTuple
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.vectors import tangent_basis
+from crossmodal.maths.tangent_plane import normal_basis
 from crossmodal.systems.flap.hinge.hinge_keyframes import StackedKeyframes
+from crossmodal.systems.port_values import displacement_at
 
 # Places of the unknowns in the vector of corrections.
 AXIS, POINT, OFFSETS, CONTACT, CAMERA, TOUCH = (
@@ -53,27 +54,10 @@ class HingeModel(NamedTuple):
 
 
 def corrected(model: HingeModel, dx: Array) -> HingeModel:
-    """The model after a correction (21,); that of the axis is in `tangent_basis(k_W)`."""
-    k = model.k_W + tangent_basis(model.k_W) @ dx[AXIS]
+    """The model after a correction (21,); that of the axis is in `normal_basis(k_W)`."""
+    k = model.k_W + normal_basis(model.k_W).T @ dx[AXIS]
     parts = zip(model[1:], (POINT, OFFSETS, CONTACT, CAMERA, TOUCH), strict=True)
     return HingeModel(k / np.linalg.norm(k), *[value + dx[part] for value, part in parts])
-
-
-def cross_rows(a: Array, b: Array) -> Array:
-    """a x b (K, 3) of rows, or of one vector (3,) and rows; `np.cross` takes five times as long."""
-    return np.stack(
-        [
-            a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
-            a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
-            a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0],
-        ],
-        axis=-1,
-    )
-
-
-def displacement(error: Array, p_W: Array, p_WQ: Array) -> Array:
-    """Displacement (N, 3) of points (N, 3) by (omega, delta) (6,) about Q."""
-    return np.asarray(error[3:] + cross_rows(error[:3], p_W - p_WQ))
 
 
 def linearise(
@@ -84,12 +68,11 @@ def linearise(
     Rows that a keyframe does not have are zero.
     """
     k, p, seen = model.k_W, model.p_W, frames.seen
-    omega = model.camera[:3]
-    n = frames.n_W - cross_rows(omega, frames.n_W)
-    d = frames.d - frames.n_W @ model.camera[3:] - cross_rows(frames.n_W, p_WQ) @ omega
-    u = frames.p_WC - displacement(model.touch, frames.p_WC, p_WQ) - p
+    by_camera, by_touch = _plane_displacements(frames, p_WQ), -displacement_at(frames.p_WC, p_WQ)
+    n, d = frames.n_W + by_camera[:, :3] @ model.camera, frames.d + by_camera[:, 3] @ model.camera
+    u = frames.p_WC + by_touch @ model.touch - p
     n_f = frames.face[:, None] * n
-    t = cross_rows(n_f, k)
+    t = np.cross(n_f, k)
     across = u - np.outer(u @ k, k)
     radius = np.linalg.norm(across, axis=1)
     radial = across / radius[:, None]
@@ -106,21 +89,21 @@ def linearise(
     by_measured[:, 0, :3] = k
     by_measured[:, 1, :3], by_measured[:, 1, 3] = p, -1.0
     by_measured[:, 2, :3], by_measured[:, 2, 4:] = frames.face[:, None] * u, n_f
-    by_measured[:, 3, :3] = frames.face[:, None] * cross_rows(k, u)
+    by_measured[:, 3, :3] = frames.face[:, None] * np.cross(k, u)
     by_measured[:, 3, 4:] = t
     by_measured[:, 4, 4:] = radial
 
     J = np.zeros((len(n), ROWS, SIZE))
     by_k = np.zeros((len(n), ROWS, 3))
-    by_k[:, 0], by_k[:, 3] = n, cross_rows(u, n_f)
+    by_k[:, 0], by_k[:, 3] = n, np.cross(u, n_f)
     by_k[:, 4] = -(u @ k)[:, None] * radial
-    J[:, :, AXIS] = by_k @ tangent_basis(k)
+    J[:, :, AXIS] = by_k @ normal_basis(k).T
     J[:, 1, POINT], J[:, 2, POINT], J[:, 3, POINT], J[:, 4, POINT] = n, -n_f, -t, -radial
     J[:, 1, OFFSETS] = np.column_stack([front, ~front])
     J[:, 2, 8], J[:, 3, 7] = -1.0, -1.0
     J[:, 4, CONTACT] = -model.contact / np.hypot(a, b)
-    J[:, :, CAMERA] = by_measured[:, :, :4] @ _plane_displacements(frames, p_WQ)
-    J[:, :, TOUCH] = by_measured[:, :, 4:] @ _contact_displacements(frames, p_WQ)
+    J[:, :, CAMERA] = by_measured[:, :, :4] @ by_camera
+    J[:, :, TOUCH] = by_measured[:, :, 4:] @ by_touch
 
     unused = np.ones((len(n), ROWS), dtype=bool)
     unused[seen, :4] = False
@@ -132,29 +115,15 @@ def linearise(
 def _plane_displacements(frames: StackedKeyframes, p_WQ: Array) -> Array:
     """How the corrected (n, d) (K, 4, 6) change with the camera's displacement."""
     J = np.zeros((len(frames.d), 4, 6))
-    J[:, :3, :3] = _skew(frames.n_W)
-    J[:, 3, :3] = -cross_rows(frames.n_W, p_WQ)
+    J[:, :3, :3] = -displacement_at(frames.n_W, np.zeros(3))[:, :, :3]
+    J[:, 3, :3] = -np.cross(frames.n_W, p_WQ)
     J[:, 3, 3:] = -frames.n_W
     return J
 
 
-def _contact_displacements(frames: StackedKeyframes, p_WQ: Array) -> Array:
-    """How the corrected contacts (K, 3, 6) change with the finger's displacement."""
-    J = np.zeros((len(frames.d), 3, 6))
-    J[:, :, :3] = _skew(frames.p_WC - p_WQ)
-    J[:, :, 3:] = -np.eye(3)
-    return J
-
-
-def _skew(v: Array) -> Array:
-    S = np.zeros((len(v), 3, 3))
-    S[:, 0, 1], S[:, 0, 2], S[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    return np.asarray(S - S.transpose(0, 2, 1))
-
-
 def front_normal(model: HingeModel, p_WC: Array, p_WQ: Array) -> Array:
     """The front's normal (3,) by the contact alone."""
-    u = p_WC - displacement(model.touch, p_WC, p_WQ) - model.p_W
+    u = p_WC - displacement_at(p_WC, p_WQ) @ model.touch - model.p_W
     u = u - model.k_W * (model.k_W @ u)
     a, b = model.contact
     n = a * np.cross(model.k_W, u) + b * u

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import symmetric
 from crossmodal.systems.flap.hinge.hinge_geometry import (
     CAMERA,
     CONTACT,
@@ -67,18 +68,10 @@ def make_priors(
     return HingePriors(p_WQ, information, means, contact_spread)
 
 
-def _deviation(model: HingeModel, priors: HingePriors) -> Array:
-    """The unknowns (21,) minus their prior means."""
-    x = np.zeros(SIZE)
-    x[POINT], x[OFFSETS] = model.p_W - priors.p_WQ, model.offsets
-    x[CONTACT], x[CAMERA], x[TOUCH] = model.contact, model.camera, model.touch
-    return x - priors.mean
-
-
-def _whitened(
+def _normal_equations(
     model: HingeModel, frames: StackedKeyframes, priors: HingePriors
-) -> tuple[Array, Array]:
-    """Residuals (5 K,) of unit variance and their Jacobian (5 K, 21), outliers weighed down."""
+) -> tuple[Array, Array, float]:
+    """Information (21, 21) and gradient (21,) of the unknowns, and the cost; outliers count less."""
     r, J, by_measured = linearise(model, frames, priors.p_WQ)
     t, n = priors.contact_spread
     S = by_measured @ frames.covariance @ by_measured.transpose(0, 2, 1)
@@ -89,7 +82,12 @@ def _whitened(
     rows = np.where(frames.seen, ROWS - 1.0, 1.0)
     weight = np.sqrt(np.minimum(1.0, (_TAIL + rows) / (_TAIL + square)))
     white = (white * weight[:, None, None]).reshape(-1, 1 + SIZE)
-    return white[:, 0], white[:, 1:]
+    r, J, x = white[:, 0], white[:, 1:], -priors.mean
+    x[POINT] += model.p_W - priors.p_WQ
+    for part, value in zip((OFFSETS, CONTACT, CAMERA, TOUCH), model[2:], strict=True):
+        x[part] += value
+    by_prior = priors.information @ x
+    return J.T @ J + priors.information, J.T @ r + by_prior, float(r @ r + x @ by_prior)
 
 
 def solve(
@@ -101,25 +99,17 @@ def solve(
         The model and the covariance (21, 21) of its corrections.
     """
     damping = 0.0
-    r, J = _whitened(model, frames, priors)
-    x = _deviation(model, priors)
-    cost = float(r @ r + x @ priors.information @ x)
+    H, g, cost = _normal_equations(model, frames, priors)
     for _ in range(rounds):
-        H = J.T @ J + priors.information
-        g = J.T @ r + priors.information @ x
-        step = np.asarray(np.linalg.solve(H + damping * np.diag(np.diag(H)), -g), dtype=float)
-        trial = corrected(model, step)
-        r_trial, J_trial = _whitened(trial, frames, priors)
-        x_trial = _deviation(trial, priors)
-        cost_trial = float(r_trial @ r_trial + x_trial @ priors.information @ x_trial)
+        step = np.linalg.solve(H + damping * np.diag(np.diag(H)), -g)
+        trial = corrected(model, np.asarray(step, dtype=float))
+        H_trial, g_trial, cost_trial = _normal_equations(trial, frames, priors)
         if cost_trial < cost * (1.0 + 1e-9) + 1e-9:
             done = cost - cost_trial < 1e-3
-            model, r, J, x, cost = trial, r_trial, J_trial, x_trial, cost_trial
+            model, H, g, cost = trial, H_trial, g_trial, cost_trial
             damping *= 0.1
             if done:
                 break
         else:
             damping = max(10.0 * damping, 1e-3)
-    H = J.T @ J + priors.information
-    covariance = np.linalg.inv(H)
-    return model, 0.5 * (covariance + covariance.T)
+    return model, symmetric(np.asarray(np.linalg.inv(H), dtype=float))

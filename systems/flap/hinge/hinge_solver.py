@@ -71,7 +71,10 @@ def make_priors(
 def _normal_equations(
     model: HingeModel, frames: StackedKeyframes, priors: HingePriors
 ) -> tuple[Array, Array, float]:
-    """Information (21, 21) and gradient (21,) of the unknowns, and the cost; outliers count less."""
+    """Information (21, 21) and gradient (21,) of the unknowns, and their cost.
+
+    Outliers among the keyframes are weighed down.
+    """
     r, J, by_measured = linearise(model, frames, priors.p_WQ)
     t, n = priors.contact_spread
     S = by_measured @ frames.covariance @ by_measured.transpose(0, 2, 1)

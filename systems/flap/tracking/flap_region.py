@@ -40,39 +40,29 @@ def _at_least_two(first: int, count: int, size: int) -> slice:
     return slice(first, first + max(count, 2))
 
 
+@hot
 def within(image: InverseDepth, p_CQ: Array, radius: float) -> Mask:
     """The valid pixels (h, w) that show something within `radius` [m] of Q (3,)."""
-    return np.asarray(_within(image.w, image.valid, image.x, image.y, p_CQ, radius))
-
-
-@hot
-def _within(w: Array, valid: Mask, x: Array, y: Array, p_CQ: Array, radius: float) -> Mask:
-    inside = np.zeros_like(valid)
-    for row in range(w.shape[0]):
-        for column in range(w.shape[1]):
-            if valid[row, column]:
-                z = 1.0 / w[row, column]
-                a, b = x[column] * z - p_CQ[0], y[row] * z - p_CQ[1]
+    inside = np.zeros_like(image.valid)
+    for row in range(image.w.shape[0]):
+        for column in range(image.w.shape[1]):
+            if image.valid[row, column]:
+                z = 1.0 / image.w[row, column]
+                a, b = image.x[column] * z - p_CQ[0], image.y[row] * z - p_CQ[1]
                 inside[row, column] = a * a + b * b + (z - p_CQ[2]) ** 2 < radius * radius
     return inside
 
 
+@hot
 def ahead(image: InverseDepth, p_CQ: Array, direction_C: Array, length: float) -> Mask:
     """The valid pixels (h, w) that show what lies up to `length` [m] beyond Q in a direction."""
-    return np.asarray(_ahead(image.w, image.valid, image.x, image.y, p_CQ, direction_C, length))
-
-
-@hot
-def _ahead(
-    w: Array, valid: Mask, x: Array, y: Array, p_CQ: Array, direction_C: Array, length: float
-) -> Mask:
-    inside = np.zeros_like(valid)
-    for row in range(w.shape[0]):
-        for column in range(w.shape[1]):
-            if valid[row, column]:
-                z = 1.0 / w[row, column]
-                along = (x[column] * z - p_CQ[0]) * direction_C[0]
-                along += (y[row] * z - p_CQ[1]) * direction_C[1]
+    inside = np.zeros_like(image.valid)
+    for row in range(image.w.shape[0]):
+        for column in range(image.w.shape[1]):
+            if image.valid[row, column]:
+                z = 1.0 / image.w[row, column]
+                along = (image.x[column] * z - p_CQ[0]) * direction_C[0]
+                along += (image.y[row] * z - p_CQ[1]) * direction_C[1]
                 along += (z - p_CQ[2]) * direction_C[2]
                 inside[row, column] = 0.0 < along < length
     return inside

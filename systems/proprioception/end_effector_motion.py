@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import joseph_update
 from crossmodal.maths.validation import check, number
 from crossmodal.systems.port_values import EndEffectorBelief, SampleWindow
 from crossmodal.systems.recursive_filter import RecursiveFilter
@@ -80,11 +81,8 @@ def correct_motion(
     """Kalman correction by a measured pose and velocity with covariance R (12, 12)."""
     X, V, P = predicted
     innovation = np.concatenate([se3.log(se3.inverse(X) @ X_measured), V_measured - V])
-    K = np.linalg.solve(P + R, P).T
-    correction = K @ innovation
-    remainder = np.eye(12) - K
-    posterior = remainder @ P @ remainder.T + K @ R @ K.T
-    return X @ se3.exp(correction[:6]), V + correction[6:], 0.5 * (posterior + posterior.T)
+    correction, posterior = joseph_update(P, np.eye(12), R, innovation)
+    return X @ se3.exp(correction[:6]), V + correction[6:], posterior
 
 
 def calibration_bias_jacobian(J_E: Array, config: EndEffectorMotionConfig) -> Array:
@@ -193,7 +191,11 @@ class EndEffectorMotion(RecursiveFilter):
         frame: str = "end_effector",
     ) -> None:
         super().__init__()
-        self._check(config, plant, frame)
+        check(config, "EndEffectorMotion")
+        if not plant.is_finalized():
+            raise ValueError("EndEffectorMotion: the robot's model must be finalized")
+        if not plant.HasFrameNamed(frame):
+            raise ValueError(f"EndEffectorMotion: the robot's model has no frame named '{frame}'")
         self._config = config
         self._plant = plant
         self._frame = plant.GetFrameByName(frame)
@@ -215,14 +217,6 @@ class EndEffectorMotion(RecursiveFilter):
         self._declare_estimated("end_effector_estimated", self._offer)
         self._declare_latest("end_effector_latest", self._offer)
         self._declare_latest("end_effector_predicted", self._predict)
-
-    @staticmethod
-    def _check(config: EndEffectorMotionConfig, plant: MultibodyPlant, frame: str) -> None:
-        check(config, "EndEffectorMotion")
-        if not plant.is_finalized():
-            raise ValueError("EndEffectorMotion: the robot's model must be finalized")
-        if not plant.HasFrameNamed(frame):
-            raise ValueError(f"EndEffectorMotion: the robot's model has no frame named '{frame}'")
 
     def _kinematics(self, joint_state: Any) -> tuple[Array, Array]:
         """X_WE (4, 4) and J_E (6, n) at positions and velocities (2 n,)."""

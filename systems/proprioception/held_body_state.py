@@ -22,45 +22,21 @@ are not corrected.
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.port_values import GraspType, PoseBelief
 from crossmodal.systems.proprioception.bent_hand import BentHand
 
 
-@dataclass(frozen=True)
 class Layout:
-    """Where the parts of the error state lie, for m constants."""
+    """Where the parts of the error state lie, for m constants; the pose's error is first."""
 
-    m: int
-
-    @property
-    def size(self) -> int:
-        return 29 + self.m
-
-    @property
-    def c(self) -> slice:
-        return slice(6, 6 + self.m)
-
-    @property
-    def n(self) -> slice:
-        return slice(6 + self.m, 12 + self.m)
-
-    @property
-    def b(self) -> slice:
-        return slice(12 + self.m, 18 + self.m)
-
-    @property
-    def f(self) -> slice:
-        return slice(18 + self.m, 20 + self.m)
-
-    @property
-    def k(self) -> slice:
-        return slice(20 + self.m, 23 + self.m)
-
-    @property
-    def s(self) -> slice:
-        return slice(23 + self.m, 29 + self.m)
+    def __init__(self, m: int) -> None:
+        ends = np.cumsum([6, m, 6, 6, 2, 3, 6]).tolist()
+        self.c, self.n, self.b, self.f, self.k, self.s = map(slice, ends, ends[1:])
+        self.size = ends[-1]
 
 
 @dataclass(kw_only=True)

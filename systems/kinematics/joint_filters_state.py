@@ -200,7 +200,7 @@ def initial_state(
         priors: Of it, see `solver_priors`.
     """
     keyframes = empty_keyframes(config.memory)
-    noise: Array = white_equivalent(covariance, 0.0, config.errors)
+    noise: Array = white_equivalent(covariance, 0.0, config.errors, error)
     R = noise + error
     measured = bool(covariance.max() > LEAST_NOISE)
     keyframes.reference_deviates[0] = float(measured)

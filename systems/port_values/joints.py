@@ -39,12 +39,12 @@ class JointModelBelief:
     """
 
     log_evidence: float
-    axis_P: Array
-    axis_covariance: Array
-    p_PA: Array
-    p_PA_covariance: Array
-    configuration: Array
-    configuration_covariance: Array
+    axis_P: Array = field(default_factory=lambda: np.full(3, np.nan))
+    axis_covariance: Array = field(default_factory=lambda: np.full((3, 3), np.nan))
+    p_PA: Array = field(default_factory=lambda: np.full(3, np.nan))
+    p_PA_covariance: Array = field(default_factory=lambda: np.full((3, 3), np.nan))
+    configuration: Array = field(default_factory=lambda: np.full(2, np.nan))
+    configuration_covariance: Array = field(default_factory=lambda: np.full((2, 2), np.nan))
     pitch: float = np.nan
     pitch_variance: float = np.nan
 

@@ -238,9 +238,7 @@ class HandBending(RecursiveFilter):
             noise = np.hypot(self._noise, np.sqrt(common))
             reference = state.reference
             mean, covariance = self._correct(mean, covariance, reading, noise, reference, held)
-        return replace(
-            now, reference=state.reference, held=held, mean=mean, covariance=covariance
-        )
+        return replace(now, reference=state.reference, held=held, mean=mean, covariance=covariance)
 
     def _correct(
         self,

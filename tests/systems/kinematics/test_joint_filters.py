@@ -317,7 +317,7 @@ def test_correlated_errors_count_as_much_as_their_average_is_worth() -> None:
     r = np.exp(-dt / 0.5)
     lags = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     variance = np.mean(r**lags)
-    R = white_equivalent(np.eye(6), dt, config)
+    R = white_equivalent(np.eye(6), dt, config, np.zeros((6, 6)))
     assert_allclose(R, np.eye(6) * variance * n, rtol=0.01, atol=1e-9)
 
 

@@ -31,7 +31,8 @@ def crop(
     valid = within(image, p_CQ, radius)
     column, row, width, height = cv2.boundingRect(valid.astype(np.uint8))
     i, j = _at_least_two(row, height, valid.shape[0]), _at_least_two(column, width, valid.shape[1])
-    return InverseDepth(image.w[i, j], valid[i, j], image.x[j], image.y[i])
+    # Copies, so that all images are compiled for as one type.
+    return InverseDepth(image.w[i, j].copy(), valid[i, j].copy(), image.x[j], image.y[i])
 
 
 def _at_least_two(first: int, count: int, size: int) -> slice:

@@ -25,6 +25,7 @@ from crossmodal.systems.kinematics.solver.joint_chain import (
     new_chain,
     run_chain,
     solve,
+    take_information,
 )
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     BENT_SLIDE,
@@ -77,10 +78,7 @@ def _evidence(
     add_priors(kind, m, priors.axis_distance, far, lin)
     n, value = dimension(kind), lin.value[0]
     if kind == RIGID:
-        for i in range(n):
-            chain.h[i] = lin.vector[i]
-            for j in range(i + 1):
-                chain.H[i, j] = lin.information[i, j]
+        take_information(n, lin, chain)
     else:
         by = lever(kind, m, priors)
         S, J, sigma_v = m.process_noise[kind], priors.jump_noise / by**2, priors.speed / by

@@ -84,10 +84,6 @@ def type_evidence(
     return np.logaddexp(evidence, smooth - unusual), covariance
 
 
-def _total(log_p: Array) -> float:
-    return log_p.max() + np.log(np.exp(log_p - log_p.max()).sum())
-
-
 def likelier_deviations(
     m: Models,
     kf: Keyframes,
@@ -104,8 +100,7 @@ def likelier_deviations(
     of `with_likelier_floor`.
     """
     other = next_index(index, tries, _SIZES)
-    now, then = (
-        _total(type_evidence(m, kf, priors, covariance_floor(i, reported, scale))[0] + log_prior)
-        for i in (index, other)
-    )
+    floors = [covariance_floor(i, reported, scale) for i in (index, other)]
+    evidence = [type_evidence(m, kf, priors, floor)[0] for floor in floors]
+    now, then = np.logaddexp.reduce(np.array(evidence) + log_prior, axis=1)
     return other if then - now > _LEAST_GAIN else index

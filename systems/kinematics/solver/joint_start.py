@@ -192,18 +192,19 @@ def reverse_axis(kind: int, m: Models) -> None:
         m.covariance[kind, :, i] *= -1.0
 
 
-def decide_sign(kind: int, m: Models) -> None:
-    """Turns the axis, in place, so that q grows positive in the direction first moved."""
-    if m.signed[kind] > 0.0:
-        return
-    n = dimension(kind)
-    gain = m.gain[kind, 0, :n]
-    variance = m.P[kind, 0, 0] + gain @ m.covariance[kind, :n, :n] @ gain
-    moved = m.log_evidence[kind] > m.log_evidence[RIGID] + _MOVED
-    if moved and m.state[kind, 0] ** 2 > _SIGNIFICANT**2 * variance:
-        m.signed[kind] = 1.0
-    if m.state[kind, 0] < 0.0:
-        reverse_axis(kind, m)
+def decide_signs(m: Models) -> None:
+    """Turns the axes, in place, so that q grows positive in the direction first moved."""
+    for kind in MOVING:
+        if m.signed[kind] > 0.0:
+            continue
+        n = dimension(kind)
+        gain = m.gain[kind, 0, :n]
+        variance = m.P[kind, 0, 0] + gain @ m.covariance[kind, :n, :n] @ gain
+        moved = m.log_evidence[kind] > m.log_evidence[RIGID] + _MOVED
+        if moved and m.state[kind, 0] ** 2 > _SIGNIFICANT**2 * variance:
+            m.signed[kind] = 1.0
+        if m.state[kind, 0] < 0.0:
+            reverse_axis(kind, m)
 
 
 def keep_axes(old: Models, axis_distance: float, far: bool) -> Models:

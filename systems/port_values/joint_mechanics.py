@@ -1,5 +1,6 @@
 """What it takes to move a joint, and how far it goes."""
 
+import math
 from dataclasses import dataclass, field
 
 from crossmodal.maths.arrays import Array
@@ -37,11 +38,11 @@ class LatchBelief:
         force_variance: Of that.
     """
 
-    probability: float
-    position: float
-    variance: float
-    force: float
-    force_variance: float
+    probability: float = 0.0
+    position: float = math.nan
+    variance: float = math.nan
+    force: float = math.nan
+    force_variance: float = math.nan
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from crossmodal.maths.arrays import Array
+from crossmodal.maths.arrays import Array, unknown
 
 
 class JointType(StrEnum):
@@ -39,12 +39,12 @@ class JointModelBelief:
     """
 
     log_evidence: float
-    axis_P: Array = field(default_factory=lambda: np.full(3, np.nan))
-    axis_covariance: Array = field(default_factory=lambda: np.full((3, 3), np.nan))
-    p_PA: Array = field(default_factory=lambda: np.full(3, np.nan))
-    p_PA_covariance: Array = field(default_factory=lambda: np.full((3, 3), np.nan))
-    configuration: Array = field(default_factory=lambda: np.full(2, np.nan))
-    configuration_covariance: Array = field(default_factory=lambda: np.full((2, 2), np.nan))
+    axis_P: Array = unknown(3)
+    axis_covariance: Array = unknown(3, 3)
+    p_PA: Array = unknown(3)
+    p_PA_covariance: Array = unknown(3, 3)
+    configuration: Array = unknown(2)
+    configuration_covariance: Array = unknown(2, 2)
     pitch: float = np.nan
     pitch_variance: float = np.nan
 

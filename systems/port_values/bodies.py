@@ -36,9 +36,9 @@ class BodyMotion:
     body_id: int
     motion: MotionBelief
     X_WB_reference: Array
-    feature_ids: Ids
-    p_BF: Array
-    p_BF_covariance: Array
+    feature_ids: Ids = field(default_factory=lambda: np.zeros(0, np.int64))
+    p_BF: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    p_BF_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     correlated_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     reference_age: float = float("nan")
     reset_count: int = 0
@@ -59,8 +59,8 @@ class HeldBody(BodyMotion):
             unnoticed.
     """
 
-    seen: PoseBelief | None
-    seen_offset_covariance: Array
+    seen: PoseBelief | None = None
+    seen_offset_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     reference_delay: float = 0.0
 
 

@@ -54,8 +54,15 @@ def weigh(
     weights = np.exp(score - score.max())
     held = (1.0 - config.lodging) * weights / weights.sum()
     held[HELD_TYPES.index(GraspType.PERFECT)] += config.lodging
+    return with_failed(held, failure, slip, config)
+
+
+def with_failed(
+    held: Array, failure: GraspFailure, slip: SlipBelief, config: GraspModelConfig
+) -> Array:
+    """Probabilities of the types (4,) from those of the held types (3,), if it holds."""
     failed = failure.probability(config.failure, slip.log_odds)
-    return np.append((1.0 - failed) * held, failed)
+    return np.append((1.0 - failed) * held / held.sum(), failed)
 
 
 def reweigh(
@@ -63,8 +70,7 @@ def reweigh(
 ) -> Array:
     """Probabilities of the types (4,) at a tick at which vision says nothing."""
     held = np.array([belief.probabilities[kind] for kind in HELD_TYPES])
-    failed = unseen(failure, config.failure).probability(config.failure, slip.log_odds)
-    return np.append((1.0 - failed) * held / held.sum(), failed)
+    return with_failed(held, unseen(failure, config.failure), slip, config)
 
 
 @dataclass(kw_only=True)
@@ -158,11 +164,11 @@ def doubt(state: GraspState, slip: SlipBelief, config: GraspModelConfig) -> Gras
     probabilities = reweigh(state.belief, state.failure, slip, config)
     best, line = TYPES[int(np.argmax(probabilities))], state.belief
     belief = replace(
-        state.belief,
+        line,
         probabilities=dict(zip(TYPES, map(float, probabilities), strict=True)),
         free_motion=free_projection(best, line.axis_H, line.p_HA),
     )
-    return GraspState(**{**vars(state), "belief": belief})
+    return replace(state, belief=belief)
 
 
 def reaffirm(
@@ -173,13 +179,8 @@ def reaffirm(
     filters = [follow(f, z, hand, hand.noise_square_root) for f in state.filters]
     covariance = measured_covariance(hand, z, body.motion.covariance[:6, :6])
     probabilities = reweigh(state.belief, state.failure, slip, config)
-    return GraspState(
-        belief=make_belief(probabilities, filters, z, covariance, config),
-        filters=filters,
-        evidence=state.evidence,
-        hand=hand,
-        failure=state.failure,
-    )
+    belief = make_belief(probabilities, filters, z, covariance, config)
+    return replace(state, belief=belief, filters=filters, hand=hand)
 
 
 def refresh(
@@ -296,7 +297,7 @@ class GraspModel(RecursiveFilter):
             return start_state(hand, body, self._config)
         displacement = float(np.linalg.norm(hand.X_WH[:3, 3] - state.hand.X_WH[:3, 3]))
         filters = [predict_filter(f, self._config, displacement) for f in state.filters]
-        state = GraspState(**{**vars(state), "filters": filters})
+        state = replace(state, filters=filters)
         if body.seen is None:
             return reaffirm(state, hand, body, slip, self._config)
         return learn(state, hand, body.seen, body.seen_offset_covariance, slip, self._config)

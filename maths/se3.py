@@ -10,8 +10,7 @@ Source: T. D. Barfoot, State Estimation for Robotics, 2017, chapter 7.
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import perturb, relative_log
 
 _SMALL = 1e-4  # Below this angle, [rad], series replace closed forms.

@@ -23,8 +23,8 @@ from crossmodal.diagrams.flap.scenario import Scenario
 from crossmodal.diagrams.run.episode import connect_latest
 from crossmodal.diagrams.run.recorder import declare_input, read_inputs
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.tangent_plane import normal_basis
 from crossmodal.maths.validation import check, number, numbers
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.port_values import (
     UNKNOWN_FINGERTIP,
     UNKNOWN_TOOL,

@@ -9,12 +9,12 @@ from crossmodal.systems.kinematics.joint_filters import JointFilters
 from crossmodal.systems.kinematics.joint_graph import (
     EMPTY_GRAPH,
     JointGraphState,
+    KinematicModelConfig,
     known_bodies,
     merge_bodies,
     predict_bodies,
     update_graph,
 )
-from crossmodal.systems.kinematics.kinematic_model_config import KinematicModelConfig
 from crossmodal.systems.port_values import BodyMotions, JointBeliefs
 from crossmodal.systems.recursive_filter import RecursiveFilter
 

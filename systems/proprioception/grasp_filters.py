@@ -19,11 +19,9 @@ import numpy as np
 
 from crossmodal.maths import error_state, se3
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.gaussian import joseph_update, log_likelihood, nees, symmetric
-from crossmodal.maths.in_place import assign
-from crossmodal.maths.tangent_plane import normal_basis, transport
-from crossmodal.maths.vectors import cross
+from crossmodal.maths.vectors import cross, normal_basis, transport
 from crossmodal.systems.port_values import GraspType
 from crossmodal.systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig

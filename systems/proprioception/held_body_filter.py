@@ -13,10 +13,17 @@ from crossmodal.maths.gaussian import nees, outlier_gate, schmidt_update, symmet
 from crossmodal.maths.rigid_points import pose_scale
 from crossmodal.maths.vectors import cross
 from crossmodal.systems.port_values import GraspBelief, GraspType, PoseBelief
-from crossmodal.systems.proprioception.bent_hand import BentHand, screw
-from crossmodal.systems.proprioception.free_motion import free_motion, line_sensitivity
-from crossmodal.systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
-from crossmodal.systems.proprioception.held_body_state import BodyState, Layout
+from crossmodal.systems.proprioception.bent_hand import (
+    BentHand,
+    free_motion,
+    line_sensitivity,
+    screw,
+)
+from crossmodal.systems.proprioception.held_body_state import (
+    BodyState,
+    HeldBodyMotionConfig,
+    Layout,
+)
 
 _LOOSE_TYPES = (GraspType.REVOLUTE, GraspType.CYLINDRICAL)
 _POSE = slice(0, 6)

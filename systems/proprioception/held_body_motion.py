@@ -42,8 +42,7 @@ from crossmodal.systems.proprioception.held_body_filter import (
     start_body,
     with_velocity,
 )
-from crossmodal.systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
-from crossmodal.systems.proprioception.held_body_state import BodyState
+from crossmodal.systems.proprioception.held_body_state import BodyState, HeldBodyMotionConfig
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
 

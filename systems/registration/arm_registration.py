@@ -18,17 +18,15 @@ from crossmodal.systems.port_values import (
     unknown_displacements,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.registration.registration_prior import (
-    CalibratedArm,
-    prior_covariance,
-    readout,
-)
 from crossmodal.systems.registration.registration_solver import (
+    CalibratedArm,
     Matches,
     body_weights,
     displacement_rows,
     match,
     place_unknowns,
+    prior_covariance,
+    readout,
     robust_weights,
     surface,
 )

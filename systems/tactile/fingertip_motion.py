@@ -26,8 +26,7 @@ from crossmodal.systems.tactile.contact_features import (
     contact_of_taxels,
     lasting_covariance,
 )
-from crossmodal.systems.tactile.skin import indentation
-from crossmodal.systems.tactile.taxel_layout import TaxelLayout, surface_normals
+from crossmodal.systems.tactile.taxel_layout import TaxelLayout, indentation, surface_normals
 from crossmodal.systems.tactile.taxel_monitor import TaxelState, next_taxel_state, unread_taxels
 from crossmodal.systems.ticks import Ticked
 

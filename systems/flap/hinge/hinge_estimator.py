@@ -7,18 +7,15 @@ from pydrake.systems.framework import Context
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
-from crossmodal.maths.tangent_plane import normal_basis
 from crossmodal.maths.validation import check, number
-from crossmodal.systems.flap.flap_geometry import CAMERA, FINGER, NAMES, holder_given_others
-from crossmodal.systems.flap.hinge.hinge_geometry import (
-    AXIS,
-    DISPLACEMENTS,
-    POINT,
-    SIZE,
-    TOUCH,
-    HingeModel,
-    first_model,
-    front_normal,
+from crossmodal.maths.vectors import normal_basis
+from crossmodal.systems.flap.flap_geometry import (
+    CAMERA,
+    FINGER,
+    NAMES,
+    HingeLimitsConfig,
+    holder_given_others,
+    is_believed,
 )
 from crossmodal.systems.flap.hinge.hinge_keyframes import (
     Keyframe,
@@ -27,8 +24,18 @@ from crossmodal.systems.flap.hinge.hinge_keyframes import (
     begin,
     stack,
 )
-from crossmodal.systems.flap.hinge.hinge_limits import HingeLimitsConfig, is_believed
-from crossmodal.systems.flap.hinge.hinge_solver import make_priors, solve
+from crossmodal.systems.flap.hinge.hinge_solver import (
+    AXIS,
+    DISPLACEMENTS,
+    POINT,
+    SIZE,
+    TOUCH,
+    HingeModel,
+    first_model,
+    front_normal,
+    make_priors,
+    solve,
+)
 from crossmodal.systems.port_values import (
     UNKNOWN_FINGERTIP,
     UNKNOWN_HINGE,
@@ -174,7 +181,7 @@ class HingeEstimator(RecursiveFilter):
 
     Each tick solves for all that is unknown and constant: the axis, how far the faces lie off it,
     where on the flap the finger touches, and by how much camera and finger arm are displaced by
-    their calibrations, of which the registration is the prior. See `hinge_geometry`. What was
+    their calibrations, of which the registration is the prior. See `hinge_solver`. What was
     measured is averaged into keyframes; of these a window is kept.
 
     .. pydrake_system::

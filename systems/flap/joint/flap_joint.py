@@ -6,17 +6,18 @@ import numpy as np
 from pydrake.systems.framework import Context
 
 from crossmodal.systems.depth_camera import DepthCamera, tilt_covariance
-from crossmodal.systems.flap.flap_geometry import CAMERA, FINGER, NAMES
+from crossmodal.systems.flap.flap_geometry import CAMERA, FINGER, NAMES, HingeLimitsConfig
 from crossmodal.systems.flap.hinge.hinge_keyframes import begin, merge
-from crossmodal.systems.flap.hinge.hinge_limits import HingeLimitsConfig
 from crossmodal.systems.flap.joint.flap_joint_model import (
     FlapJointConfig,
     FlapJointModel,
     FlapJointState,
     expected_normal,
+    flap_pose,
+    read_joint_angle,
+    read_joint_hinge,
+    without_position,
 )
-from crossmodal.systems.flap.joint.flap_joint_readout import read_joint_angle, read_joint_hinge
-from crossmodal.systems.flap.joint.flap_pose import flap_pose, without_position
 from crossmodal.systems.port_values import (
     UNKNOWN_FINGERTIP,
     DisplacementBelief,

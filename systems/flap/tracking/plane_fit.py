@@ -7,7 +7,7 @@ import numpy as np
 
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.compiled import hot
-from crossmodal.systems.flap.tracking.local_planes import InverseDepth
+from crossmodal.systems.flap.tracking.flap_region import InverseDepth
 
 
 class PlaneFit(NamedTuple):

@@ -7,8 +7,7 @@ import scipy.special
 
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import pose_difference
 from crossmodal.systems.kinematics.evidence.covariance_floor import FLOORS, covariance_floor
 from crossmodal.systems.kinematics.keyframes.measurement_noise import (

@@ -11,8 +11,7 @@ import numpy as np
 
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.systems.kinematics.evidence.bent_slide import far_evidence
 from crossmodal.systems.kinematics.evidence.deviation_series import (
     add_keyframes,

@@ -20,8 +20,7 @@ import numpy as np
 
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import perturb, pose_difference, relative_log
 
 UNKNOWN = 1e4  # Variance of what was not measured, [rad^2] or [m^2].

@@ -14,10 +14,9 @@ this order: Y's right perturbation, then a and c along the same two unit vectors
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import perturb
-from crossmodal.maths.tangent_plane import tangent_basis
+from crossmodal.maths.vectors import tangent_basis
 
 PRISMATIC, REVOLUTE, SCREW, RIGID = 0, 1, 2, 3
 MOVING = (PRISMATIC, REVOLUTE, SCREW)

@@ -17,7 +17,7 @@ import numpy as np
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
 from crossmodal.maths.se3_in_place import pose_difference, relative_log
-from crossmodal.maths.tangent_plane import tangent_basis
+from crossmodal.maths.vectors import tangent_basis
 from crossmodal.systems.kinematics.keyframes.outliers import blend, weigh_residual
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes
 from crossmodal.systems.kinematics.solver.joint_geometry import (

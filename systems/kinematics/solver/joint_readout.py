@@ -6,10 +6,9 @@ Frames: P parent, B child, F the child's measured reference pose.
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import relative_log
-from crossmodal.maths.tangent_plane import tangent_basis
+from crossmodal.maths.vectors import tangent_basis
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     RIGID,
     child_pose,

@@ -10,9 +10,8 @@ import numpy as np
 
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
-from crossmodal.maths.tangent_plane import transport
+from crossmodal.maths.compiled import assign, hot
+from crossmodal.maths.vectors import transport
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import RECENT, Keyframes
 from crossmodal.systems.kinematics.solver.free_motion import FreeMotion
 from crossmodal.systems.kinematics.solver.joint_chain import (

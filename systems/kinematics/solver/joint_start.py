@@ -10,8 +10,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
 from crossmodal.maths.gaussian import symmetric
 from crossmodal.maths.se3_in_place import relative_log
-from crossmodal.maths.tangent_plane import normal_basis
-from crossmodal.maths.vectors import cross
+from crossmodal.maths.vectors import cross, normal_basis
 from crossmodal.systems.kinematics.keyframes.outliers import weigh_residual
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import FIRST, MEMORY, Keyframes
 from crossmodal.systems.kinematics.solver.joint_geometry import (

@@ -13,21 +13,22 @@ from synthetic_flap import P_WE, PERIOD, Laboratory
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.gaussian import nees
-from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.flap.flap_angle import UNTOUCHED, FlapAngleConfig, read_angle, update_angle
+from crossmodal.systems.flap.flap_geometry import HingeLimitsConfig
 from crossmodal.systems.flap.hinge.hinge_estimator import (
     HingeEstimatorConfig,
     HingeState,
     update_hinge,
 )
-from crossmodal.systems.flap.hinge.hinge_limits import HingeLimitsConfig
 from crossmodal.systems.flap.joint.flap_joint import update_joint
 from crossmodal.systems.flap.joint.flap_joint_model import (
     FlapJointConfig,
     FlapJointModel,
     FlapJointState,
+    read_joint_angle,
+    read_joint_hinge,
 )
-from crossmodal.systems.flap.joint.flap_joint_readout import read_joint_angle, read_joint_hinge
 from crossmodal.systems.flap.tool_kinematics import tool_link
 from crossmodal.systems.port_values import (
     DisplacementBelief,

@@ -12,7 +12,7 @@ from synthetic_motion import Scene, at_rest, filter_states, simulate, stop_and_g
 
 from crossmodal.maths import se3
 from crossmodal.maths.consistency import is_consistent
-from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.kinematics.joint_filters import (
     JointFilters,
     JointFiltersConfig,

@@ -25,7 +25,7 @@ from crossmodal.systems.proprioception.bent_hand import screw
 from crossmodal.systems.proprioception.grasp_model import GraspModel
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 from crossmodal.systems.proprioception.held_body_motion import HeldBodyMotion
-from crossmodal.systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
+from crossmodal.systems.proprioception.held_body_state import HeldBodyMotionConfig
 
 PERIOD = 1.0 / 15.0
 X_WH_START = np.array(

@@ -6,7 +6,7 @@ from pydrake.common.value import AbstractValue
 from simulated_grasp import Episode, Scene, Tick, pull, run, swing
 
 from crossmodal.maths import se3
-from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.port_values import NO_SLIP, BodyMotions, GraspBelief, GraspType, SlipBelief
 from crossmodal.systems.proprioception.bent_hand import BentHand
 from crossmodal.systems.proprioception.grasp_filters import (

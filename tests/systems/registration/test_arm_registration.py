@@ -18,8 +18,11 @@ from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.port_values import DisplacementBelief, SampleWindow, displacement_at
 from crossmodal.systems.registration.arm_registration import ArmRegistration, ArmRegistrationConfig
-from crossmodal.systems.registration.registration_prior import CalibratedArm
-from crossmodal.systems.registration.registration_solver import body_weights, distortion
+from crossmodal.systems.registration.registration_solver import (
+    CalibratedArm,
+    body_weights,
+    distortion,
+)
 from crossmodal.systems.registration.robot_view import ArmChain, RobotView
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 290.0

@@ -14,9 +14,11 @@ from crossmodal.systems.flap.joint.flap_joint_model import (
     FlapJointConfig,
     FlapJointModel,
     FlapJointState,
+    flap_pose,
+    least_rotation,
+    read_joint_angle,
+    without_position,
 )
-from crossmodal.systems.flap.joint.flap_joint_readout import read_joint_angle
-from crossmodal.systems.flap.joint.flap_pose import flap_pose, least_rotation, without_position
 from crossmodal.systems.port_values import UNKNOWN_FINGERTIP, unseen
 
 

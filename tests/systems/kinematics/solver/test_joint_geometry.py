@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from crossmodal.maths import se3
-from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     BENT_SLIDE,
     PARAMETERS,

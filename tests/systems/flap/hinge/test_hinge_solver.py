@@ -8,17 +8,18 @@ from numpy.testing import assert_allclose
 from synthetic_flap import Tool
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.tangent_plane import normal_basis
-from crossmodal.systems.flap.hinge.hinge_geometry import (
+from crossmodal.maths.vectors import normal_basis
+from crossmodal.systems.flap.hinge.hinge_keyframes import StackedKeyframes
+from crossmodal.systems.flap.hinge.hinge_solver import (
     SIZE,
     HingeModel,
     corrected,
     first_model,
     front_normal,
     linearise,
+    make_priors,
+    solve,
 )
-from crossmodal.systems.flap.hinge.hinge_keyframes import StackedKeyframes
-from crossmodal.systems.flap.hinge.hinge_solver import make_priors, solve
 from crossmodal.systems.port_values import displacement_at
 
 TOOL = Tool(k_W=np.array([0.1, -0.99, 0.05]) / np.linalg.norm([0.1, -0.99, 0.05]))

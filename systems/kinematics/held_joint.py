@@ -71,7 +71,6 @@ def choose_joint(
 
     Args:
         joints: The kinematic model.
-        config: How likely it has to be.
         body_is_known: Whether there is a body in the hand; vision alone does not know it and takes
             the joint that has been observed for longest.
     """

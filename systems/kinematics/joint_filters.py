@@ -346,7 +346,6 @@ class JointFilters:
         """The belief about the pair's joint.
 
         Args:
-            state: The last one.
             time: For which the configuration is predicted, [s]; by default, and before the last
                 measurement, that of the last measurement.
         """

@@ -197,7 +197,6 @@ def initial_state(
         time: [s].
         pair: Ids of parent and child.
         delay: For so long the child may have moved before, [s].
-        priors: Of it, see `solver_priors`.
     """
     keyframes = empty_keyframes(config.memory)
     noise: Array = white_equivalent(covariance, 0.0, config.errors, error)

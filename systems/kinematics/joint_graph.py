@@ -217,9 +217,7 @@ def update_graph(
     """The graph one tick later.
 
     Args:
-        graph: At the last tick.
         bodies: Measured at this tick, by id.
-        filters: Shared by all pairs.
         faults: Of bodies that were left out, by id.
     """
     faults = faults or {}

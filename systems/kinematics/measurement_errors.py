@@ -67,9 +67,7 @@ def white_equivalent(
     the error as a whole, (1 + r) / (1 - r) times with r = exp(-dt / tau).
 
     Args:
-        covariance: Of the measurement (6, 6).
         dt: Since the last one, [s].
-        config: The time constants, and the error that is added.
         correlated: The part (6, 6) of the covariance that is declared to be correlated.
     """
     R = _own_equivalent(covariance, dt, config)

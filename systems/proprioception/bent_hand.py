@@ -63,7 +63,6 @@ def line_sensitivity(free: FreeMotion, tau: Array, turned: float, slides: bool) 
     """How an error of axis and point (6,) moves the body, in H, against the mean; (6, 6).
 
     Args:
-        free: Axis a and point p.
         tau: The hand's twist (6,).
         turned: How much the body turns about the axis against the hand, [rad].
         slides: Whether it slides too.

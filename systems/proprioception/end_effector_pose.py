@@ -59,7 +59,6 @@ class EndEffectorPose(RecursiveFilter):
     - `end_effector_latest`: the one of the last tick, from the state.
 
     Args:
-        config: Noise.
         arm: Its kinematics with their errors.
 
     Raises:

@@ -162,7 +162,6 @@ def correct_filter(
 
     Args:
         z: X_HB (4, 4), with white noise R (6, 6) expressed in H.
-        hand: With the Jacobian of its constant errors.
         noise_square_root: Of the hand's other errors (6, 6), those of the landmarks among them.
     """
     noise_square_root = with_slip(noise_square_root, grasp.displacement, config)

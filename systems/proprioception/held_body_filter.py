@@ -46,9 +46,6 @@ def start_body(
     largest at the reference and decays; it ends when features say where the body is.
 
     Args:
-        hand: As it is now.
-        grasp: As it is now.
-        config: Of the errors.
         delay: Since the hand has closed, [s].
     """
     reference_error = np.repeat(

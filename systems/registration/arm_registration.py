@@ -118,9 +118,7 @@ class ArmRegistration(RecursiveFilter):
     RSS 2014.
 
     Args:
-        config: See `ArmRegistrationConfig`.
         view: Renders the robot's own model from the camera's believed pose.
-        camera: What is known of it beforehand.
         arms: Likewise, by their names in the view.
 
     Raises:
@@ -266,9 +264,7 @@ def fit(
     Args:
         before: After the last image.
         state: The linearisation.
-        seen: Matches.
         prior: Information (D, D).
-        config: See there.
         rendered: Shape of the image whose pixels are matched.
         measured: Shape of the depth image.
     """

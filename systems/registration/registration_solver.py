@@ -81,7 +81,6 @@ def surface(image: RobotImage, X_WC: Array, bend: float) -> Surface:
     """The points of smooth surfaces in a rendered image.
 
     Args:
-        image: See there.
         X_WC: Of the camera (4, 4).
         bend: Largest second difference of the depth between neighbours; more is an edge, [m].
     """
@@ -148,7 +147,6 @@ def match(
     """What the image shows where the surface is believed to be seen.
 
     Args:
-        points: Of the robot's surface.
         rows: Of `displacement_rows`.
         mean: Of the unknowns (D,).
         depth: Measured (H, W), [m]; 0, NaN and infinity are no return.

@@ -74,7 +74,6 @@ class RobotView:
         build_robot: Adds the robots to a plant, fixed in the world where they believe to stand.
         full: The camera's intrinsics as a renderer takes them.
         X_WC: The camera's believed pose; x right, y down, z forward.
-        arms: By name.
         reduction: The image is smaller by this factor, which divides width and height.
         depth_range: Nearest and farthest surface, [m].
 

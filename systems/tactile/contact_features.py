@@ -142,8 +142,6 @@ def contact_of_taxels(
         forces: Of the taxels (T,), [N].
         touching: Whether there was a contact before.
         usable: Which taxels work (T,).
-        layout: Of the taxels.
-        config: Noise and thresholds.
         samples: Number of samples of which `forces` is the mean.
     """
     counted = counted_forces(forces, usable, config)

@@ -57,7 +57,6 @@ def with_point(belief: FingertipContact, white_S: Array) -> FingertipContact:
     """The belief with the contact in the world.
 
     Args:
-        belief: With pose and contact.
         white_S: The part (3, 3) of the contact's covariance that is new at every tick.
     """
     X_WS, contact = belief.X_WS, belief.contact
@@ -80,7 +79,6 @@ def with_velocity(
     Args:
         belief: With the contact in the world.
         last: One tick before.
-        config: See there.
     """
     if not last.contact.touching:
         v_covariance = config.first_velocity**2 * np.eye(3)
@@ -157,9 +155,7 @@ class FingertipMotion(RecursiveFilter):
     kinematics via visuo-tactile based robotic interactive manipulation", IROS 2018, section III.
 
     Args:
-        config: Noise.
         arm: Its kinematics with their errors; its frame is S.
-        layout: Of the taxels.
 
     Raises:
         ValueError: for an impossible config value.

@@ -107,7 +107,6 @@ def read_hinge(
     """What is believed of the axis, near the contact p_WC (3,) that was measured last.
 
     Args:
-        model: The solution.
         covariance: (21, 21) of it.
         displacements: What was known of them before, about the model's Q.
     """
@@ -203,9 +202,6 @@ class HingeEstimator(RecursiveFilter):
 
     Source: of the use of planes at different times, the paper on visuo-tactile servoing of
     articulated tools, section III-B (Q. Li et al.); the model is ours.
-
-    Args:
-        limits: Of what is believed.
     """
 
     def __init__(

@@ -143,7 +143,6 @@ class FlapJoint(RecursiveFilter):
 
     Args:
         camera: Whose planes these are, with its calibration's errors.
-        limits: Of what is believed.
     """
 
     def __init__(

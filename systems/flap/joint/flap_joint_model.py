@@ -177,7 +177,6 @@ class FlapJointModel:
     """What of a `FlapJoint` stays as it is.
 
     Args:
-        limits: Of what is believed.
         camera: Whose planes these are, as it is calibrated.
 
     Raises:

@@ -86,7 +86,6 @@ def fit_local_planes(
     Every second pixel of every second row is looked at: neighbours share their noise.
 
     Args:
-        image: Part of a depth image.
         window: Side of the window, [px].
         stride: Between the windows' centres, even, [px].
         least_share: Of a window's pixels that must have returned.

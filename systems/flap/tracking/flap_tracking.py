@@ -117,8 +117,6 @@ def describe(
 
     Args:
         fit: The plane in the camera's frame.
-        parts: Among which it was found.
-        camera: As it is believed to be.
         p_WC: Where the flap is touched (3,), [m]; None while it is not.
     """
     noise = plane_covariance(parts.image, fit, parts.sigma, config.sensor.correlation)
@@ -169,12 +167,9 @@ def track_flap(
     """The track after an image.
 
     Args:
-        track: Before it.
         depth: (H, W), [m]; 0, NaN and infinity are no return.
         excluded: Nonzero on the robot (H, W); None if that is not known.
         p_WE: The holder's end-effector (3,), [m]; NaN if not known.
-        contact: Of the fingertip.
-        camera: As it is believed to be.
     """
     touched = contact.contact.touching
     if touched:

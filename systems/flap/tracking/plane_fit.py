@@ -84,12 +84,9 @@ def refine_plane(
     """The plane of all pixels near it; None where there are less than `least`.
 
     Args:
-        image: Part of a depth image.
-        start: A first plane.
         allowed: Pixels (h, w) that may belong to it.
         limit: Of their residuals, [1/m].
         least: Number of pixels.
-        rounds: Number of fits.
     """
     fit: PlaneFit | None = start
     for _ in range(rounds):
@@ -106,7 +103,6 @@ def plane_covariance(image: InverseDepth, fit: PlaneFit, sigma: float, correlate
     of A^T e is that of the regressors A averaged over the same squares.
 
     Args:
-        image: Part of a depth image.
         sigma: Standard deviation of the inverse depth, [1/m].
         correlated: Side of the squares, [px].
     """

@@ -103,7 +103,6 @@ def largest_probability(
 
     Args:
         kind: A type, likely or not.
-        noise: Scale of their noise.
         reported: Covariance (6, 6) that measurements report.
     """
     if kind > RIGID:

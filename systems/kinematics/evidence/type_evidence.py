@@ -117,7 +117,6 @@ def smooth_evidence(
     its own evidence.
 
     Args:
-        m: Models, solved.
         deviations: Their covariance (6, 6), in B.
         covariance: Result; about the models' own solutions, which are not moved.
 
@@ -202,7 +201,6 @@ def type_evidence(
     more so the larger they are than the usual deviations of joints.
 
     Args:
-        m: Models, solved.
         deviations: Covariance (6, 6), in B, of smooth deviations; zero for none.
     """
     evidence = m.log_evidence.copy()

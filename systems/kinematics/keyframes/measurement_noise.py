@@ -259,7 +259,6 @@ def observe(
     """Adds one measured pose, in place.
 
     Args:
-        n: What the poses have shown.
         X: Measured pose (4, 4).
         R: Its reported covariance (6, 6), in B.
         time: Of the measurement, [s].

@@ -53,10 +53,6 @@ def weigh_residual(
     Arrays are passed one by one for speed.
 
     Args:
-        W: Of `Keyframes`.
-        W_out: Of `Keyframes`.
-        log_out: Of `Keyframes`.
-        k: Which.
         r: (6,) residual.
         spared: (6,) direction in which the residual does not count, or zero.
         share: Prior probability of an outlier.

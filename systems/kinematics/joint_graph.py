@@ -281,11 +281,6 @@ def _health(
     return StreamHealth(age=max(ages, default=0.0), fault="; ".join(found))
 
 
-def known_bodies(graph: JointGraphState) -> BodyMotions:
-    """The bodies that the joints belong to, by id."""
-    return BodyMotions(bodies=[graph.bodies[i] for i in sorted(graph.bodies)])
-
-
 def predict_bodies(
     graph: JointGraphState, filters: JointFilters, config: KinematicModelConfig
 ) -> BodyPredictions:
@@ -306,7 +301,9 @@ def predict_bodies(
             pose = filters.predict(state, joint_type, dt)
             source = joint_type.value
             if parent_id != STATIC_BODY:
-                pose = _on_parent(pose, parents[parent_id])
+                Ad, parent = se3.adjoint(se3.inverse(pose.X)), parents[parent_id]
+                covariance = pose.covariance + Ad @ parent.covariance @ Ad.T
+                pose = PoseBelief(X=parent.X @ pose.X, covariance=covariance)
                 source = f"{source} on {parent_id}"
             prediction = BodyPrediction(body_id=child_id, source=source, pose=pose)
             found.append((probability, prediction))
@@ -319,11 +316,3 @@ def _predicted(body: MotionBelief, period: float) -> PoseBelief:
     step = body.V * period
     J = np.hstack([se3.adjoint(se3.exp(-step)), period * se3.right_jacobian(step)])
     return PoseBelief(X=body.X @ se3.exp(step), covariance=J @ body.covariance @ J.T)
-
-
-def _on_parent(pose: PoseBelief, parent: PoseBelief) -> PoseBelief:
-    """X_WB from X_PB and X_WP."""
-    Ad = se3.adjoint(se3.inverse(pose.X))
-    return PoseBelief(
-        X=parent.X @ pose.X, covariance=pose.covariance + Ad @ parent.covariance @ Ad.T
-    )

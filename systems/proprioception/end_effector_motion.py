@@ -75,16 +75,6 @@ def predict_motion(
     return X @ step, V, np.asarray(F @ covariance @ F.T + Q, dtype=float)
 
 
-def correct_motion(
-    predicted: tuple[Array, Array, Array], X_measured: Array, V_measured: Array, R: Array
-) -> tuple[Array, Array, Array]:
-    """Kalman correction by a measured pose and velocity with covariance R (12, 12)."""
-    X, V, P = predicted
-    innovation = np.concatenate([se3.log(se3.inverse(X) @ X_measured), V_measured - V])
-    correction, posterior = joseph_update(P, np.eye(12), R, innovation)
-    return X @ se3.exp(correction[:6]), V + correction[6:], posterior
-
-
 def calibration_bias_jacobian(J_E: Array, config: EndEffectorMotionConfig) -> Array:
     """Joint offsets (n, 6) [rad] per unit constant that offset the pose as the calibration does.
 
@@ -233,12 +223,13 @@ class EndEffectorMotion(RecursiveFilter):
         joint_bias_jacobian = state.joint_bias_jacobian
         if joint_bias_jacobian is None:
             joint_bias_jacobian = calibration_bias_jacobian(J_E, self._config)
-        predicted = predict_motion(state.X, state.V, state.white, self._config)
+        X, V, white = predict_motion(state.X, state.V, state.white, self._config)
         R = np.asarray(np.kron(covariance, J_E @ J_E.T), dtype=float)
-        X, V, white = correct_motion(predicted, X_WE, J_E @ v, R)
+        innovation = np.concatenate([se3.log(se3.inverse(X) @ X_WE), J_E @ v - V])
+        correction, white = joseph_update(white, np.eye(12), R, innovation)
         return EndEffectorState(
-            X=X,
-            V=V,
+            X=X @ se3.exp(correction[:6]),
+            V=V + correction[6:],
             white=white,
             bias_jacobian=J_E @ joint_bias_jacobian,
             joint_bias_jacobian=joint_bias_jacobian,

@@ -115,24 +115,6 @@ def predict_bending_state(
     return F * mean, F[:, None] * covariance * F + np.diag(Q)
 
 
-def correct_bending_state(
-    mean: Array, covariance: Array, measured: Array, deviation: Array, creep: Array, R: Array
-) -> tuple[Array, Array]:
-    """Corrects by z = log X_EH + deviation * error + creep * constant + white noise.
-
-    Args:
-        mean: Predicted state (13,), see `BendingState`.
-        covariance: Its covariance (13, 13).
-        measured: z (6,), what the networks read, [rad, m].
-        deviation: Its standard deviation (6,).
-        creep: Part of the bending that the sensors do not show (6,), one standard deviation.
-        R: Covariance (6, 6) of the white noise, the sensors' through the network.
-    """
-    H = np.hstack([np.eye(6), np.diag(deviation), creep[:, None]])
-    correction, posterior = joseph_update(covariance, H, R, measured - H @ mean)
-    return mean + correction, posterior
-
-
 def bending_belief(state: BendingState) -> PoseBelief:
     """X_EH with its covariance in H."""
     J = se3.right_jacobian(state.mean[:6])
@@ -249,9 +231,16 @@ class HandBending(RecursiveFilter):
         reference: Array,
         held: float,
     ) -> tuple[Array, Array]:
+        """Corrects by z = log X_EH + deviation * error + creep * constant + white noise.
+
+        The networks read z with a standard deviation that may be the same error at all ticks; the
+        creep does not show in the sensors, whose noise passes the network.
+        """
         measured = predict_bending(self._network, reading, reference)
         deviation = np.hypot(predict_deviation(self._network, reading, reference), self._floor)
         creep = self._creep * np.sqrt(held)
         J = bending_jacobian(self._network, reading, reference) * noise
         R = J @ J.T + 1e-2 * np.diag(self._floor**2)
-        return correct_bending_state(mean, covariance, measured, deviation, creep, R)
+        H = np.hstack([np.eye(6), np.diag(deviation), creep[:, None]])
+        correction, posterior = joseph_update(covariance, H, R, measured - H @ mean)
+        return mean + correction, posterior

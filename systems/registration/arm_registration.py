@@ -21,13 +21,12 @@ from crossmodal.systems.recursive_filter import RecursiveFilter
 from crossmodal.systems.registration.registration_solver import (
     CalibratedArm,
     Matches,
-    body_weights,
     displacement_rows,
     match,
+    match_weights,
     place_unknowns,
     prior_covariance,
     readout,
-    robust_weights,
     surface,
 )
 from crossmodal.systems.registration.robot_view import Joints, RobotView
@@ -272,9 +271,7 @@ def fit(
     noise = _MEDIAN_TO_SIGMA * float(np.median(np.abs(e)))
     images = before.images + 1
     share = measured[0] * measured[1] / (rendered[0] * rendered[1]) / config.correlation**2
-    weights = body_weights(
-        seen.body, robust_weights(e, noise), noise**2 / images, config.surface, min(share, 1.0)
-    )
+    weights = match_weights(seen.body, e, noise, images, config.surface, min(share, 1.0))
     weighted = seen.A * weights[:, None]
     information = before.information + (weighted.T @ seen.A - before.information) / images
     moment = before.moment + (weighted.T @ seen.residual - before.moment) / images

@@ -180,27 +180,26 @@ def match(
     return Matches(residual[inside], A[inside], points.body[inside])
 
 
-def robust_weights(e: Array, sigma: float) -> Array:
-    """Geman-McClure's weights (N,) of residuals (N,), half at the width of three deviations."""
-    square = (e / (3.0 * sigma)) ** 2
-    return np.asarray(1.0 / (1.0 + square) ** 2)
-
-
-def body_weights(body: Array, weights: Array, noise: float, surface: float, share: float) -> Array:
-    """What each match is worth (N,), [1/m^2].
+def match_weights(
+    body: Array, e: Array, noise: float, images: int, surface: float, share: float
+) -> Array:
+    """What each match is worth (N,), [1/m^2], robust by Geman and McClure.
 
     A body's surface is off its model by one error along its normals, which no number of points
     makes less; neighbouring pixels share their noise.
 
     Args:
         body: Indices (N,).
-        weights: Robust ones (N,).
-        noise: Variance of a pixel's depth along the normal after averaging over images, [m^2].
+        e: Residuals (N,), [m]; a weight is half at a width of three deviations.
+        noise: Standard deviation of a pixel's depth along the normal, [m].
+        images: Over which it is averaged.
         surface: Standard deviation of a body's surface, [m].
         share: Independent pixels per match.
     """
+    weights = 1.0 / (1.0 + (e / (3.0 * noise)) ** 2) ** 2
     counts = np.bincount(body, weights=weights)
-    return np.asarray(weights / (noise / share + surface**2 * np.maximum(counts[body], 1.0)))
+    variance = noise**2 / images / share + surface**2 * np.maximum(counts[body], 1.0)
+    return np.asarray(weights / variance)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -92,15 +92,6 @@ class HingeState(Immutable):
     belief: HingeBelief = UNKNOWN_HINGE
 
 
-def face_of(model: HingeModel | None, plane: FlapPlane, p_WC: Array, p_WQ: Array) -> int:
-    """Which face is seen: 1 the front, -1 the back, 0 none; the first that is seen is the front."""
-    if not plane.seen:
-        return 0
-    if model is None:
-        return 1
-    return 1 if plane.n_W @ front_normal(model, p_WC, p_WQ) > 0.0 else -1
-
-
 def read_hinge(
     model: HingeModel, covariance: Array, p_WC: Array, displacements: DisplacementBelief
 ) -> HingeBelief:
@@ -155,7 +146,10 @@ def update_hinge(
         return state
     p_WQ = contact.p_WC if state.p_WQ is None else state.p_WQ
     displacements = displacements.about(p_WQ)
-    face = face_of(state.model, plane, contact.p_WC, p_WQ)
+    face = int(plane.seen)  # The first that is seen is the front.
+    if plane.seen and state.model is not None:
+        towards = plane.n_W @ front_normal(state.model, contact.p_WC, p_WQ)
+        face = 1 if towards > 0.0 else -1
     tick = begin(contact, plane, face)
     keyframes = append(state.keyframes, tick, config.spacing, config.memory)
     state = replace(state, keyframes=keyframes, p_WQ=p_WQ)

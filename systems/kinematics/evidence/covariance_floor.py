@@ -50,19 +50,6 @@ def log_probability(m: Models, kf: Keyframes, log_prior: Array) -> float:
     return float(of_all - 0.5 * kf.log_det[: kf.size[0]].sum())
 
 
-def with_floor(m: Models, kf: Keyframes, floor: Array, priors: Priors) -> tuple[Models, Keyframes]:
-    """Models and keyframes as they would be with another floor (6, 6); nothing is changed.
-
-    All keyframes must have been explained by free motions, see `explain_pending`.
-    """
-    other, frames = Models(*[x.copy() for x in m]), pose_keyframes.copy_keyframes(kf)
-    pose_keyframes.rescale(frames, np.ones(6), floor, priors.outliers)
-    solve_all(other, frames, priors, STEPS, True)
-    if other.log_evidence[FREE] > other.log_evidence[:FREE].max():
-        restart(other, frames, priors, True)
-    return other, frames
-
-
 def with_likelier_floor(
     m: Models,
     kf: Keyframes,
@@ -75,6 +62,8 @@ def with_likelier_floor(
 ) -> tuple[Models, Keyframes, int]:
     """The same, or those with the floor that is tried next, if it makes everything likelier.
 
+    All keyframes must have been explained by free motions, see `explain_pending`.
+
     Args:
         m: Models; not changed.
         kf: Keyframes; not changed.
@@ -83,6 +72,11 @@ def with_likelier_floor(
         log_prior: (5,) log probability of each type before anything was measured.
     """
     other = next_index(index, tries, len(FLOORS))
-    models, frames = with_floor(m, kf, covariance_floor(other, reported, scale), priors)
+    models, frames = Models(*[x.copy() for x in m]), pose_keyframes.copy_keyframes(kf)
+    floor = covariance_floor(other, reported, scale)
+    pose_keyframes.rescale(frames, np.ones(6), floor, priors.outliers)
+    solve_all(models, frames, priors, STEPS, True)
+    if models.log_evidence[FREE] > models.log_evidence[:FREE].max():
+        restart(models, frames, priors, True)
     gain = log_probability(models, frames, log_prior) - log_probability(m, kf, log_prior)
     return (models, frames, other) if gain > _LEAST_GAIN else (m, kf, index)

@@ -144,7 +144,9 @@ class HeldJoint(LeafSystem):
             name: self.DeclareAbstractInputPort(f"{name}_latest", Value[object]())
             for name in ("joints", "body_motions", "grasp", "hand_bending", "end_effector")
         }
-        self.DeclareVectorOutputPort("joint_latest", 8, self._calc_joint)
+        self.DeclareVectorOutputPort(
+            "joint_latest", 8, lambda context, output: output.SetFromVector(self._joint(context))
+        )
         self.DeclareVectorOutputPort("end_effector_screw_latest", 6, self._calc_end_effector)
         self.DeclareVectorOutputPort("grasp_failure_latest", 1, self._calc_failure)
 
@@ -168,9 +170,6 @@ class HeldJoint(LeafSystem):
                 return np.full(8, np.nan)
             S_W = se3.adjoint(parent.motion.X) @ S_W
         return np.concatenate([S_W, joint.model.configuration])
-
-    def _calc_joint(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._joint(context))
 
     def _calc_end_effector(self, context: Context, output: BasicVector) -> None:
         S_W = self._joint(context)[:6]

@@ -62,16 +62,8 @@ def start_body(
         X_WB_reference=X_WB,
         x=np.zeros(layout.size),
         P=P,
-        V=np.zeros(6),
-        V_covariance=1e-4 * np.eye(6),
-        feature_ids=np.zeros(0, dtype=np.int64),
         grasp_type=grasp.type,
-        unseen_growth=np.zeros((6, 6)),
         reference_error=np.diag(reference_error**2),
-        reset_count=0,
-        offset=np.zeros((6, 6)),
-        reference_offset=np.zeros((6, 6)),
-        shift=0.0,
         reference_delay=delay,
     )
 

@@ -20,7 +20,7 @@ is learnt by the grasp model alone: states that are only considered make the pos
 are not corrected.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -103,16 +103,16 @@ class BodyState(Immutable):
     X_WB_reference: Array
     x: Array
     P: Array
-    V: Array
-    V_covariance: Array
-    feature_ids: Ids
     grasp_type: GraspType
-    unseen_growth: Array
     reference_error: Array
-    reset_count: int
-    offset: Array
-    reference_offset: Array
-    shift: float
+    V: Array = field(default_factory=lambda: np.zeros(6))
+    V_covariance: Array = field(default_factory=lambda: 1e-4 * np.eye(6))
+    feature_ids: Ids = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    unseen_growth: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    reset_count: int = 0
+    offset: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    reference_offset: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    shift: float = 0.0
     settled: float = 0.0
     reference_delay: float = 0.0
 

@@ -74,11 +74,9 @@ def update_joint(
         n = plane.n_W if plane.n_W @ n > 0.0 else -plane.n_W
         n_covariance = plane.covariance[:3, :3]
         correlated_n += tilt_covariance(model.camera, state.n0_W, n)
-    contact_spread = config.contact_spread**2 * np.eye(3)
     contact = replace(contact, p_WC=state.p_WC)
-    pose = flap_pose(
-        state.n0_W, n, n_covariance, correlated_n, contact, contact_spread, config.twist
-    )
+    spread, twist = config.contact_spread, config.twist
+    pose = flap_pose(state.n0_W, n, n_covariance, correlated_n, contact, spread, twist)
     if not touching:
         pose = without_position(pose)
     after = model.filters.update(state.filters, pose.X_WB, pose.covariance, time, pose.correlated)
@@ -105,11 +103,8 @@ def _add_reference(
         return state
     n, noise = reference.n_W, reference.plane_covariance[:3, :3] / reference.ticks
     contact = replace(contact, p_WC=reference.p_WC)
-    contact_spread, correlated_n = (
-        config.contact_spread**2 * np.eye(3),
-        config.flatness**2 * np.eye(3),
-    )
-    pose = flap_pose(n, n, noise, correlated_n, contact, contact_spread, config.twist)
+    correlated_n = config.flatness**2 * np.eye(3)
+    pose = flap_pose(n, n, noise, correlated_n, contact, config.contact_spread, config.twist)
     start = model.filters.start(pose.X_WB, pose.covariance, time)
     return replace(state, filters=start, n0_W=n, n0_noise=noise, model=model.now(start, time))
 

@@ -72,7 +72,7 @@ def flap_pose(
     n_covariance: Array,
     correlated_n: Array,
     contact: FingertipContact,
-    contact_spread: Array,
+    contact_spread: float,
     twist: float,
 ) -> FlapPose:
     """The pose that goes with a normal and a contact.
@@ -83,7 +83,7 @@ def flap_pose(
         n_covariance: (3, 3), new at every tick; wide where it was not seen.
         correlated_n: (3, 3), the part of its error that stays for seconds.
         contact: Where the flap is touched.
-        contact_spread: Covariance (3, 3) of where on the flap that is, in W, [m^2].
+        contact_spread: Standard deviation of where on the flap that is, [m].
         twist: Standard deviation of the rotation about the normal, [rad].
     """
     R = least_rotation(n0_W, n_W)
@@ -93,12 +93,13 @@ def flap_pose(
     about_n = twist**2 * np.outer(n_W, n_W)
     stays = S @ correlated_n @ S.T + about_n
     rotation = S @ n_covariance @ S.T + stays
-    white = contact.p_WC_white_covariance + contact_spread
+    spread = contact_spread**2 * np.eye(3)
+    white = contact.p_WC_white_covariance + spread
     zero = np.zeros((3, 3))
     return FlapPose(
         X,
         np.block([[R.T @ rotation @ R, zero], [zero, R.T @ white @ R]]),
-        np.block([[R.T @ stays @ R, zero], [zero, R.T @ contact_spread @ R]]),
+        np.block([[R.T @ stays @ R, zero], [zero, spread]]),
     )
 
 

@@ -67,7 +67,7 @@ from crossmodal.systems.port_values.registration import (
     displacement_at,
     unknown_displacements,
 )
-from crossmodal.systems.port_values.samples import SampleWindow
+from crossmodal.systems.port_values.samples import SampleWindow, no_samples
 from crossmodal.systems.port_values.streams import HEALTHY, StreamHealth
 from crossmodal.systems.port_values.tactile import (
     NO_CONTACT,

@@ -21,3 +21,8 @@ class SampleWindow:
     times: Array
     values: Array
     variances: Array = field(default_factory=lambda: np.zeros(1))
+
+
+def no_samples(size: int) -> SampleWindow:
+    """A window without a sample of so many values."""
+    return SampleWindow(times=np.zeros(0), values=np.zeros((0, size)))

@@ -12,7 +12,7 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.gaussian import joseph_update
 from crossmodal.maths.validation import check, number
-from crossmodal.systems.port_values import EndEffectorBelief, SampleWindow
+from crossmodal.systems.port_values import EndEffectorBelief, SampleWindow, no_samples
 from crossmodal.systems.recursive_filter import RecursiveFilter
 from crossmodal.systems.shared_settings import SensorNoise
 from crossmodal.systems.ticks import Ticked
@@ -178,10 +178,8 @@ class EndEffectorMotion(RecursiveFilter):
         self._plant = plant
         self._frame = plant.GetFrameByName(frame)
         self._scratch = plant.CreateDefaultContext()  # Holds no state between two calls.
-        no_samples = SampleWindow(
-            times=np.zeros(0), values=np.zeros((0, 2 * plant.num_positions()))
-        )
-        self._window = self._declare_value_input("joint_state_window", no_samples)
+        none = no_samples(2 * plant.num_positions())
+        self._window = self._declare_value_input("joint_state_window", none)
         initial = EndEffectorState(
             X=np.eye(4),
             V=np.zeros(6),

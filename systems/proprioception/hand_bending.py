@@ -18,6 +18,7 @@ from crossmodal.systems.port_values import (
     HandLoad,
     PoseBelief,
     SampleWindow,
+    no_samples,
 )
 from crossmodal.systems.proprioception.bending_network import (
     BendingNetwork,
@@ -184,10 +185,8 @@ class HandBending(RecursiveFilter):
         self._floor = np.repeat([config.rotation_floor, config.translation_floor], 3)
         pressure = _MEAN_PRESSURE * config.noise.pressure
         self._noise = np.append(config.noise.wrench, np.full(4, pressure))
-        no_wrench = SampleWindow(times=np.zeros(0), values=np.zeros((0, 6)))
-        no_pressure = SampleWindow(times=np.zeros(0), values=np.zeros((0, 4)))
-        self._wrench = self._declare_value_input("wrench_window", no_wrench)
-        self._pressure = self._declare_value_input("pressure_window", no_pressure)
+        self._wrench = self._declare_value_input("wrench_window", no_samples(6))
+        self._pressure = self._declare_value_input("pressure_window", no_samples(4))
         self._end_effector = self._declare_value_input(
             "end_effector_estimated", UNKNOWN_END_EFFECTOR
         )

@@ -17,6 +17,7 @@ from crossmodal.systems.port_values import (
     SampleWindow,
     StreamHealth,
     TactileContact,
+    no_samples,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
 from crossmodal.systems.shared_settings import SensorNoise
@@ -172,9 +173,9 @@ class FingertipMotion(RecursiveFilter):
         check_features(config.features, "FingertipMotion")
         n = arm.num_joints
         self._config, self._layout, self._arm = config, layout, arm
-        self._joints = self._declare_value_input("finger_joint_state_window", _no_samples(2 * n))
+        self._joints = self._declare_value_input("finger_joint_state_window", no_samples(2 * n))
         count = len(layout.p_ST)
-        self._taxels = self._declare_value_input("taxel_window", _no_samples(count))
+        self._taxels = self._declare_value_input("taxel_window", no_samples(count))
         initial = FingertipState(
             belief=UNKNOWN_FINGERTIP,
             taxels=unread_taxels(layout),
@@ -239,7 +240,3 @@ class FingertipMotion(RecursiveFilter):
             p_SC=contact.p_SC - depth * n_S,
             covariance=contact.covariance + error**2 * np.outer(n_S, n_S),
         )
-
-
-def _no_samples(size: int) -> SampleWindow:
-    return SampleWindow(times=np.zeros(0), values=np.zeros((0, size)))

@@ -93,18 +93,12 @@ EMPTY_GRAPH = JointGraphState(pairs={}, bodies={}, past={}, unseen={}, ticks=0)
 
 def body_fault(body: BodyMotion) -> SkipReason | None:
     """Why a body's motion cannot be used; None where it can be true."""
-    for X in (body.motion.X, body.X_WB_reference):
-        if fault := pose_fault(X):
-            return fault
-    for P in (
-        body.motion.covariance[:6, :6] - body.offset_covariance,
-        body.correlated_covariance,
-        body.offset_covariance,
-        body.reference_offset_covariance,
-    ):
-        if fault := covariance_fault(np.ascontiguousarray(P)):
-            return fault
-    return None
+    offset = body.offset_covariance, body.reference_offset_covariance
+    own = body.motion.covariance[:6, :6] - body.offset_covariance
+    covariances = map(np.ascontiguousarray, (own, body.correlated_covariance, *offset))
+    faults = [pose_fault(X) for X in (body.motion.X, body.X_WB_reference)]
+    faults += [covariance_fault(P) for P in covariances]
+    return next(filter(None, faults), None)
 
 
 def merge_bodies(

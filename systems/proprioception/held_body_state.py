@@ -35,6 +35,8 @@ from crossmodal.systems.ticks import Ticked
 
 @dataclass(kw_only=True)
 class HeldBodyMotionConfig(Ticked):
+    """How the held body is predicted by the hand and corrected by features."""
+
     # White error of the end-effector above which no reference is taken.
     largest_error: float = number(0.01, at_least=1e-9, at_most=10.0, unit="m")
     hand = HandConfig()

@@ -163,17 +163,8 @@ def match(
     z = depth[v, u].astype(float)
     inside &= np.isfinite(z) & (z > 0.0)
     z = np.where(inside, z, 1.0)
-    seen = (
-        np.column_stack(
-            [
-                (u - intrinsics[2]) / intrinsics[0] * z,
-                (v - intrinsics[3]) / intrinsics[1] * z,
-                z,
-            ]
-        )
-        @ R.T
-        + p_WC
-    )
+    rays = np.column_stack([u, v, np.ones_like(u)]) - [*intrinsics[2:], 0.0]
+    seen = (rays / [*intrinsics[:2], 1.0] * z[:, None]) @ R.T + p_WC
     n = points.n_W
     residual = np.sum(n * (seen - points.p_W), axis=1)
     A = np.einsum("ni,nid->nd", n, rows)

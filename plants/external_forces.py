@@ -28,16 +28,11 @@ class ExternalForce:
 class ExternalForces(LeafSystem):
     """Applies forces while their time is.
 
-    .. pydrake_system::
+    Input ports:
+    - `body_poses`: of the plant (true).
 
-        name: ExternalForces
-        input_ports:
-        - body_poses
-        output_ports:
-        - spatial_forces
-
-    - body_poses: of the plant (true).
-    - spatial_forces: list of `ExternallyAppliedSpatialForce`.
+    Output ports:
+    - `spatial_forces`: list of `ExternallyAppliedSpatialForce`.
 
     Args:
         plant: The finalized plant.

@@ -17,16 +17,11 @@ class JointDetent(LeafSystem):
     The joint is held at its default position. The detent holds most, by F, at x = s, 0.3 mm or
     2 mrad away, and lets go within a few times that.
 
-    .. pydrake_system::
+    Input ports:
+    - `plant_state`: (nq + nv,) of the plant (true).
 
-        name: JointDetent
-        input_ports:
-        - plant_state
-        output_ports:
-        - generalized_forces
-
-    - plant_state: (nq + nv,) of the plant (true).
-    - generalized_forces: (nv,), [N] or [N m].
+    Output ports:
+    - `generalized_forces`: (nv,), [N] or [N m].
 
     Args:
         plant: The finalized plant.

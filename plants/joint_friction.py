@@ -39,16 +39,11 @@ def connect_holding_friction(
 class JointFriction(LeafSystem):
     """Generalized force -F tanh(v / v_s) on each velocity of the plant.
 
-    .. pydrake_system::
+    Input ports:
+    - `plant_state`: (nq + nv,) of the plant (true).
 
-        name: JointFriction
-        input_ports:
-        - plant_state
-        output_ports:
-        - generalized_forces
-
-    - plant_state: (nq + nv,) of the plant (true).
-    - generalized_forces: (nv,), [N] or [N m].
+    Output ports:
+    - `generalized_forces`: (nv,), [N] or [N m].
 
     Args:
         plant: The finalized plant.

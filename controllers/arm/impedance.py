@@ -96,22 +96,14 @@ class ImpedanceController(LeafSystem):
     that holds a bar can bear. So while nothing touches the hand, the offset integrates the torques
     of spring, J^T K log(X^-1 X_des), and posture; otherwise it is kept.
 
-    .. pydrake_system::
+    Input ports:
+    - `joint_state_measured`: (2 n,) positions [rad] and velocities [rad/s] from the encoders.
+    - `motion_desired`: `DesiredMotion`.
+    - `gains_desired`: `ImpedanceGains`.
+    - `tare`: (1,) above 0.5 while nothing touches the hand; the offset stays zero if not connected.
 
-        name: ImpedanceController
-        input_ports:
-        - joint_state_measured
-        - motion_desired
-        - gains_desired
-        - tare
-        output_ports:
-        - torque_commanded
-
-    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s] from the encoders.
-    - motion_desired: `DesiredMotion`.
-    - gains_desired: `ImpedanceGains`.
-    - tare: (1,) above 0.5 while nothing touches the hand; the offset stays zero if not connected.
-    - torque_commanded: (n,) [N m], held over the period.
+    Output ports:
+    - `torque_commanded`: (n,) [N m], held over the period.
 
     State: the torque commanded (n,) and the offset (n,), [N m].
 

@@ -25,19 +25,12 @@ class MotionSwitch(LeafSystem):
 
     When B stores `NO_MOTION` again, A commands from that same instant on.
 
-    .. pydrake_system::
+    Input ports:
+    - `<source>_motion_desired`: `DesiredMotion`, or `NO_MOTION`; may stay unconnected.
+    - `<source>_gains_desired`: `ImpedanceGains`, or `NO_GAINS`; may stay unconnected.
 
-        name: MotionSwitch
-        input_ports:
-        - <source>_motion_desired
-        - <source>_gains_desired
-        output_ports:
-        - motion_commanded
-        - gains_commanded
-
-    - <source>_motion_desired: `DesiredMotion`, or `NO_MOTION`; may stay unconnected.
-    - <source>_gains_desired: `ImpedanceGains`, or `NO_GAINS`; may stay unconnected.
-    - motion_commanded, gains_commanded: of the last source that has some; `NO_MOTION` and
+    Output ports:
+    - `motion_commanded`, `gains_commanded`: of the last source that has some; `NO_MOTION` and
       `NO_GAINS` without any.
 
     Args:

@@ -52,18 +52,12 @@ class SmoothPath:
 class BendingExcitation(LeafSystem):
     """Takes the place of the exploration where the object is fixed to the world.
 
-    .. pydrake_system::
+    Input ports:
+    - `grasp_motion_desired`: `DesiredMotion` of the grasp sequence, which holds the grasp's pose.
+    - `phase`: (1,) `Phase`.
 
-        name: BendingExcitation
-        input_ports:
-        - grasp_motion_desired
-        - phase
-        output_ports:
-        - motion_desired
-
-    - grasp_motion_desired: `DesiredMotion` of the grasp sequence, which holds the grasp's pose.
-    - phase: (1,) `Phase`.
-    - motion_desired: `DesiredMotion`, a smooth path about the grasp's pose;
+    Output ports:
+    - `motion_desired`: `DesiredMotion`, a smooth path about the grasp's pose;
       `NO_MOTION` before EXPLORE.
 
     Args:

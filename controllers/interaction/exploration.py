@@ -41,22 +41,14 @@ class ExplorationController(Sequence):
     directions have nothing to push against, so there the desired pose follows the hand. The first
     p_des(t-1) is the pose that was commanded when the hand had closed.
 
-    .. pydrake_system::
+    Input ports:
+    - `joint_state_measured`: (2 n,) positions [rad] and velocities [rad/s].
+    - `motion_commanded`: `DesiredMotion` of the `MotionSwitch`, read when exploration begins.
+    - `pull_direction`: (3,) unit vector in E.
+    - `phase`: (1,) `Phase`; the hand pulls in EXPLORE and wants to stand still in later phases.
 
-        name: ExplorationController
-        input_ports:
-        - joint_state_measured
-        - motion_commanded
-        - pull_direction
-        - phase
-        output_ports:
-        - motion_desired
-
-    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s].
-    - motion_commanded: `DesiredMotion` of the `MotionSwitch`, read when exploration begins.
-    - pull_direction: (3,) unit vector in E.
-    - phase: (1,) `Phase`; the hand pulls in EXPLORE and wants to stand still in later phases.
-    - motion_desired: `DesiredMotion`; `NO_MOTION` before EXPLORE.
+    Output ports:
+    - `motion_desired`: `DesiredMotion`; `NO_MOTION` before EXPLORE.
 
     State: the desired motion.
 

@@ -50,24 +50,16 @@ def remember(memory: Array, seen: Array, held: bool, period: float, patience: fl
 class JointMemory(LeafSystem):
     """Keeps the joint that perception gives, through its gaps and from one grasp to the next.
 
-    .. pydrake_system::
-
-        name: JointMemory
-        input_ports:
-        - joint_latest
-        - end_effector_screw_latest
-        - phase
-        output_ports:
-        - joint_remembered
-        - end_effector_screw_remembered
-
-    - joint_latest: (8,) unit screw of the body in W at Wo, its configuration q since the grasp,
+    Input ports:
+    - `joint_latest`: (8,) unit screw of the body in W at Wo, its configuration q since the grasp,
       [m or rad], and the rate of q; NaN while unknown. Unconnected, nothing is ever known.
-    - end_effector_screw_latest: (6,) of E in W at Wo, per unit of q.
-    - phase: (1,) `Phase`.
-    - joint_remembered: (8,) the same, q since the first grasp; NaN until a joint was perceived. The
-      rate is NaN whenever the joint is only remembered.
-    - end_effector_screw_remembered: (6,) likewise.
+    - `end_effector_screw_latest`: (6,) of E in W at Wo, per unit of q.
+    - `phase`: (1,) `Phase`.
+
+    Output ports:
+    - `joint_remembered`: (8,) the same, q since the first grasp; NaN until a joint was perceived.
+      The rate is NaN whenever the joint is only remembered.
+    - `end_effector_screw_remembered`: (6,) likewise.
 
     Args:
         period: Of the updates, [s].

@@ -31,21 +31,14 @@ class PullDirection(LeafSystem):
     A hand that turns on its handle takes its direction of pulling along and soon pulls across the
     joint: it shifts the handle in the fingers and drags the object along.
 
-    .. pydrake_system::
+    Input ports:
+    - `joint_state_measured`: (2 n,) positions [rad] and velocities [rad/s].
+    - `joint_remembered`, `end_effector_screw_remembered`: of `JointMemory`; NaN while none is
+      known.
+    - `phase`: (1,) `Phase`; the direction turns while it is EXPLORE, and is as taught before.
 
-        name: PullDirection
-        input_ports:
-        - joint_state_measured
-        - joint_remembered
-        - end_effector_screw_remembered
-        - phase
-        output_ports:
-        - pull_direction
-
-    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s].
-    - joint_remembered, end_effector_screw_remembered: of `JointMemory`; NaN while none is known.
-    - phase: (1,) `Phase`; the direction turns while it is EXPLORE, and is as taught before.
-    - pull_direction: (3,) unit vector in E.
+    Output ports:
+    - `pull_direction`: (3,) unit vector in E.
 
     State: the direction.
 

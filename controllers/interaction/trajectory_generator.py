@@ -180,31 +180,19 @@ class TrajectoryGenerator(Sequence):
 
     After RETURN the pose is held.
 
-    .. pydrake_system::
+    Input ports:
+    - `joint_state_measured`: (2 n,) positions [rad] and velocities [rad/s].
+    - `phase`: (1,) `Phase`.
+    - `joint_remembered`: (8,) of `JointMemory`, of which the type and q [m or rad] are used.
+    - `end_effector_screw_remembered`: (6,) S_WE, in W at Wo, per unit of q.
+    - `grasp_failure_latest`: (1,) probability that the hand has lost the body; NaN or unconnected
+      if unknown.
 
-        name: TrajectoryGenerator
-        input_ports:
-        - joint_state_measured
-        - phase
-        - joint_remembered
-        - end_effector_screw_remembered
-        - grasp_failure_latest
-        output_ports:
-        - motion_desired
-        - gains_desired
-        - plan_time_left
-        - path_planned
-
-    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s].
-    - phase: (1,) `Phase`.
-    - joint_remembered: (8,) of `JointMemory`, of which the type and q [m or rad] are used.
-    - end_effector_screw_remembered: (6,) S_WE, in W at Wo, per unit of q.
-    - grasp_failure_latest: (1,) probability that the hand has lost the body; NaN or unconnected if
-      unknown.
-    - motion_desired, gains_desired: `DesiredMotion` and `ImpedanceGains`; `NO_MOTION` and
+    Output ports:
+    - `motion_desired`, `gains_desired`: `DesiredMotion` and `ImpedanceGains`; `NO_MOTION` and
       `NO_GAINS` without a plan.
-    - plan_time_left: (1,) until the planned end, negative after it; infinite without a plan, [s].
-    - path_planned: poses (N, 4, 4) of E in W from now to the goal by the latest screw; N = 0
+    - `plan_time_left`: (1,) until the planned end, negative after it; infinite without a plan, [s].
+    - `path_planned`: poses (N, 4, 4) of E in W from now to the goal by the latest screw; N = 0
       without a plan.
 
     State: `Plan`. Source: crossmodal paper, section VI.

@@ -59,37 +59,24 @@ def tactile_projector(phase: FlipPhase, config: FlipSequenceConfig) -> Array:
 class FlipSequence(Sequence):
     """Says which phase the flip is in, and who moves which component of the fingertip in it.
 
-    .. pydrake_system::
-
-        name: FlipSequence
-        input_ports:
-        - joint_state_measured
-        - contact_latest
-        - flap_angle_latest
-        - hinge_latest
-        - taxel_health_latest
-        output_ports:
-        - phase
-        - feed_forward
-        - approach_twist_desired
-        - tactile_projector
-        - visual_projector
-        - failure
-
-    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s].
-    - contact_latest: `TactileContact`.
-    - flap_angle_latest: `FlapAngleBelief`. May stay unconnected; then the finger's own turn counts.
-    - hinge_latest: `HingeBelief`. May stay unconnected; with it, an edge that is seen to have
+    Input ports:
+    - `joint_state_measured`: (2 n,) positions [rad] and velocities [rad/s].
+    - `contact_latest`: `TactileContact`.
+    - `flap_angle_latest`: `FlapAngleBelief`. May stay unconnected; then the finger's own turn
+      counts.
+    - `hinge_latest`: `HingeBelief`. May stay unconnected; with it, an edge that is seen to have
       gone is followed.
-    - taxel_health_latest: `StreamHealth` of the taxels; while it has an age, nothing is sought. May
-      stay unconnected.
-    - phase: (1,) `FlipPhase`.
-    - feed_forward: (1,) speed of the contact along x_S, [m/s].
-    - approach_twist_desired: (6,) V_WS_S towards a contact that is not sensed, or in the end away
+    - `taxel_health_latest`: `StreamHealth` of the taxels; while it has an age, nothing is sought.
+      May stay unconnected.
+
+    Output ports:
+    - `phase`: (1,) `FlipPhase`.
+    - `feed_forward`: (1,) speed of the contact along x_S, [m/s].
+    - `approach_twist_desired`: (6,) V_WS_S towards a contact that is not sensed, or in the end away
       from it, [rad/s, m/s].
-    - tactile_projector: (6,) diagonal of P_tact: w_x, w_y, w_z, v_x, v_y, v_z.
-    - visual_projector: (6,) of P_vis.
-    - failure: str, why it failed; empty if it has not.
+    - `tactile_projector`: (6,) diagonal of P_tact: w_x, w_y, w_z, v_x, v_y, v_z.
+    - `visual_projector`: (6,) of P_vis.
+    - `failure`: str, why it failed; empty if it has not.
 
     State: `FlipState`.
 

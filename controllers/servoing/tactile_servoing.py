@@ -115,21 +115,14 @@ class TactileServoing(LeafSystem):
     u = PID(actual - desired features), V_WC_S = P_tact J^-1 u, V_WS_S with the point of contact as
     the centre of rotations, so that a roll is one. Without a contact it is zero and forgets.
 
-    .. pydrake_system::
+    Input ports:
+    - `contact_latest`: `TactileContact` of the fingertip.
+    - `tactile_projector`: (6,) diagonal of P_tact, ones and zeros, in the order of a twist: w_x,
+      w_y, w_z, v_x, v_y, v_z.
+    - `twist_share`: (1,) of `TwistToJoints`; integrals stand still below one. May stay unconnected.
 
-        name: TactileServoing
-        input_ports:
-        - contact_latest
-        - tactile_projector
-        - twist_share
-        output_ports:
-        - tactile_twist_desired
-
-    - contact_latest: `TactileContact` of the fingertip.
-    - tactile_projector: (6,) diagonal of P_tact, ones and zeros, in the order of a twist: w_x, w_y,
-      w_z, v_x, v_y, v_z.
-    - twist_share: (1,) of `TwistToJoints`; integrals stand still below one. May stay unconnected.
-    - tactile_twist_desired: (6,) V_WS_S, [rad/s, m/s].
+    Output ports:
+    - `tactile_twist_desired`: (6,) V_WS_S, [rad/s, m/s].
 
     State: last errors and integrals (12,); the errors are NaN without a contact.
 

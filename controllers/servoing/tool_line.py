@@ -52,28 +52,18 @@ class ToolLine(Sequence):
     Where the estimators take the arm to be displaced, L1 begins at another place than the arm's
     kinematics puts E at; the difference is taken off for good.
 
-    .. pydrake_system::
-
-        name: ToolLine
-        input_ports:
-        - joint_state_measured
-        - tool_latest
-        - flip_phase
-        output_ports:
-        - twist_desired
-        - phase
-        - failure
-        - tip_estimated
-
-    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s] of the arm that holds the
-      tool.
-    - tool_latest: `ToolBelief`. May stay unconnected; then the line is not begun.
-    - flip_phase: (1,) `FlipPhase` of the finger. The tool is taken when the finger begins its
+    Input ports:
+    - `joint_state_measured`: (2 n,) positions [rad] and velocities [rad/s] of the arm that holds
+      the tool.
+    - `tool_latest`: `ToolBelief`. May stay unconnected; then the line is not begun.
+    - `flip_phase`: (1,) `FlipPhase` of the finger. The tool is taken when the finger begins its
       retreat, and moved when that is done.
-    - twist_desired: (6,) V_WE_E, [rad/s, m/s].
-    - phase: (1,) `LinePhase`.
-    - failure: str, why the line was not begun or not followed to its end; empty if it was.
-    - tip_estimated: (3,) p_WT by joints and tool, [m]; NaN before the tool is taken.
+
+    Output ports:
+    - `twist_desired`: (6,) V_WE_E, [rad/s, m/s].
+    - `phase`: (1,) `LinePhase`.
+    - `failure`: str, why the line was not begun or not followed to its end; empty if it was.
+    - `tip_estimated`: (3,) p_WT by joints and tool, [m]; NaN before the tool is taken.
 
     State: `LineState`.
 

@@ -79,21 +79,14 @@ class TwistToJoints(LeafSystem):
     differential inverse kinematics at the commanded q. The command never leads the measured joints
     by more than a limit, so that an arm that is held up does not jump when it is set free.
 
-    .. pydrake_system::
+    Input ports:
+    - `twist_desired`: (6,) V_WS_S, [rad/s, m/s].
+    - `joint_state_measured`: (2 n,) positions [rad] and velocities [rad/s].
 
-        name: TwistToJoints
-        input_ports:
-        - twist_desired
-        - joint_state_measured
-        output_ports:
-        - joint_position_commanded
-        - twist_share
-
-    - twist_desired: (6,) V_WS_S, [rad/s, m/s].
-    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s].
-    - joint_position_commanded: (n,) [rad], held over the period.
-    - twist_share: (1,) what the arm can do of the twist, as of the last period: one if all, zero if
-      nothing. While the command is held back by `lead` it is zero.
+    Output ports:
+    - `joint_position_commanded`: (n,) [rad], held over the period.
+    - `twist_share`: (1,) what the arm can do of the twist, as of the last period: one if all, zero
+      if nothing. While the command is held back by `lead` it is zero.
 
     State: the commanded q (n,) and the share (1,).
 

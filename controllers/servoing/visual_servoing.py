@@ -86,29 +86,18 @@ class VisualServoing(LeafSystem):
     along the flap towards the hinge and |L2| the hinge's distance from the contact. What is not
     known is left out.
 
-    .. pydrake_system::
-
-        name: VisualServoing
-        input_ports:
-        - joint_state_measured
-        - contact_latest
-        - feed_forward
-        - tactile_twist_desired
-        - visual_projector
-        - flap_angle_latest
-        - hinge_latest
-        output_ports:
-        - visual_twist_desired
-
-    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s].
-    - contact_latest: `TactileContact`.
-    - feed_forward: (1,) speed of the contact along x_S, [m/s].
-    - tactile_twist_desired: (6,) V_WS_S of touch, to whose slide along x_S the arc belongs, too.
-    - visual_projector: (6,) diagonal of P_vis, in the order of a twist: w_x, w_y, w_z, v_x, v_y,
+    Input ports:
+    - `joint_state_measured`: (2 n,) positions [rad] and velocities [rad/s].
+    - `contact_latest`: `TactileContact`.
+    - `feed_forward`: (1,) speed of the contact along x_S, [m/s].
+    - `tactile_twist_desired`: (6,) V_WS_S of touch, to whose slide along x_S the arc belongs, too.
+    - `visual_projector`: (6,) diagonal of P_vis, in the order of a twist: w_x, w_y, w_z, v_x, v_y,
       v_z.
-    - flap_angle_latest: `FlapAngleBelief`. May stay unconnected.
-    - hinge_latest: `HingeBelief`. May stay unconnected.
-    - visual_twist_desired: (6,) V_WS_S, [rad/s, m/s]; zero without a contact.
+    - `flap_angle_latest`: `FlapAngleBelief`. May stay unconnected.
+    - `hinge_latest`: `HingeBelief`. May stay unconnected.
+
+    Output ports:
+    - `visual_twist_desired`: (6,) V_WS_S, [rad/s, m/s]; zero without a contact.
 
     Frames: W world, S fingertip, C contact.
 

@@ -122,19 +122,7 @@ class MeshcatView(LeafSystem):
     Args:
         textured: Meshes by path, which take the place of what the scene shows there.
 
-    .. pydrake_system::
-
-        name: MeshcatView
-        input_ports:
-        - <modality>_joints_latest
-        - <modality>_body_motions_latest
-        - <modality>_features_latest
-        - path_planned
-        - cheat_joint
-        - cheat_configuration
-        - cheat_body_pose
-        - interaction_active
-
+    Input ports:
     - `<modality>_joints_latest`, `<modality>_body_motions_latest`, `<modality>_features_latest`:
       `JointBeliefs`, `BodyMotions` and `FeatureBelief`; what has no source stays unconnected.
     - `path_planned`: poses (N, 4, 4) in W of the end-effector's planned way; N = 0 without a plan.

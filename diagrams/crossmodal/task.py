@@ -44,18 +44,12 @@ def task_status(phase: ControlPhase, grasp_lost: bool) -> TaskStatus:
 class ManipulationStatus(LeafSystem):
     """Says in the words of the task what the grasp sequence does.
 
-    .. pydrake_system::
+    Input ports:
+    - `phase`: (1,) `crossmodal.controllers.interaction.phases.Phase`.
+    - `grasp_lost`: (1,) one once a grasp is given up.
 
-        name: ManipulationStatus
-        input_ports:
-        - phase
-        - grasp_lost
-        output_ports:
-        - task_status
-
-    - phase: (1,) `crossmodal.controllers.interaction.phases.Phase`.
-    - grasp_lost: (1,) one once a grasp is given up.
-    - task_status: `TaskStatus`.
+    Output ports:
+    - `task_status`: `TaskStatus`.
     """
 
     def __init__(self) -> None:

@@ -45,22 +45,14 @@ def flip_status(flip: FlipPhase, flip_failure: str, line: LinePhase, failure: st
 class FlipStatus(LeafSystem):
     """Says in the words of the task what finger and tool do.
 
-    .. pydrake_system::
+    Input ports:
+    - `flip_phase`: (1,) `FlipPhase`.
+    - `flip_failure`: str, why it failed; empty if it has not.
+    - `line_phase`: (1,) `LinePhase`.
+    - `line_failure`: str, likewise.
 
-        name: FlipStatus
-        input_ports:
-        - flip_phase
-        - flip_failure
-        - line_phase
-        - line_failure
-        output_ports:
-        - task_status
-
-    - flip_phase: (1,) `FlipPhase`.
-    - flip_failure: str, why it failed; empty if it has not.
-    - line_phase: (1,) `LinePhase`.
-    - line_failure: str, likewise.
-    - task_status: `TaskStatus`.
+    Output ports:
+    - `task_status`: `TaskStatus`.
     """
 
     def __init__(self) -> None:

@@ -94,16 +94,7 @@ class MeshcatView(LeafSystem):
 
     What has been drawn is kept outside the Context, so one view serves one simulation.
 
-    .. pydrake_system::
-
-        name: MeshcatView
-        input_ports:
-        - taxel_measured
-        - tip_estimated
-        - <estimator>_tool_latest
-        - <estimator>_flap_plane_latest
-        - <estimator>_fingertip_contact_latest
-
+    Input ports:
     - `taxel_measured`: forces (taxels,), [N].
     - `tip_estimated`: p_WT of the tool's tip (3,), [m]; NaN before the arm has the tool as a link.
     - `<estimator>_tool_latest`: `ToolBelief`.

@@ -117,22 +117,14 @@ def joint_mechanics(joint: Joint, friction: float, detent: float = 0.0) -> Joint
 class ObjectTruth(LeafSystem):
     """The explored joint's constants, its true position and the moved body's true pose.
 
-    .. pydrake_system::
+    Input ports:
+    - `plant_state`: (nq + nv,).
 
-        name: ObjectTruth
-        input_ports:
-        - plant_state
-        output_ports:
-        - cheat_joint
-        - cheat_joint_mechanics
-        - cheat_configuration
-        - cheat_body_pose
-
-    - plant_state: (nq + nv,).
-    - cheat_joint: `JointTruth`.
-    - cheat_joint_mechanics: `JointMechanicsTruth`.
-    - cheat_configuration: (1,) [m or rad].
-    - cheat_body_pose: `RigidTransform` X_WB of the joint's child.
+    Output ports:
+    - `cheat_joint`: `JointTruth`.
+    - `cheat_joint_mechanics`: `JointMechanicsTruth`.
+    - `cheat_configuration`: (1,) [m or rad].
+    - `cheat_body_pose`: `RigidTransform` X_WB of the joint's child.
 
     Args:
         plant: The finalized plant.

@@ -47,13 +47,7 @@ class EpisodeRecorder(LeafSystem):
     The lists live outside the Context, so one recorder serves one simulation. `status` is what the
     robot does at the last tick.
 
-    .. pydrake_system::
-
-        name: EpisodeRecorder
-        input_ports:
-        - <station_port>
-        - <estimator>_<port>
-
+    Input ports:
     - `<station_port>`: each quantity and each picture of the station, by its port's name;
       `task_status`, where the station has it, is a `TaskStatus`; a picture is a `StampedImage`
       in colour.
@@ -170,13 +164,8 @@ class TickStopwatch(LeafSystem):
     `stop.marks[k] - start.marks[k]`. What a stopwatch reads first, such as rendered images, is
     computed before it takes the time, and thereby left out.
 
-    .. pydrake_system::
-
-        name: TickStopwatch
-        input_ports:
-        - input_<n>
-
-    - input_<n>: abstract, of any type given.
+    Input ports:
+    - `input_<n>`: abstract, of any type given.
     """
 
     def __init__(self, period: float, inputs: Sequence[AbstractValue] = ()) -> None:

@@ -9,15 +9,9 @@ from crossmodal.diagrams.stations.occurrence import occurs
 class Lighting(LeafSystem):
     """Light and cover over time; the disturbances of a scenario.
 
-    .. pydrake_system::
-
-        name: Lighting
-        output_ports:
-        - illumination
-        - cover
-
-    - illumination: (1,) 1 normal, 0 lights off.
-    - cover: (1,) 1 while something covers the camera.
+    Output ports:
+    - `illumination`: (1,) 1 normal, 0 lights off.
+    - `cover`: (1,) 1 while something covers the camera.
     """
 
     def __init__(self, disturbances: Disturbances) -> None:

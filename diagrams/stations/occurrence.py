@@ -15,13 +15,8 @@ def occurs(intervals: Iterable[Interval], time: float) -> float:
 class Occurrence(LeafSystem):
     """One while any of the intervals lasts, else zero.
 
-    .. pydrake_system::
-
-        name: Occurrence
-        output_ports:
-        - occurring
-
-    - occurring: (1,) 1 or 0.
+    Output ports:
+    - `occurring`: (1,) 1 or 0.
     """
 
     def __init__(self, intervals: Iterable[Interval]) -> None:

@@ -10,16 +10,11 @@ from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 class TruePose(LeafSystem):
     """The pose of a frame F that is fixed to a body of the plant.
 
-    .. pydrake_system::
+    Input ports:
+    - `body_poses`: list of `RigidTransform` X_WB, one per body, from the plant.
 
-        name: TruePose
-        input_ports:
-        - body_poses
-        output_ports:
-        - cheat_pose
-
-    - body_poses: list of `RigidTransform` X_WB, one per body, from the plant.
-    - cheat_pose: `RigidTransform` X_WF.
+    Output ports:
+    - `cheat_pose`: `RigidTransform` X_WF.
     """
 
     def __init__(self, plant: MultibodyPlant, frame: Frame) -> None:

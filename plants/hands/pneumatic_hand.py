@@ -50,24 +50,15 @@ def chamber_rates(config: PneumaticHandConfig) -> Array:
 class PneumaticHand(LeafSystem):
     """Chamber pressures and joint torques of the soft hand.
 
-    .. pydrake_system::
+    Input ports:
+    - `hand_state`: (30,) angles [rad] and rates [rad/s] of the fifteen finger joints (true).
+    - `pressure_commanded`: (4,) gauge pressure that the regulator seeks, [Pa].
+    - `sealed`: (1,) above 0.5 the valves are closed.
+    - `leaking`: (1,) above 0.5 the air escapes from all chambers; may stay unconnected.
 
-        name: PneumaticHand
-        input_ports:
-        - hand_state
-        - pressure_commanded
-        - sealed
-        - leaking
-        output_ports:
-        - joint_torques
-        - cheat_pressure
-
-    - hand_state: (30,) angles [rad] and rates [rad/s] of the fifteen finger joints (true).
-    - pressure_commanded: (4,) gauge pressure that the regulator seeks, [Pa].
-    - sealed: (1,) above 0.5 the valves are closed.
-    - leaking: (1,) above 0.5 the air escapes from all chambers; may stay unconnected.
-    - joint_torques: (15,) [N m].
-    - cheat_pressure: (4,) true gauge pressure, [Pa]; the pressure sensor adds its noise.
+    Output ports:
+    - `joint_torques`: (15,) [N m].
+    - `cheat_pressure`: (4,) true gauge pressure, [Pa]; the pressure sensor adds its noise.
 
     State: the product P V of each chamber [J], proportional to its mass of air.
     """

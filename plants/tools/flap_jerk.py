@@ -40,18 +40,12 @@ def share_of_displacement(jerk: FlapJerk, time: float) -> tuple[float, float]:
 class FlapJerks(LeafSystem):
     """The force of a hand at the free edge, across the flap, while it leads the flap.
 
-    .. pydrake_system::
+    Input ports:
+    - `body_poses`: list of `RigidTransform` X_WB, one per body, from the plant (true).
+    - `tool_state`: positions and velocities of the tool (true), [rad], [rad/s].
 
-        name: FlapJerks
-        input_ports:
-        - body_poses
-        - tool_state
-        output_ports:
-        - spatial_forces
-
-    - body_poses: list of `RigidTransform` X_WB, one per body, from the plant (true).
-    - tool_state: positions and velocities of the tool (true), [rad], [rad/s].
-    - spatial_forces: list of `ExternallyAppliedSpatialForce`.
+    Output ports:
+    - `spatial_forces`: list of `ExternallyAppliedSpatialForce`.
 
     State: the hinge's angle at the beginning of each jerk, NaN before, [rad].
 

@@ -251,20 +251,12 @@ class FlapAngleFilter(RecursiveFilter):
     constants. In a blackout the prediction alone turns the normal (Rodrigues). Before the hinge
     is known, the angle is that of the finger's path over an assumed lever.
 
-    .. pydrake_system::
-
-        name: FlapAngleFilter
-        input_ports:
-        - flap_plane_estimated
-        - fingertip_contact_estimated
-        - hinge_estimated
-        output_ports:
-        - flap_angle_estimated
-        - flap_angle_latest
-
+    Input ports:
     - `flap_plane_estimated`: `FlapPlane` of this tick, in W.
     - `fingertip_contact_estimated`: `FingertipContact`.
     - `hinge_estimated`: `HingeBelief` of this tick, in W.
+
+    Output ports:
     - `flap_angle_estimated`: `FlapAngleBelief` of this tick.
     - `flap_angle_latest`: the one of the last tick, from the state.
 

@@ -143,23 +143,14 @@ class ToolKinematics(RecursiveFilter):
     Without a contact the last tool stays, but for its angle and what turns with it. Without a hinge
     or an angle, and while the holder carries it, all of it stays.
 
-    .. pydrake_system::
-
-        name: ToolKinematics
-        input_ports:
-        - hinge_estimated
-        - flap_angle_estimated
-        - fingertip_contact_estimated
-        - end_effector_estimated
-        output_ports:
-        - tool_estimated
-        - tool_latest
-
+    Input ports:
     - `hinge_estimated`: `HingeBelief` of this tick, in W.
     - `flap_angle_estimated`: `FlapAngleBelief` of this tick.
     - `fingertip_contact_estimated`: `FingertipContact`.
     - `end_effector_estimated`: `EndEffectorBelief` of the arm that holds the tool; by how much its
       calibration displaces it is part of the hinge's displacements.
+
+    Output ports:
     - `tool_estimated`: `ToolBelief` of this tick.
     - `tool_latest`: the one of the last tick, from the state.
 

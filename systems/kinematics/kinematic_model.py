@@ -39,21 +39,11 @@ class KinematicModel(RecursiveFilter):
     of B's joint to the environment is transferred to the joint between the two. A parent that is
     not measured any more is taken to rest, with growing covariance.
 
-    .. pydrake_system::
-
-        name: KinematicModel
-        input_ports:
-        - body_motions
-        - body_motions_1 (one port per input; the first has no number)
-        output_ports:
-        - joints_estimated
-        - joints_latest
-        - body_motions_latest
-        - bodies_predicted
-        - health_latest
-
+    Input ports:
     - `body_motions`, `body_motions_1`, ...: `BodyMotions` of this tick in W; a later port overrides
       a body id of an earlier one. An unconnected port counts as empty.
+
+    Output ports:
     - `joints_estimated`: `JointBeliefs` of this tick, in P; for other filters only.
     - `joints_latest`: the same of the last tick, from the state.
     - `body_motions_latest`: `BodyMotions` that the joints belong to, from the state; a body that is

@@ -119,23 +119,13 @@ class ImageMonitor(RecursiveFilter):
     reported, and the image is passed on: what is seen in it stays where it is. For a camera that
     does not move.
 
-    .. pydrake_system::
-
-        name: ImageMonitor
-        input_ports:
-        - color_measured
-        - depth_measured
-        - robot_mask
-        output_ports:
-        - color_checked
-        - depth_checked
-        - color_health_latest
-        - depth_health_latest
-
+    Input ports:
     - `color_measured`: `StampedImage` of an `ImageRgba8U`; may stay unconnected where nobody sees
       by colour.
     - `depth_measured`: `StampedImage` of an `ImageDepth32F`, [m].
     - `robot_mask`: `ImageGrey8U`, nonzero on the robot; none if not connected.
+
+    Output ports:
     - `color_checked`: `ImageRgba8U`, black where the image is kept back.
     - `depth_checked`: `ImageDepth32F`, [m], all 0 (no return) where the image is kept back.
     - `color_health_latest`, `depth_health_latest`: `StreamHealth` as of the last tick.

@@ -134,19 +134,12 @@ class WindowMonitor(RecursiveFilter):
     not measured makes a filter less certain. Where an offset of the readings has been measured, the
     samples pass without it, and the window says how well it is known.
 
-    .. pydrake_system::
-
-        name: WindowMonitor
-        input_ports:
-        - window
-        - joint_state_window
-        output_ports:
-        - window_checked
-        - health_latest
-
+    Input ports:
     - `window`: `SampleWindow`, as it arrives.
     - `joint_state_window`: `SampleWindow` of the arm, (2 n,) positions [rad] and velocities
       [rad/s], checked; may stay unconnected.
+
+    Output ports:
     - `window_checked`: `SampleWindow` of the samples that can be true, at this tick.
     - `health_latest`: `StreamHealth` as of the last tick.
 

@@ -159,19 +159,12 @@ class EndEffectorMotion(RecursiveFilter):
     J_E(q) J_E(q_0)^+ diag(3 deg, 1 cm), q_0 being the first posture that is measured. (The velocity
     that an offset turns, about 5 % of it, is not modelled.)
 
-    .. pydrake_system::
-
-        name: EndEffectorMotion
-        input_ports:
-        - joint_state_window
-        output_ports:
-        - end_effector_estimated
-        - end_effector_latest
-        - end_effector_predicted
-
+    Input ports:
     - `joint_state_window`: `SampleWindow` of (2 n,) positions [rad] and velocities [rad/s]. An
       error that its samples have in common is kept out of the recursion, too, and added to the
       output as part of the white one.
+
+    Output ports:
     - `end_effector_estimated`: `EndEffectorBelief`, posterior of this tick.
     - `end_effector_latest`: `EndEffectorBelief`, posterior of the last tick, from the state alone.
     - `end_effector_predicted`: `EndEffectorBelief`, one tick after the last, from the state alone.

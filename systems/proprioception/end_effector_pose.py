@@ -45,16 +45,10 @@ class EndEffectorPose(RecursiveFilter):
     Other than `EndEffectorMotion` it knows where its error comes from: the calibration of its base
     and of its joints' zeros.
 
-    .. pydrake_system::
-
-        name: EndEffectorPose
-        input_ports:
-        - joint_state_window
-        output_ports:
-        - end_effector_estimated
-        - end_effector_latest
-
+    Input ports:
     - `joint_state_window`: `SampleWindow` of (2 n,) positions [rad], velocities [rad/s].
+
+    Output ports:
     - `end_effector_estimated`: `EndEffectorBelief` of this tick; the last one without samples.
     - `end_effector_latest`: the one of the last tick, from the state.
 

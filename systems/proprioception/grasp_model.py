@@ -238,25 +238,15 @@ class GraspModel(RecursiveFilter):
     In the proprioception-only wiring, and in the dark, the body's pose is computed through the
     grasp: then the relative pose is followed and the prior reaffirmed, without new confidence.
 
-    .. pydrake_system::
-
-        name: GraspModel
-        input_ports:
-        - end_effector_estimated
-        - hand_bending_estimated
-        - body_motions_estimated
-        - slip_estimated
-        - interaction_active
-        output_ports:
-        - grasp_estimated
-        - grasp_latest
-
+    Input ports:
     - `end_effector_estimated`: `EndEffectorBelief` X_WE.
     - `hand_bending_estimated`: `PoseBelief` X_EH.
     - `body_motions_estimated`: `BodyMotions` with the one `HeldBody`, of
       `HeldBodyMotion`; unconnected, nothing is learnt of the types that hold.
     - `slip_estimated`: `SlipBelief`; may stay unconnected.
     - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
+
+    Output ports:
     - `grasp_estimated`: `GraspBelief`, posterior of this tick.
     - `grasp_latest`: `GraspBelief`, posterior of the last tick, from the state alone.
 

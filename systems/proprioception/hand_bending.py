@@ -168,24 +168,14 @@ class HandBending(RecursiveFilter):
     The reading is the load on the hand, the wrist's wrench without the hand's weight, which turns
     with the hand. A constant bias of the sensors is in u_0 as much as in u, and cancels.
 
-    .. pydrake_system::
-
-        name: HandBending
-        input_ports:
-        - wrench_window
-        - pressure_window
-        - end_effector_estimated
-        - interaction_active
-        output_ports:
-        - hand_bending_estimated
-        - hand_bending_latest
-        - hand_load_estimated
-
+    Input ports:
     - `wrench_window`: `SampleWindow` of F_So_S (6,), torque [N m] then force [N]: what hand and
       object exert on the sensor. A free hand at rest reads its weight and the bias.
     - `pressure_window`: `SampleWindow` of (4,) gauge pressures, [Pa].
     - `end_effector_estimated`: `EndEffectorBelief`, for the direction of the weight.
     - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
+
+    Output ports:
     - `hand_bending_estimated`: `PoseBelief` X_EH, posterior of this tick.
     - `hand_bending_latest`: `PoseBelief` X_EH, posterior of the last tick, from the state alone.
     - `hand_load_estimated`: `HandLoad` of this tick, also while nothing is held.

@@ -198,22 +198,7 @@ class HeldBodyMotion(RecursiveFilter):
     covariance, in B, is that of the displacement since then (`held_body_filter`). It is
     correlated over time: the calibration offset and the bending's error are the same at each tick.
 
-    .. pydrake_system::
-
-        name: HeldBodyMotion
-        input_ports:
-        - end_effector_estimated
-        - hand_bending_estimated
-        - grasp_latest
-        - slip_estimated
-        - interaction_active
-        - features_estimated (cross-modal)
-        - body_motions_estimated (cross-modal)
-        output_ports:
-        - body_prior
-        - body_motions_estimated
-        - body_motions_latest
-
+    Input ports:
     - `end_effector_estimated`: `EndEffectorBelief` X_WE.
     - `hand_bending_estimated`: `PoseBelief` X_EH.
     - `grasp_latest`: `GraspBelief` of the last tick.
@@ -222,6 +207,8 @@ class HeldBodyMotion(RecursiveFilter):
     - `features_estimated`: `FeatureBelief`, positions in W.
     - `body_motions_estimated`: `BodyMotions`, of which the features of `HELD_BODY` are used. It and
       `features_estimated` exist only with `corrected_by_vision` and may stay unconnected.
+
+    Output ports:
     - `body_prior`: `PoseBelief` X_WB before vision, NaN while nothing is held. It depends on the
       state and on the first five inputs only.
     - `body_motions_estimated`: `BodyMotions`, one `HeldBody` or none, posterior of this tick.

@@ -195,20 +195,12 @@ class SlipDetection(RecursiveFilter):
     what it was while the hand was open. Neither is evidence of a grasp: a hand may close on nothing
     and keep its pressures, and be loaded by what it pushes.
 
-    .. pydrake_system::
-
-        name: SlipDetection
-        input_ports:
-        - hand_load_estimated
-        - end_effector_estimated
-        - interaction_active
-        output_ports:
-        - slip_estimated
-        - slip_latest
-
+    Input ports:
     - `hand_load_estimated`: `HandLoad`.
     - `end_effector_estimated`: `EndEffectorBelief` X_WE.
     - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
+
+    Output ports:
     - `slip_estimated`: `SlipBelief`, of this tick.
     - `slip_latest`: `SlipBelief` of the last tick, from the state alone.
 

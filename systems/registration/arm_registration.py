@@ -97,19 +97,12 @@ class ArmRegistration(RecursiveFilter):
     as it was. Images in which an arm moves by more than the links' tolerance within the camera's
     latency are left out.
 
-    .. pydrake_system::
-
-        name: ArmRegistration
-        input_ports:
-        - depth_measured
-        - <arm>_joint_state_window
-        output_ports:
-        - displacements_estimated
-        - displacements_latest
-
+    Input ports:
     - `depth_measured`: `ImageDepth32F`, [m]; 0, NaN or inf is no return.
     - `<arm>_joint_state_window`: for each arm `SampleWindow` of (2 n,) positions [rad], velocities
       [rad/s].
+
+    Output ports:
     - `displacements_estimated`: `DisplacementBelief` of the camera and the arms at this tick, about
       where the first arm's end-effector was at first.
     - `displacements_latest`: the one of the last tick, from the state.

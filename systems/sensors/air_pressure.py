@@ -30,16 +30,10 @@ class PressureSensor(SampledSensor):
     episode. The sensor is an absolute one, zeroed to the atmosphere: an empty chamber can read
     slightly below zero.
 
-    .. pydrake_system::
-
-        name: PressureSensor
-        input_ports:
-        - pressure
-        output_ports:
-        - pressure_measured
-        - pressure_window
-
+    Input ports:
     - `pressure`: (chambers,), gauge, [Pa].
+
+    Output ports:
     - `pressure_measured`: (chambers,), the last sample, held.
     - `pressure_window`: `SampleWindow` of the samples since the last tick, (K, chambers).
 

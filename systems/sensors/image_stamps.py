@@ -13,18 +13,11 @@ from crossmodal.systems.port_values.images import copied
 class ImageStamps(LeafSystem):
     """Stamps images with the instant at which they are read: read them at the ticks.
 
-    .. pydrake_system::
-
-        name: ImageStamps
-        input_ports:
-        - color_image
-        - depth_image
-        output_ports:
-        - color_measured
-        - depth_measured
-
+    Input ports:
     - `color_image`: `ImageRgba8U`.
     - `depth_image`: `ImageDepth32F`, [m].
+
+    Output ports:
     - `color_measured`, `depth_measured`: `StampedImage` of them.
     """
 

@@ -66,16 +66,10 @@ class JointEncoders(SampledSensor):
     noisy but carry no offset. The offsets of the wrist's joints are then 4 to 6 deg (1 sigma): a
     wrist that turns the hand by 3 deg about each axis has to.
 
-    .. pydrake_system::
-
-        name: JointEncoders
-        input_ports:
-        - joint_state
-        output_ports:
-        - joint_state_measured
-        - joint_state_window
-
+    Input ports:
     - `joint_state`: (2 n,), q [rad] and qdot [rad/s].
+
+    Output ports:
     - `joint_state_measured`: (2 n,), the last sample, held.
     - `joint_state_window`: `SampleWindow` of the samples since the last tick, (K, 2 n).
 

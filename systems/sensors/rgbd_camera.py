@@ -57,25 +57,15 @@ class CameraNoise(LeafSystem):
     only these are computed before the plant steps: it shares its instant's rendering with the
     filters.
 
-    .. pydrake_system::
-
-        name: CameraNoise
-        input_ports:
-        - color_image
-        - depth_image
-        - surface_image
-        - illumination
-        - cover
-        output_ports:
-        - color_measured
-        - depth_measured
-
+    Input ports:
     - `color_image`: `ImageRgba8U` of an `RgbdSensor`, under normal light.
     - `depth_image`: `ImageDepth32F` of the same sensor, [m]; 0 too near, inf too far.
     - `surface_image`: `ImageDepth32F` of the same camera, [m], in which transparent surfaces are
       solid; may stay unconnected where there are none.
     - `illumination`: (1,) light relative to normal; 0 lights off; 1 if not connected.
     - `cover`: (1,) above 0.5 something covers the camera; 0 if not connected.
+
+    Output ports:
     - `color_measured`: `ImageRgba8U`, alpha 255.
     - `depth_measured`: `ImageDepth32F`, registered to the colour image, [m]; 0 is no return.
 

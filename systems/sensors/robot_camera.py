@@ -28,16 +28,10 @@ class RobotCamera(Diagram):
     The scene is its own, so that no true pose of anything can leak into an image. A camera on a
     link moves with the model's link. Rendered only when read.
 
-    .. pydrake_system::
-
-        name: RobotCamera
-        input_ports:
-        - positions
-        output_ports:
-        - depth_image
-        - label_image
-
+    Input ports:
     - `positions`: (nq,), of the model, [rad].
+
+    Output ports:
     - `depth_image`: `ImageDepth32F`, inf where the robot is not, [m].
     - `label_image`: `ImageLabel16I`, index of the body that is seen.
 

@@ -94,17 +94,11 @@ class RobotPosture(LeafSystem):
     A soft hand has no encoders in its fingers: their joints go linearly from the open to the
     closed posture with the commanded closure.
 
-    .. pydrake_system::
-
-        name: RobotPosture
-        input_ports:
-        - [robot_]joint_state_measured
-        - [robot_]closure_commanded
-        output_ports:
-        - positions_estimated
-
+    Input ports:
     - `[robot_]joint_state_measured`: (2 n,), q [rad] and qdot [rad/s] of the arm; qdot is not used.
     - `[robot_]closure_commanded`: (1,), 0 open, 1 closed; 0 if not connected.
+
+    Output ports:
     - `positions_estimated`: (nq,), of the model, [rad].
 
     Only where there are several robots, the ports' names begin with theirs.
@@ -143,18 +137,12 @@ class RobotPosture(LeafSystem):
 class SilhouetteMask(LeafSystem):
     """Turns the robot's rendered depth into a mask of the camera's size, with a margin.
 
-    .. pydrake_system::
-
-        name: SilhouetteMask
-        input_ports:
-        - depth_image
-        - depth_measured
-        output_ports:
-        - robot_mask
-
+    Input ports:
     - `depth_image`: `ImageDepth32F` of the reduced size, inf where the robot is not.
     - `depth_measured`: `ImageDepth32F` of the camera's size, [m]; what is seen before the robot, by
       more than the margin, is not the robot. If it is not connected, all of the silhouette is.
+
+    Output ports:
     - `robot_mask`: `ImageGrey8U` of the camera's size, 255 robot, 0 elsewhere.
     """
 
@@ -188,19 +176,12 @@ class RobotMask(Diagram):
     What it renders, at a reduced size, is a `RobotCamera`. The joints are measured with an offset,
     hence the margin. Rendered only when read.
 
-    .. pydrake_system::
-
-        name: RobotMask
-        input_ports:
-        - [robot_]joint_state_measured
-        - [robot_]closure_commanded
-        - depth_measured
-        output_ports:
-        - robot_mask
-
+    Input ports:
     - `[robot_]joint_state_measured`: (2 n,), q [rad] and qdot [rad/s] of the arm.
     - `[robot_]closure_commanded`: (1,), 0 open, 1 closed; 0 if not connected.
     - `depth_measured`: `ImageDepth32F` of the camera, [m]; see `SilhouetteMask`.
+
+    Output ports:
     - `robot_mask`: `ImageGrey8U` of the camera's size, 255 robot, 0 elsewhere.
 
     Only where there are several robots, the inputs' names begin with theirs.

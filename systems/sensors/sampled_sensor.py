@@ -27,16 +27,10 @@ class SampledSensor(LeafSystem):
     The update is an unrestricted one: at one instant Drake computes all of these before it applies
     any, the plant's step among them, whereas a discrete update would see the plant after its step.
 
-    .. pydrake_system::
-
-        name: SampledSensor
-        input_ports:
-        - (quantity)
-        output_ports:
-        - (quantity)_measured
-        - (quantity)_window
-
+    Input ports:
     - `(quantity)`: (n,), the true value.
+
+    Output ports:
     - `(quantity)_measured`: (n,), the last stored sample; the first is stored when a simulation is
       initialized, so that nobody who reads at t = 0 gets zeros.
     - `(quantity)_window`: `SampleWindow` of (K,) stamps [s] and (K, n) samples.

@@ -136,18 +136,12 @@ def pressure_on(contacts: ContactResults, shape: GeometryId, X_WS: RigidTransfor
 class TaxelForces(LeafSystem):
     """What each taxel is truly pressed by: the normal force that the skin passes on to it.
 
-    .. pydrake_system::
-
-        name: TaxelForces
-        input_ports:
-        - contact_results
-        - body_poses
-        output_ports:
-        - taxel_forces
-
+    Input ports:
     - `contact_results`: `ContactResults` of the plant; a plant with sampled outputs has none until
       its first step.
     - `body_poses`: list of `RigidTransform` X_WB, one per body, from the plant.
+
+    Output ports:
     - `taxel_forces`: (T,), [N].
 
     Frames: S the fingertip.
@@ -196,16 +190,10 @@ class TaxelForces(LeafSystem):
 class TaxelSensor(SampledSensor):
     """Samples the taxels: noise, a threshold, and taxels that are dead or stuck.
 
-    .. pydrake_system::
-
-        name: TaxelSensor
-        input_ports:
-        - taxel_forces
-        output_ports:
-        - taxel_measured
-        - taxel_window
-
+    Input ports:
     - `taxel_forces`: (T,), true normal forces, [N].
+
+    Output ports:
     - `taxel_measured`: (T,), the last sample, held.
     - `taxel_window`: `SampleWindow` of the samples since the last tick, (K, T).
 

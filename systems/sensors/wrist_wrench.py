@@ -51,15 +51,10 @@ class ReactionWrench(LeafSystem):
     the child (the hand, its weight and all that pulls on it) does to the parent: sign -1. A
     plant with sampled outputs gives zeros until its first step.
 
-    .. pydrake_system::
-
-        name: ReactionWrench
-        input_ports:
-        - reaction_forces
-        output_ports:
-        - F_S
-
+    Input ports:
     - `reaction_forces`: list of `SpatialForce`, one per joint, from the plant.
+
+    Output ports:
     - `F_S`: (6,), torque [N·m] about So, then force [N], both in S.
 
     Frames: J the joint's frame on its child C (Jc), S the sensor.
@@ -86,16 +81,10 @@ class WristWrenchSensor(SampledSensor):
 
     F_measured = round_to_step(clip(F + bias + noise)); the seed draws the bias once per episode.
 
-    .. pydrake_system::
-
-        name: WristWrenchSensor
-        input_ports:
-        - F_S
-        output_ports:
-        - wrench_measured
-        - wrench_window
-
+    Input ports:
     - `F_S`: (6,), torque [N·m] about So, then force [N], both in S.
+
+    Output ports:
     - `wrench_measured`: (6,), the last sample, held.
     - `wrench_window`: `SampleWindow` of the samples since the last tick, (K, 6).
 

@@ -135,19 +135,11 @@ class FingertipMotion(RecursiveFilter):
     of the fingertip's own point there, for where the taxels find the contact may jump while nothing
     moves.
 
-    .. pydrake_system::
-
-        name: FingertipMotion
-        input_ports:
-        - finger_joint_state_window
-        - taxel_window
-        output_ports:
-        - fingertip_contact_estimated
-        - fingertip_contact_latest
-        - health_latest
-
+    Input ports:
     - `finger_joint_state_window`: `SampleWindow` of (2 n,) positions [rad], velocities [rad/s].
     - `taxel_window`: `SampleWindow` of (T,) forces, [N].
+
+    Output ports:
     - `fingertip_contact_estimated`: `FingertipContact` of this tick; unknown without samples.
     - `fingertip_contact_latest`: `FingertipContact` of the last tick, from the state alone.
     - `health_latest`: `StreamHealth` of the taxels; its fault names those that are left out.

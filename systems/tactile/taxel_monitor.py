@@ -149,17 +149,10 @@ def next_taxel_state(
 class TaxelMonitor(RecursiveFilter):
     """What the fingertip senses now, for whoever controls it.
 
-    .. pydrake_system::
-
-        name: TaxelMonitor
-        input_ports:
-        - taxel_measured
-        output_ports:
-        - contact_estimated
-        - contact_latest
-        - health_latest
-
+    Input ports:
     - `taxel_measured`: (T,) the taxels' forces, [N].
+
+    Output ports:
     - `contact_estimated`: `TactileContact` of this instant; it may be read between ticks.
     - `contact_latest`: `TactileContact` of the last tick, from the state alone.
     - `health_latest`: `StreamHealth`; its fault names the taxels that are left out, its age is

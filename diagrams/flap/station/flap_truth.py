@@ -19,19 +19,12 @@ from crossmodal.systems.sensors.taxels import pressure_on
 class FlapTruthSource(LeafSystem):
     """Hinge, flap and contact as they are.
 
-    .. pydrake_system::
-
-        name: FlapTruthSource
-        input_ports:
-        - contact_results
-        - body_poses
-        - tool_state
-        output_ports:
-        - cheat_flap
-
+    Input ports:
     - `contact_results`: `ContactResults` of the plant.
     - `body_poses`: list of `RigidTransform` X_WB, one per body, from the plant.
     - `tool_state`: positions and velocities of the tool.
+
+    Output ports:
     - `cheat_flap`: `FlapTruth`.
 
     Frames: S fingertip, F the tool's frame `edge`, J the hinge on the body that is held.

@@ -241,12 +241,7 @@ class SensorRecorder(LeafSystem):
 
     The file lies outside the Context, so one recorder serves one simulation.
 
-    .. pydrake_system::
-
-        name: SensorRecorder
-        input_ports:
-        - <stream>
-
+    Input ports:
     - `<stream>`: each of the streams, as the station has it.
 
     Args:
@@ -281,12 +276,7 @@ class SensorReplay(LeafSystem):
     At the tick t a window holds the samples of (t - period, t], every other port the last value at
     or before t. Between ticks the ports keep the last tick's values.
 
-    .. pydrake_system::
-
-        name: SensorReplay
-        output_ports:
-        - <stream>
-
+    Output ports:
     - `<stream>`: each stream that the file holds, typed like the station's.
 
     Args:

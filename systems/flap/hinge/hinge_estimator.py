@@ -177,20 +177,12 @@ class HingeEstimator(RecursiveFilter):
     their calibrations, of which the registration is the prior. See `hinge_geometry`. What was
     measured is averaged into keyframes; of these a window is kept.
 
-    .. pydrake_system::
-
-        name: HingeEstimator
-        input_ports:
-        - flap_plane_estimated
-        - fingertip_contact_estimated
-        - displacements_estimated
-        output_ports:
-        - hinge_estimated
-        - hinge_latest
-
+    Input ports:
     - `flap_plane_estimated`: `FlapPlane` of this tick, in W.
     - `fingertip_contact_estimated`: `FingertipContact`.
     - `displacements_estimated`: `DisplacementBelief` of camera, holder and finger.
+
+    Output ports:
     - `hinge_estimated`: `HingeBelief` of this tick, in W.
     - `hinge_latest`: the one of the last tick, from the state.
 

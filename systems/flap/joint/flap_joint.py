@@ -119,22 +119,12 @@ class FlapJoint(RecursiveFilter):
     The poses are made of planes and contacts (`flap_pose`); the filters are `JointFilters`, which
     know nothing of flaps, of which the revolute model is read.
 
-    .. pydrake_system::
-
-        name: FlapJoint
-        input_ports:
-        - flap_plane_estimated
-        - fingertip_contact_estimated
-        - displacements_estimated
-        output_ports:
-        - hinge_estimated
-        - hinge_latest
-        - flap_angle_estimated
-        - flap_angle_latest
-
+    Input ports:
     - `flap_plane_estimated`: `FlapPlane` of this tick, in W.
     - `fingertip_contact_estimated`: `FingertipContact`.
     - `displacements_estimated`: `DisplacementBelief` of camera, holder and finger.
+
+    Output ports:
     - `hinge_estimated`: `HingeBelief` of this tick, in W.
     - `hinge_latest`: the one of the last tick, from the state.
     - `flap_angle_estimated`: `FlapAngleBelief` of this tick.

@@ -206,23 +206,14 @@ class FlapTracker(RecursiveFilter):
     The part that stands still is known from when there was one only; the other is the flap, also
     when its back is seen. While both are parallel, touch says which of the points are the flap's.
 
-    .. pydrake_system::
-
-        name: FlapTracker
-        input_ports:
-        - depth_measured
-        - robot_mask
-        - end_effector_estimated
-        - fingertip_contact_estimated
-        output_ports:
-        - flap_plane_estimated
-        - flap_plane_latest
-
+    Input ports:
     - `depth_measured`: `ImageDepth32F`, [m]; 0, NaN or inf is no return.
     - `robot_mask`: `ImageGrey8U`, nonzero on the robot; none if not connected.
     - `end_effector_estimated`: `EndEffectorBelief` of the arm that holds the tool; not needed once
       the tool was touched.
     - `fingertip_contact_estimated`: `FingertipContact`.
+
+    Output ports:
     - `flap_plane_estimated`: `FlapPlane` of this tick, in W.
     - `flap_plane_latest`: the one of the last tick, from the state.
 

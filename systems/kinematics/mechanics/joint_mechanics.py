@@ -93,20 +93,7 @@ def hand_force(
 class JointMechanicsFilter(RecursiveFilter):
     """Friction, range and latches of the joint in the hand, from the wrist's force.
 
-    .. pydrake_system::
-
-        name: JointMechanicsFilter
-        input_ports:
-        - joints_estimated
-        - hand_load_estimated
-        - end_effector_estimated
-        - interaction_active
-        - grasp_latest
-        - body_motions_latest
-        output_ports:
-        - joint_mechanics_estimated
-        - joint_mechanics_latest
-
+    Input ports:
     - `joints_estimated`: `JointBeliefs` of this tick, in P.
     - `hand_load_estimated`: `HandLoad` of this tick: what the wrist measures, without the hand's
       weight. An open hand's is the sensor's zero.
@@ -116,6 +103,8 @@ class JointMechanicsFilter(RecursiveFilter):
       unconnected.
     - `body_motions_latest`: `BodyMotions` of the joints' parents, where they move. May stay
       unconnected.
+
+    Output ports:
     - `joint_mechanics_estimated`: `JointMechanicsBeliefs` of this tick.
     - `joint_mechanics_latest`: of the last tick, from the state alone.
 

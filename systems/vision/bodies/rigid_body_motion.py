@@ -171,22 +171,13 @@ class RigidBodyMotion(RecursiveFilter):
     With the held body, its prior's motion is one more hypothesis from the first tick on, so
     that features join it without RANSAC; its reference is the prior's pose at that tick.
 
-    .. pydrake_system::
-
-        name: RigidBodyMotion
-        input_ports:
-        - features_estimated
-        - joint_predictions
-        - held_body_prior
-        output_ports:
-        - body_motions_estimated
-        - body_motions_latest
-        - features_predicted
-
+    Input ports:
     - `features_estimated`: `FeatureBelief`, the features seen at this tick, positions in W.
     - `joint_predictions`: `BodyPredictions` of X_WB at this tick; none if not connected.
     - `held_body_prior`: `PoseBelief` X_WB of `HELD_BODY`, not finite while there is
       none; only declared with `with_held_body`.
+
+    Output ports:
     - `body_motions_estimated`: `BodyMotions`, posterior of this tick; vision's own bodies are
       numbered from 2; B has W's axes at the features' centroid at the reference. The covariance is
       that of the displacement since then, the errors of p_BF included.

@@ -43,23 +43,14 @@ class FeatureMotion(RecursiveFilter):
     nearly all are unseen (a blackout: lights off, saturated exposure), the last good image is kept
     to start from, and no feature is born. Corners have to stand out of the image's own noise.
 
-    .. pydrake_system::
-
-        name: FeatureMotion
-        input_ports:
-        - color_measured
-        - depth_measured
-        - robot_mask
-        - features_predicted
-        output_ports:
-        - features_estimated
-        - features_latest
-
+    Input ports:
     - `color_measured`: `ImageRgba8U`, read at the tick.
     - `depth_measured`: `ImageDepth32F`, registered to it, [m]; 0, NaN or inf is no return.
     - `robot_mask`: `ImageGrey8U`, nonzero on the robot; none if not connected.
     - `features_predicted`: `FeatureBelief`, where the body tracker expects features, by id; may be
       empty; none if not connected.
+
+    Output ports:
     - `features_estimated`: `FeatureBelief` of the features seen at this tick.
     - `features_latest`: the one of the last tick, from the state.
 

@@ -54,22 +54,14 @@ def make_flip_control(
 ) -> Diagram:
     """Touch, vision and sequence together, from what is measured to joint positions.
 
-    .. pydrake_system::
+    Input ports:
+    - `taxel_measured`, `joint_state_measured`: of the finger.
+    - `flap_angle_latest`, `hinge_latest`: beliefs, which may stay unconnected.
 
-        name: flip_control
-        input_ports:
-        - taxel_measured
-        - joint_state_measured
-        - flap_angle_latest
-        - hinge_latest
-        output_ports:
-        - joint_position_commanded
-        - contact_latest
-        - taxel_health_latest
-        - phase
-        - failure
-
-    The two beliefs may stay unconnected.
+    Output ports:
+    - `joint_position_commanded`: (n,) of the finger's arm, [rad].
+    - `contact_latest`, `taxel_health_latest`: of `TaxelMonitor`.
+    - `phase`, `failure`: of `FlipSequence`.
 
     Args:
         config: Of the parts.

@@ -16,20 +16,14 @@ def make_line_control(
 ) -> Diagram:
     """The tool's tip along a line, from what is measured and believed to joint positions.
 
-    .. pydrake_system::
+    Input ports:
+    - `joint_state_measured`: of the holder.
+    - `tool_latest`: the belief; unconnected, the arm stays where it is.
+    - `flip_phase`: of `FlipSequence`.
 
-        name: line_control
-        input_ports:
-        - joint_state_measured
-        - tool_latest
-        - flip_phase
-        output_ports:
-        - joint_position_commanded
-        - phase
-        - failure
-        - tip_estimated
-
-    The belief may stay unconnected; then the arm stays where it is.
+    Output ports:
+    - `joint_position_commanded`: (n,) of the holder's arm, [rad].
+    - `phase`, `failure`, `tip_estimated`: of `ToolLine`.
 
     Args:
         config: Of the parts.

@@ -106,28 +106,21 @@ def end_effector_screw(S_W: Array, X_WE: Array, X_EH: Array, free_motion_H: Arra
 class HeldJoint(LeafSystem):
     """Reads the latest beliefs of a network out for the controllers.
 
-    .. pydrake_system::
+    Those inputs that the modality lacks stay unconnected.
 
-        name: HeldJoint
-        input_ports:
-        - joints_latest
-        - body_motions_latest
-        - grasp_latest
-        - hand_bending_latest
-        - end_effector_latest
-        output_ports:
-        - joint_latest
-        - end_effector_screw_latest
-        - grasp_failure_latest
+    Input ports:
+    - `joints_latest`: `JointBeliefs`.
+    - `body_motions_latest`: `BodyMotions`.
+    - `grasp_latest`: `GraspBelief`.
+    - `hand_bending_latest`: `PoseBelief` X_EH.
+    - `end_effector_latest`: `EndEffectorBelief`.
 
-    - joints_latest: `JointBeliefs`; body_motions_latest: `BodyMotions`; grasp_latest:
-      `GraspBelief`; hand_bending_latest: `PoseBelief` X_EH; end_effector_latest:
-      `EndEffectorBelief`. Those that the modality lacks stay unconnected.
-    - joint_latest: (8,) the body's unit screw S_W in W at Wo, rotation before translation, and
+    Output ports:
+    - `joint_latest`: (8,) the body's unit screw S_W in W at Wo, rotation before translation, and
       the configuration q, [m or rad], zero where the body was grasped, and its rate. NaN while no
       joint is known.
-    - end_effector_screw_latest: (6,) of E in W at Wo per unit of q; NaN likewise.
-    - grasp_failure_latest: (1,) probability that the hand has lost the body; NaN without
+    - `end_effector_screw_latest`: (6,) of E in W at Wo per unit of q; NaN likewise.
+    - `grasp_failure_latest`: (1,) probability that the hand has lost the body; NaN without
       proprioception.
 
     Frames: W world, E nominal end-effector, H bent end-effector, P the joint's parent.

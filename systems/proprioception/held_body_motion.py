@@ -209,6 +209,8 @@ class HeldBodyMotion(RecursiveFilter):
     Output ports:
     - `body_motions_estimated`: `BodyMotions`, of which the features of `HELD_BODY` are used. It and
       `features_estimated` exist only with `corrected_by_vision` and may stay unconnected.
+
+    Output ports:
     - `body_prior`: `PoseBelief` X_WB before vision, NaN while nothing is held. It depends on the
       state and on the first five inputs only.
     - `body_motions_estimated`: `BodyMotions`, one `HeldBody` or none, posterior of this tick.

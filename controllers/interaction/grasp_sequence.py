@@ -74,44 +74,27 @@ def release_motion(X_WE: Array, X_WE_next: Array, back: Array, s: float) -> Desi
 class GraspSequence(Sequence):
     """Says which phase the manipulation is in, and what hand, arm and gains do in it.
 
-    .. pydrake_system::
+    Inputs that are not connected are not known; a sequence without a goal does without them.
 
-        name: GraspSequence
-        input_ports:
-        - joint_state_measured
-        - pressure_measured
-        - joint_remembered
-        - end_effector_screw_remembered
-        - grasp_failure_latest
-        - plan_time_left
-        - pull_direction
-        output_ports:
-        - phase
-        - interaction_active
-        - grasp_lost
-        - in_free_space
-        - motion_desired
-        - gains_desired
-        - pressure_commanded
-        - sealed
-        - closure_commanded
+    Input ports:
+    - `joint_state_measured`: (2 n,) positions [rad] and velocities [rad/s].
+    - `pressure_measured`: (chambers,) gauge pressure in the hand's chambers, [Pa].
+    - `joint_remembered`, `end_effector_screw_remembered`: of `JointMemory`.
+    - `grasp_failure_latest`: (1,) probability that the hand has lost the body, NaN if unknown.
+    - `plan_time_left`: (1,) of `TrajectoryGenerator`, [s].
+    - `pull_direction`: (3,) unit vector in E, along which the gains are stiff while exploring.
 
-    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s].
-    - pressure_measured: (chambers,) gauge pressure in the hand's chambers, [Pa].
-    - joint_remembered, end_effector_screw_remembered: of `JointMemory`.
-    - grasp_failure_latest: (1,) probability that the hand has lost the body, NaN if unknown.
-    - plan_time_left: (1,) of `TrajectoryGenerator`, [s].
-    - pull_direction: (3,) unit vector in E, along which the gains are stiff while exploring.
-    - Inputs that are not connected are not known; a sequence without a goal does without them.
-    - phase: (1,) `Phase`.
-    - interaction_active: (1,) one while the hand is closed around the body, as far as it can feel.
-    - grasp_lost: (1,) one from the instant a grasp is given up to the next one.
-    - in_free_space: (1,) one while nothing can touch the hand.
-    - motion_desired: `DesiredMotion` of release and approach, then the grasp pose held.
-    - gains_desired: `ImpedanceGains`.
-    - pressure_commanded: (chambers,) gauge pressure, [Pa].
-    - sealed: (1,) one once the chambers' valves are closed.
-    - closure_commanded: (1,) 0 open to 1 closed, for the robot's picture of itself.
+    Output ports:
+    - `phase`: (1,) `Phase`.
+    - `interaction_active`: (1,) one while the hand is closed around the body, as far as it can
+      feel.
+    - `grasp_lost`: (1,) one from the instant a grasp is given up to the next one.
+    - `in_free_space`: (1,) one while nothing can touch the hand.
+    - `motion_desired`: `DesiredMotion` of release and approach, then the grasp pose held.
+    - `gains_desired`: `ImpedanceGains`.
+    - `pressure_commanded`: (chambers,) gauge pressure, [Pa].
+    - `sealed`: (1,) one once the chambers' valves are closed.
+    - `closure_commanded`: (1,) 0 open to 1 closed, for the robot's picture of itself.
 
     State: `SequenceState`.
 

@@ -44,22 +44,14 @@ def make_flip_control(
 ) -> Diagram:
     """Touch, vision and sequence together, from what is measured to joint positions.
 
-    .. pydrake_system::
+    Input ports:
+    - `taxel_measured`, `joint_state_measured`: of the finger.
+    - `flap_angle_latest`, `hinge_latest`: beliefs, which may stay unconnected.
 
-        name: flip_control
-        input_ports:
-        - taxel_measured
-        - joint_state_measured
-        - flap_angle_latest
-        - hinge_latest
-        output_ports:
-        - joint_position_commanded
-        - contact_latest
-        - taxel_health_latest
-        - phase
-        - failure
-
-    The two beliefs may stay unconnected.
+    Output ports:
+    - `joint_position_commanded`: (n,) of the finger's arm, [rad].
+    - `contact_latest`, `taxel_health_latest`: of `TaxelMonitor`.
+    - `phase`, `failure`: of `FlipSequence`.
 
     Args:
         model: The arm's own model.
@@ -109,20 +101,14 @@ def make_line_control(
 ) -> Diagram:
     """The tool's tip along a line, from what is measured and believed to joint positions.
 
-    .. pydrake_system::
+    Input ports:
+    - `joint_state_measured`: of the holder.
+    - `tool_latest`: the belief; unconnected, the arm stays where it is.
+    - `flip_phase`: of `FlipSequence`.
 
-        name: line_control
-        input_ports:
-        - joint_state_measured
-        - tool_latest
-        - flip_phase
-        output_ports:
-        - joint_position_commanded
-        - phase
-        - failure
-        - tip_estimated
-
-    The belief may stay unconnected; then the arm stays where it is.
+    Output ports:
+    - `joint_position_commanded`: (n,) of the holder's arm, [rad].
+    - `phase`, `failure`, `tip_estimated`: of `ToolLine`.
 
     Args:
         model: The arm's own model.

@@ -19,6 +19,7 @@ from crossmodal.diagrams.run.sensor_streams.log import (
     SensorReplay,
     make_streams,
 )
+from tests.documented_ports import documented_ports
 
 _ROOMS = (
     "crossmodal.systems.",
@@ -33,15 +34,6 @@ def systems_within(diagram: Diagram) -> Iterator[System]:
         yield system
         if isinstance(system, Diagram):
             yield from systems_within(system)
-
-
-def documented(cls: type, kind: str) -> list[str]:
-    """Names of one kind of ports in the docstring.
-
-    What stands in <...> or (...) may vary, what stands in [...] may be missing too.
-    """
-    block = re.search(rf"\n( +){kind}_ports:\n((?:\1- .*\n)*)", cls.__doc__ or "")
-    return re.findall(r"- ([\w<>()\[\]]+)", block.group(2)) if block else []
 
 
 def matches(name: str, documented_name: str) -> bool:
@@ -87,8 +79,7 @@ def test_documented_ports_are_the_declared_ones(
     declared: dict[type, dict[str, set[str]]], kind: str
 ) -> None:
     for cls, ports in declared.items():
-        assert f"name: {cls.__name__}\n" in (cls.__doc__ or ""), cls
-        names = documented(cls, kind)
+        names = documented_ports(cls.__doc__, kind)
         for port in ports[kind]:
             assert any(matches(port, name) for name in names), (
                 f"{cls.__name__}: {port} undocumented"
@@ -96,11 +87,3 @@ def test_documented_ports_are_the_declared_ones(
         for name in names:
             found = any(matches(port, name) for port in ports[kind])
             assert found, f"{cls.__name__}: there is no {kind} port {name}"
-
-
-def test_every_port_is_explained(declared: dict[type, dict[str, set[str]]]) -> None:
-    for cls in declared:
-        text = cls.__doc__ or ""
-        for kind in ("input", "output"):
-            for name in documented(cls, kind):
-                assert text.count(name) > 1, f"{cls.__name__}: {name} is only listed"

@@ -1,7 +1,5 @@
 """The flip's controllers fit together, and with the arm that carries the fingertip."""
 
-import re
-
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
@@ -18,6 +16,7 @@ from crossmodal.plants.robots.lwr import LWR_WITH_FINGERTIP, LWR_WITH_THREE_FING
 from crossmodal.systems.arm_pose import ArmPose
 from crossmodal.systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
 from crossmodal.systems.tactile.taxel_layout import fingertip_layout
+from tests.documented_ports import documented_ports
 
 Q = np.array([-0.22, -0.63, -0.39, 1.6, 1.4, 1.01, -0.83])
 
@@ -32,12 +31,6 @@ def control() -> Diagram:
 def line_control() -> Diagram:
     model = make_arm_with_load(LWR_WITH_THREE_FINGERS, RigidTransform())
     return make_line_control(FlipControlConfig(), model, Q)
-
-
-def documented(text: str, kind: str) -> set[str]:
-    block = re.search(rf"\n( +){kind}_ports:\n((?:\1- .*\n)*)", text)
-    assert block is not None
-    return set(re.findall(r"- (\w+)", block.group(2)))
 
 
 def declared(system: System) -> dict[str, set[str]]:
@@ -61,10 +54,10 @@ def test_every_system_has_the_ports_that_it_documents(
     own = [system for system in control.GetSystems() if system.get_name() != "twist_sum"]
     for system in [*own, *line_control.GetSystems(), motion]:
         for kind, names in declared(system).items():
-            assert documented(type(system).__doc__ or "", kind) == names, system.get_name()
+            assert set(documented_ports(type(system).__doc__, kind)) == names, system.get_name()
     for make, diagram in ((make_flip_control, control), (make_line_control, line_control)):
         for kind, names in declared(diagram).items():
-            assert documented(make.__doc__ or "", kind) == names
+            assert set(documented_ports(make.__doc__, kind)) == names
 
 
 def test_it_does_without_what_vision_says(control: Diagram) -> None:

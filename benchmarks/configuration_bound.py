@@ -19,7 +19,7 @@ from benchmarks.joint_robustness import SETTLING
 from benchmarks.robustness_streams import Case, all_cases, simulate_case
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.kinematics.joint_filters import JointFiltersConfig
 from crossmodal.systems.kinematics.solver.joint_models import AXIS_SPREAD
 

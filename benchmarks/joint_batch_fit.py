@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.joint_streams import Stream, StreamConfig, joint_pose
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.port_values import JointType
 
 _STEP = 1e-5

@@ -24,7 +24,7 @@ from benchmarks.joint_streams import Stream, StreamConfig, simulate_stream, stre
 from benchmarks.matrix_product import NAME, product_time
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.consistency import is_consistent
-from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from crossmodal.systems.port_values import JointModelBelief, JointType
 

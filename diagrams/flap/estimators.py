@@ -13,8 +13,8 @@ from crossmodal.diagrams.stations.connections import connect_alike, export_outpu
 from crossmodal.systems.arm_pose import ArmPose
 from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
+from crossmodal.systems.flap.flap_geometry import HingeLimitsConfig
 from crossmodal.systems.flap.hinge.hinge_estimator import HingeEstimator, HingeEstimatorConfig
-from crossmodal.systems.flap.hinge.hinge_limits import HingeLimitsConfig
 from crossmodal.systems.flap.joint.flap_joint import FlapJoint
 from crossmodal.systems.flap.joint.flap_joint_model import FlapJointConfig
 from crossmodal.systems.flap.tool_kinematics import ToolKinematics, ToolKinematicsConfig
@@ -28,7 +28,7 @@ from crossmodal.systems.proprioception.end_effector_pose import (
     EndEffectorPoseConfig,
 )
 from crossmodal.systems.registration.arm_registration import ArmRegistration, ArmRegistrationConfig
-from crossmodal.systems.registration.registration_prior import CalibratedArm
+from crossmodal.systems.registration.registration_solver import CalibratedArm
 from crossmodal.systems.shared_settings import with_shared
 from crossmodal.systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout

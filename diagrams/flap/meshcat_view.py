@@ -24,7 +24,7 @@ from crossmodal.diagrams.run.episode import connect_latest
 from crossmodal.diagrams.run.recorder import declare_input, read_inputs
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number, numbers
-from crossmodal.maths.vectors import tangent_basis
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.port_values import (
     UNKNOWN_FINGERTIP,
     UNKNOWN_TOOL,
@@ -231,7 +231,7 @@ def _frame_along(z: Array) -> RotationMatrix:
     """A frame whose z is the unit vector `z` (3,)."""
     if not np.isfinite(z).all() or np.linalg.norm(z) < 0.5:
         return RotationMatrix()
-    U = tangent_basis(np.ascontiguousarray(z))
+    U = normal_basis(np.ascontiguousarray(z)).T
     return RotationMatrix.ProjectToRotationMatrix(
         np.column_stack([U[:, 0], np.cross(z, U[:, 0]), z])
     )

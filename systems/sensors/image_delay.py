@@ -8,7 +8,7 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, LeafSystem, State
 
 from crossmodal.maths.immutable import Immutable
-from crossmodal.systems.port_values.images import copied
+from crossmodal.systems.port_values.streams import copied
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,11 @@ from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.port_values import DisplacementBelief, SampleWindow, displacement_at
 from crossmodal.systems.registration.arm_registration import ArmRegistration, ArmRegistrationConfig
-from crossmodal.systems.registration.registration_prior import CalibratedArm
-from crossmodal.systems.registration.registration_solver import body_weights, distortion
+from crossmodal.systems.registration.registration_solver import (
+    CalibratedArm,
+    distortion,
+    match_weights,
+)
 from crossmodal.systems.registration.robot_view import ArmChain, RobotView
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 290.0
@@ -190,7 +193,7 @@ def test_more_images_lessen_the_noise_but_not_the_links_tolerance(images: list[A
 def test_a_body_counts_as_one_observation_however_many_points_it_has() -> None:
     for count in (1, 10, 1000):
         body = np.repeat([0, 1], [count, 3])
-        w = body_weights(body, np.ones(count + 3), 0.0, 2e-3, 1.0)
+        w = match_weights(body, np.zeros(count + 3), 1e-9, 1, 2e-3, 1.0)
         assert w[body == 0].sum() == pytest.approx(1.0 / 2e-3**2)
         assert w[body == 1].sum() == pytest.approx(1.0 / 2e-3**2)
 

@@ -37,7 +37,7 @@ from benchmarks.robustness_streams import (
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.consistency import is_consistent
-from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from crossmodal.systems.port_values import JointModelBelief, JointType
 

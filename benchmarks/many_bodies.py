@@ -15,8 +15,8 @@ from pydrake.systems.analysis import Simulator
 
 from benchmarks.matrix_product import NAME, product_time
 from crossmodal.maths import se3
+from crossmodal.systems.kinematics.joint_graph import KinematicModelConfig
 from crossmodal.systems.kinematics.kinematic_model import KinematicModel
-from crossmodal.systems.kinematics.kinematic_model_config import KinematicModelConfig
 from crossmodal.systems.port_values import BodyMotion, BodyMotions, MotionBelief
 
 _COVARIANCE = np.diag(np.repeat([1e-5, 1e-6, 1e-4, 1e-4], 3))

@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 import numba
 from numba.core.event import Event, TimingListener, install_listener
 
+from crossmodal.maths.arrays import Array
+
 # Without fast maths: a function is optimised differently within each caller, and which copy runs
 # depends on what was on the disk. What may be reordered then has other last digits.
 # Nobody calls it from C.
@@ -34,6 +36,17 @@ def hot(function: F) -> F:
             " compiled code is kept; set NUMBA_CACHE_DIR to a folder that can",
         ) from None
     return compiled
+
+
+@hot
+def assign(out: Array, values: Array) -> None:
+    """Overwrites `out` by `values`, an array of the same size.
+
+    `out[:] = values` does the same, but brings the text of its error, and with it all that makes
+    text of numbers, into every function that calls the caller: a quarter of the time of compiling.
+    """
+    for i in range(out.size):
+        out.flat[i] = values.flat[i]
 
 
 class CompilationTime(TimingListener):

@@ -10,8 +10,8 @@ Source: T. D. Barfoot, State Estimation for Robotics, 2017, chapter 7.
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
+from crossmodal.maths.compiled import assign, hot
+from crossmodal.maths.se3_in_place import perturb, relative_log
 
 _SMALL = 1e-4  # Below this angle, [rad], series replace closed forms.
 
@@ -23,84 +23,35 @@ def skew(v: Array) -> Array:
 
 
 @hot
-def so3_left_jacobian(omega: Array) -> Array:
-    """The matrix J (3, 3) with exp(omega + d) ~ exp(J d) exp(omega); `omega` is (3,) [rad]."""
-    angle = np.sqrt(omega @ omega)
-    K = skew(omega)
-    if angle < _SMALL:
-        return np.eye(3) + 0.5 * K + K @ K / 6.0
-    return (
-        np.eye(3)
-        + (1.0 - np.cos(angle)) / angle**2 * K
-        + (angle - np.sin(angle)) / angle**3 * (K @ K)
-    )
-
-
-@hot
-def so3_left_jacobian_inverse(omega: Array) -> Array:
-    """The inverse (3, 3) of `so3_left_jacobian`, for angles below 2 pi."""
-    angle = np.sqrt(omega @ omega)
-    K = skew(omega)
-    if angle < _SMALL:
-        return np.eye(3) - 0.5 * K + K @ K / 12.0
-    half = 0.5 * angle
-    return np.eye(3) - 0.5 * K + (1.0 - half / np.tan(half)) / angle**2 * (K @ K)
-
-
-@hot
-def so3_exp(omega: Array) -> Array:
-    """Rotation matrix (3, 3) of the rotation vector `omega` (3,) [rad]."""
-    angle = np.sqrt(omega @ omega)
-    K = skew(omega)
-    if angle < _SMALL:
-        return np.eye(3) + K + 0.5 * (K @ K)
-    return np.eye(3) + np.sin(angle) / angle * K + (1.0 - np.cos(angle)) / angle**2 * (K @ K)
-
-
-@hot
-def so3_log(R: Array) -> Array:
-    """Rotation vector (3,) [rad] of the rotation matrix (3, 3), angle in [0, pi].
-
-    Goes through the quaternion, whose largest component is taken first, so that it is as accurate
-    near pi as near zero.
-    """
-    trace = R[0, 0] + R[1, 1] + R[2, 2]
-    w = 1.0 + trace
-    x = 1.0 + 2.0 * R[0, 0] - trace
-    y = 1.0 + 2.0 * R[1, 1] - trace
-    z = 1.0 + 2.0 * R[2, 2] - trace
-    if w >= x and w >= y and w >= z:
-        qw, qx, qy, qz = w, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
-    elif x >= y and x >= z:
-        qw, qx, qy, qz = R[2, 1] - R[1, 2], x, R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]
-    elif y >= z:
-        qw, qx, qy, qz = R[0, 2] - R[2, 0], R[0, 1] + R[1, 0], y, R[1, 2] + R[2, 1]
-    else:
-        qw, qx, qy, qz = R[1, 0] - R[0, 1], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], z
-    if qw < 0.0:
-        qw, qx, qy, qz = -qw, -qx, -qy, -qz
-    sine = np.sqrt(qx * qx + qy * qy + qz * qz)
-    scale = 2.0 / qw if sine < 1e-12 * qw else 2.0 * np.arctan2(sine, qw) / sine
-    return scale * np.array([qx, qy, qz])
-
-
-@hot
 def exp(xi: Array) -> Array:
     """Pose (4, 4) of the tangent vector `xi` (6,)."""
     X = np.eye(4)
-    assign(X[:3, :3], so3_exp(xi[:3]))
-    assign(X[:3, 3], so3_left_jacobian(xi[:3]) @ xi[3:])
+    perturb(X, xi, X)
     return X
 
 
 @hot
 def log(X: Array) -> Array:
-    """Tangent vector (6,) of the pose (4, 4); `exp(log(X)) == X`."""
+    """Tangent vector (6,) of the pose (4, 4), angle in [0, pi]; `exp(log(X)) == X`."""
     xi = np.empty(6)
-    omega = so3_log(X[:3, :3])
-    assign(xi[:3], omega)
-    assign(xi[3:], so3_left_jacobian_inverse(omega) @ np.ascontiguousarray(X[:3, 3]))
+    relative_log(np.eye(4), X, xi)
     return xi
+
+
+@hot
+def so3_exp(omega: Array) -> Array:
+    """Rotation matrix (3, 3) of the rotation vector `omega` (3,) [rad]."""
+    xi = np.zeros(6)
+    assign(xi[:3], omega)
+    return exp(xi)[:3, :3].copy()
+
+
+@hot
+def so3_log(R: Array) -> Array:
+    """Rotation vector (3,) [rad] of the rotation matrix (3, 3), angle in [0, pi]."""
+    X = np.eye(4)
+    assign(X[:3, :3], R)
+    return log(X)[:3]
 
 
 @hot
@@ -122,6 +73,20 @@ def adjoint(X: Array) -> Array:
     assign(Ad[3:, 3:], R)
     assign(Ad[3:, :3], skew(X[:3, 3]) @ R)
     return Ad
+
+
+@hot
+def _so3_left_jacobian(omega: Array) -> Array:
+    """The matrix J (3, 3) with exp(omega + d) ~ exp(J d) exp(omega); `omega` is (3,) [rad]."""
+    angle = np.sqrt(omega @ omega)
+    K = skew(omega)
+    if angle < _SMALL:
+        return np.eye(3) + 0.5 * K + K @ K / 6.0
+    return (
+        np.eye(3)
+        + (1.0 - np.cos(angle)) / angle**2 * K
+        + (angle - np.sin(angle)) / angle**3 * (K @ K)
+    )
 
 
 @hot
@@ -154,21 +119,10 @@ def _coupling(omega: Array, rho: Array) -> Array:
 def left_jacobian(xi: Array) -> Array:
     """J (6, 6) with exp(xi + d) ~ exp(J d) exp(xi); `xi` is (6,)."""
     J = np.zeros((6, 6))
-    block = so3_left_jacobian(xi[:3])
+    block = _so3_left_jacobian(xi[:3])
     assign(J[:3, :3], block)
     assign(J[3:, 3:], block)
     assign(J[3:, :3], _coupling(xi[:3], xi[3:]))
-    return J
-
-
-@hot
-def left_jacobian_inverse(xi: Array) -> Array:
-    """The inverse (6, 6) of `left_jacobian`, for angles below 2 pi."""
-    J = np.zeros((6, 6))
-    block = so3_left_jacobian_inverse(xi[:3])
-    assign(J[:3, :3], block)
-    assign(J[3:, 3:], block)
-    assign(J[3:, :3], -block @ _coupling(xi[:3], xi[3:]) @ block)
     return J
 
 

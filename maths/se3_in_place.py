@@ -1,8 +1,6 @@
 """SE(3) for innermost loops, compiled: exponential and logarithm that write into given arrays.
 
-They are those of `se3` without its temporary matrices, which makes them several times faster; the
-two agree but for rounding. Poses are (4, 4), tangent vectors (6,), rotation [rad] before
-translation [m].
+Poses are (4, 4), tangent vectors (6,), rotation [rad] before translation [m].
 """
 
 import numpy as np
@@ -13,7 +11,10 @@ from crossmodal.maths.compiled import hot
 
 @hot
 def _quaternion(R: tuple[float, ...]) -> tuple[float, float, float, float]:
-    """A multiple (w >= 0, x, y, z) of the quaternion of the rotation `R`, row by row."""
+    """A multiple (w >= 0, x, y, z) of the quaternion of the rotation `R`, row by row.
+
+    Its largest component is taken first, so that it is as accurate near pi as near zero.
+    """
     trace = R[0] + R[4] + R[8]
     if trace > 0.0:
         w, x, y, z = 1.0 + trace, R[7] - R[5], R[2] - R[6], R[3] - R[1]

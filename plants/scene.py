@@ -103,7 +103,6 @@ def add_manipulation_scene(
     """Adds plant and scene graph to `builder`, the objects placed where they stand.
 
     Args:
-        builder: Of the diagram.
         config: Of the plant; its directives hold the robots.
         objects: By name, which becomes the name of the model instance.
         robots: For each robot the names of its model instances, such as an arm and its hand. A

@@ -33,33 +33,28 @@ class ArmState:
 class ArmModel:
     """Kinematics and dynamics of an arm with its hand as a rigid load.
 
-    Args:
-        plant: A finalized plant with the arm alone (the hand's inertia lumped into it); not the
-            simulated plant, but what the robot knows about itself.
-        frame: Name of the end-effector frame.
+    Attributes:
+        plant: As given.
 
-    Raises:
-        ValueError: if a joint's velocity is not the derivative of its position.
+    Args:
+        plant: A finalized plant with the arm alone, of one-axis joints on a fixed base (the hand's
+            inertia lumped into it), and its frame `end_effector`; not the simulated plant, but what
+            the robot knows about itself.
     """
 
-    def __init__(self, plant: MultibodyPlant, frame: str = "end_effector") -> None:
-        if plant.num_positions() != plant.num_velocities():
-            raise ValueError(
-                f"ArmModel: {plant.num_positions()} positions and {plant.num_velocities()}"
-                " velocities, need an arm of one-axis joints on a fixed base"
-            )
-        self._plant = plant
-        self._frame = plant.GetFrameByName(frame)
+    def __init__(self, plant: MultibodyPlant) -> None:
+        self.plant = plant
+        self._frame = plant.GetFrameByName("end_effector")
         self._context = plant.CreateDefaultContext()
 
     @property
     def num_joints(self) -> int:
         """The number n of joints."""
-        return int(self._plant.num_positions())
+        return int(self.plant.num_positions())
 
     def Evaluate(self, joint_state: Array) -> ArmState:
         """The arm at `joint_state` (2 n,): positions [rad], then velocities [rad/s]."""
-        plant, context = self._plant, self._context
+        plant, context = self.plant, self._context
         plant.SetPositionsAndVelocities(context, joint_state)
         X_WE = self._frame.CalcPoseInWorld(context).GetAsMatrix4()
         J_E = plant.CalcJacobianSpatialVelocity(

@@ -34,16 +34,11 @@ class MotionSwitch(LeafSystem):
       `NO_GAINS` without any.
 
     Args:
-        sources: Their names, the one that yields to all others first.
-
-    Raises:
-        ValueError: if a name occurs twice, or there is none.
+        sources: Their names, each once, the one that yields to all others first.
     """
 
     def __init__(self, sources: Sequence[str]) -> None:
         super().__init__()
-        if not sources or len(set(sources)) < len(sources):
-            raise ValueError(f"MotionSwitch: sources = {list(sources)!r}, need each name once")
         nothing: DesiredMotion | ImpedanceGains
         for quantity, nothing in (("motion", NO_MOTION), ("gains", NO_GAINS)):
             inputs = [

@@ -74,3 +74,9 @@ def read(port: InputPort, context: Context, unknown: float) -> Array:
     if port.HasValue(context):
         return np.asarray(port.Eval(context))
     return np.full(port.size(), unknown)
+
+
+def known_belief(port: InputPort, context: Context) -> Any:
+    """The belief at a port; None where nothing is believed or the port is not connected."""
+    belief: Any = port.Eval(context) if port.HasValue(context) else None
+    return belief if belief is not None and belief.known else None

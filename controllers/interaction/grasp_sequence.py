@@ -7,18 +7,13 @@ from pydrake.systems.framework import Context
 
 from crossmodal.controllers.arm.impedance import DesiredMotion, ImpedanceGains
 from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.arm.minimum_jerk import minimum_jerk
 from crossmodal.controllers.arm.sequence import Sequence, read
 from crossmodal.controllers.interaction.grasp_decisions import (
     Goal,
     Perceived,
     SequenceState,
     next_state,
-)
-from crossmodal.controllers.interaction.grasp_motion import (
-    approach_motion,
-    exploration_gains,
-    release_motion,
-    stiff_gains,
 )
 from crossmodal.controllers.interaction.grasp_sequence_config import GraspSequenceConfig
 from crossmodal.controllers.interaction.phases import Phase, is_held
@@ -27,47 +22,79 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check
 
 
+def exploration_gains(config: GraspSequenceConfig, direction_E: Array) -> ImpedanceGains:
+    """Compliant in all directions, stiff in the pulling direction (3,) of E."""
+    direction = direction_E / np.linalg.norm(direction_E)
+    pull = np.zeros((6, 6))
+    pull[3:, 3:] = np.outer(direction, direction)
+    free = np.eye(6) - pull
+    return ImpedanceGains(
+        stiffness=config.compliant_stiffness * free + config.pull_stiffness * pull,
+        damping=config.compliant_damping * free + config.pull_damping * pull,
+        mass=config.mass * np.eye(6),
+    )
+
+
+def stiff_gains(config: GraspSequenceConfig) -> ImpedanceGains:
+    """Holds the pose while the hand approaches and closes."""
+    stiffness = config.stiff_rotation, config.stiff_translation
+    damping = config.stiff_rotation_damping, config.stiff_translation_damping
+    return ImpedanceGains(
+        stiffness=np.diag(np.repeat(stiffness, 3)),
+        damping=np.diag(np.repeat(damping, 3)),
+        mass=config.mass * np.eye(6),
+    )
+
+
+def approach_motion(X_WE_grasp: Array, back: Array, s: float, duration: float) -> DesiredMotion:
+    """The approach at progress `s` in [0, 1], from `back` (6,), a twist in E, to the grasp."""
+    blend, rate, acceleration = minimum_jerk(s)
+    return DesiredMotion(
+        X_WE=X_WE_grasp @ se3.exp((1.0 - blend) * back),
+        V_WE_E=-back * rate / duration,
+        A_WE_E=-back * acceleration / duration**2,
+    )
+
+
+def release_motion(X_WE: Array, X_WE_next: Array, back: Array, s: float) -> DesiredMotion:
+    """Waits for the hand to open, backs off, then goes straight to the next pose.
+
+    Args:
+        X_WE: Where the hand is opened (4, 4).
+        X_WE_next: Where the next approach begins (4, 4).
+        back: Twist (6,) in E of the way back.
+        s: Progress in [0, 1], a third for each part.
+    """
+    X_back = X_WE @ se3.exp(back)
+    X = X_WE @ se3.exp(minimum_jerk(3 * s - 1)[0] * se3.log(se3.inverse(X_WE) @ X_back))
+    X = X @ se3.exp(minimum_jerk(3 * s - 2)[0] * se3.log(se3.inverse(X_back) @ X_WE_next))
+    return DesiredMotion(X_WE=X, V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
+
+
 class GraspSequence(Sequence):
     """Says which phase the manipulation is in, and what hand, arm and gains do in it.
 
-    .. pydrake_system::
+    Inputs that are not connected are not known; a sequence without a goal does without them.
 
-        name: GraspSequence
-        input_ports:
-        - joint_state_measured
-        - pressure_measured
-        - joint_remembered
-        - end_effector_screw_remembered
-        - grasp_failure_latest
-        - plan_time_left
-        - pull_direction
-        output_ports:
-        - phase
-        - interaction_active
-        - grasp_lost
-        - in_free_space
-        - motion_desired
-        - gains_desired
-        - pressure_commanded
-        - sealed
-        - closure_commanded
+    Input ports:
+    - `joint_state_measured`: (2 n,) positions [rad] and velocities [rad/s].
+    - `pressure_measured`: (chambers,) gauge pressure in the hand's chambers, [Pa].
+    - `joint_remembered`, `end_effector_screw_remembered`: of `JointMemory`.
+    - `grasp_failure_latest`: (1,) probability that the hand has lost the body, NaN if unknown.
+    - `plan_time_left`: (1,) of `TrajectoryGenerator`, [s].
+    - `pull_direction`: (3,) unit vector in E, along which the gains are stiff while exploring.
 
-    - joint_state_measured: (2 n,) positions [rad] and velocities [rad/s].
-    - pressure_measured: (chambers,) gauge pressure in the hand's chambers, [Pa].
-    - joint_remembered, end_effector_screw_remembered: of `JointMemory`.
-    - grasp_failure_latest: (1,) probability that the hand has lost the body, NaN if unknown.
-    - plan_time_left: (1,) of `TrajectoryGenerator`, [s].
-    - pull_direction: (3,) unit vector in E, along which the gains are stiff while exploring.
-    - Inputs that are not connected are not known; a sequence without a goal does without them.
-    - phase: (1,) `Phase`.
-    - interaction_active: (1,) one while the hand is closed around the body, as far as it can feel.
-    - grasp_lost: (1,) one from the instant a grasp is given up to the next one.
-    - in_free_space: (1,) one while nothing can touch the hand.
-    - motion_desired: `DesiredMotion` of release and approach, then the grasp pose held.
-    - gains_desired: `ImpedanceGains`.
-    - pressure_commanded: (chambers,) gauge pressure, [Pa].
-    - sealed: (1,) one once the chambers' valves are closed.
-    - closure_commanded: (1,) 0 open to 1 closed, for the robot's picture of itself.
+    Output ports:
+    - `phase`: (1,) `Phase`.
+    - `interaction_active`: (1,) one while the hand is closed around the body, as far as it can
+      feel.
+    - `grasp_lost`: (1,) one from the instant a grasp is given up to the next one.
+    - `in_free_space`: (1,) one while nothing can touch the hand.
+    - `motion_desired`: `DesiredMotion` of release and approach, then the grasp pose held.
+    - `gains_desired`: `ImpedanceGains`.
+    - `pressure_commanded`: (chambers,) gauge pressure, [Pa].
+    - `sealed`: (1,) one once the chambers' valves are closed.
+    - `closure_commanded`: (1,) 0 open to 1 closed, for the robot's picture of itself.
 
     State: `SequenceState`.
 

@@ -68,9 +68,6 @@ class JointMemory(LeafSystem):
 
     def __init__(self, period: float, patience: float = 0.5) -> None:
         super().__init__()
-        for value, field in ((period, "period"), (patience, "patience")):
-            if not 0 < value < np.inf:
-                raise ValueError(f"JointMemory: {field} = {value!r}, need > 0 s, finite")
         self._period, self._patience = period, patience
         self._joint = self.DeclareVectorInputPort("joint_latest", 8)
         self._screw = self.DeclareVectorInputPort("end_effector_screw_latest", 6)

@@ -6,7 +6,6 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from crossmodal.controllers.arm.kinematics import ArmModel
-from crossmodal.controllers.interaction.grasp_motion import unit
 from crossmodal.controllers.interaction.phases import Phase
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
@@ -60,7 +59,7 @@ class PullDirection(LeafSystem):
         self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
         self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
         self._phase = self.DeclareVectorInputPort("phase", 1)
-        self._taught = unit(direction_E, "direction_E")
+        self._taught = direction_E / np.linalg.norm(direction_E)
         state = self.DeclareDiscreteState(self._taught)
         self.DeclareStateOutputPort("pull_direction", state)
         if config.follow_joint:

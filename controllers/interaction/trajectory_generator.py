@@ -101,35 +101,6 @@ def path_gains(S_E: Array, config: TrajectoryGeneratorConfig) -> ImpedanceGains:
     )
 
 
-def begin(
-    motion: DesiredMotion,
-    S_E: Array,
-    q: float,
-    revolute: bool,
-    time: float,
-    config: TrajectoryGeneratorConfig,
-) -> Plan:
-    """A plan from q to zero, [m or rad].
-
-    Args:
-        motion: The end-effector's desired motion before it.
-        S_E: The end-effector's twist (6,) in E per unit of q.
-        q: Perceived configuration.
-        revolute: Whether q is an angle.
-        time: Now, [s].
-        config: Speed and gains.
-    """
-    duration = plan_duration(q, float(np.linalg.norm(S_E[3:])), config.speed)
-    return Plan(
-        start=time,
-        duration=duration,
-        q_start=q,
-        revolute=revolute,
-        motion=motion,
-        gains=path_gains(S_E, config),
-    )
-
-
 def advance(
     plan: Plan,
     X_WE: Array,
@@ -234,8 +205,14 @@ class TrajectoryGenerator(Sequence):
         if not plan.exists or plan.revolute != revolute:
             still = DesiredMotion(X_WE=X_WE, V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
             S_E = se3.adjoint(se3.inverse(X_WE)) @ screw_W
-            motion = plan.motion if plan.exists else still
-            plan = begin(motion, S_E, q, revolute, time, self._config)
+            plan = Plan(
+                start=time,
+                duration=plan_duration(q, float(np.linalg.norm(S_E[3:])), self._config.speed),
+                q_start=q,
+                revolute=revolute,
+                motion=plan.motion if plan.exists else still,
+                gains=path_gains(S_E, self._config),
+            )
         failed = read(self._failure, context, np.nan)[0] > self._config.failure_probability
         perceived = None if failed or np.isnan(joint[7]) else q
         return advance(plan, X_WE, screw_W, perceived, time, self._config)

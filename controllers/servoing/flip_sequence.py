@@ -7,8 +7,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context
 
 from crossmodal.controllers.arm.kinematics import ArmModel
-from crossmodal.controllers.arm.sequence import Sequence
-from crossmodal.controllers.servoing.beliefs import known_belief
+from crossmodal.controllers.arm.sequence import Sequence, known_belief
 from crossmodal.controllers.servoing.contact_search import twist_towards
 from crossmodal.controllers.servoing.flip_config import FlipSequenceConfig
 from crossmodal.controllers.servoing.flip_decisions import (
@@ -54,6 +53,11 @@ def tactile_projector(phase: FlipPhase, config: FlipSequenceConfig) -> Array:
         return np.zeros(6)
     flipping = phase == FlipPhase.FLIP
     return np.array(config.tactile_flip if flipping else config.tactile_establish)
+
+
+def visual_projector(phase: FlipPhase, config: FlipSequenceConfig) -> Array:
+    """Diagonal (6,) of P_vis in a phase."""
+    return np.array(config.visual_flip) * (phase == FlipPhase.FLIP)
 
 
 class FlipSequence(Sequence):
@@ -104,25 +108,18 @@ class FlipSequence(Sequence):
         self._declare_state(FIRST, config.period)
         vector, on_contact = self._declare_vector, self._on_state | {self._contact.ticket()}
         vector("phase", 1, lambda c: self._state(c).phase, self._on_state)
-        vector("feed_forward", 1, self._calc_feed)
+        vector("feed_forward", 1, lambda c: feed_forward(self._state(c), c.get_time(), config))
         vector("approach_twist_desired", 6, self._calc_approach, on_contact)
-        vector("tactile_projector", 6, self._calc_tactile, self._on_state)
-        vector("visual_projector", 6, self._calc_visual, self._on_state)
+        state, on_state = self._state, self._on_state
+        vector(
+            "tactile_projector", 6, lambda c: tactile_projector(state(c).phase, config), on_state
+        )
+        vector("visual_projector", 6, lambda c: visual_projector(state(c).phase, config), on_state)
         self._declare_value("failure", "", lambda c: self._state(c).why, self._on_state)
-
-    def _calc_feed(self, context: Context) -> float:
-        return feed_forward(self._state(context), context.get_time(), self._config)
 
     def _calc_approach(self, context: Context) -> Array:
         contact: Any = self._contact.Eval(context)
         return approach_twist(self._state(context), contact.touching, self._config)
-
-    def _calc_tactile(self, context: Context) -> Array:
-        return tactile_projector(self._state(context).phase, self._config)
-
-    def _calc_visual(self, context: Context) -> Array:
-        flipping = self._state(context).phase == FlipPhase.FLIP
-        return flipping * np.array(self._config.visual_flip)
 
     def _next(self, context: Context) -> FlipState:
         angle, hinge = (known_belief(port, context) for port in (self._angle, self._hinge))

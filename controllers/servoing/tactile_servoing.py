@@ -143,13 +143,9 @@ class TactileServoing(LeafSystem):
         super().__init__()
         check(config, "TactileServoing")
         self._config = config
-        self._pid = Pid(
-            proportional=np.array(config.proportional),
-            integral=np.array(config.integral),
-            derivative=np.array(config.derivative),
-            limit=np.array(config.limit),
-            period=config.period,
-        )
+        names = "proportional", "integral", "derivative", "limit"
+        gains = {name: np.array(getattr(config, name)) for name in names}
+        self._pid = Pid(**gains, period=config.period)
         self._jacobian = inverted_sensor_jacobian(semi_axes)
         self._contact = self.DeclareAbstractInputPort("contact_latest", Value[object]())
         self._projector = self.DeclareVectorInputPort("tactile_projector", 6)

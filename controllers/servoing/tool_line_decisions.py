@@ -161,7 +161,6 @@ def next_line_state(
         X_WE: Of the arm that holds the tool, as measured (4, 4).
         flip: What the finger does.
         tool: `ToolBelief`; the one at the end of the flip becomes a link of the arm. None without.
-        config: Of the line.
     """
     if state.phase in (LinePhase.DONE, LinePhase.FAILED) or flip == FlipPhase.FAILED:
         return state

@@ -8,6 +8,7 @@ from pydrake.multibody.inverse_kinematics import (
     DifferentialInverseKinematicsStatus,
     DoDifferentialInverseKinematics,
 )
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from crossmodal.controllers.arm.kinematics import ArmModel
@@ -29,27 +30,17 @@ class TwistToJointsConfig:
     lead: float = number(0.05, above=0.0, at_most=1.0, unit="rad")
 
 
-@dataclass(frozen=True, kw_only=True)
-class JointLimits:
-    """Of n joints, each (n,): positions [rad] and velocities [rad/s]."""
-
-    lower: Array
-    upper: Array
-    velocity: Array
-
-
 def inverse_parameters(
-    config: TwistToJointsConfig, limits: JointLimits, q_posture: Array
+    config: TwistToJointsConfig, model: MultibodyPlant
 ) -> DifferentialInverseKinematicsParameters:
-    """What Drake's differential inverse kinematics keeps to."""
-    n = len(q_posture)
+    """What Drake's differential inverse kinematics keeps to: the limits that the model declares."""
+    n = model.num_positions()
     parameters = DifferentialInverseKinematicsParameters(n, n)
     parameters.set_time_step(config.period)
-    parameters.set_nominal_joint_position(q_posture)
     parameters.set_joint_centering_gain(config.centering * np.eye(n))
-    lower, upper = limits.lower + config.margin, limits.upper - config.margin
-    parameters.set_joint_position_limits((lower, upper))
-    speed = config.velocity_share * limits.velocity
+    lower, upper = model.GetPositionLowerLimits(), model.GetPositionUpperLimits()
+    parameters.set_joint_position_limits((lower + config.margin, upper - config.margin))
+    speed = config.velocity_share * model.GetVelocityUpperLimits()
     parameters.set_joint_velocity_limits((-speed, speed))
     return parameters
 
@@ -94,28 +85,26 @@ class TwistToJoints(LeafSystem):
 
     Args:
         config: Limits.
-        arm: The arm's own model, its end-effector the fingertip S.
-        limits: Of the joints.
+        arm: The arm's own model with its joints' limits, its end-effector the fingertip S.
         q_initial: First command and posture of the null space (n,), [rad].
 
     Raises:
         ValueError: for an impossible config value, or a posture beyond the limits.
     """
 
-    def __init__(
-        self, config: TwistToJointsConfig, arm: ArmModel, limits: JointLimits, q_initial: Array
-    ) -> None:
+    def __init__(self, config: TwistToJointsConfig, arm: ArmModel, q_initial: Array) -> None:
         super().__init__()
         name, n = "TwistToJoints", arm.num_joints
         check(config, name)
-        lower, upper = limits.lower + config.margin, limits.upper - config.margin
+        self._parameters = inverse_parameters(config, arm.plant)
+        lower, upper = self._parameters.get_joint_position_limits()
         if q_initial.shape != (n,) or not np.all((lower <= q_initial) & (q_initial <= upper)):
             raise ValueError(
                 f"{name}: q_initial = {q_initial.tolist()} rad, need {n} joints from"
                 f" {lower.tolist()} to {upper.tolist()}"
             )
         self._config, self._arm = config, arm
-        self._parameters = inverse_parameters(config, limits, q_initial)
+        self._parameters.set_nominal_joint_position(q_initial)
         self._twist = self.DeclareVectorInputPort("twist_desired", 6)
         self._joints = self.DeclareVectorInputPort("joint_state_measured", 2 * n)
         command = self.DeclareDiscreteState(q_initial)

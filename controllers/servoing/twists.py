@@ -10,13 +10,11 @@ from crossmodal.maths.vectors import cross
 
 
 def from_contact(V_WC_S: Array, p_SC: Array) -> Array:
-    """V_WS_S of a fingertip whose point C at `p_SC` (3,) moves with V_WC_S; both in S."""
+    """V_WS_S of a fingertip whose point C at `p_SC` (3,) moves with V_WC_S; both in S.
+
+    With -p_SC it is the other way round.
+    """
     return np.concatenate([V_WC_S[:3], V_WC_S[3:] - cross(V_WC_S[:3], p_SC)])
-
-
-def to_contact(V_WS_S: Array, p_SC: Array) -> Array:
-    """V_WC_S of the fingertip's point C at `p_SC` (3,); both in S."""
-    return np.concatenate([V_WS_S[:3], V_WS_S[3:] + cross(V_WS_S[:3], p_SC)])
 
 
 def in_world(X_WS: Array, V_WS_S: Array) -> Array:

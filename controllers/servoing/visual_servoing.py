@@ -8,8 +8,8 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from crossmodal.controllers.arm.kinematics import ArmModel
-from crossmodal.controllers.servoing.beliefs import known_belief
-from crossmodal.controllers.servoing.twists import from_contact, to_contact
+from crossmodal.controllers.arm.sequence import known_belief
+from crossmodal.controllers.servoing.twists import from_contact
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number
 from crossmodal.maths.vectors import cross
@@ -104,7 +104,6 @@ class VisualServoing(LeafSystem):
     Source: as `TactileServoing`.
 
     Args:
-        config: Gains and limits.
         arm: The arm's own model, its end-effector the fingertip S.
 
     Raises:
@@ -132,7 +131,7 @@ class VisualServoing(LeafSystem):
         X_WS = self._arm.Evaluate(np.asarray(self._joints.Eval(context))).X_WE
         angle, hinge = (known_belief(port, context) for port in (self._angle, self._hinge))
         feed = float(self._feed.Eval(context)[0])
-        slide = to_contact(np.asarray(self._tactile.Eval(context)), contact.p_SC)[3]
+        slide = from_contact(np.asarray(self._tactile.Eval(context)), -contact.p_SC)[3]
         V_WC_S = servoing_twist(X_WS, contact.p_SC, feed, slide, angle, hinge, self._config)
         V_WC_S *= np.asarray(self._projector.Eval(context))
         output.SetFromVector(from_contact(V_WC_S, contact.p_SC))
@@ -156,7 +155,6 @@ def servoing_twist(
         slide: What touch adds to that, [m/s].
         angle: `FlapAngleBelief`; None if unknown.
         hinge: `HingeBelief`; None if unknown.
-        config: Gains and limits.
     """
     R_WS = X_WS[:3, :3]
     y_S, z_S = np.ascontiguousarray(R_WS.T)[1:]

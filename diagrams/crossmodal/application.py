@@ -5,11 +5,11 @@ Source: R. Martín-Martín and O. Brock, Cross-modal interpretation of multi-mod
 interactive perception based on coupled recursion, IROS 2017.
 """
 
-from crossmodal.diagrams.crossmodal.calibration import make_calibration
 from crossmodal.diagrams.crossmodal.episode_parts import (
     QUANTITIES,
     TOPICS,
     close_loop,
+    make_calibration,
     make_estimators,
     make_station,
 )

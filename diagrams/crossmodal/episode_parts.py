@@ -1,6 +1,7 @@
 """What an episode consists of: station, estimators, what control reads, what is recorded."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
@@ -12,9 +13,9 @@ from crossmodal.diagrams.crossmodal.estimators import (
     make_network,
 )
 from crossmodal.diagrams.crossmodal.modalities import FEELING, SEEING
+from crossmodal.diagrams.crossmodal.robot_config import ARM
 from crossmodal.diagrams.crossmodal.scenario import Scenario
-from crossmodal.diagrams.crossmodal.station.overlaps import overlaps
-from crossmodal.diagrams.crossmodal.station.settling import settling
+from crossmodal.diagrams.crossmodal.station.start_warnings import overlaps, settling
 from crossmodal.diagrams.crossmodal.station.station import (
     draw_placements,
     make_manipulation_station,
@@ -24,6 +25,8 @@ from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.record import Quantity
 from crossmodal.diagrams.run.sensor_streams.codecs import JOINT_STATES, WRENCHES, Topic
+from crossmodal.diagrams.stations.believed_robots import believed_robots
+from crossmodal.plants.robots.wam import WAM_WITH_SOFT_HAND
 from crossmodal.systems.kinematics.held_joint import HeldJoint, HeldJointConfig
 from crossmodal.systems.port_values import (
     UNKNOWN_END_EFFECTOR,
@@ -71,19 +74,21 @@ TOPICS = {
     "cheat_hand_pose": Topic(name="/cheat/hand_pose"),
     "cheat_handle_pose": Topic(name="/cheat/handle_pose"),
 }
+# What an encoder on the motor's side of an elastic cable is taken to be off by, [rad].
+_JOINT_OFFSET = float(np.deg2rad(3.0))
+
+
+def make_calibration(scenario: Scenario) -> Calibration:
+    """Camera and arm as the scenario places them, and how well that is taken to be known."""
+    robots = {ARM: WAM_WITH_SOFT_HAND}
+    return believed_robots(scenario, scenario.plant.scene, robots, scenario.cameras, _JOINT_OFFSET)
 
 
 def make_station(scenario: Scenario, calibration: Calibration) -> Station:
     """The station of a scenario with its seed."""
     station = make_manipulation_station(scenario, calibration)
-    return Station(
-        diagram=station.diagram,
-        initialise=station.SetInitialState,
-        warnings=[
-            *overlaps(station),
-            *settling(scenario, draw_placements(scenario), station.q_start),
-        ],
-    )
+    falling = settling(scenario, draw_placements(scenario), station.q_start)
+    return replace(station, warnings=[*overlaps(station), *falling])
 
 
 def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, Diagram]:

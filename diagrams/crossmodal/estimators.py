@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
-from crossmodal.diagrams.crossmodal.modalities import MODALITIES
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.stations.add_monitors import (
     add_image_monitor,
@@ -74,6 +73,7 @@ class CrossModalWire:
     connections: tuple[tuple[str, str, str, str], ...]
 
 
+_BODIES, _FEATURES = "body_motions_estimated", "features_estimated"
 CROSSMODAL_WIRES = {
     "held_body_to_vision": CrossModalWire(
         carries="where the hand takes its body, so that vision finds its features",
@@ -82,36 +82,17 @@ CROSSMODAL_WIRES = {
     "features_to_held_body": CrossModalWire(
         carries="the features of the body in the hand, which correct its pose",
         connections=(
-            (
-                "feature_motion",
-                "features_estimated",
-                "held_body_motion",
-                "features_estimated",
-            ),
-            (
-                "rigid_body_motion",
-                "body_motions_estimated",
-                "held_body_motion",
-                "body_motions_estimated",
-            ),
+            ("feature_motion", _FEATURES, "held_body_motion", _FEATURES),
+            ("rigid_body_motion", _BODIES, "held_body_motion", _BODIES),
         ),
     ),
     "held_body_to_grasp": CrossModalWire(
         carries="how the body in the hand was seen to move, from which the grasp is learnt",
-        connections=(
-            (
-                "held_body_motion",
-                "body_motions_estimated",
-                "grasp_model",
-                "body_motions_estimated",
-            ),
-        ),
+        connections=(("held_body_motion", _BODIES, "grasp_model", _BODIES),),
     ),
     "visual_bodies_to_joints": CrossModalWire(
         carries="bodies that only vision sees, to which the body in the hand may be jointed",
-        connections=(
-            ("rigid_body_motion", "body_motions_estimated", "kinematic_model", "body_motions"),
-        ),
+        connections=(("rigid_body_motion", _BODIES, "kinematic_model", "body_motions"),),
     ),
     "joints_to_vision": CrossModalWire(
         carries="where the joints expect the bodies, as one more prediction for vision",
@@ -204,15 +185,12 @@ def make_network(
 
     Args:
         modality: One of `MODALITIES`.
-        config: Of the filters.
         calibration: What the robot believes of its sensors.
         period: Of the ticks, [s].
 
     Raises:
-        ValueError: for an unknown modality or an impossible config value.
+        ValueError: for an impossible config value.
     """
-    if modality not in MODALITIES:
-        raise ValueError(f"unknown modality '{modality}'; there are {', '.join(MODALITIES)}")
     check_cut(config.cut)
     config = with_shared(
         config, period=period, noise=calibration.noise, hand=config.hand, windows=config.windows
@@ -224,13 +202,13 @@ def make_network(
         kinematics = with_shared(replace(kinematics, filters=filters), period=period)
         model = builder.AddNamedSystem("kinematic_model", KinematicModel(kinematics, inputs=1))
         bodies = _add_vision(builder, config, calibration, with_held_body=False)
-        connect(builder, [(bodies, "body_motions_estimated", model, "body_motions")])
+        connect(builder, [(bodies, _BODIES, model, "body_motions")])
         connect(builder, [(model, "bodies_predicted", bodies, "joint_predictions")])
     elif modality == "proprioception":
         model = builder.AddNamedSystem("kinematic_model", KinematicModel(kinematics, inputs=1))
         body, grasp = _add_proprioception(builder, config, calibration, corrected_by_vision=False)
-        connect_alike(builder, body, "body_motions_estimated", grasp)
-        connect(builder, [(body, "body_motions_estimated", model, "body_motions")])
+        connect_alike(builder, body, _BODIES, grasp)
+        connect(builder, [(body, _BODIES, model, "body_motions")])
     else:
         model = builder.AddNamedSystem("kinematic_model", KinematicModel(kinematics, inputs=2))
         _add_vision(builder, config, calibration, with_held_body=True)
@@ -239,7 +217,7 @@ def make_network(
             if name not in config.cut:
                 connect(builder, _between(builder, wire))
         # What hand and eye know together of the interacted body counts, not what the eye knows.
-        connect(builder, [(body, "body_motions_estimated", model, "body_motions_1")])
+        connect(builder, [(body, _BODIES, model, "body_motions_1")])
     if modality != "vision":
         _add_joint_mechanics(builder, config, model)
     export_outputs(builder, model, "joints_latest", "body_motions_latest")

@@ -1,7 +1,6 @@
 """Draws what the network believes into Meshcat, live and in the recording."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from pydrake.common.value import Value
@@ -39,13 +38,17 @@ from crossmodal.diagrams.joints.joint_drawing import (
 )
 from crossmodal.diagrams.joints.joint_metrics import joint_in_world
 from crossmodal.diagrams.joints.joint_palette import JOINT, body_color, body_label
-from crossmodal.diagrams.joints.joint_truth import TRUTH_QUANTITIES, Truth, add_tick, truth_of_ticks
+from crossmodal.diagrams.joints.joint_truth import (
+    TRUTH_QUANTITIES,
+    Truth,
+    add_tick,
+    truth_of_ticks,
+)
 from crossmodal.diagrams.run.episode import connect_latest
 from crossmodal.diagrams.run.record import Tick
 from crossmodal.diagrams.run.recorder import declare_input, read_inputs
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.tangent_plane import normal_basis
-from crossmodal.maths.validation import check, number
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.port_values import (
     HELD_BODY,
     STATIC_BODY,
@@ -58,13 +61,14 @@ from crossmodal.systems.port_values import (
     no_features,
 )
 
+_PERIOD = 0.1  # Between drawings, [s].
+_REFRESH_INTERVAL = 1.0  # Between new sets of features, which move between them, [s].
+_TEXT_INTERVAL = 0.5  # Least time between new texts, [s].
+# Where the page is first seen from, and what the texts face, p_WV; and its target, [m].
+_VIEWPOINT, _LOOKING_AT = np.array([-0.25, 0.75, 1.45]), np.array([0.6, -0.2, 0.85])
+_DOT_RADIUS = 0.009  # Of a feature, [m].
 _BAR_RADIUS = 0.007  # [m]
 _BOARD_HEIGHT = 0.05  # [m]
-_DOT_RADIUS = 0.009  # Of a feature, [m].
-_REFRESHED_AFTER = 1.0  # Between new sets of features, which move in between, and new lines, [s].
-_TEXT_AFTER = 0.5  # Least time between new texts, [s].
-_VIEWPOINT = np.array([-0.25, 0.75, 1.45])  # Where the page is first seen from, p_WV, [m].
-_LOOKING_AT = np.array([0.6, -0.2, 0.85])  # And its target, [m].
 _LEGEND: list[Entry] = [
     *(("dot", body_color(body), body_label(body)) for body in (STATIC_BODY, HELD_BODY, 2, 3)),
     ("bar", JOINT[JointType.PRISMATIC], "prismatic joint, its direction within 2σ"),
@@ -72,11 +76,6 @@ _LEGEND: list[Entry] = [
     ("bar", JOINT[JointType.SCREW], "screw, its axis within 2σ"),
     ("line", palette.PLAN, "planned way of the hand"),
 ]
-
-
-@dataclass(kw_only=True)
-class MeshcatViewConfig:
-    period: float = number(0.1, at_least=1e-3, at_most=3600.0, unit="s")  # Between drawings.
 
 
 def add_view(
@@ -90,7 +89,7 @@ def add_view(
     scene_graph = station.GetSubsystemByName("scene_graph")
     view = builder.AddNamedSystem(
         "meshcat_view",
-        MeshcatView(MeshcatViewConfig(), meshcat, list(estimators), textured_boxes(scene_graph)),
+        MeshcatView(meshcat, list(estimators), textured_boxes(scene_graph)),
     )
     for port in ("path_planned", *(quantity.port for quantity in TRUTH_QUANTITIES)):
         builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
@@ -101,7 +100,7 @@ class MeshcatView(LeafSystem):
     """Draws each modality's features, coloured by body, and joint into Meshcat.
 
     A recording holds transforms and properties, no new geometry. So features are drawn as clouds
-    that are fixed in their body and move with it; once a second new clouds take the
+    that are fixed in their body and move with it; every `refresh_interval` new clouds take the
     place of the old ones, which are hidden. Joints are unit shapes that are scaled. All modalities
     are drawn below `/perception`, one visible; the others can be switched on in Meshcat's tree.
 
@@ -124,13 +123,11 @@ class MeshcatView(LeafSystem):
 
     def __init__(
         self,
-        config: MeshcatViewConfig,
         meshcat: Meshcat,
         modalities: Sequence[str],
         textured: Mapping[str, Mesh] | None = None,
     ) -> None:
         super().__init__()
-        check(config, "MeshcatView")
         self._meshcat, self._textured = meshcat, dict(textured or {})
         clear_view(meshcat, _VIEWPOINT, _LOOKING_AT)
         self._ports: dict[str, dict[str, InputPort]] = {}
@@ -153,7 +150,7 @@ class MeshcatView(LeafSystem):
         self._truth_ports = {q.port: declare_input(self, q.port, q.model) for q in TRUTH_QUANTITIES}
         self._station: list[Tick] = []  # Those that the truth at the newest one follows from.
         self._plan = _PlannedPath(meshcat, f"{ROOT}/planned_path")
-        self.DeclarePeriodicPublishEvent(config.period, 0.0, self._draw)
+        self.DeclarePeriodicPublishEvent(_PERIOD, 0.0, self._draw)
 
     def _draw(self, context: Context) -> None:
         time = context.get_time()
@@ -169,50 +166,46 @@ class MeshcatView(LeafSystem):
             layer.draw_features(time, values.get("features", no_features()), bodies.bodies)
             joints = values.get("joints", JointBeliefs())
             joint = joint_in_world(joints, bodies, truth.parent_moves)
-            layer.draw_joint(time, joint, bodies, truth)
+            layer.draw_joint(time, joint, bodies.bodies, truth)
         if self._path.HasValue(context):
             self._plan.draw(time, self._path.Eval(context))
 
 
-class _Visible:
-    """Which of several objects in one place is seen."""
+class _Shown:
+    """What is shown at a time in the place of what was shown before."""
 
     def __init__(self, meshcat: Meshcat) -> None:
         self._meshcat = meshcat
-        self.path = ""
+        self.path = ""  # Of it; empty while nothing is shown.
 
-    def change(self, time: float, path: str = "") -> None:
-        """Shows another object in place of the one before, or none."""
-        if path == self.path:
-            return
+    def show(self, path: str, time: float) -> None:
+        self.hide(time)
+        self.path = path
+        show_from(self._meshcat, path, time)
+
+    def hide(self, time: float) -> None:
         if self.path:
             self._meshcat.SetProperty(self.path, "visible", False, time)
-        if path:
-            show_from(self._meshcat, path, time)
-        self.path = path
+        self.path = ""
 
 
 class _PlannedPath:
-    """The way that the end-effector has before it; once a second a new line."""
+    """The way that the end-effector has before it; a new line at every refresh."""
 
     def __init__(self, meshcat: Meshcat, path: str) -> None:
-        self._meshcat = meshcat
-        self._path = path
-        self._line = _Visible(meshcat)
-        self._drawn = -np.inf
-        self._lines = 0
+        self._meshcat, self._path = meshcat, path
+        self._line, self._lines, self._drawn = _Shown(meshcat), 0, -np.inf
 
     def draw(self, time: float, X_WE: Array) -> None:
         """Replaces the line when it is time; hides it without a plan."""
         if len(X_WE) == 0:
-            self._line.change(time)
-        elif time >= self._drawn + _REFRESHED_AFTER - 1e-6:
+            self._line.hide(time)
+        elif time >= self._drawn + _REFRESH_INTERVAL - 1e-6:
             self._lines += 1
             self._drawn = time
-            path = f"{self._path}/line_{self._lines}"
-            color = Rgba(*palette.rgb(palette.PLAN))
+            path, color = f"{self._path}/line_{self._lines}", Rgba(*palette.rgb(palette.PLAN))
             self._meshcat.SetLine(path, X_WE[:, :3, 3].T, 4.0, color)
-            self._line.change(time, path)
+            self._line.show(path, time)
 
 
 class _Layer:
@@ -225,13 +218,14 @@ class _Layer:
         self._clouds_drawn = -np.inf
         self._sets = 0
         self._text = ""
+        self._board = _Shown(meshcat)
         self._text_drawn = -np.inf
-        self._board, self._joint = _Visible(meshcat), _Visible(meshcat)
         self._made: set[JointType] = set()
+        self._joint = _Shown(meshcat)
 
     def draw_features(self, time: float, features: FeatureBelief, bodies: list[BodyMotion]) -> None:
         """Moves the clouds with their bodies; draws new ones when it is time."""
-        if time >= self._clouds_drawn + _REFRESHED_AFTER - 1e-6:
+        if time >= self._clouds_drawn + _REFRESH_INTERVAL - 1e-6:
             self._replace_clouds(time, features, bodies)
             self._clouds_drawn = time
         for body in bodies:
@@ -265,18 +259,23 @@ class _Layer:
         self._clouds[body_id] = path
 
     def draw_joint(
-        self, time: float, joint: JointBelief | None, bodies: BodyMotions, truth: Truth
+        self, time: float, joint: JointBelief | None, bodies: list[BodyMotion], truth: Truth
     ) -> None:
         """Moves and scales the likeliest joint's shapes; hides the others."""
-        sketch = None if joint is None else sketch_joint(joint, bodies.find(joint.child_id))
+        sketch = None
+        if joint is not None:
+            body = next((b for b in bodies if b.body_id == joint.child_id), None)
+            sketch = sketch_joint(joint, body)
         path = "" if sketch is None else self._joint_path(sketch.type)
-        if sketch is not None and sketch.type not in self._made:
-            self._make_joint(sketch.type)
         if path != self._joint.path:
+            self._joint.hide(time)
             self._hide_text(time)
-            self._joint.change(time, path)
         if sketch is None or joint is None:
             return
+        if path != self._joint.path:
+            if sketch.type not in self._made:
+                self._make_joint(sketch.type)
+            self._joint.show(path, time)
         self._place_joint(time, sketch)
         configuration = describe_configuration(joint, truth, time)
         self._write_text(time, f"{sketch.type} {configuration}{describe_pitch(joint)}", sketch)
@@ -324,18 +323,20 @@ class _Layer:
             self._meshcat.SetTransform(f"{path}/tip", tip, time)
 
     def _write_text(self, time: float, text: str, sketch: JointSketch) -> None:
-        due = time >= self._text_drawn + _TEXT_AFTER - 1e-6
+        due = time >= self._text_drawn + _TEXT_INTERVAL - 1e-6
         if text != self._text and due:
+            self._hide_text(time)
             self._text, self._text_drawn = text, time
             path = f"{self._path}/text/{round(1000 * time)}"
             red, green, blue = (round(255 * c) for c in palette.rgb(JOINT[sketch.type]))
-            self._meshcat.SetObject(path, text_board(text, _BOARD_HEIGHT, (red, green, blue)))
-            self._board.change(time, path)
+            board = text_board(text, _BOARD_HEIGHT, (red, green, blue))
+            self._meshcat.SetObject(path, board)
+            self._board.show(path, time)
         if self._board.path:
             self._meshcat.SetTransform(self._board.path, self._text_pose(sketch.center_W), time)
 
     def _hide_text(self, time: float) -> None:
-        self._board.change(time)
+        self._board.hide(time)
         self._text = ""
 
     def _text_pose(self, p_WJ: Array) -> RigidTransform:

@@ -1,13 +1,13 @@
 """A scenario of the cross-modal application: an arm with a soft hand explores an object's joint."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from crossmodal.diagrams.crossmodal.estimators import MODALITIES, PerceptionConfig, check_cut
+from crossmodal.diagrams.crossmodal.estimators import PerceptionConfig, check_cut
+from crossmodal.diagrams.crossmodal.modalities import MODALITIES
 from crossmodal.diagrams.crossmodal.objects.object_import import check_grasp, check_pull, imported
 from crossmodal.diagrams.crossmodal.objects.object_model import read_object_model
 from crossmodal.diagrams.crossmodal.robot_config import HAND, ControlConfig, SensorsConfig
@@ -16,6 +16,7 @@ from crossmodal.diagrams.run.scenario import CameraConfig
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 from crossmodal.diagrams.stations import pushed
 from crossmodal.diagrams.stations.scenario_checks import (
+    check_modalities,
     check_one_camera,
     check_scene,
     check_textures,
@@ -138,12 +139,6 @@ class Scenario(base.Scenario):
         return self.objects[self.task.object or next(iter(self.objects))]
 
     @property
-    def camera(self) -> CameraConfig:
-        """The camera that the estimators see through."""
-        (camera,) = self.cameras.values()
-        return camera
-
-    @property
     def acting_modality(self) -> str:
         """The estimator whose beliefs the robot acts by."""
         if self.task.modality:
@@ -263,7 +258,7 @@ def _check(scenario: Scenario, source: str) -> None:
         if not np.linalg.norm(thing.pull_direction) > 1e-6:
             raise ScenarioError(f"{key}.pull_direction must not be all zero")
         check_textures(thing.variation.textures, f"{key}.variation.textures")
-    _check_modalities(scenario.modalities, source)
+    check_modalities(scenario.modalities, MODALITIES, source)
     if task.modality and task.modality not in scenario.modalities:
         raise ScenarioError(
             f"{source}: task.modality = '{task.modality}' is not among the modalities"
@@ -277,16 +272,3 @@ def _check(scenario: Scenario, source: str) -> None:
     if HAND not in scenario.model_drivers:
         raise ScenarioError(f"{source}: model_drivers: need one of the model '{HAND}'")
     check_scene(scenario.plant.scene, source)
-
-
-def _check_modalities(modalities: Iterable[str], source: str) -> None:
-    names = list(modalities)
-    for name in names:
-        if name not in MODALITIES:
-            raise ScenarioError(
-                f"{source}: modalities: unknown modality '{name}'; {suggestion(name, MODALITIES)}"
-            )
-    if not names or len(set(names)) < len(names):
-        raise ScenarioError(
-            f"{source}: modalities = {names}, but it must name each once, at least one"
-        )

@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import Context, LeafSystem
 
 from crossmodal.controllers.interaction.phases import Phase as ControlPhase
 from crossmodal.diagrams.crossmodal.objects.object_model import read_object_model
@@ -13,6 +11,7 @@ from crossmodal.diagrams.crossmodal.scenario import Scenario, Task, object_model
 from crossmodal.diagrams.joints.joint_truth import Truth
 from crossmodal.diagrams.run.record import EpisodeRecord, Event, TaskStatus
 from crossmodal.diagrams.run.recorder import STATUS_PORT
+from crossmodal.maths.arrays import Array
 from crossmodal.systems.port_values import JointType
 
 _DEGREES = 180.0 / np.pi
@@ -36,33 +35,16 @@ class Phase:
     reached: float
 
 
-def task_status(phase: ControlPhase, grasp_lost: bool) -> TaskStatus:
-    """What a phase of the control means to the task."""
-    return _STOPPED_WITHOUT if phase == ControlPhase.STOP and grasp_lost else _STATUS[phase]
+def task_status(phase: Array, grasp_lost: Array) -> TaskStatus:
+    """What a phase of the control means to the task.
 
-
-class ManipulationStatus(LeafSystem):
-    """Says in the words of the task what the grasp sequence does.
-
-    Input ports:
-    - `phase`: (1,) `crossmodal.controllers.interaction.phases.Phase`.
-    - `grasp_lost`: (1,) one once a grasp is given up.
-
-    Output ports:
-    - `task_status`: `TaskStatus`.
+    Args:
+        phase: (1,) `crossmodal.controllers.interaction.phases.Phase`.
+        grasp_lost: (1,) one once a grasp is given up.
     """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._phase = self.DeclareVectorInputPort("phase", 1)
-        self._lost = self.DeclareVectorInputPort("grasp_lost", 1)
-        self.DeclareAbstractOutputPort(
-            "task_status", lambda: Value[object](TaskStatus()), self._calc_status
-        )
-
-    def _calc_status(self, context: Context, output: Value) -> None:
-        phase = ControlPhase(int(self._phase.Eval(context)[0]))
-        output.set_value(task_status(phase, self._lost.Eval(context)[0] > 0.5))
+    control = ControlPhase(int(phase[0]))
+    stopped = control == ControlPhase.STOP and grasp_lost[0] > 0.5
+    return _STOPPED_WITHOUT if stopped else _STATUS[control]
 
 
 def begun(events: Sequence[Event], phase: ControlPhase) -> list[float]:

@@ -5,14 +5,13 @@ Source: Q. Li, A. Ückermann, R. Haschke and H. Ritter, Estimating an articulate
 via visuo-tactile based robotic interactive manipulation, IROS 2018.
 """
 
-from crossmodal.diagrams.flap.calibration import make_calibration
 from crossmodal.diagrams.flap.episode_parts import (
     QUANTITIES,
     STATION_QUANTITIES,
     TOPICS,
     close_loop,
+    make_calibration,
     make_estimators,
-    make_station,
 )
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.flap.experiments import EXPERIMENTS
@@ -22,6 +21,7 @@ from crossmodal.diagrams.flap.results.metrics import METRICS, OVERVIEW
 from crossmodal.diagrams.flap.results.results import evaluate
 from crossmodal.diagrams.flap.results.task import task_in_words
 from crossmodal.diagrams.flap.scenario import SCENARIO_FOLDER, Scenario, resolve
+from crossmodal.diagrams.flap.station.station import make_flap_station
 from crossmodal.diagrams.run.application import Application
 
 APPLICATION = Application(
@@ -31,7 +31,7 @@ APPLICATION = Application(
     scenarios=SCENARIO_FOLDER,
     resolve=resolve,
     make_calibration=make_calibration,
-    make_station=make_station,
+    make_station=make_flap_station,
     make_estimators=make_estimators,
     close_loop=close_loop,
     quantities=QUANTITIES,

@@ -7,13 +7,13 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from crossmodal.diagrams.flap.estimators import JOINT_STREAMS, SEEN_STREAMS, TAXELS, make_estimator
+from crossmodal.diagrams.flap.robot_config import ROBOTS
 from crossmodal.diagrams.flap.scenario import Scenario
-from crossmodal.diagrams.flap.station.station import make_flap_station
 from crossmodal.diagrams.flap.truth import UNKNOWN_FLAP
-from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.record import Quantity
 from crossmodal.diagrams.run.sensor_streams.codecs import JOINT_STATES, Topic
+from crossmodal.diagrams.stations.believed_robots import believed_robots
 from crossmodal.systems.port_values import (
     UNKNOWN_ANGLE,
     UNKNOWN_FINGERTIP,
@@ -56,12 +56,14 @@ TOPICS = {
 }
 # Beliefs that control acts by: the station's inputs of these names.
 PERCEIVED = ("flap_angle_latest", "hinge_latest", "tool_latest")
+# What is left of an encoder's offset behind the gears once the joints are mastered, [rad].
+_JOINT_OFFSET = float(np.deg2rad(0.05))
 
 
-def make_station(scenario: Scenario, calibration: Calibration) -> Station:
-    """The station of a scenario with its seed."""
-    station = make_flap_station(scenario, calibration)
-    return Station(diagram=station.diagram, initialise=station.SetInitialState)
+def make_calibration(scenario: Scenario) -> Calibration:
+    """Camera and arms as scenario and seed place them, and how well that is taken to be known."""
+    cameras = scenario.drawn_cameras()
+    return believed_robots(scenario, scenario.plant.scene, ROBOTS, cameras, _JOINT_OFFSET)
 
 
 def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, Diagram]:

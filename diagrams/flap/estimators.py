@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
-from crossmodal.diagrams.flap.estimator_names import ESTIMATORS
 from crossmodal.diagrams.flap.robot_config import FINGER, FINGER_ARM, HOLDER, HOLDER_ARM
 from crossmodal.diagrams.flap.robot_view import make_robot_view
 from crossmodal.diagrams.run.calibration import Calibration
@@ -13,8 +12,8 @@ from crossmodal.diagrams.stations.connections import connect_alike, export_outpu
 from crossmodal.systems.arm_pose import ArmPose
 from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
+from crossmodal.systems.flap.flap_geometry import HingeLimitsConfig
 from crossmodal.systems.flap.hinge.hinge_estimator import HingeEstimator, HingeEstimatorConfig
-from crossmodal.systems.flap.hinge.hinge_limits import HingeLimitsConfig
 from crossmodal.systems.flap.joint.flap_joint import FlapJoint
 from crossmodal.systems.flap.joint.flap_joint_model import FlapJointConfig
 from crossmodal.systems.flap.tool_kinematics import ToolKinematics, ToolKinematicsConfig
@@ -28,7 +27,7 @@ from crossmodal.systems.proprioception.end_effector_pose import (
     EndEffectorPoseConfig,
 )
 from crossmodal.systems.registration.arm_registration import ArmRegistration, ArmRegistrationConfig
-from crossmodal.systems.registration.registration_prior import CalibratedArm
+from crossmodal.systems.registration.registration_solver import CalibratedArm
 from crossmodal.systems.shared_settings import with_shared
 from crossmodal.systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout
@@ -107,16 +106,12 @@ def make_estimator(
     Args:
         name: One of `ESTIMATORS`: `geometric` intersects the flap's planes and fits the contact's
             circle, `filtered` asks the joint filters of the cross-modal network.
-        config: Of the systems.
         calibration: What the robots believe of their sensors.
-        layout: Of the taxels.
         period: Of the ticks, [s].
 
     Raises:
-        ValueError: for an unknown name or an impossible config value.
+        ValueError: for an impossible config value.
     """
-    if name not in ESTIMATORS:
-        raise ValueError(f"unknown estimator '{name}'; there are {', '.join(ESTIMATORS)}")
     config = with_shared(config, period=period, noise=calibration.noise, windows=config.windows)
     builder = DiagramBuilder()
     camera = believed_camera(calibration)

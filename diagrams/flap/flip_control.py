@@ -1,4 +1,4 @@
-"""The controllers that flip a flap with one arm, and their wires."""
+"""The controllers of both arms, which flip a flap and move its tool, and their wires."""
 
 from dataclasses import dataclass, field
 
@@ -10,9 +10,9 @@ from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.servoing.flip_config import FlipSequenceConfig
 from crossmodal.controllers.servoing.flip_sequence import FlipSequence
 from crossmodal.controllers.servoing.tactile_servoing import TactileServoing, TactileServoingConfig
+from crossmodal.controllers.servoing.tool_line import ToolLine
 from crossmodal.controllers.servoing.tool_line_decisions import ToolLineConfig
 from crossmodal.controllers.servoing.twist_to_joints import (
-    JointLimits,
     TwistToJoints,
     TwistToJointsConfig,
 )
@@ -36,58 +36,35 @@ class FlipControlConfig:
     holder_joints: TwistToJointsConfig = field(default_factory=TwistToJointsConfig)
 
 
-def joint_limits(model: MultibodyPlant) -> JointLimits:
-    """The limits that an arm's model declares."""
-    return JointLimits(
-        lower=model.GetPositionLowerLimits(),
-        upper=model.GetPositionUpperLimits(),
-        velocity=model.GetVelocityUpperLimits(),
-    )
-
-
 def make_flip_control(
     config: FlipControlConfig,
     model: MultibodyPlant,
     layout: TaxelLayout,
     q_initial: Array,
-    frame: str = "end_effector",
 ) -> Diagram:
     """Touch, vision and sequence together, from what is measured to joint positions.
 
-    .. pydrake_system::
+    Input ports:
+    - `taxel_measured`, `joint_state_measured`: of the finger.
+    - `flap_angle_latest`, `hinge_latest`: beliefs, which may stay unconnected.
 
-        name: flip_control
-        input_ports:
-        - taxel_measured
-        - joint_state_measured
-        - flap_angle_latest
-        - hinge_latest
-        output_ports:
-        - joint_position_commanded
-        - contact_latest
-        - taxel_health_latest
-        - phase
-        - failure
-
-    The two beliefs may stay unconnected.
+    Output ports:
+    - `joint_position_commanded`: (n,) of the finger's arm, [rad].
+    - `contact_latest`, `taxel_health_latest`: of `TaxelMonitor`.
+    - `phase`, `failure`: of `FlipSequence`.
 
     Args:
-        config: Of the parts.
         model: The arm's own model.
-        layout: Of the taxels.
         q_initial: Posture in which the arm begins (n,), [rad].
-        frame: Name of S in the model.
     """
-    builder, arm = DiagramBuilder(), ArmModel(model, frame)
+    builder, arm = DiagramBuilder(), ArmModel(model)
     add = builder.AddNamedSystem
     taxels = add("taxel_monitor", TaxelMonitor(config.features, layout))
     sequence = add("flip_sequence", FlipSequence(config.sequence, arm))
     tactile = add("tactile_servoing", TactileServoing(config.tactile, layout.semi_axes))
     visual = add("visual_servoing", VisualServoing(config.visual, arm))
     total = add("twist_sum", Adder(3, 6))
-    joints = add(
-        "twist_to_joints", TwistToJoints(config.joints, arm, joint_limits(model), q_initial)
-    )
+    joints = add("twist_to_joints", TwistToJoints(config.joints, arm, q_initial))
     # At one instant the monitor stores before the controllers step, so that this is the contact of
     # now, computed once.
     connect_alike(builder, taxels, "contact_latest", sequence, tactile, visual)
@@ -116,4 +93,38 @@ def make_flip_control(
     builder.ExportOutput(health, "taxel_health_latest")
     diagram = builder.Build()
     diagram.set_name("flip_control")
+    return diagram
+
+
+def make_line_control(
+    config: FlipControlConfig, model: MultibodyPlant, q_initial: Array
+) -> Diagram:
+    """The tool's tip along a line, from what is measured and believed to joint positions.
+
+    Input ports:
+    - `joint_state_measured`: of the holder.
+    - `tool_latest`: the belief; unconnected, the arm stays where it is.
+    - `flip_phase`: of `FlipSequence`.
+
+    Output ports:
+    - `joint_position_commanded`: (n,) of the holder's arm, [rad].
+    - `phase`, `failure`, `tip_estimated`: of `ToolLine`.
+
+    Args:
+        model: The arm's own model.
+        q_initial: Posture in which the arm begins (n,), [rad].
+    """
+    builder, arm = DiagramBuilder(), ArmModel(model)
+    line = builder.AddNamedSystem("tool_line", ToolLine(config.line, arm))
+    joints = builder.AddNamedSystem(
+        "twist_to_joints", TwistToJoints(config.holder_joints, arm, q_initial)
+    )
+    connect_alike(builder, line, "twist_desired", joints)
+    export_input(builder, "joint_state_measured", line, joints)
+    export_input(builder, "tool_latest", line)
+    export_input(builder, "flip_phase", line)
+    export_outputs(builder, joints, "joint_position_commanded")
+    export_outputs(builder, line, "phase", "failure", "tip_estimated")
+    diagram = builder.Build()
+    diagram.set_name("line_control")
     return diagram

@@ -1,11 +1,9 @@
 """What the robot does with the flap and the tool, in the words of the task."""
 
-from pydrake.common.value import AbstractValue, Value
-from pydrake.systems.framework import Context, LeafSystem
-
 from crossmodal.controllers.servoing.flip_decisions import FlipPhase
 from crossmodal.controllers.servoing.tool_line_decisions import LinePhase
 from crossmodal.diagrams.run.record import TaskStatus
+from crossmodal.maths.arrays import Array
 
 FLIPPING, RETREATING, DONE = "flipping", "retreating", "done"
 TO_TABLE, ON_LINE = "to the table", "line on the table"
@@ -24,55 +22,22 @@ _LINE = {
 }
 
 
-def flip_status(flip: FlipPhase, flip_failure: str, line: LinePhase, failure: str) -> TaskStatus:
+def flip_status(
+    flip_phase: Array, flip_failure: str, line_phase: Array, line_failure: str
+) -> TaskStatus:
     """What the phases of both arms mean to the task.
 
     Args:
-        flip: What the finger does.
+        flip_phase: (1,) `FlipPhase`, what the finger does.
         flip_failure: Why it failed; empty if it has not.
-        line: What the arm with the tool does.
-        failure: Why it does not follow the line; empty if it does.
+        line_phase: (1,) `LinePhase`, what the arm with the tool does.
+        line_failure: Why it does not follow the line; empty if it does.
     """
+    flip, line = FlipPhase(int(flip_phase[0])), LinePhase(int(line_phase[0]))
     if flip == FlipPhase.FAILED:
         return TaskStatus(phase="stopped", done=True, note=flip_failure)
     if flip != FlipPhase.DONE:
         return _FLIP[flip]
     if line == LinePhase.FAILED:
-        return TaskStatus(phase="stopped", done=True, note=failure)
+        return TaskStatus(phase="stopped", done=True, note=line_failure)
     return _LINE[line]
-
-
-class FlipStatus(LeafSystem):
-    """Says in the words of the task what finger and tool do.
-
-    Input ports:
-    - `flip_phase`: (1,) `FlipPhase`.
-    - `flip_failure`: str, why it failed; empty if it has not.
-    - `line_phase`: (1,) `LinePhase`.
-    - `line_failure`: str, likewise.
-
-    Output ports:
-    - `task_status`: `TaskStatus`.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._flip, self._line = (
-            (
-                self.DeclareVectorInputPort(f"{name}_phase", 1),
-                self.DeclareAbstractInputPort(f"{name}_failure", AbstractValue.Make("")),
-            )
-            for name in ("flip", "line")
-        )
-        self.DeclareAbstractOutputPort(
-            "task_status", lambda: Value[object](TaskStatus()), self._calc_status
-        )
-
-    def _calc_status(self, context: Context, output: Value) -> None:
-        flip, flip_failure = (port.Eval(context) for port in self._flip)
-        line, line_failure = (port.Eval(context) for port in self._line)
-        output.set_value(
-            flip_status(
-                FlipPhase(int(flip[0])), flip_failure, LinePhase(int(line[0])), line_failure
-            )
-        )

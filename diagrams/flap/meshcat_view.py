@@ -1,7 +1,6 @@
 """Draws what is sensed and believed of the flap into Meshcat, live and in the recording."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import Box, Cylinder, Meshcat, Rgba, Sphere
@@ -23,8 +22,7 @@ from crossmodal.diagrams.flap.scenario import Scenario
 from crossmodal.diagrams.run.episode import connect_latest
 from crossmodal.diagrams.run.recorder import declare_input, read_inputs
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.validation import check, number, numbers
-from crossmodal.maths.vectors import tangent_basis
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.port_values import (
     UNKNOWN_FINGERTIP,
     UNKNOWN_TOOL,
@@ -35,6 +33,10 @@ from crossmodal.systems.port_values import (
 )
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout
 
+_PERIOD = 0.1  # Between drawings, [s].
+_STRONGEST = 0.3  # Force of a red taxel, [N].
+# Where the page is first seen from, p_WV, and its target, [m].
+_VIEWPOINT, _LOOKING_AT = np.array([1.25, 0.55, 0.75]), np.array([0.5, 0.0, 0.45])
 _AXIS_LENGTH = 0.3  # [m]
 _L1, _L2, _PLANE = "#228833", "#EE7733", "#66CCEE"
 _LINE, _TIP = "#EEEEEE", "#CCBB44"
@@ -50,19 +52,6 @@ _LEGEND: list[Entry] = [
 ]
 
 
-@dataclass(kw_only=True)
-class MeshcatViewConfig:
-    period: float = number(0.1, at_least=1e-3, at_most=3600.0, unit="s")  # Between drawings.
-    strongest: float = number(0.3, above=0.0, at_most=1e3, unit="N")  # Force of a red taxel.
-    # Where the page is first seen from, p_WV, and its target.
-    viewpoint: np.ndarray = numbers(
-        np.array([1.25, 0.55, 0.75]), at_least=-100.0, at_most=100.0, unit="m"
-    )
-    looking_at: np.ndarray = numbers(
-        np.array([0.5, 0.0, 0.45]), at_least=-100.0, at_most=100.0, unit="m"
-    )
-
-
 def add_view(
     builder: DiagramBuilder,
     scenario: Scenario,
@@ -74,7 +63,6 @@ def add_view(
     view = builder.AddNamedSystem(
         "meshcat_view",
         MeshcatView(
-            MeshcatViewConfig(),
             meshcat,
             list(estimators),
             scenario.finger.layout(),
@@ -105,23 +93,19 @@ class MeshcatView(LeafSystem):
 
     Args:
         estimators: Names; the last is shown first.
-        layout: Of the taxels.
         line: Ends of the line that the tip is to follow, (3,) each, [m].
     """
 
     def __init__(
         self,
-        config: MeshcatViewConfig,
         meshcat: Meshcat,
         estimators: Sequence[str],
         layout: TaxelLayout,
         line: tuple[Array, Array],
     ) -> None:
         super().__init__()
-        check(config, "MeshcatView")
-        self._config, self._meshcat = config, meshcat
-        self._layout = layout
-        clear_view(meshcat, config.viewpoint, config.looking_at)
+        self._meshcat, self._layout = meshcat, layout
+        clear_view(meshcat, _VIEWPOINT, _LOOKING_AT)
         self._beads: list[Array] = []  # Where the path's first ones lie.
         self._tip = self.DeclareVectorInputPort("tip_estimated", 3)
         self._taxels = self.DeclareVectorInputPort("taxel_measured", len(self._layout.p_ST))
@@ -144,7 +128,7 @@ class MeshcatView(LeafSystem):
             self._make_layer(name, visible=name == list(estimators)[-1])
         shown = estimators[-1] if estimators else ""
         show_legend(meshcat, legend_title(shown, LABELS), _LEGEND)
-        self.DeclarePeriodicPublishEvent(config.period, 0.0, self._draw)
+        self.DeclarePeriodicPublishEvent(_PERIOD, 0.0, self._draw)
 
     def _make_layer(self, name: str, visible: bool) -> None:
         path = f"{ROOT}/{name}"
@@ -196,7 +180,7 @@ class MeshcatView(LeafSystem):
         for index, (place, force) in enumerate(zip(self._layout.p_ST, forces, strict=True)):
             path = f"{ROOT}/taxels/{index}"
             self._meshcat.SetTransform(path, RigidTransform(p + R @ place), time)
-            share = float(np.clip(force / self._config.strongest, 0.0, 1.0))
+            share = float(np.clip(force / _STRONGEST, 0.0, 1.0))
             color = (1.0 - share) * np.array([0.3, 0.3, 0.3]) + share * np.array([0.8, 0.2, 0.07])
             self._meshcat.SetProperty(path, "color", [*color.tolist(), 1.0], time)
 
@@ -231,7 +215,7 @@ def _frame_along(z: Array) -> RotationMatrix:
     """A frame whose z is the unit vector `z` (3,)."""
     if not np.isfinite(z).all() or np.linalg.norm(z) < 0.5:
         return RotationMatrix()
-    U = tangent_basis(np.ascontiguousarray(z))
+    U = normal_basis(np.ascontiguousarray(z)).T
     return RotationMatrix.ProjectToRotationMatrix(
         np.column_stack([U[:, 0], np.cross(z, U[:, 0]), z])
     )

@@ -57,15 +57,11 @@ def tool_files(model: Path) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-def _is_own(model: str) -> bool:
-    return bool(model) and not Path(model).is_relative_to(SDF_DIR)
-
-
 def keep_files(scenario: Scenario) -> tuple[Scenario, dict[str, Path]]:
     """The scenario with its own tool below `model` of a run's folder, and the tool's files."""
-    if not _is_own(scenario.tool.model):
-        return scenario, {}
     model = Path(scenario.tool.model)
+    if not scenario.tool.model or model.is_relative_to(SDF_DIR):
+        return scenario, {}
     files = {
         f"{MODEL_FOLDER}/{path.relative_to(model.parent.resolve()).as_posix()}": path
         for path in tool_files(model)

@@ -23,13 +23,18 @@ CHAINS = {
 }
 
 
+def add_believed_robots(plant: MultibodyPlant, calibration: Calibration) -> None:
+    """Adds both robots where they believe to stand."""
+    for chain in CHAINS.values():
+        X_WBase = calibration.arms[chain.model].X_WBase
+        add_robot(plant, ROBOTS[chain.model], X_WBase, chain.model, chain.hand)
+
+
 def make_robot_view(calibration: Calibration) -> RobotView:
     """Renders both robots where they believe to stand, from where they believe the camera."""
+    camera, intrinsics = calibration.camera, renderer_intrinsics(calibration.camera.intrinsics)
 
     def build(plant: MultibodyPlant) -> None:
-        for chain in CHAINS.values():
-            X_WBase = calibration.arms[chain.model].X_WBase
-            add_robot(plant, ROBOTS[chain.model], X_WBase, chain.model, chain.hand)
+        add_believed_robots(plant, calibration)
 
-    camera = calibration.camera
-    return RobotView(build, renderer_intrinsics(camera.intrinsics), camera.X_PC, CHAINS)
+    return RobotView(build, intrinsics, camera.X_PC, CHAINS)

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from crossmodal.diagrams.flap.drawn_camera import CameraVariation, draw_camera_config
 from crossmodal.diagrams.flap.estimator_names import ESTIMATORS
 from crossmodal.diagrams.flap.estimators import PerceptionConfig
 from crossmodal.diagrams.flap.flip_control import FlipControlConfig
@@ -13,9 +12,10 @@ from crossmodal.diagrams.flap.robot_config import SensorsConfig
 from crossmodal.diagrams.run import scenario as base
 from crossmodal.diagrams.run.calibration import CalibrationConfig, realistic_errors
 from crossmodal.diagrams.run.scenario import CameraConfig
-from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 from crossmodal.diagrams.stations import pushed
 from crossmodal.diagrams.stations.scenario_checks import (
+    check_modalities,
     check_one_camera,
     check_scene,
     check_textures,
@@ -26,6 +26,7 @@ from crossmodal.plants.scene import PlantConfig
 from crossmodal.plants.tools.flap_jerk import FlapJerk
 from crossmodal.plants.tools.held_tool import check_tool
 from crossmodal.plants.tools.wiper import WiperConfig
+from crossmodal.systems.sensors.randomness import make_generator
 from crossmodal.systems.sensors.taxels import TaxelFault
 from crossmodal.systems.tactile.taxel_layout import PAD_PLACES, TaxelLayout, pad_layout
 
@@ -66,6 +67,17 @@ class ToolConfig:
     # With which the thumb presses; the two other fingers share it.
     grip_force: float = number(80.0, above=0.0, at_most=200.0, unit="N")
     variation: ToolVariation = field(default_factory=ToolVariation)
+
+
+@dataclass(kw_only=True)
+class CameraVariation:
+    """What the seed draws uniformly around the scenario's camera; the robot knows where it is."""
+
+    # Half ranges, of the camera and of the point that it looks at.
+    position: np.ndarray = numbers(np.full(3, 0.03), at_least=0.0, at_most=10.0, unit="m")
+    looking_at: np.ndarray = numbers(np.full(3, 0.02), at_least=0.0, at_most=10.0, unit="m")
+    # Half range of the lamp's intensity, as a share of it.
+    lamp: float = number(0.2, at_least=0.0, at_most=1.0)
 
 
 @dataclass(kw_only=True)
@@ -146,11 +158,17 @@ class Scenario(base.Scenario):
     task: Task = field(default_factory=Task)
 
     def drawn_cameras(self) -> dict[str, CameraConfig]:
-        """The cameras of the seed."""
-        return {
-            name: draw_camera_config(name, camera, self.camera_variation, self.seed)
-            for name, camera in self.cameras.items()
-        }
+        """The cameras of the seed, each drawn on its own."""
+        drawn, vary = {}, self.camera_variation
+        for name, camera in self.cameras.items():
+            half = make_generator(self.seed, f"camera {name}").uniform(-1.0, 1.0, 7)
+            drawn[name] = replace(
+                camera,
+                position=camera.position + vary.position * half[:3],
+                looking_at=camera.looking_at + vary.looking_at * half[3:6],
+                lamp=camera.lamp * (1.0 + vary.lamp * float(half[6])),
+            )
+        return drawn
 
     @property
     def acting_estimator(self) -> str:
@@ -167,9 +185,8 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
     check_one_camera(scenario, str(path), "the flap is tracked")
     check_scene(scenario.plant.scene, str(path))
     check_textures(scenario.tool.variation.textures, f"{path}: tool.variation.textures")
-    for name in scenario.modalities:
-        if name not in ESTIMATORS:
-            raise ScenarioError(f"{path}: modalities: {suggestion(name, ESTIMATORS)}")
+    modalities = scenario.modalities or list(ESTIMATORS)
+    check_modalities(modalities, ESTIMATORS, str(path))
     try:
         scenario.finger.layout()
     except ValueError as error:
@@ -188,6 +205,6 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
             )
     return replace(
         scenario,
-        modalities=scenario.modalities or list(ESTIMATORS),
+        modalities=modalities,
         tool=replace(scenario.tool, model=model),
     )

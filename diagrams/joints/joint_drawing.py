@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull, QhullError
 from crossmodal.diagrams.joints.joint_palette import JOINT
 from crossmodal.diagrams.run.calibration import Camera
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.port_values import MOVING_TYPES, BodyMotion, JointBelief, JointType
 
 BAR_LENGTH = 0.3  # [m]

@@ -14,7 +14,7 @@ from crossmodal.diagrams.joints.joint_truth import Truth, truth_of_ticks
 from crossmodal.diagrams.run.record import EpisodeRecord, Tick
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.consistency import chi_square_quantile, normalised_squared_error
-from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.port_values import (
     HELD_BODY,
     STATIC_BODY,

@@ -18,16 +18,11 @@ from crossmodal.diagrams.run.own_object import OwnObject
 from crossmodal.diagrams.run.record import EpisodeRecord, Event, Quantity
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.sensor_streams.codecs import Topic
-from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
     from pydrake.geometry import Meshcat
-
-
-def _nothing(context: Context) -> None:
-    pass
 
 
 @dataclass(kw_only=True)
@@ -44,7 +39,7 @@ class Station:
     """
 
     diagram: Diagram
-    initialise: Callable[[Context], None] = _nothing
+    initialise: Callable[[Context], None] = lambda context: None
     warnings: Sequence[str] = ()
 
 
@@ -77,28 +72,6 @@ class Results:
     def success(self) -> bool | None:
         """Whether the task was done; None where nobody can know."""
         return self.failure is None if self.judged else None
-
-
-def _as_read(scenario: Any, path: Path) -> Any:
-    return scenario
-
-
-def _no_task(scenario: Any) -> str:
-    return ""
-
-
-def _keep_nothing(scenario: Any) -> tuple[Any, Mapping[str, Path]]:
-    return scenario, {}
-
-
-def _no_calibration(scenario: Any) -> Calibration:
-    return Calibration()
-
-
-def _open_loop(
-    builder: DiagramBuilder, scenario: Any, station: System, estimators: Mapping[str, System]
-) -> None:
-    pass
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,57 +124,23 @@ class Application:
     make_estimators: Callable[[Any, Calibration], Mapping[str, System]]
     quantities: Sequence[Quantity]
     evaluate: Callable[[EpisodeRecord], Results]
-    resolve: Callable[[Any, Path], Any] = _as_read
-    make_calibration: Callable[[Any], Calibration] = _no_calibration
+    resolve: Callable[[Any, Path], Any] = lambda scenario, path: scenario
+    make_calibration: Callable[[Any], Calibration] = lambda scenario: Calibration()
     station_quantities: Sequence[Quantity] = ()
     pictures: Sequence[str] = ()
     topics: Mapping[str, Topic] = field(default_factory=dict)
-    close_loop: Callable[[DiagramBuilder, Any, System, Mapping[str, System]], None] = _open_loop
+    close_loop: Callable[[DiagramBuilder, Any, System, Mapping[str, System]], None] = (
+        lambda builder, scenario, station, estimators: None
+    )
     view: "Callable[[DiagramBuilder, Any, Meshcat, System, Mapping[str, System]], None] | None" = (
         None
     )
     own_object: Callable[[Any, str, OwnObject, Sequence[str]], Sequence[str]] | None = None
-    keep_files: Callable[[Any], tuple[Any, Mapping[str, Path]]] = _keep_nothing
-    task_in_words: Callable[[Any], str] = _no_task
+    keep_files: Callable[[Any], tuple[Any, Mapping[str, Path]]] = lambda scenario: (scenario, {})
+    task_in_words: Callable[[Any], str] = lambda scenario: ""
     labels: Mapping[str, str] = field(default_factory=dict)
     colors: Mapping[str, str] = field(default_factory=dict)
     metrics: Sequence[Metric] = ()
     experiments: Mapping[str, Experiment] = field(default_factory=dict)
     overview: Sequence[Column] = ()
     campaign_plots: Mapping[str, CampaignPlot] = field(default_factory=dict)
-
-
-def check_quantities(
-    application: Application, station: System, estimators: Mapping[str, System]
-) -> None:
-    """Refuses quantities of ports that are not there, which would silently not be recorded.
-
-    Raises:
-        ScenarioError: where the station or an estimator lacks one that it should have.
-    """
-    for quantity in application.station_quantities:
-        if quantity.port not in (ports := _outputs(station)):
-            raise ScenarioError(
-                f"{application.name}: station_quantities: the station has no output"
-                f" '{quantity.port}'; {suggestion(quantity.port, ports)}"
-            )
-    for name, estimator in estimators.items():
-        ports = _outputs(estimator)
-        for quantity in application.quantities:
-            wanted = not quantity.estimators or name in quantity.estimators
-            if wanted and quantity.port not in ports:
-                raise ScenarioError(
-                    f"{application.name}: quantities: estimator '{name}' has no output"
-                    f" '{quantity.port}'; {suggestion(quantity.port, ports)}; one that not all"
-                    " estimators have names those that do by `estimators=`"
-                )
-            if quantity.port in ports and not wanted:
-                raise ScenarioError(
-                    f"{application.name}: quantities: estimator '{name}' has the output"
-                    f" '{quantity.port}', but `estimators=` of this quantity does not name it"
-                )
-
-
-def _outputs(system: System) -> list[str]:
-    ports = range(system.num_output_ports())
-    return [str(system.get_output_port(index).get_name()) for index in ports]

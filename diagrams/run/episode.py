@@ -7,12 +7,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, PortDataType, System
 
-from crossmodal.diagrams.run.application import Application, Station, check_quantities
+from crossmodal.diagrams.run.application import Application, Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.folder.fingerprint import contents
 from crossmodal.diagrams.run.process import peak_memory
@@ -20,12 +19,11 @@ from crossmodal.diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
 from crossmodal.diagrams.run.recorder import (
     STATUS_PORT,
     EpisodeRecorder,
-    RecorderConfig,
     TickStopwatch,
 )
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.sensor_streams.log import SensorLogWriter, SensorRecorder, make_streams
-from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
+from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults, model_of
 from crossmodal.diagrams.run.ticks import advance_by_ticks
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 from crossmodal.maths.compiled import compilation_timed
@@ -105,47 +103,57 @@ class Episode:
         sensors_file: Path | None = None,
     ) -> None:
         self._scenario = scenario
-        self._meshcat: Meshcat | None = None
+        self._meshcat = meshcat
         with building(scenario.name):
-            self.calibration = application.make_calibration(scenario)
+            self._build(application, scenario, sensors_file)
+
+    def _build(
+        self, application: Application, scenario: Scenario, sensors_file: Path | None
+    ) -> None:
+        self.calibration = application.make_calibration(scenario)
         self.station = build_station(application, scenario, self.calibration)
         self.estimators = build_estimators(application, scenario, self.calibration)
-        check_quantities(application, self.station.diagram, self.estimators)
         period = scenario.network_period
         builder = DiagramBuilder()
         station = builder.AddNamedSystem("station", self.station.diagram)
-        with building(scenario.name):
-            faults = scenario.disturbances.faults
-            heard = add_stream_faults(builder, station, faults, period, scenario.seed)
-            self._stopwatches = {
-                name: _add_estimator(builder, heard, name, estimator, period)
-                for name, estimator in self.estimators.items()
-            }
+        faults = scenario.disturbances.faults
+        heard = add_stream_faults(builder, station, faults, period, scenario.seed)
+        self._stopwatches = {
+            name: _add_estimator(builder, heard, name, estimator, period)
+            for name, estimator in self.estimators.items()
+        }
         application.close_loop(builder, scenario, station, self.estimators)
         self.recorder = builder.AddNamedSystem(
             "recorder",
             EpisodeRecorder(
-                RecorderConfig(period=period),
+                period,
                 list(self.estimators),
                 application.quantities,
                 application.station_quantities,
                 application.pictures,
             ),
         )
-        with building(scenario.name):
-            connect_recorder(builder, station, self.estimators, self.recorder)
+        connect_recorder(builder, station, self.estimators, self.recorder)
+        for quantity in application.station_quantities:
+            station.GetOutputPort(quantity.port)  # Raises an error for one that is mistyped.
+        for name, estimator in self.estimators.items():
+            for quantity in application.quantities:
+                if not quantity.estimators or name in quantity.estimators:
+                    estimator.GetOutputPort(quantity.port)
         self._sensor_log: SensorLogWriter | None = None
         if sensors_file is not None:
             self._sensor_log = _add_sensor_recorder(
                 builder, application, scenario, station, self.estimators, sensors_file
             )
-        if meshcat is not None and station.HasOutputPort(SCENE_PORT):
-            self._meshcat = meshcat
+        if self._meshcat is not None and station.HasOutputPort(SCENE_PORT):
             if application.view is not None:
-                application.view(builder, scenario, meshcat, station, self.estimators)
-            scene = MeshcatVisualizer(meshcat, MeshcatVisualizerParams(publish_period=1.0 / 16.0))
+                application.view(builder, scenario, self._meshcat, station, self.estimators)
+            params = MeshcatVisualizerParams(publish_period=1.0 / 16.0)
+            scene = MeshcatVisualizer(self._meshcat, params)
             builder.AddNamedSystem("meshcat_scene", scene)
             builder.Connect(station.GetOutputPort(SCENE_PORT), scene.query_object_input_port())
+        else:
+            self._meshcat = None
         self.diagram = builder.Build()
 
     def Run(self, progress: Callable[[float], None] | None = None) -> EpisodeRecord:
@@ -260,10 +268,7 @@ def stream_models(
     for estimator in estimators.values():
         for index in range(estimator.num_input_ports()):
             port = estimator.get_input_port(index)
-            is_vector = port.get_data_type() == PortDataType.kVectorValued
-            models[port.get_name()] = (
-                np.zeros(port.size()) if is_vector else port.Allocate().get_value()
-            )
+            models[port.get_name()] = model_of(port)
     models |= {quantity.port: quantity.model for quantity in station_quantities}
     return models | {STATUS_PORT: TaskStatus()}
 
@@ -308,7 +313,6 @@ def run_episode(
     """Builds and simulates one episode.
 
     Args:
-        application: What runs it.
         scenario: What is simulated, with its seed.
         meshcat: Where to draw; the recording becomes part of the record.
         progress: Called with the simulated time [s], about once per tick.

@@ -52,8 +52,6 @@ def run_apart(
     """Runs an episode in a process of its own; whatever goes wrong there is its result.
 
     Args:
-        application: What runs it.
-        scenario: With its seed.
         folder: Where the episode is written.
         environment: Added to this process' own.
 

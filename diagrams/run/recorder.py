@@ -2,7 +2,6 @@
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
@@ -19,20 +18,9 @@ from crossmodal.diagrams.run.record import (
     TaskStatus,
     Tick,
 )
-from crossmodal.maths.validation import check, number
 from crossmodal.systems.port_values import StampedImage
-from crossmodal.systems.ticks import tick_period
 
 STATUS_PORT = "task_status"  # Of a station that says what the robot does.
-
-
-@dataclass(kw_only=True)
-class RecorderConfig:
-    period: float = tick_period()  # Tick of the estimators.
-    # Least time between kept images of a camera.
-    picture_interval: float = number(0.5, at_least=1e-3, at_most=86400.0, unit="s")
-    # Kept images of a camera; beyond it every other one is given up.
-    max_pictures: int = number(16, at_least=3, at_most=10000)
 
 
 class EpisodeRecorder(LeafSystem):
@@ -51,30 +39,33 @@ class EpisodeRecorder(LeafSystem):
     - `<station_port>`: each quantity and each picture of the station, by its port's name;
       `task_status`, where the station has it, is a `TaskStatus`; a picture is a `StampedImage`
       in colour.
-    - `<estimator>_<port>`: each quantity of each estimator.
+    - `<estimator>_<port>`: each quantity of each estimator that has it.
 
     What has no source stays unconnected.
 
     Args:
-        config: Periods and limits.
+        period: Tick of the estimators, [s].
         estimators: Names.
-        quantities: Of every estimator.
+        quantities: Of the estimators.
         station: Quantities of the station.
         pictures: Ports of the station that give colour images.
+        picture_interval: Least time between kept images of a camera, [s].
+        max_pictures: Kept images of a camera; beyond it every other one is given up.
     """
 
     def __init__(
         self,
-        config: RecorderConfig,
+        period: float,
         estimators: Sequence[str],
         quantities: Sequence[Quantity],
         station: Sequence[Quantity] = (),
         pictures: Sequence[str] = (),
+        picture_interval: float = 0.5,
+        max_pictures: int = 16,
     ) -> None:
         super().__init__()
-        check(config, "EpisodeRecorder")
-        self._config = config
-        self._picture_interval = dict.fromkeys(pictures, config.picture_interval)
+        self._picture_interval = dict.fromkeys(pictures, picture_interval)
+        self._max_pictures = max_pictures
         self._pictures: dict[str, list[Picture]] = {port: [] for port in pictures}
         self.status = TaskStatus()
         self.estimators = {name: EstimatorRecord() for name in estimators}
@@ -89,11 +80,15 @@ class EpisodeRecorder(LeafSystem):
             for port in pictures
         }
         self._estimator_ports = {
-            name: {q.port: declare_input(self, f"{name}_{q.port}", q.model) for q in quantities}
+            name: {
+                q.port: declare_input(self, f"{name}_{q.port}", q.model)
+                for q in quantities
+                if not q.estimators or name in q.estimators
+            }
             for name in estimators
         }
-        self.DeclarePeriodicPublishEvent(config.period, 0.0, self._record_station)
-        self.DeclarePeriodicPublishEvent(config.period, 0.5 * config.period, self._record_beliefs)
+        self.DeclarePeriodicPublishEvent(period, 0.0, self._record_station)
+        self.DeclarePeriodicPublishEvent(period, 0.5 * period, self._record_beliefs)
 
     @property
     def pictures(self) -> list[Picture]:
@@ -127,7 +122,7 @@ class EpisodeRecorder(LeafSystem):
         for name, ports in self._estimator_ports.items():
             self.estimators[name].ticks.append(Tick(time=time, values=read_inputs(ports, context)))
         for name, kept in self._pictures.items():
-            if len(kept) > self._config.max_pictures:
+            if len(kept) > self._max_pictures:
                 del kept[1::2]
                 self._picture_interval[name] *= 2.0
 
@@ -170,8 +165,6 @@ class TickStopwatch(LeafSystem):
 
     def __init__(self, period: float, inputs: Sequence[AbstractValue] = ()) -> None:
         super().__init__()
-        if not period > 0:
-            raise ValueError(f"TickStopwatch: need period > 0 s, got {period!r}")
         self.marks: list[float] = []
         self._inputs = [
             self.DeclareAbstractInputPort(f"input_{index}", model)

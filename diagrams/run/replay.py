@@ -22,7 +22,7 @@ from crossmodal.diagrams.run.episode import (
 from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.recorded_scenario import REPLACEABLE, check_unchanged, is_replaceable
-from crossmodal.diagrams.run.recorder import EpisodeRecorder, RecorderConfig
+from crossmodal.diagrams.run.recorder import EpisodeRecorder
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.sensor_streams.log import SensorLog, SensorReplay, make_streams
 from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
@@ -84,7 +84,7 @@ def replay(
     check_unchanged(application, scenario, log.scenario, str(folder / SCENARIO_FILE))
     period = scenario.network_period
     recorder = EpisodeRecorder(
-        RecorderConfig(period=period),
+        period,
         list(estimators),
         application.quantities,
         application.station_quantities,
@@ -96,8 +96,7 @@ def replay(
         faults = scenario.disturbances.faults
         heard = add_stream_faults(builder, source, faults, period, scenario.seed)
     for name, estimator in estimators.items():
-        estimator.set_name(name)
-        builder.AddSystem(estimator)
+        builder.AddNamedSystem(name, estimator)
         for index in range(estimator.num_input_ports()):
             port = estimator.get_input_port(index)
             if not source.HasOutputPort(port.get_name()):

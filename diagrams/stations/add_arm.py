@@ -2,14 +2,13 @@
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Frame, JacobianWrtVariable, ModelInstanceIndex
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.multibody.tree import Frame, JacobianWrtVariable
 
 from crossmodal.controllers.arm.impedance import ImpedanceConfig, ImpedanceController
 from crossmodal.controllers.arm.kinematics import ArmModel
-from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.stations.connections import connect_alike
 from crossmodal.diagrams.stations.naming import own_seed, prefixed
+from crossmodal.diagrams.stations.wiring import StationWiring
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.sensors.joint_encoders import JointEncoders, JointEncodersConfig
 from crossmodal.systems.sensors.wrist_wrench import (
@@ -20,27 +19,22 @@ from crossmodal.systems.sensors.wrist_wrench import (
 
 
 def add_encoders(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    arm: ModelInstanceIndex,
+    wiring: StationWiring,
+    arm: str,
     true_arm: MultibodyPlant,
     q_nominal: Array,
     config: JointEncodersConfig,
-    scenario: Scenario,
     owner: str = "",
 ) -> JointEncoders:
     """Adds the encoders of an arm's joints; exports `joint_state_window`.
 
     Args:
-        builder: Of the station.
-        plant: The simulated one.
-        arm: The arm in it.
+        arm: Name of the arm's model in the scene.
         true_arm: The arm alone, as it is.
         q_nominal: Posture (n,) at which the end-effector's offset has its covariance, [rad].
-        config: Of the encoders.
-        scenario: With the seed of offset and noise, and the network's period.
         owner: Name of the arm where there are several; it then begins the names.
     """
+    builder, plant, scenario = wiring.builder, wiring.plant, wiring.scenario
     context = true_arm.CreateDefaultContext()
     true_arm.SetPositions(context, q_nominal)
     frame = true_arm.GetFrameByName("end_effector")
@@ -51,30 +45,23 @@ def add_encoders(
     encoders = builder.AddNamedSystem(
         prefixed(owner, "encoders"), JointEncoders(config, J_E, seed, tick)
     )
-    builder.Connect(plant.get_state_output_port(arm), encoders.GetInputPort("joint_state"))
+    state = plant.get_state_output_port(wiring.scene.model(arm))
+    builder.Connect(state, encoders.GetInputPort("joint_state"))
     window = encoders.GetOutputPort("joint_state_window")
     builder.ExportOutput(window, prefixed(owner, "joint_state_window"))
     return encoders
 
 
 def add_wrist_wrench(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    sensor: Frame,
-    config: WristWrenchConfig,
-    scenario: Scenario,
-    owner: str = "",
+    wiring: StationWiring, sensor: Frame, config: WristWrenchConfig, owner: str = ""
 ) -> WristWrenchSensor:
     """Adds the sensor of what a hand does to the arm that carries it; exports `wrench_window`.
 
     Args:
-        builder: Of the station.
-        plant: The simulated one.
         sensor: S, a frame of the first body beyond the joint or weld that the sensor measures.
-        config: Of the sensor.
-        scenario: With the seed of bias and noise, and the network's period.
         owner: Name of the arm where there are several; it then begins the names.
     """
+    builder, plant, scenario = wiring.builder, wiring.plant, wiring.scenario
     (mount,) = (
         joint
         for joint in map(plant.get_joint, plant.GetJointIndices())
@@ -95,9 +82,8 @@ def add_wrist_wrench(
 
 
 def add_impedance_control(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    arm: ModelInstanceIndex,
+    wiring: StationWiring,
+    arm: str,
     encoders: JointEncoders,
     model: ArmModel,
     config: ImpedanceConfig,
@@ -107,18 +93,15 @@ def add_impedance_control(
     """Adds the controller that moves an arm; motion, gains and tare are left to be connected.
 
     Args:
-        builder: Of the station.
-        plant: The simulated one.
-        arm: The arm in it.
-        encoders: Of the arm.
+        arm: Name of the arm's model in the scene.
         model: What the robot believes of the arm.
-        config: Of the controller.
         q_posture: What the null space's spring draws the joints to (n,), [rad].
         owner: Name of the arm where there are several; it then begins the system's name.
     """
+    builder, port = wiring.builder, wiring.plant.get_actuation_input_port(wiring.scene.model(arm))
     impedance = builder.AddNamedSystem(
         prefixed(owner, "impedance"), ImpedanceController(config, model, q_posture)
     )
     connect_alike(builder, encoders, "joint_state_measured", impedance)
-    builder.Connect(impedance.get_output_port(), plant.get_actuation_input_port(arm))
+    builder.Connect(impedance.get_output_port(), port)
     return impedance

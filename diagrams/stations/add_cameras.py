@@ -1,31 +1,42 @@
-"""All cameras of a station, each as it is, and what the robot believes to see of itself."""
+"""The cameras of a station, each as it is, and what the robot believes to see of itself."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
-from pydrake.geometry import SceneGraph
+from pydrake.geometry import (
+    ClippingRange,
+    ColorRenderCamera,
+    DepthRange,
+    DepthRenderCamera,
+    LightParameter,
+    MakeRenderEngineVtk,
+    RenderCameraCore,
+    RenderEngineVtkParams,
+    Role,
+    SceneGraph,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import GetScopedFrameByName
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.sensors import RgbdSensor
 
-from crossmodal.diagrams.run.calibration import Calibration, Camera, draw_camera
-from crossmodal.diagrams.run.scenario import Scenario
-from crossmodal.diagrams.stations.add_rgbd_camera import (
-    add_camera_scene,
-    add_rgbd_camera,
-    add_robot_mask,
-)
-from crossmodal.diagrams.stations.naming import owner_among
-from crossmodal.systems.sensors.rgbd_camera import CameraNoiseConfig
-from crossmodal.systems.sensors.robot_mask import MaskedRobot, RobotMaskConfig
+from crossmodal.diagrams.run.calibration import draw_camera
+from crossmodal.diagrams.stations.naming import own_seed, owner_among, prefixed
+from crossmodal.diagrams.stations.occurrence import Occurrence
+from crossmodal.diagrams.stations.wiring import StationWiring
+from crossmodal.plants.camera_view import renderer_intrinsics
+from crossmodal.systems.sensors.image_delay import ImageDelay
+from crossmodal.systems.sensors.image_stamps import ImageStamps
+from crossmodal.systems.sensors.rgbd_camera import CameraNoise, CameraNoiseConfig
+from crossmodal.systems.sensors.robot_mask import MaskedRobot, RobotMask, RobotMaskConfig
+
+# A visual that accepts the colour renderer only is transparent.
+_RENDERERS = ("colour", "depth")
 
 
 def add_cameras(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    scenario: Scenario,
-    calibration: Calibration,
-    config: CameraNoiseConfig,
-    colour_is_read: bool = True,
+    wiring: StationWiring, config: CameraNoiseConfig, colour_is_read: bool = True
 ) -> dict[str, OutputPort]:
     """Adds the cameras of a scenario, drawn by its seed around what is believed of them.
 
@@ -33,46 +44,26 @@ def add_cameras(
     before it.
 
     Args:
-        builder: Of the station.
-        plant: The simulated one.
-        scene_graph: Its geometry.
-        scenario: With seed, calibration errors, lamps and disturbances.
-        calibration: What the robot believes of the cameras.
-        config: Of their noise.
-        colour_is_read: Whether an estimator reads the colour images; otherwise they are rendered
-            for pictures only.
+        colour_is_read: Whether an estimator reads the colour images. Otherwise they are for
+            pictures: rendered when one is taken, with a fixed exposure and without latency.
 
     Returns:
-        What says the measured depth, by the camera's name.
+        What says the measured depth, as an image without a stamp, by the camera's name.
 
     Raises:
         ValueError: if not all cameras have the same lamp.
     """
-    lamps = {camera.lamp for camera in scenario.cameras.values()}
+    lamps = {camera.lamp for camera in wiring.scenario.cameras.values()}
     if len(lamps) > 1:
         raise ValueError(f"cameras have lamps of {sorted(lamps)}, but all share one renderer")
-    camera_scene = add_camera_scene(builder, plant, scene_graph, *lamps)
-    depths = {}
-    for name, believed in calibration.cameras.items():
-        depths[name] = add_rgbd_camera(
-            builder,
-            plant,
-            camera_scene,
-            draw_camera(name, believed, scenario.calibration.errors, scenario.seed),
-            config,
-            scenario.disturbances,
-            scenario.seed,
-            scenario.network_period,
-            owner_among(name, calibration.cameras),
-            colour_is_read,
-        )
-    return depths
+    scene = add_camera_scene(wiring.builder, wiring.plant, wiring.scene.scene_graph, *lamps)
+    names = wiring.calibration.cameras
+    return {name: _add_camera(wiring, scene, name, config, colour_is_read) for name in names}
 
 
 def add_robot_masks(
-    builder: DiagramBuilder,
+    wiring: StationWiring,
     build_robot: Callable[[MultibodyPlant], object],
-    cameras: Mapping[str, Camera],
     robots: Mapping[str, MaskedRobot],
     config: RobotMaskConfig,
     postures: Mapping[str, OutputPort],
@@ -81,19 +72,163 @@ def add_robot_masks(
     """Adds the mask of the robots in each camera's images; exports `robot_mask` as the images are.
 
     Args:
-        builder: Of the station.
         build_robot: Adds the robots to a plant, fixed in the world where they believe to stand.
-        cameras: As the robot knows them.
         robots: By name.
-        config: Of the masks.
         postures: What says how the robots stand, by the input ports of `RobotMask`.
         depths: What the cameras see, by their names; with it what stands before a robot is not
             masked.
     """
+    builder, cameras = wiring.builder, wiring.calibration.cameras
     for name, camera in cameras.items():
-        owner = owner_among(name, cameras)
-        mask = add_robot_mask(builder, build_robot, camera, robots, config, owner)
-        for port, source in postures.items():
-            builder.Connect(source, mask.GetInputPort(port))
+        port = prefixed(owner_among(name, cameras), "robot_mask")
+        intrinsics = renderer_intrinsics(camera.intrinsics)
+        mask = builder.AddNamedSystem(
+            port,
+            RobotMask(config, build_robot, intrinsics, camera.X_PC, robots, camera.base_frame),
+        )
+        builder.ExportOutput(mask.GetOutputPort("robot_mask"), port)
+        for posture, source in postures.items():
+            builder.Connect(source, mask.GetInputPort(posture))
         if depths is not None:
             builder.Connect(depths[name], mask.GetInputPort("depth_measured"))
+
+
+def add_camera_scene(
+    builder: DiagramBuilder, plant: MultibodyPlant, scene_graph: SceneGraph, lamp: float = 0.0
+) -> SceneGraph:
+    """Adds a copy of the scene for all cameras of a station to look at.
+
+    Renderers follow every pose that their scene is asked for. The plant asks at each of its steps;
+    the copy, which holds them, is asked when an image is due only.
+
+    Args:
+        plant: The simulated one.
+        scene_graph: Its geometry, complete, without renderers.
+        lamp: Intensity of a lamp at the camera that renders; the ceiling light's is 0.9.
+    """
+    scene = builder.AddNamedSystem("camera_scene", scene_graph.Clone())
+    for name in _RENDERERS:
+        scene.AddRenderer(name, MakeRenderEngineVtk(_room_light(lamp)))
+    poses = scene.get_source_pose_port(plant.get_source_id())
+    builder.Connect(plant.get_geometry_pose_output_port(), poses)
+    return scene
+
+
+def _add_camera(
+    wiring: StationWiring,
+    scene_graph: SceneGraph,
+    name: str,
+    config: CameraNoiseConfig,
+    colour_is_read: bool,
+) -> OutputPort:
+    """Adds a camera and what disturbs it; exports its images and returns the measured depth.
+
+    The images at a tick are those that were taken the camera's latency before it; nobody knows of
+    it, so that they are stamped with the tick.
+
+    Args:
+        scene_graph: What `add_camera_scene` gave.
+        name: Of the camera.
+        colour_is_read: As for `add_cameras`.
+    """
+    builder, plant, scenario = wiring.builder, wiring.plant, wiring.scenario
+    cameras, seed, period = wiring.calibration.cameras, scenario.seed, scenario.network_period
+    camera = draw_camera(name, cameras[name], scenario.calibration.errors, seed)
+    owner, disturbances = owner_among(name, cameras), scenario.disturbances
+    base = GetScopedFrameByName(plant, camera.base_frame)
+    parent = plant.GetBodyFrameIdOrThrow(base.body().index())
+    X_BC = base.GetFixedPoseInBodyFrame() @ camera.X_PC
+    u, v = camera.registration
+    colour_intrinsics = camera.intrinsics
+    depth_intrinsics = replace(
+        colour_intrinsics,
+        center_x=colour_intrinsics.center_x + u,
+        center_y=colour_intrinsics.center_y + v,
+    )
+    colour, depth, surface = (
+        RenderCameraCore(
+            name, renderer_intrinsics(intrinsics), ClippingRange(0.05, 10.0), RigidTransform()
+        )
+        for name, intrinsics in (
+            (_RENDERERS[0], colour_intrinsics),
+            (_RENDERERS[1], depth_intrinsics),
+            (_RENDERERS[0], depth_intrinsics),
+        )
+    )
+
+    def add_sensor(name: str, depth_core: RenderCameraCore) -> RgbdSensor:
+        depth_camera = DepthRenderCamera(depth_core, DepthRange(0.1, 8.0))
+        sensor = builder.AddNamedSystem(
+            prefixed(owner, name),
+            RgbdSensor(parent, X_BC, ColorRenderCamera(colour), depth_camera),
+        )
+        builder.Connect(scene_graph.get_query_output_port(), sensor.query_object_input_port())
+        return sensor
+
+    sensor = add_sensor("rgbd_sensor", depth)
+    noise = builder.AddNamedSystem(
+        prefixed(owner, "camera_noise"),
+        CameraNoise(
+            config,
+            renderer_intrinsics(depth_intrinsics),
+            own_seed(seed, owner),
+            depth_scale=camera.depth_scale,
+            first_frame=-camera.latency % period,
+            period=period,
+            is_metered=colour_is_read,
+        ),
+    )
+    builder.Connect(sensor.color_image_output_port(), noise.GetInputPort("color_image"))
+    builder.Connect(sensor.depth_image_32F_output_port(), noise.GetInputPort("depth_image"))
+    if _has_transparent_visuals(scene_graph):
+        surfaces = add_sensor("transparent_surfaces", surface)
+        builder.Connect(surfaces.depth_image_32F_output_port(), noise.GetInputPort("surface_image"))
+    for port, occurrence in (
+        ("illumination", Occurrence(disturbances.lights_off, during=0.0)),
+        ("cover", Occurrence(disturbances.camera_covered)),
+    ):
+        builder.AddNamedSystem(prefixed(owner, port), occurrence)
+        builder.Connect(occurrence.get_output_port(), noise.GetInputPort(port))
+    stamps = builder.AddNamedSystem(prefixed(owner, "image_stamps"), ImageStamps())
+    measured = {}
+    for image in ("color", "depth"):
+        port = f"{image}_measured"
+        measured[image] = noise.GetOutputPort(port)
+        if camera.latency > 0.0 and (colour_is_read or image == "depth"):
+            model = measured[image].Allocate()
+            delay = builder.AddNamedSystem(
+                prefixed(owner, f"{image}_delay"), ImageDelay(model, camera.latency, period)
+            )
+            builder.Connect(measured[image], delay.get_input_port())
+            measured[image] = delay.get_output_port()
+        builder.Connect(measured[image], stamps.GetInputPort(f"{image}_image"))
+        builder.ExportOutput(stamps.GetOutputPort(port), prefixed(owner, port))
+    return measured["depth"]
+
+
+def _has_transparent_visuals(scene_graph: SceneGraph) -> bool:
+    """Which renderers a visual names cannot be read in Python; those that take all name none."""
+    inspector = scene_graph.model_inspector()
+    return any(
+        inspector.GetPerceptionProperties(geometry).HasProperty("renderer", "accepting")
+        for geometry in inspector.GetAllGeometryIds(Role.kPerception)
+    )
+
+
+def _room_light(lamp: float) -> RenderEngineVtkParams:
+    """A ceiling light and a window, and the lamp at the camera."""
+    lights = [
+        LightParameter(
+            type="directional", direction=[0.5, -0.5, -1.0], intensity=0.9, frame="world"
+        ),
+        LightParameter(
+            type="directional", direction=[0.6, 0.7, -0.3], intensity=0.5, frame="world"
+        ),
+    ]
+    if lamp > 0.0:
+        lights.append(
+            LightParameter(
+                type="directional", direction=[0.0, 0.0, 1.0], intensity=lamp, frame="camera"
+            )
+        )
+    return RenderEngineVtkParams(default_clear_color=[0.7, 0.75, 0.8], lights=lights)

@@ -21,10 +21,7 @@ def add_window_monitor(
     """Adds the monitor of a stream of samples; exports `<stream>_window` and its health.
 
     Args:
-        builder: Of the estimator.
         stream: Its name.
-        size: Of a sample.
-        config: Of the monitor.
         model: How offsets are found.
         readers: Of the samples that can be true.
     """
@@ -46,8 +43,6 @@ def add_image_monitor(
     """Adds the monitor of a camera's images; exports these, the robot's mask and their health.
 
     Args:
-        builder: Of the estimator.
-        config: Of the monitor.
         calibration: Of the only camera.
         readers: Of the images that can be true, by stream: `color`, `depth`.
         masked: Who reads `robot_mask`, too.

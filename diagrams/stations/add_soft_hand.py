@@ -2,26 +2,22 @@
 
 from collections.abc import Sequence
 
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
 
-from crossmodal.diagrams.run.scenario import Interval, Scenario
+from crossmodal.diagrams.run.scenario import Interval
 from crossmodal.diagrams.stations.naming import own_seed, prefixed
 from crossmodal.diagrams.stations.occurrence import Occurrence
+from crossmodal.diagrams.stations.wiring import StationWiring
 from crossmodal.plants.hands.pneumatic_hand import PneumaticHand, PneumaticHandConfig
 from crossmodal.plants.hands.soft_hand import finger_selection
 from crossmodal.systems.sensors.air_pressure import PressureSensor, PressureSensorConfig
 
 
 def add_soft_hand(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    hand: ModelInstanceIndex,
+    wiring: StationWiring,
+    hand: str,
     config: PneumaticHandConfig,
     sensor: PressureSensorConfig,
-    scenario: Scenario,
     owner: str = "",
     leaks: Sequence[Interval] = (),
 ) -> tuple[PneumaticHand, PressureSensor]:
@@ -30,26 +26,26 @@ def add_soft_hand(
     What the pneumatics are commanded is left to be connected.
 
     Args:
-        builder: Of the station.
-        plant: The simulated one.
-        hand: The hand in it.
-        config: Of the pneumatics.
+        hand: Name of the hand's model in the scene.
         sensor: Of the pressure sensors.
-        scenario: With the seed of bias and noise, and the network's period.
         owner: Name of the hand where there are several; it then begins the names.
         leaks: When air escapes from all chambers.
     """
+    builder, plant, scenario = wiring.builder, wiring.plant, wiring.scenario
+    model = wiring.scene.model(hand)
     pneumatics = builder.AddNamedSystem(prefixed(owner, "pneumatics"), PneumaticHand(config))
     fingers = builder.AddNamedSystem(
-        prefixed(owner, "finger_state"), MatrixGain(finger_selection(plant, hand))
+        prefixed(owner, "finger_state"), MatrixGain(finger_selection(plant, model))
     )
     seed, tick = own_seed(scenario.seed, owner), scenario.network_period
     pressure = builder.AddNamedSystem(
         prefixed(owner, "pressure"), PressureSensor(sensor, seed, tick)
     )
-    builder.Connect(plant.get_state_output_port(hand), fingers.get_input_port())
+    builder.Connect(plant.get_state_output_port(model), fingers.get_input_port())
     builder.Connect(fingers.get_output_port(), pneumatics.GetInputPort("hand_state"))
-    builder.Connect(pneumatics.GetOutputPort("joint_torques"), plant.get_actuation_input_port(hand))
+    builder.Connect(
+        pneumatics.GetOutputPort("joint_torques"), plant.get_actuation_input_port(model)
+    )
     builder.Connect(pneumatics.GetOutputPort("cheat_pressure"), pressure.get_input_port())
     if leaks:
         leak = builder.AddNamedSystem(prefixed(owner, "leak"), Occurrence(leaks))

@@ -1,8 +1,6 @@
 """Names and seeds of the parts of a station of which there are several."""
 
-from collections.abc import Collection, Sequence
-
-from pydrake.systems.framework import Diagram, DiagramBuilder, System
+from collections.abc import Collection
 
 from crossmodal.systems.sensors.randomness import make_generator
 
@@ -25,24 +23,3 @@ def owner_among(name: str, names: Collection[str]) -> str:
 def own_seed(seed: int, owner: str) -> int:
     """The seed of one owner's noise, so that two sensors of a kind do not err alike."""
     return int(make_generator(seed, owner).integers(2**31)) if owner else seed
-
-
-def estimator_of(owner: str, system: System, inputs: Sequence[str]) -> Diagram:
-    """An estimator of one of several arms or cameras: its inputs are that one's ports of a station.
-
-    Args:
-        owner: Which one.
-        system: The estimator, with inputs that are named as of the only one.
-        inputs: Those that the station has; the others stay unconnected.
-
-    Returns:
-        A Diagram with the inputs `<owner>_<input>` and all outputs by their own names.
-    """
-    builder = DiagramBuilder()
-    builder.AddSystem(system)
-    for name in inputs:
-        builder.ExportInput(system.GetInputPort(name), prefixed(owner, name))
-    for index in range(system.num_output_ports()):
-        port = system.get_output_port(index)
-        builder.ExportOutput(port, port.get_name())
-    return builder.Build()

@@ -7,23 +7,19 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from crossmodal.diagrams.run.scenario import Interval
 
 
-def occurs(intervals: Iterable[Interval], time: float) -> float:
-    """One if any of the intervals holds a time [s], else zero."""
-    return float(any(time in interval for interval in intervals))
-
-
 class Occurrence(LeafSystem):
-    """One while any of the intervals lasts, else zero.
+    """One value while any of the intervals lasts, by default one, and else the other of 0 and 1.
 
     Output ports:
     - `occurring`: (1,) 1 or 0.
     """
 
-    def __init__(self, intervals: Iterable[Interval]) -> None:
+    def __init__(self, intervals: Iterable[Interval], during: float = 1.0) -> None:
         super().__init__()
         intervals = tuple(intervals)
 
         def occurring(context: Context, output: BasicVector) -> None:
-            output.SetAtIndex(0, occurs(intervals, context.get_time()))
+            now = any(context.get_time() in interval for interval in intervals)
+            output.SetAtIndex(0, during if now else 1.0 - during)
 
         self.DeclareVectorOutputPort("occurring", 1, occurring, {self.time_ticket()})

@@ -1,6 +1,6 @@
 """What every scenario of a station can get wrong beside the ranges of its numbers."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from crossmodal.diagrams.run.scenario import Scenario
@@ -13,6 +13,19 @@ def check_one_camera(scenario: Scenario, source: str, what: str) -> None:
     if [camera.base_frame for camera in scenario.cameras.values()] != ["world"]:
         raise ScenarioError(
             f"{source}: cameras: {what} through one camera that is fixed to the world"
+        )
+
+
+def check_modalities(names: Sequence[str], known: Sequence[str], source: str) -> None:
+    """Refuses estimators that there are not, none at all, and one that is named twice."""
+    for name in names:
+        if name not in known:
+            raise ScenarioError(
+                f"{source}: modalities: unknown modality '{name}'; {suggestion(name, known)}"
+            )
+    if not names or len(set(names)) < len(names):
+        raise ScenarioError(
+            f"{source}: modalities = {list(names)}, but it must name each once, at least one"
         )
 
 

@@ -8,6 +8,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 
 from crossmodal.maths.arrays import Array
 from crossmodal.models import SDF_DIR
+from crossmodal.plants.scene import position_index
 
 HAND_FILE = SDF_DIR / "soft_hand.sdf"
 FINGER_JOINTS = [
@@ -55,14 +56,9 @@ SOFT_HAND_RANGE = GraspRange(
 def finger_selection(plant: MultibodyPlant, hand: ModelInstanceIndex) -> Array:
     """Matrix (30, n) that takes the finger joints' angles and rates out of the hand's state."""
     n = plant.num_positions(hand)
-    first = min(
-        joint.position_start()
-        for joint in map(plant.get_joint, plant.GetJointIndices(hand))
-        if joint.num_positions() > 0
-    )
     fingers = len(FINGER_JOINTS)
     selection = np.zeros((2 * fingers, 2 * n))
     for row, name in enumerate(FINGER_JOINTS):
-        column = plant.GetJointByName(name, hand).position_start() - first
+        column = position_index(plant, plant.GetJointByName(name, hand))
         selection[row, column] = selection[fingers + row, n + column] = 1.0
     return selection

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from crossmodal.maths.arrays import Array
 
@@ -96,9 +94,7 @@ def _connected(segments: Array) -> Array:
     """A label (n,) for each of the segments (n, 2, 3); those that share an end have the same."""
     _, ends = np.unique(np.round(segments.reshape(-1, 3), 6), axis=0, return_inverse=True)
     pairs = ends.reshape(-1, 2)
-    count = int(ends.max()) + 1
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    _, labels = connected_components(graph, directed=False)
+    labels = trimesh.graph.connected_component_labels(pairs, int(ends.max()) + 1)
     _, labels = np.unique(labels[pairs[:, 0]], return_inverse=True)
     return np.asarray(labels)
 

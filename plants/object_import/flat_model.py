@@ -1,7 +1,8 @@
 """One flat SDF model of the part of a parsed plant that belongs to the grasped link."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -98,17 +99,21 @@ def written_joints(plant: MultibodyPlant) -> list[Joint]:
     return [joint for joint in joints if "floating" not in joint.type_name()]
 
 
+def links(plant: MultibodyPlant) -> list[RigidBody]:
+    """All bodies but the world."""
+    return [plant.get_body(BodyIndex(index)) for index in range(1, plant.num_bodies())]
+
+
 def flat_names(plant: MultibodyPlant) -> FlatNames:
     """A name for each joint, body and named frame, unique in one model; the joints' come first.
 
     A name that occurs twice gets its model's name in front.
     """
     names, used = FlatNames(), set[str]()
-    joints = written_joints(plant)
+    joints, bodies = written_joints(plant), links(plant)
     auxiliary = {
         int(frame.index()) for j in joints for frame in (j.frame_on_parent(), j.frame_on_child())
     }
-    bodies = [plant.get_body(BodyIndex(i)) for i in range(1, plant.num_bodies())]
     body_frames = {int(body.body_frame().index()) for body in bodies}
     frames = [
         frame
@@ -146,16 +151,26 @@ def parent_joints(plant: MultibodyPlant, source: Path) -> dict[int, Joint]:
                 f" '{parents[child].name()}' and '{joint.name()}'; remove one of them"
             )
         parents[child] = joint
-    for first in parents:
-        loop, index = list[Joint](), first
-        while index in parents and len(loop) <= len(parents):
-            loop.append(parents[index])
-            index = int(parents[index].parent_body().index())
+    for joint in parents.values():
+        loop = list(islice(joints_above(joint.child_body(), parents), len(parents) + 1))
         if len(loop) > len(parents):
             closed = loop[-1 - loop[-2::-1].index(loop[-1]) :]
             names = ", ".join(joint.name() for joint in closed)
             raise ValueError(f"{source}: joints {names} form a closed loop; remove one of them")
     return parents
+
+
+def joints_above(body: RigidBody, parents: Mapping[int, Joint]) -> Iterator[Joint]:
+    """The joints that a body hangs on, the nearest first.
+
+    Args:
+        body: Any.
+        parents: Of `parent_joints`.
+    """
+    while int(body.index()) in parents:
+        joint = parents[int(body.index())]
+        yield joint
+        body = joint.parent_body()
 
 
 def find_chain(plant: MultibodyPlant, grasped: RigidBody, source: Path, warn: Warn) -> Chain:
@@ -164,43 +179,37 @@ def find_chain(plant: MultibodyPlant, grasped: RigidBody, source: Path, warn: Wa
     Raises:
         ValueError: in one line, for a joint above the grasped link that is of another kind.
     """
-    world = int(plant.world_body().index())
-    parents = parent_joints(plant, source)
-    path, body = [], grasped
-    while int(body.index()) in parents:
-        joint = parents[int(body.index())]
+    world, parents = plant.world_body(), parent_joints(plant, source)
+    path = list(joints_above(grasped, parents))
+    for joint in path:
         if joint.num_velocities() and not moves(joint):
             raise ValueError(
                 f"{source}: joint '{joint.name()}', which moves link '{grasped.name()}', is a"
                 f" {joint.type_name().split('_')[0]} joint; the grasped link may move on prismatic,"
                 " revolute and screw joints only, so change its type"
             )
-        path.append(joint)
-        if int(joint.parent_body().index()) == world:
-            break
-        body = joint.parent_body()
-    held = bool(path) and int(path[-1].parent_body().index()) == world
+    root = path[-1].parent_body() if path else grasped
+    held = root.index() == world.index()
     # Joints that hang on the world move something, so the world itself becomes the root.
     hangs_on_world = held and moves(path[-1])
-    root = plant.world_body() if hangs_on_world else body
-
-    def belongs(other: RigidBody) -> bool:
-        index = int(other.index())
-        while index != int(root.index()):
-            if index not in parents:
-                return False
-            index = int(parents[index].parent_body().index())
-        return True
-
-    top = _top_model(plant, grasped)
-    bodies = [
-        other
-        for other in (plant.get_body(BodyIndex(i)) for i in range(1, plant.num_bodies()))
-        if belongs(other) and not (hangs_on_world and _top_model(plant, other) != top)
+    if held and not hangs_on_world:
+        root = path[-1].child_body()
+    bodies = []
+    for body in links(plant):
+        above = [joint.parent_body().index() for joint in joints_above(body, parents)]
+        of_another_file = hangs_on_world and _top_model(plant, body) != _top_model(plant, grasped)
+        if root.index() in [body.index(), *above] and not of_another_file:
+            bodies.append(body)
+    left_out = [
+        body.scoped_name().get_full()
+        for body in links(plant)
+        if int(body.index()) not in {int(chosen.index()) for chosen in bodies}
+        and plant.GetVisualGeometriesForBody(body) + plant.GetCollisionGeometriesForBody(body)
     ]
-    chosen = {int(other.index()) for other in bodies}
-    _report_left_out(plant, chosen, warn)
-    gripped = [other for other in bodies if _is_fixed_to(other, grasped, parents)]
+    if left_out:
+        warn(f"not joined to the grasped link and left out: {', '.join(left_out)}")
+    carrier = _carrier(grasped, parents)
+    gripped = [body for body in bodies if _carrier(body, parents) == carrier]
     joints = [joint for joint in path if moves(joint)]
     return Chain(root=root, joints=joints, bodies=bodies, gripped=gripped, is_floating=not held)
 
@@ -209,27 +218,13 @@ def _top_model(plant: MultibodyPlant, body: RigidBody) -> str:
     return str(plant.GetModelInstanceName(body.model_instance())).split("::")[0]
 
 
-def _report_left_out(plant: MultibodyPlant, chosen: set[int], warn: Warn) -> None:
-    left = [
-        body.scoped_name().get_full()
-        for body in (plant.get_body(BodyIndex(i)) for i in range(1, plant.num_bodies()))
-        if int(body.index()) not in chosen
-        and plant.GetVisualGeometriesForBody(body) + plant.GetCollisionGeometriesForBody(body)
-    ]
-    if left:
-        warn(f"not joined to the grasped link and left out: {', '.join(left)}")
-
-
-def _is_fixed_to(body: RigidBody, other: RigidBody, parents: dict[int, Joint]) -> bool:
-    def carrier(index: int) -> int:
-        while index in parents and not moves(parents[index]):
-            parent = int(parents[index].parent_body().index())
-            if parent == 0:
-                break
-            index = parent
-        return index
-
-    return carrier(int(body.index())) == carrier(int(other.index()))
+def _carrier(body: RigidBody, parents: Mapping[int, Joint]) -> BodyIndex:
+    """The highest body below the world that a body is rigidly fixed to."""
+    for joint in joints_above(body, parents):
+        if moves(joint) or int(joint.parent_body().index()) == 0:
+            break
+        body = joint.parent_body()
+    return body.index()
 
 
 class FlatModelWriter:
@@ -339,10 +334,9 @@ class FlatModelWriter:
             M_GG = _spatial_inertia(self._inspector.GetShape(geometry))
             total += M_GG.ReExpress(X_BG.rotation()).Shift(-X_BG.translation())
         if total.get_mass() <= 0:
-            return _with_mass(mass or _LEAST_MASS, np.zeros(3), _LEAST_RADIUS**2 * np.eye(3))
-        p_BBcm = total.get_com()
-        central = total.Shift(p_BBcm).get_unit_inertia().CopyToFullMatrix3()
-        return _with_mass(mass or total.get_mass(), p_BBcm, central)
+            round_ = UnitInertia(*[_LEAST_RADIUS**2] * 3)
+            return SpatialInertia(mass or _LEAST_MASS, np.zeros(3), round_)
+        return SpatialInertia(mass or total.get_mass(), total.get_com(), total.get_unit_inertia())
 
     def _add_visual(self, link: Element, geometry: GeometryId, name: str) -> None:
         element = SubElement(link, "visual", {"name": name})
@@ -495,13 +489,6 @@ def _spatial_inertia(shape: Shape) -> SpatialInertia:
         return CalcSpatialInertia(shape, density)
     except (RuntimeError, ValueError):  # A flat sheet.
         return SpatialInertia.Zero()
-
-
-def _with_mass(mass: float, p_BBcm: Array, unit: Array) -> SpatialInertia:
-    """Spatial inertia about Bo of a mass with unit inertia (3, 3) about its centre, [m^2]."""
-    G = unit
-    central = UnitInertia(G[0, 0], G[1, 1], G[2, 2], G[0, 1], G[0, 2], G[1, 2])
-    return SpatialInertia(mass, np.zeros(3), central).Shift(-p_BBcm)
 
 
 def _add_pose(parent: Element, X: RigidTransform) -> None:

@@ -10,13 +10,15 @@ import trimesh
 from pydrake.geometry import SceneGraphInspector
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, FrameIndex, Joint, RigidBody
+from pydrake.multibody.tree import FrameIndex, Joint, RigidBody
 from pydrake.systems.framework import Context
 
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.object_import.bars import Bar, bar_at
 from crossmodal.plants.object_import.flat_model import (
     flat_names,
+    joints_above,
+    links,
     moves,
     parent_joints,
     written_joints,
@@ -91,15 +93,12 @@ def inspect_model(source: Path, *, scale: float = 1.0, reach: float = 0.03) -> I
     """Looks into an SDF or URDF, all joints at 0.
 
     Args:
-        source: The file.
         scale: Of all lengths in it.
         reach: Greatest distance from a frame to a bar that it may stand for, [m].
 
     Raises:
         ValueError: in one line, for what cannot be read.
     """
-    if not 0 < scale < np.inf:
-        raise ValueError(f"{source}: a scale of {scale:g}, but it must be > 0")
     warnings: list[str] = []
     model = read_model(source)
     with tempfile.TemporaryDirectory() as name:
@@ -126,19 +125,19 @@ class _Inspector:
         self._plant, self._inspector, self._reach = plant, inspector, reach
         self._parents, self._names = parents, flat_names(plant)
         self._context: Context = plant.CreateDefaultContext()
-        self._bodies = [plant.get_body(BodyIndex(i)) for i in range(1, plant.num_bodies())]
-
-    def run(self, warnings: list[str]) -> Inspection:
-        whole = self._solid(self._bodies)
-        frames = {
-            name: self._body_name(self._plant.get_frame(FrameIndex(index)).body())
+        self._bodies = links(plant)
+        self._frames = {
+            name: plant.get_frame(FrameIndex(index))
             for index, name in self._names.frames.items()
             if not name.endswith(_OF_JOINTS)
         }
+
+    def run(self, warnings: list[str]) -> Inspection:
+        whole = self._solid(self._bodies)
         return Inspection(
             links=[self._link(body) for body in self._bodies],
             joints=[self._joint(joint) for joint in written_joints(self._plant)],
-            frames=frames,
+            frames={name: self._body_name(frame.body()) for name, frame in self._frames.items()},
             handles=self._handles(whole),
             size=np.zeros(3) if whole.is_empty else whole.extents,
             warnings=warnings,
@@ -173,28 +172,16 @@ class _Inspector:
 
     def _moving_joint(self, body: RigidBody) -> str:
         """The nearest joint that moves a body; empty for none."""
-        index = int(body.index())
-        while index in self._parents:
-            joint = self._parents[index]
-            if moves(joint):
-                return self._names.joints[int(joint.index())]
-            index = int(joint.parent_body().index())
-        return ""
+        above = joints_above(body, self._parents)
+        return next((self._names.joints[int(j.index())] for j in above if moves(j)), "")
 
     def _handles(self, whole: trimesh.Trimesh) -> list[Handle]:
         """Frames of the model that are in a bar, then bars without one."""
         found, places = list[Handle](), list[Array]()
-        frames = {
-            **{
-                name: self._plant.get_frame(FrameIndex(index))
-                for index, name in self._names.frames.items()
-                if not name.endswith(_OF_JOINTS)
-            },
-            **{
-                self._body_name(body): body.body_frame()
-                for body in self._bodies
-                if not self._plant.GetCollisionGeometriesForBody(body)
-            },
+        frames = self._frames | {
+            self._body_name(body): body.body_frame()
+            for body in self._bodies
+            if not self._plant.GetCollisionGeometriesForBody(body)
         }
         for name, frame in frames.items():
             joint = self._moving_joint(frame.body())

@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from PIL import Image
-from trimesh.resolvers import Resolver
+from trimesh.resolvers import FilePathResolver
 
 _PATH_VARIABLES = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH", "GAZEBO_MODEL_PATH",
                    "GZ_SIM_RESOURCE_PATH")  # fmt: skip
@@ -106,10 +106,11 @@ def is_image(path: Path) -> bool:
     return True
 
 
-class MeshFiles(Resolver):
+class MeshFiles(FilePathResolver):
     """Gives trimesh the files that a mesh names, if they belong to the model."""
 
     def __init__(self, files: ModelFiles, folder: Path) -> None:
+        super().__init__(str(folder))
         self._files, self._folder = files, folder
 
     def get(self, name: str) -> bytes:
@@ -123,14 +124,6 @@ class MeshFiles(Resolver):
     def namespaced(self, namespace: str) -> "MeshFiles":
         """The same in a folder below."""
         return MeshFiles(self._files, self._folder / namespace)
-
-    def keys(self) -> list[str]:
-        """Names of the files beside the mesh."""
-        return sorted(path.name for path in self._folder.iterdir())
-
-    def write(self, name: str, data: object) -> None:
-        """Writes nothing: the model stays as it is."""
-        raise ValueError(f"'{name}': a model's files are only read")
 
 
 def _home_of(folder: Path) -> list[Path]:

@@ -25,6 +25,7 @@ from crossmodal.plants.object_import.model_files import MeshFiles, ModelFiles, i
 from crossmodal.plants.object_import.scaling import scale_lengths
 
 _MODEL_TYPES = {"robot": "URDF", "sdf": "SDF"}
+_SHAPES = ("box", "cylinder", "sphere", "capsule", "ellipsoid")  # Those that are bounded.
 _SCENERY = ("sun", "ground_plane")  # Gazebo's own, in most of its worlds.
 _EXPRESSION = re.compile(r"\$\{|\$\((find|arg|env|optenv|eval|dirname)\b")  # Of xacro.
 _IMPORTED = "crossmodal_imported"
@@ -123,13 +124,14 @@ class Repair:
     """Changes a model in place until Drake's parser takes it; says what it changes.
 
     Args:
-        source: The file.
         folder: Where converted meshes are written.
         warn: Takes one line for each change that a user should know of.
         scale: Of all lengths in the file.
     """
 
     def __init__(self, source: Path, folder: Path, warn: Warn, scale: float = 1.0) -> None:
+        if not 0 < scale < np.inf:
+            raise ValueError(f"{source}: a scale of {scale:g}, but it must be > 0")
         self._scale = scale
         self._source, self._folder, self._warn = source, folder, warn
         self._files = ModelFiles(source)
@@ -267,8 +269,9 @@ class Repair:
                 geometry = shape.find("geometry")
                 if geometry is None or not len(geometry):
                     link.remove(shape)
-                elif geometry.find("mesh") is None:
-                    self._keep_if_bounded(link, shape, geometry[0].tag)
+                elif geometry[0].tag not in _SHAPES and geometry.find("mesh") is None:
+                    self._note(f"<{geometry[0].tag}> left out", link)
+                    link.remove(shape)
         if not link.findall("collision") and link.findall("visual"):
             self._note("no collision geometry, so what is seen is touched", link)
             for visual in link.findall("visual"):
@@ -279,11 +282,6 @@ class Repair:
                 for material in shape.findall("material"):
                     shape.remove(material)
                 link.append(shape)
-
-    def _keep_if_bounded(self, link: Element, shape: Element, tag: str) -> None:
-        if tag not in ("box", "cylinder", "sphere", "capsule", "ellipsoid"):
-            self._note(f"<{tag}> left out", link)
-            link.remove(shape)
 
     def _convert_mesh(self, link: Element, shape: Element) -> None:
         mesh = shape.find("geometry/mesh")
@@ -344,21 +342,14 @@ class Repair:
                     f"{path.name}: contact with {faces} triangles is slow;"
                     " give the link a simpler <collision>"
                 )
-            self._written[key] = self._write(
-                path.stem, surfaces if is_visual else [merged(surfaces)], is_visual
-            )
+            self._folder.mkdir(parents=True, exist_ok=True)
+            stem = re.sub(r"\W", "_", path.stem)
+            stem += f"_{len(self._written)}_{'visual' if is_visual else 'contact'}"
+            files = self._written[key] = []
+            for number, surface in enumerate(surfaces if is_visual else [merged(surfaces)]):
+                files.append(self._folder / f"{stem}_{number}.obj")
+                (write_obj if is_visual else write_contact_obj)(surface, files[-1])
         return self._written[key]
-
-    def _write(self, stem: str, surfaces: list[Surface], is_visual: bool) -> list[Path]:
-        self._folder.mkdir(parents=True, exist_ok=True)
-        kind = "visual" if is_visual else "contact"
-        stem = re.sub(r"\W", "_", stem)
-        files = []
-        for number, surface in enumerate(surfaces):
-            file = self._folder / f"{stem}_{len(self._written)}_{kind}_{number}.obj"
-            (write_obj if is_visual else write_contact_obj)(surface, file)
-            files.append(file)
-        return files
 
     def _repair_friction(self, link: Element) -> None:
         """SDF's default mu2 is 1, and Drake refuses a dynamic friction above the static one."""

@@ -69,8 +69,6 @@ def import_object(
     Raises:
         ValueError: in one line that says what to change, for what cannot be converted.
     """
-    if not 0 < scale < np.inf:
-        raise ValueError(f"{source}: a scale of {scale:g}, but it must be > 0")
     warnings: list[str] = []
     model = read_model(source)
 

@@ -11,25 +11,22 @@ from crossmodal.maths.arrays import Array
 _RESTARTS = 8
 
 
-def inverse_kinematics(
-    arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array, frame: str = "end_effector"
-) -> Array:
+def inverse_kinematics(arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array) -> Array:
     """Joint positions (n,) that put E at `X_WE`, far from the joints' limits.
 
     The solver stops short of a pose here and there; then it starts again from around `q_guess`.
 
     Args:
-        arm: A finalized plant with one arm alone.
+        arm: A finalized plant with one arm alone and its frame `end_effector`.
         X_WE: Pose of its end-effector.
         q_guess: Joint positions (n,) nearby, [rad].
-        frame: Name of E.
 
     Raises:
         ValueError: if the pose is out of reach.
     """
     lower, upper = arm.GetPositionLowerLimits(), arm.GetPositionUpperLimits()
     solver = InverseKinematics(arm)
-    E, world = arm.GetFrameByName(frame), arm.world_frame()
+    E, world = arm.GetFrameByName("end_effector"), arm.world_frame()
     p = X_WE.translation()
     solver.AddPositionConstraint(E, np.zeros(3), world, p - 1e-4, p + 1e-4)
     solver.AddOrientationConstraint(world, X_WE.rotation(), E, RotationMatrix(), 1e-3)

@@ -92,9 +92,6 @@ def wiper_sdf(wiper: Wiper) -> str:
     the hinge's axis and z up; the flap hangs down when the hinge is at 0 and swings towards x and
     up when it turns. Frames: `handle` in the bar where it is to be held, `edge` in the middle of
     the flap's free edge, both with the model's axes.
-
-    Args:
-        wiper: Its numbers.
     """
     w = wiper
     bar_length = w.grip_height + _BAR_END

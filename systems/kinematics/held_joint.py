@@ -1,6 +1,7 @@
 """What control needs to know of the joint that the hand moves, as plain vectors."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
@@ -14,14 +15,10 @@ from crossmodal.systems.port_values import (
     HELD_BODY,
     MOVING_TYPES,
     STATIC_BODY,
-    BodyMotions,
-    EndEffectorBelief,
-    GraspBelief,
     GraspType,
     JointBelief,
     JointBeliefs,
     JointType,
-    PoseBelief,
 )
 
 
@@ -71,7 +68,6 @@ def choose_joint(
 
     Args:
         joints: The kinematic model.
-        config: How likely it has to be.
         body_is_known: Whether there is a body in the hand; vision alone does not know it and takes
             the joint that has been observed for longest.
     """
@@ -110,28 +106,21 @@ def end_effector_screw(S_W: Array, X_WE: Array, X_EH: Array, free_motion_H: Arra
 class HeldJoint(LeafSystem):
     """Reads the latest beliefs of a network out for the controllers.
 
-    .. pydrake_system::
+    Those inputs that the modality lacks stay unconnected.
 
-        name: HeldJoint
-        input_ports:
-        - joints_latest
-        - body_motions_latest
-        - grasp_latest
-        - hand_bending_latest
-        - end_effector_latest
-        output_ports:
-        - joint_latest
-        - end_effector_screw_latest
-        - grasp_failure_latest
+    Input ports:
+    - `joints_latest`: `JointBeliefs`.
+    - `body_motions_latest`: `BodyMotions`.
+    - `grasp_latest`: `GraspBelief`.
+    - `hand_bending_latest`: `PoseBelief` X_EH.
+    - `end_effector_latest`: `EndEffectorBelief`.
 
-    - joints_latest: `JointBeliefs`; body_motions_latest: `BodyMotions`; grasp_latest:
-      `GraspBelief`; hand_bending_latest: `PoseBelief` X_EH; end_effector_latest:
-      `EndEffectorBelief`. Those that the modality lacks stay unconnected.
-    - joint_latest: (8,) the body's unit screw S_W in W at Wo, rotation before translation, and
+    Output ports:
+    - `joint_latest`: (8,) the body's unit screw S_W in W at Wo, rotation before translation, and
       the configuration q, [m or rad], zero where the body was grasped, and its rate. NaN while no
       joint is known.
-    - end_effector_screw_latest: (6,) of E in W at Wo per unit of q; NaN likewise.
-    - grasp_failure_latest: (1,) probability that the hand has lost the body; NaN without
+    - `end_effector_screw_latest`: (6,) of E in W at Wo per unit of q; NaN likewise.
+    - `grasp_failure_latest`: (1,) probability that the hand has lost the body; NaN without
       proprioception.
 
     Frames: W world, E nominal end-effector, H bent end-effector, P the joint's parent.
@@ -145,48 +134,40 @@ class HeldJoint(LeafSystem):
             name: self.DeclareAbstractInputPort(f"{name}_latest", Value[object]())
             for name in ("joints", "body_motions", "grasp", "hand_bending", "end_effector")
         }
-        self.DeclareVectorOutputPort("joint_latest", 8, self._calc_joint)
+        self.DeclareVectorOutputPort(
+            "joint_latest", 8, lambda context, output: output.SetFromVector(self._joint(context))
+        )
         self.DeclareVectorOutputPort("end_effector_screw_latest", 6, self._calc_end_effector)
         self.DeclareVectorOutputPort("grasp_failure_latest", 1, self._calc_failure)
 
-    def _read(self, context: Context, name: str) -> object | None:
+    def _read(self, context: Context, name: str) -> Any:
         port = self._ports[name]
         return port.Eval(context) if port.HasValue(context) else None
 
     def _joint(self, context: Context) -> Array:
-        joints = self._read(context, "joints")
-        assert isinstance(joints, JointBeliefs)
         by_touch = self._ports["grasp"].HasValue(context)
+        joints = self._read(context, "joints")
         joint = choose_joint(joints, self._config, body_is_known=by_touch)
         if joint is None:
             return np.full(8, np.nan)
         S_W = screw(joint.type, joint.model)
         if joint.parent_id != STATIC_BODY:
-            motions = self._read(context, "body_motions")
-            assert isinstance(motions, BodyMotions)
-            parent = motions.find(joint.parent_id)
+            parent = self._read(context, "body_motions").find(joint.parent_id)
             if parent is None:
                 return np.full(8, np.nan)
             S_W = se3.adjoint(parent.motion.X) @ S_W
         return np.concatenate([S_W, joint.model.configuration])
 
-    def _calc_joint(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._joint(context))
-
     def _calc_end_effector(self, context: Context, output: BasicVector) -> None:
         S_W = self._joint(context)[:6]
         grasp = self._read(context, "grasp")
-        hand = self._read(context, "end_effector")
-        bending = self._read(context, "hand_bending")
-        if isinstance(grasp, GraspBelief) and grasp.type != GraspType.FAILED:
-            assert isinstance(hand, EndEffectorBelief)
-            assert isinstance(bending, PoseBelief)
+        if grasp is not None and grasp.type != GraspType.FAILED:
+            hand = self._read(context, "end_effector")
+            bending = self._read(context, "hand_bending")
             S_W = end_effector_screw(S_W, hand.X, bending.X, grasp.free_motion)
         output.SetFromVector(S_W)
 
     def _calc_failure(self, context: Context, output: BasicVector) -> None:
         grasp = self._read(context, "grasp")
-        failed = np.nan
-        if isinstance(grasp, GraspBelief):
-            failed = grasp.probabilities[GraspType.FAILED]
+        failed = np.nan if grasp is None else grasp.probabilities[GraspType.FAILED]
         output.SetAtIndex(0, failed)

@@ -97,7 +97,6 @@ from crossmodal.systems.kinematics.solver.joint_geometry import (
     FREE,
     MOVING,
     PRISMATIC,
-    RIGID,
     SCREW,
     turns,
 )
@@ -113,7 +112,6 @@ _ALL_MODELS_EVERY = 4  # Updates between solutions of all models (`joint_update.
 _OFTEN = 24  # A floor is tried at each of so many such solutions, later at every third.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
 _SAME_POSE = 1e-12  # Largest difference between two copies of one measurement.
-_NO_VECTOR, _NO_MATRIX = np.full(3, np.nan), np.full((3, 3), np.nan)
 
 
 def _log_prior(p: TypePriorsConfig) -> Array:
@@ -166,11 +164,8 @@ class JointFilters:
         owner = f"{self._owner}.start"
         X_PF = pose_array(X_PB_reference, "X_PB_reference", owner)
         covariance = covariance_array(covariance, "covariance", owner)
-        error = covariance_array(
-            np.zeros((6, 6)) if reference_error is None else reference_error,
-            "reference_error",
-            owner,
-        )
+        reference_error = np.zeros((6, 6)) if reference_error is None else reference_error
+        error = covariance_array(reference_error, "reference_error", owner)
         fault = pose_fault(X_PF) or covariance_fault(covariance) or covariance_fault(error)
         if not (np.isfinite(time) and np.isfinite(delay)):
             fault = fault or SkipReason.TIME_NOT_FINITE
@@ -210,12 +205,8 @@ class JointFilters:
         owner = f"{self._owner}.rebase"
         offset = covariance_array(offset, "offset", owner)
         reference_error = covariance_array(reference_error, "reference_error", owner)
-        fault = (
-            covariance_fault(offset)
-            or covariance_fault(reference_error)
-            or time_fault(time, state.time)
-        )
-        if fault is not None:
+        fault = covariance_fault(offset) or covariance_fault(reference_error)
+        if fault := fault or time_fault(time, state.time):
             raise ValueError(f"{owner}: {fault}")
         rebased = rebased_state(state, float(time), offset, reference_error, self.config)
         return self._with_probabilities(rebased)
@@ -247,18 +238,13 @@ class JointFilters:
         owner = f"{self._owner}.update"
         X_PB = pose_array(X_PB, "X_PB", owner)
         covariance = covariance_array(covariance, "covariance", owner)
-        if correlated is not None:
-            correlated = covariance_array(correlated, "correlated", owner)
-        fault = (
-            pose_fault(X_PB)
-            or covariance_fault(covariance)
-            or time_fault(time, state.time)
-            or (None if correlated is None else covariance_fault(correlated))
-        )
-        if fault is None and _is_repeated(state, X_PB, covariance, time):
-            return replace(skip(state, SkipReason.REPEATED), time=float(time))
-        if fault is not None:
+        correlated = np.zeros((6, 6)) if correlated is None else correlated
+        correlated = covariance_array(correlated, "correlated", owner)
+        fault = pose_fault(X_PB) or covariance_fault(covariance)
+        if fault := fault or time_fault(time, state.time) or covariance_fault(correlated):
             return skip(state, fault)
+        if _is_repeated(state, X_PB, covariance, time):
+            return replace(skip(state, SkipReason.REPEATED), time=float(time))
         try:
             # What overflows is found below, whether compiled functions or NumPy's computed it.
             with np.errstate(all="ignore"):
@@ -275,13 +261,12 @@ class JointFilters:
         X_PB: Array,
         covariance: Array,
         time: float,
-        correlated: Array | None,
+        correlated: Array,
     ) -> JointFiltersState:
-        covariance = finite(covariance)
+        covariance, correlated = finite(covariance), finite(correlated)
         models = Models(*[x.copy() for x in state.models])
         keyframes = copy_keyframes(state.keyframes)
         dt = time - state.time
-        correlated = None if correlated is None else finite(correlated)
         R_reported = white_equivalent(covariance, dt, self.config.errors, correlated)
         priors = self._priors
         if self._correlated:
@@ -350,9 +335,8 @@ class JointFilters:
         p, likeliest = reported_probabilities(
             evidence + self._log_prior_of_reports, evidence + self._log_prior
         )
-        lost = p[likeliest] * (
-            1.0 - largest_probability(likeliest, m, kf, state.noise, state.reported)
-        )
+        most = largest_probability(likeliest, m, kf, state.noise, state.reported)
+        lost = p[likeliest] * (1.0 - most)
         p[likeliest] -= lost
         p[FREE] += lost
         probabilities = dict(zip(TYPES, p.tolist(), strict=True))
@@ -362,7 +346,6 @@ class JointFilters:
         """The belief about the pair's joint.
 
         Args:
-            state: The last one.
             time: For which the configuration is predicted, [s]; by default, and before the last
                 measurement, that of the last measurement.
         """
@@ -372,11 +355,10 @@ class JointFilters:
             child_id=state.child_id,
             probabilities=self.probabilities(state),
             models={
-                **{TYPES[kind]: _moving_joint(state, kind, dt, self.config) for kind in MOVING},
-                **{
-                    TYPES[kind]: _still_joint(float(state.models.log_evidence[kind]))
-                    for kind in (RIGID, FREE)
-                },
+                TYPES[kind]: _moving_joint(state, kind, dt, self.config)
+                if kind in MOVING
+                else JointModelBelief(log_evidence=float(state.models.log_evidence[kind]))
+                for kind in range(len(TYPES))
             },
             updates=state.updates,
             skipped={str(reason): count for reason, count in state.skipped.items()},
@@ -452,17 +434,4 @@ def _moving_joint(
         configuration_covariance=covariance,
         pitch=pitch,
         pitch_variance=pitch_variance,
-    )
-
-
-def _still_joint(log_evidence: float) -> JointModelBelief:
-    """What is believed of what has neither axis nor configuration: rigid, or disconnected."""
-    return JointModelBelief(
-        log_evidence=log_evidence,
-        axis_P=_NO_VECTOR,
-        axis_covariance=_NO_MATRIX,
-        p_PA=_NO_VECTOR,
-        p_PA_covariance=_NO_MATRIX,
-        configuration=_NO_VECTOR[:2],
-        configuration_covariance=_NO_MATRIX[:2, :2],
     )

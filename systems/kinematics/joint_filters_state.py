@@ -69,7 +69,7 @@ class JointFiltersState(Immutable):
         scale: (6,) standard deviations of the keyframes by those that were reported.
         reported: Covariance (6, 6), in B, that measurements report, their harmonic mean.
         floor_index: In `path_floor.FLOORS` of what the keyframes have.
-        deviations_index: The same of how large smooth deviations are (`smooth_deviations`).
+        deviations_index: The same of how large smooth deviations are (`type_evidence`).
         covariance: (J, N, N) of each model's theta, deviations smooth or independent.
         W_zero: See `read_configuration`.
         reference_noise: Covariance (6, 6), in B, of the measured reference.
@@ -85,19 +85,19 @@ class JointFiltersState(Immutable):
     child_id: int
     X_PF: Array
     time: float
-    updates: int
     models: Models
     keyframes: Keyframes
     noise: MeasurementNoise
-    scale: Array
-    reported: Array
-    floor_index: int
-    deviations_index: int
     covariance: Array
     W_zero: Array
     reference_noise: Array
-    offset: Array
     zero_variance: Array
+    updates: int = 0
+    scale: Array = field(default_factory=lambda: np.ones(6))
+    reported: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    floor_index: int = 0
+    deviations_index: int = 0
+    offset: Array = field(default_factory=lambda: np.zeros((6, 6)))
     reset_count: int = 0
     skipped: Mapping[SkipReason, int] = field(default_factory=dict)
     probabilities: Mapping[JointType, float] = field(default_factory=dict)
@@ -197,10 +197,9 @@ def initial_state(
         time: [s].
         pair: Ids of parent and child.
         delay: For so long the child may have moved before, [s].
-        priors: Of it, see `solver_priors`.
     """
     keyframes = empty_keyframes(config.memory)
-    noise: Array = white_equivalent(covariance, 0.0, config.errors)
+    noise: Array = white_equivalent(covariance, 0.0, config.errors, error)
     R = noise + error
     measured = bool(covariance.max() > LEAST_NOISE)
     keyframes.reference_deviates[0] = float(measured)
@@ -214,18 +213,12 @@ def initial_state(
         child_id=pair[1],
         X_PF=X_PF.copy(),
         time=time,
-        updates=0,
         models=models,
         keyframes=keyframes,
         noise=scale,
-        scale=np.ones(6),
-        reported=np.zeros((6, 6)),
-        floor_index=0,
-        deviations_index=0,
         covariance=models.covariance,
         W_zero=np.asarray(np.linalg.inv(R)) if error.any() else np.zeros((6, 6)),
         reference_noise=noise,
-        offset=np.zeros((6, 6)),
         zero_variance=models.P[:, 1, 1] * delay**2,
     )
 

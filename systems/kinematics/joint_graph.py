@@ -6,13 +6,15 @@ the parent too.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from crossmodal.maths import se3
 from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import number
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersState, skip
+from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
 from crossmodal.systems.kinematics.joint_pairs import (
     Pair,
     constant_error,
@@ -20,7 +22,6 @@ from crossmodal.systems.kinematics.joint_pairs import (
     possible_pairs,
     scheduled_pairs,
 )
-from crossmodal.systems.kinematics.kinematic_model_config import KinematicModelConfig
 from crossmodal.systems.kinematics.pose_checks import SkipReason, covariance_fault, pose_fault
 from crossmodal.systems.port_values import (
     HEALTHY,
@@ -36,6 +37,34 @@ from crossmodal.systems.port_values import (
     PoseBelief,
     StreamHealth,
 )
+from crossmodal.systems.ticks import Ticked
+
+
+@dataclass(kw_only=True)
+class KinematicModelConfig(Ticked):
+    """Configuration of `KinematicModel`.
+
+    Attributes:
+        filters: Of every pair.
+        reference_age: How long before a body was first measured its reference may be.
+        patience: How long a pair outlives its bodies' measurements.
+        max_pairs: Most pairs that are updated in a tick. Those with the static environment always
+            are; the others by a schedule.
+        transfer_window: How long ago a body may have stood still last, for what is known of another
+            one's joint to the environment to be transferred to the joint between the two.
+        rest_walk: Standard deviation of how far a parent that is not measured any more has moved
+            after one second, and turned by that over `filters.radius`; it is taken to rest for as
+            long as it was followed.
+        least_probability: Of a joint type, for its prediction to be sent down.
+    """
+
+    filters: JointFiltersConfig = field(default_factory=JointFiltersConfig)
+    reference_age: float = number(1.0, at_least=1e-3, at_most=3600.0, unit="s")
+    patience: float = number(1.0, at_least=0.0, at_most=3600.0, unit="s")
+    max_pairs: int = number(10, at_least=1, at_most=100)
+    transfer_window: float = number(3.0, at_least=1e-3, at_most=3600.0, unit="s")
+    rest_walk: float = number(0.015, at_least=1e-9, at_most=10.0, unit="m")
+    least_probability: float = number(0.01, at_least=0.0, at_most=1.0)
 
 
 @dataclass(kw_only=True)
@@ -64,18 +93,12 @@ EMPTY_GRAPH = JointGraphState(pairs={}, bodies={}, past={}, unseen={}, ticks=0)
 
 def body_fault(body: BodyMotion) -> SkipReason | None:
     """Why a body's motion cannot be used; None where it can be true."""
-    for X in (body.motion.X, body.X_WB_reference):
-        if fault := pose_fault(X):
-            return fault
-    for P in (
-        body.motion.covariance[:6, :6] - body.offset_covariance,
-        body.correlated_covariance,
-        body.offset_covariance,
-        body.reference_offset_covariance,
-    ):
-        if fault := covariance_fault(np.ascontiguousarray(P)):
-            return fault
-    return None
+    offset = body.offset_covariance, body.reference_offset_covariance
+    own = body.motion.covariance[:6, :6] - body.offset_covariance
+    covariances = map(np.ascontiguousarray, (own, body.correlated_covariance, *offset))
+    faults = [pose_fault(X) for X in (body.motion.X, body.X_WB_reference)]
+    faults += [covariance_fault(P) for P in covariances]
+    return next(filter(None, faults), None)
 
 
 def merge_bodies(
@@ -188,9 +211,7 @@ def update_graph(
     """The graph one tick later.
 
     Args:
-        graph: At the last tick.
         bodies: Measured at this tick, by id.
-        filters: Shared by all pairs.
         faults: Of bodies that were left out, by id.
     """
     faults = faults or {}
@@ -254,11 +275,6 @@ def _health(
     return StreamHealth(age=max(ages, default=0.0), fault="; ".join(found))
 
 
-def known_bodies(graph: JointGraphState) -> BodyMotions:
-    """The bodies that the joints belong to, by id."""
-    return BodyMotions(bodies=[graph.bodies[i] for i in sorted(graph.bodies)])
-
-
 def predict_bodies(
     graph: JointGraphState, filters: JointFilters, config: KinematicModelConfig
 ) -> BodyPredictions:
@@ -279,7 +295,9 @@ def predict_bodies(
             pose = filters.predict(state, joint_type, dt)
             source = joint_type.value
             if parent_id != STATIC_BODY:
-                pose = _on_parent(pose, parents[parent_id])
+                Ad, parent = se3.adjoint(se3.inverse(pose.X)), parents[parent_id]
+                covariance = pose.covariance + Ad @ parent.covariance @ Ad.T
+                pose = PoseBelief(X=parent.X @ pose.X, covariance=covariance)
                 source = f"{source} on {parent_id}"
             prediction = BodyPrediction(body_id=child_id, source=source, pose=pose)
             found.append((probability, prediction))
@@ -292,11 +310,3 @@ def _predicted(body: MotionBelief, period: float) -> PoseBelief:
     step = body.V * period
     J = np.hstack([se3.adjoint(se3.exp(-step)), period * se3.right_jacobian(step)])
     return PoseBelief(X=body.X @ se3.exp(step), covariance=J @ body.covariance @ J.T)
-
-
-def _on_parent(pose: PoseBelief, parent: PoseBelief) -> PoseBelief:
-    """X_WB from X_PB and X_WP."""
-    Ad = se3.adjoint(se3.inverse(pose.X))
-    return PoseBelief(
-        X=parent.X @ pose.X, covariance=pose.covariance + Ad @ parent.covariance @ Ad.T
-    )

@@ -43,7 +43,6 @@ def scheduled_pairs(
 
     Args:
         pairs: The possible ones.
-        bodies: By id.
         filters: Of the pairs that are followed already.
         max_pairs: Most pairs in a tick; at least one pair of moving bodies is among them.
     """

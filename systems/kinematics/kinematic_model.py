@@ -9,12 +9,11 @@ from crossmodal.systems.kinematics.joint_filters import JointFilters
 from crossmodal.systems.kinematics.joint_graph import (
     EMPTY_GRAPH,
     JointGraphState,
-    known_bodies,
+    KinematicModelConfig,
     merge_bodies,
     predict_bodies,
     update_graph,
 )
-from crossmodal.systems.kinematics.kinematic_model_config import KinematicModelConfig
 from crossmodal.systems.port_values import BodyMotions, JointBeliefs
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
@@ -76,7 +75,10 @@ class KinematicModel(RecursiveFilter):
         self._declare_recursion(EMPTY_GRAPH, self._calc_graph, config.period)
         self._declare_estimated("joints_estimated", self._beliefs)
         self._declare_latest("joints_latest", self._beliefs)
-        self._declare_latest("body_motions_latest", known_bodies)
+        self._declare_latest(
+            "body_motions_latest",
+            lambda graph: BodyMotions(bodies=[graph.bodies[i] for i in sorted(graph.bodies)]),
+        )
         self._declare_latest("bodies_predicted", predict)
         self._declare_latest("health_latest", lambda graph: graph.health)
 

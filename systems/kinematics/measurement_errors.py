@@ -59,10 +59,7 @@ def _own_equivalent(covariance: Array, dt: float, config: MeasurementErrorsConfi
 
 
 def white_equivalent(
-    covariance: Array,
-    dt: float,
-    config: MeasurementErrorsConfig,
-    correlated: Array | None = None,
+    covariance: Array, dt: float, config: MeasurementErrorsConfig, correlated: Array
 ) -> Array:
     """The covariance (6, 6) of white noise whose average over long is as uncertain.
 
@@ -70,9 +67,7 @@ def white_equivalent(
     the error as a whole, (1 + r) / (1 - r) times with r = exp(-dt / tau).
 
     Args:
-        covariance: Of the measurement (6, 6).
         dt: Since the last one, [s].
-        config: The time constants, and the error that is added.
         correlated: The part (6, 6) of the covariance that is declared to be correlated.
     """
     R = _own_equivalent(covariance, dt, config)
@@ -81,9 +76,7 @@ def white_equivalent(
     if _adds_error(config):
         added = np.repeat([config.correlated_rotation**2, config.correlated_translation**2], 3)
         R = R + np.diag(added) * max(1.0, 2.0 * config.correlated_time / dt)
-    if correlated is not None:
-        R = R + correlated * max(0.0, 2.0 * config.declared_time / dt - 1.0)
-    return R
+    return R + correlated * max(0.0, 2.0 * config.declared_time / dt - 1.0)
 
 
 def correlated_shares(r: float) -> tuple[float, float]:
@@ -92,11 +85,7 @@ def correlated_shares(r: float) -> tuple[float, float]:
 
 
 def error_shares(
-    covariance: Array,
-    R: Array,
-    dt: float,
-    config: MeasurementErrorsConfig,
-    correlated: Array | None = None,
+    covariance: Array, R: Array, dt: float, config: MeasurementErrorsConfig, correlated: Array
 ) -> tuple[float, float]:
     """The shares of R, from `white_equivalent`, of one measurement's white and correlated variance.
 
@@ -113,7 +102,7 @@ def error_shares(
     tau = max(config.correlated_time if _adds_error(config) else 0.0, config.declared_time)
     rest = (1.0 - own) * min(1.0, 0.5 * dt / tau) if tau > 0.0 else 0.0
     white = own
-    if correlated is not None and config.declared_time > 0.0:
+    if config.declared_time > 0.0:
         white = max(own - share(correlated), _LEAST_WHITE * own)
     of_white, of_correlated = correlated_shares(r)
     return white * of_white, own * of_correlated + rest

@@ -18,9 +18,10 @@ from crossmodal.systems.port_values.bodies import (
     BodyMotions,
     BodyPrediction,
     BodyPredictions,
+    FeatureBelief,
     HeldBody,
+    no_features,
 )
-from crossmodal.systems.port_values.features import FeatureBelief, no_features
 from crossmodal.systems.port_values.flap import (
     UNKNOWN_ANGLE,
     UNKNOWN_HINGE,
@@ -39,21 +40,18 @@ from crossmodal.systems.port_values.grasp import (
     HandLoad,
     SlipBelief,
 )
-from crossmodal.systems.port_values.images import StampedImage
-from crossmodal.systems.port_values.joint_mechanics import (
-    JointMechanics,
-    JointMechanicsBelief,
-    JointMechanicsBeliefs,
-    LatchBelief,
-    LimitBelief,
-)
 from crossmodal.systems.port_values.joints import (
     MOVING_TYPES,
     JointBelief,
     JointBeliefs,
     JointFit,
+    JointMechanics,
+    JointMechanicsBelief,
+    JointMechanicsBeliefs,
     JointModelBelief,
     JointType,
+    LatchBelief,
+    LimitBelief,
 )
 from crossmodal.systems.port_values.motions import (
     NO_POSE,
@@ -67,64 +65,16 @@ from crossmodal.systems.port_values.registration import (
     displacement_at,
     unknown_displacements,
 )
-from crossmodal.systems.port_values.samples import SampleWindow
-from crossmodal.systems.port_values.streams import HEALTHY, StreamHealth
+from crossmodal.systems.port_values.streams import (
+    HEALTHY,
+    SampleWindow,
+    StampedImage,
+    StreamHealth,
+    no_samples,
+)
 from crossmodal.systems.port_values.tactile import (
     NO_CONTACT,
     UNKNOWN_FINGERTIP,
     FingertipContact,
     TactileContact,
 )
-
-__all__ = [
-    "HEALTHY",
-    "HELD_BODY",
-    "MOVING_TYPES",
-    "NO_CONTACT",
-    "NO_POSE",
-    "NO_SLIP",
-    "STATIC_BODY",
-    "UNKNOWN_ANGLE",
-    "UNKNOWN_END_EFFECTOR",
-    "UNKNOWN_FINGERTIP",
-    "UNKNOWN_HINGE",
-    "UNKNOWN_LOAD",
-    "UNKNOWN_TOOL",
-    "BodyMotion",
-    "BodyMotions",
-    "BodyPrediction",
-    "BodyPredictions",
-    "DisplacementBelief",
-    "EndEffectorBelief",
-    "FeatureBelief",
-    "FingertipContact",
-    "FlapAngleBelief",
-    "FlapPlane",
-    "GraspBelief",
-    "GraspType",
-    "HandLoad",
-    "HeldBody",
-    "HingeBelief",
-    "JointBelief",
-    "JointBeliefs",
-    "JointFit",
-    "JointMechanics",
-    "JointMechanicsBelief",
-    "JointMechanicsBeliefs",
-    "JointModelBelief",
-    "JointType",
-    "LatchBelief",
-    "LimitBelief",
-    "MotionBelief",
-    "PoseBelief",
-    "SampleWindow",
-    "SlipBelief",
-    "StampedImage",
-    "StreamHealth",
-    "TactileContact",
-    "ToolBelief",
-    "displacement_at",
-    "no_features",
-    "unknown_displacements",
-    "unseen",
-]

@@ -1,4 +1,4 @@
-"""Rigid bodies: how they move and where they are expected."""
+"""Point features in the world, and rigid bodies: how they move and where they are expected."""
 
 from dataclasses import dataclass, field, replace
 
@@ -6,6 +6,37 @@ import numpy as np
 
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.systems.port_values.motions import MotionBelief, PoseBelief
+
+
+@dataclass(kw_only=True)
+class FeatureBelief:
+    """N tracked point features; a feature keeps its id as long as it is tracked.
+
+    Attributes:
+        ids: (N,) unique, never used again.
+        uv: Pixels (N, 2).
+        p_WF: Positions in the world (N, 3), [m].
+        covariance: Of the positions (N, 3, 3), [m^2], one frame's noise.
+        age: Ticks since its initiation (N,).
+    """
+
+    ids: Ids
+    uv: Array
+    p_WF: Array
+    covariance: Array
+    age: Ids
+
+
+def no_features() -> FeatureBelief:
+    """The belief that nothing is tracked."""
+    return FeatureBelief(
+        ids=np.zeros(0, np.int64),
+        uv=np.zeros((0, 2)),
+        p_WF=np.zeros((0, 3)),
+        covariance=np.zeros((0, 3, 3)),
+        age=np.zeros(0, np.int64),
+    )
+
 
 STATIC_BODY = 0  # The environment, which never moves.
 HELD_BODY = 1  # The body that the hand holds; vision numbers its own from 2 on.
@@ -36,9 +67,9 @@ class BodyMotion:
     body_id: int
     motion: MotionBelief
     X_WB_reference: Array
-    feature_ids: Ids
-    p_BF: Array
-    p_BF_covariance: Array
+    feature_ids: Ids = field(default_factory=lambda: np.zeros(0, np.int64))
+    p_BF: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    p_BF_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     correlated_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     reference_age: float = float("nan")
     reset_count: int = 0
@@ -59,8 +90,8 @@ class HeldBody(BodyMotion):
             unnoticed.
     """
 
-    seen: PoseBelief | None
-    seen_offset_covariance: Array
+    seen: PoseBelief | None = None
+    seen_offset_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     reference_delay: float = 0.0
 
 

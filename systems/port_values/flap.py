@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from crossmodal.maths.arrays import Array
+from crossmodal.maths.arrays import Array, unknown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,14 +24,14 @@ class FlapPlane:
         points: How many there are.
     """
 
-    seen: bool
-    n_W: Array
-    d: float
-    covariance: Array
-    p_WF: Array
+    seen: bool = False
+    n_W: Array = unknown(3)
+    d: float = np.nan
+    covariance: Array = unknown(4, 4)
+    p_WF: Array = unknown(3)
     points: int = 0
     why: str = ""
-    common_covariance: Array = field(default_factory=lambda: np.zeros((4, 4)))
+    common_covariance: Array = unknown(4, 4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,10 +50,10 @@ class HingeBelief:
             axis that is known by touch errs as touch does.
     """
 
-    known: bool
-    k_W: Array
-    p_WK: Array
-    covariance: Array
+    known: bool = False
+    k_W: Array = unknown(3)
+    p_WK: Array = unknown(3)
+    covariance: Array = unknown(6, 6)
     p_WQ: Array = field(default_factory=lambda: np.zeros(3))
     displacements: Array = field(default_factory=lambda: np.zeros(12))
     displacement_covariance: Array = field(default_factory=lambda: np.zeros((18, 12)))
@@ -79,12 +79,12 @@ class FlapAngleBelief:
         measured: Whether the camera corrected it at this tick.
     """
 
-    known: bool
-    theta: float
-    variance: float
-    rate: float
-    n_W: Array
-    n_covariance: Array
+    known: bool = False
+    theta: float = np.nan
+    variance: float = np.nan
+    rate: float = np.nan
+    n_W: Array = unknown(3)
+    n_covariance: Array = unknown(3, 3)
     measured: bool = False
 
 
@@ -108,51 +108,23 @@ class ToolBelief:
 
     hinge: HingeBelief
     angle: FlapAngleBelief
-    L1_W: Array
-    L2_W: Array
-    L1_covariance: Array
-    L2_covariance: Array
-    X_EK: Array
-    X_KT: Array
+    L1_W: Array = unknown(3)
+    L2_W: Array = unknown(3)
+    L1_covariance: Array = unknown(3, 3)
+    L2_covariance: Array = unknown(3, 3)
+    X_EK: Array = unknown(4, 4)
+    X_KT: Array = unknown(4, 4)
 
 
 def unseen(why: str) -> FlapPlane:
     """What stands for a plane that was not seen."""
-    return FlapPlane(
-        seen=False,
-        n_W=np.full(3, np.nan),
-        d=float("nan"),
-        covariance=np.full((4, 4), np.nan),
-        common_covariance=np.full((4, 4), np.nan),
-        p_WF=np.full(3, np.nan),
-        why=why,
-    )
+    return FlapPlane(why=why)
 
 
 UNKNOWN_HINGE = HingeBelief(
-    known=False,
-    k_W=np.full(3, np.nan),
-    p_WK=np.full(3, np.nan),
-    covariance=np.full((6, 6), np.nan),
     p_WQ=np.full(3, np.nan),
     displacements=np.full(12, np.nan),
     displacement_covariance=np.full((18, 12), np.nan),
 )
-UNKNOWN_ANGLE = FlapAngleBelief(
-    known=False,
-    theta=float("nan"),
-    variance=float("nan"),
-    rate=float("nan"),
-    n_W=np.full(3, np.nan),
-    n_covariance=np.full((3, 3), np.nan),
-)
-UNKNOWN_TOOL = ToolBelief(
-    hinge=UNKNOWN_HINGE,
-    angle=UNKNOWN_ANGLE,
-    L1_W=np.full(3, np.nan),
-    L2_W=np.full(3, np.nan),
-    L1_covariance=np.full((3, 3), np.nan),
-    L2_covariance=np.full((3, 3), np.nan),
-    X_EK=np.full((4, 4), np.nan),
-    X_KT=np.full((4, 4), np.nan),
-)
+UNKNOWN_ANGLE = FlapAngleBelief()
+UNKNOWN_TOOL = ToolBelief(hinge=UNKNOWN_HINGE, angle=UNKNOWN_ANGLE)

@@ -21,8 +21,6 @@ class GraspBelief:
 
     Attributes:
         probabilities: Of each type, summing to one.
-        X_HB: Mean relative pose (4, 4) now.
-        covariance: Its (6, 6), in B; most of it is the hand's constant offset.
         axis_H: Grasping axis (3,), a unit vector in H where proprioception puts it (a constant
             offset of the hand is part of it).
         p_HA: A point (3,) on the axis, [m].
@@ -33,8 +31,6 @@ class GraspBelief:
     """
 
     probabilities: dict[GraspType, float]
-    X_HB: Array
-    covariance: Array
     axis_H: Array
     p_HA: Array
     line_covariance: Array

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crossmodal.maths.arrays import Array
+from crossmodal.maths.arrays import Array, unknown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,11 +23,11 @@ class TactileContact:
         edge_angle: Angle of a contact edge about y, from z; NaN where the contact has none, [rad].
     """
 
-    touching: bool
-    p_SC: Array
-    covariance: Array
-    n_S: Array
-    f_S: Array
+    touching: bool = False
+    p_SC: Array = unknown(3)
+    covariance: Array = unknown(3, 3)
+    n_S: Array = unknown(3)
+    f_S: Array = unknown(3)
     edge_angle: float = float("nan")
 
     @property
@@ -36,13 +36,7 @@ class TactileContact:
         return float(np.linalg.norm(self.f_S)) if self.touching else 0.0
 
 
-NO_CONTACT = TactileContact(
-    touching=False,
-    p_SC=np.full(3, np.nan),
-    covariance=np.full((3, 3), np.nan),
-    n_S=np.full(3, np.nan),
-    f_S=np.full(3, np.nan),
-)
+NO_CONTACT = TactileContact()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,26 +58,16 @@ class FingertipContact:
         v_WC_covariance: (3, 3), [m^2/s^2].
     """
 
-    X_WS: Array
-    covariance: Array
-    white_covariance: Array
-    contact: TactileContact
-    p_WC: Array
-    p_WC_covariance: Array
-    p_WC_white_covariance: Array
-    v_WC: Array
-    v_WC_covariance: Array
+    X_WS: Array = unknown(4, 4)
+    covariance: Array = unknown(6, 6)
+    white_covariance: Array = unknown(6, 6)
+    contact: TactileContact = NO_CONTACT
+    p_WC: Array = unknown(3)
+    p_WC_covariance: Array = unknown(3, 3)
+    p_WC_white_covariance: Array = unknown(3, 3)
+    v_WC: Array = unknown(3)
+    v_WC_covariance: Array = unknown(3, 3)
 
 
 # What a port of this type holds before anyone has written to it.
-UNKNOWN_FINGERTIP = FingertipContact(
-    X_WS=np.full((4, 4), np.nan),
-    covariance=np.full((6, 6), np.nan),
-    white_covariance=np.full((6, 6), np.nan),
-    contact=NO_CONTACT,
-    p_WC=np.full(3, np.nan),
-    p_WC_covariance=np.full((3, 3), np.nan),
-    p_WC_white_covariance=np.full((3, 3), np.nan),
-    v_WC=np.full(3, np.nan),
-    v_WC_covariance=np.full((3, 3), np.nan),
-)
+UNKNOWN_FINGERTIP = FingertipContact()

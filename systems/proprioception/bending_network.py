@@ -111,23 +111,17 @@ def load_network(path: Path) -> BendingNetwork:
         raise ValueError(
             f"HandBending: no weights at {path}; `crossmodal train hand-bending` makes them"
         )
-    with np.load(path) as arrays:
-        values: dict[str, Array | Layers] = {
-            field.name: np.asarray(arrays[field.name], dtype=float)
-            for field in fields(BendingNetwork)
-            if field.name in arrays
-        }
-        for name in ("pose_layers", "deviation_layers"):
-            depth = sum(key.startswith(name) and key.endswith("_W") for key in arrays)
-            values[name] = [
-                (
-                    np.asarray(arrays[f"{name}_{i}_W"], float),
-                    np.asarray(arrays[f"{name}_{i}_b"], float),
-                )
-                for i in range(depth)
-            ]
-    missing = {field.name for field in fields(BendingNetwork)} - values.keys()
-    if missing or np.shape(values["input_mean"]) != (INPUTS,):
+    with np.load(path) as file:
+        arrays = {name: np.asarray(file[name], dtype=float) for name in file}
+
+    def layers(name: str) -> Layers:
+        depth = sum(key.startswith(name) and key.endswith("_W") for key in arrays)
+        return [(arrays[f"{name}_{i}_W"], arrays[f"{name}_{i}_b"]) for i in range(depth)]
+
+    names = [field.name for field in fields(BendingNetwork)]
+    values = {n: layers(n) if n.endswith("_layers") else arrays.get(n) for n in names}
+    missing = {name for name, value in values.items() if value is None}
+    if missing or np.shape(arrays["input_mean"]) != (INPUTS,):
         raise ValueError(
             f"HandBending: {path} does not hold the networks; missing {missing or '{}'}"
         )

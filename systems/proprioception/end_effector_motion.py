@@ -10,8 +10,9 @@ from pydrake.systems.framework import Context
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import joseph_update
 from crossmodal.maths.validation import check, number
-from crossmodal.systems.port_values import EndEffectorBelief, SampleWindow
+from crossmodal.systems.port_values import EndEffectorBelief, SampleWindow, no_samples
 from crossmodal.systems.recursive_filter import RecursiveFilter
 from crossmodal.systems.shared_settings import SensorNoise
 from crossmodal.systems.ticks import Ticked
@@ -74,19 +75,6 @@ def predict_motion(
     return X @ step, V, np.asarray(F @ covariance @ F.T + Q, dtype=float)
 
 
-def correct_motion(
-    predicted: tuple[Array, Array, Array], X_measured: Array, V_measured: Array, R: Array
-) -> tuple[Array, Array, Array]:
-    """Kalman correction by a measured pose and velocity with covariance R (12, 12)."""
-    X, V, P = predicted
-    innovation = np.concatenate([se3.log(se3.inverse(X) @ X_measured), V_measured - V])
-    K = np.linalg.solve(P + R, P).T
-    correction = K @ innovation
-    remainder = np.eye(12) - K
-    posterior = remainder @ P @ remainder.T + K @ R @ K.T
-    return X @ se3.exp(correction[:6]), V + correction[6:], 0.5 * (posterior + posterior.T)
-
-
 def calibration_bias_jacobian(J_E: Array, config: EndEffectorMotionConfig) -> Array:
     """Joint offsets (n, 6) [rad] per unit constant that offset the pose as the calibration does.
 
@@ -98,53 +86,41 @@ def calibration_bias_jacobian(J_E: Array, config: EndEffectorMotionConfig) -> Ar
     return J_E.T @ np.linalg.solve(gram, np.diag(scale))
 
 
-def with_offset(X: Array, V: Array, white: Array, bias_jacobian: Array) -> EndEffectorBelief:
-    """The belief whose pose error is white noise plus `bias_jacobian` (6, m) times constants."""
-    covariance = white.copy()
-    covariance[:6, :6] += bias_jacobian @ bias_jacobian.T
-    return EndEffectorBelief(X=X, V=V, covariance=covariance, bias_jacobian=bias_jacobian)
-
-
-def predict_belief(belief: EndEffectorBelief, config: EndEffectorMotionConfig) -> EndEffectorBelief:
-    """The belief one tick later; the offset turns with the end-effector."""
-    X, V, white = predict_motion(belief.X, belief.V, belief.white_covariance, config)
-    turn = se3.adjoint(se3.inverse(X) @ belief.X)
-    return with_offset(X, V, white, turn @ belief.bias_jacobian)
-
-
-def estimate_belief(
-    belief: EndEffectorBelief,
-    X_measured: Array,
-    V_measured: Array,
-    R: Array,
-    bias_jacobian: Array,
-    config: EndEffectorMotionConfig,
-) -> EndEffectorBelief:
-    """This tick's posterior from the last one, a measurement and the bias Jacobian here."""
-    predicted = predict_motion(belief.X, belief.V, belief.white_covariance, config)
-    return with_offset(*correct_motion(predicted, X_measured, V_measured, R), bias_jacobian)
-
-
 @dataclass(kw_only=True)
 class EndEffectorState:
-    """What is remembered.
+    """The posterior, its errors sorted by how long they last.
 
     Attributes:
-        belief: The posterior, without what the samples' angles are off by in common.
+        X: X_WE (4, 4).
+        V: V_WE_E (6,).
+        white: Covariance (12, 12) of both, without what follows.
+        bias_jacobian: (6, m) pose error in E per unit of each constant of the episode.
         joint_bias_jacobian: Joint offsets per unit constant (n, m); None before the first data.
         common: Covariance (6, 6), in E, of what the pose is off by in common with the last samples.
     """
 
-    belief: EndEffectorBelief
+    X: Array
+    V: Array
+    white: Array
+    bias_jacobian: Array
     joint_bias_jacobian: Array | None
     common: Array
 
 
-def with_common(belief: EndEffectorBelief, common: Array) -> EndEffectorBelief:
-    """The belief whose pose has another white error, of covariance `common` (6, 6)."""
-    covariance = belief.covariance.copy()
-    covariance[:6, :6] += common
-    return replace(belief, covariance=covariance)
+def predict_state(state: EndEffectorState, config: EndEffectorMotionConfig) -> EndEffectorState:
+    """The state one tick later; the offset turns with the end-effector."""
+    X, V, white = predict_motion(state.X, state.V, state.white, config)
+    turn = se3.adjoint(se3.inverse(X) @ state.X)
+    return replace(state, X=X, V=V, white=white, bias_jacobian=turn @ state.bias_jacobian)
+
+
+def belief(state: EndEffectorState) -> EndEffectorBelief:
+    """The port value of a state."""
+    covariance = state.white.copy()
+    covariance[:6, :6] += state.bias_jacobian @ state.bias_jacobian.T + state.common
+    return EndEffectorBelief(
+        X=state.X, V=state.V, covariance=covariance, bias_jacobian=state.bias_jacobian
+    )
 
 
 class EndEffectorMotion(RecursiveFilter):
@@ -186,36 +162,31 @@ class EndEffectorMotion(RecursiveFilter):
         frame: str = "end_effector",
     ) -> None:
         super().__init__()
-        self._check(config, plant, frame)
-        self._config = config
-        self._plant = plant
-        self._frame = plant.GetFrameByName(frame)
-        self._scratch = plant.CreateDefaultContext()  # Holds no state between two calls.
-        no_samples = SampleWindow(
-            times=np.zeros(0), values=np.zeros((0, 2 * plant.num_positions()))
-        )
-        self._window = self._declare_value_input("joint_state_window", no_samples)
-        unknown = EndEffectorBelief(
-            X=np.eye(4),
-            V=np.zeros(6),
-            covariance=100.0 * np.eye(12),
-            bias_jacobian=np.zeros((6, 6)),
-        )
-        initial = EndEffectorState(
-            belief=unknown, joint_bias_jacobian=None, common=np.zeros((6, 6))
-        )
-        self._declare_recursion(initial, self._calc_motion, config.period)
-        self._declare_estimated("end_effector_estimated", self._offer)
-        self._declare_latest("end_effector_latest", self._offer)
-        self._declare_latest("end_effector_predicted", self._predict)
-
-    @staticmethod
-    def _check(config: EndEffectorMotionConfig, plant: MultibodyPlant, frame: str) -> None:
         check(config, "EndEffectorMotion")
         if not plant.is_finalized():
             raise ValueError("EndEffectorMotion: the robot's model must be finalized")
         if not plant.HasFrameNamed(frame):
             raise ValueError(f"EndEffectorMotion: the robot's model has no frame named '{frame}'")
+        self._config = config
+        self._plant = plant
+        self._frame = plant.GetFrameByName(frame)
+        self._scratch = plant.CreateDefaultContext()  # Holds no state between two calls.
+        none = no_samples(2 * plant.num_positions())
+        self._window = self._declare_value_input("joint_state_window", none)
+        initial = EndEffectorState(
+            X=np.eye(4),
+            V=np.zeros(6),
+            white=100.0 * np.eye(12),
+            bias_jacobian=np.zeros((6, 6)),
+            joint_bias_jacobian=None,
+            common=np.zeros((6, 6)),
+        )
+        self._declare_recursion(initial, self._calc_motion, config.period)
+        self._declare_estimated("end_effector_estimated", belief)
+        self._declare_latest("end_effector_latest", belief)
+        self._declare_latest(
+            "end_effector_predicted", lambda state: belief(predict_state(state, config))
+        )
 
     def _kinematics(self, joint_state: Any) -> tuple[Array, Array]:
         """X_WE (4, 4) and J_E (6, n) at positions and velocities (2 n,)."""
@@ -232,30 +203,26 @@ class EndEffectorMotion(RecursiveFilter):
         X_WE = self._frame.CalcPoseInWorld(self._scratch).GetAsMatrix4()
         return np.asarray(X_WE), np.asarray(J_E)
 
-    @staticmethod
-    def _offer(state: EndEffectorState) -> EndEffectorBelief:
-        return with_common(state.belief, state.common)
-
-    def _predict(self, state: EndEffectorState) -> EndEffectorBelief:
-        return with_common(predict_belief(state.belief, self._config), state.common)
-
     def _calc_motion(self, context: Context, state: EndEffectorState) -> EndEffectorState:
         window: SampleWindow = self._read(self._window, context)
         if window.times.size == 0:
-            if state.joint_bias_jacobian is None:
-                return state
-            return replace(state, belief=predict_belief(state.belief, self._config))
+            unknown = state.joint_bias_jacobian is None
+            return state if unknown else predict_state(state, self._config)
         tau = window.times - context.get_time()
         q, v, covariance = fit_joint_samples(tau, window.values, self._config)
         X_WE, J_E = self._kinematics(np.concatenate([q, v]))
         joint_bias_jacobian = state.joint_bias_jacobian
         if joint_bias_jacobian is None:
             joint_bias_jacobian = calibration_bias_jacobian(J_E, self._config)
+        X, V, white = predict_motion(state.X, state.V, state.white, self._config)
         R = np.asarray(np.kron(covariance, J_E @ J_E.T), dtype=float)
-        common = (J_E * np.broadcast_to(window.variances, 2 * len(q))[: len(q)]) @ J_E.T
-        belief = estimate_belief(
-            state.belief, X_WE, J_E @ v, R, J_E @ joint_bias_jacobian, self._config
-        )
+        innovation = np.concatenate([se3.log(se3.inverse(X) @ X_WE), J_E @ v - V])
+        correction, white = joseph_update(white, np.eye(12), R, innovation)
         return EndEffectorState(
-            belief=belief, joint_bias_jacobian=joint_bias_jacobian, common=common
+            X=X @ se3.exp(correction[:6]),
+            V=V + correction[6:],
+            white=white,
+            bias_jacobian=J_E @ joint_bias_jacobian,
+            joint_bias_jacobian=joint_bias_jacobian,
+            common=(J_E * np.broadcast_to(window.variances, 2 * len(q))[: len(q)]) @ J_E.T,
         )

@@ -8,7 +8,12 @@ from pydrake.systems.framework import Context
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number
 from crossmodal.systems.arm_pose import ArmPose, joints_at, offset_variances
-from crossmodal.systems.port_values import UNKNOWN_END_EFFECTOR, EndEffectorBelief, SampleWindow
+from crossmodal.systems.port_values import (
+    UNKNOWN_END_EFFECTOR,
+    EndEffectorBelief,
+    SampleWindow,
+    no_samples,
+)
 from crossmodal.systems.recursive_filter import RecursiveFilter
 from crossmodal.systems.shared_settings import SensorNoise
 from crossmodal.systems.ticks import Ticked
@@ -53,7 +58,6 @@ class EndEffectorPose(RecursiveFilter):
     - `end_effector_latest`: the one of the last tick, from the state.
 
     Args:
-        config: Noise.
         arm: Its kinematics with their errors.
 
     Raises:
@@ -64,8 +68,8 @@ class EndEffectorPose(RecursiveFilter):
         super().__init__()
         check(config, "EndEffectorPose")
         self._config, self._arm = config, arm
-        empty = SampleWindow(times=np.zeros(0), values=np.zeros((0, 2 * arm.num_joints)))
-        self._window = self._declare_value_input("joint_state_window", empty)
+        none = no_samples(2 * arm.num_joints)
+        self._window = self._declare_value_input("joint_state_window", none)
         self._declare_recursion(UNKNOWN_END_EFFECTOR, self._calc_pose, config.period)
         self._declare_estimated("end_effector_estimated", lambda belief: belief)
         self._declare_latest("end_effector_latest", lambda belief: belief)

@@ -73,7 +73,6 @@ def compare(
         X_WH: The bent hand (4, 4).
         body: As vision alone sees it.
         p_HA: The handle in the hand (3,), [m].
-        config: How far lost and held bodies go.
     """
     before = failure.X_WH[:3, :3] @ p_HA + failure.X_WH[:3, 3]
     hand_displacement = X_WH[:3, :3] @ p_HA + X_WH[:3, 3] - before

@@ -19,11 +19,9 @@ import numpy as np
 
 from crossmodal.maths import error_state, se3
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.gaussian import joseph_update, log_likelihood, nees, symmetric
-from crossmodal.maths.in_place import assign
-from crossmodal.maths.tangent_plane import normal_basis, transport
-from crossmodal.maths.vectors import cross
+from crossmodal.maths.vectors import cross, normal_basis, transport
 from crossmodal.systems.port_values import GraspType
 from crossmodal.systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
@@ -164,10 +162,11 @@ def correct_filter(
 
     Args:
         z: X_HB (4, 4), with white noise R (6, 6) expressed in H.
-        hand: With the Jacobian of its constant errors.
         noise_square_root: Of the hand's other errors (6, 6), those of the landmarks among them.
     """
-    noise_square_root = with_slip(noise_square_root, grasp.displacement, config)
+    slip = np.diag(config.hand.slip * grasp.displacement)
+    noise = noise_square_root @ noise_square_root.T + slip
+    noise_square_root = np.asarray(np.linalg.cholesky(noise), dtype=float)
     predicted, H = expected(grasp, hand.bias_jacobian, noise_square_root)
     innovation = se3.log(z @ se3.inverse(predicted))
     R = R + second_order_noise(grasp)
@@ -182,8 +181,11 @@ def correct_filter(
     B = normal_basis(grasp.axis)
     axis = grasp.axis + theta[:2] @ B
     axis /= np.linalg.norm(axis)
-    if grasp.type != GraspType.PERFECT:
-        P = transported(P, errors, grasp.axis, axis)
+    if grasp.type != GraspType.PERFECT:  # The basis at the axis turns with it.
+        Q, T = np.empty((2, 2)), np.eye(len(P))
+        transport(grasp.axis, axis, Q)
+        T[errors : errors + 4, errors : errors + 4] = np.kron(np.eye(2), Q)
+        P = T @ P @ T.T
     corrected = replace(
         grasp,
         axis=axis,
@@ -194,25 +196,12 @@ def correct_filter(
         rejection_count=0,
     )
     if grasp.type != GraspType.PERFECT:
+        U = np.kron(np.eye(2), normal_basis(axis).T)
+        known = U.T @ corrected.line_covariance @ U
         single = single_tick_line_covariance(corrected, hand, noise_square_root, R, config)
-        corrected = with_line_covariance(corrected, single)
+        smaller = known if np.linalg.det(single) > np.linalg.det(known) else single
+        corrected = replace(corrected, line_covariance=U @ smaller @ U.T)
     return corrected, likelihood
-
-
-def transported(P: Array, errors: int, axis: Array, axis_next: Array) -> Array:
-    """Covariance of a filter's error state in the basis at its axis after a correction.
-
-    Args:
-        P: In the basis at the axis before.
-        errors: Where axis and point begin in the error state.
-        axis: Unit vector (3,) before the correction.
-        axis_next: After it.
-    """
-    Q = np.empty((2, 2))
-    transport(axis, axis_next, Q)
-    T = np.eye(len(P))
-    T[errors : errors + 4, errors : errors + 4] = np.kron(np.eye(2), Q)
-    return np.asarray(T @ P @ T.T)
 
 
 def second_order_noise(grasp: GraspFilter) -> Array:
@@ -251,21 +240,6 @@ def single_tick_line_covariance(
     information = D.T @ np.linalg.solve(C, D)
     information[:4, :4] += np.diag(1.0 / prior_line_variances(grasp.bias_jacobian_0, config))
     return np.asarray(np.linalg.inv(information)[:4, :4])
-
-
-def with_line_covariance(grasp: GraspFilter, single: Array) -> GraspFilter:
-    """Takes over the covariance (4, 4) of a single tick if it is smaller than what is known."""
-    U = np.kron(np.eye(2), normal_basis(grasp.axis).T)
-    known = U.T @ grasp.line_covariance @ U
-    if np.linalg.det(single) > np.linalg.det(known):
-        single = known
-    return replace(grasp, line_covariance=U @ single @ U.T)
-
-
-def with_slip(noise_square_root: Array, displacement: float, config: GraspModelConfig) -> Array:
-    """The square root (6, 6) of the hand's noise and of the slip over its displacement [m]."""
-    slip = config.hand.slip * displacement
-    return np.asarray(np.linalg.cholesky(noise_square_root @ noise_square_root.T + np.diag(slip)))
 
 
 def follow(grasp: GraspFilter, z: Array, hand: BentHand, noise_square_root: Array) -> GraspFilter:

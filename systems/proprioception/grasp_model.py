@@ -54,8 +54,15 @@ def weigh(
     weights = np.exp(score - score.max())
     held = (1.0 - config.lodging) * weights / weights.sum()
     held[HELD_TYPES.index(GraspType.PERFECT)] += config.lodging
+    return with_failed(held, failure, slip, config)
+
+
+def with_failed(
+    held: Array, failure: GraspFailure, slip: SlipBelief, config: GraspModelConfig
+) -> Array:
+    """Probabilities of the types (4,) from those of the held types (3,), if it holds."""
     failed = failure.probability(config.failure, slip.log_odds)
-    return np.append((1.0 - failed) * held, failed)
+    return np.append((1.0 - failed) * held / held.sum(), failed)
 
 
 def reweigh(
@@ -63,8 +70,7 @@ def reweigh(
 ) -> Array:
     """Probabilities of the types (4,) at a tick at which vision says nothing."""
     held = np.array([belief.probabilities[kind] for kind in HELD_TYPES])
-    failed = unseen(failure, config.failure).probability(config.failure, slip.log_odds)
-    return np.append((1.0 - failed) * held / held.sum(), failed)
+    return with_failed(held, unseen(failure, config.failure), slip, config)
 
 
 @dataclass(kw_only=True)
@@ -87,22 +93,15 @@ class GraspState(Immutable):
 
 
 def make_belief(
-    probabilities: Array,
-    filters: list[GraspFilter],
-    z: Array,
-    covariance: Array,
-    config: GraspModelConfig,
+    probabilities: Array, filters: list[GraspFilter], config: GraspModelConfig
 ) -> GraspBelief:
-    """The port value; `z` is X_HB (4, 4) with covariance (6, 6) in H."""
+    """The port value."""
     best = TYPES[int(np.argmax(probabilities))]
     loose = [f for f in filters if f.type != GraspType.PERFECT]
-    loose = loose or [start_filter(GraspType.REVOLUTE, z, np.zeros((6, 0)), config)]
+    loose = loose or [start_filter(GraspType.REVOLUTE, np.eye(4), np.zeros((6, 0)), config)]
     line = next((f for f in loose if f.type == best), loose[0])
-    Ad = se3.adjoint(se3.inverse(z))
     return GraspBelief(
         probabilities=dict(zip(TYPES, map(float, probabilities), strict=True)),
-        X_HB=z,
-        covariance=Ad @ covariance @ Ad.T,
         axis_H=line.axis,
         p_HA=line.point,
         line_covariance=line.line_covariance,
@@ -110,19 +109,9 @@ def make_belief(
     )
 
 
-def measured_covariance(hand: BentHand, z: Array, P_B: Array) -> Array:
-    """Covariance (6, 6) in H of z = X_WH^-1 X_WB, the body's (6, 6) being in B."""
-    Ad = se3.adjoint(z)
-    own = (
-        hand.bias_jacobian @ hand.bias_jacobian.T
-        + hand.noise_square_root @ hand.noise_square_root.T
-    )
-    return np.asarray(own + Ad @ P_B @ Ad.T)
-
-
 def initial_grasp(config: GraspModelConfig) -> GraspBelief:
     """What is believed before anything is held: the prior."""
-    return make_belief(prior_probabilities(config), [], np.eye(4), np.eye(6), config)
+    return make_belief(prior_probabilities(config), [], config)
 
 
 def initial_state(config: GraspModelConfig) -> GraspState:
@@ -141,9 +130,8 @@ def start_state(hand: BentHand, body: HeldBody, config: GraspModelConfig) -> Gra
     z_0 = se3.inverse(hand.X_WH) @ body.motion.X
     filters = [start_filter(kind, z_0, hand.bias_jacobian, config) for kind in HELD_TYPES]
     at_reference = PoseBelief(X=body.motion.X, covariance=body.motion.covariance[:6, :6])
-    covariance = measured_covariance(hand, z_0, body.motion.covariance[:6, :6])
     return GraspState(
-        belief=make_belief(prior_probabilities(config), filters, z_0, covariance, config),
+        belief=make_belief(prior_probabilities(config), filters, config),
         filters=filters,
         evidence=np.zeros(3),
         hand=hand,
@@ -158,11 +146,11 @@ def doubt(state: GraspState, slip: SlipBelief, config: GraspModelConfig) -> Gras
     probabilities = reweigh(state.belief, state.failure, slip, config)
     best, line = TYPES[int(np.argmax(probabilities))], state.belief
     belief = replace(
-        state.belief,
+        line,
         probabilities=dict(zip(TYPES, map(float, probabilities), strict=True)),
         free_motion=free_projection(best, line.axis_H, line.p_HA),
     )
-    return GraspState(**{**vars(state), "belief": belief})
+    return replace(state, belief=belief)
 
 
 def reaffirm(
@@ -171,15 +159,9 @@ def reaffirm(
     """A tick without vision: X_HB follows from the grasp, so that it cannot confirm it."""
     z = se3.inverse(hand.X_WH) @ body.motion.X
     filters = [follow(f, z, hand, hand.noise_square_root) for f in state.filters]
-    covariance = measured_covariance(hand, z, body.motion.covariance[:6, :6])
     probabilities = reweigh(state.belief, state.failure, slip, config)
-    return GraspState(
-        belief=make_belief(probabilities, filters, z, covariance, config),
-        filters=filters,
-        evidence=state.evidence,
-        hand=hand,
-        failure=state.failure,
-    )
+    belief = make_belief(probabilities, filters, config)
+    return replace(state, belief=belief, filters=filters, hand=hand)
 
 
 def refresh(
@@ -213,10 +195,9 @@ def learn(
     usual = np.array([plausibility(f, config) for f, _ in results])
     failure = compare(state.failure, hand.X_WH, seen, config.hand.grasping_axis[1], config.failure)
     probabilities = weigh(evidence + usual, failure, slip, config)
-    covariance = measured_covariance(hand, z, seen.covariance + offset_covariance)
     filters = [refresh(f, z, hand, config) for f, _ in results]
     return GraspState(
-        belief=make_belief(probabilities, filters, z, covariance, config),
+        belief=make_belief(probabilities, filters, config),
         filters=filters,
         evidence=evidence - evidence.max(),
         hand=hand,
@@ -286,7 +267,7 @@ class GraspModel(RecursiveFilter):
             return start_state(hand, body, self._config)
         displacement = float(np.linalg.norm(hand.X_WH[:3, 3] - state.hand.X_WH[:3, 3]))
         filters = [predict_filter(f, self._config, displacement) for f in state.filters]
-        state = GraspState(**{**vars(state), "filters": filters})
+        state = replace(state, filters=filters)
         if body.seen is None:
             return reaffirm(state, hand, body, slip, self._config)
         return learn(state, hand, body.seen, body.seen_offset_covariance, slip, self._config)

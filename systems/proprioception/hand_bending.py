@@ -1,6 +1,6 @@
 """How far the soft hand has bent since it closed, from the wrist's wrench and chamber pressures."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +9,7 @@ from pydrake.systems.framework import Context
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import joseph_update
 from crossmodal.maths.validation import check, number
 from crossmodal.models import WEIGHTS_DIR
 from crossmodal.systems.port_values import (
@@ -17,6 +18,7 @@ from crossmodal.systems.port_values import (
     HandLoad,
     PoseBelief,
     SampleWindow,
+    no_samples,
 )
 from crossmodal.systems.proprioception.bending_network import (
     BendingNetwork,
@@ -82,6 +84,8 @@ def load_reading(
 class BendingState:
     """The filter's state: log X_EH (6,), the networks' error (6,) and the creep, with covariance.
 
+    It begins at the first instant of the grasp, where H is E.
+
     Attributes:
         reading: Of this tick (10,), None where there were no samples.
         reference: Reading (10,) at the first instant of the grasp, None before.
@@ -92,18 +96,13 @@ class BendingState:
         load_variances: (6,), see `HandLoad`, of this tick's reading.
     """
 
-    reading: Array | None
-    reference: Array | None
-    last_reading: Array | None
-    held: float
-    mean: Array
-    covariance: Array
+    reading: Array | None = None
+    reference: Array | None = None
+    last_reading: Array | None = None
+    held: float = 0.0
+    mean: Array = field(default_factory=lambda: np.zeros(13))
+    covariance: Array = field(default_factory=lambda: np.diag(np.repeat([CERTAIN, 1.0], [6, 7])))
     load_variances: Array = field(default_factory=lambda: np.zeros(6))
-
-
-def start_grasp() -> tuple[Array, Array]:
-    """Mean (13,) and covariance (13, 13) at the first instant of the grasp, where H is E."""
-    return np.zeros(13), np.diag(np.repeat([CERTAIN, 1.0], [6, 7]))
 
 
 def predict_bending_state(
@@ -115,27 +114,6 @@ def predict_bending_state(
     rates = np.repeat([config.rotation_process_noise, config.translation_process_noise], 3)
     Q = np.concatenate([rates**2 * config.period, np.full(6, 1.0 - fading**2), [0.0]])
     return F * mean, F[:, None] * covariance * F + np.diag(Q)
-
-
-def correct_bending_state(
-    mean: Array, covariance: Array, measured: Array, deviation: Array, creep: Array, R: Array
-) -> tuple[Array, Array]:
-    """Corrects by z = log X_EH + deviation * error + creep * constant + white noise.
-
-    Args:
-        mean: Predicted state (13,), see `BendingState`.
-        covariance: Its covariance (13, 13).
-        measured: z (6,), what the networks read, [rad, m].
-        deviation: Its standard deviation (6,).
-        creep: Part of the bending that the sensors do not show (6,), one standard deviation.
-        R: Covariance (6, 6) of the white noise, the sensors' through the network.
-    """
-    H = np.hstack([np.eye(6), np.diag(deviation), creep[:, None]])
-    PHt = covariance @ H.T
-    K = np.linalg.solve(H @ PHt + R, PHt.T).T
-    remainder = np.eye(13) - K @ H
-    posterior = remainder @ covariance @ remainder.T + K @ R @ K.T
-    return mean + K @ (measured - H @ mean), 0.5 * (posterior + posterior.T)
 
 
 def bending_belief(state: BendingState) -> PoseBelief:
@@ -187,7 +165,8 @@ class HandBending(RecursiveFilter):
 
     def __init__(self, config: HandBendingConfig, network: BendingNetwork | None = None) -> None:
         super().__init__()
-        self._check(config)
+        check(config, "HandBending")
+        check_hand(config.hand, "HandBending")
         self._config = config
         self._network = network or load_network(Path(WEIGHTS_DIR, config.weights))
         self._R_ES = RollPitchYaw(*map(float, config.hand.rpy_ES)).ToRotationMatrix().matrix()
@@ -196,84 +175,41 @@ class HandBending(RecursiveFilter):
         self._floor = np.repeat([config.rotation_floor, config.translation_floor], 3)
         pressure = _MEAN_PRESSURE * config.noise.pressure
         self._noise = np.append(config.noise.wrench, np.full(4, pressure))
-        no_wrench = SampleWindow(times=np.zeros(0), values=np.zeros((0, 6)))
-        no_pressure = SampleWindow(times=np.zeros(0), values=np.zeros((0, 4)))
-        self._wrench = self._declare_value_input("wrench_window", no_wrench)
-        self._pressure = self._declare_value_input("pressure_window", no_pressure)
+        self._wrench = self._declare_value_input("wrench_window", no_samples(6))
+        self._pressure = self._declare_value_input("pressure_window", no_samples(4))
         self._end_effector = self._declare_value_input(
             "end_effector_estimated", UNKNOWN_END_EFFECTOR
         )
         self._active = self.DeclareVectorInputPort("interaction_active", 1)
-        mean, covariance = start_grasp()
-        initial = BendingState(
-            reading=None,
-            reference=None,
-            last_reading=None,
-            held=0.0,
-            mean=mean,
-            covariance=covariance,
-        )
-        self._declare_recursion(initial, self._calc_bending, config.period)
+        self._declare_recursion(BendingState(), self._calc_bending, config.period)
         self._declare_estimated("hand_bending_estimated", bending_belief)
         self._declare_latest("hand_bending_latest", bending_belief)
         self._declare_estimated("hand_load_estimated", hand_load)
 
-    @staticmethod
-    def _check(config: HandBendingConfig) -> None:
-        check(config, "HandBending")
-        check_hand(config.hand, "HandBending")
-
-    def _average(self, context: Context) -> Array | None:
-        """This tick's reading (10,); None without samples."""
-        wrench: SampleWindow = self._read(self._wrench, context)
-        pressure: SampleWindow = self._read(self._pressure, context)
-        if wrench.times.size == 0 or pressure.times.size == 0:
-            return None
-        R_WS = self._read(self._end_effector, context).X[:3, :3] @ self._R_ES
-        return load_reading(wrench, pressure, R_WS, self._config.hand.mass, self._p_S_com)
-
     def _calc_bending(self, context: Context, state: BendingState) -> BendingState:
-        reading = self._average(context)
-        left: SampleWindow = self._read(self._wrench, context)
-        variances = np.broadcast_to(left.variances, 6)
-        last = state.last_reading if reading is None else reading
-        if self._read(self._active, context)[0] <= 0.5:
-            mean, covariance = start_grasp()
-            return BendingState(
-                reading=reading,
-                reference=None,
-                last_reading=last,
-                held=0.0,
-                mean=mean,
-                covariance=covariance,
-                load_variances=variances,
-            )
-        reference, held = state.reference, 0.0
-        if reference is None:
-            reference = last
-            mean, covariance = start_grasp()
-        else:
-            held = state.held + self._config.period
-            mean, covariance = predict_bending_state(state.mean, state.covariance, self._config)
-            if reading is not None:
-                noise = self._reading_noise(context)
-                mean, covariance = self._correct(mean, covariance, reading, noise, reference, held)
-        return BendingState(
-            reading=reading,
-            reference=reference,
-            last_reading=last,
-            held=held,
-            mean=mean,
-            covariance=covariance,
-            load_variances=variances,
-        )
-
-    def _reading_noise(self, context: Context) -> Array:
-        """Standard deviation of this tick's reading (10,), with that of what was taken out."""
         wrench: SampleWindow = self._read(self._wrench, context)
         pressure: SampleWindow = self._read(self._pressure, context)
-        common = [np.broadcast_to(w.variances, w.values.shape[1]) for w in (wrench, pressure)]
-        return np.asarray(np.hypot(self._noise, np.sqrt(np.concatenate(common))))
+        reading = None
+        if wrench.times.size > 0 and pressure.times.size > 0:
+            R_WS = self._read(self._end_effector, context).X[:3, :3] @ self._R_ES
+            mass = self._config.hand.mass
+            reading = load_reading(wrench, pressure, R_WS, mass, self._p_S_com)
+        last = state.last_reading if reading is None else reading
+        variances = np.broadcast_to(wrench.variances, 6)
+        now = BendingState(reading=reading, last_reading=last, load_variances=variances)
+        if self._read(self._active, context)[0] <= 0.5:
+            return now
+        if state.reference is None:
+            return replace(now, reference=last)
+        held = state.held + self._config.period
+        mean, covariance = predict_bending_state(state.mean, state.covariance, self._config)
+        if reading is not None:
+            # With that of what was taken out of the samples.
+            common = np.append(variances, np.broadcast_to(pressure.variances, 4))
+            noise = np.hypot(self._noise, np.sqrt(common))
+            reference = state.reference
+            mean, covariance = self._correct(mean, covariance, reading, noise, reference, held)
+        return replace(now, reference=state.reference, held=held, mean=mean, covariance=covariance)
 
     def _correct(
         self,
@@ -284,9 +220,16 @@ class HandBending(RecursiveFilter):
         reference: Array,
         held: float,
     ) -> tuple[Array, Array]:
+        """Corrects by z = log X_EH + deviation * error + creep * constant + white noise.
+
+        The networks read z with a standard deviation that may be the same error at all ticks; the
+        creep does not show in the sensors, whose noise passes the network.
+        """
         measured = predict_bending(self._network, reading, reference)
         deviation = np.hypot(predict_deviation(self._network, reading, reference), self._floor)
         creep = self._creep * np.sqrt(held)
         J = bending_jacobian(self._network, reading, reference) * noise
         R = J @ J.T + 1e-2 * np.diag(self._floor**2)
-        return correct_bending_state(mean, covariance, measured, deviation, creep, R)
+        H = np.hstack([np.eye(6), np.diag(deviation), creep[:, None]])
+        correction, posterior = joseph_update(covariance, H, R, measured - H @ mean)
+        return mean + correction, posterior

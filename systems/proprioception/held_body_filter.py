@@ -13,10 +13,17 @@ from crossmodal.maths.gaussian import nees, outlier_gate, schmidt_update, symmet
 from crossmodal.maths.rigid_points import pose_scale
 from crossmodal.maths.vectors import cross
 from crossmodal.systems.port_values import GraspBelief, GraspType, PoseBelief
-from crossmodal.systems.proprioception.bent_hand import BentHand, screw
-from crossmodal.systems.proprioception.free_motion import free_motion, line_sensitivity
-from crossmodal.systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
-from crossmodal.systems.proprioception.held_body_state import BodyState, Layout
+from crossmodal.systems.proprioception.bent_hand import (
+    BentHand,
+    free_motion,
+    line_sensitivity,
+    screw,
+)
+from crossmodal.systems.proprioception.held_body_state import (
+    BodyState,
+    HeldBodyMotionConfig,
+    Layout,
+)
 
 _LOOSE_TYPES = (GraspType.REVOLUTE, GraspType.CYLINDRICAL)
 _POSE = slice(0, 6)
@@ -39,9 +46,6 @@ def start_body(
     largest at the reference and decays; it ends when features say where the body is.
 
     Args:
-        hand: As it is now.
-        grasp: As it is now.
-        config: Of the errors.
         delay: Since the hand has closed, [s].
     """
     reference_error = np.repeat(
@@ -58,16 +62,8 @@ def start_body(
         X_WB_reference=X_WB,
         x=np.zeros(layout.size),
         P=P,
-        V=np.zeros(6),
-        V_covariance=1e-4 * np.eye(6),
-        feature_ids=np.zeros(0, dtype=np.int64),
         grasp_type=grasp.type,
-        unseen_growth=np.zeros((6, 6)),
         reference_error=np.diag(reference_error**2),
-        reset_count=0,
-        offset=np.zeros((6, 6)),
-        reference_offset=np.zeros((6, 6)),
-        shift=0.0,
         reference_delay=delay,
     )
 

@@ -42,8 +42,7 @@ from crossmodal.systems.proprioception.held_body_filter import (
     start_body,
     with_velocity,
 )
-from crossmodal.systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
-from crossmodal.systems.proprioception.held_body_state import BodyState
+from crossmodal.systems.proprioception.held_body_state import BodyState, HeldBodyMotionConfig
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
 
@@ -154,27 +153,28 @@ def body_motions(state: HeldBodyState) -> BodyMotions:
     covariance = np.zeros((12, 12))
     covariance[:6, :6] = body.pose.covariance
     covariance[6:, 6:] = body.V_covariance
-    rows = np.zeros(0, dtype=np.int64) if sighting is None else sighting.rows
+    seen: dict[str, Any] = {}
+    if sighting is not None:
+        rows, by_vision = sighting.rows, sighting.body
+        seen = {
+            "feature_ids": by_vision.feature_ids[rows],
+            "p_BF": by_vision.p_BF[rows],
+            "p_BF_covariance": covariance_of(by_vision, rows),
+            "seen": sighting.pose,
+            "seen_offset_covariance": sighting.offset_covariance,
+        }
     return BodyMotions(
         bodies=[
             HeldBody(
                 body_id=HELD_BODY,
                 motion=MotionBelief(X=body.X_WB, V=body.V, covariance=covariance),
                 X_WB_reference=body.X_WB_reference,
-                feature_ids=rows if sighting is None else sighting.body.feature_ids[rows],
-                p_BF=np.zeros((0, 3)) if sighting is None else sighting.body.p_BF[rows],
-                p_BF_covariance=(
-                    np.zeros((0, 0)) if sighting is None else covariance_of(sighting.body, rows)
-                ),
                 correlated_covariance=body.correlated,
                 reset_count=body.reset_count,
                 offset_covariance=body.offset,
                 reference_offset_covariance=body.reference_offset,
-                seen=None if sighting is None else sighting.pose,
-                seen_offset_covariance=(
-                    np.zeros((6, 6)) if sighting is None else sighting.offset_covariance
-                ),
                 reference_delay=body.reference_delay,
+                **seen,
             )
         ]
     )
@@ -209,6 +209,8 @@ class HeldBodyMotion(RecursiveFilter):
     Output ports:
     - `body_motions_estimated`: `BodyMotions`, of which the features of `HELD_BODY` are used. It and
       `features_estimated` exist only with `corrected_by_vision` and may stay unconnected.
+
+    Output ports:
     - `body_prior`: `PoseBelief` X_WB before vision, NaN while nothing is held. It depends on the
       state and on the first five inputs only.
     - `body_motions_estimated`: `BodyMotions`, one `HeldBody` or none, posterior of this tick.

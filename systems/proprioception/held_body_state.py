@@ -20,47 +20,59 @@ is learnt by the grasp model alone: states that are only considered make the pos
 are not corrected.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import number
 from crossmodal.systems.port_values import GraspType, PoseBelief
 from crossmodal.systems.proprioception.bent_hand import BentHand
+from crossmodal.systems.proprioception.hand_config import HandConfig
+from crossmodal.systems.ticks import Ticked
 
 
-@dataclass(frozen=True)
+@dataclass(kw_only=True)
+class HeldBodyMotionConfig(Ticked):
+    """How the held body is predicted by the hand and corrected by features."""
+
+    # White error of the end-effector above which no reference is taken.
+    largest_error: float = number(0.01, at_least=1e-9, at_most=10.0, unit="m")
+    hand = HandConfig()
+    # Settling of the grip after the reference.
+    reference_rotation_error: float = number(0.05, at_least=1e-9, at_most=10.0, unit="rad")
+    # The same for the translation.
+    reference_translation_error: float = number(6.0e-3, at_least=1e-9, at_most=10.0, unit="m")
+    # Time constant with which these errors decay.
+    reference_error_time: float = number(2.0, at_least=1e-3, at_most=1e5, unit="s")
+    # A turn of the hand counts as this displacement.
+    lever: float = number(0.1, at_least=1e-6, at_most=100.0, unit="m/rad")
+    # One over the radius of a hinge, 1 sigma.
+    hinge_curvature: float = number(3.0, at_least=1e-6, at_most=1000.0, unit="rad/m")
+    # Of the velocity, by slip and by the rate of bending.
+    velocity_noise: float = number(4.0e-3, at_least=1e-9, at_most=100.0, unit="m/s")
+    # Least number of features that tell a pose.
+    minimum_features: int = number(8, at_least=3, at_most=10000)
+    # Least share of them that agrees on one pose.
+    inlier_share: float = number(0.5, above=0.0, at_most=1.0)
+    # Common error of the landmarks.
+    landmark_rotation_floor: float = number(2.0e-3, at_least=1e-9, at_most=1.0, unit="rad")
+    # The same for the translation.
+    landmark_translation_floor: float = number(3.0e-4, at_least=1e-9, at_most=1.0, unit="m")
+    # Standard deviation of a slip that shows as an outlier.
+    jump: float = number(0.01, at_least=1e-9, at_most=10.0, unit="m")
+    # Least share of features seen before that shows a slip.
+    retained_share: float = number(0.5, above=0.0, at_most=1.0)
+
+
 class Layout:
-    """Where the parts of the error state lie, for m constants."""
+    """Where the parts of the error state lie, for m constants; the pose's error is first."""
 
-    m: int
-
-    @property
-    def size(self) -> int:
-        return 29 + self.m
-
-    @property
-    def c(self) -> slice:
-        return slice(6, 6 + self.m)
-
-    @property
-    def n(self) -> slice:
-        return slice(6 + self.m, 12 + self.m)
-
-    @property
-    def b(self) -> slice:
-        return slice(12 + self.m, 18 + self.m)
-
-    @property
-    def f(self) -> slice:
-        return slice(18 + self.m, 20 + self.m)
-
-    @property
-    def k(self) -> slice:
-        return slice(20 + self.m, 23 + self.m)
-
-    @property
-    def s(self) -> slice:
-        return slice(23 + self.m, 29 + self.m)
+    def __init__(self, m: int) -> None:
+        ends = np.cumsum([6, m, 6, 6, 2, 3, 6]).tolist()
+        self.c, self.n, self.b, self.f, self.k, self.s = map(slice, ends, ends[1:])
+        self.size = ends[-1]
 
 
 @dataclass(kw_only=True)
@@ -93,16 +105,16 @@ class BodyState(Immutable):
     X_WB_reference: Array
     x: Array
     P: Array
-    V: Array
-    V_covariance: Array
-    feature_ids: Ids
     grasp_type: GraspType
-    unseen_growth: Array
     reference_error: Array
-    reset_count: int
-    offset: Array
-    reference_offset: Array
-    shift: float
+    V: Array = field(default_factory=lambda: np.zeros(6))
+    V_covariance: Array = field(default_factory=lambda: 1e-4 * np.eye(6))
+    feature_ids: Ids = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    unseen_growth: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    reset_count: int = 0
+    offset: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    reference_offset: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    shift: float = 0.0
     settled: float = 0.0
     reference_delay: float = 0.0
 

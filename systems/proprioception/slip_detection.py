@@ -7,7 +7,7 @@ a chamber that leaks goes flat. And a hand that moves on without any load holds 
 something without friction.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -73,24 +73,13 @@ class SlipState(Immutable):
         belief: The port value.
     """
 
-    free_force: Array
-    free_ticks: int
-    reference: HandLoad | None
-    p_WE: Array
-    displacement: float
-    force: Array
-    belief: SlipBelief
-
-
-OPEN_HAND = SlipState(
-    free_force=np.zeros(3),
-    free_ticks=0,
-    reference=None,
-    p_WE=np.zeros(3),
-    displacement=0.0,
-    force=np.zeros(3),
-    belief=NO_SLIP,
-)
+    free_force: Array = field(default_factory=lambda: np.zeros(3))
+    free_ticks: int = 0
+    reference: HandLoad | None = None
+    p_WE: Array = field(default_factory=lambda: np.zeros(3))
+    displacement: float = 0.0
+    force: Array = field(default_factory=lambda: np.zeros(3))
+    belief: SlipBelief = NO_SLIP
 
 
 def log_gaussian(squared_distance: float, sigma: float, size: int) -> float:
@@ -151,7 +140,7 @@ def force_odds(force: Array, config: SlipDetectionConfig) -> float:
 
 def watch_open_hand(state: SlipState, load: HandLoad, config: SlipDetectionConfig) -> SlipState:
     """A tick before the hand has closed: learns the force that it measures while it is open."""
-    forgotten = replace(OPEN_HAND, free_force=state.free_force, free_ticks=state.free_ticks)
+    forgotten = SlipState(free_force=state.free_force, free_ticks=state.free_ticks)
     if not np.all(load.pressures < config.open_pressure):
         return forgotten
     count = state.free_ticks + 1
@@ -216,7 +205,7 @@ class SlipDetection(RecursiveFilter):
             "end_effector_estimated", UNKNOWN_END_EFFECTOR
         )
         self._active = self.DeclareVectorInputPort("interaction_active", 1)
-        self._declare_recursion(OPEN_HAND, self._watch, config.period)
+        self._declare_recursion(SlipState(), self._watch, config.period)
         self._declare_estimated("slip_estimated", lambda state: state.belief)
         self._declare_latest("slip_latest", lambda state: state.belief)
 

@@ -15,21 +15,19 @@ from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.port_values import (
     DisplacementBelief,
     SampleWindow,
+    no_samples,
     unknown_displacements,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.registration.registration_prior import (
-    CalibratedArm,
-    prior_covariance,
-    readout,
-)
 from crossmodal.systems.registration.registration_solver import (
+    CalibratedArm,
     Matches,
-    body_weights,
     displacement_rows,
     match,
+    match_weights,
     place_unknowns,
-    robust_weights,
+    prior_covariance,
+    readout,
     surface,
 )
 from crossmodal.systems.registration.robot_view import Joints, RobotView
@@ -113,9 +111,7 @@ class ArmRegistration(RecursiveFilter):
     RSS 2014.
 
     Args:
-        config: See `ArmRegistrationConfig`.
         view: Renders the robot's own model from the camera's believed pose.
-        camera: What is known of it beforehand.
         arms: Likewise, by their names in the view.
 
     Raises:
@@ -139,10 +135,7 @@ class ArmRegistration(RecursiveFilter):
         image = ImageDepth32F(camera.intrinsics.width, camera.intrinsics.height)
         self._depth = self._declare_value_input("depth_measured", image)
         self._windows = {
-            name: self._declare_value_input(
-                f"{name}_joint_state_window",
-                SampleWindow(times=np.zeros(0), values=np.zeros((0, 2 * n))),
-            )
+            name: self._declare_value_input(f"{name}_joint_state_window", no_samples(2 * n))
             for name, n in counts.items()
         }
         initial = RegistrationState(
@@ -217,15 +210,8 @@ class ArmRegistration(RecursiveFilter):
             seen = gated(seen, state, config.gate)
             if len(seen.residual) < config.least_points:
                 return replace(before, time=time)
-            state = fit(
-                before,
-                state,
-                seen,
-                np.asarray(prior, dtype=float),
-                config,
-                image.depth.shape,
-                depth.shape,
-            )
+            share = depth.size / image.depth.size
+            state = fit(before, state, seen, np.asarray(prior, dtype=float), share, config)
         state = replace(state, images=before.images + 1, time=time)
         return replace(state, belief=self._tell(state, joints))
 
@@ -252,28 +238,22 @@ def fit(
     state: RegistrationState,
     seen: Matches,
     prior: Array,
+    share: float,
     config: ArmRegistrationConfig,
-    rendered: tuple[int, ...],
-    measured: tuple[int, ...],
 ) -> RegistrationState:
     """The state after a step with the matches of one image.
 
     Args:
         before: After the last image.
         state: The linearisation.
-        seen: Matches.
         prior: Information (D, D).
-        config: See there.
-        rendered: Shape of the image whose pixels are matched.
-        measured: Shape of the depth image.
+        share: The measured image's pixels per match.
     """
     e = seen.residual - seen.A @ state.mean
     noise = _MEDIAN_TO_SIGMA * float(np.median(np.abs(e)))
     images = before.images + 1
-    share = measured[0] * measured[1] / (rendered[0] * rendered[1]) / config.correlation**2
-    weights = body_weights(
-        seen.body, robust_weights(e, noise), noise**2 / images, config.surface, min(share, 1.0)
-    )
+    share = min(share / config.correlation**2, 1.0)
+    weights = match_weights(seen.body, e, noise, images, config.surface, share)
     weighted = seen.A * weights[:, None]
     information = before.information + (weighted.T @ seen.A - before.information) / images
     moment = before.moment + (weighted.T @ seen.residual - before.moment) / images

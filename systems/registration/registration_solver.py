@@ -8,15 +8,19 @@ point p of an arm's surface with the normal n, which the camera sees at p_m, say
     n · (p_m - p) = n · (D_c(p) + (s + f M) (p - C) - D_a(p) - J(p) e),
 
 with the camera's centre C, M the projection along its optical axis, J of the joints that carry it.
+
+The calibrations of camera and arms are the prior of these errors.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.pinhole import project
+from crossmodal.systems.depth_camera import DepthCamera, displacement_covariance
 from crossmodal.systems.port_values import displacement_at
 from crossmodal.systems.registration.robot_view import Joints, RobotImage, RobotView
 
@@ -77,7 +81,6 @@ def surface(image: RobotImage, X_WC: Array, bend: float) -> Surface:
     """The points of smooth surfaces in a rendered image.
 
     Args:
-        image: See there.
         X_WC: Of the camera (4, 4).
         bend: Largest second difference of the depth between neighbours; more is an edge, [m].
     """
@@ -144,7 +147,6 @@ def match(
     """What the image shows where the surface is believed to be seen.
 
     Args:
-        points: Of the robot's surface.
         rows: Of `displacement_rows`.
         mean: Of the unknowns (D,).
         depth: Measured (H, W), [m]; 0, NaN and infinity are no return.
@@ -161,41 +163,82 @@ def match(
     z = depth[v, u].astype(float)
     inside &= np.isfinite(z) & (z > 0.0)
     z = np.where(inside, z, 1.0)
-    seen = (
-        np.column_stack(
-            [
-                (u - intrinsics[2]) / intrinsics[0] * z,
-                (v - intrinsics[3]) / intrinsics[1] * z,
-                z,
-            ]
-        )
-        @ R.T
-        + p_WC
-    )
+    rays = np.column_stack([u, v, np.ones_like(u)]) - [*intrinsics[2:], 0.0]
+    seen = (rays / [*intrinsics[:2], 1.0] * z[:, None]) @ R.T + p_WC
     n = points.n_W
     residual = np.sum(n * (seen - points.p_W), axis=1)
     A = np.einsum("ni,nid->nd", n, rows)
     return Matches(residual[inside], A[inside], points.body[inside])
 
 
-def robust_weights(e: Array, sigma: float) -> Array:
-    """Geman-McClure's weights (N,) of residuals (N,), half at the width of three deviations."""
-    square = (e / (3.0 * sigma)) ** 2
-    return np.asarray(1.0 / (1.0 + square) ** 2)
-
-
-def body_weights(body: Array, weights: Array, noise: float, surface: float, share: float) -> Array:
-    """What each match is worth (N,), [1/m^2].
+def match_weights(
+    body: Array, e: Array, noise: float, images: int, surface: float, share: float
+) -> Array:
+    """What each match is worth (N,), [1/m^2], robust by Geman and McClure.
 
     A body's surface is off its model by one error along its normals, which no number of points
     makes less; neighbouring pixels share their noise.
 
     Args:
         body: Indices (N,).
-        weights: Robust ones (N,).
-        noise: Variance of a pixel's depth along the normal after averaging over images, [m^2].
+        e: Residuals (N,), [m]; a weight is half at a width of three deviations.
+        noise: Standard deviation of a pixel's depth along the normal, [m].
+        images: Over which it is averaged.
         surface: Standard deviation of a body's surface, [m].
         share: Independent pixels per match.
     """
+    weights = 1.0 / (1.0 + (e / (3.0 * noise)) ** 2) ** 2
     counts = np.bincount(body, weights=weights)
-    return np.asarray(weights / (noise / share + surface**2 * np.maximum(counts[body], 1.0)))
+    variance = noise**2 / images / share + surface**2 * np.maximum(counts[body], 1.0)
+    return np.asarray(weights / variance)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibratedArm:
+    """What is known beforehand of an arm.
+
+    Attributes:
+        X_WBase: Where its base is believed to be (4, 4).
+        base_covariance: (6, 6) of xi in X_WBase exp(xi), rotation first, [rad, m].
+        joint_offset_std: Of each joint's zero (n,), [rad].
+    """
+
+    X_WBase: Array
+    base_covariance: Array
+    joint_offset_std: Array
+
+
+def prior_covariance(
+    unknowns: Unknowns,
+    p_WQ: Array,
+    camera: DepthCamera,
+    arms: Mapping[str, CalibratedArm],
+) -> Array:
+    """(D, D), what the calibrations say of the unknowns."""
+    P = np.zeros((unknowns.size, unknowns.size))
+    P[:6, :6] = displacement_covariance(camera.X_WC, camera.pose_covariance, p_WQ)
+    P[SCALE, SCALE] = camera.depth_scale_std**2
+    P[FOCAL, FOCAL] = camera.focal_length_std**2
+    for name, part in unknowns.arms.items():
+        arm, base = arms[name], slice(part.start, part.start + 6)
+        P[base, base] = displacement_covariance(arm.X_WBase, arm.base_covariance, p_WQ)
+        zeros = np.arange(base.stop, part.stop)
+        P[zeros, zeros] = arm.joint_offset_std**2
+    # A calibration that is specified as perfect still gets a variance, far below what is measured.
+    return P + 1e-12 * np.eye(unknowns.size)
+
+
+def readout(unknowns: Unknowns, p_WQ: Array, X_WC: Array, joints: Mapping[str, Joints]) -> Array:
+    """(6 K, D): displacements near Q, of what the camera sees and of the end-effectors' bodies."""
+    J = np.zeros((6 * (1 + len(unknowns.arms)), unknowns.size))
+    J[:6, :6] = np.eye(6)
+    J[3:6, SCALE : FOCAL + 1] = distortion(X_WC, p_WQ)
+    for k, (name, part) in enumerate(unknowns.arms.items(), start=1):
+        rows = slice(6 * k, 6 * k + 6)
+        J[rows, part.start : part.start + 6] = np.eye(6)
+        at_E = joints[name].jacobian
+        J[rows, part.start + 6 : part.stop] = at_E
+        J[rows.start + 3 : rows.stop, part.start + 6 : part.stop] = (
+            displacement_at(p_WQ, joints[name].p_WE) @ at_E
+        )
+    return J

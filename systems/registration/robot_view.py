@@ -74,7 +74,6 @@ class RobotView:
         build_robot: Adds the robots to a plant, fixed in the world where they believe to stand.
         full: The camera's intrinsics as a renderer takes them.
         X_WC: The camera's believed pose; x right, y down, z forward.
-        arms: By name.
         reduction: The image is smaller by this factor, which divides width and height.
         depth_range: Nearest and farthest surface, [m].
 
@@ -112,17 +111,12 @@ class RobotView:
         self._chains = {name: _chain(plant, arm) for name, arm in arms.items()}
         self.X_WC = X_WC.GetAsMatrix4()
 
-    @property
-    def num_bodies(self) -> int:
-        """Of the robot's model."""
-        return int(self._plant.num_bodies())
-
     def bodies(self, arm: str) -> Mask:
-        """Which bodies (num_bodies,) are an arm's."""
+        """Which bodies of the robot's model (b,) are an arm's."""
         return self._chains[arm].bodies
 
     def carried(self, arm: str) -> Mask:
-        """Which bodies are carried by which of an arm's joints (num_bodies, n)."""
+        """Which bodies are carried by which of an arm's joints (b, n)."""
         return self._chains[arm].carried
 
     def Pose(self, joints: Mapping[str, Array]) -> dict[str, Joints]:

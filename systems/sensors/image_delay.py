@@ -8,7 +8,7 @@ from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, LeafSystem, State
 
 from crossmodal.maths.immutable import Immutable
-from crossmodal.systems.port_values.images import copied
+from crossmodal.systems.port_values.streams import copied
 
 
 @dataclass(frozen=True)
@@ -24,15 +24,11 @@ class ImageDelay(LeafSystem):
     Images are taken at the instants k period - latency, so that each is rendered once. The first
     one is taken at the start, and is delivered until others have had the time to arrive.
 
-    .. pydrake_system::
+    Input ports:
+    - `image`: an image of Drake's, as the model.
 
-        name: ImageDelay
-        input_ports:
-        - image
-        output_ports:
-        - image_delayed
-
-    - `image`, `image_delayed`: an image of Drake's, as the model.
+    Output ports:
+    - `image_delayed`: the same one, late.
 
     State: the images under way; it is shared, not copied, since nobody writes them.
 

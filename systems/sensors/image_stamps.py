@@ -7,7 +7,7 @@ from pydrake.systems.framework import Context, InputPort, LeafSystem
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from crossmodal.systems.port_values import StampedImage
-from crossmodal.systems.port_values.images import copied
+from crossmodal.systems.port_values.streams import copied
 
 
 class ImageStamps(LeafSystem):

@@ -194,16 +194,12 @@ class _Past(Immutable):
 class FailingStream(LeafSystem):
     """Passes a stream on as its faults leave it.
 
-    .. pydrake_system::
+    Input ports:
+    - `measured`: of the model's type: a `SampleWindow`, an image, stamped or not, or a vector (n,).
 
-        name: FailingStream
-        input_ports:
-        - measured
-        output_ports:
-        - delivered
-
-    - `measured`, `delivered`: of the model's type: a `SampleWindow`, an image, stamped or not, or
-      a vector (n,). Read it at the ticks; while no fault holds it is the measured value.
+    Output ports:
+    - `delivered`: of the same type. Read it at the ticks; while no fault holds it is the measured
+      value.
 
     State: what was measured at the ticks of the longest delay, and what was delivered last.
 

@@ -47,11 +47,6 @@ def check_features(config: ContactFeaturesConfig, system: str) -> None:
     require(lower, system, config, "release_force", "<= touch_force")
 
 
-def counted_forces(forces: Array, usable: Mask, config: ContactFeaturesConfig) -> Array:
-    """Forces (T,) with zero for the taxels that are left out or feel too little, [N]."""
-    return np.where(usable & (forces > config.least_force), forces, 0.0)
-
-
 def contact_position(counted: Array, layout: TaxelLayout) -> Array:
     """The force-weighted mean of the taxels' places, put back onto the ellipsoid (3,), [m]."""
     p = counted @ layout.p_ST / counted.sum()
@@ -74,12 +69,6 @@ def filled_forces(
         share = np.exp(-0.5 * (distances / config.footprint) ** 2)
         filled[~usable] = share[~usable] / share[usable].sum() * counted.sum()
     return filled
-
-
-def contact_normal(counted: Array, layout: TaxelLayout) -> Array:
-    """The direction of sum f_i n_i (3,), a unit vector."""
-    n = counted @ layout.n_S
-    return np.asarray(n / np.linalg.norm(n))
 
 
 def tangent_projection(p_SC: Array, layout: TaxelLayout) -> Array:
@@ -142,22 +131,21 @@ def contact_of_taxels(
         forces: Of the taxels (T,), [N].
         touching: Whether there was a contact before.
         usable: Which taxels work (T,).
-        layout: Of the taxels.
-        config: Noise and thresholds.
         samples: Number of samples of which `forces` is the mean.
     """
-    counted = counted_forces(forces, usable, config)
+    counted = np.where(usable & (forces > config.least_force), forces, 0.0)
     least = config.release_force if touching else config.touch_force
     if usable.sum() < _NEAREST or not counted.sum() > least:
         return NO_CONTACT
     pressed = filled_forces(counted, usable, layout, config)
     p_SC = contact_position(pressed, layout)
+    normal = pressed @ layout.n_S
     white = noise_covariance(counted, p_SC, layout, config.noise.taxel / np.sqrt(samples))
     return TactileContact(
         touching=True,
         p_SC=p_SC,
         covariance=white + lasting_covariance(p_SC, usable, layout, config),
-        n_S=contact_normal(pressed, layout),
+        n_S=np.asarray(normal / np.linalg.norm(normal)),
         f_S=np.where(usable, forces, pressed) @ layout.n_S,
         edge_angle=edge_angle(pressed, p_SC, layout, config.edge_ratio),
     )

@@ -17,6 +17,7 @@ from crossmodal.systems.port_values import (
     SampleWindow,
     StreamHealth,
     TactileContact,
+    no_samples,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
 from crossmodal.systems.shared_settings import SensorNoise
@@ -26,8 +27,7 @@ from crossmodal.systems.tactile.contact_features import (
     contact_of_taxels,
     lasting_covariance,
 )
-from crossmodal.systems.tactile.skin import indentation
-from crossmodal.systems.tactile.taxel_layout import TaxelLayout, surface_normals
+from crossmodal.systems.tactile.taxel_layout import TaxelLayout, indentation, surface_normals
 from crossmodal.systems.tactile.taxel_monitor import TaxelState, next_taxel_state, unread_taxels
 from crossmodal.systems.ticks import Ticked
 
@@ -58,7 +58,6 @@ def with_point(belief: FingertipContact, white_S: Array) -> FingertipContact:
     """The belief with the contact in the world.
 
     Args:
-        belief: With pose and contact.
         white_S: The part (3, 3) of the contact's covariance that is new at every tick.
     """
     X_WS, contact = belief.X_WS, belief.contact
@@ -81,7 +80,6 @@ def with_velocity(
     Args:
         belief: With the contact in the world.
         last: One tick before.
-        config: See there.
     """
     if not last.contact.touching:
         v_covariance = config.first_velocity**2 * np.eye(3)
@@ -150,9 +148,7 @@ class FingertipMotion(RecursiveFilter):
     kinematics via visuo-tactile based robotic interactive manipulation", IROS 2018, section III.
 
     Args:
-        config: Noise.
         arm: Its kinematics with their errors; its frame is S.
-        layout: Of the taxels.
 
     Raises:
         ValueError: for an impossible config value.
@@ -169,9 +165,9 @@ class FingertipMotion(RecursiveFilter):
         check_features(config.features, "FingertipMotion")
         n = arm.num_joints
         self._config, self._layout, self._arm = config, layout, arm
-        self._joints = self._declare_value_input("finger_joint_state_window", _no_samples(2 * n))
+        self._joints = self._declare_value_input("finger_joint_state_window", no_samples(2 * n))
         count = len(layout.p_ST)
-        self._taxels = self._declare_value_input("taxel_window", _no_samples(count))
+        self._taxels = self._declare_value_input("taxel_window", no_samples(count))
         initial = FingertipState(
             belief=UNKNOWN_FINGERTIP,
             taxels=unread_taxels(layout),
@@ -236,7 +232,3 @@ class FingertipMotion(RecursiveFilter):
             p_SC=contact.p_SC - depth * n_S,
             covariance=contact.covariance + error**2 * np.outer(n_S, n_S),
         )
-
-
-def _no_samples(size: int) -> SampleWindow:
-    return SampleWindow(times=np.zeros(0), values=np.zeros((0, size)))

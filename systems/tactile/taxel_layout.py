@@ -1,4 +1,4 @@
-"""Where the taxels lie on a tactile fingertip."""
+"""Where the taxels lie on a tactile fingertip, and how its skin gives way."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,27 @@ import numpy as np
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
+
+_POISSON = 0.5  # Of silicone, which keeps its volume.
+
+
+def indentation(force: float, modulus: float, semi_axes: Array) -> float:
+    """Depth to which a flat thing presses an ellipsoidal skin at its pole, [m].
+
+    Hertz's contact of an elastic sphere, with the mean of the ellipsoid's two radii of curvature.
+
+    Args:
+        force: Normal to the skin, [N].
+        modulus: Young's, of the skin, [Pa].
+        semi_axes: (3,), y out of the pad, [m].
+
+    Source: K. L. Johnson, Contact Mechanics, 1985, equation 4.23.
+    """
+    a, b, c = semi_axes
+    radius = a * c / b
+    plane_strain = modulus / (1.0 - _POISSON**2)
+    return float(np.cbrt(9.0 * force**2 / (16.0 * radius * plane_strain**2)))
+
 
 # Semi-axes (3,) of the fingertip's surface along the axes of S, [m].
 SEMI_AXES = np.array([0.010, 0.010, 0.015])

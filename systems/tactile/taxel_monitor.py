@@ -116,11 +116,8 @@ def next_taxel_state(
     where it must be pressed until it is pressed.
 
     Args:
-        state: Before it.
         time: Of the sample, [s].
         forces: (T,), [N].
-        layout: Of the taxels.
-        config: Noise and thresholds.
     """
     pressed = np.abs(forces) > config.least_force
     same_since = np.where(forces == state.forces, state.same_since, time)
@@ -164,8 +161,6 @@ class TaxelMonitor(RecursiveFilter):
     kinematics via visuo-tactile based robotic interactive manipulation", IROS 2018, section III-A.
 
     Args:
-        config: Noise and thresholds.
-        layout: Of the taxels.
         period: Of the taxels' samples, [s].
 
     Raises:

@@ -124,7 +124,8 @@ def synthetic_episode(
         )
     }
     scenario.disturbances.lights_off.append(Interval(start=LIGHTS_OFF))
-    camera = scenario.camera.camera()
+    (config,) = scenario.cameras.values()
+    camera = config.camera()
     record = EpisodeRecord(
         scenario=scenario,
         calibration=Calibration(cameras={"camera": calibrated(camera, CalibrationErrors())}),
@@ -217,8 +218,8 @@ def _estimator(
         if name != "vision":
             values["grasp_latest"] = GraspBelief(
                 probabilities=dict.fromkeys(GraspType, 0.25),
-                X_HB=np.eye(4), covariance=np.eye(6), axis_H=np.array([0.0, 1.0, 0.0]),
-                p_HA=np.zeros(3), line_covariance=np.zeros((6, 6)), free_motion=np.zeros((6, 6)),
+                axis_H=np.array([0.0, 1.0, 0.0]), p_HA=np.zeros(3),
+                line_covariance=np.zeros((6, 6)), free_motion=np.zeros((6, 6)),
             )  # fmt: skip
         record.ticks.append(Tick(time=float(time), values=values))
     return record

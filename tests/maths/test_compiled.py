@@ -5,11 +5,13 @@ import pkgutil
 import time
 
 import numba
+import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
+from numpy.testing import assert_array_equal
 
 from crossmodal import maths, systems
-from crossmodal.maths.compiled import compilation_timed, hot
+from crossmodal.maths.compiled import assign, compilation_timed, hot
 
 
 @pytest.mark.parametrize("package", [maths, systems])
@@ -54,3 +56,14 @@ def test_where_compiled_code_cannot_be_kept_the_remedy_is_named(
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     with pytest.raises(PermissionError, match="set NUMBA_CACHE_DIR to a folder"):
         hot(lambda x: 2.0 * x)
+
+
+@pytest.mark.parametrize("shape", [(5,), (3, 4)])
+def test_an_array_is_overwritten_and_what_is_around_it_is_not(shape: tuple[int, ...]) -> None:
+    values = np.arange(float(np.prod(shape))).reshape(shape)
+    around = np.full([n + 2 for n in shape], -1.0)
+    expected = around.copy()
+    inside = tuple(slice(1, -1) for _ in shape)
+    assign(around[inside], values)
+    expected[inside] = values
+    assert_array_equal(around, expected)

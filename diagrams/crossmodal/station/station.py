@@ -9,23 +9,22 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import Joint
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
-from pydrake.systems.primitives import Adder
+from pydrake.systems.framework import Context, DiagramBuilder
 
 from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
 from crossmodal.diagrams.crossmodal.scenario import ObjectConfig, Scenario, object_model_file
 from crossmodal.diagrams.crossmodal.station.station_control import add_control, taught_postures
 from crossmodal.diagrams.crossmodal.station.station_sensors import add_proprioception, add_vision
 from crossmodal.diagrams.crossmodal.station.wiring import StationWiring
-from crossmodal.diagrams.crossmodal.task import ManipulationStatus
+from crossmodal.diagrams.crossmodal.task import task_status
 from crossmodal.diagrams.joints.joint_truth import ObjectTruth
+from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration, draw_base
-from crossmodal.diagrams.run.recorder import STATUS_PORT
-from crossmodal.diagrams.stations.connections import connect_alike, export_outputs
+from crossmodal.diagrams.stations.connections import export_outputs
+from crossmodal.diagrams.stations.task_status import add_task_status
 from crossmodal.diagrams.stations.true_pose import add_true_pose
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.external_forces import ExternalForces
-from crossmodal.plants.joint_detent import JointDetent
 from crossmodal.plants.joint_friction import JointFriction
 from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
 from crossmodal.plants.robots.wam import WAM_WITH_SOFT_HAND
@@ -39,31 +38,18 @@ from crossmodal.systems.sensors.randomness import make_generator
 
 
 @dataclass(kw_only=True)
-class ManipulationStation:
-    """The station's Diagram and what of it others than the estimators may know.
+class ManipulationStation(Station):
+    """The station and what of it others than the estimators may know.
 
     Attributes:
-        diagram: See `make_manipulation_station` for its ports.
         scene: The simulated plant and its names.
-        object: The manipulated object's name.
         joint: The explored joint.
         q_start: Posture (7,) at the start of the approach, true, [rad].
-        locked: Whether the object is fixed to the world.
     """
 
-    diagram: Diagram
     scene: ManipulationScene
-    object: str
     joint: Joint
     q_start: Array
-    locked: bool
-
-    def SetInitialState(self, root_context: Context) -> None:
-        """Puts the arm where the approach begins; locks the object if it is to stay."""
-        context = self.scene.plant.GetMyMutableContextFromRoot(root_context)
-        self.scene.plant.SetPositions(context, self.scene.model(ARM), self.q_start)
-        if self.locked:
-            self.joint.Lock(context)
 
 
 def draw_placements(scenario: Scenario) -> dict[str, ObjectPlacement]:
@@ -124,16 +110,15 @@ def make_manipulation_station(
     """
     thing, seed, errors = scenario.object, scenario.seed, scenario.calibration.errors
     name = scenario.task.object or next(iter(scenario.objects))
-    believed_arm = calibration.arms[ARM]
-    X_WBase = draw_base(ARM, believed_arm.X_WBase, errors, seed)
-    moved = X_WBase is not believed_arm.X_WBase
+    believed = calibration.arms[ARM].X_WBase
+    X_WBase = draw_base(ARM, believed, errors, seed)
     builder = DiagramBuilder()
     scene = add_manipulation_scene(
         builder,
         scenario.plant,
         placements or draw_placements(scenario),
         [(ARM, HAND)],
-        {ARM: X_WBase} if moved else {},
+        {ARM: X_WBase} if X_WBase is not believed else {},
     )
     plant = scene.plant
     joint = plant.GetJointByName(thing.joint, scene.objects[name])
@@ -142,10 +127,9 @@ def make_manipulation_station(
     wiring = StationWiring(
         builder=builder,
         scene=scene,
-        true_arm=make_arm_with_load(WAM_WITH_SOFT_HAND, X_WBase),
-        arm=believed_arm.model,
-        X_WBase=believed_arm.X_WBase,
         scenario=scenario,
+        calibration=calibration,
+        true_arm=make_arm_with_load(WAM_WITH_SOFT_HAND, X_WBase),
     )
     _add_object_mechanics(wiring, joint)
     add_true_pose(builder, plant, plant.GetFrameByName("sensor", scene.model(HAND)), "hand")
@@ -163,35 +147,33 @@ def make_manipulation_station(
     taught = [encoders.as_read(q) for q in (q_grasp, q_start)]
     direction_E = facing(RigidTransform()).rotation().inverse() @ thing.pull_direction
     sequence = add_control(wiring, encoders, taught[0], taught[1], direction_E)
-    add_vision(wiring, encoders, sequence, calibration)
-    status = builder.AddNamedSystem("task_status", ManipulationStatus())
-    connect_alike(builder, sequence, "phase", status)
-    connect_alike(builder, sequence, "grasp_lost", status)
-    builder.ExportOutput(status.get_output_port(), STATUS_PORT)
+    add_vision(wiring, encoders, sequence)
+    ports = {name: sequence.GetOutputPort(name) for name in ("phase", "grasp_lost")}
+    add_task_status(builder, task_status, ports)
+
+    def initialise(root: Context) -> None:
+        context = plant.GetMyMutableContextFromRoot(root)
+        plant.SetPositions(context, scene.model(ARM), q_start)
+        if scenario.control.excitation is not None:
+            joint.Lock(context)  # The object is to stay.
+
     return ManipulationStation(
-        diagram=builder.Build(),
-        scene=scene,
-        object=name,
-        joint=joint,
-        q_start=q_start,
-        locked=scenario.control.excitation is not None,
+        diagram=builder.Build(), initialise=initialise, scene=scene, joint=joint, q_start=q_start
     )
 
 
 def _add_object_mechanics(wiring: StationWiring, joint: Joint) -> None:
     builder, scene = wiring.builder, wiring.scene
     plant = scene.plant
-    applied: dict[str, System] = {"joint_friction": JointFriction(plant, scene.applied_friction)}
-    for name, thing in wiring.scenario.objects.items():
-        if thing.detent > 0.0:
-            caught = plant.GetJointByName(thing.joint, scene.objects[name])
-            applied[f"{name}_detent"] = JointDetent(plant, caught, thing.detent)
-    total = builder.AddNamedSystem("joint_forces", Adder(len(applied), plant.num_velocities()))
-    for i, (name, system) in enumerate(applied.items()):
-        builder.AddNamedSystem(name, system)
-        builder.Connect(plant.get_state_output_port(), system.get_input_port())
-        builder.Connect(system.get_output_port(), total.get_input_port(i))
-    builder.Connect(total.get_output_port(), plant.get_applied_generalized_force_input_port())
+    detents = [
+        (plant.GetJointByName(thing.joint, scene.objects[name]), thing.detent)
+        for name, thing in wiring.scenario.objects.items()
+        if thing.detent > 0.0
+    ]
+    friction = JointFriction(plant, scene.applied_friction, detents)
+    builder.AddNamedSystem("joint_friction", friction)
+    builder.Connect(plant.get_state_output_port(), friction.get_input_port())
+    builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())
     v = joint.velocity_start()
     taken, detent = float(scene.friction[v]), wiring.scenario.object.detent
     # Applied friction is next to nothing where a joint stands, so that the detent holds all alone.

@@ -44,7 +44,6 @@ def taught_postures(
     """True arm postures (n,) at the grasp that a person guided the hand to, and before it.
 
     Args:
-        wiring: Of the station.
         X_WHandle: Pose of the handle.
         X_HandleO: Pose of the object's model in it, to say where the object would be in reach.
 
@@ -99,14 +98,12 @@ def add_control(
     """Adds the controllers, from what is perceived to arm and hand.
 
     Args:
-        wiring: Of the station.
-        encoders: Of the arm.
         q_taught: Posture (n,) of the grasp as the encoders read it, [rad].
         q_before: Likewise where the approach begins.
         direction_E: Taught direction of the pull (3,), in E.
     """
-    builder, plant, control = wiring.builder, wiring.scene.plant, wiring.scenario.control
-    arm = ArmModel(wiring.arm)
+    builder, control = wiring.builder, wiring.scenario.control
+    arm = ArmModel(wiring.arm.model)
     still = np.zeros(arm.num_joints)
     X_WE, X_WE_before = (
         arm.Evaluate(np.concatenate([q, still])).X_WE for q in (q_taught, q_before)
@@ -124,9 +121,7 @@ def add_control(
     generator = builder.AddNamedSystem(
         "trajectory_generator", TrajectoryGenerator(control.trajectory, arm)
     )
-    impedance = add_impedance_control(
-        builder, plant, wiring.scene.model(ARM), encoders, arm, control.impedance, q_taught
-    )
+    impedance = add_impedance_control(wiring, ARM, encoders, arm, control.impedance, q_taught)
     switch = builder.AddNamedSystem("motion_switch", MotionSwitch(MOTION_SOURCES))
     if control.excitation is None:
         exploration = ExplorationController(control.exploration, arm)
@@ -160,7 +155,11 @@ def add_control(
             ),
         ),
     )
-    _export(builder, sequence, memory, generator)
+    for name in PERCEIVED_INPUTS:  # Each perceived quantity goes to all that read it.
+        parts = (part for part in (sequence, memory, generator) if part.HasInputPort(name))
+        export_input(builder, name, *parts)
+    export_outputs(builder, generator, "path_planned")
+    export_outputs(builder, sequence, "interaction_active", "phase", "grasp_lost")
     return sequence
 
 
@@ -205,17 +204,3 @@ def _add_excitation(
             (excitation, "motion_desired", switch, "exploration_motion_desired"),
         ),
     )
-
-
-def _export(
-    builder: DiagramBuilder,
-    sequence: GraspSequence,
-    memory: JointMemory,
-    generator: TrajectoryGenerator,
-) -> None:
-    """Each perceived quantity goes to all that read it."""
-    for name in PERCEIVED_INPUTS:
-        parts = (sequence, memory, generator)
-        export_input(builder, name, *(part for part in parts if part.HasInputPort(name)))
-    export_outputs(builder, generator, "path_planned")
-    export_outputs(builder, sequence, "interaction_active", "phase", "grasp_lost")

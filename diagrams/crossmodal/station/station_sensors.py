@@ -4,7 +4,6 @@ from crossmodal.controllers.interaction.grasp_sequence import GraspSequence
 from crossmodal.diagrams.crossmodal.modalities import SEEING
 from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
 from crossmodal.diagrams.crossmodal.station.wiring import StationWiring
-from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.stations.add_arm import add_encoders, add_wrist_wrench
 from crossmodal.diagrams.stations.add_cameras import add_cameras, add_robot_masks
 from crossmodal.diagrams.stations.add_soft_hand import add_soft_hand
@@ -20,65 +19,40 @@ def add_proprioception(wiring: StationWiring, q_grasp: Array) -> JointEncoders:
     """Adds encoders, wrist sensor and the hand's pneumatics.
 
     Args:
-        wiring: Of the station.
         q_grasp: True posture (n,) at the grasp, [rad].
     """
-    builder, scene, sensors = wiring.builder, wiring.scene, wiring.scenario.sensors
-    plant, scenario = scene.plant, wiring.scenario
-    encoders = add_encoders(
-        builder, plant, scene.model(ARM), wiring.true_arm, q_grasp, sensors.encoders, scenario
-    )
-    sensor = plant.GetFrameByName("sensor", scene.model(HAND))
-    add_wrist_wrench(builder, plant, sensor, sensors.wrench, scenario)
+    scenario, sensors = wiring.scenario, wiring.scenario.sensors
+    encoders = add_encoders(wiring, ARM, wiring.true_arm, q_grasp, sensors.encoders)
+    sensor = wiring.plant.GetFrameByName("sensor", wiring.scene.model(HAND))
+    add_wrist_wrench(wiring, sensor, sensors.wrench)
     add_soft_hand(
-        builder,
-        plant,
-        scene.model(HAND),
+        wiring,
+        HAND,
         scenario.model_drivers[HAND].pneumatics,
         sensors.pressure,
-        scenario,
         leaks=scenario.disturbances.hand_leaks,
     )
     return encoders
 
 
-def add_vision(
-    wiring: StationWiring,
-    encoders: JointEncoders,
-    sequence: GraspSequence,
-    calibration: Calibration,
-) -> None:
+def add_vision(wiring: StationWiring, encoders: JointEncoders, sequence: GraspSequence) -> None:
     """Adds the camera and the mask of the robot in its images.
 
     Args:
-        wiring: Of the station.
-        encoders: Of the arm.
         sequence: Which says how far the hand is closed.
-        calibration: What the robot believes of the camera.
     """
-    builder, scene, sensors = wiring.builder, wiring.scene, wiring.scenario.sensors
-    add_cameras(
-        builder,
-        scene.plant,
-        scene.scene_graph,
-        wiring.scenario,
-        calibration,
-        sensors.camera,
-        colour_is_read=any(name in SEEING for name in wiring.scenario.modalities),
-    )
+    sensors = wiring.scenario.sensors
+    colour_is_read = any(name in SEEING for name in wiring.scenario.modalities)
+    add_cameras(wiring, sensors.camera, colour_is_read)
     postures = {joint: (0.0, closed) for joint, closed in CLOSED_POSTURE.items()}
     robot = MaskedRobot(arm=ARM, arm_joints=ARM_JOINTS, hand=HAND, hand_posture=postures)
     add_robot_masks(
-        builder,
-        lambda plant: add_robot(plant, WAM_WITH_SOFT_HAND, wiring.X_WBase, ARM, HAND),
-        calibration.cameras,
+        wiring,
+        lambda plant: add_robot(plant, WAM_WITH_SOFT_HAND, wiring.arm.X_WBase, ARM, HAND),
         {"robot": robot},
         sensors.robot_mask,
         {
-            port: source.GetOutputPort(port)
-            for source, port in (
-                (encoders, "joint_state_measured"),
-                (sequence, "closure_commanded"),
-            )
+            "joint_state_measured": encoders.GetOutputPort("joint_state_measured"),
+            "closure_commanded": sequence.GetOutputPort("closure_commanded"),
         },
     )

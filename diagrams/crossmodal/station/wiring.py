@@ -2,30 +2,22 @@
 
 from dataclasses import dataclass
 
-from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder
 
+from crossmodal.diagrams.crossmodal.robot_config import ARM
 from crossmodal.diagrams.crossmodal.scenario import Scenario
-from crossmodal.plants.scene import ManipulationScene
+from crossmodal.diagrams.run.calibration import ArmCalibration
+from crossmodal.diagrams.stations import wiring
 
 
 @dataclass(kw_only=True)
-class StationWiring:
-    """Shared by the functions that build the station, in order.
+class StationWiring(wiring.StationWiring):
+    """As in every station, and `true_arm`: the arm alone as it is, the hand a rigid load."""
 
-    Attributes:
-        builder: Of the station.
-        scene: What is simulated.
-        true_arm: The arm alone, the hand a rigid load, as it is.
-        arm: The same as the robot believes it to be, with
-        X_WBase: the pose of its base.
-        scenario: Of sensors and controllers, with the seed of all noise.
-    """
-
-    builder: DiagramBuilder
-    scene: ManipulationScene
-    true_arm: MultibodyPlant
-    arm: MultibodyPlant
-    X_WBase: RigidTransform
     scenario: Scenario
+    true_arm: MultibodyPlant
+
+    @property
+    def arm(self) -> ArmCalibration:
+        """What the robot believes of the arm."""
+        return self.calibration.arms[ARM]

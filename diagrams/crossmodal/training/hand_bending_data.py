@@ -6,7 +6,7 @@ from pydrake.systems.analysis import Simulator
 
 from crossmodal.controllers.interaction.bending_excitation import BendingExcitationConfig
 from crossmodal.controllers.interaction.grasp_sequence_config import GraspSequenceConfig
-from crossmodal.diagrams.crossmodal.calibration import make_calibration
+from crossmodal.diagrams.crossmodal.episode_parts import make_calibration
 from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.crossmodal.station.station import (
     ManipulationStation,
@@ -59,7 +59,7 @@ def simulate_interaction(seed: int, duration: float = 14.0) -> tuple[Array, Arra
     station = make_training_station(seed)
     simulator = Simulator(station.diagram)
     root = simulator.get_mutable_context()
-    station.SetInitialState(root)
+    station.initialise(root)
     simulator.Initialize()
     plant = station.scene.plant
     context = plant.GetMyContextFromRoot(root)

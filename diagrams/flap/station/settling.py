@@ -63,9 +63,7 @@ def add_scene(
     """Adds plant and scene graph: both robots, the tool as a free body, the table.
 
     Args:
-        builder: Of the diagram.
         scenario: With the plant's configuration.
-        tool: Of the seed.
         bases: Where the arms truly stand, by their names.
     """
     robots = [(HOLDER_ARM, HOLDER_HAND), (FINGER_ARM, FINGERTIP)]
@@ -94,8 +92,6 @@ def settled_start(
     are commanded then.
 
     Args:
-        scenario: Of the episode.
-        tool: Of the seed.
         bases: Where the arms truly stand, by their names.
         arms: The arms alone, as they are, by their names.
 

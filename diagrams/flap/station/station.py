@@ -4,18 +4,17 @@ Its outputs are what the robots have (measured and commanded quantities); the tr
 through ports named `cheat_...`, for evaluation.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
+from pydrake.systems.framework import Context, DiagramBuilder, System
 
 from crossmodal.diagrams.flap.robot_config import FINGER, HOLDER, HOLDER_HAND, ROBOTS, TOOL
 from crossmodal.diagrams.flap.scenario import Scenario
 from crossmodal.diagrams.flap.station.flap_truth import add_flap_truth
 from crossmodal.diagrams.flap.station.settling import Start, add_scene, settled_start
 from crossmodal.diagrams.flap.station.station_control import (
-    add_drives,
     add_flip_control,
     add_line_control,
     hold_still,
@@ -27,6 +26,7 @@ from crossmodal.diagrams.flap.station.station_sensors import (
 )
 from crossmodal.diagrams.flap.station.tool_placement import draw_tool
 from crossmodal.diagrams.flap.station.wiring import StationWiring
+from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration, draw_base
 from crossmodal.diagrams.stations.true_pose import add_true_pose
 from crossmodal.plants.external_forces import ExternalForces
@@ -40,23 +40,16 @@ _VIEWS = 9  # Angles of the flap at which a camera is asked whether it sees it.
 
 
 @dataclass(kw_only=True)
-class FlapStation:
-    """The station's Diagram and what of it others than the estimators may know.
+class FlapStation(Station):
+    """The station and what of it others than the estimators may know.
 
     Attributes:
-        diagram: See `make_flap_station` for its ports.
         scene: The simulated plant and its names.
         start: The true state at first.
     """
 
-    diagram: Diagram
     scene: ManipulationScene
     start: Start
-
-    def SetInitialState(self, root_context: Context) -> None:
-        """The hand holds the tool, the finger waits at the flap."""
-        context = self.scene.plant.GetMyMutableContextFromRoot(root_context)
-        self.scene.plant.SetPositions(context, self.start.positions)
 
 
 def make_flap_station(scenario: Scenario, calibration: Calibration) -> FlapStation:
@@ -86,20 +79,26 @@ def make_flap_station(scenario: Scenario, calibration: Calibration) -> FlapStati
     wiring = StationWiring(
         builder=builder,
         scene=add_scene(builder, scenario, tool, bases),
-        scenario=scenario,
+        scenario=replace(scenario, cameras=scenario.drawn_cameras()),
         calibration=calibration,
         start=settled_start(scenario, tool, bases, arms),
     )
     _check_sight(wiring)
-    drives = add_drives(wiring)
     hold_still(wiring)
     encoders = add_joint_sensors(wiring, arms)
     taxels = add_taxels(wiring, scenario.finger.layout())
-    flip = add_flip_control(wiring, drives[FINGER], encoders[FINGER], taxels)
-    add_line_control(wiring, drives[HOLDER], encoders[HOLDER], flip)
+    flip = add_flip_control(wiring, encoders[FINGER], taxels)
+    add_line_control(wiring, encoders[HOLDER], flip)
     add_vision(wiring, encoders)
     _add_outside(wiring)
-    return FlapStation(diagram=builder.Build(), scene=wiring.scene, start=wiring.start)
+    plant, start = wiring.plant, wiring.start
+
+    def initialise(root: Context) -> None:
+        plant.SetPositions(plant.GetMyMutableContextFromRoot(root), start.positions)
+
+    return FlapStation(
+        diagram=builder.Build(), initialise=initialise, scene=wiring.scene, start=start
+    )
 
 
 def _check_sight(wiring: StationWiring) -> None:

@@ -1,12 +1,11 @@
 """How the arms of a station are moved: joint positions that their own drives follow."""
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.framework import Diagram, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
-from crossmodal.diagrams.flap.flip_control import make_flip_control
-from crossmodal.diagrams.flap.flip_status import FlipStatus
-from crossmodal.diagrams.flap.line_control import make_line_control
+from crossmodal.diagrams.flap.flip_control import make_flip_control, make_line_control
+from crossmodal.diagrams.flap.flip_status import flip_status
 from crossmodal.diagrams.flap.robot_config import (
     FINGER,
     FINGER_ARM,
@@ -15,45 +14,20 @@ from crossmodal.diagrams.flap.robot_config import (
     HOLDER_HAND,
 )
 from crossmodal.diagrams.flap.station.wiring import StationWiring
-from crossmodal.diagrams.run.recorder import STATUS_PORT
 from crossmodal.diagrams.stations.connections import connect_alike, export_input, export_outputs
 from crossmodal.diagrams.stations.naming import prefixed
+from crossmodal.diagrams.stations.task_status import add_task_status
 from crossmodal.systems.sensors.joint_encoders import JointEncoders
 from crossmodal.systems.shared_settings import with_shared
 
 
-def add_drives(wiring: StationWiring) -> dict[str, InputPort]:
-    """Lets each arm's drives follow joint positions (7,), [rad].
-
-    Returns:
-        By owner, where the positions are commanded.
-    """
-    plant, builder = wiring.scene.plant, wiring.builder
-    inputs = {}
-    for owner, arm in ((HOLDER, HOLDER_ARM), (FINGER, FINGER_ARM)):
-        target = plant.get_desired_state_input_port(wiring.scene.model(arm))
-        n = target.size() // 2
-        at_rest = np.vstack([np.eye(n), np.zeros((n, n))])
-        drives = builder.AddNamedSystem(prefixed(owner, "drives"), MatrixGain(at_rest))
-        builder.Connect(drives.get_output_port(), target)
-        inputs[owner] = drives.get_input_port()
-    return inputs
-
-
-def add_flip_control(
-    wiring: StationWiring,
-    drive: InputPort,
-    encoders: JointEncoders,
-    taxels: OutputPort,
-) -> Diagram:
+def add_flip_control(wiring: StationWiring, encoders: JointEncoders, taxels: OutputPort) -> Diagram:
     """Adds what moves the fingertip.
 
     Inputs `flap_angle_latest` and `hinge_latest` of the station say what is perceived; they may
     stay unconnected.
 
     Args:
-        wiring: Of the station.
-        drive: Where the finger's joint positions are commanded.
         encoders: Of the finger's arm.
         taxels: `taxel_measured` of the fingertip.
     """
@@ -68,7 +42,7 @@ def add_flip_control(
             encoders.as_read(wiring.start.finger),
         ),
     )
-    _drive(builder, encoders, control, drive)
+    _drive(wiring, FINGER, FINGER_ARM, encoders, control)
     builder.Connect(taxels, control.GetInputPort("taxel_measured"))
     builder.ExportOutput(taxels, "taxel_measured")
     export_input(builder, "flap_angle_latest", control)
@@ -76,17 +50,13 @@ def add_flip_control(
     return control
 
 
-def add_line_control(
-    wiring: StationWiring, drive: InputPort, encoders: JointEncoders, flip: Diagram
-) -> None:
+def add_line_control(wiring: StationWiring, encoders: JointEncoders, flip: Diagram) -> None:
     """Adds what moves the held tool; exports `tip_estimated` and `task_status`.
 
     The station's input `tool_latest` says what is perceived of it; it may stay unconnected.
 
     Args:
-        wiring: Of the station.
-        drive: Where the joint positions of the arm with the tool are commanded.
-        encoders: Of that arm.
+        encoders: Of the arm with the tool.
         flip: What moves the fingertip.
     """
     builder = wiring.builder
@@ -98,23 +68,31 @@ def add_line_control(
             encoders.as_read(wiring.start.holder),
         ),
     )
-    _drive(builder, encoders, line, drive)
+    _drive(wiring, HOLDER, HOLDER_ARM, encoders, line)
     builder.Connect(flip.GetOutputPort("phase"), line.GetInputPort("flip_phase"))
     export_input(builder, "tool_latest", line)
     export_outputs(builder, line, "tip_estimated")
-    status = builder.AddNamedSystem("task_status", FlipStatus())
-    for name, control in (("flip", flip), ("line", line)):
-        for port in ("phase", "failure"):
-            builder.Connect(control.GetOutputPort(port), status.GetInputPort(f"{name}_{port}"))
-    builder.ExportOutput(status.get_output_port(), STATUS_PORT)
+    ports = {
+        f"{name}_{port}": control.GetOutputPort(port)
+        for name, control in (("flip", flip), ("line", line))
+        for port in ("phase", "failure")
+    }
+    add_task_status(builder, flip_status, ports)
 
 
 def _drive(
-    builder: DiagramBuilder, encoders: JointEncoders, control: Diagram, drive: InputPort
+    wiring: StationWiring, owner: str, arm: str, encoders: JointEncoders, control: Diagram
 ) -> None:
-    """Lets a control read an arm's joints and command its drives."""
+    """Lets a control read an arm's joints, and the arm's drives follow it."""
+    builder, plant = wiring.builder, wiring.plant
+    target = plant.get_desired_state_input_port(wiring.scene.model(arm))
+    n = target.size() // 2
+    at_rest = np.vstack([np.eye(n), np.zeros((n, n))])
+    drives = builder.AddNamedSystem(prefixed(owner, "drives"), MatrixGain(at_rest))
     connect_alike(builder, encoders, "joint_state_measured", control)
-    builder.Connect(control.GetOutputPort("joint_position_commanded"), drive)
+    command = control.GetOutputPort("joint_position_commanded")
+    builder.Connect(command, drives.get_input_port())
+    builder.Connect(drives.get_output_port(), target)
 
 
 def hold_still(wiring: StationWiring) -> None:

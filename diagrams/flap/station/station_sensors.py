@@ -13,23 +13,19 @@ from crossmodal.diagrams.flap.robot_config import (
     HOLDER,
     HOLDER_ARM,
     HOLDER_HAND,
-    ROBOTS,
 )
+from crossmodal.diagrams.flap.robot_view import add_believed_robots
 from crossmodal.diagrams.flap.station.wiring import StationWiring
 from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from crossmodal.diagrams.stations.add_arm import add_encoders
 from crossmodal.diagrams.stations.add_cameras import add_cameras, add_robot_masks
 from crossmodal.diagrams.stations.naming import own_seed, prefixed
 from crossmodal.plants.hands.three_finger_hand import JOINTS
-from crossmodal.plants.robots.arm_with_hand import add_robot
 from crossmodal.plants.robots.lwr import ARM_JOINTS
 from crossmodal.systems.sensors.joint_encoders import JointEncoders
 from crossmodal.systems.sensors.robot_mask import MaskedRobot
 from crossmodal.systems.sensors.taxels import TaxelForces, TaxelSensor, draw_places
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout
-
-# By owner: the model instances of arm and hand.
-_MODELS = {HOLDER: (HOLDER_ARM, HOLDER_HAND), FINGER: (FINGER_ARM, FINGERTIP)}
 
 
 def add_joint_sensors(
@@ -38,22 +34,15 @@ def add_joint_sensors(
     """Adds the encoders of both arms; exports `<owner>_joint_state_window`.
 
     Args:
-        wiring: Of the station.
         arms: The arms alone, as they are, by their names.
     """
-    scene, start = wiring.scene, wiring.start
+    start, config = wiring.start, wiring.scenario.sensors.encoders
     return {
-        owner: add_encoders(
-            wiring.builder,
-            scene.plant,
-            scene.model(arm),
-            arms[arm],
-            q,
-            wiring.scenario.sensors.encoders,
-            wiring.scenario,
-            owner,
+        owner: add_encoders(wiring, arm, arms[arm], q, config, owner)
+        for owner, arm, q in (
+            (HOLDER, HOLDER_ARM, start.holder),
+            (FINGER, FINGER_ARM, start.finger),
         )
-        for (owner, (arm, _)), q in zip(_MODELS.items(), (start.holder, start.finger), strict=True)
     }
 
 
@@ -61,7 +50,6 @@ def add_taxels(wiring: StationWiring, layout: TaxelLayout) -> OutputPort:
     """Adds the taxels, where the seed has put them on the fingertip; exports `taxel_window`.
 
     Args:
-        wiring: Of the station.
         layout: Where the robot believes them to be.
 
     Returns:
@@ -101,40 +89,21 @@ def add_vision(wiring: StationWiring, encoders: Mapping[str, JointEncoders]) -> 
     """Adds the camera and the mask of both robots in its images.
 
     Args:
-        wiring: Of the station.
         encoders: Of the arms, by owner.
     """
-    builder, scene, sensors = wiring.builder, wiring.scene, wiring.scenario.sensors
-    arms = wiring.calibration.arms
-    depths = add_cameras(
-        builder,
-        scene.plant,
-        scene.scene_graph,
-        replace(wiring.scenario, cameras=wiring.scenario.drawn_cameras()),
-        wiring.calibration,
-        sensors.camera,
-        colour_is_read=False,
-    )
-
-    def build(plant: MultibodyPlant) -> None:
-        for arm, hand in _MODELS.values():
-            add_robot(plant, ROBOTS[arm], arms[arm].X_WBase, arm, hand)
-
+    sensors = wiring.scenario.sensors
+    depths = add_cameras(wiring, sensors.camera, colour_is_read=False)
     # The hand keeps hold of the tool: its fingers are where they are, open or closed.
     closed = {name: (q, q) for name, q in zip(JOINTS, wiring.start.fingers.tolist(), strict=True)}
     robots = {
-        owner: MaskedRobot(
-            arm=arm,
-            arm_joints=ARM_JOINTS,
-            hand=hand if owner == HOLDER else "",
-            hand_posture=closed if owner == HOLDER else {},
-        )
-        for owner, (arm, hand) in _MODELS.items()
+        HOLDER: MaskedRobot(
+            arm=HOLDER_ARM, arm_joints=ARM_JOINTS, hand=HOLDER_HAND, hand_posture=closed
+        ),
+        FINGER: MaskedRobot(arm=FINGER_ARM, arm_joints=ARM_JOINTS),
     }
     add_robot_masks(
-        builder,
-        build,
-        wiring.calibration.cameras,
+        wiring,
+        lambda plant: add_believed_robots(plant, wiring.calibration),
         robots,
         sensors.robot_mask,
         {

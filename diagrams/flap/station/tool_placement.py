@@ -39,7 +39,6 @@ def draw_tool(scenario: Scenario, reach: float) -> ToolPlacement:
     """The tool of the scenario's seed.
 
     Args:
-        scenario: With its seed.
         reach: Of the fingertip's pad from its centre, [m].
     """
     tool, finger, vary = scenario.tool, scenario.finger, scenario.tool.variation

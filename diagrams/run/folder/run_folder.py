@@ -16,7 +16,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import chain, count
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pydrake.common.yaml import yaml_dump_typed
@@ -26,9 +26,6 @@ from crossmodal.diagrams.run.folder.fingerprint import fingerprint, versions
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SCENARIO_FILE = "scenario.yaml"
 ESTIMATES_FILE = "estimates.parquet"
@@ -176,29 +173,12 @@ class RunWriter:
         self._folder, self._earlier = folder, files_of_run(folder)
         self._application, self._record, self._results = application, record, results
         self.missing = list(record.missing)
-        self._figures = self._draw()
-        names = [SCENARIO_FILE, *application.keep_files(record.scenario)[1], ESTIMATES_FILE]
-        names += self._figures
-        if record.meshcat_html is not None:
-            names.append(MESHCAT_FILE)
-        if record.sensors_file is not None:
-            names.append(SENSORS_FILE)
-        self._names = names
-        text = json.dumps(summarise(application, record, results) | {"files": names}, indent=2)
-        self.summary: dict[str, Any] = json.loads(text)
         self.written = [] if record.sensors_file is None else [record.sensors_file]
-
-    def _draw(self) -> "dict[str, Figure]":
-        figures: dict[str, Figure] = {}
-        for name, draw in self._results.plots.items():
-            file = f"{PLOT_FOLDER}/{name}"
-            try:
-                figure = draw()
-            except Exception as error:
-                self.missing.append(undrawn(self._folder / file, error))
-            else:
-                figures |= {} if figure is None else {file: figure}
-        return figures
+        self._names = [SCENARIO_FILE, *application.keep_files(record.scenario)[1], ESTIMATES_FILE]
+        self._names += [f"{PLOT_FOLDER}/{name}" for name in results.plots]
+        self._names += [MESHCAT_FILE] if record.meshcat_html is not None else []
+        self._names += [SENSORS_FILE] if record.sensors_file is not None else []
+        self.summary = summarise(application, record, results) | {"files": self._names}
 
     def write_results(self) -> None:
         """Writes scenario and estimates and, where both are there, the summary.
@@ -223,15 +203,23 @@ class RunWriter:
         """Writes what shows the results; it is large."""
         from crossmodal.diagrams.drawing.plot_style import save
 
-        for name, figure in self._figures.items():
+        for name, draw in self._results.plots.items():
+            file, figure = f"{PLOT_FOLDER}/{name}", None
             try:
-                if name not in self._earlier and os.path.lexists(self._folder / name):
-                    raise FileExistsError("a file is there that no run has drawn")
-                self._write(name, partial(save, figure))
+                figure = draw()
+                if figure is not None:
+                    if file not in self._earlier and os.path.lexists(self._folder / file):
+                        raise FileExistsError("a file is there that no run has drawn")
+                    self._write(file, partial(save, figure))
             except Exception as error:
-                self.missing.append(undrawn(self._folder / name, error))
-                self.summary["files"].remove(name)
-                self._write_summary()
+                self.missing.append(undrawn(self._folder / file, error))
+                figure = None
+            if figure is None:
+                self._names.remove(file)
+                if file in self._earlier:
+                    (self._folder / file).unlink(missing_ok=True)
+        if any(path.name == SUMMARY_FILE for path in self.written):
+            self._write_summary()
         page = self._record.meshcat_html
         if page is not None:
             self._write(MESHCAT_FILE, lambda path: path.write_text(page, encoding="utf-8"))

@@ -323,17 +323,9 @@ def _fields(kind: type) -> Codec:
 
     def decode(messages: Sequence[Stamped]) -> Any:
         fields = json.loads(messages[-1][1].data)
-        names = [
-            field.name
-            for field in dataclasses.fields(kind)
-            if field.name in fields or field.default is dataclasses.MISSING
-        ]
-        _require(list(fields) == names, f"fields {', '.join(fields)}", ", ".join(names))
-        return kind(
-            **{
-                key: np.array(item, dtype=float) if isinstance(item, list) else item
-                for key, item in fields.items()
-            }
-        )
+        for key, item in fields.items():
+            if isinstance(item, list):
+                fields[key] = np.array(item, dtype=float)
+        return kind(**fields)
 
     return Codec(message_type="std_msgs/msg/String", encode=encode, decode=decode)

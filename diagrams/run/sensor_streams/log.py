@@ -23,6 +23,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from zstandard import ZstdError
 
+from crossmodal.diagrams.run.recorder import declare_input
 from crossmodal.diagrams.run.sensor_streams.codecs import (
     DEFINITIONS,
     Codec,
@@ -154,7 +155,6 @@ class SensorLog:
         interrupted: Whether the file says that the episode did not come to its end.
 
     Args:
-        path: Of the file.
         known: The streams to look for.
 
     Raises:
@@ -256,18 +256,12 @@ class SensorRecorder(LeafSystem):
     ) -> None:
         super().__init__()
         self.log = SensorLogWriter(path, scenario)
-        self._streams = streams
-        for stream in streams:
-            if isinstance(stream.model, np.ndarray):
-                self.DeclareVectorInputPort(stream.port, len(stream.model))
-            else:
-                self.DeclareAbstractInputPort(stream.port, AbstractValue.Make(stream.model))
+        self._streams = [(one, declare_input(self, one.port, one.model)) for one in streams]
         self.DeclarePeriodicPublishEvent(period, 0.0, self._write)
 
     def _write(self, context: Context) -> None:
-        for stream in self._streams:
-            value = self.GetInputPort(stream.port).Eval(context)
-            self.log.write(stream, value, context.get_time())
+        for stream, port in self._streams:
+            self.log.write(stream, port.Eval(context), context.get_time())
 
 
 class SensorReplay(LeafSystem):

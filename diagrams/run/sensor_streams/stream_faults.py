@@ -1,12 +1,19 @@
 """Puts the faults of a scenario between what gives the sensor streams and who hears them."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import DiagramBuilder, OutputPort, PortDataType, System
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort, PortDataType, System
 
 from crossmodal.diagrams.run.yaml_input.schema import suggestion
 from crossmodal.systems.sensors.stream_fault import FailingStream, StreamFault
+
+
+def model_of(port: InputPort | OutputPort) -> Any:
+    """A value like a port's; zeros (n,) for a vector port."""
+    is_vector = port.get_data_type() == PortDataType.kVectorValued
+    return np.zeros(port.size()) if is_vector else port.Allocate().get_value()
 
 
 def add_stream_faults(
@@ -19,7 +26,6 @@ def add_stream_faults(
     """Adds a `FailingStream` for each stream that has faults.
 
     Args:
-        builder: Of the episode.
         source: Whose output ports are the streams: a station, or a recording.
         faults: Of the scenario.
         period: Of the ticks, [s].
@@ -40,10 +46,10 @@ def add_stream_faults(
                 f"disturbances.faults: no stream '{name}'; {suggestion(name, streams)}"
             )
         port = streams[name]
-        is_vector = port.get_data_type() == PortDataType.kVectorValued
-        model = np.zeros(port.size()) if is_vector else port.Allocate().get_value()
         own = [fault for fault in faults if fault.stream == name]
-        failing = builder.AddNamedSystem(f"{name}_faults", FailingStream(model, own, period, seed))
+        failing = builder.AddNamedSystem(
+            f"{name}_faults", FailingStream(model_of(port), own, period, seed)
+        )
         builder.Connect(port, failing.get_input_port())
         heard[name] = failing.get_output_port()
     return lambda name: heard[name] if name in heard else source.GetOutputPort(name)

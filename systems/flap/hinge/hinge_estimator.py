@@ -8,18 +8,14 @@ from pydrake.systems.framework import Context
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
-from crossmodal.maths.vectors import tangent_basis
-from crossmodal.systems.flap.flap_geometry import CAMERA, FINGER, NAMES, holder_given_others
-from crossmodal.systems.flap.hinge.hinge_geometry import (
-    AXIS,
-    DISPLACEMENTS,
-    POINT,
-    SIZE,
-    TOUCH,
-    HingeModel,
-    displacement,
-    first_model,
-    front_normal,
+from crossmodal.maths.vectors import normal_basis
+from crossmodal.systems.flap.flap_geometry import (
+    CAMERA,
+    FINGER,
+    NAMES,
+    HingeLimitsConfig,
+    holder_given_others,
+    is_believed,
 )
 from crossmodal.systems.flap.hinge.hinge_keyframes import (
     Keyframe,
@@ -28,8 +24,18 @@ from crossmodal.systems.flap.hinge.hinge_keyframes import (
     begin,
     stack,
 )
-from crossmodal.systems.flap.hinge.hinge_limits import HingeLimitsConfig, is_believed
-from crossmodal.systems.flap.hinge.hinge_solver import make_priors, solve
+from crossmodal.systems.flap.hinge.hinge_solver import (
+    AXIS,
+    DISPLACEMENTS,
+    POINT,
+    SIZE,
+    TOUCH,
+    HingeModel,
+    first_model,
+    front_normal,
+    make_priors,
+    solve,
+)
 from crossmodal.systems.port_values import (
     UNKNOWN_FINGERTIP,
     UNKNOWN_HINGE,
@@ -37,6 +43,7 @@ from crossmodal.systems.port_values import (
     FingertipContact,
     FlapPlane,
     HingeBelief,
+    displacement_at,
     unknown_displacements,
     unseen,
 )
@@ -85,33 +92,23 @@ class HingeState(Immutable):
     belief: HingeBelief = UNKNOWN_HINGE
 
 
-def face_of(model: HingeModel | None, plane: FlapPlane, p_WC: Array, p_WQ: Array) -> int:
-    """Which face is seen: 1 the front, -1 the back, 0 none; the first that is seen is the front."""
-    if not plane.seen:
-        return 0
-    if model is None:
-        return 1
-    return 1 if plane.n_W @ front_normal(model, p_WC, p_WQ) > 0.0 else -1
-
-
 def read_hinge(
     model: HingeModel, covariance: Array, p_WC: Array, displacements: DisplacementBelief
 ) -> HingeBelief:
     """What is believed of the axis, near the contact p_WC (3,) that was measured last.
 
     Args:
-        model: The solution.
         covariance: (21, 21) of it.
         displacements: What was known of them before, about the model's Q.
     """
     k, p_WQ = model.k_W, displacements.p_WQ
-    offset = displacement(model.touch, p_WC, p_WQ)
+    offset = displacement_at(p_WC, p_WQ) @ model.touch
     along = float(k @ (p_WC - offset - model.p_W))
     m, G, rest = holder_given_others(displacements)
     J = np.zeros((18, SIZE))
-    J[:3, AXIS] = tangent_basis(k)
+    J[:3, AXIS] = normal_basis(k).T
     J[3:6, POINT] = np.eye(3) - np.outer(k, k)
-    J[3:6, AXIS] = along * tangent_basis(k)
+    J[3:6, AXIS] = along * normal_basis(k).T
     J[6:12, TOUCH] = np.eye(6)
     J[12:, DISPLACEMENTS] = G
     joint = J @ covariance @ J.T
@@ -149,7 +146,10 @@ def update_hinge(
         return state
     p_WQ = contact.p_WC if state.p_WQ is None else state.p_WQ
     displacements = displacements.about(p_WQ)
-    face = face_of(state.model, plane, contact.p_WC, p_WQ)
+    face = int(plane.seen)  # The first that is seen is the front.
+    if plane.seen and state.model is not None:
+        towards = plane.n_W @ front_normal(state.model, contact.p_WC, p_WQ)
+        face = 1 if towards > 0.0 else -1
     tick = begin(contact, plane, face)
     keyframes = append(state.keyframes, tick, config.spacing, config.memory)
     state = replace(state, keyframes=keyframes, p_WQ=p_WQ)
@@ -174,7 +174,7 @@ class HingeEstimator(RecursiveFilter):
 
     Each tick solves for all that is unknown and constant: the axis, how far the faces lie off it,
     where on the flap the finger touches, and by how much camera and finger arm are displaced by
-    their calibrations, of which the registration is the prior. See `hinge_geometry`. What was
+    their calibrations, of which the registration is the prior. See `hinge_solver`. What was
     measured is averaged into keyframes; of these a window is kept.
 
     Input ports:
@@ -188,9 +188,6 @@ class HingeEstimator(RecursiveFilter):
 
     Source: of the use of planes at different times, the paper on visuo-tactile servoing of
     articulated tools, section III-B (Q. Li et al.); the model is ours.
-
-    Args:
-        limits: Of what is believed.
     """
 
     def __init__(

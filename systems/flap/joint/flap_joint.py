@@ -6,17 +6,18 @@ import numpy as np
 from pydrake.systems.framework import Context
 
 from crossmodal.systems.depth_camera import DepthCamera, tilt_covariance
-from crossmodal.systems.flap.flap_geometry import CAMERA, FINGER, NAMES
+from crossmodal.systems.flap.flap_geometry import CAMERA, FINGER, NAMES, HingeLimitsConfig
 from crossmodal.systems.flap.hinge.hinge_keyframes import begin, merge
-from crossmodal.systems.flap.hinge.hinge_limits import HingeLimitsConfig
 from crossmodal.systems.flap.joint.flap_joint_model import (
     FlapJointConfig,
     FlapJointModel,
     FlapJointState,
     expected_normal,
+    flap_pose,
+    read_joint_angle,
+    read_joint_hinge,
+    without_position,
 )
-from crossmodal.systems.flap.joint.flap_joint_readout import read_joint_angle, read_joint_hinge
-from crossmodal.systems.flap.joint.flap_pose import flap_pose, without_position
 from crossmodal.systems.port_values import (
     UNKNOWN_FINGERTIP,
     DisplacementBelief,
@@ -73,11 +74,9 @@ def update_joint(
         n = plane.n_W if plane.n_W @ n > 0.0 else -plane.n_W
         n_covariance = plane.covariance[:3, :3]
         correlated_n += tilt_covariance(model.camera, state.n0_W, n)
-    contact_spread = config.contact_spread**2 * np.eye(3)
     contact = replace(contact, p_WC=state.p_WC)
-    pose = flap_pose(
-        state.n0_W, n, n_covariance, correlated_n, contact, contact_spread, config.twist
-    )
+    spread, twist = config.contact_spread, config.twist
+    pose = flap_pose(state.n0_W, n, n_covariance, correlated_n, contact, spread, twist)
     if not touching:
         pose = without_position(pose)
     after = model.filters.update(state.filters, pose.X_WB, pose.covariance, time, pose.correlated)
@@ -104,11 +103,8 @@ def _add_reference(
         return state
     n, noise = reference.n_W, reference.plane_covariance[:3, :3] / reference.ticks
     contact = replace(contact, p_WC=reference.p_WC)
-    contact_spread, correlated_n = (
-        config.contact_spread**2 * np.eye(3),
-        config.flatness**2 * np.eye(3),
-    )
-    pose = flap_pose(n, n, noise, correlated_n, contact, contact_spread, config.twist)
+    correlated_n = config.flatness**2 * np.eye(3)
+    pose = flap_pose(n, n, noise, correlated_n, contact, config.contact_spread, config.twist)
     start = model.filters.start(pose.X_WB, pose.covariance, time)
     return replace(state, filters=start, n0_W=n, n0_noise=noise, model=model.now(start, time))
 
@@ -132,7 +128,6 @@ class FlapJoint(RecursiveFilter):
 
     Args:
         camera: Whose planes these are, with its calibration's errors.
-        limits: Of what is believed.
     """
 
     def __init__(

@@ -1,25 +1,114 @@
-"""What the joint filters know of a flap, and how they are configured for it."""
+"""What the joint filters know of a flap: the poses that they take, and what is read from them.
+
+The flap's frame B has its origin at the contact and the world's axes when the flap is first
+touched. A plane gives two of its rotations, the contact its position. The third rotation follows
+from the least one that turns the first normal into this: the axis lies in the flap.
+"""
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
+from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
-from crossmodal.systems.depth_camera import DepthCamera
-from crossmodal.systems.flap.flap_geometry import turned_normal
+from crossmodal.systems.depth_camera import DepthCamera, angle_variance
+from crossmodal.systems.flap.flap_geometry import (
+    CAMERA,
+    FINGER,
+    HOLDER,
+    HingeLimitsConfig,
+    is_believed,
+    turned_normal,
+)
 from crossmodal.systems.flap.hinge.hinge_keyframes import Keyframe
-from crossmodal.systems.flap.hinge.hinge_limits import HingeLimitsConfig
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersState
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
 from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from crossmodal.systems.port_values import (
+    UNKNOWN_ANGLE,
+    UNKNOWN_HINGE,
     DisplacementBelief,
+    FingertipContact,
+    FlapAngleBelief,
+    HingeBelief,
     JointModelBelief,
     JointType,
+    displacement_at,
 )
 from crossmodal.systems.ticks import Ticked
+
+
+class FlapPose(NamedTuple):
+    """A measured pose.
+
+    Attributes:
+        X_WB: (4, 4).
+        covariance: (6, 6), in B, rotation first.
+        correlated: Its part (6, 6) that stays for seconds: the contact wanders on the flap, the
+            rotation about the normal has the constant error of the first normal, and a normal has
+            a correlated error of its own.
+    """
+
+    X_WB: Array
+    covariance: Array
+    correlated: Array
+
+
+def least_rotation(a: Array, b: Array) -> Array:
+    """The rotation (3, 3) by the least angle that turns the unit vector a (3,) into b."""
+    axis = np.cross(a, b)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-9:
+        return np.eye(3)
+    return np.asarray(se3.so3_exp(axis * (np.arctan2(sine, a @ b) / sine)))
+
+
+def flap_pose(
+    n0_W: Array,
+    n_W: Array,
+    n_covariance: Array,
+    correlated_n: Array,
+    contact: FingertipContact,
+    contact_spread: float,
+    twist: float,
+) -> FlapPose:
+    """The pose that goes with a normal and a contact.
+
+    Args:
+        n0_W: The front's normal (3,) when the flap was touched first.
+        n_W: That at this tick (3,).
+        n_covariance: (3, 3), new at every tick; wide where it was not seen.
+        correlated_n: (3, 3), the part of its error that stays for seconds.
+        contact: Where the flap is touched.
+        contact_spread: Standard deviation of where on the flap that is, [m].
+        twist: Standard deviation of the rotation about the normal, [rad].
+    """
+    R = least_rotation(n0_W, n_W)
+    X = np.eye(4)
+    X[:3, :3], X[:3, 3] = R, contact.p_WC
+    S = se3.skew(n_W)  # dn = omega x n, so that omega = n x dn but for the part about n.
+    about_n = twist**2 * np.outer(n_W, n_W)
+    stays = S @ correlated_n @ S.T + about_n
+    rotation = S @ n_covariance @ S.T + stays
+    spread = contact_spread**2 * np.eye(3)
+    white = contact.p_WC_white_covariance + spread
+    zero = np.zeros((3, 3))
+    return FlapPose(
+        X,
+        np.block([[R.T @ rotation @ R, zero], [zero, R.T @ white @ R]]),
+        np.block([[R.T @ stays @ R, zero], [zero, spread]]),
+    )
+
+
+def without_position(pose: FlapPose) -> FlapPose:
+    """The pose of a flap that is seen but not touched: its position's variance is infinite."""
+    covariance, correlated = np.diag(np.full(6, np.inf)), np.zeros((6, 6))
+    covariance[:3, :3] = pose.covariance[:3, :3]
+    correlated[:3, :3] = pose.correlated[:3, :3]
+    return FlapPose(pose.X_WB, covariance, correlated)
 
 
 def _filters() -> JointFiltersConfig:
@@ -89,7 +178,6 @@ class FlapJointModel:
     """What of a `FlapJoint` stays as it is.
 
     Args:
-        limits: Of what is believed.
         camera: Whose planes these are, as it is calibrated.
 
     Raises:
@@ -119,3 +207,98 @@ def expected_normal(state: FlapJointState, m: JointModelBelief, model: FlapJoint
     if not model.is_axis_known(m):
         return state.n_W
     return turned_normal(m.axis_P, state.n0_W, float(m.configuration[0]))
+
+
+def angle_at_reference(
+    state: FlapJointState, k: Array, p_PA: Array, config: FlapJointConfig
+) -> tuple[float, float]:
+    """How far the flap was turned in the mean of the reference's images, and its variance.
+
+    What is touched has moved since it was touched first, and the finger may have slipped on it
+    meanwhile. Of the angle that the filters count from there, the reference's noise is an error,
+    too.
+    """
+    reference = state.reference
+    assert reference is not None
+    u = reference.p_WC - p_PA
+    u = u - k * (k @ u)
+    along = np.cross(k, u) / (u @ u)
+    along_0 = np.cross(k, state.n0_W)
+    time = 0.5 * reference.ticks * config.period / config.filters.errors.declared_time
+    slip = 2.0 * config.contact_spread**2 * (1.0 - np.exp(-time))
+    noise = reference.p_WC_covariance / reference.ticks + slip * np.eye(3)
+    variance = float(along @ noise @ along + along_0 @ state.n0_noise @ along_0)
+    return float(along @ state.reference_moved), variance
+
+
+def _turned(k: Array, covariance: Array) -> Array:
+    """Covariance (3, 3) of a direction that is turned by small rotations of this covariance."""
+    S = se3.skew(k)
+    return np.asarray(S @ covariance @ S.T)
+
+
+def read_joint_hinge(state: FlapJointState, limits: HingeLimitsConfig) -> HingeBelief:
+    """The hinge, with the calibrations' errors: the axis as it is seen, its place as touched."""
+    m, displacements = state.model, state.displacements
+    if m is None or displacements is None or not abs(m.configuration[0]) > limits.least_turn:
+        return UNKNOWN_HINGE
+    k = state.sign * m.axis_P
+    across = np.eye(3) - np.outer(k, k)
+    along = float(k @ (state.p_WC - m.p_PA))
+    p_WK = m.p_PA + k * along
+    mean, P = displacements.of(CAMERA, FINGER, HOLDER)
+    # The axis errs with the camera, its place against the finger, whose own error is opposite.
+    J = np.zeros((18, 18))
+    J[:3, :3] = se3.skew(k)
+    J[3:6, 6:12] = -across @ displacement_at(p_WK, displacements.p_WQ)
+    J[3:6, :3] = along * J[:3, :3]
+    J[6:, 6:] = np.eye(12)
+    joint = J @ P @ J.T
+    joint[:3, :3] += m.axis_covariance
+    joint[3:6, 3:6] += across @ m.p_PA_covariance @ across + along**2 * m.axis_covariance
+    joint[3:6, :3] += along * m.axis_covariance
+    joint[:3, 3:6] += along * m.axis_covariance
+    if not is_believed(joint[:3, :3], joint[3:6, 3:6], limits):
+        return UNKNOWN_HINGE
+    return HingeBelief(
+        known=True,
+        k_W=k,
+        p_WK=p_WK,
+        covariance=joint[:6, :6],
+        p_WQ=displacements.p_WQ,
+        displacements=mean[6:],
+        displacement_covariance=joint[:, 6:],
+    )
+
+
+def read_joint_angle(state: FlapJointState, model: FlapJointModel) -> FlapAngleBelief:
+    """The angle, with a normal that is n0's turned about the axis."""
+    m = state.model
+    if m is None or state.displacements is None:
+        return UNKNOWN_ANGLE
+    angle, rate = state.sign * m.configuration
+    n, is_known = expected_normal(state, m, model), model.is_axis_known(m)
+    k = state.sign * m.axis_P if is_known else np.cross(state.n0_W, n)
+    camera = state.displacements.of(CAMERA)[1][:3, :3]
+    n0_covariance = state.n0_noise + _turned(state.n0_W, camera)
+    variance = float(m.configuration_covariance[0, 0])
+    variance += angle_variance(model.camera, k, state.n0_W, n, float(rate))
+    covariance = n0_covariance + variance * (np.eye(3) - np.outer(n, n))
+    if not is_known:
+        variance += float(np.linalg.eigvalsh(state.n0_noise)[-1])
+    else:
+        along, along_0 = np.cross(k, n), np.cross(k, state.n0_W)
+        spread = variance + float(along_0 @ n0_covariance @ along_0)
+        tilt = m.axis_covariance + _turned(k, camera)
+        covariance = spread * np.outer(along, along) + float(n @ tilt @ n) * np.outer(k, k)
+        first, first_variance = angle_at_reference(state, k, m.p_PA, model.config)
+        angle, variance = angle + first, variance + first_variance
+    return FlapAngleBelief(
+        known=True,
+        theta=float(angle),
+        variance=variance,
+        rate=float(rate),
+        n_W=n,
+        n_covariance=covariance,
+        measured=state.measured,
+    )

@@ -117,8 +117,6 @@ def describe(
 
     Args:
         fit: The plane in the camera's frame.
-        parts: Among which it was found.
-        camera: As it is believed to be.
         p_WC: Where the flap is touched (3,), [m]; None while it is not.
     """
     noise = plane_covariance(parts.image, fit, parts.sigma, config.sensor.correlation)
@@ -148,15 +146,6 @@ def _unit(v: Array) -> Array:
     return np.asarray(v / np.linalg.norm(v))
 
 
-def with_noise(track: FlapTrack, scale: float, memory: int) -> FlapTrack:
-    """The track with one more image's noise, if that has shown any, averaged over `memory`."""
-    if not np.isfinite(scale):
-        return track
-    images = min(track.images + 1, memory)
-    before = 0.0 if track.noise_scale is None else track.noise_scale
-    return replace(track, images=images, noise_scale=before + (scale - before) / images)
-
-
 def track_flap(
     track: FlapTrack,
     depth: Array,
@@ -169,12 +158,9 @@ def track_flap(
     """The track after an image.
 
     Args:
-        track: Before it.
         depth: (H, W), [m]; 0, NaN and infinity are no return.
         excluded: Nonzero on the robot (H, W); None if that is not known.
         p_WE: The holder's end-effector (3,), [m]; NaN if not known.
-        contact: Of the fingertip.
-        camera: As it is believed to be.
     """
     touched = contact.contact.touching
     if touched:
@@ -189,7 +175,11 @@ def track_flap(
     sensor = config.sensor
     scale = sensor.first_scale if track.noise_scale is None else track.noise_scale
     parts = segment(image, camera.intrinsics.focal_x, config, scale)
-    track = with_noise(track, measured_scale(parts, sensor), sensor.images)
+    measured = measured_scale(parts, sensor)
+    if np.isfinite(measured):
+        images = min(track.images + 1, sensor.images)
+        before = 0.0 if track.noise_scale is None else track.noise_scale
+        track = replace(track, images=images, noise_scale=before + (measured - before) / images)
     if track.rest_W is None and len(parts.fits) == 1:
         track = replace(track, rest_W=-camera.X_WC[:3, :3] @ _unit(parts.fits[0].m_C))
     flap = choose_flap(parts, track, touched, camera, config)

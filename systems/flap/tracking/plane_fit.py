@@ -7,7 +7,7 @@ import numpy as np
 
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.compiled import hot
-from crossmodal.systems.flap.tracking.local_planes import InverseDepth
+from crossmodal.systems.flap.tracking.flap_region import InverseDepth
 
 
 class PlaneFit(NamedTuple):
@@ -29,10 +29,9 @@ class PlaneFit(NamedTuple):
 
 
 @hot
-def _normal_equations(
-    w: Array, x: Array, y: Array, pixels: Mask
-) -> tuple[Array, Array, float, int]:
+def _normal_equations(image: InverseDepth, pixels: Mask) -> tuple[Array, Array, float, int]:
     """A^T A (3, 3), A^T w (3,), w^T w and number of the rays A of some pixels."""
+    w, x, y = image.w, image.x, image.y
     normal, moment, square, total = np.zeros((3, 3)), np.zeros(3), 0.0, 0
     for row in range(w.shape[0]):
         count, sum_x, sum_w, xx, xw = 0, 0.0, 0.0, 0.0, 0.0
@@ -59,34 +58,23 @@ def _normal_equations(
 
 
 @hot
-def _solve(normal: Array, moment: Array) -> Array:
-    """The plane m_C (3,); zeros where the pixels do not say it."""
-    if np.linalg.cond(normal) > 1e12:
-        return np.zeros(3)
-    plane: Array = np.linalg.solve(normal, moment)  # type: ignore[assignment]
-    return plane
-
-
-@hot
-def _near_plane(w: Array, x: Array, y: Array, allowed: Mask, m_C: Array, limit: float) -> Mask:
+def _near_plane(image: InverseDepth, allowed: Mask, m_C: Array, limit: float) -> Mask:
     """Which of the allowed pixels (h, w) are nearer to a plane (3,) than `limit`, [1/m]."""
     near = np.zeros_like(allowed)
-    for row in range(w.shape[0]):
-        of_row = m_C[1] * y[row] + m_C[2]
-        for column in range(w.shape[1]):
-            residual = w[row, column] - m_C[0] * x[column] - of_row
+    for row in range(image.w.shape[0]):
+        of_row = m_C[1] * image.y[row] + m_C[2]
+        for column in range(image.w.shape[1]):
+            residual = image.w[row, column] - m_C[0] * image.x[column] - of_row
             near[row, column] = allowed[row, column] & (abs(residual) < limit)
     return near
 
 
 def fit_plane(image: InverseDepth, pixels: Mask, least: int) -> PlaneFit | None:
     """The least squares plane of some pixels (h, w); None where there are less than `least`."""
-    normal, moment, square, count = _normal_equations(image.w, image.x, image.y, pixels)
-    if count < max(least, 3):
+    normal, moment, square, count = _normal_equations(image, pixels)
+    if count < max(least, 3) or np.linalg.cond(normal) > 1e12:
         return None
-    m = np.asarray(_solve(normal, moment))
-    if not np.any(m):
-        return None
+    m = np.asarray(np.linalg.solve(normal, moment), dtype=float)
     return PlaneFit(m, pixels, count, normal, max(square - float(m @ moment), 0.0) / count)
 
 
@@ -96,17 +84,14 @@ def refine_plane(
     """The plane of all pixels near it; None where there are less than `least`.
 
     Args:
-        image: Part of a depth image.
-        start: A first plane.
         allowed: Pixels (h, w) that may belong to it.
         limit: Of their residuals, [1/m].
         least: Number of pixels.
-        rounds: Number of fits.
     """
     fit: PlaneFit | None = start
     for _ in range(rounds):
         if fit is not None:
-            near = _near_plane(image.w, image.x, image.y, allowed, fit.m_C, limit)
+            near = _near_plane(image, allowed, fit.m_C, limit)
             fit = fit_plane(image, near, least)
     return fit
 
@@ -118,7 +103,6 @@ def plane_covariance(image: InverseDepth, fit: PlaneFit, sigma: float, correlate
     of A^T e is that of the regressors A averaged over the same squares.
 
     Args:
-        image: Part of a depth image.
         sigma: Standard deviation of the inverse depth, [1/m].
         correlated: Side of the squares, [px].
     """

@@ -6,15 +6,15 @@ import cv2
 import numpy as np
 
 from crossmodal.maths.arrays import Array, Ids, Mask
-from crossmodal.systems.flap.tracking.flap_tracking_config import (
-    DepthSensorConfig,
-    FlapTrackingConfig,
-)
-from crossmodal.systems.flap.tracking.local_planes import (
+from crossmodal.systems.flap.tracking.flap_region import (
     InverseDepth,
     LocalPlanes,
     fit_local_planes,
     normals,
+)
+from crossmodal.systems.flap.tracking.flap_tracking_config import (
+    DepthSensorConfig,
+    FlapTrackingConfig,
 )
 from crossmodal.systems.flap.tracking.normal_histogram import cluster_normals
 from crossmodal.systems.flap.tracking.plane_fit import PlaneFit, fit_plane, refine_plane

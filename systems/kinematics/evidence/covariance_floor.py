@@ -10,7 +10,6 @@ multiples of both, the one under which all keyframes are likeliest is kept, what
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
 from crossmodal.systems.kinematics.keyframes import pose_keyframes
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes
 from crossmodal.systems.kinematics.solver.joint_geometry import FREE
@@ -25,17 +24,6 @@ USUAL_DEVIATION = np.repeat([5e-3**2, 1.5e-3**2], 3)
 _LEAST_GAIN = 0.5  # Least gain in log probability by another floor, [nat].
 
 
-@hot
-def _noise(reported: Array, scale: Array) -> Array:
-    """Covariance (6, 6) of the measurements' noise: the larger of estimated and reported one."""
-    out = np.empty((6, 6))
-    for i in range(6):
-        for j in range(6):
-            out[i, j] = reported[i, j] * max(scale[i], 1.0) * max(scale[j], 1.0)
-    return out
-
-
-@hot
 def covariance_floor(index: int, reported: Array, scale: Array) -> Array:
     """The floor (6, 6) of a multiple.
 
@@ -44,10 +32,11 @@ def covariance_floor(index: int, reported: Array, scale: Array) -> Array:
         reported: Covariance (6, 6) of a measurement.
         scale: (6,) its noise's estimated standard deviations by the reported ones.
     """
-    out = min(FLOORS[index], 1.0) ** 2 * _noise(reported, scale)
-    for i in range(6):
-        out[i, i] = max(out[i, i], FLOORS[index] ** 2 * USUAL_DEVIATION[i])
-    return out
+    larger = np.maximum(scale, 1.0)
+    floor = min(FLOORS[index], 1.0) ** 2 * (reported * np.outer(larger, larger))
+    variances = np.maximum(np.diagonal(floor), FLOORS[index] ** 2 * USUAL_DEVIATION)
+    np.fill_diagonal(floor, variances)
+    return np.asarray(floor)
 
 
 def next_index(index: int, tries: int, count: int) -> int:
@@ -57,23 +46,8 @@ def next_index(index: int, tries: int, count: int) -> int:
 
 def log_probability(m: Models, kf: Keyframes, log_prior: Array) -> float:
     """Of all keyframes under their floor, whatever the type."""
-    log_p = m.log_evidence + log_prior
-    top = float(log_p.max())
-    size = int(kf.size[0])
-    return top + float(np.log(np.exp(log_p - top).sum())) - 0.5 * float(kf.log_det[:size].sum())
-
-
-def with_floor(m: Models, kf: Keyframes, floor: Array, priors: Priors) -> tuple[Models, Keyframes]:
-    """Models and keyframes as they would be with another floor (6, 6); nothing is changed.
-
-    All keyframes must have been explained by free motions, see `explain_pending`.
-    """
-    other, frames = Models(*[x.copy() for x in m]), pose_keyframes.copy_keyframes(kf)
-    pose_keyframes.rescale(frames, np.ones(6), floor, priors.outliers)
-    solve_all(other, frames, priors, STEPS, True)
-    if other.log_evidence[FREE] > other.log_evidence[:FREE].max():
-        restart(other, frames, priors, True)
-    return other, frames
+    of_all = np.logaddexp.reduce(m.log_evidence + log_prior)
+    return float(of_all - 0.5 * kf.log_det[: kf.size[0]].sum())
 
 
 def with_likelier_floor(
@@ -88,6 +62,8 @@ def with_likelier_floor(
 ) -> tuple[Models, Keyframes, int]:
     """The same, or those with the floor that is tried next, if it makes everything likelier.
 
+    All keyframes must have been explained by free motions, see `explain_pending`.
+
     Args:
         m: Models; not changed.
         kf: Keyframes; not changed.
@@ -96,6 +72,11 @@ def with_likelier_floor(
         log_prior: (5,) log probability of each type before anything was measured.
     """
     other = next_index(index, tries, len(FLOORS))
-    models, frames = with_floor(m, kf, covariance_floor(other, reported, scale), priors)
+    models, frames = Models(*[x.copy() for x in m]), pose_keyframes.copy_keyframes(kf)
+    floor = covariance_floor(other, reported, scale)
+    pose_keyframes.rescale(frames, np.ones(6), floor, priors.outliers)
+    solve_all(models, frames, priors, STEPS, True)
+    if models.log_evidence[FREE] > models.log_evidence[:FREE].max():
+        restart(models, frames, priors, True)
     gain = log_probability(models, frames, log_prior) - log_probability(m, kf, log_prior)
     return (models, frames, other) if gain > _LEAST_GAIN else (m, kf, index)

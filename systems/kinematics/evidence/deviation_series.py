@@ -11,10 +11,8 @@ import numpy as np
 
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import pose_difference
-from crossmodal.maths.tangent_plane import tangent_basis
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes, floor_share
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     BENT_SLIDE,
@@ -109,11 +107,10 @@ def add_keyframes(
     rows = 2 + extra if kind != RIGID else 1
     of = PRISMATIC if kind == BENT_SLIDE else kind
     Y, a, c, pitch, q = m.Y[of], m.a[of], m.c[of], m.pitch[of], m.q[of]
-    X, G, B, A = np.empty((4, 4)), np.empty((6, 6)), np.empty((2, 3)), np.empty((6, 6))
+    X, G, A = np.empty((4, 4)), np.empty((6, 6)), np.empty((6, 6))
     J, WJ, W, waves = np.empty((7, 6)), np.empty((7, 6)), np.empty((1, 6, 6)), _waves(q, size)
     r = J[rows - 1]
-    tangent_basis(a, B)
-    screw_twists(kind, Y, a, c, pitch, B, G)
+    screw_twists(kind, Y, a, c, pitch, G)
     for k in range(size):
         child_pose(kind, Y, a, c, pitch, q[k], X)
         pose_difference(X, kf.Z[k], r)

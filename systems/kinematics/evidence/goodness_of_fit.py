@@ -7,16 +7,15 @@ import scipy.special
 
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import pose_difference
-from crossmodal.maths.tangent_plane import tangent_basis
 from crossmodal.systems.kinematics.evidence.covariance_floor import FLOORS, covariance_floor
 from crossmodal.systems.kinematics.keyframes.measurement_noise import (
     MeasurementNoise,
     degrees_of_freedom,
     estimated_scale,
 )
+from crossmodal.systems.kinematics.keyframes.outliers import squared_residual
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
     Keyframes,
     floor_share,
@@ -33,18 +32,6 @@ from crossmodal.systems.kinematics.solver.joint_models import Models
 
 
 @hot
-def _square(W: Array, r: Array, along: Array) -> float:
-    """r^T W r without its part along a direction (6,), or zero."""
-    rr, rs, ss = 0.0, 0.0, 0.0
-    for i in range(6):
-        for j in range(6):
-            rr += r[i] * W[i, j] * r[j]
-            rs += r[i] * W[i, j] * along[j]
-            ss += along[i] * W[i, j] * along[j]
-    return rr - rs * rs / ss if ss > 0.0 else rr
-
-
-@hot
 def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, int]:
     """Chi-square of the keyframes' distances from a joint's path, and its degrees of freedom.
 
@@ -57,10 +44,9 @@ def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, 
     """
     six = int(np.int64(6))  # For a literal, Numba would compile all callees again.
     Y, a, c, h, q = m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], m.q[kind]
-    X, G, J, B = np.empty((4, 4)), np.empty((6, 6)), np.zeros((6, 6)), np.empty((2, 3))
-    W, r, along = np.empty((6, 6)), np.empty(6), np.zeros(6)
-    tangent_basis(a, B)
-    screw_twists(kind, Y, a, c, h, B, G)
+    X, G, J = np.empty((4, 4)), np.empty((6, 6)), np.zeros((6, 6))
+    W, r, along, first = np.empty((1, 6, 6)), np.empty(6), np.zeros(6), int(np.int64(0))
+    screw_twists(kind, Y, a, c, h, G)
     chi_square, degrees, measured = 0.0, 0, 0
     for k in range(kf.size[0]):
         child_pose(kind, Y, a, c, h, q[k], X)
@@ -71,12 +57,12 @@ def off_path(kind: int, m: Models, kf: Keyframes, floor: Array) -> tuple[float, 
             degrees -= 1
         L = kf.R[k] + floor_share(kf, k) * floor
         cholesky.factor(L, six)
-        cholesky.inverse(L, W, six)
+        cholesky.inverse(L, W[0], six)
         if kf.undecided[k] > 0.0:
             inlier = m.inlier[kind, k]
             # The covariance of an outlier is far larger than any floor.
-            assign(W, inlier * W + (1.0 - inlier) * kf.W_out[k])
-        chi_square += _square(W, r, along)
+            assign(W[0], inlier * W[0] + (1.0 - inlier) * kf.W_out[k])
+        chi_square += squared_residual(W, first, r, along)
         measured = measured_directions(kf, k)
         degrees += measured
     return chi_square, degrees - (dimension(kind) - 6 + measured)
@@ -117,7 +103,6 @@ def largest_probability(
 
     Args:
         kind: A type, likely or not.
-        noise: Scale of their noise.
         reported: Covariance (6, 6) that measurements report.
     """
     if kind > RIGID:

@@ -20,8 +20,7 @@ import numpy as np
 
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import perturb, pose_difference, relative_log
 
 UNKNOWN = 1e4  # Variance of what was not measured, [rad^2] or [m^2].
@@ -260,7 +259,6 @@ def observe(
     """Adds one measured pose, in place.
 
     Args:
-        n: What the poses have shown.
         X: Measured pose (4, 4).
         R: Its reported covariance (6, 6), in B.
         time: Of the measurement, [s].

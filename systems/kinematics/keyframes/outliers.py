@@ -53,21 +53,17 @@ def weigh_residual(
     Arrays are passed one by one for speed.
 
     Args:
-        W: Of `Keyframes`.
-        W_out: Of `Keyframes`.
-        log_out: Of `Keyframes`.
-        k: Which.
         r: (6,) residual.
         spared: (6,) direction in which the residual does not count, or zero.
         share: Prior probability of an outlier.
         temper: Factor on the covariances; above one where the solution is far off.
     """
-    inside, outside = _square(W, k, r, spared), _square(W_out, k, r, spared)
+    inside, outside = squared_residual(W, k, r, spared), squared_residual(W_out, k, r, spared)
     return inlier_share(-0.5 * inside / temper, log_out[k] - 0.5 * outside / temper, share)
 
 
 @hot
-def _square(W: Array, k: int, r: Array, spared: Array) -> float:
+def squared_residual(W: Array, k: int, r: Array, spared: Array) -> float:
     """r^T W_k r without its part along `spared`."""
     rr, rs, ss = 0.0, 0.0, 0.0
     for i in range(6):

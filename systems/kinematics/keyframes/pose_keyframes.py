@@ -18,8 +18,7 @@ import numpy as np
 
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array, Ids
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import perturb, relative_log
 from crossmodal.systems.kinematics.keyframes.measurement_noise import MEASURED
 

@@ -225,13 +225,12 @@ class JointMechanicsFilters:
         hand = state.hand
         assert hand is not None
         lever = max(speed_at(state.S, hand.X_PE[:3, 3]), 1e-3)
-        prior = self._prior(state, hand, lever)
+        prior, elsewhere = self._prior(state, hand, lever)
         noises = lever * _NOISES
         fit = fit_force(state.moments, state.S, prior, noises, self.config.unevenness)
         screw = state.S_covariance + hand_screw_covariance(state.S, hand)
         rests = [*state.rests, *([state.rest] if state.rest is not None else [])]
         slack = self.config.slack / lever
-        elsewhere = self._weight_elsewhere(state, hand, lever)
 
         def judge(rest: Rest, direction: int) -> Excess:
             return self._judge(
@@ -261,30 +260,20 @@ class JointMechanicsFilters:
             force=state.flipped * float(state.S @ hand.F_P) if measured else float("nan"),
         )
 
-    def _prior(self, state: TypeState, hand: HandForce, lever: float) -> Array:
-        """Standard deviations (_PHI,).
+    def _prior(self, state: TypeState, hand: HandForce, lever: float) -> tuple[Array, float]:
+        """Standard deviations: (_PHI,), and of a weight's moment at a rest against elsewhere.
 
-        Per unit of q, a mass at c falls by (v + omega x c) · down; the axis may be off, too.
+        Per unit of q, a mass at c falls by (v + omega x c) · down; the axis may be off, too. A lid
+        is heavy while it lies and light once it stands.
         """
         config, S = self.config, state.S
         weight = config.mass * GRAVITY
         to_down = np.concatenate([cross(hand.X_PE[:3, 3], hand.down_P), hand.down_P])
         falls = float((S @ to_down) ** 2 + to_down @ state.S_covariance @ to_down)
-        aslant = float(np.linalg.norm(cross(S[:3], hand.down_P)))
-        own = weight**2 * (falls + (aslant * (lever + config.extent)) ** 2)
-        zero = float(S @ hand.zero_covariance @ S)
-        return np.array(
-            [config.friction * lever, config.damping * lever**2, np.sqrt(own + zero + 1e-9)]
-        )
-
-    def _weight_elsewhere(self, state: TypeState, hand: HandForce, lever: float) -> float:
-        """By how much a weight's moment may differ between a rest and where the joint moved.
-
-        Its standard deviation. A lid is heavy while it lies and light once it stands.
-        """
-        aslant = float(np.linalg.norm(cross(state.S[:3], hand.down_P)))
-        turned = state.explored[1][0] - state.explored[-1][0]
-        return self.config.mass * GRAVITY * aslant * (lever + self.config.extent) * turned
+        aside = float(np.linalg.norm(cross(S[:3], hand.down_P))) * (lever + config.extent)
+        own = weight**2 * (falls + aside**2) + float(S @ hand.zero_covariance @ S)
+        prior = np.array([config.friction * lever, config.damping * lever**2, np.sqrt(own + 1e-9)])
+        return prior, weight * aside * (state.explored[1][0] - state.explored[-1][0])
 
     def _judge(
         self, fit: ForceFit, S: Array, screw: Array, direction: int, F: Array, elsewhere: float

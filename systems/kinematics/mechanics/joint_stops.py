@@ -15,13 +15,6 @@ from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.port_values import LatchBelief, LimitBelief
 
 _MOST = 16  # Rests that are remembered.
-NO_LATCH = LatchBelief(
-    probability=0.0,
-    position=float("nan"),
-    variance=float("nan"),
-    force=float("nan"),
-    force_variance=float("nan"),
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +126,7 @@ def limit_belief(
 
 def latch_belief(rests: Sequence[Rest], judge: Judge) -> LatchBelief:
     """The likeliest of the rests that gave way to more than friction."""
-    best = NO_LATCH
+    best = LatchBelief()
     for rest in rests:
         if rest.release == 0:
             continue

@@ -16,8 +16,7 @@ import numpy as np
 
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import pose_difference
 from crossmodal.systems.kinematics.keyframes.outliers import blend, inlier_share
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import (

@@ -67,6 +67,15 @@ def new_chain(capacity: int) -> Chain:
 
 
 @hot
+def take_information(n: int, lin: Linear, chain: Chain) -> None:
+    """Begins with the information about theta that does not depend on the q of any keyframe."""
+    for i in range(n):
+        chain.h[i] = lin.vector[i]
+        for j in range(i + 1):
+            chain.H[i, j] = lin.information[i, j]
+
+
+@hot
 def run_chain(
     n: int,
     S: float,
@@ -100,10 +109,7 @@ def run_chain(
     m[:] = 0.0
     M[:] = 0.0
     e_theta = np.empty(PARAMETERS)
-    for i in range(n):
-        h[i] = lin.vector[i]
-        for j in range(i + 1):
-            H[i, j] = lin.information[i, j]
+    take_information(n, lin, chain)
     p00, p01, p11 = 0.0, 0.0, sigma_v * sigma_v
     value = lin.value[0]
     for k in range(1, kf.size[0]):

@@ -14,10 +14,9 @@ this order: Y's right perturbation, then a and c along the same two unit vectors
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import perturb
-from crossmodal.maths.tangent_plane import tangent_basis
+from crossmodal.maths.vectors import tangent_basis
 
 PRISMATIC, REVOLUTE, SCREW, RIGID = 0, 1, 2, 3
 MOVING = (PRISMATIC, REVOLUTE, SCREW)
@@ -82,14 +81,15 @@ def child_pose(kind: int, Y: Array, a: Array, c: Array, pitch: float, q: float, 
 
 
 @hot
-def screw_twists(kind: int, Y: Array, a: Array, c: Array, pitch: float, B: Array, G: Array) -> None:
+def screw_twists(kind: int, Y: Array, a: Array, c: Array, pitch: float, G: Array) -> None:
     """Writes six constant twists (6, 6) in the child, of which all Jacobians are combinations.
 
     Row 0 is the child's twist per unit of q. Rows 1 and 2 are rotations through c along the basis
-    vectors B (2, 3) normal to the axis, rows 3 and 4 translations along them, row 5 one along the
-    axis.
+    of the plane normal to the axis (`tangent_basis`), rows 3 and 4 translations along it, row 5 one
+    along the axis.
     """
-    w, v = np.zeros(3), np.zeros(3)
+    w, v, B = np.zeros(3), np.zeros(3), np.empty((2, 3))
+    tangent_basis(a, B)
     for i in range(2):
         _into_body(Y, w, B[i], G[3 + i])
     for i in range(2):

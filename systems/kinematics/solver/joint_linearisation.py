@@ -17,7 +17,7 @@ import numpy as np
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
 from crossmodal.maths.se3_in_place import pose_difference, relative_log
-from crossmodal.maths.tangent_plane import tangent_basis
+from crossmodal.maths.vectors import tangent_basis
 from crossmodal.systems.kinematics.keyframes.outliers import blend, weigh_residual
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes
 from crossmodal.systems.kinematics.solver.joint_geometry import (
@@ -165,16 +165,9 @@ def add_keyframes(
     q, inlier = m.q[kind], m.inlier[kind]
     extra = dimension(kind) - 6
     rows = 2 + extra if kind != RIGID else 1
-    J, WJ, G, X, B = (
-        np.empty((7, 6)),
-        np.empty((7, 6)),
-        np.empty((6, 6)),
-        np.empty((4, 4)),
-        np.empty((2, 3)),
-    )
+    J, WJ, G, X = np.empty((7, 6)), np.empty((7, 6)), np.empty((6, 6)), np.empty((4, 4))
     W_in, W_out, log_out, r = kf.W, kf.W_out, kf.log_out, J[rows - 1]
-    tangent_basis(a, B)
-    screw_twists(kind, Y, a, c, pitch, B, G)
+    screw_twists(kind, Y, a, c, pitch, G)
     value, spared, blended = 0.0, np.zeros(6), np.empty((1, 6, 6))
     for k in range(first, last):
         child_pose(kind, Y, a, c, pitch, q[k], X)

@@ -6,10 +6,9 @@ Frames: P parent, B child, F the child's measured reference pose.
 import numpy as np
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import relative_log
-from crossmodal.maths.tangent_plane import tangent_basis
+from crossmodal.maths.vectors import tangent_basis
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     RIGID,
     child_pose,
@@ -41,10 +40,8 @@ def _zero(kind: int, m: Models, W: Array, k: Array) -> float:
 
     Writes into `k` (6,) by how much less that is per error of Y.
     """
-    B, G, J = np.empty((2, 3)), np.empty((6, 6)), np.empty((6, 6))
-    r, q = np.empty(6), 0.0
-    tangent_basis(m.a[kind], B)
-    screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], B, G)
+    G, J, r, q = np.empty((6, 6)), np.empty((6, 6)), np.empty(6), 0.0
+    screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], G)
     jacobian(kind, G, m.pitch[kind], q, J)
     relative_log(m.Y[kind], np.eye(4), r)
     for i in range(6):
@@ -186,9 +183,7 @@ def predict_pose(kind: int, m: Models, X_PF: Array, dt: float) -> tuple[Array, A
     variance = 0.0
     G, rows = np.zeros((6, 6)), np.zeros((6, 6))
     if kind != RIGID:
-        B = np.empty((2, 3))
-        tangent_basis(m.a[kind], B)
-        screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], B, G)
+        screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], G)
         jacobian(kind, G, m.pitch[kind], q, rows)
         assign(J[6:], rows[1 : n - 5])
         for i in range(n):

@@ -10,9 +10,8 @@ import numpy as np
 
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
-from crossmodal.maths.in_place import assign
-from crossmodal.maths.tangent_plane import transport
+from crossmodal.maths.compiled import assign, hot
+from crossmodal.maths.vectors import transport
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import RECENT, Keyframes
 from crossmodal.systems.kinematics.solver.free_motion import FreeMotion
 from crossmodal.systems.kinematics.solver.joint_chain import (
@@ -21,6 +20,7 @@ from crossmodal.systems.kinematics.solver.joint_chain import (
     run_chain,
     smooth,
     solve,
+    take_information,
 )
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     PARAMETERS,
@@ -313,10 +313,7 @@ def solve_rigid(m: Models, kf: Keyframes, priors: Priors) -> None:
     lin, chain = new_linear(kf.time.size), new_chain(kf.time.size)
     for _ in range(2):
         linearise(rigid, m, kf, priors.axis_distance, False, priors.outliers[0], temper, lin)
-        for i in range(6):
-            chain.h[i] = lin.vector[i]
-            for j in range(i + 1):
-                chain.H[i, j] = lin.information[i, j]
+        take_information(dimension(rigid), lin, chain)
         evidence, gain = solve(dimension(rigid), lin.value[0], chain)
         retract(rigid, m.Y[RIGID], m.a[RIGID], m.c[RIGID], m.pitch[RIGID], chain.step)
         m.log_evidence[RIGID] = evidence + m.marginal_evidence[RIGID]

@@ -10,8 +10,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
 from crossmodal.maths.gaussian import symmetric
 from crossmodal.maths.se3_in_place import relative_log
-from crossmodal.maths.tangent_plane import normal_basis
-from crossmodal.maths.vectors import cross
+from crossmodal.maths.vectors import cross, normal_basis
 from crossmodal.systems.kinematics.keyframes.outliers import weigh_residual
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import FIRST, MEMORY, Keyframes
 from crossmodal.systems.kinematics.solver.joint_geometry import (
@@ -192,18 +191,19 @@ def reverse_axis(kind: int, m: Models) -> None:
         m.covariance[kind, :, i] *= -1.0
 
 
-def decide_sign(kind: int, m: Models) -> None:
-    """Turns the axis, in place, so that q grows positive in the direction first moved."""
-    if m.signed[kind] > 0.0:
-        return
-    n = dimension(kind)
-    gain = m.gain[kind, 0, :n]
-    variance = m.P[kind, 0, 0] + gain @ m.covariance[kind, :n, :n] @ gain
-    moved = m.log_evidence[kind] > m.log_evidence[RIGID] + _MOVED
-    if moved and m.state[kind, 0] ** 2 > _SIGNIFICANT**2 * variance:
-        m.signed[kind] = 1.0
-    if m.state[kind, 0] < 0.0:
-        reverse_axis(kind, m)
+def decide_signs(m: Models) -> None:
+    """Turns the axes, in place, so that q grows positive in the direction first moved."""
+    for kind in MOVING:
+        if m.signed[kind] > 0.0:
+            continue
+        n = dimension(kind)
+        gain = m.gain[kind, 0, :n]
+        variance = m.P[kind, 0, 0] + gain @ m.covariance[kind, :n, :n] @ gain
+        moved = m.log_evidence[kind] > m.log_evidence[RIGID] + _MOVED
+        if moved and m.state[kind, 0] ** 2 > _SIGNIFICANT**2 * variance:
+            m.signed[kind] = 1.0
+        if m.state[kind, 0] < 0.0:
+            reverse_axis(kind, m)
 
 
 def keep_axes(old: Models, axis_distance: float, far: bool) -> Models:

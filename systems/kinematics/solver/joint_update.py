@@ -6,7 +6,6 @@ from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
 from crossmodal.maths.se3_in_place import relative_log
-from crossmodal.maths.tangent_plane import tangent_basis
 from crossmodal.systems.kinematics.keyframes import pose_keyframes
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
     MEMORY,
@@ -41,7 +40,7 @@ from crossmodal.systems.kinematics.solver.joint_solver import (
 from crossmodal.systems.kinematics.solver.joint_start import (
     circle_start,
     copy_model,
-    decide_sign,
+    decide_signs,
     fresh_start,
     reverse_axis,
     start_from_revolute,
@@ -70,10 +69,9 @@ def _step_loss(m: Models, kf: Keyframes, k: int) -> float:
     No more than noise would lose: a correlated error is the same in both.
     """
     six, kind = int(np.int64(6)), int(np.argmax(m.log_evidence[:JOINTS]))
-    G, B, step = np.zeros((6, 6)), np.empty((2, 3)), np.empty(6)
+    G, step = np.zeros((6, 6)), np.empty(6)
     if kind != RIGID:
-        tangent_basis(m.a[kind], B)
-        screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], B, G)
+        screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], G)
     L, along = kf.R[k] + kf.R[k + 1] + 2.0 * kf.floor, G[0]
     relative_log(kf.Z[k], kf.Z[k + 1], step)
     cholesky.factor(L, six)
@@ -113,47 +111,6 @@ def expected_inliers(m: Models, kf: Keyframes, log_prior: Array, inlier: Array) 
             inlier[k] = max(inlier[k], m.inlier[FREE, k])
 
 
-def add_measurement(
-    m: Models,
-    kf: Keyframes,
-    X_FB: Array,
-    R: Array,
-    time: float,
-    priors: Priors,
-    inlier: Array,
-) -> int:
-    """Appends one pose, two keyframes averaged for it if there is no room.
-
-    Args:
-        X_FB: Pose (4, 4) relative to the measured reference.
-        R: Its covariance (6, 6), in B.
-        time: [s].
-        inlier: (K,) see `expected_inliers`.
-
-    Returns:
-        -1, or the keyframe that has to be marginalised first, nothing done.
-    """
-    if kf.size[0] == kf.time.size:
-        k, average = pose_keyframes.choose(kf, priors.coarseness, inlier)
-        if not average:
-            return k
-        if np.isnan(kf.explained[0]):
-            explain(kf, priors.free, priors.outliers, m.inlier[FREE])
-        pose_keyframes.fix(kf, k, inlier[k])
-        pose_keyframes.fix(kf, k + 1, inlier[k + 1])
-        kf.explained[:] += 0.5 * _step_loss(m, kf, k)
-        pose_keyframes.merge(kf, k)
-        _delete_configuration(m, kf, k + 1)
-    else:
-        kf.explained[:] = np.nan
-    pose_keyframes.append(kf, X_FB, R, time, priors.outliers)
-    last, dt = kf.size[0] - 1, time - kf.time[kf.size[0] - 2]
-    m.inlier[:, last] = 1.0
-    for kind in MOVING:
-        m.q[kind, last] = m.state[kind, 0] + dt * m.state[kind, 1]
-    return -1
-
-
 @hot
 def _turns_are_seen(kf: Keyframes) -> bool:
     """Whether rotations are measured, to within a radian.
@@ -163,17 +120,6 @@ def _turns_are_seen(kf: Keyframes) -> bool:
     """
     R = kf.R[kf.size[0] - 1]
     return bool(min(R[0, 0], R[1, 1], R[2, 2]) < 1.0)
-
-
-def _solve(kind: int, m: Models, kf: Keyframes, priors: Priors, steps: int) -> None:
-    """Solves one model."""
-    if kind == RIGID:
-        solve_rigid(m, kf, priors)
-    elif kind == FREE:
-        free = free_evidence(kf, priors.free, priors.outliers, m.inlier[FREE])
-        m.log_evidence[FREE] = free + m.marginal_evidence[FREE]
-    else:
-        solve_moving(kind, m, kf, priors, steps, 1.0)
 
 
 def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, all_models: bool) -> bool:
@@ -200,7 +146,13 @@ def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, all_models: 
             continue
         if kind == SCREW and ratio < 0.0:
             start_from_revolute(m, kf)
-        _solve(kind, m, kf, priors, steps)
+        if kind == RIGID:
+            solve_rigid(m, kf, priors)
+        elif kind == FREE:
+            free = free_evidence(kf, priors.free, priors.outliers, m.inlier[FREE])
+            m.log_evidence[FREE] = free + m.marginal_evidence[FREE]
+        else:
+            solve_moving(kind, m, kf, priors, steps, 1.0)
         solved[kind] = True
         if kind == best:
             gain = m.log_evidence[best] - before[best]
@@ -250,6 +202,11 @@ def marginalise(m: Models, kf: Keyframes, k: int, priors: Priors) -> None:
     m.log_evidence[:] = solved + m.marginal_evidence
 
 
+def _solve_from_afar(kind: int, m: Models, kf: Keyframes, priors: Priors) -> None:
+    solve_moving(kind, m, kf, priors, _TEMPERED_STEPS, _TEMPER)
+    solve_moving(kind, m, kf, priors, _FRESH_STEPS, 1.0)
+
+
 def restart(m: Models, kf: Keyframes, priors: Priors, all_models: bool) -> None:
     """Takes over the models that explain more from a fresh start; see `solve_all`."""
     other = Models(*[x.copy() for x in m])
@@ -258,14 +215,12 @@ def restart(m: Models, kf: Keyframes, priors: Priors, all_models: bool) -> None:
     screw = all_models and _turns_are_seen(kf)
     moving = MOVING if screw else (PRISMATIC, REVOLUTE)
     for kind in moving:
-        solve_moving(kind, other, kf, priors, _TEMPERED_STEPS, _TEMPER)
-        solve_moving(kind, other, kf, priors, _FRESH_STEPS, 1.0)
+        _solve_from_afar(kind, other, kf, priors)
     solve_rigid(other, kf, priors)
     _take_over(m, other, (*moving, RIGID))
     if kf.size[0] > 3 and m.log_evidence[REVOLUTE] < m.log_evidence.max():
         circle_start(other, kf, priors.axis_distance)
-        solve_moving(REVOLUTE, other, kf, priors, _TEMPERED_STEPS, _TEMPER)
-        solve_moving(REVOLUTE, other, kf, priors, _FRESH_STEPS, 1.0)
+        _solve_from_afar(REVOLUTE, other, kf, priors)
         _take_over(m, other, (REVOLUTE,))
     if not screw and ratio <= 0.0:  # Its limit, from which it starts, is likelier now.
         m.log_evidence[SCREW] = m.log_evidence[REVOLUTE] + ratio
@@ -281,34 +236,35 @@ def _take_over(m: Models, other: Models, kinds: tuple[int, ...]) -> None:
             copy_model(kind, other, kind, m)
 
 
-def _decide_signs(m: Models) -> None:
-    for kind in range(RIGID):
-        decide_sign(kind, m)
+def add_measurement(
+    m: Models, kf: Keyframes, X_FB: Array, R: Array, time: float, priors: Priors, log_prior: Array
+) -> None:
+    """Appends one pose; where there is no room, two keyframes are averaged or one is marginalised.
 
-
-def _correct(
-    m: Models,
-    kf: Keyframes,
-    X_FB: Array,
-    R: Array,
-    time: float,
-    priors: Priors,
-    log_prior: Array,
-    inlier: Array,
-    all_models: bool,
-) -> tuple[int, bool]:
-    """Corrects all models with one relative pose; see `update`.
-
-    Returns:
-        -1, or the keyframe that has to be marginalised first, with its probability in `inlier`
-        (K,); nothing is done then. And what `solve_all` returns.
+    The arguments are those of `update`.
     """
+    inlier, average = np.empty(kf.time.size), False
     expected_inliers(m, kf, log_prior, inlier)
-    k = add_measurement(m, kf, X_FB, R, time, priors, inlier)
-    if k < 0:
-        all_models = solve_all(m, kf, priors, STEPS, all_models)
-        _decide_signs(m)
-    return k, all_models
+    if kf.size[0] == kf.time.size:
+        k, average = pose_keyframes.choose(kf, priors.coarseness, inlier)
+        if average and np.isnan(kf.explained[0]):
+            explain(kf, priors.free, priors.outliers, m.inlier[FREE])
+        pose_keyframes.fix(kf, k, inlier[k])
+        if average:
+            pose_keyframes.fix(kf, k + 1, inlier[k + 1])
+            kf.explained[:] += 0.5 * _step_loss(m, kf, k)
+            pose_keyframes.merge(kf, k)
+            _delete_configuration(m, kf, k + 1)
+        else:
+            marginalise(m, kf, k, priors)
+            expected_inliers(m, kf, log_prior, inlier)
+    if not average:
+        kf.explained[:] = np.nan
+    pose_keyframes.append(kf, X_FB, R, time, priors.outliers)
+    last, dt = kf.size[0] - 1, time - kf.time[kf.size[0] - 2]
+    m.inlier[:, last] = 1.0
+    for kind in MOVING:
+        m.q[kind, last] = m.state[kind, 0] + dt * m.state[kind, 1]
 
 
 def update(
@@ -332,12 +288,9 @@ def update(
         log_prior: (5,) log probability of each type before anything was measured.
         try_fresh_start: Whether to try one beside the last solution.
     """
-    inlier = np.empty(kf.time.size)
-    k, all_solved = _correct(m, kf, X_FB, R, time, priors, log_prior, inlier, all_models)
-    if k >= 0:
-        pose_keyframes.fix(kf, k, inlier[k])
-        marginalise(m, kf, k, priors)
-        _, all_solved = _correct(m, kf, X_FB, R, time, priors, log_prior, inlier, all_models)
+    add_measurement(m, kf, X_FB, R, time, priors, log_prior)
+    all_solved = solve_all(m, kf, priors, STEPS, all_models)
+    decide_signs(m)
     if try_fresh_start and all_solved:
         restart(m, kf, priors, all_models)
-        _decide_signs(m)
+        decide_signs(m)

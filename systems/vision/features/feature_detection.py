@@ -122,16 +122,15 @@ def _spread(
 
     known = existing_uv[np.all(np.isfinite(existing_uv), axis=1)]
     crowd = np.bincount(cell_of(known), minlength=cells[0] * cells[1])
-    chosen: list[Array] = []
     cell = cell_of(corners)
     rank = np.zeros(len(corners))
     for c in np.unique(cell):
         members = np.nonzero(cell == c)[0]
         rank[members] = crowd[c] + np.arange(len(members))
+    chosen = np.empty((0, 2))
     for i in np.lexsort((np.arange(len(corners)), rank)):
         if len(chosen) == count:
             break
-        distance = [np.abs(corners[i] - other).max() for other in chosen]
-        if not distance or min(distance) >= min_distance:
-            chosen.append(corners[i])
-    return np.array(chosen).reshape(-1, 2)
+        if np.all(np.abs(corners[i] - chosen).max(axis=1, initial=0.0) >= min_distance):
+            chosen = np.vstack([chosen, corners[i]])
+    return chosen

@@ -1,7 +1,6 @@
 """Who commands the arm, instant by instant."""
 
 import numpy as np
-import pytest
 from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, State
@@ -47,12 +46,6 @@ def test_a_source_without_gains_leaves_them_to_those_before_it() -> None:
 
 def test_without_any_source_there_is_no_motion() -> None:
     assert switch_with() == (NO_MOTION, NO_GAINS)
-
-
-@pytest.mark.parametrize("names", [(), ("arm", "arm")])
-def test_sources_without_a_name_of_their_own_are_refused(names: tuple[str, ...]) -> None:
-    with pytest.raises(ValueError, match="MotionSwitch: sources"):
-        MotionSwitch(names)
 
 
 class Clock(LeafSystem):

@@ -12,7 +12,11 @@ from crossmodal.controllers.interaction.grasp_decisions import (
     SequenceState,
     next_state,
 )
-from crossmodal.controllers.interaction.grasp_motion import approach_motion, release_motion
+from crossmodal.controllers.interaction.grasp_sequence import (
+    approach_motion,
+    exploration_gains,
+    release_motion,
+)
 from crossmodal.controllers.interaction.grasp_sequence_config import GraspSequenceConfig
 from crossmodal.controllers.interaction.phases import Phase
 from crossmodal.maths import se3
@@ -187,3 +191,10 @@ def test_the_approach_leads_along_the_taught_way() -> None:
     moved_by = se3.log(se3.inverse(before.X_WE) @ after.X_WE)
     assert_allclose(now.V_WE_E, moved_by / (2e-6 * 2.0), atol=1e-6)
     assert_allclose(now.A_WE_E, (after.V_WE_E - before.V_WE_E) / (2e-6 * 2.0), atol=1e-6)
+
+
+def test_exploration_is_compliant_but_in_the_pulling_direction() -> None:
+    compliant = exploration_gains(CONFIG, np.array([0.0, 0.0, -3.0]))
+    assert_allclose(np.diag(compliant.stiffness), [0.1] * 5 + [400.0])
+    assert_allclose(np.diag(compliant.damping), [1.0] * 5 + [200.0])
+    assert_allclose(compliant.mass, np.eye(6))

@@ -24,8 +24,7 @@ from crossmodal.controllers.servoing.tool_line_decisions import (
     posture_on_table,
     unusable,
 )
-from crossmodal.diagrams.flap.flip_control import FlipControlConfig
-from crossmodal.diagrams.flap.line_control import make_line_control
+from crossmodal.diagrams.flap.flip_control import FlipControlConfig, make_line_control
 from crossmodal.maths import se3
 from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
 from crossmodal.plants.robots.lwr import LWR_WITH_THREE_FINGERS

@@ -9,11 +9,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
 from crossmodal.controllers.arm.kinematics import ArmModel
-from crossmodal.controllers.servoing.twist_to_joints import (
-    JointLimits,
-    TwistToJoints,
-    TwistToJointsConfig,
-)
+from crossmodal.controllers.servoing.twist_to_joints import TwistToJoints, TwistToJointsConfig
 from crossmodal.maths import se3
 from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
 from crossmodal.plants.robots.lwr import LWR_WITH_FINGERTIP
@@ -32,12 +28,16 @@ def arm() -> ArmModel:
     return ArmModel(model())
 
 
-def limits() -> JointLimits:
-    return JointLimits(
-        lower=model().GetPositionLowerLimits(),
-        upper=model().GetPositionUpperLimits(),
-        velocity=model().GetVelocityUpperLimits(),
-    )
+def limited(half_range: float = 0.0, speed: float = 0.0) -> ArmModel:
+    """An arm whose joints have a range about Q [rad] and a speed [rad/s] of their own."""
+    plant = make_arm_with_load(LWR_WITH_FINGERTIP, RigidTransform())
+    for joint in map(plant.get_joint, plant.GetJointIndices()):
+        if joint.num_positions() and half_range:
+            middle = Q[joint.position_start()]
+            joint.set_position_limits([middle - half_range], [middle + half_range])
+        if joint.num_positions() and speed:
+            joint.set_velocity_limits([-speed], [speed])
+    return ArmModel(plant)
 
 
 def pose(q: np.ndarray) -> np.ndarray:
@@ -47,12 +47,12 @@ def pose(q: np.ndarray) -> np.ndarray:
 def follow(
     V_WS_S: np.ndarray,
     steps: int,
-    given: JointLimits | None = None,
+    given: ArmModel | None = None,
     config: TwistToJointsConfig = CONFIG,
     follows: bool = True,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Commands (steps, 7) and shares (steps,), by an arm that follows at once or stands still."""
-    system = TwistToJoints(config, arm(), given or limits(), Q)
+    system = TwistToJoints(config, given or arm(), Q)
     context = system.CreateDefaultContext()
     system.GetInputPort("twist_desired").FixValue(context, V_WS_S)
     measured = system.GetInputPort("joint_state_measured")
@@ -67,7 +67,7 @@ def follow(
 
 
 def test_the_first_command_is_where_the_arm_is() -> None:
-    system = TwistToJoints(CONFIG, arm(), limits(), Q)
+    system = TwistToJoints(CONFIG, arm(), Q)
     context = system.CreateDefaultContext()
     assert_allclose(system.GetOutputPort("joint_position_commanded").Eval(context), Q)
 
@@ -87,9 +87,8 @@ def test_no_twist_is_no_motion() -> None:
 
 
 def test_a_twist_that_is_too_fast_is_done_in_its_direction_as_far_as_possible() -> None:
-    slow = JointLimits(lower=limits().lower, upper=limits().upper, velocity=np.full(7, 0.02))
     V = np.array([0.0, 0.0, 0.0, 0.1, 0.0, 0.0])
-    commands, shares = follow(V, 1, slow)
+    commands, shares = follow(V, 1, limited(speed=0.02))
     assert 0.0 < shares[0] < 0.9
     assert np.abs(commands[0] - Q).max() <= 0.01 * 0.02 * CONFIG.velocity_share + 1e-7
     moved = se3.log(se3.inverse(pose(Q)) @ pose(commands[0]))
@@ -99,11 +98,8 @@ def test_a_twist_that_is_too_fast_is_done_in_its_direction_as_far_as_possible() 
 
 def test_a_joint_at_its_limit_stops_the_twist_and_does_not_wind_up() -> None:
     """With joint 7 held at its limit, the command goes no further and comes back at once."""
-    upper = limits().upper.copy()
-    upper[:] = Q + CONFIG.margin + 0.01
-    near = JointLimits(lower=Q - CONFIG.margin - 0.01, upper=upper, velocity=limits().velocity)
     V = np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0])
-    commands, shares = follow(V, 200, near)
+    commands, shares = follow(V, 200, limited(half_range=CONFIG.margin + 0.01))
     assert shares[-1] < 0.01
     assert np.all(commands <= Q + 0.01 + 1e-7)
     assert np.all(commands >= Q - 0.01 - 1e-7)
@@ -118,4 +114,4 @@ def test_the_command_does_not_run_away_from_an_arm_that_is_held_up() -> None:
 
 def test_a_posture_beyond_the_limits_is_refused() -> None:
     with pytest.raises(ValueError, match="TwistToJoints: q_initial"):
-        TwistToJoints(CONFIG, arm(), limits(), Q + 10.0)
+        TwistToJoints(CONFIG, arm(), Q + 10.0)

@@ -12,7 +12,8 @@ from truth_paths import truth_paths
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.application import APPLICATION
 from crossmodal.diagrams.crossmodal.episode_parts import QUANTITIES
-from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_WIRES, MODALITIES, make_network
+from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_WIRES
+from crossmodal.diagrams.crossmodal.modalities import MODALITIES
 from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.drawing.diagram_drawing import leaf_systems, wires
 from crossmodal.diagrams.run.application import Station
@@ -23,7 +24,6 @@ from crossmodal.systems.port_values import HELD_BODY, SampleWindow
 from crossmodal.systems.proprioception.grasp_model import initial_grasp
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.ticks import NETWORK_PERIOD
 
 Q = np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0])
 
@@ -74,11 +74,6 @@ def test_every_modality_reads_only_its_own_senses() -> None:
     assert inputs["vision"] == {"color_measured", "depth_measured", "robot_mask"}
     assert inputs["proprioception"].isdisjoint(inputs["vision"])
     assert inputs["crossmodal"] == inputs["vision"] | inputs["proprioception"]
-
-
-def test_an_unknown_modality_lists_the_known_ones() -> None:
-    with pytest.raises(ValueError, match=r"unknown modality 'smell'.*vision"):
-        make_network("smell", scenario().perception, Calibration(), NETWORK_PERIOD)
 
 
 def test_every_filter_updates_at_the_networks_period(monkeypatch: pytest.MonkeyPatch) -> None:

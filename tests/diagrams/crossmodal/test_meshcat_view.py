@@ -12,7 +12,6 @@ from synthetic_episode import ReplayedBeliefs, connect_all, nudged, synthetic_ep
 from crossmodal.diagrams.crossmodal import meshcat_view
 from crossmodal.diagrams.crossmodal.meshcat_view import (
     MeshcatView,
-    MeshcatViewConfig,
 )
 from crossmodal.diagrams.drawing.meshcat import start_meshcat
 from crossmodal.diagrams.drawing.text_board import text_board
@@ -30,9 +29,7 @@ def meshcat() -> Meshcat:
 def show(meshcat: Meshcat, joint_type: JointType, duration: float) -> None:
     builder = DiagramBuilder()
     source = builder.AddSystem(ReplayedBeliefs(synthetic_episode(joint_type)))
-    view = builder.AddSystem(
-        MeshcatView(MeshcatViewConfig(), meshcat, ["crossmodal", "proprioception"])
-    )
+    view = builder.AddSystem(MeshcatView(meshcat, ["crossmodal", "proprioception"]))
     connect_all(builder, source, view)
     Simulator(builder.Build()).AdvanceTo(duration)
 
@@ -67,7 +64,7 @@ def test_the_text_counts_from_the_grasp_as_the_estimates_do(
     record = nudged(synthetic_episode(), 0.05)
     builder = DiagramBuilder()
     source = builder.AddSystem(ReplayedBeliefs(record))
-    view = builder.AddSystem(MeshcatView(MeshcatViewConfig(), meshcat, ["vision"]))
+    view = builder.AddSystem(MeshcatView(meshcat, ["vision"]))
     connect_all(builder, source, view)
     Simulator(builder.Build()).AdvanceTo(9.0)
     series = joint_episode(record).series["vision"]
@@ -93,7 +90,7 @@ def test_a_legend_says_which_modality_is_drawn_and_names_what_can_be_seen(
         shown.update({color: text for _, color, text in entries})
 
     monkeypatch.setattr(meshcat_view, "show_legend", keep)
-    MeshcatView(MeshcatViewConfig(), meshcat, ["vision", "crossmodal"])
+    MeshcatView(meshcat, ["vision", "crossmodal"])
     assert "cross-modal" in titles[0]
     for body in (STATIC_BODY, HELD_BODY, 2):
         assert shown[body_color(body)] == body_label(body)
@@ -104,7 +101,7 @@ def test_a_legend_says_which_modality_is_drawn_and_names_what_can_be_seen(
 def test_textured_meshes_take_the_place_of_what_the_scene_shows(meshcat: Meshcat) -> None:
     path = "/drake/visualizer/chest/front"
     mesh = text_board("as wood", 0.1, (0, 0, 0))
-    view = MeshcatView(MeshcatViewConfig(period=0.1), meshcat, [], {path: mesh})
+    view = MeshcatView(meshcat, [], {path: mesh})
     simulator = Simulator(view)
     simulator.AdvanceTo(0.05)
     assert not meshcat.HasPath(path)
@@ -113,7 +110,7 @@ def test_textured_meshes_take_the_place_of_what_the_scene_shows(meshcat: Meshcat
 
 
 def test_the_planned_path_is_drawn_anew_while_there_is_a_plan(meshcat: Meshcat) -> None:
-    view = MeshcatView(MeshcatViewConfig(), meshcat, [])
+    view = MeshcatView(meshcat, [])
     simulator = Simulator(view)
     port = view.GetInputPort("path_planned")
     path = "/perception/planned_path"
@@ -157,8 +154,3 @@ def test_the_recording_animates_visibility_scale_and_pose(meshcat: Meshcat) -> N
     assert ".scale" in changes[f"{joint}/direction_ahead/cone"]
     assert ".position" in changes["crossmodal/features/set_7/body_1"]
     assert ".visible" in changes["crossmodal/features/set_1/body_0"]
-
-
-def test_impossible_values_are_refused(meshcat: Meshcat) -> None:
-    with pytest.raises(ValueError, match=r"MeshcatView: period = 0\.0 s, need"):
-        MeshcatView(MeshcatViewConfig(period=0.0), meshcat, [])

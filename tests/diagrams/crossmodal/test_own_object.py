@@ -18,8 +18,7 @@ from crossmodal.diagrams.crossmodal.objects.object_import import ObjectWarning, 
 from crossmodal.diagrams.crossmodal.objects.object_model import read_object_model
 from crossmodal.diagrams.crossmodal.own_object import keep_files, own_object_assignments
 from crossmodal.diagrams.crossmodal.scenario import Scenario, object_model_file
-from crossmodal.diagrams.crossmodal.station.overlaps import overlaps
-from crossmodal.diagrams.crossmodal.station.settling import settling
+from crossmodal.diagrams.crossmodal.station.start_warnings import overlaps, settling
 from crossmodal.diagrams.crossmodal.station.station import (
     ManipulationStation,
     draw_placements,

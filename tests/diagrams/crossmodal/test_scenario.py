@@ -7,7 +7,7 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from crossmodal.diagrams.applications import load_scenario, scenarios_of
 from crossmodal.diagrams.crossmodal.application import APPLICATION
-from crossmodal.diagrams.crossmodal.estimators import MODALITIES
+from crossmodal.diagrams.crossmodal.modalities import MODALITIES
 from crossmodal.diagrams.crossmodal.scenario import Scenario, object_model_file
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
@@ -169,14 +169,15 @@ def test_the_estimators_see_through_one_camera_that_stands(override: str) -> Non
 
 def test_the_camera_may_have_any_name() -> None:
     scenario = loaded("drawer", "cameras={head: {position: [-0.1, 0.4, 1.4]}}")
-    assert scenario.camera is scenario.cameras["head"]
+    assert list(scenario.cameras) == ["head"]
 
 
 def test_a_camera_that_is_moved_a_little_keeps_the_rest_of_its_defaults() -> None:
-    usual, moved = loaded("drawer"), loaded("drawer", "cameras.camera.lamp=0.5")
-    assert moved.camera.lamp == 0.5
-    assert moved.camera.position.tolist() == usual.camera.position.tolist()
-    assert moved.camera.looking_at.tolist() == usual.camera.looking_at.tolist()
+    usual = loaded("drawer").cameras["camera"]
+    moved = loaded("drawer", "cameras.camera.lamp=0.5").cameras["camera"]
+    assert moved.lamp == 0.5
+    assert moved.position.tolist() == usual.position.tolist()
+    assert moved.looking_at.tolist() == usual.looking_at.tolist()
 
 
 def test_a_hand_without_a_driver_is_refused() -> None:

@@ -12,9 +12,8 @@ from crossmodal.diagrams.drawing.meshcat import start_meshcat
 from crossmodal.diagrams.flap.application import APPLICATION
 from crossmodal.diagrams.flap.episode_parts import PERCEIVED
 from crossmodal.diagrams.flap.estimator_names import ESTIMATORS
-from crossmodal.diagrams.flap.estimators import make_estimator
 from crossmodal.diagrams.flap.experiments import EXPERIMENTS
-from crossmodal.diagrams.flap.meshcat_view import MeshcatView, MeshcatViewConfig
+from crossmodal.diagrams.flap.meshcat_view import MeshcatView
 from crossmodal.diagrams.run.episode import Episode
 from crossmodal.diagrams.run.folder.run_folder import write_run
 from crossmodal.diagrams.run.record import EpisodeRecord
@@ -62,12 +61,6 @@ def test_the_first_estimator_is_what_the_fingertip_rolls_by(episode: Episode, sc
         if source[0] is acting and target[0] is station
     }
     assert told == {station.GetInputPort(port).get_index() for port in PERCEIVED}
-
-
-def test_an_unknown_estimator_is_refused(scenario) -> None:
-    calibration = APPLICATION.make_calibration(scenario)
-    with pytest.raises(ValueError, match="there are geometric, filtered"):
-        make_estimator("guess", scenario.perception, calibration, scenario.finger.layout(), 0.1)
 
 
 @pytest.mark.parametrize("name", ESTIMATORS)
@@ -120,7 +113,5 @@ def test_the_view_has_as_many_taxels_as_the_fingertip() -> None:
     taxels = "[[0.003, 0.0035], [-0.003, 0.0035], [0.003, -0.0035], [-0.003, -0.0035]]"
     _, few = load_scenario("flap", [f"finger.taxels={taxels}"])
     line = np.zeros(3), np.ones(3)
-    view = MeshcatView(
-        MeshcatViewConfig(), start_meshcat("localhost"), [], few.finger.layout(), line
-    )
+    view = MeshcatView(start_meshcat("localhost"), [], few.finger.layout(), line)
     assert view.GetInputPort("taxel_measured").size() == 4

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 from pydrake.systems.analysis import Simulator
 
-from crossmodal.diagrams.flap.meshcat_view import MeshcatView, MeshcatViewConfig
+from crossmodal.diagrams.flap.meshcat_view import MeshcatView
 from crossmodal.systems.tactile.taxel_layout import fingertip_layout
 
 LINE = np.array([0.6, 0.0, 0.2]), np.array([0.4, 0.0, 0.2])
@@ -20,7 +20,7 @@ def placed(meshcat: Mock, path: str) -> list[np.ndarray]:
 
 def test_the_tip_leaves_a_bead_every_few_millimetres_and_the_line_lies_between_its_ends() -> None:
     meshcat = Mock()
-    view = MeshcatView(MeshcatViewConfig(period=0.1), meshcat, [], fingertip_layout(), LINE)
+    view = MeshcatView(meshcat, [], fingertip_layout(), LINE)
     simulator = Simulator(view)
     context = simulator.get_mutable_context()
     assert_allclose(placed(meshcat, "line"), [[0.5, 0.0, 0.2]])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from crossmodal.diagrams.flap.calibration import make_calibration
+from crossmodal.diagrams.flap.episode_parts import make_calibration
 from crossmodal.diagrams.flap.scenario import Scenario
 from crossmodal.diagrams.run.calibration import draw_base
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError

@@ -9,10 +9,8 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, System
 from pydrake.systems.primitives import ConstantVectorSource
 
-from crossmodal.diagrams.applications import load_scenario
-from crossmodal.diagrams.crossmodal.application import APPLICATION as CROSSMODAL
-from crossmodal.diagrams.run.application import Application, Station, check_quantities
-from crossmodal.diagrams.run.episode import Episode, build_estimators
+from crossmodal.diagrams.run.application import Application, Station
+from crossmodal.diagrams.run.episode import Episode
 from crossmodal.diagrams.run.record import Quantity
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
@@ -48,51 +46,46 @@ def quantity(port: str, *estimators: str) -> Quantity:
     return Quantity(port=port, model=np.zeros(1), estimators=estimators)
 
 
-EYE, HAND = Ports("joints_latest", "features_latest"), Ports("joints_latest", "grasp_latest")
-BOTH: dict[str, System] = {"eye": EYE, "hand": HAND}
+def episode(toy: Application, estimators: dict[str, System]) -> Episode:
+    builder = DiagramBuilder()
+    source = builder.AddSystem(ConstantVectorSource([1.0]))
+    builder.ExportOutput(source.get_output_port(), "cheat_pose")
+    toy = replace(
+        toy,
+        make_station=lambda *_: Station(diagram=builder.Build()),
+        make_estimators=lambda *_: estimators,
+    )
+    return Episode(toy, Scenario(name="toy"))
 
 
 def test_quantities_that_are_there_are_taken_of_whichever_estimators_run() -> None:
     fine = application(quantity("joints_latest"), quantity("grasp_latest", "hand"),
                        station=("cheat_pose",))  # fmt: skip
-    for estimators in (BOTH, {"eye": EYE}, {"hand": HAND}, {}):
-        check_quantities(fine, Ports("cheat_pose", "more"), estimators)
+    for eye, hand in ((True, True), (True, False), (False, True), (False, False)):
+        estimators: dict[str, System] = {}
+        if eye:
+            estimators["eye"] = Ports("joints_latest", "features_latest")
+        if hand:
+            estimators["hand"] = Ports("joints_latest", "grasp_latest")
+        episode(fine, estimators)
 
 
 @pytest.mark.parametrize(
     ("quantities", "station", "expected"),
     [
-        ([quantity("jonts_latest")], (), "estimator 'eye' has no output 'jonts_latest'; did you"
-                                         " mean 'joints_latest'?"),
-        ([quantity("grasp_latest")], (), "estimator 'eye' has no output 'grasp_latest'"),
-        ([quantity("grsp_latest", "hand")], (), "estimator 'hand' has no output 'grsp_latest'"),
-        ([quantity("grasp_latest", "hnd")], (), "'hand' has the output 'grasp_latest', but"),
-        ([], ("cheat_pos",), "the station has no output 'cheat_pos'; did you mean 'cheat_pose'?"),
+        ([quantity("jonts_latest")], (), "eye does not have an output port named jonts_latest"),
+        ([quantity("grasp_latest")], (), "eye does not have an output port named grasp_latest"),
+        ([quantity("grsp_latest", "hand")], (), "hand does not have an output port named grsp_"),
+        ([], ("cheat_pos",), "station does not have an output port named cheat_pos"),
     ],
-)  # fmt: skip
+)
 def test_a_mistyped_quantity_is_refused_in_one_line(
     quantities: list[Quantity], station: tuple[str, ...], expected: str
 ) -> None:
+    both: dict[str, System] = {
+        "eye": Ports("joints_latest", "features_latest"),
+        "hand": Ports("joints_latest", "grasp_latest"),
+    }
     with pytest.raises(ScenarioError) as caught:
-        check_quantities(application(*quantities, station=station), Ports("cheat_pose"), BOTH)
+        episode(application(*quantities, station=station), both)
     assert expected in str(caught.value)
-
-
-def test_an_episode_does_not_begin_with_a_mistyped_quantity() -> None:
-    builder = DiagramBuilder()
-    source = builder.AddSystem(ConstantVectorSource([1.0]))
-    builder.ExportOutput(source.get_output_port(), "cheat_pose")
-    toy = replace(
-        application(station=("cheat_poes",)),
-        make_station=lambda *_: Station(diagram=builder.Build()),
-        make_estimators=lambda *_: {},
-    )
-    with pytest.raises(ScenarioError, match="has no output 'cheat_poes'"):
-        Episode(toy, Scenario(name="toy"))
-
-
-@pytest.mark.parametrize("modality", ["vision", "proprioception", "crossmodal"])
-def test_each_modality_has_what_is_recorded_of_it(modality: str) -> None:
-    _, scenario = load_scenario("drawer", [f"modalities=[{modality}]"])
-    estimators = build_estimators(CROSSMODAL, scenario)
-    check_quantities(replace(CROSSMODAL, station_quantities=()), EYE, estimators)

@@ -7,7 +7,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
 from crossmodal.diagrams.run.record import Quantity, TaskStatus
-from crossmodal.diagrams.run.recorder import STATUS_PORT, EpisodeRecorder, RecorderConfig
+from crossmodal.diagrams.run.recorder import STATUS_PORT, EpisodeRecorder
 from crossmodal.diagrams.run.ticks import advance_by_ticks
 
 PERIOD = 1 / 15
@@ -34,9 +34,7 @@ def advanced(end: float, stop_time: float = np.inf) -> tuple[EpisodeRecorder, fl
     builder = DiagramBuilder()
     robot = builder.AddSystem(Robot())
     clock = Quantity(port="clock", model=np.zeros(1))
-    recorder = builder.AddSystem(
-        EpisodeRecorder(RecorderConfig(period=PERIOD), ["filter"], [clock], [clock])
-    )
+    recorder = builder.AddSystem(EpisodeRecorder(PERIOD, ["filter"], [clock], [clock]))
     for port in (STATUS_PORT, "clock"):
         builder.Connect(robot.GetOutputPort(port), recorder.GetInputPort(port))
     builder.Connect(robot.GetOutputPort("clock"), recorder.GetInputPort("filter_clock"))

@@ -23,7 +23,7 @@ from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
-from crossmodal.diagrams.stations.add_rgbd_camera import add_camera_scene
+from crossmodal.diagrams.stations.add_cameras import add_camera_scene
 
 
 @dataclass(kw_only=True)

@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 
 from crossmodal.controllers.arm.impedance import DesiredMotion, ImpedanceConfig, ImpedanceGains
@@ -34,8 +34,9 @@ from crossmodal.diagrams.stations.add_arm import (
 )
 from crossmodal.diagrams.stations.add_cameras import add_cameras, add_robot_masks
 from crossmodal.diagrams.stations.add_soft_hand import add_soft_hand
-from crossmodal.diagrams.stations.naming import estimator_of
+from crossmodal.diagrams.stations.naming import prefixed
 from crossmodal.diagrams.stations.true_pose import add_true_pose
+from crossmodal.diagrams.stations.wiring import StationWiring
 from crossmodal.maths.validation import number, numbers
 from crossmodal.models import SDF_DIR
 from crossmodal.plants.hands.pneumatic_hand import PneumaticHandConfig
@@ -43,7 +44,6 @@ from crossmodal.plants.joint_friction import JointFriction
 from crossmodal.plants.robots.arm_with_hand import add_robot, make_arm_with_load
 from crossmodal.plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
 from crossmodal.plants.scene import (
-    ManipulationScene,
     ObjectPlacement,
     PlantConfig,
     add_manipulation_scene,
@@ -160,11 +160,9 @@ def make_station(scenario: TwoArms, calibration: Calibration) -> Station:
     )
     builder.Connect(plant.get_state_output_port(), friction.get_input_port())
     builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())
-    encoders = {
-        side: add_side(builder, scene, scenario, calibration.arms[side], X_WBase, side)
-        for side, X_WBase in bases.items()
-    }
-    add_cameras(builder, plant, scene.scene_graph, scenario, calibration, sensors.camera)
+    wiring = StationWiring(builder=builder, scene=scene, scenario=scenario, calibration=calibration)
+    encoders = {side: add_side(wiring, scenario, X_WBase, side) for side, X_WBase in bases.items()}
+    add_cameras(wiring, sensors.camera)
     robots = {
         side: MaskedRobot(arm=f"{side}_arm", arm_joints=ARM_JOINTS, hand=f"{side}_hand")
         for side in SIDES
@@ -174,9 +172,8 @@ def make_station(scenario: TwoArms, calibration: Calibration) -> Station:
         for side in SIDES
     }
     add_robot_masks(
-        builder,
+        wiring,
         partial(add_robots, calibration),
-        calibration.cameras,
         robots,
         sensors.robot_mask,
         postures,
@@ -205,45 +202,39 @@ def add_robots(calibration: Calibration, plant: MultibodyPlant) -> None:
 
 
 def add_side(
-    builder: DiagramBuilder,
-    scene: ManipulationScene,
+    wiring: StationWiring,
     scenario: TwoArms,
-    believed: ArmCalibration,
     X_WBase: RigidTransform,
     side: str,
 ) -> JointEncoders:
     """An arm that holds its place, or moves a step, with its open hand."""
-    plant, sensors = scene.plant, scenario.sensors
-    arm, hand = scene.model(f"{side}_arm"), scene.model(f"{side}_hand")
+    builder, plant, sensors = wiring.builder, wiring.plant, scenario.sensors
+    arm, hand = f"{side}_arm", f"{side}_hand"
     control = scenario.control[side]
     encoders = add_encoders(
-        builder,
-        plant,
+        wiring,
         arm,
         make_arm_with_load(WAM_WITH_SOFT_HAND, X_WBase),
         control.posture,
         sensors.encoders,
-        scenario,
         side,
     )
-    wrist = plant.GetFrameByName("sensor", hand)
-    add_wrist_wrench(builder, plant, wrist, sensors.wrench, scenario, side)
+    model = wiring.scene.model(hand)
+    add_wrist_wrench(wiring, plant.GetFrameByName("sensor", model), sensors.wrench, side)
     pneumatics, _ = add_soft_hand(
-        builder,
-        plant,
+        wiring,
         hand,
         scenario.model_drivers[f"{side}_hand"].pneumatics,
         sensors.pressure,
-        scenario,
         side,
     )
-    add_true_pose(builder, plant, plant.GetFrameByName("end_effector", hand), side)
-    model = ArmModel(believed.model)
+    add_true_pose(builder, plant, plant.GetFrameByName("end_effector", model), side)
+    believed = ArmModel(wiring.calibration.arms[side].model)
     start = encoders.measure(np.append(control.posture, np.zeros(len(ARM_JOINTS))), 0)
     impedance = add_impedance_control(
-        builder, plant, arm, encoders, model, control.impedance, start[: len(ARM_JOINTS)], side
+        wiring, arm, encoders, believed, control.impedance, start[: len(ARM_JOINTS)], side
     )
-    X_WE = RigidTransform(control.step).GetAsMatrix4() @ model.Evaluate(start).X_WE
+    X_WE = RigidTransform(control.step).GetAsMatrix4() @ believed.Evaluate(start).X_WE
     motion = DesiredMotion(X_WE=X_WE, V_WE_E=np.zeros(6), A_WE_E=np.zeros(6))
     for name, value, target in (
         ("motion_desired", motion, impedance),
@@ -273,6 +264,27 @@ def make_estimators(scenario: TwoArms, calibration: Calibration) -> dict[str, Di
     images = ["color_measured", "depth_measured", "robot_mask"]
     eye = make_eye(scenario, calibration.cameras["fixed"])
     return estimators | {"eye": estimator_of("fixed", eye, images)}
+
+
+def estimator_of(owner: str, system: System, inputs: list[str]) -> Diagram:
+    """An estimator of one of several arms or cameras: its inputs are that one's ports of a station.
+
+    Args:
+        owner: Which one.
+        system: The estimator, with inputs that are named as of the only one.
+        inputs: Those that the station has; the others stay unconnected.
+
+    Returns:
+        A Diagram with the inputs `<owner>_<input>` and all outputs by their own names.
+    """
+    builder = DiagramBuilder()
+    builder.AddSystem(system)
+    for name in inputs:
+        builder.ExportInput(system.GetInputPort(name), prefixed(owner, name))
+    for index in range(system.num_output_ports()):
+        port = system.get_output_port(index)
+        builder.ExportOutput(port, port.get_name())
+    return builder.Build()
 
 
 def make_eye(scenario: TwoArms, camera: Camera) -> Diagram:

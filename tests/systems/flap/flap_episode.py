@@ -13,21 +13,22 @@ from synthetic_flap import P_WE, PERIOD, Laboratory
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.gaussian import nees
-from crossmodal.maths.vectors import tangent_basis
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.flap.flap_angle import UNTOUCHED, FlapAngleConfig, read_angle, update_angle
+from crossmodal.systems.flap.flap_geometry import HingeLimitsConfig
 from crossmodal.systems.flap.hinge.hinge_estimator import (
     HingeEstimatorConfig,
     HingeState,
     update_hinge,
 )
-from crossmodal.systems.flap.hinge.hinge_limits import HingeLimitsConfig
 from crossmodal.systems.flap.joint.flap_joint import update_joint
 from crossmodal.systems.flap.joint.flap_joint_model import (
     FlapJointConfig,
     FlapJointModel,
     FlapJointState,
+    read_joint_angle,
+    read_joint_hinge,
 )
-from crossmodal.systems.flap.joint.flap_joint_readout import read_joint_angle, read_joint_hinge
 from crossmodal.systems.flap.tool_kinematics import tool_link
 from crossmodal.systems.port_values import (
     DisplacementBelief,
@@ -129,7 +130,7 @@ def run(
                 episode.nees[name].append(np.nan)
         if hinge.known:
             tool = tool_link(hinge, angle, contact, end_effector)
-            B, p_WK = tangent_basis(hinge.k_W), _nearest(lab)
+            B, p_WK = normal_basis(hinge.k_W).T, _nearest(lab)
             episode.add("L1", tool.L1_W - (p_WK - P_WE), tool.L1_covariance)
             e = B.T @ (tool.L2_W - (p_WK - lab.true_contact))
             episode.add("L2", e, B.T @ tool.L2_covariance @ B)
@@ -145,12 +146,12 @@ def _compare(
     episode: Episode, lab: Laboratory, theta: float, hinge: HingeBelief, angle: FlapAngleBelief
 ) -> None:
     if hinge.known:
-        B, P = tangent_basis(hinge.k_W), hinge.covariance
+        B, P = normal_basis(hinge.k_W).T, hinge.covariance
         episode.add("axis", B.T @ (lab.tool.k_W - hinge.k_W), B.T @ P[:3, :3] @ B)
         episode.add("point", B.T @ (_nearest(lab) - hinge.p_WK), B.T @ P[3:, 3:] @ B)
     if angle.known:
         episode.add("theta", np.array([angle.theta - theta]), np.array([[angle.variance]]))
-        B = tangent_basis(angle.n_W)
+        B = normal_basis(angle.n_W).T
         e = B.T @ (lab.tool.frame(theta)[:, 1] - angle.n_W)
         episode.add("normal", e, B.T @ angle.n_covariance @ B)
 

@@ -1,7 +1,5 @@
 """The flap's systems through their ports, together in one diagram."""
 
-import re
-
 import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
@@ -23,6 +21,7 @@ from crossmodal.systems.port_values import (
     HingeBelief,
     ToolBelief,
 )
+from tests.documented_ports import documented_ports
 
 EXACT = Errors(
     camera_rotation=1e-6, camera_translation=1e-6, depth_scale=1e-6, arm_rotation=1e-6,
@@ -154,11 +153,7 @@ def _systems() -> list[LeafSystem]:
 
 @pytest.mark.parametrize("system", _systems(), ids=lambda system: type(system).__name__)
 def test_documented_ports_are_the_declared_ones(system: LeafSystem) -> None:
-    text = type(system).__doc__ or ""
-    found = re.search(r"input_ports:\n(.*?)output_ports:\n(.*?)\n\n", text, re.S)
-    assert found is not None
     inputs = [system.get_input_port(i).get_name() for i in range(system.num_input_ports())]
     outputs = [system.get_output_port(i).get_name() for i in range(system.num_output_ports())]
-    assert re.findall(r"- (\w+)", found.group(1)) == inputs
-    assert re.findall(r"- (\w+)", found.group(2)) == outputs
-    assert all(f"`{port}`" in text for port in inputs + outputs)
+    assert documented_ports(type(system).__doc__, "input") == inputs
+    assert documented_ports(type(system).__doc__, "output") == outputs

@@ -7,7 +7,7 @@ from synthetic_motion import Run, Scene, simulate
 
 from crossmodal.maths import se3
 from crossmodal.maths.consistency import is_consistent
-from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from crossmodal.systems.port_values import JointModelBelief, JointType

@@ -12,7 +12,7 @@ from synthetic_motion import Scene, at_rest, filter_states, simulate, stop_and_g
 
 from crossmodal.maths import se3
 from crossmodal.maths.consistency import is_consistent
-from crossmodal.maths.tangent_plane import normal_basis
+from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.kinematics.joint_filters import (
     JointFilters,
     JointFiltersConfig,
@@ -317,7 +317,7 @@ def test_correlated_errors_count_as_much_as_their_average_is_worth() -> None:
     r = np.exp(-dt / 0.5)
     lags = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     variance = np.mean(r**lags)
-    R = white_equivalent(np.eye(6), dt, config)
+    R = white_equivalent(np.eye(6), dt, config, np.zeros((6, 6)))
     assert_allclose(R, np.eye(6) * variance * n, rtol=0.01, atol=1e-9)
 
 

@@ -1,6 +1,5 @@
 """The system through its ports, in a context and in a diagram with a loop."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -99,18 +98,6 @@ def test_a_body_that_is_seen_when_it_moves_already_is_as_far_as_it_was_carried(
     assert driver.joints().joints[0].probabilities[JointType.RIGID] < 0.01
     assert abs(abs(belief.configuration[0]) - displacement) < 2.0 * std
     assert std < (3e-3 if joint == JointType.PRISMATIC else 0.05)
-
-
-def test_documented_ports_are_the_declared_ones() -> None:
-    model = KinematicModel(KinematicModelConfig(), inputs=2)
-    text = KinematicModel.__doc__ or ""
-    found = re.search(r"input_ports:\n(.*?)output_ports:\n(.*?)\n\n", text, re.S)
-    assert found is not None
-    inputs = [model.get_input_port(i).get_name() for i in range(model.num_input_ports())]
-    outputs = [model.get_output_port(i).get_name() for i in range(model.num_output_ports())]
-    assert re.findall(r"- (\w+)", found.group(1)) == inputs
-    assert re.findall(r"- (\w+)", found.group(2)) == outputs
-    assert all(f"`{port}`" in text for port in inputs + outputs)
 
 
 def test_a_sliding_body_becomes_a_prismatic_joint_of_the_environment() -> None:

@@ -25,7 +25,7 @@ from crossmodal.systems.proprioception.bent_hand import screw
 from crossmodal.systems.proprioception.grasp_model import GraspModel
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 from crossmodal.systems.proprioception.held_body_motion import HeldBodyMotion
-from crossmodal.systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
+from crossmodal.systems.proprioception.held_body_state import HeldBodyMotionConfig
 
 PERIOD = 1.0 / 15.0
 X_WH_START = np.array(
@@ -68,7 +68,6 @@ class Tick:
     """One tick's truth and beliefs."""
 
     X_WB: np.ndarray
-    X_HB: np.ndarray
     body: HeldBody  # None once it is lost; only those who lose it ask.
     prior: PoseBelief
     grasp: GraspBelief
@@ -264,7 +263,6 @@ def run(
         ticks.append(
             Tick(
                 X_WB=X_WB,
-                X_HB=se3.inverse(episode.X_WH(t)) @ X_WB,
                 body=diagram.GetOutputPort("body_motions_estimated").Eval(context).find(HELD_BODY),
                 prior=diagram.GetOutputPort("body_prior").Eval(context),
                 grasp=diagram.GetOutputPort("grasp_estimated").Eval(context),

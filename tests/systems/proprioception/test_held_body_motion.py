@@ -17,8 +17,14 @@ from crossmodal.systems.port_values import (
     PoseBelief,
     SlipBelief,
 )
-from crossmodal.systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
-from crossmodal.systems.proprioception.free_motion import free_motion, line_sensitivity
+from crossmodal.systems.proprioception.bent_hand import (
+    BentHand,
+    free_motion,
+    free_rotation,
+    free_sliding,
+    line_sensitivity,
+    screw,
+)
 from crossmodal.systems.proprioception.grasp_filters import free_projection
 from crossmodal.systems.proprioception.grasp_model import initial_grasp
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
@@ -29,8 +35,11 @@ from crossmodal.systems.proprioception.held_body_filter import (
     start_body,
 )
 from crossmodal.systems.proprioception.held_body_motion import HeldBodyMotion
-from crossmodal.systems.proprioception.held_body_motion_config import HeldBodyMotionConfig
-from crossmodal.systems.proprioception.held_body_state import BodyState, Layout
+from crossmodal.systems.proprioception.held_body_state import (
+    BodyState,
+    HeldBodyMotionConfig,
+    Layout,
+)
 
 CONFIG = HeldBodyMotionConfig()
 LAYOUT = Layout(6)

@@ -1,7 +1,5 @@
 """A camera and two arms of boxes against each other, from rendered depth."""
 
-import re
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -18,8 +16,11 @@ from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.port_values import DisplacementBelief, SampleWindow, displacement_at
 from crossmodal.systems.registration.arm_registration import ArmRegistration, ArmRegistrationConfig
-from crossmodal.systems.registration.registration_prior import CalibratedArm
-from crossmodal.systems.registration.registration_solver import body_weights, distortion
+from crossmodal.systems.registration.registration_solver import (
+    CalibratedArm,
+    distortion,
+    match_weights,
+)
 from crossmodal.systems.registration.robot_view import ArmChain, RobotView
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 290.0
@@ -192,7 +193,7 @@ def test_more_images_lessen_the_noise_but_not_the_links_tolerance(images: list[A
 def test_a_body_counts_as_one_observation_however_many_points_it_has() -> None:
     for count in (1, 10, 1000):
         body = np.repeat([0, 1], [count, 3])
-        w = body_weights(body, np.ones(count + 3), 0.0, 2e-3, 1.0)
+        w = match_weights(body, np.zeros(count + 3), 1e-9, 1, 2e-3, 1.0)
         assert w[body == 0].sum() == pytest.approx(1.0 / 2e-3**2)
         assert w[body == 1].sum() == pytest.approx(1.0 / 2e-3**2)
 
@@ -225,11 +226,9 @@ def test_a_hands_fingers_are_not_the_arms() -> None:
         assert carried.sum(axis=1).tolist() == [0, 1, 2, 2]
 
 
-def test_documented_ports_are_the_declared_ones() -> None:
-    system, text = make_system(), ArmRegistration.__doc__ or ""
+def test_it_reads_each_arm() -> None:
+    system = make_system()
     inputs = [system.get_input_port(i).get_name() for i in range(system.num_input_ports())]
     outputs = [system.get_output_port(i).get_name() for i in range(system.num_output_ports())]
     assert inputs == ["depth_measured", *(f"{name}_joint_state_window" for name in ARMS)]
     assert outputs == ["displacements_estimated", "displacements_latest"]
-    assert all(f"`{port}`" in text for port in outputs)
-    assert re.search(r"`<arm>_joint_state_window`", text)

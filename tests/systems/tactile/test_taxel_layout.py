@@ -2,7 +2,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from crossmodal.systems.tactile.taxel_layout import SEMI_AXES, fingertip_layout, pad_layout
+from crossmodal.systems.tactile.taxel_layout import (
+    SEMI_AXES,
+    fingertip_layout,
+    indentation,
+    pad_layout,
+)
 
 
 def test_every_taxel_lies_on_the_ellipsoid_with_its_normal_out_of_it() -> None:
@@ -40,3 +45,18 @@ def test_a_taxel_beside_the_pad_is_refused() -> None:
     places = np.array([[0.0, 0.0], [3e-3, 0.0], [0.0, 3e-3], [0.02, 0.0]])
     with pytest.raises(ValueError, match="taxel 3 at"):
         pad_layout(places)
+
+
+SPHERE = np.array([0.01, 0.01, 0.01])
+
+
+def test_the_force_grows_with_the_depth_as_hertz_says() -> None:
+    depth = indentation(0.5, 3e5, SPHERE)
+    force = 4.0 / 3.0 * 3e5 / (1.0 - 0.25) * np.sqrt(0.01) * depth**1.5
+    assert force == pytest.approx(0.5)
+    assert indentation(4.0, 3e5, SPHERE) == pytest.approx(4.0 * depth)
+
+
+def test_a_long_fingertip_is_pressed_in_less() -> None:
+    assert indentation(0.5, 3e5, np.array([0.01, 0.01, 0.02])) < indentation(0.5, 3e5, SPHERE)
+    assert indentation(0.0, 3e5, SPHERE) == 0.0

@@ -35,7 +35,7 @@ def _pixel(camera: Camera, X_WB: RigidTransform, p_BP: Sequence[float]) -> tuple
 def test_the_glass_pane_is_seen_through_but_returns_no_depth() -> None:
     station, camera = make_station("glass-door", "seed=3")
     context = station.diagram.CreateDefaultContext()
-    station.SetInitialState(context)
+    station.initialise(context)
     color = station.diagram.GetOutputPort("color_measured").Eval(context).image.data[:, :, :3]
     depth = station.diagram.GetOutputPort("depth_measured").Eval(context).image.data[:, :, 0]
     plant = station.scene.plant
@@ -75,7 +75,6 @@ def test_another_object_beside_it_does_not_move_the_first() -> None:
 
 def test_the_task_says_which_of_two_objects_the_robot_goes_to() -> None:
     station, _ = make_station("drawer", *TWO)
-    assert station.object == "drawer"
     assert station.joint.name() == "slide"
     assert set(station.scene.objects) == {"drawer", "box"}
 
@@ -88,7 +87,7 @@ def test_the_true_camera_is_not_quite_the_believed_one(error: str) -> None:
         small = ["cameras.camera.width=64", "cameras.camera.height=48", "seed=4"]
         station, _ = make_station("drawer", *small, *given)
         context = station.diagram.CreateDefaultContext()
-        station.SetInitialState(context)
+        station.initialise(context)
         images.append(
             station.diagram.GetOutputPort("color_measured").Eval(context).image.data.copy()
         )
@@ -103,7 +102,7 @@ def test_the_camera_follows_the_light_only_for_those_who_look(
     small = ["cameras.camera.width=64", "cameras.camera.height=48"]
     station, _ = make_station("drawer", *small, covered, f"modalities=[{modality}]")
     simulator = Simulator(station.diagram)
-    station.SetInitialState(simulator.get_mutable_context())
+    station.initialise(simulator.get_mutable_context())
     simulator.AdvanceTo(0.2)
     noise = station.diagram.GetSubsystemByName("camera_noise")
     gain = noise.GetMyContextFromRoot(simulator.get_context()).get_discrete_state_vector()
@@ -133,7 +132,7 @@ def test_a_detent_holds_the_joint_at_its_start_and_its_truth_is_what_exceeds_fri
         "drawer", "seed=0", "objects.drawer.detent=25", "objects.drawer.variation.friction=0"
     )
     context = station.diagram.CreateDefaultContext()
-    station.SetInitialState(context)
+    station.initialise(context)
     plant, slide = station.scene.plant, station.scene.plant.GetJointByName("slide")
     inside = plant.GetMyMutableContextFromRoot(context)
     port = plant.get_applied_generalized_force_input_port()

@@ -9,7 +9,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 from truth_paths import truth_paths, truth_references
 
-from crossmodal.diagrams.flap.calibration import make_calibration
+from crossmodal.diagrams.flap.episode_parts import make_calibration
 from crossmodal.diagrams.flap.scenario import Scenario
 from crossmodal.diagrams.flap.station.station import FlapStation, make_flap_station
 from crossmodal.diagrams.flap.station.tool_placement import draw_tool
@@ -32,7 +32,7 @@ def held(station: FlapStation) -> tuple[Context, Context]:
     """The root context at first, and after 2 s in which the finger approaches the flap."""
     simulator = Simulator(station.diagram)
     root = simulator.get_mutable_context()
-    station.SetInitialState(root)
+    station.initialise(root)
     simulator.Initialize()
     first = root.Clone()
     simulator.AdvanceTo(2.0)
@@ -152,7 +152,7 @@ def test_a_fault_of_the_taxels_cable_is_heard_by_control_too(load: Load) -> None
     faults = "disturbances.faults=[{stream: taxel_window, kind: nan, start: 0.05}]"
     station = make(load("flap", faults))
     simulator = Simulator(station.diagram)
-    station.SetInitialState(simulator.get_mutable_context())
+    station.initialise(simulator.get_mutable_context())
     simulator.Initialize()
     assert np.isfinite(output(station, simulator.get_context(), "taxel_measured")).all()
     simulator.AdvanceTo(0.1)

@@ -14,9 +14,11 @@ from crossmodal.systems.flap.joint.flap_joint_model import (
     FlapJointConfig,
     FlapJointModel,
     FlapJointState,
+    flap_pose,
+    least_rotation,
+    read_joint_angle,
+    without_position,
 )
-from crossmodal.systems.flap.joint.flap_joint_readout import read_joint_angle
-from crossmodal.systems.flap.joint.flap_pose import flap_pose, least_rotation, without_position
 from crossmodal.systems.port_values import UNKNOWN_FINGERTIP, unseen
 
 
@@ -40,10 +42,9 @@ def test_a_plane_gives_two_rotations_and_a_contact_three_positions() -> None:
     lab = Laboratory(0)
     plane, contact = lab.plane(0.5), lab.contact(0.5, 0.08)
     n0 = lab.tool.frame(0.0)[:, 1]
-    contact_spread = 1e-6 * np.eye(3)
     correlated_n = 1e-6 * np.eye(3)
     X, covariance, correlated = flap_pose(
-        n0, plane.n_W, plane.covariance[:3, :3], correlated_n, contact, contact_spread, 0.5
+        n0, plane.n_W, plane.covariance[:3, :3], correlated_n, contact, 1e-3, 0.5
     )
     assert_allclose(X[:3, :3] @ n0, plane.n_W, atol=1e-9)
     assert_allclose(X[:3, 3], contact.p_WC)
@@ -128,7 +129,7 @@ def test_a_flap_that_nobody_touches_or_sees_is_ever_less_certain() -> None:
 def test_a_pose_without_a_position_has_the_rotation_alone() -> None:
     lab = Laboratory(0)
     n, correlated_n = lab.tool.frame(0.0)[:, 1], 1e-6 * np.eye(3)
-    touched = flap_pose(n, n, correlated_n, correlated_n, lab.contact(0.0, 0.0), correlated_n, 0.5)
+    touched = flap_pose(n, n, correlated_n, correlated_n, lab.contact(0.0, 0.0), 1e-3, 0.5)
     pose = without_position(touched)
     assert_allclose(pose.covariance[:3, :3], touched.covariance[:3, :3])
     assert np.all(np.isinf(np.diag(pose.covariance)[3:]))

@@ -8,12 +8,12 @@ from synthetic_flap import Errors, Laboratory, ideal_depth, measured_depth
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.consistency import chi_square_bounds
+from crossmodal.systems.flap.tracking.flap_region import fit_local_planes, inverse_depth, normals
 from crossmodal.systems.flap.tracking.flap_tracking import FlapTrack, track_flap
 from crossmodal.systems.flap.tracking.flap_tracking_config import (
     FlapTrackingConfig,
     check_flap_tracking,
 )
-from crossmodal.systems.flap.tracking.local_planes import fit_local_planes, inverse_depth, normals
 from crossmodal.systems.flap.tracking.plane_fit import fit_plane, world_plane
 from crossmodal.systems.flap.tracking.tool_segmentation import angle_between
 from crossmodal.systems.port_values import UNKNOWN_FINGERTIP, unseen

@@ -6,12 +6,11 @@ from synthetic_flap import INTRINSICS
 
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.depth_camera import DepthCamera
-from crossmodal.systems.flap.tracking.flap_region import crop
+from crossmodal.systems.flap.tracking.flap_region import InverseDepth, crop, inverse_depth
 from crossmodal.systems.flap.tracking.flap_tracking_config import (
     DepthSensorConfig,
     FlapTrackingConfig,
 )
-from crossmodal.systems.flap.tracking.local_planes import InverseDepth, inverse_depth
 from crossmodal.systems.flap.tracking.tool_segmentation import (
     Parts,
     angle_between,

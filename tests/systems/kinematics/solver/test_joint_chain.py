@@ -7,7 +7,7 @@ from scipy.stats import multivariate_normal
 
 from crossmodal.maths import se3
 from crossmodal.maths.se3_in_place import pose_difference
-from crossmodal.maths.tangent_plane import tangent_basis
+from crossmodal.maths.vectors import tangent_basis
 from crossmodal.systems.kinematics.keyframes import pose_keyframes
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes
 from crossmodal.systems.kinematics.solver.joint_chain import (

@@ -1,7 +1,6 @@
 """Feature motion through its ports, on a textured wall that moves in front of the camera."""
 
 import copy
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -13,7 +12,6 @@ from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.port_values import FeatureBelief
-from crossmodal.systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from crossmodal.systems.vision.features.feature_motion import FeatureMotion
 from crossmodal.systems.vision.features.feature_motion_config import (
     DetectionConfig,
@@ -218,23 +216,6 @@ def test_latest_needs_no_input_and_estimated_reacts_at_once(camera: Intrinsics) 
 def test_a_deep_copy_of_the_state_shares_its_images() -> None:
     tracks = no_tracks(FeatureMotionConfig())
     assert copy.deepcopy(tracks) is tracks
-
-
-@pytest.mark.parametrize("system_class", [FeatureMotion, RigidBodyMotion])
-def test_the_documented_ports_are_the_declared_ones(system_class: type, camera: Intrinsics) -> None:
-    if system_class is FeatureMotion:
-        system = FeatureMotion(FeatureMotionConfig(), camera, X_WC)
-    else:
-        from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
-
-        system = RigidBodyMotion(RigidBodyMotionConfig(), camera, X_WC, True)
-    block = re.search(
-        r"input_ports:\n(.*?)\n +output_ports:\n(.*?)\n\n", system_class.__doc__, re.S
-    )
-    documented = [re.findall(r"- (\w+)", part) for part in block.groups()]
-    inputs = [system.get_input_port(i).get_name() for i in range(system.num_input_ports())]
-    outputs = [system.get_output_port(i).get_name() for i in range(system.num_output_ports())]
-    assert documented == [inputs, outputs]
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from crossmodal.systems.kinematics.evidence.deviation_series import (
     marginalise,
     new_series,
 )
-from crossmodal.systems.kinematics.evidence.smooth_deviations import smooth_evidence
+from crossmodal.systems.kinematics.evidence.type_evidence import smooth_evidence
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from crossmodal.systems.kinematics.joint_filters_state import JointFiltersState
 from crossmodal.systems.kinematics.solver.joint_geometry import (

@@ -1,4 +1,4 @@
-"""Whether a handle stays where it is until the hand has closed."""
+"""What a user should know of a scene before the hand moves: what overlaps, and what falls."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,11 +10,38 @@ from pydrake.systems.framework import DiagramBuilder
 
 from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
 from crossmodal.diagrams.crossmodal.scenario import Scenario
+from crossmodal.diagrams.crossmodal.station.station import ManipulationStation
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.joint_friction import JointFriction
 from crossmodal.plants.scene import ManipulationScene, ObjectPlacement, add_manipulation_scene
 
+_DEEPEST_OVERLAP = 0.005  # [m]
 _MOST = 0.02  # Way of a handle that the hand still closes around, [m].
+
+
+def overlaps(station: ManipulationStation) -> list[str]:
+    """What of an object is inside something else at the start, by more than 5 mm, a line each."""
+    scene, context = station.scene, station.diagram.CreateDefaultContext()
+    station.initialise(context)
+    query = scene.scene_graph.get_query_output_port().Eval(
+        scene.scene_graph.GetMyContextFromRoot(context)
+    )
+    objects = list(scene.objects.values())
+    inspector, deepest = query.inspector(), dict[tuple[str, str], float]()
+    for pair in query.ComputePointPairPenetration():
+        bodies = [
+            scene.plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
+            for geometry in (pair.id_A, pair.id_B)
+        ]
+        bodies.sort(key=lambda body: body.model_instance() not in objects)
+        if bodies[0].model_instance() in objects and pair.depth > _DEEPEST_OVERLAP:
+            names = bodies[0].name(), bodies[1].name()
+            deepest[names] = max(deepest.get(names, 0.0), pair.depth)
+    return [
+        f"link '{link}' starts {100 * depth:.0f} cm inside '{other}'; place the object elsewhere"
+        " (objects.NAME.position)"
+        for (link, other), depth in deepest.items()
+    ]
 
 
 def settling(
@@ -26,7 +53,6 @@ def settling(
     to close. Objects that come with the program stay where they are.
 
     Args:
-        scenario: Of the episode.
         placements: Of its objects.
         q_start: Posture of the arm (n,) at the start, [rad].
     """

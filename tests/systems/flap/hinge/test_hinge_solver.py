@@ -8,19 +8,19 @@ from numpy.testing import assert_allclose
 from synthetic_flap import Tool
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.vectors import tangent_basis
-from crossmodal.systems.flap.hinge.hinge_geometry import (
+from crossmodal.maths.vectors import normal_basis
+from crossmodal.systems.flap.hinge.hinge_keyframes import StackedKeyframes
+from crossmodal.systems.flap.hinge.hinge_solver import (
     SIZE,
     HingeModel,
     corrected,
-    cross_rows,
-    displacement,
     first_model,
     front_normal,
     linearise,
+    make_priors,
+    solve,
 )
-from crossmodal.systems.flap.hinge.hinge_keyframes import StackedKeyframes
-from crossmodal.systems.flap.hinge.hinge_solver import make_priors, solve
+from crossmodal.systems.port_values import displacement_at
 
 TOOL = Tool(k_W=np.array([0.1, -0.99, 0.05]) / np.linalg.norm([0.1, -0.99, 0.05]))
 CAMERA = np.array([0.9, 0.0, 0.1])
@@ -64,12 +64,6 @@ def test_a_true_hinge_explains_planes_of_both_faces_and_contacts() -> None:
     assert set(stacked.face) == {1.0, 0.0, -1.0}
     r, _, _ = linearise(true_model(), stacked, Q)
     assert_allclose(r, 0.0, atol=1e-12)
-
-
-def test_cross_products_of_rows_are_numpys() -> None:
-    a, b = np.random.default_rng(0).normal(size=(2, 5, 3))
-    assert_allclose(cross_rows(a, b), np.cross(a, b))
-    assert_allclose(cross_rows(a[0], b), np.cross(a[0], b))
 
 
 def test_jacobians_are_finite_differences() -> None:
@@ -160,8 +154,8 @@ def test_a_constant_displacement_of_touch_is_told_from_the_hinges_place() -> Non
     priors = make_priors(Q, 0.2, 0.05, (1e-4, 1e-4), (np.zeros(12), spread))
     first = first_model(stacked, 0.2, np.zeros(12))
     model, covariance = solve(first, stacked, priors, 40)
-    found = displacement(model.touch, Q, Q)
-    across = tangent_basis(TOOL.k_W).T
+    found = displacement_at(Q, Q) @ model.touch
+    across = normal_basis(TOOL.k_W)
     assert_allclose(across @ found, across @ offset, atol=5e-4)
     std = np.sqrt(np.diag(covariance)[18:])
     assert std[1] > 0.009  # Along the axis nothing says.

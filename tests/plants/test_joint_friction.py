@@ -7,7 +7,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
 from crossmodal.models import SDF_DIR
-from crossmodal.plants.joint_detent import JointDetent
+from crossmodal.plants.joint_friction import JointFriction
 from crossmodal.plants.scene import (
     ManipulationScene,
     ObjectPlacement,
@@ -29,7 +29,7 @@ def _forces(scene: ManipulationScene, positions: np.ndarray) -> np.ndarray:
     """Of a detent of 12 N on the drawer, at each of its positions [m]."""
     plant = scene.plant
     slide = plant.GetJointByName("slide")
-    detent = JointDetent(plant, slide, 12.0)
+    detent = JointFriction(plant, np.zeros(plant.num_velocities()), [(slide, 12.0)])
     context, state = detent.CreateDefaultContext(), np.zeros(plant.num_multibody_states())
     found = []
     for x in positions:
@@ -53,9 +53,3 @@ def test_it_holds_most_by_its_force_and_pulls_back_to_where_the_joint_was(
 
 def test_it_lets_go_a_centimetre_away(scene: ManipulationScene) -> None:
     assert abs(_forces(scene, np.array([0.01]))[0]) < 0.02
-
-
-@pytest.mark.parametrize("force", [-1.0, np.nan, np.inf])
-def test_an_impossible_force_is_refused(scene: ManipulationScene, force: float) -> None:
-    with pytest.raises(ValueError, match=r"JointDetent: force = .*, need >= 0"):
-        JointDetent(scene.plant, scene.plant.GetJointByName("slide"), force)

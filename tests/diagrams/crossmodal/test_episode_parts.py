@@ -4,7 +4,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from crossmodal.diagrams.applications import load_scenario
-from crossmodal.diagrams.crossmodal.calibration import make_calibration
+from crossmodal.diagrams.crossmodal.episode_parts import make_calibration
 from crossmodal.diagrams.run.calibration import Calibration
 
 

@@ -12,11 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from crossmodal.maths.tangent_plane import normal_basis
 from scipy.spatial.transform import Rotation
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.vectors import normal_basis
 
 RATE = 15.0  # [Hz]
 Motion = Callable[[Array], Array]

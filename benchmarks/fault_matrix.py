@@ -7,10 +7,10 @@ time: for 3 s before the object moves, in the middle of its motion, or once it r
 as the recording lasts). Sizes are those of `SIZES`. The cases of a run that are in the folder
 already are not run again; another version of the program needs another folder.
 
-Printed for each case: after how long the stream's monitor told a fault (no: never), the largest
-error of the configuration over its claimed deviation from the fault on, the share of ticks inside
-three, error and claim (1 sigma) at the end, and whether the truth was within two claimed deviations
-1 s after the fault had ended.
+Printed for each case: after how long the stream's monitor reported a fault (no: never), the
+largest error of the configuration over its reported deviation from the fault on, the share of ticks
+inside three, error and reported deviation at the end, and whether the truth was within two reported
+deviations 1 s after the fault had ended.
 """
 
 import json
@@ -35,7 +35,7 @@ from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.sensors.stream_fault import StreamFault
 
-# By stream: its name in what is told, and the size of each fault that has one. Encoders: seven
+# By stream: its name in what is reported, and the size of each fault that has one. Encoders: seven
 # angles [rad], then their rates. Wrench: torques [N m], then forces [N].
 STREAMS = {
     "color_measured": "color",
@@ -90,9 +90,9 @@ class Outcome:
 
     Attributes:
         crash: What was raised, in a line.
-        told_after: When the stream's monitor told a fault, after its start and before its end.
+        told_after: When the stream's monitor reported a fault, after its start and before its end.
         inside: Share of the claims from the fault on whose error is below three deviations.
-        worst: Largest error over claimed deviation from the fault on.
+        worst: Largest error over reported deviation from the fault on.
         recovered: Whether the truth was within two deviations 1 s after the end; None if the
             recording ended before, or nothing would be claimed then without a fault either.
     """
@@ -135,7 +135,7 @@ def cases_of(
 
 
 def deviations(series: JointSeries) -> Array:
-    """Error over claimed deviation (T,), NaN where nothing is claimed.
+    """Error over reported deviation (T,), NaN where nothing is claimed.
 
     Of a joint type of another unit, infinite if it is claimed for certain, else no claim.
     """
@@ -239,18 +239,18 @@ def figures(found: list[Outcome]) -> list[str]:
     inside = [one.inside for one in failing if np.isfinite(one.inside)]
     return [
         f"- crashed: {share(one.crash is not None for one in failing)}",
-        f"- told within 0.5 s: {share(t <= 0.5 for t in told)}; within 0.3 s:"
+        f"- detected within 0.5 s: {share(t <= 0.5 for t in told)}; within 0.3 s:"
         f" {share(t <= 0.3 for t in told)}; of those that are neither biased nor drifting within"
         f" 0.3 s: {share(t <= 0.3 for t, p in zip(told, plain, strict=True) if p)}",
-        f"- truth inside three claimed deviations: {100 * np.mean(inside):.1f} % of all claims; in"
+        f"- truth inside three reported deviations: {100 * np.mean(inside):.1f} % of all claims; in"
         f" at least 95 % of its claims: {share(x >= 0.95 for x in inside)} cases",
-        "- within two claimed deviations 1 s after recovery:"
+        "- within two reported deviations 1 s after recovery:"
         f" {share(one.recovered for one in failing if one.recovered is not None)}",
     ]
 
 
 HEADER = (
-    "| stream | fault | when | told after | largest, in claimed deviations | inside three "
+    "| stream | fault | when | detected after | largest, in reported deviations | inside three "
     "| at the end (claimed), mm or mrad | recovered |"
 )
 

@@ -1,4 +1,4 @@
-"""What wires: scenarios, stations, networks, episodes, experiments and the command line."""
+"""What connects the parts: scenarios, stations, networks, episodes and the command line."""
 
 import os
 

@@ -54,7 +54,7 @@ class ToolLineConfig:
     arrival_distance: float = number(0.001, above=0.0, at_most=0.1, unit="m")
     arrival_angle: float = number(0.01, above=0.0, at_most=1.0, unit="rad")
     arrival_time: float = number(4.0, above=0.0, at_most=3600.0, unit="s")
-    # A tool is not used of which a vector's claimed standard deviation is larger.
+    # A tool is not used of which a vector's reported standard deviation is larger.
     largest_deviation: float = number(0.03, above=0.0, at_most=1.0, unit="m")
 
 

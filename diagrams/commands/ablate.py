@@ -22,7 +22,7 @@ def ablate_command(
     ] = "0:3",
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/ablations"),
 ) -> None:
-    """Cut the wires between the senses, one at a time, and write what that costs."""
+    """Cut the connections between the senses, one at a time, and write what that costs."""
     with one_line_errors():
         from tqdm import tqdm
 

@@ -23,7 +23,7 @@ def diagram_command(
     force: Annotated[bool, typer.Option("--force", help="Replace the file.")] = False,
     overrides: SetOption = None,
 ) -> None:
-    """Draw the network of filters with its wires."""
+    """Draw the network of filters with its connections."""
     with one_line_errors():
         from dataclasses import replace
 

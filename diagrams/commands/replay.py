@@ -23,7 +23,7 @@ def replay_command(
     force: ForceOption = False,
     overrides: SetOption = None,
 ) -> None:
-    """Perceive a recorded run again, with other filters or other wires, without simulating."""
+    """Perceive a recorded run again, with other filters or connections, without simulating."""
     with one_line_errors():
         from tqdm import tqdm
 

@@ -61,7 +61,7 @@ PROPRIOCEPTION_INPUTS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class CrossModalWire:
+class CrossModalConnection:
     """A flow of information that a scenario may cut, by its connections.
 
     Attributes:
@@ -74,27 +74,27 @@ class CrossModalWire:
 
 
 _BODIES, _FEATURES = "body_motions_estimated", "features_estimated"
-CROSSMODAL_WIRES = {
-    "held_body_to_vision": CrossModalWire(
+CROSSMODAL_CONNECTIONS = {
+    "held_body_to_vision": CrossModalConnection(
         carries="where the hand takes its body, so that vision finds its features",
         connections=(("held_body_motion", "body_prior", "rigid_body_motion", "held_body_prior"),),
     ),
-    "features_to_held_body": CrossModalWire(
+    "features_to_held_body": CrossModalConnection(
         carries="the features of the body in the hand, which correct its pose",
         connections=(
             ("feature_motion", _FEATURES, "held_body_motion", _FEATURES),
             ("rigid_body_motion", _BODIES, "held_body_motion", _BODIES),
         ),
     ),
-    "held_body_to_grasp": CrossModalWire(
+    "held_body_to_grasp": CrossModalConnection(
         carries="how the body in the hand was seen to move, from which the grasp is learnt",
         connections=(("held_body_motion", _BODIES, "grasp_model", _BODIES),),
     ),
-    "visual_bodies_to_joints": CrossModalWire(
+    "visual_bodies_to_joints": CrossModalConnection(
         carries="bodies that only vision sees, to which the body in the hand may be jointed",
         connections=(("rigid_body_motion", _BODIES, "kinematic_model", "body_motions"),),
     ),
-    "joints_to_vision": CrossModalWire(
+    "joints_to_vision": CrossModalConnection(
         carries="where the joints expect the bodies, as one more prediction for vision",
         connections=(
             ("kinematic_model", "bodies_predicted", "rigid_body_motion", "joint_predictions"),
@@ -104,11 +104,12 @@ CROSSMODAL_WIRES = {
 
 
 def check_cut(cut: Sequence[str]) -> None:
-    """Raises ValueError, naming the known wires, where one is unknown."""
+    """Raises ValueError, naming the known ones, where one is unknown."""
     for name in cut:
-        if name not in CROSSMODAL_WIRES:
+        if name not in CROSSMODAL_CONNECTIONS:
             raise ValueError(
-                f"perception.cut: unknown wire '{name}'; there are {', '.join(CROSSMODAL_WIRES)}"
+                f"perception.cut: unknown connection '{name}';"
+                f" there are {', '.join(CROSSMODAL_CONNECTIONS)}"
             )
 
 
@@ -116,8 +117,8 @@ _FURNITURE = TypePriorsConfig(screw=0.02, rigid=0.4)  # Few of its joints are sc
 _HINGE_PITCH = 3e-3  # What errors that last make a hinge climb, [m/rad].
 
 
-def errors_of_the_eye() -> MeasurementErrorsConfig:
-    """Bodies followed by the eye drift by a tenth of a millimetre or two for seconds."""
+def errors_of_vision() -> MeasurementErrorsConfig:
+    """Bodies followed by vision drift by a tenth of a millimetre or two for seconds."""
     return MeasurementErrorsConfig(
         correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
     )
@@ -126,7 +127,7 @@ def errors_of_the_eye() -> MeasurementErrorsConfig:
 def joints_of_furniture() -> KinematicModelConfig:
     """What an arm opens has its hinge within reach.
 
-    The hand pulls at what the eye sees; unseen, a body's error is that of the hand.
+    The hand pulls at what vision follows; unseen, a body's error is that of the hand.
     """
     return KinematicModelConfig(
         filters=JointFiltersConfig(
@@ -149,8 +150,8 @@ class PerceptionConfig:
 
     Attributes:
         joints: Of all networks; the errors are those of bodies that the hand moves.
-        visual_errors: Of bodies that only the eye sees, in the place of those.
-        cut: Wires of `CROSSMODAL_WIRES` that the cross-modal network does without.
+        visual_errors: Of bodies that only vision follows, in the place of those.
+        cut: Wires of `CROSSMODAL_CONNECTIONS` that the cross-modal network does without.
         hand: That holds the body.
     """
 
@@ -169,7 +170,7 @@ class PerceptionConfig:
     features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
     bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
     joints: KinematicModelConfig = field(default_factory=joints_of_furniture)
-    visual_errors: MeasurementErrorsConfig = field(default_factory=errors_of_the_eye)
+    visual_errors: MeasurementErrorsConfig = field(default_factory=errors_of_vision)
     joint_mechanics: JointMechanicsConfig = field(default_factory=JointMechanicsConfig)
 
 
@@ -213,10 +214,10 @@ def make_network(
         model = builder.AddNamedSystem("kinematic_model", KinematicModel(kinematics, inputs=2))
         _add_vision(builder, config, calibration, with_held_body=True)
         body, _ = _add_proprioception(builder, config, calibration, corrected_by_vision=True)
-        for name, wire in CROSSMODAL_WIRES.items():
+        for name, wire in CROSSMODAL_CONNECTIONS.items():
             if name not in config.cut:
                 connect(builder, _between(builder, wire))
-        # What hand and eye know together of the interacted body counts, not what the eye knows.
+        # What touch and vision know together of the held body counts, not what vision knows.
         connect(builder, [(body, _BODIES, model, "body_motions_1")])
     if modality != "vision":
         _add_joint_mechanics(builder, config, model)
@@ -323,7 +324,7 @@ def _add_body_monitors(
     connect(builder, [(joints, "window_checked", wrist, "joint_state_window")])
 
 
-def _between(builder: DiagramBuilder, wire: CrossModalWire) -> Iterator[Connection]:
-    """The connections of a wire between the systems of those names."""
+def _between(builder: DiagramBuilder, wire: CrossModalConnection) -> Iterator[Connection]:
+    """The connections of a flow between the systems of those names."""
     for source, output, target, port in wire.connections:
         yield builder.GetSubsystemByName(source), output, builder.GetSubsystemByName(target), port

@@ -81,7 +81,7 @@ def draw_estimates(
         all_axes[0].set_title(f"{name}: estimate minus truth" if errors else name)
         all_axes[-1].set_xlabel("time [s]")
         handles, labels = max((axes.get_legend_handles_labels() for axes in all_axes), key=len)
-        title = "band: 2σ as claimed; n = 1 episode"
+        title = "band: 2σ as reported; n = 1 episode"
         figure.legend(handles, labels, loc="outside lower center", ncols=4, title=title)
     return figure
 

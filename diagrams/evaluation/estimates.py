@@ -69,8 +69,8 @@ def evaluate_rows(
     """What an episode comes to by the table of its estimates alone.
 
     For each estimator the summary holds, by quantity and component: `final_error`, `rms_error`, and
-    `inside_two_sigma`, the share of the ticks whose error lies within two claimed deviations; NaN
-    where the truth, or what is claimed, is unknown.
+    `inside_two_sigma`, the share of the ticks whose error lies within two reported deviations; NaN
+    where the truth, or what is reported, is unknown.
 
     Args:
         rows: From an estimator's name, its tick and the station's at the same instant to rows of
@@ -138,7 +138,7 @@ def _report(summary: Mapping[str, Any]) -> list[str]:
             inside = "-" if share is None else fixed(100.0 * share, 0)
             lines.append(
                 f"{name}: {quantity} {final} off at the end, {rms} RMS,"
-                f" {inside} % of the ticks inside two claimed deviations"
+                f" {inside} % of the ticks inside two reported deviations"
             )
     return lines
 

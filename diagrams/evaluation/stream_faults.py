@@ -1,4 +1,4 @@
-"""When the sensor streams could not be trusted, as the estimators' monitors told."""
+"""When the sensor streams could not be trusted, as the estimators' monitors reported."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ def health_rows(tick: Tick) -> list[Row]:
 
 
 def fault_spans(record: EpisodeRecord) -> list[FaultSpan]:
-    """All faults that were told, in order of time; of estimators that tell the same, one."""
+    """All reported faults in order of time; of estimators that report the same, one."""
     found: dict[FaultSpan, None] = {}
     for estimator in record.estimators.values():
         found |= dict.fromkeys(_spans(estimator.ticks))

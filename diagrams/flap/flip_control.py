@@ -1,4 +1,4 @@
-"""The controllers of both arms, which flip a flap and move its tool, and their wires."""
+"""The controllers of both arms, which flip a flap and move its tool, and their connections."""
 
 from dataclasses import dataclass, field
 

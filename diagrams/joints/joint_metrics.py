@@ -353,10 +353,10 @@ def rms_while_moving(series: JointSeries, truth: Truth) -> float:
 
 
 def inside_claim(series: JointSeries, k: int) -> tuple[bool | None, bool | None]:
-    """Whether the errors of configuration and axis at a tick are inside their two-sigma claims.
+    """Whether the errors of configuration and axis at a tick are within two reported deviations.
 
     Two sigma hold 95.4 % of a Gaussian: an ellipse of that content for the axis, which has two
-    degrees of freedom. None where nothing is claimed that can be compared.
+    degrees of freedom. None where nothing is reported that can be compared.
     """
     bound = [chi_square_quantile(_TWO_SIGMA, degrees) for degrees in (1, 2)]
     values = (series.configuration_nees[k], series.axis_nees[k])

@@ -203,7 +203,7 @@ def _beside(value: float, std: float, true: float) -> dict[str, Any]:
 
 
 def _limit(limit: LimitBelief, side: int, true: float) -> dict[str, Any]:
-    """A stop that was reached is where it is claimed, one that was not is not before the bound."""
+    """A stop that was reached is where it is reported, one that was not is not before the bound."""
     reached = limit.probability > CLAIMED
     value, variance = (
         (limit.position, limit.variance) if reached else (limit.bound, limit.bound_variance)

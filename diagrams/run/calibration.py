@@ -3,7 +3,7 @@
 A calibration is a measurement: it is made from a scenario, or for a real robot by hand, never from
 the simulation. In a simulation the calibration stands still and the truth varies: per seed, each
 camera and each arm is drawn around what is believed of it, with the standard deviations of
-`CalibrationConfig.errors`, and nobody who perceives or controls is told.
+`CalibrationConfig.errors`, and nobody who perceives or controls knows.
 """
 
 from collections.abc import Mapping

@@ -262,7 +262,7 @@ def connect_latest(
 def stream_models(
     estimators: Mapping[str, System], station_quantities: tuple[Quantity, ...]
 ) -> dict[str, Any]:
-    """Values like those of all ports that a recording holds: what the estimators hear, what the
+    """Values like those of all ports that a recording holds: what the estimators read, what the
     robot says it does, and the truth."""
     models: dict[str, Any] = {}
     for estimator in estimators.values():

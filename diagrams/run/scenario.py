@@ -39,7 +39,7 @@ class Disturbances:
 
     lights_off: list[Interval] = field(default_factory=list)
     camera_covered: list[Interval] = field(default_factory=list)
-    faults: list[StreamFault] = field(default_factory=list)  # Of what the estimators hear.
+    faults: list[StreamFault] = field(default_factory=list)  # Of what the estimators read.
 
     def dark(self) -> list[tuple[str, Interval]]:
         """Why the cameras see nothing, in words, and when."""

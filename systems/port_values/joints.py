@@ -59,10 +59,10 @@ class JointFit:
         bounds: Inside which that is in 95 % of all cases if the type is right.
         degrees: Of freedom of chi-square.
         outlier_share: Of the measurements.
-        noise_scale: Factors on the claimed standard deviations of rotation and translation.
+        noise_scale: Factors on the reported standard deviations of rotation and translation.
         noise_correlation: Of the errors of neighbouring measurements, as they seem; zero where it
             is not told from none.
-        path_floor: Error that does not average out, as a multiple of the claimed deviations, or of
+        path_floor: Error that does not average out, as a multiple of the reported deviations, or of
             1.5 mm and 5 mrad, by which real joints stray, where less is claimed.
     """
 

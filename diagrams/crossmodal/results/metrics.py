@@ -77,7 +77,7 @@ def _reached_stops(record: Mapping[str, Any]) -> bool:
     stops = [value_at(f"joints.0.mechanics.{side}")(record) for side in ("lower", "upper")]
     reached = [stop["inside_two_sigma"] for stop in stops if stop["reached"]]
     if not reached:
-        raise KeyError("no end stop is claimed to have been reached")
+        raise KeyError("no end stop is reported to have been reached")
     return all(reached)
 
 
@@ -104,34 +104,36 @@ METRICS = (
     ),
     Metric(name="configuration_true", value=value_at("joints.0.configuration_true"), unit=_unit),
     _of_joint("configuration_error", "configuration error at the end", _unit),
-    _of_joint("configuration_std", "configuration's claimed deviation at the end", _unit),
+    _of_joint("configuration_std", "configuration's reported deviation at the end", _unit),
     _of_joint("configuration_error_at_turn", "configuration error at the turning point", _unit),
     _of_joint("configuration_rms_moving", "configuration error while moving, RMS", _unit),
     _of_joint("configuration_error_last_seen", "configuration error when last seen", _unit),
     _of_joint("axis_angle_error", "axis direction error", "rad"),
     _of_joint("axis_angle_error_at_turn", "axis direction error at the turning point", "rad"),
-    _of_joint("axis_angle_std", "axis' claimed deviation at the end", "rad"),
+    _of_joint("axis_angle_std", "axis' reported deviation at the end", "rad"),
     *(
         _of_joint(
-            f"{key}_inside_two_sigma", f"final {key} inside its 2σ claim", cell=count_of_known
+            f"{key}_inside_two_sigma",
+            f"final {key} inside two reported deviations",
+            cell=count_of_known,
         )
         for key in ("configuration", "axis")
     ),
     _of_joint("axis_distance_error", "axis distance error", "m", kinds=_TURNING),
     _of_joint("pitch_error", "pitch error at the end", "m/rad", kinds=("screw",)),
-    _of_joint("pitch_std", "pitch's claimed deviation at the end", "m/rad", kinds=("screw",)),
+    _of_joint("pitch_std", "pitch's reported deviation at the end", "m/rad", kinds=("screw",)),
     *(
         _of_joint(f"resistance_{key}", title, unit, path=f"mechanics.resistance.{key}", cell=cell)
         for key, title, unit, cell in (
             ("error", "friction error at the motion's speed", _force_unit, median_and_range),
-            ("std", "friction's claimed deviation there", _force_unit, median_and_range),
-            ("inside_two_sigma", "friction inside its 2σ claim", "", count_of_known),
+            ("std", "friction's reported deviation there", _force_unit, median_and_range),
+            ("inside_two_sigma", "friction inside two reported deviations", "", count_of_known),
         )
     ),
     Metric(
         name="end_stops_inside_two_sigma",
         value=_reached_stops,
-        title="end stops claimed as reached, inside their 2σ claims",
+        title="end stops reported as reached, inside two reported deviations",
         cell=count_of_known,
     ),
     _of_joint("type_settled_at", "type settled after motion of", "s"),

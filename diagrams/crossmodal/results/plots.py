@@ -79,7 +79,7 @@ def draw_errors(episode: JointEpisode) -> Figure | None:
             )
         configuration.axhline(0.0, color=palette.TRUTH, lw=0.9)
         configuration.set_title(f"configuration error [{unit}]: estimate minus truth")
-        axis.set_title("axis direction error [deg] (dotted: the claimed deviation)")
+        axis.set_title("axis direction error [deg] (dotted: the reported deviation)")
         belief.set_title(f"probability of the true type ({truth.joint_type})")
         belief.set_ylim(-0.03, 1.05)
         belief.set_xlabel("time [s]")
@@ -165,7 +165,7 @@ def _finish(panels: Sequence[Axes], episode: JointEpisode) -> list[Line2D]:
 def _legend(figure: Figure, episode: JointEpisode, others: Sequence[Line2D]) -> None:
     """The modalities, other lines, and what the band is."""
     modalities = [_handle(name, _line(name)["lw"] + 0.6) for name in _series(episode)]
-    title = f"band: 2σ as claimed; n = 1 episode, seed {episode.record.scenario.seed}"
+    title = f"band: 2σ as reported; n = 1 episode, seed {episode.record.scenario.seed}"
     handles = [*modalities, *others]
     figure.legend(handles=handles, loc="outside upper center", ncols=5, title=title)
 
@@ -173,8 +173,8 @@ def _legend(figure: Figure, episode: JointEpisode, others: Sequence[Line2D]) -> 
 def draw_mechanics(episode: JointEpisode) -> Figure | None:
     """Force against configuration; None where no modality measured forces.
 
-    The band is friction at the mean speed, two claimed deviations wide; a thick upright line an end
-    stop that was reached; a dotted one how far the joint went where none was.
+    The band is friction at the mean speed, two reported deviations wide; a thick upright line an
+    end stop that was reached; a dotted one how far the joint went where none was.
     """
     found = {name: ticks for name in episode.series if (ticks := _felt(episode, name))}
     if not found:

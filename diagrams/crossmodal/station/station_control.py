@@ -1,4 +1,4 @@
-"""The controllers of a station and their wires."""
+"""The controllers of a station and their connections."""
 
 from collections.abc import Iterator
 

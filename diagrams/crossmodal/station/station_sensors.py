@@ -1,4 +1,4 @@
-"""The sensors of a station and their wires: of the body and of the eye."""
+"""The sensors of a station and their connections: of touch and of vision."""
 
 from crossmodal.controllers.interaction.grasp_sequence import GraspSequence
 from crossmodal.diagrams.crossmodal.modalities import SEEING

@@ -1,4 +1,4 @@
-"""What each wire between the senses is worth: networks, whole and cut, on the same measurements."""
+"""What each connection between the senses is worth: networks, whole and cut, on the same data."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -44,7 +44,7 @@ def run_ablation(
     document = read_document(path, [*ablation.overrides, f"seed={seed}"])
     scenario = resolve(parse_scenario(Scenario, document, path), path)
     scenario = replace(scenario, modalities=["crossmodal"])
-    key = {**fingerprint(application, scenario), "wire": ablation.wire}
+    key = {**fingerprint(application, scenario), "connection": ablation.connection}
     try:
         known = json.loads((folder / _RESULT_FILE).read_text(encoding="utf-8"))
         if {name: known.get(name) for name in key} == key:
@@ -62,7 +62,7 @@ def run_ablation(
 def _perceive_whole_and_cut(
     application: Application, ablation: Ablation, scenario: Scenario, folder: Path
 ) -> EpisodeRecord:
-    """Simulates an episode, and replays it with the network whole and with the wire cut."""
+    """Simulates an episode, and replays it with the network whole and with the connection cut."""
     sensors_file = folder / SENSORS_FILE
     try:
         episode = run_episode(application, scenario, sensors_file=sensors_file)
@@ -73,7 +73,7 @@ def _perceive_whole_and_cut(
         period, perception = scenario.network_period, scenario.perception
         networks = {
             name: make_network("crossmodal", replace(perception, cut=cut), calibration, period)
-            for name, cut in zip(WIRINGS, ([], [ablation.wire]), strict=True)
+            for name, cut in zip(WIRINGS, ([], [ablation.connection]), strict=True)
         }
         return replay(application, folder, scenario, networks)
     finally:
@@ -109,7 +109,7 @@ def run_ablations(
 def table(results: dict[str, list[dict[str, Any]]]) -> str:
     """Median (worst) error of the joint at the end, whole and cut, as a Markdown table."""
     lines = [
-        "| flow | scenario | wire cut | | joint type right | configuration error"
+        "| flow | scenario | connection cut | | joint type right | configuration error"
         " | axis direction error |",
         "|---|---|---|---|---|---|---|",
     ]
@@ -118,7 +118,8 @@ def table(results: dict[str, list[dict[str, Any]]]) -> str:
         for wiring in WIRINGS:
             joints = [row[wiring] for row in rows]
             first = wiring == WIRINGS[0]
-            about = (ablation.flow, ablation.scenario, f"`{ablation.wire}`") if first else ("",) * 3
+            about = (ablation.flow, ablation.scenario, f"`{ablation.connection}`")
+            about = about if first else ("",) * 3
             lines.append(f"| {' | '.join((*about, wiring, *_cells(joints)))} |")
     return "\n".join(lines) + "\n"
 

@@ -1,7 +1,7 @@
-"""The cross-modal flows of information, each shown by cutting the one wire that carries it.
+"""The cross-modal flows of information, each shown by cutting the connection that carries it.
 
 An episode is simulated once and its sensor streams are kept; the cross-modal network then perceives
-them twice, whole and with the wire cut, so that nothing else differs.
+them twice, whole and with the connection cut, so that nothing else differs.
 """
 
 from dataclasses import dataclass, field
@@ -11,18 +11,18 @@ from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 
 @dataclass(kw_only=True)
 class Ablation:
-    """A flow of information, where it matters, and the wire that carries it.
+    """A flow of information, where it matters, and the connection that carries it.
 
     Attributes:
         flow: What is shown, in one line.
         scenario: Its name.
-        wire: One of `CROSSMODAL_WIRES`.
+        connection: One of `CROSSMODAL_CONNECTIONS`.
         overrides: Assignments to the scenario.
     """
 
     flow: str
     scenario: str
-    wire: str
+    connection: str
     overrides: list[str] = field(default_factory=list)
 
 
@@ -30,31 +30,31 @@ _DARK = ["disturbances.lights_off=[{start: 14.0}]"]
 
 ABLATIONS = {
     "grasp-in-the-dark": Ablation(
-        flow="the grasp learnt with the eye carries the hand when the light is off",
+        flow="the grasp learnt with vision carries the hand when the light is off",
         scenario="cupboard-door",
-        wire="held_body_to_grasp",
+        connection="held_body_to_grasp",
         overrides=_DARK,
     ),
-    "taught-by-the-eye": Ablation(
-        flow="what the eye has corrected carries the hand's reading when the light is off",
+    "corrected-by-vision": Ablation(
+        flow="what vision has corrected carries the hand's reading when the light is off",
         scenario="cupboard-door",
-        wire="features_to_held_body",
+        connection="features_to_held_body",
         overrides=_DARK,
     ),
     "body-in-the-hand": Ablation(
-        flow="the body felt by the hand tells the eye which features are its own",
+        flow="the body felt by the hand shows vision which features are its own",
         scenario="drawer-lights-off",
-        wire="held_body_to_vision",
+        connection="held_body_to_vision",
     ),
     "behind-the-arm": Ablation(
-        flow="the body felt by the hand tells the eye which features are its own, once they show",
+        flow="the body felt by the hand shows vision which features are its own, once they show",
         scenario="door-occluded",
-        wire="held_body_to_vision",
+        connection="held_body_to_vision",
     ),
     "seen-reference": Ablation(
-        flow="a body that only the eye follows is the reference of a joint felt by the hand",
+        flow="a body that only vision follows is the reference of a joint felt by the hand",
         scenario="box-lid",
-        wire="visual_bodies_to_joints",
+        connection="visual_bodies_to_joints",
     ),
 }
 

@@ -110,7 +110,7 @@ def angles_between(a: Array, b: Array) -> Array:
 
 
 def share_inside(errors: Array, covariances: Array) -> float:
-    """Share of errors (T, n) within two deviations, of those that are claimed; NaN for none.
+    """Share of errors (T, n) within two deviations, as reported; NaN for none.
 
     In n dimensions that is the ellipsoid that holds as much as two deviations of one do; along
     directions without any variance, such as an axis' own, nothing is asked.

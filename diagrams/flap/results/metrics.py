@@ -46,7 +46,7 @@ METRICS = (
         Metric(
             name=f"{key}_inside_two_sigma",
             value=value_at(f"flap.inside_two_sigma.{key}"),
-            title=f"{title} inside its 2σ claim, share of ticks",
+            title=f"{title} inside two reported deviations, share of ticks",
             cell=mean_share,
         )
         for key, title in (("axis", "axis"), ("theta", "θ"), ("L1", "L1"), ("L2", "L2"))

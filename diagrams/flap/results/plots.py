@@ -86,7 +86,7 @@ def draw_angle(episode: FlapEpisode) -> Figure | None:
             )
         error.axhline(0.0, color=palette.TRUTH, lw=0.9)
         angle.set_title("angle of the flap [deg] (shaded: the camera does not see it)")
-        error.set_title("its error [deg] (band: 2σ as claimed)")
+        error.set_title("its error [deg] (band: 2σ as reported)")
         error.set_ylim(-12.0, 12.0)
         angle.legend(loc="lower right", ncols=3)
         _finish(panels, episode)

@@ -12,7 +12,7 @@ from truth_paths import truth_paths
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.application import APPLICATION
 from crossmodal.diagrams.crossmodal.episode_parts import QUANTITIES
-from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_WIRES
+from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_CONNECTIONS
 from crossmodal.diagrams.crossmodal.modalities import MODALITIES
 from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.drawing.diagram_drawing import leaf_systems, wires
@@ -97,15 +97,15 @@ def connections(network: Diagram) -> set[tuple[str, str, str, str]]:
     }
 
 
-@pytest.mark.parametrize("name", CROSSMODAL_WIRES)
+@pytest.mark.parametrize("name", CROSSMODAL_CONNECTIONS)
 def test_cutting_a_wire_removes_its_connections_and_no_other(name: str) -> None:
     cut = built(f"perception.cut=[{name}]", "modalities=[crossmodal]")["crossmodal"]
     missing = connections(networks()["crossmodal"]) - connections(cut)
-    assert missing == set(CROSSMODAL_WIRES[name].connections)
+    assert missing == set(CROSSMODAL_CONNECTIONS[name].connections)
 
 
 def test_with_every_wire_cut_the_network_still_ticks() -> None:
-    names = ", ".join(CROSSMODAL_WIRES)
+    names = ", ".join(CROSSMODAL_CONNECTIONS)
     network = built(f"perception.cut=[{names}]", "modalities=[crossmodal]")["crossmodal"]
     context = network.CreateDefaultContext()
     fix_inputs(network, context, Q, 0.0)
@@ -119,14 +119,14 @@ def test_with_every_wire_cut_the_network_still_ticks() -> None:
 
 
 def test_a_cut_touches_no_other_modality() -> None:
-    names = ", ".join(CROSSMODAL_WIRES)
+    names = ", ".join(CROSSMODAL_CONNECTIONS)
     cut = built(f"perception.cut=[{names}]")
     for modality in ("vision", "proprioception"):
         assert connections(cut[modality]) == connections(networks()[modality])
 
 
 def test_an_unknown_wire_lists_the_known_ones() -> None:
-    with pytest.raises(ScenarioError, match=r"cut: unknown wire 'thumb'.*joints_to_vision"):
+    with pytest.raises(ScenarioError, match=r"cut: unknown connection 'thumb'.*joints_to_vision"):
         drawer("perception.cut=[thumb]")
 
 

@@ -3,7 +3,7 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_WIRES
+from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_CONNECTIONS
 from crossmodal.diagrams.crossmodal.modalities import COLORS
 from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.estimate_plots import draw_estimates, draw_probabilities
@@ -61,7 +61,11 @@ def test_an_estimator_without_a_colour_gets_one_that_no_other_has(table: pd.Data
 
 
 def test_the_networks_of_the_second_notebook_have_a_colour_each() -> None:
-    names = ["proprioception", "crossmodal", *(f"without {wire}" for wire in CROSSMODAL_WIRES)]
+    names = [
+        "proprioception",
+        "crossmodal",
+        *(f"without {wire}" for wire in CROSSMODAL_CONNECTIONS),
+    ]
     colors = {palette.estimator_color(COLORS, name, k) for k, name in enumerate(names)}
     assert len(colors) == len(names)
 
@@ -96,4 +100,4 @@ def test_probabilities_are_stacked_to_one_for_each_estimator(table: pd.DataFrame
 
 def test_the_legend_of_estimates_says_what_the_band_is(table: pd.DataFrame) -> None:
     (legend,) = draw_estimates(table, "angle").legends
-    assert legend.get_title().get_text() == "band: 2σ as claimed; n = 1 episode"
+    assert legend.get_title().get_text() == "band: 2σ as reported; n = 1 episode"

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.application import APPLICATION
 from crossmodal.diagrams.crossmodal.episode_parts import TOPICS
-from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_WIRES, make_network
+from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_CONNECTIONS, make_network
 from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.joints.joint_metrics import JointEpisode, joint_episode
 from crossmodal.diagrams.run.episode import build_estimators, stream_models
@@ -41,7 +41,7 @@ WIRINGS: dict[str, tuple[str, list[str]]] = {
     "crossmodal": ("crossmodal", []),
     "proprioception": ("proprioception", []),
     "unguided": ("crossmodal", ["held_body_to_vision"]),
-    "separate": ("crossmodal", list(CROSSMODAL_WIRES)),
+    "separate": ("crossmodal", list(CROSSMODAL_CONNECTIONS)),
 }
 
 

@@ -21,7 +21,7 @@ def readings(seed: int, count: int) -> tuple[Array, Array]:
 
 
 def passed(times: Array, values: Array, model: IsolatedSteps) -> tuple[Array, list[str], Array]:
-    """All samples as they pass, seven to a tick, what is told after each, and last variances."""
+    """All samples as they pass, seven a tick; what is detected after each; the last variances."""
     state: Offsets | None = None
     found, told, window = [], [], SampleWindow(times=times, values=values)
     for k in range(0, len(times), 7):

@@ -146,7 +146,7 @@ def test_the_legend_says_what_the_band_is_and_of_how_many_episodes(
     figure = draw(episode())
     assert figure is not None
     (legend,) = figure.legends
-    assert legend.get_title().get_text() == "band: 2σ as claimed; n = 1 episode, seed 3"
+    assert legend.get_title().get_text() == "band: 2σ as reported; n = 1 episode, seed 3"
 
 
 def test_an_episode_and_its_campaign_are_drawn_in_the_same_words() -> None:

@@ -8,7 +8,7 @@ from synthetic_episode import synthetic_episode
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.application import APPLICATION
-from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_WIRES
+from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_CONNECTIONS
 from crossmodal.diagrams.crossmodal.studies import ablation_study
 from crossmodal.diagrams.crossmodal.studies.ablation_study import run_ablation, table
 from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS, Ablation, find_ablation
@@ -28,7 +28,7 @@ def joint(error: float | None, estimated: str = "prismatic") -> dict:
 
 @pytest.mark.parametrize("name", ABLATIONS)
 def test_every_ablation_cuts_a_wire_that_exists(name: str) -> None:
-    assert ABLATIONS[name].wire in CROSSMODAL_WIRES
+    assert ABLATIONS[name].connection in CROSSMODAL_CONNECTIONS
 
 
 def test_an_unknown_ablation_lists_the_known_ones() -> None:
@@ -50,10 +50,10 @@ def test_the_table_says_medians_and_what_was_lost() -> None:
 def test_a_finished_ablation_is_not_simulated_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ablation = Ablation(flow="", scenario="drawer", wire="joints_to_vision")
+    ablation = Ablation(flow="", scenario="drawer", connection="joints_to_vision")
     application, scenario = load_scenario("drawer", ["seed=4", "modalities=[crossmodal]"])
     wirings = {"whole": joint(1e-3), "cut": joint(2e-3)}
-    known = fingerprint(application, scenario) | {"wire": ablation.wire, "wirings": wirings}
+    known = fingerprint(application, scenario) | {"wire": ablation.connection, "wirings": wirings}
     (tmp_path / "ablation.json").write_text(json.dumps(known))
 
     def simulate(*_: object, **__: object) -> None:

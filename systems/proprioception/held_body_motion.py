@@ -205,8 +205,6 @@ class HeldBodyMotion(RecursiveFilter):
     - `slip_estimated`: `SlipBelief`; may stay unconnected.
     - `interaction_active`: (1,) above 0.5 from the instant at which the hand has closed.
     - `features_estimated`: `FeatureBelief`, positions in W.
-
-    Output ports:
     - `body_motions_estimated`: `BodyMotions`, of which the features of `HELD_BODY` are used. It and
       `features_estimated` exist only with `corrected_by_vision` and may stay unconnected.
 

@@ -1,5 +1,6 @@
 """Reads the names of ports from the docstring of a system."""
 
+import inspect
 import re
 
 
@@ -12,10 +13,7 @@ def documented_ports(docstring: str | None, kind: str) -> list[str]:
         docstring: Of a system or of a function that makes a Diagram.
         kind: "input" or "output".
     """
-    section = re.search(
-        rf"^( +){kind.capitalize()} ports:\n((?:\1- .*\n(?:\1  .*\n)*)*)", docstring or "", re.M
-    )
-    if section is None:
-        return []
-    heads = re.findall(r"^ +- ([^:]+):\s", section[2], re.M)
+    text = inspect.cleandoc(docstring or "") + "\n"
+    section = re.search(rf"^{kind.capitalize()} ports:\n((?:- .*\n(?:  .*\n)*)*)", text, re.M)
+    heads = re.findall(r"^- ([^:]+):\s", section[1] if section else "", re.M)
     return [name for head in heads for name in re.findall(r"`([^`]+)`", head)]

@@ -1,4 +1,4 @@
-"""Ablations name connections and scenarios that exist; a finished one is read, not simulated again."""
+"""Ablations name what exists; a finished one is read, not simulated again."""
 
 import json
 from pathlib import Path
@@ -53,7 +53,8 @@ def test_a_finished_ablation_is_not_simulated_again(
     ablation = Ablation(flow="", scenario="drawer", connection="joints_to_vision")
     application, scenario = load_scenario("drawer", ["seed=4", "modalities=[crossmodal]"])
     wirings = {"whole": joint(1e-3), "cut": joint(2e-3)}
-    known = fingerprint(application, scenario) | {"connection": ablation.connection, "wirings": wirings}
+    known = fingerprint(application, scenario) | {"connection": ablation.connection}
+    known["wirings"] = wirings
     (tmp_path / "ablation.json").write_text(json.dumps(known))
 
     def simulate(*_: object, **__: object) -> None:

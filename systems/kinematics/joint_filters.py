@@ -9,7 +9,7 @@ parameters and its share of the evidence.
 
 The reported covariance of the measurements is a prior. How large their noise is and whether it is
 correlated in time follows from the stream itself (`measurement_noise`), what does
-not average out and by what the path is no ideal joint's from the evidence (`path_floor`), and a
+not average out and by what the path is no ideal joint's from the evidence (`covariance_floor`), and a
 measurement that is far off is an outlier with a probability (`outliers`). Where no joint explains
 the motion, a free one wins (`free_motion`), and the distance of the measurements from its path
 limits the probability of a joint (`goodness_of_fit.largest_probability`).

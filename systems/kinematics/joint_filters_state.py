@@ -68,7 +68,7 @@ class JointFiltersState(Immutable):
         noise: How large the measurements' noise is, and how correlated.
         scale: (6,) standard deviations of the keyframes by those that were reported.
         reported: Covariance (6, 6), in B, that measurements report, their harmonic mean.
-        floor_index: In `path_floor.FLOORS` of what the keyframes have.
+        floor_index: In `covariance_floor.FLOORS` of what the keyframes have.
         deviations_index: The same of how large smooth deviations are (`type_evidence`).
         covariance: (J, N, N) of each model's theta, deviations smooth or independent.
         W_zero: See `read_configuration`.

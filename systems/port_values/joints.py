@@ -61,9 +61,9 @@ class JointFit:
         outlier_share: Of the measurements.
         noise_scale: Factors on the reported standard deviations of rotation and translation.
         noise_correlation: Of the errors of neighbouring measurements, as they seem; zero where it
-            is not told from none.
+            cannot be distinguished from none.
         path_floor: Error that does not average out, as a multiple of the reported deviations, or of
-            1.5 mm and 5 mrad, by which real joints stray, where less is claimed.
+            1.5 mm and 5 mrad, by which real joints deviate, where less is reported.
     """
 
     reduced_chi_square: float

@@ -1,4 +1,4 @@
-"""Where new point features are born: corners that stand out of the image's noise, spread evenly."""
+"""Where tracks of new features begin: corners that stand out of the noise, spread evenly."""
 
 import cv2
 import numpy as np
@@ -11,6 +11,8 @@ Byte = npt.NDArray[np.uint8]
 
 _BLUR = np.outer(*[cv2.getGaussianKernel(5, 1.0)[:, 0]] * 2)
 _BLOCK = 5  # Width of the window that a structure tensor is averaged over, [px].
+_NOISE_WINDOW = 9  # Of what a blurred image's structure tensor depends on, [px].
+_LEVEL_WIDTH = 16  # Of a class of grey levels that have the same noise.
 
 
 def _gradient_gain() -> float:
@@ -26,31 +28,48 @@ _GRADIENT_GAIN = _gradient_gain()
 BLUR_GAIN = float(np.sqrt(np.sum(_BLUR**2)))  # Standard deviation of noise left by the blur.
 
 
-def smooth_grey(rgba: Byte) -> tuple[Image, float]:
-    """The grey image (H, W), slightly blurred, and its raw noise's standard deviation.
+def smooth_grey(rgba: Byte) -> tuple[Image, Image]:
+    """The grey image (H, W), slightly blurred, and the standard deviation of the raw noise (H, W).
 
-    The noise is read from the flattest quarter of the image: the lower quartile of the response
-    of a mask that is blind to planes, which for white noise is 0.3186 standard deviations.
-
-    Source: J. Immerkaer, Fast Noise Variance Estimation, 1996 (the mask; the quartile is ours).
+    A camera's noise depends on how bright a pixel is; where the image is dark, it is often several
+    times as large. What is returned for a pixel is the mean around it, so that a patch on an edge
+    between dark and bright counts as half of each.
     """
     grey = cv2.cvtColor(rgba, cv2.COLOR_RGBA2GRAY)
+    smooth = cv2.GaussianBlur(grey.astype(np.float32), (5, 5), 1.0)
+    variance = (_noise_of_levels(grey) ** 2).astype(np.float32)[smooth.astype(np.uint8)]
+    return smooth, np.sqrt(cv2.blur(variance, (_NOISE_WINDOW, _NOISE_WINDOW)))
+
+
+def _noise_of_levels(grey: Byte) -> Array:
+    """Standard deviation (256,) of the raw noise at each grey level; zero where nothing tells.
+
+    It is read from the flattest quarter of the pixels of about that level: the lower quartile of
+    the response of a mask that is blind to planes, which for white noise is 0.3186 standard
+    deviations.
+
+    Source: J. Immerkaer, Fast Noise Variance Estimation, 1996 (the mask; quartile and levels are
+    ours).
+    """
     rows = grey[::4].astype(np.int16)
     above, below = grey[1::4].astype(np.int16), grey[2::4].astype(np.int16)
     count = min(len(rows), len(above), len(below))
-    second = [
-        image[:count, :-2] - 2 * image[:count, 1:-1] + image[:count, 2:]
-        for image in (rows, above, below)
-    ]
-    response = np.abs(second[0] - 2 * second[1] + second[2])[:, ::2]
-    unsaturated = (above[:count, 1:-1] > 0) & (above[:count, 1:-1] < 255)
-    response = response[unsaturated[:, ::2]]
-    noise = 0.0
-    if response.size > 100:
-        counts = np.bincount(response.ravel())
-        cumulative = np.cumsum(counts) / response.size
-        noise = float(np.interp(0.25, cumulative, np.arange(len(counts)) + 0.5)) / (0.3186 * 6.0)
-    return cv2.GaussianBlur(grey.astype(np.float32), (5, 5), 1.0), noise
+    rows, above, below = rows[:count], above[:count], below[:count]
+    second = [image[:, :-2] - 2 * image[:, 1:-1] + image[:, 2:] for image in (rows, above, below)]
+    response = np.minimum(np.abs(second[0] - 2 * second[1] + second[2]), 255)[:, ::2]
+    level = ((rows + 2 * above + below)[:, 1:-1:2]) // (4 * _LEVEL_WIDTH)
+    unsaturated = ((above > 0) & (above < 255))[:, 1:-1:2]
+    counts = np.bincount(
+        256 * level[unsaturated].astype(np.int64) + response[unsaturated],
+        minlength=256 * (256 // _LEVEL_WIDTH),
+    ).reshape(-1, 256)
+    known = np.nonzero(counts.sum(axis=1) > 100)[0]
+    if len(known) == 0:
+        return np.zeros(256)
+    shares = np.cumsum(counts[known], axis=1) / counts[known].sum(axis=1, keepdims=True)
+    quartiles = [np.interp(0.25, share, np.arange(256) + 0.5) for share in shares]
+    centres = _LEVEL_WIDTH * (known + 0.5)
+    return np.interp(np.arange(256), centres, quartiles) / (0.3186 * 6.0)
 
 
 def flat_depth_mask(depth: Image, radius: int, step: float) -> Byte:
@@ -71,7 +90,7 @@ def find_corners(
     existing_uv: Array,
     count: int,
     *,
-    noise: float,
+    noise: Image,
     min_distance: int,
     noise_factor: float,
     cells: tuple[int, int] = (8, 6),
@@ -83,7 +102,7 @@ def find_corners(
         allowed: Nonzero where a corner may lie (H, W).
         existing_uv: Features that exist (N, 2); corners keep `min_distance` from them.
         count: Number wanted.
-        noise: Standard deviation of the raw image's noise, [grey levels].
+        noise: Standard deviation of the raw image's noise (H, W), [grey levels].
         min_distance: Between features, [px].
         noise_factor: Least ratio of a corner's smaller structure tensor eigenvalue to the noise's.
         cells: The image is divided into so many (columns, rows), which are filled evenly.
@@ -94,8 +113,7 @@ def find_corners(
             cv2.circle(allowed, (round(u), round(v)), min_distance, 0, -1)
     strength = cv2.cornerMinEigenVal(image, _BLOCK, ksize=3)
     strength *= 0.25  # OpenCV's derivatives of float images are twice those per pixel.
-    noise = max(noise, 0.5)
-    threshold = noise_factor * _GRADIENT_GAIN * noise**2
+    threshold = noise_factor * _GRADIENT_GAIN * np.maximum(noise, 0.5) ** 2
     side = 2 * (min_distance // 2) + 1
     peak = strength >= cv2.dilate(strength, np.ones((side, side), np.uint8))
     rows, columns = np.nonzero(peak & (allowed > 0) & (strength > threshold))

@@ -18,6 +18,7 @@ from crossmodal.systems.vision.features import (
 from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
 from crossmodal.systems.vision.features.feature_search import search
 from crossmodal.systems.vision.features.feature_tracks import FeatureTracks, Frame, locate
+from crossmodal.systems.vision.features.patch_templates import Image
 
 
 def follow(
@@ -39,7 +40,7 @@ def follow(
     shrunk = sizes[:, 1] < config.registration.min_shape
     contrast = patch_templates.patch_contrasts(frame.image, tracks.templates, found.warps, found.uv)
     # A smooth template correlates well with mere noise, sooner or later.
-    visible = contrast > 2.0 * feature_detection.BLUR_GAIN * frame.noise
+    visible = contrast > 2.0 * feature_detection.BLUR_GAIN * _at_pixels(frame.noise, found.uv)
     seen = (found.scores >= config.registration.min_correlation) & visible & on_surface & ~shrunk
     before = int(np.sum(tracks.missed == 0)) if not tracks.blackout else len(tracks.ids)
     blackout = before >= 10 and np.sum(seen) < config.tracks.blackout_share * before
@@ -67,6 +68,12 @@ def follow(
         fresh, passed = _confirm(config, fresh, found.scores)
         fresh = fresh.select(passed)
     return fresh.select(_alive(config, fresh, frame))
+
+
+def _at_pixels(image: Image, uv: Array) -> Array:
+    """The image's values (N,) at the pixels nearest to `uv` (N, 2), inside it."""
+    column, row = np.nan_to_num(uv).round().astype(int).T
+    return image[row.clip(0, image.shape[0] - 1), column.clip(0, image.shape[1] - 1)]
 
 
 def _confirm(
@@ -167,7 +174,8 @@ def initiate_tracks(
     templates, valid = patch_templates.cut_templates(
         frame.image, uv, config.registration.patch_radius
     )
-    floor = max(config.detection.min_contrast, 3.0 * feature_detection.BLUR_GAIN * frame.noise)
+    noise = feature_detection.BLUR_GAIN * _at_pixels(frame.noise, uv)
+    floor = np.maximum(config.detection.min_contrast, 3.0 * noise)
     uv_covariance = np.tile(config.registration.pixel_floor**2 * np.eye(2), (len(uv), 1, 1))
     p_WF, covariance, tangents, on_surface = locate(config, frame, uv, uv_covariance)
     keep = valid & on_surface & (templates.contrast > floor)

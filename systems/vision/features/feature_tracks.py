@@ -120,7 +120,7 @@ class Frame:
 
     Attributes:
         image: Blurred grey image (H, W).
-        noise: Standard deviation of the raw image's noise, [grey levels].
+        noise: Standard deviation of the raw image's noise (H, W), [grey levels].
         depth: (H, W), [m].
         robot: Nonzero on the robot and its border (H, W).
         intrinsics: (fx, fy, cx, cy), [px].
@@ -128,7 +128,7 @@ class Frame:
     """
 
     image: Image
-    noise: float
+    noise: Image
     depth: Image
     robot: Byte
     intrinsics: Array

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from crossmodal.systems.vision.features import feature_detection
 
@@ -18,7 +19,7 @@ def checkerboard() -> np.ndarray:
     return np.where((u // 40 + v // 40) % 2 == 0, 80.0, 160.0)
 
 
-def find(image: np.ndarray, noise: float, **options: object) -> np.ndarray:
+def find(image: np.ndarray, noise: np.ndarray, **options: object) -> np.ndarray:
     settings = {"existing_uv": np.zeros((0, 2)), "allowed": EVERYWHERE, "count": 200} | options
     return feature_detection.find_corners(
         image, noise=noise, min_distance=10, noise_factor=15.0, **settings
@@ -31,7 +32,19 @@ def test_the_noise_is_estimated_from_a_textured_image(sigma: float) -> None:
     _, noise = feature_detection.smooth_grey(
         rgba(checkerboard() + rng.normal(0, sigma, (480, 640)))
     )
-    assert abs(noise / sigma - 1.0) < 0.2
+    assert_allclose(noise, sigma, rtol=0.2)
+
+
+def test_noise_depends_on_how_bright_the_image_is() -> None:
+    rng = np.random.default_rng(4)
+    dark = np.arange(480)[:, None] > np.full(640, 250)
+    grey = np.where(dark, 25.0, 150.0) + np.where(dark, 6.0, 1.5) * rng.normal(size=dark.shape)
+    image, noise = feature_detection.smooth_grey(rgba(grey))
+    assert_allclose(noise[:200], 1.5, rtol=0.2)
+    assert_allclose(noise[300:], 6.0, rtol=0.2)
+    # A straight edge has no corner, and the noise on its dark side makes none.
+    assert len(find(image, noise)) == 0
+    assert len(find(image, np.full_like(noise, np.median(noise[:200])))) > 20
 
 
 @pytest.mark.parametrize("sigma", [1.0, 5.0, 20.0])

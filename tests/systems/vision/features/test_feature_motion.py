@@ -169,8 +169,8 @@ def test_after_a_short_blackout_the_same_features_are_found(follow: Callable) ->
     assert np.mean(kept) > 0.95
 
 
-def test_what_the_noise_drowns_is_soon_left_alone(follow: Callable) -> None:
-    """A dark half of the wall: its noise is not that of the flat parts that tell the noise."""
+def test_what_the_noise_drowns_is_left_alone(follow: Callable) -> None:
+    """A dark half of the wall, which is noisier than the bright one."""
 
     def inputs(k: int) -> dict:
         values = frame(seed=k, sigma=0.5)
@@ -181,9 +181,7 @@ def test_what_the_noise_drowns_is_soon_left_alone(follow: Callable) -> None:
         return values
 
     beliefs = follow(inputs, 12)
-    dark = [int(np.sum(belief.uv[:, 0] < 310)) for belief in beliefs]
-    assert dark[0] > 20
-    assert max(dark[5:]) < 0.2 * dark[0]
+    assert max(int(np.sum(belief.uv[:, 0] < 310)) for belief in beliefs) == 0
     assert np.sum(beliefs[-1].uv[:, 0] > 330) > 60
 
 

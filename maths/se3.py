@@ -75,6 +75,14 @@ def adjoint(X: Array) -> Array:
     return Ad
 
 
+def bracket(V: Array) -> Array:
+    """ad_V (6, 6) with `bracket(V) @ xi == d(adjoint(exp(t V)) @ xi)/dt` at t = 0."""
+    ad = np.zeros((6, 6))
+    ad[:3, :3] = ad[3:, 3:] = skew(V[:3])
+    ad[3:, :3] = skew(V[3:])
+    return ad
+
+
 @hot
 def _so3_left_jacobian(omega: Array) -> Array:
     """The matrix J (3, 3) with exp(omega + d) ~ exp(J d) exp(omega); `omega` is (3,) [rad]."""

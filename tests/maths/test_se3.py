@@ -46,6 +46,13 @@ def test_adjoint_moves_a_tangent_through_a_pose(angle: float) -> None:
     assert_allclose(X @ se3.inverse(X), np.eye(4), atol=1e-12)
 
 
+def test_bracket_is_how_an_adjoint_changes() -> None:
+    V, xi, h = tangent(0.7, 4), tangent(0.3, 5), 1e-6
+    change = (se3.adjoint(se3.exp(h * V)) - se3.adjoint(se3.exp(-h * V))) / (2 * h)
+    assert_allclose(se3.bracket(V), change, atol=1e-9)
+    assert_allclose(se3.bracket(V) @ xi, -se3.bracket(xi) @ V, atol=1e-12)
+
+
 @pytest.mark.parametrize("angle", ANGLES)
 def test_rotations_are_those_of_scipy(angle: float) -> None:
     omega = tangent(angle, 3)[:3]

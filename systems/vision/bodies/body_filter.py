@@ -19,6 +19,7 @@ from crossmodal.maths.arrays import Array, Ids, Mask
 from crossmodal.maths.gaussian import diagonal_blocks
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.rigid_points import pose_jacobian
+from crossmodal.systems.vision.camera_geometry import transform
 
 _POSE = slice(0, 6)
 _MOTION = 12
@@ -34,6 +35,8 @@ class BodyFilter(Immutable):
         V: V_WB_B (6,), [rad/s, m/s].
         ids: Features with a landmark (K,).
         p_BF: Landmarks (K, 3), [m].
+        late: Which landmarks (K,) were placed in B by a pose later than the reference, and are
+            wrong as that pose was.
         p_BF_initial: Landmarks when they were added (K, 3), [m].
         initial_covariance: Joint covariance (3K, 3K) of the landmarks when they were added, [m^2];
             those that were added together share the pose's error.
@@ -44,6 +47,7 @@ class BodyFilter(Immutable):
     V: Array
     ids: Ids
     p_BF: Array
+    late: Mask
     p_BF_initial: Array
     initial_covariance: Array
     P: Array
@@ -68,6 +72,7 @@ def at_reference(X_WB: Array, sigma_V: Array) -> BodyFilter:
         V=np.zeros(6),
         ids=np.zeros(0, np.int64),
         p_BF=np.zeros((0, 3)),
+        late=np.zeros(0, bool),
         p_BF_initial=np.zeros((0, 3)),
         initial_covariance=np.zeros((0, 0)),
         P=P,
@@ -171,13 +176,38 @@ def correct(body: BodyFilter, index: Ids, p_WF: Array, covariance: Array) -> Bod
     blocks = np.arange(3 * count).reshape(count, 3)
     S[blocks[:, :, None], blocks[:, None, :]] += R_B
     dx, P = error_state.update(body.P, HP, S, (z - body.p_BF[index]).ravel())
-    return replace(
-        body,
-        X=body.X @ se3.exp(dx[:6]),
-        V=body.V + dx[6:_MOTION],
-        p_BF=body.p_BF + dx[_MOTION:].reshape(-1, 3),
-        P=P,
-    )
+    return _moved(replace(body, P=P), dx[_POSE], dx[_POSE.stop :])
+
+
+def _with_pose(body: BodyFilter) -> Array:
+    """How velocity and late landmarks (6 + 3K, 6) in B are wrong if X_WB is, d(V, p)/dxi."""
+    J = np.where(body.late[:, None, None], pose_jacobian(body.p_BF), 0.0)
+    return np.concatenate([se3.bracket(body.V), -J.reshape(-1, 6)])
+
+
+def _moved(body: BodyFilter, xi: Array, others: Array) -> BodyFilter:
+    """The filter corrected by `xi` (6,) of its pose and `others` (6 + 3K,) of all else.
+
+    What a camera sees are velocity and late landmarks in W. If the pose is wrong, they are wrong in
+    B such that they are right in W, however far that turns them. So they are corrected in W, then
+    expressed in the corrected B, and their covariance with them. If the corrections were added up
+    in B, a pose that nothing determines would seem to become known.
+
+    Source: the idea is the invariant error of A. Barrau and S. Bonnabel, An EKF-SLAM algorithm with
+    consistency properties, 2015.
+    """
+    before = _with_pose(body)
+    seen = others - before @ xi
+    back = se3.exp(-xi)
+    p_BF = body.p_BF + seen[6:].reshape(-1, 3)
+    p_BF[body.late] = transform(back, p_BF[body.late])
+    V = se3.adjoint(back) @ (body.V + seen[:6])
+    moved = replace(body, X=body.X @ se3.exp(xi), V=V, p_BF=p_BF)
+    P = body.P.copy()
+    change = _with_pose(moved) - before
+    P[_POSE.stop :] += change @ P[_POSE]
+    P[:, _POSE.stop :] += P[:, _POSE] @ change.T
+    return replace(moved, P=0.5 * (P + P.T))
 
 
 def _shrunk_cross_covariance(C: Array, P: Array, cross: Array) -> Array:
@@ -196,12 +226,15 @@ def _shrunk_cross_covariance(C: Array, P: Array, cross: Array) -> Array:
     return np.asarray(P @ (W * np.sqrt(np.clip(ratio, 0.0, 1.0))) @ (W.T @ cross))
 
 
-def _extended(body: BodyFilter, ids: Ids, p_BF: Array, rows: Array, blocks: Array) -> BodyFilter:
+def _extended(
+    body: BodyFilter, ids: Ids, p_BF: Array, rows: Array, blocks: Array, late: bool
+) -> BodyFilter:
     """Appends landmarks; `rows` (3K, n) is their covariance with the state, `blocks` their own."""
     grown = replace(
         body,
         ids=np.concatenate([body.ids, ids]),
         p_BF=np.concatenate([body.p_BF, p_BF]),
+        late=np.concatenate([body.late, np.full(len(ids), late)]),
         p_BF_initial=np.concatenate([body.p_BF_initial, p_BF]),
         P=error_state.augment(body.P, rows, blocks),
     )
@@ -222,7 +255,7 @@ def add_reference_landmarks(
     """Landmarks from positions (K, 3) averaged while the body stood at its reference."""
     p_BF, R_B = in_body(X_WB_reference, p_WF, covariance)
     blocks = scipy.linalg.block_diag(*R_B) if len(ids) else np.zeros((0, 0))
-    return _extended(body, ids, p_BF, np.zeros((3 * len(ids), len(body.P))), blocks)
+    return _extended(body, ids, p_BF, np.zeros((3 * len(ids), len(body.P))), blocks, False)
 
 
 def add_current_landmarks(body: BodyFilter, ids: Ids, p_WF: Array, covariance: Array) -> BodyFilter:
@@ -235,7 +268,7 @@ def add_current_landmarks(body: BodyFilter, ids: Ids, p_WF: Array, covariance: A
     blocks = J @ body.P[_POSE, _POSE] @ J.T
     if len(ids):
         blocks += scipy.linalg.block_diag(*R_B)
-    return _extended(body, ids, p_BF, J @ body.P[_POSE], blocks)
+    return _extended(body, ids, p_BF, J @ body.P[_POSE], blocks, True)
 
 
 def with_known_pose(body: BodyFilter) -> BodyFilter:
@@ -253,6 +286,7 @@ def remove_landmarks(body: BodyFilter, ids: Ids) -> BodyFilter:
         body,
         ids=body.ids[keep],
         p_BF=body.p_BF[keep],
+        late=body.late[keep],
         p_BF_initial=body.p_BF_initial[keep],
         initial_covariance=error_state.remove(body.initial_covariance, rows[_MOTION:]),
         P=error_state.remove(body.P, rows),

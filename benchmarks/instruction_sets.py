@@ -1,6 +1,6 @@
 """How far the replays move on a processor with other instructions.
 
-    python -m benchmarks.instruction_sets [PART OF A SET'S NAME]
+    python -m benchmarks.instruction_sets ["AVX2, as Zen 3"]
 
 Perceives the recordings of tests/recordings once with all that this processor can do and once for
 each set below, in a process of its own, and prints the largest differences: of estimates and
@@ -14,8 +14,10 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Annotated
 
 import pandas as pd
+import typer
 
 from tests.recordings.outputs import KEYS, differences
 
@@ -72,16 +74,22 @@ def moved(expected: pd.DataFrame, came: pd.DataFrame) -> str:
     )
 
 
-def main() -> None:
+def main(
+    chosen: Annotated[
+        str, typer.Argument(metavar="[SET]", help=f"One of {', '.join(map(repr, SETS))}.")
+    ] = "",
+) -> None:
+    """Prints how far the replays move with each set, or with the chosen one."""
+    if chosen and chosen not in SETS:
+        raise typer.BadParameter(f"{chosen!r} is none of {', '.join(map(repr, SETS))}.")
     headings = ("estimate", "deviation", "without", "missing", "too far")
     print(f"{'':36s}" + "".join(f"{heading:>12s}" for heading in headings))
-    chosen = sys.argv[1] if sys.argv[1:] else ""
     expected = _perceive_with({})
-    for name in (name for name in SETS if chosen in name):
+    for name in [chosen] if chosen else SETS:
         came = _perceive_with(SETS[name])
         for recording, outputs in expected.items():
             print(f"{name:18s}{recording:18s}{moved(outputs, came[recording])}", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -1,4 +1,4 @@
-"""Friction, range and latches of an episode's joint: rows of the table, summary, printed lines."""
+"""Friction, range and detents of an episode's joint: rows of the table, summary, printed lines."""
 
 import math
 from collections.abc import Sequence
@@ -13,14 +13,14 @@ from crossmodal.diagrams.joints.joint_metrics import JointSeries, axis_sign, tra
 from crossmodal.diagrams.joints.joint_truth import Truth
 from crossmodal.diagrams.run.record import Tick
 from crossmodal.systems.port_values import (
+    DetentBelief,
     JointMechanicsBelief,
     JointMechanicsBeliefs,
     JointType,
-    LatchBelief,
     LimitBelief,
 )
 
-CLAIMED = 0.95  # Probability from which an end stop or a latch is reported.
+CLAIMED = 0.95  # Probability from which an end stop or a detent is reported.
 _UNITS = {
     JointType.PRISMATIC: ("N", "N s/m", "m", "m/s"),
     JointType.REVOLUTE: ("N m", "N m s/rad", "rad", "rad/s"),
@@ -39,7 +39,7 @@ class TickMechanics:
         configuration: [m or rad].
         lower: The end of the range against the true axis.
         upper: The other.
-        latch: The likeliest.
+        detent: The likeliest.
     """
 
     joint_type: JointType
@@ -48,7 +48,7 @@ class TickMechanics:
     configuration: float
     lower: LimitBelief
     upper: LimitBelief
-    latch: LatchBelief
+    detent: DetentBelief
 
     @property
     def resistance(self) -> tuple[float, float]:
@@ -85,7 +85,7 @@ def mechanics_at(tick: Tick, series: JointSeries, k: int, truth: Truth) -> TickM
         configuration=float(series.configuration[k]),
         lower=_turned(lower, sign, offset),
         upper=_turned(upper, sign, offset),
-        latch=replace(belief.latch, position=sign * belief.latch.position + offset),
+        detent=replace(belief.detent, position=sign * belief.detent.position + offset),
     )
 
 
@@ -111,7 +111,7 @@ def mechanics_rows(tick: Tick, series: JointSeries, k: int, truth: Truth) -> lis
     - `joint_friction`: `coulomb` [N or N m] and `viscous` [the same per (m or rad)/s];
     - `joint_limit` (`lower`, `upper`), [m or rad] since the grasp, of end stops that were reached;
       `joint_bound`, how far the joint went, and `joint_limit_probability`, that a stop was reached;
-    - `joint_latch`: its `probability`, `position` and `force`.
+    - `joint_detent`: its `probability`, `position` and `force`.
     """
     now = mechanics_at(tick, series, k, truth)
     if now is None:
@@ -130,13 +130,13 @@ def mechanics_rows(tick: Tick, series: JointSeries, k: int, truth: Truth) -> lis
         if limit.probability > CLAIMED:
             std, expected = math.sqrt(limit.variance), end if same else math.nan
             rows.append(scalar("joint_limit", limit.position, name, std=std, true=expected))
-    latch = now.latch
-    rows.append(scalar("joint_latch", latch.probability, "probability"))
-    if latch.probability > CLAIMED:
-        std, force_std = math.sqrt(latch.variance), math.sqrt(latch.force_variance)
-        rows.append(scalar("joint_latch", latch.position, "position", std=std))
+    detent = now.detent
+    rows.append(scalar("joint_detent", detent.probability, "probability"))
+    if detent.probability > CLAIMED:
+        std, force_std = math.sqrt(detent.variance), math.sqrt(detent.force_variance)
+        rows.append(scalar("joint_detent", detent.position, "position", std=std))
         held = truth.mechanics.detent if same else math.nan
-        rows.append(scalar("joint_latch", latch.force, "force", std=force_std, true=held))
+        rows.append(scalar("joint_detent", detent.force, "force", std=force_std, true=held))
     return rows
 
 
@@ -161,13 +161,13 @@ def summarise_mechanics(
         return None
     belief, speed = last.belief, last.belief.mean_speed
     nothing = math.nan
-    friction, damping, detent, (lower, upper) = nothing, nothing, nothing, (nothing, nothing)
+    friction, damping, held, (lower, upper) = nothing, nothing, nothing, (nothing, nothing)
     if last.joint_type == truth.joint_type:
         friction, damping = truth.mechanics.friction, truth.mechanics.damping
-        detent = truth.mechanics.detent
+        held = truth.mechanics.detent
         lower, upper = true_range(truth)
     stds = np.sqrt(np.maximum(np.diag(belief.friction_covariance), 0.0))
-    latch = last.latch
+    detent = last.detent
     return {
         "type": str(last.joint_type),
         "samples": belief.samples,
@@ -180,12 +180,12 @@ def summarise_mechanics(
         },
         "lower": _limit(last.lower, -1, lower),
         "upper": _limit(last.upper, 1, upper),
-        "latch": {
-            "probability": latch.probability,
-            "claimed": latch.probability > CLAIMED,
-            "position": latch.position,
-            "position_std": math.sqrt(latch.variance),
-            **_beside(latch.force, math.sqrt(latch.force_variance), detent),
+        "detent": {
+            "probability": detent.probability,
+            "claimed": detent.probability > CLAIMED,
+            "position": detent.position,
+            "position_std": math.sqrt(detent.variance),
+            **_beside(detent.force, math.sqrt(detent.force_variance), held),
         },
     }
 
@@ -216,7 +216,7 @@ def _limit(limit: LimitBelief, side: int, true: float) -> dict[str, Any]:
 
 
 def mechanics_line(summary: dict[str, Any]) -> str:
-    """Friction, range and latch of a joint in words, each beside the truth where that is known."""
+    """Friction, range and detent of a joint in words, each beside the truth where that is known."""
     force, rate, length, speed = _UNITS[JointType(summary["type"])]
     parts = []
     if summary["samples"]:
@@ -238,11 +238,11 @@ def mechanics_line(summary: dict[str, Any]) -> str:
             parts.append(
                 f"{name} end stop not {beyond} {at} (not reached){_verdict(limit, length)}"
             )
-    latch = summary["latch"]
-    if latch["claimed"]:
-        held = written(latch["estimated"], force, spread=latch["std"])
-        at = written(latch["position"], length, spread=latch["position_std"])
-        parts.append(f"latch of {held} beyond friction at {at}{_verdict(latch, force)}")
+    detent = summary["detent"]
+    if detent["claimed"]:
+        held = written(detent["estimated"], force, spread=detent["std"])
+        at = written(detent["position"], length, spread=detent["position_std"])
+        parts.append(f"detent of {held} beyond friction at {at}{_verdict(detent, force)}")
     return ", ".join(parts)
 
 

@@ -42,6 +42,7 @@ from crossmodal.systems.port_values.grasp import (
 )
 from crossmodal.systems.port_values.joints import (
     MOVING_TYPES,
+    DetentBelief,
     JointBelief,
     JointBeliefs,
     JointFit,
@@ -50,7 +51,6 @@ from crossmodal.systems.port_values.joints import (
     JointMechanicsBeliefs,
     JointModelBelief,
     JointType,
-    LatchBelief,
     LimitBelief,
 )
 from crossmodal.systems.port_values.motions import (

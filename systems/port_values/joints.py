@@ -135,11 +135,11 @@ class LimitBelief:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LatchBelief:
+class DetentBelief:
     """What held the joint more firmly than friction before it gave way.
 
     Attributes:
-        probability: That there was such a latch.
+        probability: That there was such a detent.
         position: Where, [m or rad]; NaN where the joint has never been seen to start moving.
         variance: Of that.
         force: Beyond friction, to overcome it, [N or N m].
@@ -168,7 +168,7 @@ class JointMechanicsBelief:
         mean_speed: Over those, [m/s or rad/s]; NaN without one.
         lower: End of the range against the axis.
         upper: End of the range along the axis.
-        latch: The likeliest.
+        detent: The likeliest.
         force: Generalised force of the hand on the joint at this tick, [N or N m]; NaN where it was
             not measured.
     """
@@ -180,7 +180,7 @@ class JointMechanicsBelief:
     mean_speed: float
     lower: LimitBelief
     upper: LimitBelief
-    latch: LatchBelief
+    detent: DetentBelief
     force: float
 
 

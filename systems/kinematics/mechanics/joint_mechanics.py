@@ -1,4 +1,4 @@
-"""The system that finds friction, end stops and latches of the joint in the hand."""
+"""The system that finds friction, end stops and detents of the joint in the hand."""
 
 from dataclasses import dataclass, field, replace
 
@@ -91,7 +91,7 @@ def hand_force(
 
 
 class JointMechanicsFilter(RecursiveFilter):
-    """Friction, range and latches of the joint in the hand, from the wrist's force.
+    """Friction, range and detents of the joint in the hand, from the wrist's force.
 
     Input ports:
     - `joints_estimated`: `JointBeliefs` of this tick, in P.

@@ -1,4 +1,4 @@
-"""Friction, end stops and latches of a joint, from the hand's force on it and its configuration.
+"""Friction, end stops and detents of a joint, from the hand's force on it and its configuration.
 
 By virtual work, a spatial force F of the hand does the work tau = S · F per unit of q, with the
 joint's unit twist S. While the joint moves,
@@ -48,7 +48,7 @@ from crossmodal.systems.kinematics.mechanics.joint_stops import (
     Rest,
     begin_rest,
     continue_rest,
-    latch_belief,
+    detent_belief,
     left,
     limit_belief,
     pushed_on,
@@ -241,10 +241,10 @@ class JointMechanicsFilters:
             limit_belief(direction, rests, state.explored[direction], slack, judge)
             for direction in (-1, 1)
         )
-        latch = latch_belief(rests, judge)
+        detent = detent_belief(rests, judge)
         if state.flipped < 0.0:
             lower, upper = _mirrored(upper), _mirrored(lower)
-            latch = replace(latch, position=-latch.position)
+            detent = replace(detent, position=-detent.position)
         samples = state.moments.samples
         path = float(state.moments.first[0, 1] + state.moments.now[0, 1])
         measured = state.push is not None
@@ -256,7 +256,7 @@ class JointMechanicsFilters:
             mean_speed=path / samples if samples else float("nan"),
             lower=lower,
             upper=upper,
-            latch=latch,
+            detent=detent,
             force=state.flipped * float(state.S @ hand.F_P) if measured else float("nan"),
         )
 

@@ -1,7 +1,7 @@
-"""What holds a resting joint more firmly than its friction: an end stop, or a latch.
+"""What holds a resting joint more firmly than its friction: an end stop, or a detent.
 
 A joint that rests has been pushed as hard as the hand pushed it. A push that friction cannot hold
-means that something else did: an end stop while the joint stays there or turns back, a latch once
+means that something else did: an end stop while the joint stays there or turns back, a detent once
 it has given way in the direction of the push.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
-from crossmodal.systems.port_values import LatchBelief, LimitBelief
+from crossmodal.systems.port_values import DetentBelief, LimitBelief
 
 _MOST = 16  # Rests that are remembered.
 
@@ -124,15 +124,15 @@ def limit_belief(
     )
 
 
-def latch_belief(rests: Sequence[Rest], judge: Judge) -> LatchBelief:
+def detent_belief(rests: Sequence[Rest], judge: Judge) -> DetentBelief:
     """The likeliest of the rests that gave way to more than friction."""
-    best = LatchBelief()
+    best = DetentBelief()
     for rest in rests:
         if rest.release == 0:
             continue
         excess = judge(rest, rest.release)
         if excess.probability > best.probability:
-            best = LatchBelief(
+            best = DetentBelief(
                 probability=excess.probability,
                 position=rest.q,
                 variance=rest.variance,

@@ -22,12 +22,12 @@ from crossmodal.models import SDF_DIR
 from crossmodal.plants.parsing import make_parser
 from crossmodal.systems.port_values import (
     HELD_BODY,
+    DetentBelief,
     JointBeliefs,
     JointMechanics,
     JointMechanicsBelief,
     JointMechanicsBeliefs,
     JointType,
-    LatchBelief,
     LimitBelief,
 )
 
@@ -68,7 +68,7 @@ def felt_episode(joint_type: JointType = JointType.PRISMATIC) -> EpisodeRecord:
                 mean_speed=0.02,
                 lower=never if sign > 0 else reached,
                 upper=reached if sign > 0 else never,
-                latch=LatchBelief(
+                detent=DetentBelief(
                     probability=0.99,
                     position=sign * 0.05,
                     variance=0.001**2,
@@ -100,9 +100,9 @@ def test_the_summary_says_what_was_reached_whichever_way_the_axis_points(name: s
     # The joint may well go on from where nothing stopped it.
     assert_allclose([lower["estimated"], lower["true"]], [0.0, -0.05 - START], atol=1e-12)
     assert lower["inside_two_sigma"]
-    latch = found["latch"]
-    assert_allclose([latch["position"], latch["estimated"], latch["true"]], [0.05, 9.0, 9.2])
-    assert latch["inside_two_sigma"]
+    detent = found["detent"]
+    assert_allclose([detent["position"], detent["estimated"], detent["true"]], [0.05, 9.0, 9.2])
+    assert detent["inside_two_sigma"]
 
 
 def test_what_was_felt_of_another_type_than_the_last_does_not_count() -> None:
@@ -153,14 +153,14 @@ def test_the_line_tells_a_limit_from_a_bound_and_names_what_is_outside() -> None
     assert "friction 6.50 ± 0.20 N [truth 6.00 N, OUTSIDE 2σ]" in line
     assert "upper end stop at 0.2400 ± 0.0020 m [truth 0.2410 m] (reached)" in line
     assert "lower end stop not above 0.0000 m (not reached)" in line
-    assert "latch of 9.00 ± 0.50 N beyond friction at 0.0500 ± 0.0010 m [truth 9.20 N]" in line
+    assert "detent of 9.00 ± 0.50 N beyond friction at 0.0500 ± 0.0010 m [truth 9.20 N]" in line
 
 
 def test_without_the_truth_no_verdict_is_given() -> None:
     record = without_truth(felt_episode())
     results = evaluate(record)
     found = results.summary["modalities"]["crossmodal"]["joints"][0]["mechanics"]
-    for key in ("coulomb", "viscous", "resistance", "lower", "upper", "latch"):
+    for key in ("coulomb", "viscous", "resistance", "lower", "upper", "detent"):
         assert found[key]["inside_two_sigma"] is None, key
     assert "truth" not in mechanics_line(found)
     assert draw_mechanics(joint_episode(record)) is not None

@@ -1,4 +1,4 @@
-"""Friction, end stops and latches from forces that are made up."""
+"""Friction, end stops and detents from forces that are made up."""
 
 import numpy as np
 import pytest
@@ -300,19 +300,19 @@ def test_a_stop_that_gives_way_was_none() -> None:
     assert perceived(SLIDE, v, tau).upper.probability < 0.01
 
 
-def test_a_latch_takes_force_before_the_joint_moves() -> None:
+def test_a_detent_takes_force_before_the_joint_moves() -> None:
     rise = np.linspace(0.0, 18.0, 45)
     v = np.concatenate([np.zeros(45), np.full(90, 0.08)])
     moving = np.full(90, FRICTION + DAMPING * 0.08)
-    latched = perceived(SLIDE, v, np.concatenate([rise, moving]))
-    assert latched.latch.probability > 0.99
-    assert abs(latched.latch.position) < 1e-3
-    assert abs(latched.latch.force - 12.0) < 2.0 * np.sqrt(latched.latch.force_variance)
+    held = perceived(SLIDE, v, np.concatenate([rise, moving]))
+    assert held.detent.probability > 0.99
+    assert abs(held.detent.position) < 1e-3
+    assert abs(held.detent.force - 12.0) < 2.0 * np.sqrt(held.detent.force_variance)
     free = perceived(SLIDE, v, np.concatenate([np.linspace(0.0, FRICTION, 45), moving]))
-    assert free.latch.probability < 0.5
+    assert free.detent.probability < 0.5
 
 
-def test_a_latch_is_sensed_before_the_joint_s_axis_is_known() -> None:
+def test_a_detent_is_sensed_before_the_joint_s_axis_is_known() -> None:
     """Until it moves the axis is believed to be across the push."""
     rise = np.linspace(0.0, 18.0, 45)
     filters = JointMechanicsFilters(JointMechanicsConfig())
@@ -325,7 +325,7 @@ def test_a_latch_is_sensed_before_the_joint_s_axis_is_known() -> None:
             joint.models[SLIDE].axis_P[:] = [0.0, 0.0, 1.0]
         force = HandForce(F_P=push_along(SLIDE, push), X_PE=X_PE)
         state = filters.update(state, joint, force)
-    found = filters.belief(state).models[SLIDE].latch
+    found = filters.belief(state).models[SLIDE].detent
     assert found.probability > 0.99
     assert abs(found.force - 12.0) < 2.0 * np.sqrt(found.force_variance)
 
@@ -341,10 +341,10 @@ def test_a_lid_that_is_heavy_while_it_lies_is_not_latched() -> None:
         down = np.array([0.0, -1.0, 0.0])
         force = HandForce(F_P=push_along(HINGE, tau[k]), X_PE=X_PE, down_P=down)
         state = filters.update(state, belief_of(HINGE, angle[k], rate, k), force)
-    assert filters.belief(state).models[HINGE].latch.probability < 0.5
+    assert filters.belief(state).models[HINGE].detent.probability < 0.5
 
 
-def test_a_rest_after_a_latch_has_let_go_is_none() -> None:
+def test_a_rest_after_a_detent_has_let_go_is_none() -> None:
     """The joint leaps by what the hand was bent by, and stands for a moment: there it is free.
 
     So short a leap has no rate that is sure.
@@ -364,13 +364,13 @@ def test_a_rest_after_a_latch_has_let_go_is_none() -> None:
         covariance[1, 1] = 0.1**2 if 30 <= k < 32 else 1e-7
         force = HandForce(F_P=push_along(SLIDE, tau[k]), X_PE=X_PE)
         state = filters.update(state, joint, force)
-    found = filters.belief(state).models[SLIDE].latch
+    found = filters.belief(state).models[SLIDE].detent
     assert found.probability > 0.99
     assert abs(found.position) < 1e-3
     assert abs(found.force - 19.0) < 2.0 * np.sqrt(found.force_variance)
 
 
-def test_a_latch_that_a_bending_hand_seems_to_have_left_is_as_strong_as_the_hardest_push() -> None:
+def test_a_detent_that_a_bending_hand_seems_to_have_left_is_as_strong_as_the_hardest_push() -> None:
     """The joint is believed to move while the push still grows."""
     bends = 0.015 * np.arange(1, 7) * DT
     q = np.concatenate([np.zeros(30), bends, bends[-1] + 0.005 * np.arange(1, 91)])
@@ -382,7 +382,7 @@ def test_a_latch_that_a_bending_hand_seems_to_have_left_is_as_strong_as_the_hard
         joint = belief_of(SLIDE, q[k], v[k], k)
         force = HandForce(F_P=push_along(SLIDE, tau[k]), X_PE=X_PE)
         state = filters.update(state, joint, force)
-    found = filters.belief(state).models[SLIDE].latch
+    found = filters.belief(state).models[SLIDE].detent
     assert found.probability > 0.99
     assert abs(found.force - 18.0) < 2.0 * np.sqrt(found.force_variance)
     assert found.force_variance < 3.0**2

@@ -37,7 +37,7 @@ def smooth_grey(rgba: Byte) -> tuple[Image, Image]:
     """
     grey = cv2.cvtColor(rgba, cv2.COLOR_RGBA2GRAY)
     smooth = cv2.GaussianBlur(grey.astype(np.float32), (5, 5), 1.0)
-    variance = (_noise_of_levels(grey) ** 2).astype(np.float32)[smooth.astype(np.uint8)]
+    variance = cv2.LUT(smooth.astype(np.uint8), (_noise_of_levels(grey) ** 2).astype(np.float32))
     return smooth, np.sqrt(cv2.blur(variance, (_NOISE_WINDOW, _NOISE_WINDOW)))
 
 

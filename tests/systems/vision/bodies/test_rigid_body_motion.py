@@ -346,6 +346,27 @@ def test_features_that_come_late_show_the_motion_since_they_came(play: Callable)
     assert np.linalg.norm(error[3:]) < 3e-3
 
 
+def test_features_that_come_late_stay_if_the_hand_turned_on_the_handle(play: Callable) -> None:
+    lit = 100
+    stream = Stream(kind="door", seed=10, lit_from=lit, ticks=lit + 60)
+    X_WH = np.eye(4)
+    X_WH[:3, 3] = [0.93, 0.0, 0.55]
+    sigma = np.repeat([0.3, 5e-3], 3)
+    priors = [NO_POSE] * 30
+    for k in range(30, stream.ticks):
+        X = path("door", k) @ X_WH
+        X[:3, :3] = se3.so3_exp(np.array([0.0, 0.02 * (k - 30), 0.0]))  # Only the hand turns so.
+        priors.append(PoseBelief(X=X, covariance=np.diag(sigma**2)))
+    motions = play(stream, None, priors)
+    found = next(k for k, m in enumerate(motions) if m and m[0].reset_count)
+    assert motions[-1][0].reset_count == 1
+    assert min(len(m[0].feature_ids) for m in motions[found:]) >= 8
+    moved = path("door", stream.ticks - 1) @ se3.inverse(path("door", found))
+    last = motions[-1][0]
+    error = se3.log(se3.inverse(last.motion.X) @ moved @ motions[found][0].motion.X)
+    assert np.linalg.norm(error[:3]) < 0.02
+
+
 def test_the_held_body_ends_with_the_grasp(play: Callable) -> None:
     stream = Stream(kind="drawer", seed=9, ticks=90)
     priors = prior_path(stream, 30, 0.0, lead=0)

@@ -17,7 +17,7 @@ from crossmodal.systems.vision.bodies.body_tracker_state import (
     TrackedBody,
 )
 from crossmodal.systems.vision.bodies.feature_displacements import displacements, squared_distances
-from crossmodal.systems.vision.bodies.feature_history import FeatureHistory, remember
+from crossmodal.systems.vision.bodies.feature_history import FeatureHistory, forget, remember
 from crossmodal.systems.vision.bodies.rigid_body_motion_config import GATE, RigidBodyMotionConfig
 
 
@@ -174,7 +174,23 @@ def rest_positions(
     return RestPositions(ids=history.ids[valid], p_WF=p[valid], covariance=C[valid])
 
 
-def with_new_landmarks(
+def place_landmarks(
+    config: RigidBodyMotionConfig, bodies: list[TrackedBody], history: FeatureHistory
+) -> tuple[list[TrackedBody], FeatureHistory]:
+    """The bodies with landmarks of their new features.
+
+    How a body moved until it was reset is known roughly only, and must not judge its features: they
+    keep their newest sample alone.
+    """
+    placed = [_with_new_landmarks(config, body, history) for body in bodies]
+    for before, body in zip(bodies, placed, strict=True):
+        if body.reset_count > before.reset_count:
+            rows = np.nonzero(history.body == body.body_id)[0]
+            history = replace(forget(history, rows, 1), body=history.body)
+    return placed, history
+
+
+def _with_new_landmarks(
     config: RigidBodyMotionConfig, body: TrackedBody, history: FeatureHistory
 ) -> TrackedBody:
     """Gives landmarks to assigned features that have none, as far as there is room.

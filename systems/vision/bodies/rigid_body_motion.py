@@ -29,7 +29,7 @@ from crossmodal.systems.vision.bodies.body_tracker_state import (
     no_bodies,
 )
 from crossmodal.systems.vision.bodies.feature_displacements import displacements
-from crossmodal.systems.vision.bodies.feature_history import FeatureHistory, forget
+from crossmodal.systems.vision.bodies.feature_history import FeatureHistory
 from crossmodal.systems.vision.bodies.held_body_identification import identify_held_body
 from crossmodal.systems.vision.bodies.rigid_body_motion_config import (
     RigidBodyMotionConfig,
@@ -91,13 +91,7 @@ def step(
     history = feature_association.reject_outliers(config, living, history)
     history = feature_association.reset_tracks(config, living, history)
     living = feature_association.without_outliers(config, living, history)
-    placed = [body_tracking.with_new_landmarks(config, body, history) for body in living]
-    for before, body in zip(living, placed, strict=True):
-        if body.reset_count > before.reset_count:
-            # How the body moved until now is known roughly only, and does not judge its features.
-            rows = np.nonzero(history.body == body.body_id)[0]
-            history = replace(forget(history, rows, 1), body=history.body)
-    living = placed
+    living, history = body_tracking.place_landmarks(config, living, history)
     living, history = held_body.without_features_of_others(config, living, history, prior)
     return BodyTrackerState(tick=tick, next_id=next_id, history=history, bodies=living)
 

@@ -17,7 +17,7 @@ from crossmodal.systems.vision.features import (
 )
 from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
 from crossmodal.systems.vision.features.feature_search import search
-from crossmodal.systems.vision.features.feature_tracks import FeatureTracks, Frame, locate
+from crossmodal.systems.vision.features.feature_tracks import Byte, FeatureTracks, Frame, locate
 from crossmodal.systems.vision.features.patch_templates import Image
 
 
@@ -70,10 +70,11 @@ def follow(
     return fresh.select(_alive(config, fresh, frame))
 
 
-def _at_pixels(image: Image, uv: Array) -> Array:
-    """The image's values (N,) at the pixels nearest to `uv` (N, 2), inside it."""
-    column, row = np.nan_to_num(uv).round().astype(int).T
-    return image[row.clip(0, image.shape[0] - 1), column.clip(0, image.shape[1] - 1)]
+def _at_pixels(image: Image | Byte, uv: Array) -> Array:
+    """The image's values (N,) at the pixels of it that are nearest to `uv` (N, 2)."""
+    last = np.array(image.shape[::-1]) - 1
+    column, row = np.clip(np.nan_to_num(uv), 0, last).round().astype(int).T
+    return image[row, column]
 
 
 def _confirm(
@@ -141,8 +142,7 @@ def _alive(config: FeatureMotionConfig, tracks: FeatureTracks, frame: Frame) -> 
     uv = tracks.uv
     within = (uv >= margin) & (uv < np.array([width, height]) - margin)
     inside: Mask = np.asarray(np.all(within, axis=1))  # False for NaN.
-    pixel = np.where(inside[:, None], uv, 0.0).round().astype(int)
-    free = frame.robot[pixel[:, 1], pixel[:, 0]] == 0
+    free = _at_pixels(frame.robot, uv) == 0
     remembered = tracks.missed <= whole_ticks(config.tracks.max_missed, config.period)
     return np.asarray(inside & free & remembered)
 

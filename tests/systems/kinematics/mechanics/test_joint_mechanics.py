@@ -330,7 +330,7 @@ def test_a_detent_is_sensed_before_the_joint_s_axis_is_known() -> None:
     assert abs(found.force - 12.0) < 2.0 * np.sqrt(found.force_variance)
 
 
-def test_a_lid_that_is_heavy_while_it_lies_is_not_latched() -> None:
+def test_a_lid_that_is_heavy_while_it_lies_has_no_detent() -> None:
     """The moment of its weight is 4 N m while it lies and falls as it opens by 80 deg."""
     angle = np.concatenate([np.zeros(45), np.linspace(0.0, 1.4, 150)])
     tau = np.concatenate([np.linspace(0.0, 4.4, 45), 4.0 * np.cos(angle[45:]) + 0.4])

@@ -73,7 +73,7 @@ class JointFiltersState(Immutable):
         covariance: (J, N, N) of each model's theta, deviations smooth or independent.
         W_zero: See `read_configuration`.
         reference_noise: Covariance (6, 6), in B, of the measured reference.
-        offset: Covariance (6, 6), in B, of the poses' constant error since the last reset.
+        offset: Covariance (6, 6), in B, of the poses' constant error; not in the keyframes' noise.
         zero_variance: (4,) by how far the child may have moved before the reference, by each model
             of a joint.
         reset_count: Of parent and child together (`BodyMotion`).

@@ -180,6 +180,7 @@ def _update_pair(
     time = (graph.ticks + 1) * config.period
     pose, correlated, X_PB_reference = measured_pose(pair, bodies)
     reset_count = sum(bodies[i].reset_count for i in pair if i != STATIC_BODY)
+    offset, of_reference = constant_error(pair, bodies)
     state = graph.pairs.get(pair)
     if state is None and pair[0] != STATIC_BODY:
         state = transferred(pair, bodies, graph.past.get(pair[1], []), time)
@@ -195,9 +196,8 @@ def _update_pair(
             delay = held.reference_delay if isinstance(held, HeldBody) else 0.0
         state = filters.start(X_PB_reference, pose.covariance, time - age, *pair, correlated, delay)
     elif reset_count != state.reset_count:
-        offset, of_reference = constant_error(pair, bodies)
         state = filters.rebase(state, time, offset, of_reference + correlated)
-    state = replace(state, reset_count=reset_count)
+    state = replace(state, reset_count=reset_count, offset=offset)
     return filters.update(state, pose.X, pose.covariance, time, correlated)
 
 

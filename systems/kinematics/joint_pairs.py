@@ -65,7 +65,7 @@ def relative_pose(parent: PoseBelief, child: PoseBelief) -> PoseBelief:
 
 
 def _pose(body: BodyMotion) -> PoseBelief:
-    """X_WB without the error that has been constant in B since the body's last reset."""
+    """X_WB without the error that is constant in B."""
     covariance = body.motion.covariance[:6, :6] - body.offset_covariance
     return PoseBelief(X=body.motion.X, covariance=covariance)
 
@@ -84,7 +84,7 @@ def measured_pose(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[PoseBelief
 
 
 def constant_error(pair: Pair, bodies: dict[int, BodyMotion]) -> tuple[Array, Array]:
-    """Covariances (6, 6), in B, of X_PB's error since the last reset and of its reference's."""
+    """Covariances (6, 6), in B, of X_PB's constant error and of its reference's."""
     child = bodies[pair[1]]
     if pair[0] == STATIC_BODY:
         return child.offset_covariance, child.reference_offset_covariance

@@ -59,7 +59,8 @@ class BodyMotion:
             where that is not known.
         reset_count: How many times the body was lost from sight and got new landmarks where it was
             believed to be; from then on, the pose's error has a part that is constant in B.
-        offset_covariance: (6, 6), in B, of that part; included in the motion's covariance.
+        offset_covariance: (6, 6), in B, of what is constant in the pose's error: of that part, and
+            of what the held body's landmarks have in common. Included in the motion's covariance.
         reference_offset_covariance: (6, 6), in B, of the reference's own error since then; not
             included.
     """

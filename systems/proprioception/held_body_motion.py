@@ -171,7 +171,7 @@ def body_motions(state: HeldBodyState) -> BodyMotions:
                 X_WB_reference=body.X_WB_reference,
                 correlated_covariance=body.correlated,
                 reset_count=body.reset_count,
-                offset_covariance=body.offset,
+                offset_covariance=body.constant,
                 reference_offset_covariance=body.reference_offset,
                 reference_delay=body.reference_delay,
                 **seen,

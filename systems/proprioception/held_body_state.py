@@ -25,6 +25,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from crossmodal.maths.arrays import Array, Ids
+from crossmodal.maths.gaussian import symmetric
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import number
 from crossmodal.systems.port_values import GraspType, PoseBelief
@@ -121,6 +122,16 @@ class BodyState(Immutable):
     @property
     def pose(self) -> PoseBelief:
         return PoseBelief(X=self.X_WB, covariance=self.P[:6, :6] + self.offset)
+
+    @property
+    def constant(self) -> Array:
+        """Covariance (6, 6), in B, of the errors that all ticks since the reference share.
+
+        They are those since the last reset, and what the pose shares with the landmarks' error b.
+        """
+        b = Layout(self.hand.bias_jacobian.shape[1]).b
+        shared = np.linalg.solve(self.P[b, b], self.P[b, :6])
+        return symmetric(self.offset + self.P[:6, b] @ shared)
 
     @property
     def correlated(self) -> Array:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from kinematic_driver import COVARIANCE, Driver, slide, sliding_body
+from kinematic_driver import COVARIANCE, REFERENCE_ERROR, Driver, slide, sliding_body
 from numpy.testing import assert_allclose
 from pydrake.common.value import AbstractValue
 from pydrake.common.yaml import yaml_load_typed
@@ -98,6 +98,23 @@ def test_a_body_that_is_seen_when_it_moves_already_is_as_far_as_it_was_carried(
     assert driver.joints().joints[0].probabilities[JointType.RIGID] < 0.01
     assert abs(abs(belief.configuration[0]) - displacement) < 2.0 * std
     assert std < (3e-3 if joint == JointType.PRISMATIC else 0.05)
+
+
+def test_an_error_that_all_ticks_share_is_not_averaged_away() -> None:
+    """The landmarks of a held body are 2 mm off along its way from its second tick on."""
+    constant = np.diag(np.repeat([1e-6, 4e-6], 3))
+    driver = Driver(KinematicModel(KinematicModelConfig()))
+    for k in range(46):
+        body = sliding_body(HELD_BODY, 0.002 * k + 0.002 * (k > 0), seed=k)
+        body.correlated_covariance = (k == 0) * REFERENCE_ERROR
+        body.motion.covariance = COVARIANCE.copy()
+        body.offset_covariance = (k > 0) * constant
+        body.motion.covariance[:6, :6] += body.offset_covariance
+        driver.set(body)
+        driver.tick()
+    model = driver.joints().joints[0].models[JointType.PRISMATIC]
+    assert abs(model.configuration[0]) == pytest.approx(0.092, abs=5e-4)
+    assert 2e-3 < np.sqrt(model.configuration_covariance[0, 0]) < 2.5e-3
 
 
 def test_a_sliding_body_becomes_a_prismatic_joint_of_the_environment() -> None:

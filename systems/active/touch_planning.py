@@ -1,0 +1,199 @@
+"""Where to touch an object next: candidate rays, whether they will meet it, what each would teach.
+
+A touch is a straight approach of a fingertip along a ray. Whether and where it meets the object is
+predicted for several poses drawn from the belief, so that doubt about the pose is doubt about the
+touch.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.pose.pose_belief import SampledPose
+from crossmodal.systems.pose.target_model import TargetModel, cast_rays
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchConfig:
+    """Which touches are considered.
+
+    Attributes:
+        poses: Drawn from the belief.
+        standoff: From where an approach starts, before the object's bounding box, [m].
+        reach: Length of an approach, [m].
+        hit: Least share of the poses that it meets.
+        incidence: Least mean cosine between the approach and the surface's normal.
+        sigma: Noise of a contact, [m].
+        clearance: Least height of an approach above what the object stands on, [m].
+    """
+
+    poses: int = 16
+    standoff: float = 0.08
+    reach: float = 0.40
+    hit: float = 0.85
+    incidence: float = 0.7
+    sigma: float = 1e-3
+    clearance: float = 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchPredictions(Immutable):
+    """What each of R approaches would meet under each of K poses.
+
+    Attributes:
+        starts: (R, 3) in W, [m].
+        directions: Unit vectors (R, 3) in W.
+        distances: (K, R) from the start to the contact, infinite for a miss, [m].
+        rows: (K, R, 6) by how much the distance to the surface changes with the pose: rotation in O
+            and translation of the object's middle in W. Zero for a miss.
+        incidence: (K, R) cosines between approach and normal; zero for a miss.
+        poses: X_WO (K, 4, 4) of the object's middle.
+        covariances: (K, 6, 6) of the belief about each.
+    """
+
+    starts: Array
+    directions: Array
+    distances: Array
+    rows: Array
+    incidence: Array
+    poses: Array
+    covariances: Array
+
+    def feasible(self, config: TouchConfig) -> Mask:
+        """Which approaches (R,) are likely to meet the object, and not at a grazing angle."""
+        met = np.isfinite(self.distances)
+        share = met.mean(axis=0)
+        incidence = self.incidence.sum(axis=0) / np.maximum(met.sum(axis=0), 1)
+        return np.asarray((share >= config.hit) & (incidence >= config.incidence))
+
+
+def candidate_rays(
+    belief: SampledPose,
+    model: TargetModel,
+    config: TouchConfig,
+    count: int,
+    rng: np.random.Generator,
+    up: Array | None = None,
+    height: float = -np.inf,
+) -> tuple[Array, Array]:
+    """Approaches to the faces of the bounding box of the likeliest pose, but the lowest one.
+
+    Args:
+        belief: About its pose.
+        model: Of the object.
+        config: Of touches.
+        count: Of approaches.
+        rng: Of where on the faces they aim at.
+        up: Unit vector (3,) in W.
+        height: Of what the object stands on along `up`, [m].
+
+    Returns:
+        Starts and directions (count, 3) in W; fewer where approaches would come too low.
+    """
+    up = np.array([0.0, 0.0, 1.0]) if up is None else up
+    X, corners = belief.X, model.hull
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    size = high - low
+    axes = [(axis, sign) for axis in range(3) for sign in (-1.0, 1.0)]
+    normals = np.array([sign * np.eye(3)[axis] for axis, sign in axes])
+    upwards = normals @ X[:3, :3].T @ up
+    areas = np.array([np.prod(np.delete(size, axis)) for axis, _ in axes])
+    areas = np.where(upwards > -0.7, areas, 0.0)
+    faces = rng.choice(6, count, p=areas / areas.sum())
+    aims = low + rng.uniform(size=(count, 3)) * size
+    for n, face in enumerate(faces):
+        axis, sign = axes[face]
+        aims[n, axis] = high[axis] if sign > 0.0 else low[axis]
+    starts = aims + config.standoff * normals[faces]
+    starts = starts @ X[:3, :3].T + X[:3, 3]
+    directions = -normals[faces] @ X[:3, :3].T
+    # A fingertip that comes along the table must not touch it.
+    along = starts + config.reach * directions
+    clear = np.minimum(starts @ up, along @ up) > height + config.clearance
+    clear |= (starts @ up > height + config.clearance) & (directions @ up < -0.7)
+    return starts[clear], directions[clear]
+
+
+def predict_touches(
+    belief: SampledPose,
+    model: TargetModel,
+    starts: Array,
+    directions: Array,
+    config: TouchConfig,
+    rng: np.random.Generator,
+) -> TouchPredictions:
+    """What approaches (R, 3), (R, 3) would meet under poses drawn from the belief."""
+    count, rays = config.poses, len(starts)
+    X = belief.samples[rng.choice(len(belief.samples), count, replace=False)]
+    distances = np.empty((count, rays))
+    rows, incidence = np.zeros((count, rays, 6)), np.zeros((count, rays))
+    reach = np.full(rays, config.reach)
+    for k in range(count):
+        R, t = X[k, :3, :3], X[k, :3, 3]
+        p, d = np.ascontiguousarray((starts - t) @ R), np.ascontiguousarray(directions @ R)
+        distances[k], samples = cast_rays(p, d, reach, model.surface, False)
+        met = samples >= 0
+        n = model.surface.normals[samples[met]]
+        at = p[met] + distances[k, met, None] * d[met]
+        rows[k, met, :3] = -np.cross(at, n)
+        rows[k, met, 3:] = -n @ R.T
+        incidence[k, met] = -np.einsum("ri,ri->r", d[met], n)
+    return TouchPredictions(
+        starts=starts,
+        directions=directions,
+        distances=distances,
+        rows=rows,
+        incidence=incidence,
+        poses=X,
+        covariances=np.tile(belief.covariance, (count, 1, 1)),
+    )
+
+
+Criterion = Callable[[TouchPredictions, TargetModel, float, np.random.Generator], Array]
+
+
+def random_touch(
+    predicted: TouchPredictions, model: TargetModel, sigma: float, rng: np.random.Generator
+) -> Array:
+    """Gains (R,) by lot."""
+    return rng.uniform(size=len(predicted.starts))
+
+
+def expected_log_det(
+    predicted: TouchPredictions, model: TargetModel, sigma: float, rng: np.random.Generator
+) -> Array:
+    """Gains (R,): by how much a contact shrinks the pose's covariance, a miss counting nothing."""
+    j, C = predicted.rows, predicted.covariances
+    return np.log1p(np.einsum("kri,kij,krj->kr", j, C, j) / sigma**2).mean(axis=0) / 2.0
+
+
+def expected_adi(
+    predicted: TouchPredictions, model: TargetModel, sigma: float, rng: np.random.Generator
+) -> Array:
+    """Gains (R,): by how much the mean squared distance between surfaces falls, [m^2].
+
+    The distance of the surface at pose X + e from that at X is j e at each of its points, so that
+    its expected square is trace(M C) with M the mean of j j'. A contact with the row j lowers it by
+    j C M C j' / (sigma^2 + j C j'). A turn that does not move the surface earns nothing.
+    """
+    p, n = model.surface.points, model.surface.normals
+    J = np.concatenate([-np.cross(p, n), -n], axis=1)
+    of_object = J.T @ J / len(J)
+    gains, to_world = np.empty(predicted.distances.shape), np.eye(6)
+    for k, C in enumerate(predicted.covariances):
+        to_world[3:, 3:] = predicted.poses[k, :3, :3]
+        M = to_world @ of_object @ to_world.T
+        jC = predicted.rows[k] @ C
+        gained = np.einsum("ri,ij,rj->r", jC, M, jC)
+        gains[k] = gained / (sigma**2 + np.einsum("ri,ri->r", jC, predicted.rows[k]))
+    return np.asarray(gains.mean(axis=0))
+
+
+CRITERIA: dict[str, Criterion] = {
+    "random": random_touch,
+    "log-det": expected_log_det,
+    "expected-adi": expected_adi,
+}

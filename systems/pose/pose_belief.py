@@ -1,0 +1,266 @@
+"""The belief about an object's pose: samples of its density under all that was measured.
+
+The density of a pose after a few touches has several modes and bent valleys, which no Gaussian
+describes. So many hypotheses are refined first, which finds the modes; random walks from the modes
+draw samples then. What is reported is the pose whose surface is on average nearest to the samples'.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array, Ids
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.pose.evidence import Evidence
+from crossmodal.systems.pose.pose_solver import Problem, refine, walk
+from crossmodal.systems.pose.target_model import Surface, TargetModel, surface_distance
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosePrior(Immutable):
+    """What is known of a pose before anything is measured.
+
+    Attributes:
+        X: X_WO (4, 4) of the mesh's frame.
+        rotation_sigma: Standard deviation of each component of the rotation vector, [rad]; infinite
+            where the object may be turned in any way.
+        translation_sigma: Of each coordinate of the object's middle, [m].
+    """
+
+    X: Array
+    rotation_sigma: float
+    translation_sigma: float
+
+    @property
+    def information(self) -> Array:
+        """Of rotation in O and translation of the middle in W (6, 6)."""
+        sigma = np.repeat([self.rotation_sigma, self.translation_sigma], 3)
+        return np.diag(sigma**-2.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampledPose(Immutable):
+    """Samples of a pose, and what is reported of them. Poses M are those of the object's middle.
+
+    Attributes:
+        X: X_WM (4, 4), the pose that is reported.
+        covariance: Second moment (6, 6) of the samples about it: rotation in O, translation in W.
+        samples: X_WM (S, 4, 4).
+        calibration: Errors of the calibration (S, m), in standard deviations.
+        modes: X_WM (K, 4, 4) of the density's maxima, the likeliest first.
+        probabilities: Of the modes (K,), by Laplace's approximation.
+        middle: p_OM (3,).
+    """
+
+    X: Array
+    covariance: Array
+    samples: Array
+    calibration: Array
+    modes: Array
+    probabilities: Array
+    middle: Array
+
+    @property
+    def X_WO(self) -> Array:
+        """The pose that is reported (4, 4), of the mesh's frame."""
+        return of_mesh(self.X, self.middle)
+
+    def distance(self, X_WO: Array) -> float:
+        """Squared Mahalanobis distance of a pose (4, 4) of the mesh's frame, 6 dof."""
+        e = deviations(self.X, of_middle(X_WO, self.middle)[None])[0]
+        return float(e @ np.linalg.solve(self.covariance, e))
+
+
+def of_middle(X_WO: Array, middle: Array) -> Array:
+    """X_WM (4, 4) of a pose of the mesh's frame."""
+    X = X_WO.copy()
+    X[:3, 3] += X_WO[:3, :3] @ middle
+    return X
+
+
+def of_mesh(X_WM: Array, middle: Array) -> Array:
+    """X_WO (4, 4) of a pose of the middle."""
+    X = X_WM.copy()
+    X[:3, 3] -= X_WM[:3, :3] @ middle
+    return X
+
+
+def deviations(X: Array, Y: Array) -> Array:
+    """Steps (S, 6), rotation in O and translation in W, from a pose X (4, 4) to poses Y."""
+    turns = Rotation.from_matrix(X[:3, :3].T @ Y[:, :3, :3]).as_rotvec()
+    return np.concatenate([turns, Y[:, :3, 3] - X[:3, 3]], axis=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverConfig:
+    """How the density is explored.
+
+    Attributes:
+        starts: Hypotheses drawn from the prior.
+        coarse_points: Of a view, against which all are tried.
+        fine_points: Of a view, against which the best are refined.
+        samples: Of the density.
+        steps: Of the random walk to each sample, at most.
+        budget: Residuals that are computed in one sweep over hypotheses or samples; how many
+            hypotheses are refined and how far samples walk follows from it.
+        seed: Of the draws; the same evidence gives the same belief.
+    """
+
+    starts: int = 96
+    coarse_points: int = 80
+    fine_points: int = 400
+    samples: int = 64
+    steps: int = 40
+    budget: int = 6000
+    seed: int = 0
+
+
+COARSE = np.geomspace(10e-3, 3e-3, 8)  # Floors of the noise, step by step, [m].
+FINE = np.array([3.0, 2.0, 1.4, 1.0, 0.7, 0.7, 0.7, 0.7, 0.7, 0.7]) * 1e-3
+_SAME = 9.0  # Squared distance up to which two hypotheses are one mode.
+_STEP = 0.4  # Of the random walk, in standard deviations.
+_LOSS_POINTS, _LOSS_CANDIDATES = 100, 12
+
+
+def uniform_rotations(count: int) -> Array:
+    """About evenly spread rotations (count, 3, 3).
+
+    Source: M. Alexa, Super-Fibonacci spirals: fast, low-discrepancy sampling of SO(3), 2022.
+    """
+    s = np.arange(count) + 0.5
+    t = s / count
+    alpha = 2.0 * np.pi * s / np.sqrt(2.0)
+    beta = 2.0 * np.pi * s / 1.533751168755204288118041
+    r, R = np.sqrt(t), np.sqrt(1.0 - t)
+    quaternions = np.column_stack(
+        [r * np.sin(alpha), r * np.cos(alpha), R * np.sin(beta), R * np.cos(beta)]
+    )
+    return np.asarray(Rotation.from_quat(quaternions).as_matrix())
+
+
+def start_poses(
+    prior: PosePrior, model: TargetModel, count: int, rng: np.random.Generator
+) -> Array:
+    """Poses (count + 1, 4, 4) of the model's middle: the prior's mean, and draws from it."""
+    X = np.tile(of_middle(prior.X, model.middle), (count + 1, 1, 1))
+    if np.isfinite(prior.rotation_sigma):
+        turns = prior.rotation_sigma * rng.normal(size=(count, 3))
+        X[1:, :3, :3] = prior.X[:3, :3] @ Rotation.from_rotvec(turns).as_matrix()
+    else:
+        X[1:, :3, :3] = uniform_rotations(count)
+    X[1:, :3, 3] += prior.translation_sigma * rng.normal(size=(count, 3))
+    return X
+
+
+def problem_of(
+    evidence: Evidence, prior: PosePrior, model: TargetModel, most: int, rng: np.random.Generator
+) -> Problem:
+    """What the density depends on, with at most so many points of each group."""
+    table, stands = evidence.table, np.zeros(0)
+    if table is not None:
+        stands = np.array([*table.up, table.height, table.height_sigma, table.tilt_sigma])
+    rows = _thinned(evidence, most, rng)
+    return Problem(
+        X_prior=of_middle(prior.X, model.middle),
+        W_prior=prior.information,
+        s=evidence.points[rows],
+        sigma=evidence.sigma[rows],
+        facing=evidence.facing[rows],
+        group=evidence.group[rows],
+        free=evidence.free,
+        free_start=evidence.free_start,
+        free_group=evidence.free_group,
+        A=np.ascontiguousarray(evidence.displaced),
+        table=stands,
+        surface=model.surface,
+        hull=model.hull,
+        stable=model.stable,
+    )
+
+
+def _thinned(evidence: Evidence, most: int, rng: np.random.Generator) -> Ids:
+    chosen = [np.zeros(0, np.int64)]
+    for group in range(len(evidence.displaced)):
+        rows = np.nonzero(evidence.group == group)[0]
+        chosen.append(rng.choice(rows, most, replace=False) if len(rows) > most else rows)
+    return np.sort(np.concatenate(chosen))
+
+
+def infer_pose(
+    evidence: Evidence, prior: PosePrior, model: TargetModel, config: SolverConfig
+) -> SampledPose:
+    """The belief after all that was measured."""
+    rng = np.random.default_rng(config.seed)
+    coarse = problem_of(evidence, prior, model, config.coarse_points, rng)
+    fine = problem_of(evidence, prior, model, config.fine_points, rng)
+    X = start_poses(prior, model, config.starts, rng)
+    c = np.zeros((len(X), evidence.displaced.shape[2]))
+    costs, _ = refine(X, c, COARSE, coarse)
+    size = len(fine.s) + len(fine.free) // 2 + 1
+    refined = max(config.budget // size, 4)
+    best = np.argsort(costs, kind="stable")[:refined]
+    X, c = X[best], c[best]
+    costs, P = refine(X, c, FINE, fine)
+    P[:, :3, :3] += np.pi**2 / 3.0 * model.spins  # Any angle is as likely.
+    kept: list[int] = []
+    for k in np.argsort(costs, kind="stable"):
+        if all(_distance(X[k], X[j], P[j]) > _SAME for j in kept):
+            kept.append(int(k))
+    X, c, P = X[kept], c[kept], P[kept]
+    # Laplace's approximation: a mode weighs by its height and by how wide it is.
+    logs = -0.5 * costs[kept] + 0.5 * np.linalg.slogdet(P)[1]
+    probabilities = np.exp(logs - logs.max())
+    probabilities /= probabilities.sum()
+    order = np.argsort(-probabilities, kind="stable")
+    chosen = rng.choice(len(kept), config.samples, p=probabilities)
+    samples, calibration = X[chosen], c[chosen]
+    roots = np.asarray(np.linalg.cholesky(P[chosen]), dtype=float)
+    first = np.einsum("sij,sj->si", roots, rng.normal(size=roots.shape[:2]))
+    samples[:, :3, :3] = samples[:, :3, :3] @ Rotation.from_rotvec(first[:, :3]).as_matrix()
+    samples[:, :3, 3] += first[:, 3:6]
+    calibration += first[:, 6:]
+    length = min(config.steps, 10 * config.budget // (size * config.samples))
+    steps = rng.normal(size=(config.samples, length, P.shape[1]))
+    lots = rng.uniform(size=(config.samples, length))
+    roots *= _STEP
+    walk(samples, calibration, roots, steps, lots, FINE[-1], fine)
+    if model.spins.any():
+        turns = np.pi * rng.uniform(-1.0, 1.0, (config.samples, 3)) @ model.spins
+        samples[:, :3, :3] = samples[:, :3, :3] @ Rotation.from_rotvec(turns).as_matrix()
+    candidates = np.concatenate([X[order], samples])[:_LOSS_CANDIDATES]
+    points = rng.choice(len(model.surface.points), _LOSS_POINTS, replace=False)
+    losses = _losses(candidates, samples, model.surface.points[points], model.surface)
+    found = candidates[np.argmin(losses)]
+    e = deviations(found, samples)
+    return SampledPose(
+        X=found,
+        covariance=e.T @ e / len(e) + 1e-10 * np.eye(6),
+        samples=samples,
+        calibration=calibration,
+        modes=X[order],
+        probabilities=probabilities[order],
+        middle=model.middle,
+    )
+
+
+@hot
+def _losses(candidates: Array, samples: Array, points: Array, surface: Surface) -> Array:
+    """Mean distances (C,) of the surface at poses (C, 4, 4) to that at the samples (S, 4, 4)."""
+    losses, m, nowhere, p = np.zeros(len(candidates)), np.empty(3), np.zeros(3), np.empty(3)
+    for k in range(len(candidates)):
+        for n in range(len(samples)):
+            X = se3.inverse(candidates[k]) @ samples[n]
+            for q in points:
+                for i in range(3):
+                    p[i] = X[i, 3] + X[i, 0] * q[0] + X[i, 1] * q[1] + X[i, 2] * q[2]
+                losses[k] += abs(surface_distance(p, nowhere, surface, m))
+    return losses / (len(samples) * len(points))
+
+
+def _distance(X: Array, Y: Array, P: Array) -> float:
+    """Squared distance of a pose X from Y (4, 4) with the covariance P of a pose and more."""
+    e = deviations(Y, X[None])[0]
+    return float(e @ np.linalg.solve(P[:6, :6], e))

@@ -1,0 +1,334 @@
+"""Refines and samples poses of a known object under all that was measured, compiled.
+
+A hypothesis is a pose X_WO and the errors c of the calibration. With R, t of X_WO and the group's
+displacement exp(A c), a measured point s lies at p = R' (exp(A c) s - t) in O, and its residual is
+its distance to the surface. The steps are (phi, tau, dc): R exp(phi), t + tau, c + dc.
+
+With the surface's gradient m in O, M = R m in W and a = (s x M, M), which is how the residual
+changes when the measured point is displaced by a twist in W, its row of the Jacobian is
+
+    d/dphi = -R' (a_1 - t x M),    d/dtau = -M,    d/dc = a' A.
+
+So each group is summed up by H = sum w a a' and b = sum w a r alone.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array, Ids
+from crossmodal.maths.compiled import hot
+from crossmodal.systems.pose.target_model import Surface, surface_distance
+
+WIDTH = 3.0  # Of the weighting function, standard deviations.
+_SLACK = 5e-4  # By so much a ray may enter the object, [m].
+_WEAK = 1e-2  # Information about the start, where nothing else tells, [1/rad^2, 1/m^2].
+
+
+class Problem(NamedTuple):
+    """All that the density of pose and calibration depends on.
+
+    Attributes:
+        X_prior: (4, 4) of the object's middle.
+        W_prior: Information (6, 6) about rotation in O and translation in W.
+        s: Points (N, 3), and so on as in `Evidence`.
+        table: (up, height, height_sigma, tilt_sigma) (6,), or empty.
+        surface: Of the `TargetModel`, as the following.
+    """
+
+    X_prior: Array
+    W_prior: Array
+    s: Array
+    sigma: Array
+    facing: Array
+    group: Ids
+    free: Array
+    free_start: Ids
+    free_group: Ids
+    A: Array
+    table: Array
+    surface: Surface
+    hull: Array
+    stable: Array
+
+
+@hot
+def _into_object(R: Array, t: Array, E: Array, s: Array, moved: Array, p: Array) -> None:
+    """Writes E s (in W) into `moved` and R' (E s - t) into `p`."""
+    for i in range(3):
+        moved[i] = E[i, 3]
+        for j in range(3):
+            moved[i] += E[i, j] * s[j]
+    for i in range(3):
+        p[i] = 0.0
+        for j in range(3):
+            p[i] += R[j, i] * (moved[j] - t[j])
+
+
+@hot
+def _add(R: Array, s: Array, m: Array, r: float, w: float, H: Array, b: Array) -> None:
+    """Adds a residual `r` with weight `w` to its group's H (6, 6) and b (6,)."""
+    M, a = np.empty(3), np.empty(6)
+    for i in range(3):
+        M[i] = 0.0
+        for j in range(3):
+            M[i] += R[i, j] * m[j]
+    a[0] = s[1] * M[2] - s[2] * M[1]
+    a[1] = s[2] * M[0] - s[0] * M[2]
+    a[2] = s[0] * M[1] - s[1] * M[0]
+    for i in range(3):
+        a[3 + i] = M[i]
+    for i in range(6):
+        b[i] += w * a[i] * r
+        for j in range(6):
+            H[i, j] += w * a[i] * a[j]
+
+
+@hot
+def _robust(d2: float, width: float) -> tuple[float, float]:
+    """Weight and cost of a squared distance by the Geman-McClure function, of a squared width."""
+    share = width / (width + d2)
+    return share * share, share * d2
+
+
+@hot
+def _sum_groups(
+    R: Array,
+    t: Array,
+    E: Array,
+    floor: float,
+    problem: Problem,
+    H: Array,
+    b: Array,
+) -> float:
+    """Sums points and rays up by group in `H` (G, 6, 6) and `b` (G, 6); the cost of all."""
+    s, free, free_start = problem.s, problem.free, problem.free_start
+    surface, facing, R_OW = problem.surface, problem.facing, R.T
+    moved, p, m, deepest, at = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    towards, nowhere = np.empty(3), np.zeros(3)
+    cost, width = 0.0, WIDTH**2
+    for n in range(len(s)):
+        g = problem.group[n]
+        _into_object(R, t, E[g], s[n], moved, p)
+        for j in range(3):
+            towards[j] = 0.0
+            for i in range(3):
+                towards[j] += R_OW[j, i] * facing[n, i]
+        r = surface_distance(p, towards, surface, m)
+        scale = max(problem.sigma[n], floor)
+        if not np.isfinite(r):
+            cost += width  # The back of the surface is not what was seen.
+            continue
+        w, c = _robust((r / scale) ** 2, width)
+        cost += c
+        _add(R, moved, m, r, w / scale**2, H[g], b[g])
+    scale = max(1e-3, floor)
+    for ray in range(len(free_start)):
+        g = problem.free_group[ray]
+        end = free_start[ray + 1] if ray + 1 < len(free_start) else len(free)
+        worst = -_SLACK
+        for n in range(free_start[ray], end):
+            _into_object(R, t, E[g], free[n], moved, p)
+            r = surface_distance(p, nowhere, surface, m)
+            if r < worst:
+                worst = r
+                for i in range(3):
+                    deepest[i], at[i] = m[i], moved[i]
+        if worst < -_SLACK:
+            w, c = _robust(((worst + _SLACK) / scale) ** 2, width)
+            cost += c
+            _add(R, at, deepest, worst + _SLACK, w / scale**2, H[g], b[g])
+    return cost
+
+
+@hot
+def _add_table(
+    R: Array,
+    t: Array,
+    problem: Problem,
+    floor: float,
+    N: Array,
+    v: Array,
+) -> float:
+    """Adds that the object stands on the table to N and v; the cost of that."""
+    hull, stable, up = problem.hull, problem.stable, problem.table[:3]
+    height, height_sigma, tilt_sigma = problem.table[3], problem.table[4], problem.table[5]
+    u, lowest, at = np.zeros(3), np.inf, 0
+    for i in range(3):
+        for j in range(3):
+            u[i] += R[j, i] * up[j]
+    for n in range(len(hull)):
+        z = 0.0
+        for i in range(3):
+            z += hull[n, i] * u[i]
+        if z < lowest:
+            lowest, at = z, n
+    r = lowest - height
+    J = np.zeros(6)
+    for i in range(3):
+        r += up[i] * t[i]
+        J[3 + i] = up[i]
+        # d(h.u)/dphi with u -> u - phi x u.
+        J[i] = hull[at, (i + 1) % 3] * u[(i + 2) % 3] - hull[at, (i + 2) % 3] * u[(i + 1) % 3]
+    sigma = max(height_sigma, floor)
+    w, cost = _robust((r / sigma) ** 2, WIDTH**2)
+    for i in range(6):
+        v[i] -= w / sigma**2 * J[i] * r
+        for j in range(6):
+            N[i, j] += w / sigma**2 * J[i] * J[j]
+    if not np.isfinite(tilt_sigma) or len(stable) == 0:
+        return cost
+    best, n = -2.0, 0
+    for k in range(len(stable)):
+        cosine = stable[k, 0] * u[0] + stable[k, 1] * u[1] + stable[k, 2] * u[2]
+        if cosine > best:
+            best, n = cosine, k
+    # The rotation from u to the stable direction d is about u x d; u turns by -phi.
+    axis, square = np.empty(3), 0.0
+    for i in range(3):
+        axis[i] = u[(i + 1) % 3] * stable[n, (i + 2) % 3] - u[(i + 2) % 3] * stable[n, (i + 1) % 3]
+        square += axis[i] * axis[i]
+    sine = np.sqrt(square)
+    angle = np.arctan2(sine, best)
+    sigma = max(tilt_sigma, 10.0 * floor)
+    w, c = _robust((angle / sigma) ** 2, WIDTH**2)
+    for i in range(3):
+        away = axis[i] * (angle / sine if sine > 1e-9 else 1.0)
+        v[i] += w / sigma**2 * -away
+        for j in range(3):
+            N[i, j] += w / sigma**2 * ((1.0 if i == j else 0.0) - u[i] * u[j])
+    return cost + c
+
+
+@hot
+def linearise(X: Array, c: Array, floor: float, problem: Problem, N: Array, v: Array) -> float:
+    """Writes information N and vector v of a Gauss-Newton step (phi, tau, dc) at X and c.
+
+    Args:
+        X: Pose (4, 4) of the object's middle.
+        c: Errors of the calibration (m,), in standard deviations.
+        floor: Least standard deviation of the residuals, [m].
+        problem: What they depend on.
+        N: (6 + m, 6 + m), overwritten.
+        v: (6 + m,), overwritten.
+
+    Returns:
+        The cost: twice the negative log of the density, up to a constant.
+    """
+    m, groups, A = len(c), len(problem.A), problem.A
+    H, b, E = np.zeros((groups, 6, 6)), np.zeros((groups, 6)), np.empty((groups, 4, 4))
+    J, e = np.zeros((6, 6 + m)), np.empty(6)
+    R, t = np.ascontiguousarray(X[:3, :3]), np.ascontiguousarray(X[:3, 3])
+    for g in range(groups):
+        E[g] = se3.exp(A[g] @ c)
+    cost = _sum_groups(R, t, E, floor, problem, H, b)
+    N[:], v[:] = 0.0, 0.0
+    e[:3] = se3.so3_log(np.ascontiguousarray(problem.X_prior[:3, :3].T) @ R)
+    e[3:] = t - problem.X_prior[:3, 3]
+    We = problem.W_prior @ e
+    for i in range(6):
+        v[i] -= We[i]
+        cost += e[i] * We[i]
+        N[i, i] += _WEAK
+        for j in range(6):
+            N[i, j] += problem.W_prior[i, j]
+    for i in range(m):
+        v[6 + i] -= c[i]
+        cost += c[i] ** 2
+        N[6 + i, 6 + i] += 1.0
+    if len(problem.table) > 0:
+        cost += _add_table(R, t, problem, floor, N, v)
+    for j in range(3):
+        x, y, z = R[0, j], R[1, j], R[2, j]
+        J[0, j], J[1, j], J[2, j] = -x, -y, -z
+        J[3, j] = -(t[1] * z - t[2] * y)
+        J[4, j] = -(t[2] * x - t[0] * z)
+        J[5, j] = -(t[0] * y - t[1] * x)
+        J[3 + j, 3 + j] = -1.0
+    for g in range(groups):
+        J[:, 6:] = A[g]
+        N += J.T @ (H[g] @ J)
+        v -= J.T @ b[g]
+    return cost
+
+
+@hot
+def _step(X: Array, c: Array, dx: Array) -> None:
+    X[:3, :3] = np.ascontiguousarray(X[:3, :3]) @ se3.so3_exp(dx[:3])
+    X[:3, 3] += dx[3:6]
+    c += dx[6:]
+
+
+@hot
+def refine(X: Array, c: Array, floors: Array, problem: Problem) -> tuple[Array, Array]:
+    """Refines hypotheses by Gauss-Newton steps, each under one floor of the noise.
+
+    Under the last floor a step is taken only if the density rises, and is damped otherwise: edges
+    and rays make it uneven (Levenberg and Marquardt's method).
+
+    Args:
+        X: Poses (K, 4, 4) of the object's middle to start from; overwritten.
+        c: Errors of the calibration (K, m) to start from; overwritten.
+        floors: Least standard deviations (I,) of residuals at each step, falling, [m].
+        problem: What was measured.
+
+    Returns:
+        Costs (K,) under the last floor, and covariances (K, 6 + m, 6 + m) of (phi, tau, dc).
+    """
+    count, size = len(X), 6 + c.shape[1]
+    costs, covariances = np.empty(count), np.empty((count, size, size))
+    N, v, best, at = np.empty((size, size)), np.empty(size), np.empty((size, size)), np.empty(size)
+    for k in range(count):
+        Y, d, damping = X[k].copy(), c[k].copy(), 0.0
+        for i in range(len(floors)):
+            cost = linearise(Y, d, floors[i], problem, N, v)
+            polishing = i > 0 and floors[i] == floors[i - 1]
+            if not polishing or cost < costs[k]:
+                X[k], c[k], costs[k] = Y, d, cost
+                best[:], at[:] = N, v
+                damping *= 0.2
+            else:
+                damping = max(5.0 * damping, 0.1)
+            M = best.copy()
+            for axis in range(size):
+                M[axis, axis] *= 1.0 + damping
+            Y, d = X[k].copy(), c[k].copy()
+            _step(Y, d, np.linalg.solve(M, at))
+        cost = linearise(Y, d, floors[-1], problem, N, v)
+        if cost < costs[k]:
+            X[k], c[k], costs[k] = Y, d, cost
+            best[:] = N
+        covariances[k] = np.linalg.inv(best)
+    return costs, covariances
+
+
+@hot
+def walk(
+    X: Array, c: Array, roots: Array, steps: Array, lots: Array, floor: float, problem: Problem
+) -> Array:
+    """Draws from the density by random walks (Metropolis's algorithm).
+
+    Args:
+        X: Poses (K, 4, 4) to start from; overwritten by where the walks end.
+        c: Errors of the calibration (K, m); overwritten.
+        roots: Square roots (K, 6 + m, 6 + m) of the covariance of a step.
+        steps: Standard normal numbers (K, S, 6 + m).
+        lots: Uniform numbers (K, S) in (0, 1).
+        floor: Least standard deviation of the residuals, [m].
+        problem: What was measured.
+
+    Returns:
+        Costs (K,) where the walks end.
+    """
+    count, size = len(X), 6 + c.shape[1]
+    costs, N, v = np.empty(count), np.empty((size, size)), np.empty(size)
+    for k in range(count):
+        costs[k] = linearise(X[k], c[k], floor, problem, N, v)
+        for n in range(steps.shape[1]):
+            Y, d = X[k].copy(), c[k].copy()
+            _step(Y, d, roots[k] @ steps[k, n])
+            cost = linearise(Y, d, floor, problem, N, v)
+            if np.log(lots[k, n]) < 0.5 * (costs[k] - cost):
+                X[k], c[k], costs[k] = Y, d, cost
+    return costs

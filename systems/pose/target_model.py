@@ -1,0 +1,377 @@
+"""What is known of an object whose pose is sought: its surface, and how it may stand.
+
+Frame O of the object is that of its mesh. Inside of this room the origin is moved to the middle of
+the surface, so that a turn moves the object as little as possible; `TargetModel.middle` says where.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.spatial import ConvexHull, cKDTree
+from scipy.spatial.transform import Rotation
+
+from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.maths.compiled import hot
+from crossmodal.maths.immutable import Immutable
+
+_SAMPLES = 14_000  # About so many describe the surface,
+_DENSER = 6  # chosen from so many times as many that none are near each other.
+_VOXELS = 400_000  # About so many divide the box around it.
+_MARGIN = 0.15  # Of that box's diagonal on each side.
+_SMALLEST, _LARGEST = 5e-3, 2.0  # Diagonals of what a robot handles, [m].
+_SEED = 0  # The samples are the same each time.
+_ON_FACET = 1e-9  # Least height of a point above a facet, [m].
+_ALIKE_DIRECTIONS = 1e-2  # Between directions in which an object stands, [rad].
+_ACROSS = 1.2  # Voxels by which a sample may lie beside a point for its plane to be meant.
+_BACK = -0.1  # Cosine to where a point was seen from, below which a side is the other one.
+_TURNS = 13  # Parts of half a turn by which a symmetry is tried.
+_ALIKE = 3e-4  # Largest mean distance between an object and itself, turned, that look alike, [m].
+
+
+class TargetModelError(ValueError):
+    """A mesh that cannot be a target."""
+
+
+class Surface(NamedTuple):
+    """The surface of an object by samples, and for each place around it the nearest one.
+
+    Distances are those to the plane of the nearest sample, so that they are exact on flat faces and
+    right to second order on curved ones, however coarse the voxels are, and thin walls keep both
+    their sides.
+
+    Attributes:
+        points: Samples of the surface (N, 3), relative to the middle, [m].
+        normals: Outwards (N, 3).
+        nearest: For each voxel (X, Y, Z) the number of the sample that is nearest to its centre.
+        corner: Centre of the first voxel (3,), [m].
+        voxel: Edge length, [m].
+        spacing: Of the samples, [m]: none are nearer to each other, and hardly any place is farther
+            from all of them.
+    """
+
+    points: Array
+    normals: Array
+    nearest: Ids
+    corner: Array
+    voxel: float
+    spacing: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetModel(Immutable):
+    """What is known of an object.
+
+    Attributes:
+        surface: Relative to the middle.
+        hull: Corners of the convex hull (H, 3), relative to the middle, [m].
+        stable: Directions (S, 3) that point up where the object stands without leaning.
+        spins: Projection (3, 3) on the axes through the middle about which the object may be turned
+            by any angle and looks the same.
+        middle: p_OM (3,) in the mesh's own frame, [m].
+        radius: Of the sphere about the middle that holds all of it, [m].
+    """
+
+    surface: Surface
+    hull: Array
+    stable: Array
+    spins: Array
+    middle: Array
+    radius: float
+
+
+def load_target(path: str | Path, scale: float = 1.0) -> TargetModel:
+    """The target that a mesh file describes, in any format that trimesh reads.
+
+    Args:
+        path: Of the file.
+        scale: Metres per unit of the file.
+
+    Raises:
+        TargetModelError: if there is no such mesh, or none that can be a target.
+    """
+    import trimesh
+
+    try:
+        mesh = trimesh.load(str(path), force="mesh")
+    except Exception as error:  # Each format has errors of its own.
+        raise TargetModelError(f"{path}: not read as a mesh: {error}") from None
+    return make_target(mesh.vertices * scale, mesh.faces, str(path))
+
+
+def make_target(vertices: Array, triangles: Ids, name: str = "the mesh") -> TargetModel:
+    """The target that a closed surface describes.
+
+    Args:
+        vertices: (V, 3), [m].
+        triangles: (T, 3) numbers of vertices. A surface that is inside out is turned.
+        name: In what is said of a fault.
+
+    Raises:
+        TargetModelError: for an empty mesh, one with holes that cannot be closed, numbers that are
+            not finite, and a size that no robot would handle, as from another unit.
+    """
+    import trimesh
+
+    vertices = np.asarray(vertices, dtype=float).reshape(-1, 3)
+    if len(vertices) == 0 or len(triangles) == 0:
+        raise TargetModelError(f"{name}: holds no triangle")
+    if not np.isfinite(vertices).all():
+        raise TargetModelError(f"{name}: has vertices that are not finite")
+    mesh = trimesh.Trimesh(vertices, triangles, process=True)
+    mesh.merge_vertices()
+    size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+    if not _SMALLEST <= size <= _LARGEST:
+        raise TargetModelError(
+            f"{name}: is {size:.3g} m large, where {_SMALLEST:g} to {_LARGEST:g} m are expected;"
+            " if its unit is not the metre, give its scale"
+        )
+    if not mesh.is_watertight:
+        mesh.fill_holes()
+    if not mesh.is_watertight:
+        raise TargetModelError(
+            f"{name}: its surface has {_open_edges(mesh)} open edges, so that inside and outside"
+            " are not known; close it first"
+        )
+    mesh.fix_normals(multibody=True)
+    spacing = float(np.sqrt(mesh.area / _SAMPLES))
+    many, faces = trimesh.sample.sample_surface(mesh, _DENSER * _SAMPLES, seed=_SEED)[:2]
+    kept = _thinned(np.asarray(many), spacing)
+    points, normals = np.asarray(many)[kept], np.asarray(mesh.face_normals)[faces[kept]]
+    middle, moments = _surface_moments(mesh)
+    points = np.ascontiguousarray(points - middle)
+    normals = np.ascontiguousarray(normals)
+    surface = Surface(points, normals, *_nearest_samples(points), spacing)
+    hull = ConvexHull(mesh.vertices - middle)
+    return TargetModel(
+        surface=surface,
+        hull=np.ascontiguousarray(hull.points[hull.vertices]),
+        stable=_stable_directions(hull, np.asarray(mesh.center_mass) - middle),
+        spins=_spins(moments, surface),
+        middle=middle,
+        radius=float(np.linalg.norm(mesh.vertices - middle, axis=1).max()),
+    )
+
+
+def _thinned(points: Array, apart: float) -> Mask:
+    """Which points (N,) to keep, in their order, so that none is nearer than `apart` to another."""
+    pairs = cKDTree(points).query_pairs(apart, output_type="ndarray")
+    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    return _first_of_each(pairs, np.ones(len(points), dtype=np.bool_))
+
+
+@hot
+def _first_of_each(pairs: Ids, kept: Mask) -> Mask:
+    for i, j in pairs:
+        if kept[i]:
+            kept[j] = False
+    return kept
+
+
+def _open_edges(mesh: Any) -> int:
+    edges = np.sort(mesh.edges, axis=1)
+    _, counts = np.unique(edges, axis=0, return_counts=True)
+    return int(np.sum(counts == 1))
+
+
+def _nearest_samples(points: Array) -> tuple[Ids, Array, float]:
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = _MARGIN * float(np.linalg.norm(high - low))
+    low, high = low - margin, high + margin
+    voxel = float(np.cbrt(np.prod(high - low) / _VOXELS))
+    axes = [np.arange(low[i], high[i] + voxel, voxel) for i in range(3)]
+    centres = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    _, nearest = cKDTree(points).query(centres.reshape(-1, 3), workers=-1)
+    shaped = nearest.reshape(centres.shape[:3]).astype(np.int32)
+    return np.ascontiguousarray(shaped), np.array([axis[0] for axis in axes]), voxel
+
+
+def _stable_directions(hull: ConvexHull, center_mass: Array) -> Array:
+    """Directions (S, 3) opposite to the hull's facets above which the centre of mass lies."""
+    normals, offsets = hull.equations[:, :3], hull.equations[:, 3]
+    below = center_mass - (normals @ center_mass + offsets)[:, None] * normals
+    inside = [
+        np.max(normals @ foot + offsets) <= _ON_FACET for foot in below
+    ]  # A foot on the facet's plane that is in the hull is on the facet.
+    directions = -normals[np.array(inside)]
+    return np.ascontiguousarray(directions[_thinned(directions, _ALIKE_DIRECTIONS)])
+
+
+def _surface_moments(mesh: Any) -> tuple[Array, Array]:
+    """The middle (3,) of the surface and its second moments (3, 3) about that."""
+    corners, areas = np.asarray(mesh.triangles), np.asarray(mesh.area_faces)
+    middle = (areas @ corners.mean(axis=1)) / areas.sum()
+    corners = corners - middle
+    sums = corners.sum(axis=1)
+    second = np.einsum("n,nki,nkj->ij", areas, corners, corners)
+    return middle, (second + np.einsum("n,ni,nj->ij", areas, sums, sums)) / (12.0 * areas.sum())
+
+
+def _spins(moments: Array, surface: Surface) -> Array:
+    found = np.zeros((3, 3))
+    for axis in np.linalg.eigh(moments)[1].T:
+        turns = Rotation.from_rotvec(np.arange(1, _TURNS)[:, None] * (np.pi / _TURNS * axis))
+        apart = [
+            np.mean(nearest_distances(surface.points @ R.T, surface)) for R in turns.as_matrix()
+        ]
+        if max(apart) < _ALIKE:
+            found += np.outer(axis, axis)
+    return found
+
+
+@hot
+def surface_distance(
+    p: Array,
+    facing: Array,
+    surface: Surface,
+    m: Array,
+) -> float:
+    """Signed distance of a point to the surface, and its gradient, written into `m` (3,).
+
+    It is that to the plane of the nearest sample; to the sample itself where the point lies beyond
+    the edge of a face. Of a thin wall, the side counts that faces where the point was seen from.
+
+    Args:
+        p: (3,), relative to the middle.
+        facing: Unit vector (3,) in O, or zero if any side will do.
+        surface: Of the object.
+
+    Returns:
+        The distance, [m]; infinite where no side near the point faces there.
+    """
+    points, normals, voxel = surface.points, surface.normals, surface.voxel
+    k = nearest_sample(p, surface)
+    towards = facing[0] * normals[k, 0] + facing[1] * normals[k, 1] + facing[2] * normals[k, 2]
+    if towards < _BACK:
+        k = nearest_of_eight(p, facing, surface)
+        if k < 0:
+            return np.inf
+    height, square = 0.0, 0.0
+    for i in range(3):
+        m[i] = p[i] - points[k, i]
+        height += m[i] * normals[k, i]
+        square += m[i] * m[i]
+    if square - height * height <= (_ACROSS * voxel) ** 2:
+        for i in range(3):
+            m[i] = normals[k, i]
+        return height
+    distance = np.sqrt(square)
+    sign = 1.0 if height > -0.7 * distance else -1.0
+    for i in range(3):
+        m[i] *= sign / distance
+    return float(sign * distance)
+
+
+@hot
+def nearest_distances(p: Array, surface: Surface) -> Array:
+    """Distances (N,) of points (N, 3), relative to the middle, to the surface nearby, exactly."""
+    points, normals, voxel = surface.points, surface.normals, surface.voxel
+    found, nowhere = np.empty(len(p)), np.zeros(3)
+    for n in range(len(p)):
+        k = nearest_of_eight(p[n], nowhere, surface)
+        height, square = 0.0, 0.0
+        for i in range(3):
+            apart = p[n, i] - points[k, i]
+            height += apart * normals[k, i]
+            square += apart * apart
+        flat = square - height * height <= (_ACROSS * voxel) ** 2
+        found[n] = abs(height) if flat else np.sqrt(square)
+    return found
+
+
+@hot
+def nearest_sample(p: Array, surface: Surface) -> int:
+    """Number of the sample that is about nearest to a point `p` (3,) relative to the middle."""
+    nearest, corner, voxel = surface.nearest, surface.corner, surface.voxel
+    i = min(max(int(np.floor((p[0] - corner[0]) / voxel + 0.5)), 0), nearest.shape[0] - 1)
+    j = min(max(int(np.floor((p[1] - corner[1]) / voxel + 0.5)), 0), nearest.shape[1] - 1)
+    k = min(max(int(np.floor((p[2] - corner[2]) / voxel + 0.5)), 0), nearest.shape[2] - 1)
+    return int(nearest[i, j, k])
+
+
+@hot
+def nearest_of_eight(
+    p: Array,
+    facing: Array,
+    surface: Surface,
+) -> int:
+    """The best of the samples of the eight voxels around `p`: the nearest one, near the surface.
+
+    Only those count that do not turn their back on `facing` (3,); -1 if all do.
+    """
+    points, normals, voxel = surface.points, surface.normals, surface.voxel
+    best, found = np.inf, -1
+    q = np.empty(3)
+    for place in range(8):
+        for axis in range(3):
+            q[axis] = p[axis] + (0.5 if place >> axis & 1 else -0.5) * voxel
+        k = nearest_sample(q, surface)
+        square, towards = 0.0, 0.0
+        for axis in range(3):
+            square += (p[axis] - points[k, axis]) ** 2
+            towards += facing[axis] * normals[k, axis]
+        if square < best and towards >= _BACK:
+            best, found = square, k
+    return found
+
+
+@hot
+def cast_rays(
+    starts: Array,
+    directions: Array,
+    reach: Array,
+    surface: Surface,
+    exact: bool,
+) -> tuple[Array, Ids]:
+    """Where rays from outside meet the surface.
+
+    Args:
+        starts: (R, 3), relative to the middle, [m].
+        directions: Unit vectors (R, 3).
+        reach: How far each goes (R,), [m].
+        surface: Of the object.
+        exact: Whether edges are where they are, at five times the time, or within a voxel.
+
+    Returns:
+        Distances (R,), infinite for a miss, and the sample (R,) met, -1 for a miss.
+    """
+    points, normals, voxel = surface.points, surface.normals, surface.voxel
+    count, spacing = len(starts), surface.spacing
+    across = 1.2 * spacing if exact else spacing + voxel
+    step = spacing if exact else voxel
+    found, samples = np.full(count, np.inf), np.full(count, -1)
+    p, nowhere = np.empty(3), np.zeros(3)
+    for ray in range(count):
+        along = 0.0
+        while along < reach[ray]:
+            for axis in range(3):
+                p[axis] = starts[ray, axis] + along * directions[ray, axis]
+            k = nearest_sample(p, surface)
+            square = 0.0
+            for axis in range(3):
+                square += (p[axis] - points[k, axis]) ** 2
+            apart = np.sqrt(square)
+            if apart > 3.0 * voxel:
+                along += apart - 2.0 * voxel
+                continue
+            if exact:
+                k = nearest_of_eight(p, nowhere, surface)
+            square, height, slope = 0.0, 0.0, 0.0
+            for axis in range(3):
+                offset = p[axis] - points[k, axis]
+                square += offset * offset
+                height += offset * normals[k, axis]
+                slope += directions[ray, axis] * normals[k, axis]
+            if height < 0.5 * spacing and slope < 0.0:
+                # Past the edge of a face its plane goes on, the samples do not.
+                hit = along - height / min(slope, -0.05)
+                square = 0.0
+                for axis in range(3):
+                    q = starts[ray, axis] + hit * directions[ray, axis] - points[k, axis]
+                    square += q * q
+                if square < across**2:
+                    found[ray], samples[ray] = hit, k
+                    break
+            along += max(0.5 * (np.sqrt(square) - step), 0.25 * step)
+    return found, samples

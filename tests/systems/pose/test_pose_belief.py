@@ -1,0 +1,208 @@
+"""What is believed of a pose is as wrong as it says; all evidence counts; doubts are kept."""
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from crossmodal.systems.pose.evidence import Evidence, Table
+from crossmodal.systems.pose.pose_belief import (
+    PosePrior,
+    SampledPose,
+    SolverConfig,
+    infer_pose,
+    uniform_rotations,
+)
+from crossmodal.systems.pose.target_model import TargetModel, cast_rays, make_target
+
+CONFIG = SolverConfig()
+
+
+def wedge() -> trimesh.Trimesh:
+    """A body without any symmetry."""
+    mesh = trimesh.creation.box(extents=[0.08, 0.05, 0.2])
+    vertices = mesh.vertices.copy()
+    high = vertices[:, 2] > 0.0
+    vertices[high & (vertices[:, 0] > 0.0), 0] -= 0.05
+    vertices[high & (vertices[:, 1] > 0.0), 1] -= 0.02
+    return trimesh.Trimesh(vertices, mesh.faces)
+
+
+@pytest.fixture(scope="module")
+def model() -> TargetModel:
+    mesh = wedge()
+    return make_target(mesh.vertices, mesh.faces)
+
+
+def standing(model: TargetModel, rng: np.random.Generator) -> np.ndarray:
+    """X_WO of the object on a table at height zero."""
+    X = np.eye(4)
+    X[:3, :3] = Rotation.from_rotvec([0.0, 0.0, rng.uniform(-3.0, 3.0)]).as_matrix()
+    X[:2, 3] = [rng.uniform(0.4, 0.6), rng.uniform(-0.1, 0.1)]
+    X[2, 3] = 0.1
+    return X
+
+
+def wrong(X: np.ndarray, sigma_R: float, sigma_t: float, rng: np.random.Generator) -> PosePrior:
+    start = X.copy()
+    start[:3, :3] = X[:3, :3] @ Rotation.from_rotvec(sigma_R * rng.normal(size=3)).as_matrix()
+    start[:3, 3] += sigma_t * rng.normal(size=3)
+    return PosePrior(X=start, rotation_sigma=sigma_R, translation_sigma=sigma_t)
+
+
+def seen_from(
+    model: TargetModel, X: np.ndarray, eye: np.ndarray, count: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points that a camera sees, and the directions to it."""
+    p_M = X[:3, :3] @ model.middle + X[:3, 3]
+    aims = p_M + rng.uniform(-0.12, 0.12, (4 * count, 3))
+    d = (aims - eye) / np.linalg.norm(aims - eye, axis=1, keepdims=True)
+    start = np.tile((eye - p_M) @ X[:3, :3], (len(d), 1))
+    found, _ = cast_rays(
+        start, np.ascontiguousarray(d @ X[:3, :3]), np.full(len(d), 2.0), model.surface, True
+    )
+    met = np.nonzero(np.isfinite(found))[0][:count]
+    return eye + found[met, None] * d[met], -d[met]
+
+
+def test_a_view_from_a_miscalibrated_camera_is_as_wrong_as_is_said(model: TargetModel) -> None:
+    """The camera is displaced by 3 mm per axis, which its calibration says."""
+    distances = []
+    A = np.concatenate([np.zeros((3, 3)), 3e-3 * np.eye(3)])
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        X = standing(model, rng)
+        p, facing = seen_from(model, X, X[:3, 3] + [0.3, 0.3, 0.35], 300, rng)
+        c = rng.normal(size=3)
+        p = p + 1.5e-3 * rng.normal(size=p.shape) - A[3:] @ c
+        evidence = Evidence().with_group(A, p, 1.5e-3, facing)
+        belief = infer_pose(evidence, wrong(X, 0.2, 0.02, rng), model, CONFIG)
+        distances.append(belief.distance(X))
+    assert np.median(distances) < 1.5 * chi2.ppf(0.5, 6)
+    assert np.mean(np.array(distances) < chi2.ppf(0.95, 6)) > 0.8
+
+
+def touched(model: TargetModel, X: np.ndarray, count: int, rng: np.random.Generator) -> Evidence:
+    """Contacts with the object from all sides."""
+    p_M = X[:3, :3] @ model.middle + X[:3, 3]
+    evidence = Evidence().with_group(np.zeros((6, 0)), np.zeros((0, 3)), 1e-3)
+    while len(evidence.points) < count:
+        eye = p_M + 0.2 * np.append(rng.normal(size=2), 0.3)
+        p, facing = seen_from(model, X, eye, 1, rng)
+        noisy = p + 7e-4 * rng.normal(size=p.shape)
+        ray = np.arange(0.0, np.linalg.norm(p - eye) - 4e-3, 6e-3)[:, None] * -facing + eye
+        evidence = evidence.with_measured(0, noisy, 1e-3, facing, [ray] if len(p) else None)
+    return evidence
+
+
+def mean_error(belief: SampledPose, X: np.ndarray, model: TargetModel) -> float:
+    p_M = X[:3, :3] @ model.middle + X[:3, 3]
+    return float(np.linalg.norm(belief.X[:3, 3] - p_M))
+
+
+def test_table_and_free_space_make_a_few_touches_worth_more(model: TargetModel) -> None:
+    errors: dict[str, list[float]] = {"contacts": [], "free": [], "table": []}
+    inside = []
+    for seed in range(16):
+        rng = np.random.default_rng(seed)
+        X = standing(model, rng)
+        prior = wrong(X, 0.2, 0.02, rng)
+        evidence = touched(model, X, 6, rng)
+        none = np.zeros(0, np.int64)
+        alone = Evidence(
+            points=evidence.points,
+            sigma=evidence.sigma,
+            facing=evidence.facing,
+            group=evidence.group,
+            displaced=evidence.displaced,
+            free_start=none,
+            free_group=none,
+        )
+        table = Evidence(**{**vars(evidence), "table": Table(height=0.0)})
+        for name, known in (("contacts", alone), ("free", evidence), ("table", table)):
+            belief = infer_pose(known, prior, model, CONFIG)
+            errors[name].append(mean_error(belief, X, model))
+            inside.append(belief.distance(X) < chi2.ppf(0.95, 6))
+    assert np.mean(errors["table"]) < np.mean(errors["free"]) < np.mean(errors["contacts"])
+    assert np.mean(errors["table"]) < 5e-3
+    assert np.mean(inside) > 0.75
+
+
+def test_without_evidence_the_prior_is_believed(model: TargetModel) -> None:
+    rng = np.random.default_rng(0)
+    prior = wrong(standing(model, rng), 0.2, 0.02, rng)
+    evidence = Evidence().with_group(np.zeros((6, 0)), np.zeros((0, 3)), 1e-3)
+    belief = infer_pose(evidence, prior, model, CONFIG)
+    assert_allclose(np.sqrt(np.diag(belief.covariance)), [0.2] * 3 + [0.02] * 3, rtol=0.5)
+
+
+def test_any_rotation_is_found_in_one_view(model: TargetModel) -> None:
+    found = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        X = standing(model, rng)
+        p, facing = seen_from(model, X, X[:3, 3] + [0.3, 0.3, 0.35], 400, rng)
+        evidence = Evidence().with_group(
+            np.zeros((6, 0)), p + 1e-3 * rng.normal(size=p.shape), 1e-3, facing
+        )
+        start = wrong(X, 3.0, 0.02, rng)
+        prior = PosePrior(X=start.X, rotation_sigma=np.inf, translation_sigma=0.03)
+        belief = infer_pose(evidence, prior, model, CONFIG)
+        turned = Rotation.from_matrix(X[:3, :3].T @ belief.X[:3, :3]).magnitude()
+        found.append(mean_error(belief, X, model) < 3e-3 and turned < 0.05)
+    assert np.mean(found) > 0.9
+
+
+def test_the_spin_of_a_round_body_stays_unknown() -> None:
+    mesh = trimesh.creation.cylinder(radius=0.035, height=0.2, sections=48)
+    model = make_target(mesh.vertices, mesh.faces)
+    rng = np.random.default_rng(0)
+    X = standing(model, rng)
+    p, facing = seen_from(model, X, X[:3, 3] + [0.3, 0.3, 0.35], 300, rng)
+    evidence = Evidence().with_group(np.zeros((6, 0)), p, 1e-3, facing)
+    belief = infer_pose(evidence, wrong(X, 0.2, 0.02, rng), model, CONFIG)
+    deviation = np.sqrt(np.diag(belief.covariance))
+    assert deviation[2] > 1.0
+    assert deviation[:2].max() < 0.02
+    assert mean_error(belief, X, model) < 1e-3
+
+
+def test_a_half_turn_that_looks_the_same_is_a_mode_of_its_own() -> None:
+    mesh = trimesh.creation.box(extents=[0.08, 0.05, 0.2])
+    model = make_target(mesh.vertices, mesh.faces)
+    rng = np.random.default_rng(1)
+    X = standing(model, rng)
+    p, facing = seen_from(model, X, X[:3, 3] + [0.3, 0.3, 0.35], 300, rng)
+    evidence = Evidence().with_group(np.zeros((6, 0)), p, 1e-3, facing)
+    prior = PosePrior(X=X, rotation_sigma=np.inf, translation_sigma=0.03)
+    belief = infer_pose(evidence, prior, model, CONFIG)
+    assert len(belief.modes) >= 2
+    assert belief.probabilities[0] < 0.9
+    assert belief.distance(X) < chi2.ppf(0.95, 6)
+
+
+def test_the_same_evidence_gives_the_same_belief(model: TargetModel) -> None:
+    rng = np.random.default_rng(2)
+    X = standing(model, rng)
+    evidence, prior = touched(model, X, 4, rng), wrong(X, 0.2, 0.02, rng)
+    first, second = (infer_pose(evidence, prior, model, CONFIG) for _ in range(2))
+    np.testing.assert_array_equal(first.samples, second.samples)
+
+
+def test_rotations_are_spread_evenly() -> None:
+    R = uniform_rotations(500)
+    angles = [
+        Rotation.from_matrix(np.einsum("nij,ik->njk", R, Q)).magnitude().min()
+        for Q in Rotation.random(50, random_state=0).as_matrix()
+    ]
+    assert np.max(angles) < np.deg2rad(40.0)
+
+
+@pytest.mark.parametrize("name", ["points", "sigma", "facing"])
+def test_evidence_that_is_not_finite_is_refused(name: str) -> None:
+    values = {"points": np.zeros((1, 3)), "sigma": np.ones(1), "facing": np.zeros((1, 3))}
+    values[name] = values[name] * np.nan
+    with pytest.raises(ValueError, match=name):
+        Evidence().with_group(np.zeros((6, 0)), values["points"], values["sigma"], values["facing"])

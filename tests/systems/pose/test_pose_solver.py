@@ -1,0 +1,165 @@
+"""The Gauss-Newton step against finite differences, and the walk against a Gaussian."""
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from crossmodal.maths import se3
+from crossmodal.systems.pose.evidence import Evidence, Table
+from crossmodal.systems.pose.pose_belief import PosePrior, problem_of
+from crossmodal.systems.pose.pose_solver import Problem, linearise, refine, walk
+from crossmodal.systems.pose.target_model import TargetModel, make_target
+
+FLOOR = 7e-4
+HALF = np.array([0.03, 0.05, 0.10])
+
+
+@pytest.fixture(scope="module")
+def box() -> TargetModel:
+    mesh = trimesh.creation.box(extents=2.0 * HALF)
+    return make_target(mesh.vertices, mesh.faces)
+
+
+def pose() -> np.ndarray:
+    X = np.eye(4)
+    X[:3, :3] = Rotation.from_rotvec([0.2, -0.1, 0.7]).as_matrix()
+    X[:3, 3] = [0.5, -0.2, 0.3]
+    return X
+
+
+def on_faces(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points well inside the faces (N, 3), and the faces' normals (N, 3), in O."""
+    axes, signs = rng.integers(0, 3, count), rng.choice([-1.0, 1.0], count)
+    p = rng.uniform(-0.6, 0.6, (count, 3)) * HALF
+    normals = np.zeros((count, 3))
+    normals[np.arange(count), axes] = signs
+    p[np.arange(count), axes] = signs * HALF[axes]
+    return p, normals
+
+
+def problem(model: TargetModel, errors: int = 2, table: Table | None = None) -> Problem:
+    """Points on all faces, one ray that enters the box, and two groups with errors in common."""
+    rng = np.random.default_rng(0)
+    X = pose()
+    p, normals = on_faces(rng, 24)
+    p_W = p @ X[:3, :3].T + X[:3, 3] + 5e-4 * rng.normal(size=p.shape)
+    facing = normals @ X[:3, :3].T
+    ray = np.linspace([0.028, 0.0, 0.2], [0.028, 0.0, 0.02], 20) @ X[:3, :3].T + X[:3, 3]
+    evidence = Evidence(table=table)
+    for rows in (slice(0, 12), slice(12, 24)):
+        A = 1e-3 * rng.normal(size=(6, errors))
+        evidence = evidence.with_group(A, p_W[rows], 1e-3, facing[rows], [ray])
+    prior = PosePrior(X=X, rotation_sigma=0.2, translation_sigma=0.02)
+    return problem_of(evidence, prior, model, 1000, rng)
+
+
+def stepped(X: np.ndarray, c: np.ndarray, dx: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    Y = X.copy()
+    Y[:3, :3] = X[:3, :3] @ se3.so3_exp(dx[:3])
+    Y[:3, 3] += dx[3:6]
+    return Y, c + dx[6:]
+
+
+def test_the_step_is_along_the_gradient_of_the_cost(box: TargetModel) -> None:
+    terms = problem(box, table=Table(height=0.24, height_sigma=4e-3, tilt_sigma=0.05))
+    X, c = stepped(pose(), np.zeros(2), np.array([2e-3, -1e-3, 3e-3, 1e-4, 2e-4, -1e-4, 0.3, -0.2]))
+    N, v, none = np.empty((8, 8)), np.empty(8), np.empty(8)
+    linearise(X, c, FLOOR, terms, N, v)
+    step, numeric = 1e-6, np.empty(8)
+    for i in range(8):
+        costs = [
+            linearise(*stepped(X, c, sign * step * np.eye(8)[i]), FLOOR, terms, N.copy(), none)
+            for sign in (1.0, -1.0)
+        ]
+        numeric[i] = (costs[0] - costs[1]) / (2.0 * step)
+    assert_allclose(-2.0 * v, numeric, rtol=2e-3, atol=2e-3 * np.abs(numeric).max())
+
+
+def test_refining_finds_the_pose_and_the_displacement_of_a_group(box: TargetModel) -> None:
+    """One of two groups is displaced by 4 mm, which its calibration allows."""
+    rng = np.random.default_rng(1)
+    X = pose()
+    evidence = Evidence()
+    for displaced in (0.0, 2.0):
+        p, normals = on_faces(rng, 60)
+        A = np.zeros((6, 1))
+        A[3] = -2e-3 * (displaced > 0.0)  # The points have to move back along x.
+        p_W = p @ X[:3, :3].T + X[:3, 3] + 1e-4 * rng.normal(size=p.shape)
+        p_W[:, 0] += displaced * 2e-3
+        evidence = evidence.with_group(A, p_W, 5e-4, normals @ X[:3, :3].T)
+    prior = PosePrior(X=X, rotation_sigma=0.2, translation_sigma=0.02)
+    terms = problem_of(evidence, prior, box, 1000, rng)
+    start, c = X[None].copy(), np.zeros((1, 1))
+    start[0] = start[0] @ se3.exp(np.array([0.03, -0.05, 0.04, 3e-3, 2e-3, -4e-3]))
+    floors = np.array([5.0, 3.0, 1.5, 0.7, 0.7, 0.7]) * 1e-3
+    _, P = refine(start, c, floors, terms)
+    assert_allclose(start[0, :3, 3], X[:3, 3], atol=3e-4)
+    assert_allclose(c, 2.0, atol=0.2)
+    assert np.sqrt(P[0, 6, 6]) < 0.3
+
+
+def test_a_displacement_that_all_share_makes_the_pose_as_uncertain(box: TargetModel) -> None:
+    rng = np.random.default_rng(2)
+    X = pose()
+    p, normals = on_faces(rng, 400)
+    A = np.concatenate([np.zeros((3, 3)), 3e-3 * np.eye(3)])
+    evidence = Evidence().with_group(A, p @ X[:3, :3].T + X[:3, 3], 1e-3, normals @ X[:3, :3].T)
+    prior = PosePrior(X=X, rotation_sigma=1.0, translation_sigma=1.0)
+    terms = problem_of(evidence, prior, box, 1000, rng)
+    _, P = refine(X[None].copy(), np.zeros((1, 3)), np.full(4, FLOOR), terms)
+    assert_allclose(np.sqrt(np.diag(P[0])[3:6]), 3e-3, rtol=0.02)
+    assert np.sqrt(np.diag(P[0])[:3].max()) < 6e-3
+
+
+def test_a_walk_draws_from_the_prior_where_nothing_was_measured(box: TargetModel) -> None:
+    rng = np.random.default_rng(3)
+    X = pose()
+    prior = PosePrior(X=X, rotation_sigma=0.1, translation_sigma=0.02)
+    terms = problem_of(
+        Evidence().with_group(np.zeros((6, 1)), np.zeros((0, 3)), 1e-3), prior, box, 10, rng
+    )
+    count, length = 400, 120
+    poses, c = np.tile(X, (count, 1, 1)), np.zeros((count, 1))
+    sigma = np.array([0.1] * 3 + [0.02] * 3 + [1.0])
+    roots = np.tile(0.6 * np.diag(sigma), (count, 1, 1))
+    walk(
+        poses,
+        c,
+        roots,
+        rng.normal(size=(count, length, 7)),
+        rng.uniform(size=(count, length)),
+        FLOOR,
+        terms,
+    )
+    found = np.concatenate(
+        [
+            Rotation.from_matrix(X[:3, :3].T @ poses[:, :3, :3]).as_rotvec(),
+            poses[:, :3, 3] - X[:3, 3],
+            c,
+        ],
+        axis=1,
+    )
+    assert_allclose(found.std(axis=0) / sigma, 1.0, atol=0.15)
+    assert_allclose(found.mean(axis=0) / sigma, 0.0, atol=0.2)
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.3])
+def test_what_stands_on_a_table_is_upright_and_at_its_height(box: TargetModel, lean: float) -> None:
+    X = np.eye(4)
+    X[:3, :3] = Rotation.from_rotvec([lean, 0.0, 0.5]).as_matrix()
+    X[:3, 3] = [0.5, 0.0, 0.103]
+    rng = np.random.default_rng(4)
+    free_to_lean = Table(height=0.0, height_sigma=1e-3, tilt_sigma=np.inf)
+    for table in (Table(height=0.0, height_sigma=1e-3, tilt_sigma=1e-2), free_to_lean):
+        prior = PosePrior(X=X, rotation_sigma=0.3, translation_sigma=0.05)
+        terms = problem_of(Evidence(table=table), prior, box, 10, rng)
+        Y = X[None].copy()
+        refine(Y, np.zeros((1, 0)), np.full(30, FLOOR), terms)
+        lowest = float(np.min(box.hull @ Y[0, 2, :3]) + Y[0, 2, 3])
+        assert_allclose(lowest, 0.0, atol=5e-4)
+        if table is free_to_lean:
+            assert_allclose(Y[0, :3, :3], X[:3, :3], atol=0.1)
+        elif lean == 0.0:
+            assert_allclose(Y[0, 2, 2], 1.0, atol=1e-4)

@@ -1,0 +1,196 @@
+"""Distances, rays, symmetries and stable poses against closed forms; meshes that are no targets."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from crossmodal.systems.pose.target_model import (
+    TargetModel,
+    TargetModelError,
+    cast_rays,
+    load_target,
+    make_target,
+    nearest_distances,
+    surface_distance,
+)
+
+HALF = np.array([0.03, 0.05, 0.10])
+NOWHERE = np.zeros(3)
+
+
+def target(mesh: trimesh.Trimesh) -> TargetModel:
+    return make_target(mesh.vertices, mesh.faces)
+
+
+@pytest.fixture(scope="module")
+def box() -> TargetModel:
+    return target(trimesh.creation.box(extents=2.0 * HALF))
+
+
+@pytest.fixture(scope="module")
+def ball() -> TargetModel:
+    return target(trimesh.creation.icosphere(subdivisions=5, radius=0.05))
+
+
+def box_distance(p: np.ndarray) -> float:
+    q = np.abs(p) - HALF
+    return float(np.linalg.norm(np.maximum(q, 0.0)) + min(q.max(), 0.0))
+
+
+def test_distances_to_a_box_are_those_of_its_faces_and_edges(box: TargetModel) -> None:
+    rng = np.random.default_rng(0)
+    m = np.empty(3)
+    errors = []
+    for p in rng.uniform(-1.3, 1.3, (2000, 3)) * HALF:
+        distance = surface_distance(p, NOWHERE, box.surface, m)
+        errors.append(abs(distance - box_distance(p)))
+        assert_allclose(np.linalg.norm(m), 1.0, atol=1e-9)
+    assert np.median(errors) < 1e-6
+    assert np.quantile(errors, 0.95) < 2e-3
+
+
+def test_the_gradient_is_that_of_the_distance(ball: TargetModel) -> None:
+    rng = np.random.default_rng(1)
+    m = np.empty(3)
+    for direction in rng.normal(size=(200, 3)):
+        direction /= np.linalg.norm(direction)
+        distance = surface_distance(0.06 * direction, NOWHERE, ball.surface, m)
+        assert_allclose(distance, 0.01, atol=5e-4)
+        assert m @ direction > np.cos(np.deg2rad(8.0))
+
+
+def test_of_a_thin_wall_the_side_counts_from_which_it_was_seen() -> None:
+    model = target(trimesh.creation.box(extents=[0.2, 0.2, 0.002]))
+    m = np.empty(3)
+    p = np.array([0.02, 0.01, 0.0])
+    for side in (1.0, -1.0):
+        facing = np.array([0.0, 0.0, side])
+        assert_allclose(surface_distance(p, facing, model.surface, m), -1e-3, atol=1e-9)
+        assert_allclose(m, facing, atol=1e-9)
+    sideways = np.array([1.0, 0.0, 0.0])
+    assert np.isfinite(surface_distance(p, sideways, model.surface, m))
+    assert (
+        surface_distance(
+            np.array([0.0, 0.0, -0.3]),
+            np.array([0.0, 0.0, 1.0]),
+            target(trimesh.creation.box(extents=[0.3] * 3)).surface,
+            m,
+        )
+        == np.inf
+    )
+
+
+def test_rays_meet_a_ball_where_a_quadratic_says(ball: TargetModel) -> None:
+    rng = np.random.default_rng(2)
+    starts = rng.normal(size=(500, 3))
+    starts *= 0.2 / np.linalg.norm(starts, axis=1, keepdims=True)
+    aims = rng.uniform(-0.06, 0.06, (500, 3))
+    directions = aims - starts
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    along = -np.einsum("ri,ri->r", starts, directions)
+    nearest = np.sum(starts**2, axis=1) - along**2
+    clear = np.abs(np.sqrt(nearest) - 0.05) > 2e-3
+    true = np.where(nearest < 0.05**2, along - np.sqrt(np.maximum(0.05**2 - nearest, 0)), np.inf)
+    found, samples = cast_rays(starts, directions, np.full(500, 1.0), ball.surface, True)
+    assert np.array_equal(np.isfinite(found[clear]), np.isfinite(true[clear]))
+    hit = np.isfinite(found) & clear
+    assert np.quantile(np.abs(found[hit] - true[hit]), 0.95) < 5e-4
+    assert np.array_equal(samples >= 0, np.isfinite(found))
+    beyond, _ = cast_rays(starts, directions, np.full(500, 0.1), ball.surface, True)
+    assert not np.isfinite(beyond).any()
+
+
+@pytest.mark.parametrize(
+    ("mesh", "axes"),
+    [
+        (trimesh.creation.cylinder(radius=0.03, height=0.2, sections=64), [0, 0, 1]),
+        (trimesh.creation.icosphere(subdivisions=4, radius=0.05), [1, 1, 1]),
+        (trimesh.creation.box(extents=[0.05, 0.05, 0.2]), [0, 0, 0]),
+    ],
+)
+def test_what_looks_the_same_when_turned_is_found(mesh: trimesh.Trimesh, axes: list[int]) -> None:
+    assert_allclose(target(mesh).spins, np.diag(axes), atol=1e-3)
+
+
+def test_a_symmetry_is_found_in_any_frame() -> None:
+    mesh = trimesh.creation.cylinder(radius=0.03, height=0.2, sections=64)
+    R = Rotation.from_rotvec([0.3, -0.5, 0.9]).as_matrix()
+    model = make_target(mesh.vertices @ R.T + [0.1, 0.0, -0.2], mesh.faces)
+    assert_allclose(model.spins, np.outer(R[:, 2], R[:, 2]), atol=1e-3)
+    assert_allclose(model.middle, [0.1, 0.0, -0.2], atol=1e-6)
+
+
+def test_a_box_stands_on_six_sides_and_a_leaning_tower_not_on_its_foot(box: TargetModel) -> None:
+    assert len(box.stable) == 6
+    assert_allclose(np.sort(np.abs(box.stable).max(axis=1)), 1.0, atol=1e-9)
+    tower = trimesh.creation.box(extents=[0.04, 0.04, 0.2])
+    vertices = tower.vertices.copy()
+    vertices[vertices[:, 2] > 0.0, 0] += 0.15
+    model = make_target(vertices, tower.faces)
+    assert not np.any(model.stable @ [0.0, 0.0, 1.0] > 0.999)
+
+
+def test_samples_are_spread_evenly(ball: TargetModel) -> None:
+    rng = np.random.default_rng(3)
+    p = rng.normal(size=(2000, 3))
+    p *= 0.05 / np.linalg.norm(p, axis=1, keepdims=True)
+    apart = np.linalg.norm(p[:, None] - ball.surface.points, axis=2).min(axis=1)
+    assert apart.max() < 1.2 * ball.surface.spacing
+    assert_allclose(nearest_distances(p, ball.surface), 0.0, atol=2e-4)
+
+
+def test_a_surface_that_is_inside_out_is_turned(box: TargetModel) -> None:
+    mesh = trimesh.creation.box(extents=2.0 * HALF)
+    model = make_target(mesh.vertices, mesh.faces[:, ::-1])
+    m = np.empty(3)
+    p = np.array([0.04, 0.0, 0.0])
+    assert_allclose(surface_distance(p, NOWHERE, model.surface, m), 0.01, atol=1e-9)
+
+
+def test_a_small_hole_is_closed() -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.05)
+    assert len(make_target(mesh.vertices, mesh.faces[1:]).stable) > 0
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "message"),
+    [
+        (np.zeros((0, 3)), np.zeros((0, 3), int), "holds no triangle"),
+        (np.full((3, 3), np.nan), np.array([[0, 1, 2]]), "not finite"),
+        (
+            200.0 * trimesh.creation.box().vertices,
+            trimesh.creation.box().faces,
+            "346 m large.*give its scale",
+        ),
+        (
+            0.05 * trimesh.creation.icosphere(subdivisions=2).vertices,
+            trimesh.creation.icosphere(subdivisions=2).faces[::2],
+            "open edges.*close it first",
+        ),
+    ],
+)
+def test_what_is_no_target_is_refused(
+    vertices: np.ndarray, faces: np.ndarray, message: str
+) -> None:
+    with pytest.raises(TargetModelError, match=message):
+        make_target(vertices, faces)
+
+
+def test_a_file_that_is_no_mesh_is_refused_by_its_name(tmp_path: Path) -> None:
+    with pytest.raises(TargetModelError, match=r"none\.obj"):
+        load_target(tmp_path / "none.obj")
+    (tmp_path / "text.obj").write_text("what is this")
+    with pytest.raises(TargetModelError, match=r"text\.obj"):
+        load_target(tmp_path / "text.obj")
+
+
+def test_a_scale_brings_a_file_to_metres(tmp_path: Path) -> None:
+    trimesh.creation.box(extents=2000.0 * HALF).export(tmp_path / "box.stl")
+    with pytest.raises(TargetModelError, match="scale"):
+        load_target(tmp_path / "box.stl")
+    model = load_target(tmp_path / "box.stl", scale=1e-3)
+    assert_allclose(np.abs(model.hull), np.tile(HALF, (8, 1)), atol=1e-9)

@@ -24,7 +24,6 @@ _SMALLEST, _LARGEST = 5e-3, 2.0  # Diagonals of what a robot handles, [m].
 _SEED = 0  # The samples are the same each time.
 _ON_FACET = 1e-9  # Least height of a point above a facet, [m].
 _ALIKE_DIRECTIONS = 1e-2  # Between directions in which an object stands, [rad].
-_ACROSS = 1.2  # Voxels by which a sample may lie beside a point for its plane to be meant.
 _BACK = -0.1  # Cosine to where a point was seen from, below which a side is the other one.
 _TURNS = 13  # Parts of half a turn by which a symmetry is tried.
 _ALIKE = 3e-4  # Largest mean distance between an object and itself, turned, that look alike, [m].
@@ -221,6 +220,12 @@ def _spins(moments: Array, surface: Surface) -> Array:
 
 
 @hot
+def _beside(surface: Surface) -> float:
+    """How far the nearest sample may lie beside a point on its face: by voxel and spacing, [m]."""
+    return float(0.9 * surface.voxel + 1.2 * surface.spacing)
+
+
+@hot
 def surface_distance(
     p: Array,
     facing: Array,
@@ -240,7 +245,7 @@ def surface_distance(
     Returns:
         The distance, [m]; infinite where no side near the point faces there.
     """
-    points, normals, voxel = surface.points, surface.normals, surface.voxel
+    points, normals = surface.points, surface.normals
     k = nearest_sample(p, surface)
     towards = facing[0] * normals[k, 0] + facing[1] * normals[k, 1] + facing[2] * normals[k, 2]
     if towards < _BACK:
@@ -252,7 +257,7 @@ def surface_distance(
         m[i] = p[i] - points[k, i]
         height += m[i] * normals[k, i]
         square += m[i] * m[i]
-    if square - height * height <= (_ACROSS * voxel) ** 2:
+    if square - height * height <= _beside(surface) ** 2:
         for i in range(3):
             m[i] = normals[k, i]
         return height
@@ -266,7 +271,7 @@ def surface_distance(
 @hot
 def nearest_distances(p: Array, surface: Surface) -> Array:
     """Distances (N,) of points (N, 3), relative to the middle, to the surface nearby, exactly."""
-    points, normals, voxel = surface.points, surface.normals, surface.voxel
+    points, normals = surface.points, surface.normals
     found, nowhere = np.empty(len(p)), np.zeros(3)
     for n in range(len(p)):
         k = nearest_of_eight(p[n], nowhere, surface)
@@ -275,7 +280,7 @@ def nearest_distances(p: Array, surface: Surface) -> Array:
             apart = p[n, i] - points[k, i]
             height += apart * normals[k, i]
             square += apart * apart
-        flat = square - height * height <= (_ACROSS * voxel) ** 2
+        flat = square - height * height <= _beside(surface) ** 2
         found[n] = abs(height) if flat else np.sqrt(square)
     return found
 

@@ -29,7 +29,9 @@ if TYPE_CHECKING:
 
 OWN = "CROSSMODAL_APPLICATIONS"
 GROUP = "crossmodal.applications"
-_COME_ALONG = ("crossmodal.diagrams.crossmodal.application", "crossmodal.diagrams.flap.application")
+_COME_ALONG = tuple(
+    f"crossmodal.diagrams.{name}.application" for name in ("crossmodal", "flap", "clutter")
+)
 
 
 def applications() -> dict[str, Application]:

@@ -12,31 +12,29 @@ import numpy as np
 
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.immutable import Immutable
-from crossmodal.systems.pose.pose_belief import SampledPose
+from crossmodal.maths.validation import number
+from crossmodal.systems.port_values import ObjectPose
 from crossmodal.systems.pose.target_model import TargetModel, cast_rays
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class TouchConfig:
-    """Which touches are considered.
+    """Which touches are considered."""
 
-    Attributes:
-        poses: Drawn from the belief.
-        standoff: From where an approach starts, before the object's bounding box, [m].
-        reach: Length of an approach, [m].
-        hit: Least share of the poses that it meets.
-        incidence: Least mean cosine between the approach and the surface's normal.
-        sigma: Noise of a contact, [m].
-        clearance: Least height of an approach above what the object stands on, [m].
-    """
-
-    poses: int = 16
-    standoff: float = 0.08
-    reach: float = 0.40
-    hit: float = 0.85
-    incidence: float = 0.7
-    sigma: float = 1e-3
-    clearance: float = 0.02
+    # Poses drawn from the belief.
+    poses: int = number(16, at_least=1, at_most=1000)
+    # From where an approach starts, before the object's bounding box.
+    standoff: float = number(0.08, at_least=0.0, at_most=1.0, unit="m")
+    # Length of an approach.
+    reach: float = number(0.40, above=0.0, at_most=2.0, unit="m")
+    # Least share of the poses that it meets.
+    hit: float = number(0.85, at_least=0.0, at_most=1.0)
+    # Least mean cosine between the approach and the surface's normal.
+    incidence: float = number(0.7, at_least=0.0, at_most=1.0)
+    # Noise of a contact.
+    sigma: float = number(1e-3, at_least=1e-6, at_most=0.1, unit="m")
+    # Least height of an approach above what the object stands on.
+    clearance: float = number(0.02, at_least=0.0, at_most=1.0, unit="m")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,16 +60,20 @@ class TouchPredictions(Immutable):
     poses: Array
     covariances: Array
 
+    @property
+    def hit(self) -> Array:
+        """Share of the poses (R,) that each approach meets."""
+        return np.asarray(np.isfinite(self.distances).mean(axis=0))
+
     def feasible(self, config: TouchConfig) -> Mask:
         """Which approaches (R,) are likely to meet the object, and not at a grazing angle."""
         met = np.isfinite(self.distances)
-        share = met.mean(axis=0)
         incidence = self.incidence.sum(axis=0) / np.maximum(met.sum(axis=0), 1)
-        return np.asarray((share >= config.hit) & (incidence >= config.incidence))
+        return np.asarray((self.hit >= config.hit) & (incidence >= config.incidence))
 
 
 def candidate_rays(
-    belief: SampledPose,
+    belief: ObjectPose,
     model: TargetModel,
     config: TouchConfig,
     count: int,
@@ -118,7 +120,7 @@ def candidate_rays(
 
 
 def predict_touches(
-    belief: SampledPose,
+    belief: ObjectPose,
     model: TargetModel,
     starts: Array,
     directions: Array,

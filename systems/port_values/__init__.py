@@ -60,6 +60,18 @@ from crossmodal.systems.port_values.motions import (
     MotionBelief,
     PoseBelief,
 )
+from crossmodal.systems.port_values.pose import (
+    NO_MEASUREMENT,
+    NO_TOUCH,
+    UNKNOWN_POSE,
+    ObjectPose,
+    PoseMeasurement,
+    PosePrior,
+    TouchRequest,
+    deviations,
+    of_mesh,
+    of_middle,
+)
 from crossmodal.systems.port_values.registration import (
     DisplacementBelief,
     displacement_at,

@@ -13,85 +13,10 @@ from scipy.spatial.transform import Rotation
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.compiled import hot
-from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.port_values import ObjectPose, PosePrior, deviations, of_middle
 from crossmodal.systems.pose.evidence import Evidence
 from crossmodal.systems.pose.pose_solver import Problem, refine, walk
 from crossmodal.systems.pose.target_model import Surface, TargetModel, surface_distance
-
-
-@dataclass(frozen=True, kw_only=True)
-class PosePrior(Immutable):
-    """What is known of a pose before anything is measured.
-
-    Attributes:
-        X: X_WO (4, 4) of the mesh's frame.
-        rotation_sigma: Standard deviation of each component of the rotation vector, [rad]; infinite
-            where the object may be turned in any way.
-        translation_sigma: Of each coordinate of the object's middle, [m].
-    """
-
-    X: Array
-    rotation_sigma: float
-    translation_sigma: float
-
-    @property
-    def information(self) -> Array:
-        """Of rotation in O and translation of the middle in W (6, 6)."""
-        sigma = np.repeat([self.rotation_sigma, self.translation_sigma], 3)
-        return np.diag(sigma**-2.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SampledPose(Immutable):
-    """Samples of a pose, and what is reported of them. Poses M are those of the object's middle.
-
-    Attributes:
-        X: X_WM (4, 4), the pose that is reported.
-        covariance: Second moment (6, 6) of the samples about it: rotation in O, translation in W.
-        samples: X_WM (S, 4, 4).
-        calibration: Errors of the calibration (S, m), in standard deviations.
-        modes: X_WM (K, 4, 4) of the density's maxima, the likeliest first.
-        probabilities: Of the modes (K,), by Laplace's approximation.
-        middle: p_OM (3,).
-    """
-
-    X: Array
-    covariance: Array
-    samples: Array
-    calibration: Array
-    modes: Array
-    probabilities: Array
-    middle: Array
-
-    @property
-    def X_WO(self) -> Array:
-        """The pose that is reported (4, 4), of the mesh's frame."""
-        return of_mesh(self.X, self.middle)
-
-    def distance(self, X_WO: Array) -> float:
-        """Squared Mahalanobis distance of a pose (4, 4) of the mesh's frame, 6 dof."""
-        e = deviations(self.X, of_middle(X_WO, self.middle)[None])[0]
-        return float(e @ np.linalg.solve(self.covariance, e))
-
-
-def of_middle(X_WO: Array, middle: Array) -> Array:
-    """X_WM (4, 4) of a pose of the mesh's frame."""
-    X = X_WO.copy()
-    X[:3, 3] += X_WO[:3, :3] @ middle
-    return X
-
-
-def of_mesh(X_WM: Array, middle: Array) -> Array:
-    """X_WO (4, 4) of a pose of the middle."""
-    X = X_WM.copy()
-    X[:3, 3] -= X_WM[:3, :3] @ middle
-    return X
-
-
-def deviations(X: Array, Y: Array) -> Array:
-    """Steps (S, 6), rotation in O and translation in W, from a pose X (4, 4) to poses Y."""
-    turns = Rotation.from_matrix(X[:3, :3].T @ Y[:, :3, :3]).as_rotvec()
-    return np.concatenate([turns, Y[:, :3, 3] - X[:3, 3]], axis=1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,7 +116,7 @@ def _thinned(evidence: Evidence, most: int, rng: np.random.Generator) -> Ids:
 
 def infer_pose(
     evidence: Evidence, prior: PosePrior, model: TargetModel, config: SolverConfig
-) -> SampledPose:
+) -> ObjectPose:
     """The belief after all that was measured."""
     rng = np.random.default_rng(config.seed)
     coarse = problem_of(evidence, prior, model, config.coarse_points, rng)
@@ -235,7 +160,7 @@ def infer_pose(
     losses = _losses(candidates, samples, model.surface.points[points], model.surface)
     found = candidates[np.argmin(losses)]
     e = deviations(found, samples)
-    return SampledPose(
+    return ObjectPose(
         X=found,
         covariance=e.T @ e / len(e) + 1e-10 * np.eye(6),
         samples=samples,

@@ -22,8 +22,9 @@ from scipy.spatial.transform import Rotation
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
 from crossmodal.maths.immutable import Immutable
+from crossmodal.systems.port_values import PosePrior, of_mesh, of_middle
 from crossmodal.systems.pose.evidence import Evidence
-from crossmodal.systems.pose.pose_belief import PosePrior, of_mesh, of_middle, start_poses
+from crossmodal.systems.pose.pose_belief import start_poses
 from crossmodal.systems.pose.target_model import Surface, TargetModel, nearest_of_eight
 
 

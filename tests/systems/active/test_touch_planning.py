@@ -13,7 +13,7 @@ from crossmodal.systems.active.touch_planning import (
     candidate_rays,
     predict_touches,
 )
-from crossmodal.systems.pose.pose_belief import SampledPose
+from crossmodal.systems.port_values import ObjectPose
 from crossmodal.systems.pose.target_model import TargetModel, cast_rays, make_target
 
 CONFIG = TouchConfig()
@@ -25,7 +25,7 @@ def model() -> TargetModel:
     return make_target(mesh.vertices, mesh.faces)
 
 
-def believed(model: TargetModel, sigma: np.ndarray, seed: int = 0) -> SampledPose:
+def believed(model: TargetModel, sigma: np.ndarray, seed: int = 0) -> ObjectPose:
     """A Gaussian about an upright pose with standard deviations (6,)."""
     rng = np.random.default_rng(seed)
     X = np.eye(4)
@@ -34,7 +34,7 @@ def believed(model: TargetModel, sigma: np.ndarray, seed: int = 0) -> SampledPos
     for n, e in enumerate(sigma * rng.normal(size=(64, 6))):
         samples[n, :3, :3] = se3.so3_exp(e[:3])
         samples[n, :3, 3] += e[3:]
-    return SampledPose(
+    return ObjectPose(
         X=X,
         covariance=np.diag(sigma**2),
         samples=samples,

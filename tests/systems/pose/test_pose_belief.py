@@ -9,10 +9,9 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from crossmodal.systems.port_values import ObjectPose, PosePrior
 from crossmodal.systems.pose.evidence import Evidence, Table
 from crossmodal.systems.pose.pose_belief import (
-    PosePrior,
-    SampledPose,
     SolverConfig,
     infer_pose,
     uniform_rotations,
@@ -99,7 +98,7 @@ def touched(model: TargetModel, X: np.ndarray, count: int, rng: np.random.Genera
     return evidence
 
 
-def mean_error(belief: SampledPose, X: np.ndarray, model: TargetModel) -> float:
+def mean_error(belief: ObjectPose, X: np.ndarray, model: TargetModel) -> float:
     p_M = X[:3, :3] @ model.middle + X[:3, 3]
     return float(np.linalg.norm(belief.X[:3, 3] - p_M))
 

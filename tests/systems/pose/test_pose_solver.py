@@ -7,8 +7,9 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from crossmodal.maths import se3
+from crossmodal.systems.port_values import PosePrior
 from crossmodal.systems.pose.evidence import Evidence, Table
-from crossmodal.systems.pose.pose_belief import PosePrior, problem_of
+from crossmodal.systems.pose.pose_belief import problem_of
 from crossmodal.systems.pose.pose_solver import Problem, linearise, refine, walk
 from crossmodal.systems.pose.target_model import TargetModel, make_target
 

@@ -6,8 +6,8 @@ import trimesh
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from crossmodal.systems.port_values import PosePrior
 from crossmodal.systems.pose.evidence import Evidence
-from crossmodal.systems.pose.pose_belief import PosePrior
 from crossmodal.systems.pose.quaternion_filter import (
     QuaternionFilterConfig,
     filter_pose,

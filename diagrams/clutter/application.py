@@ -1,0 +1,52 @@
+"""The clutter application: where a known object is, by views and touches that teach most.
+
+Source: "Active Visuo-Tactile Interactive Robotic Perception for Accurate Object Pose Estimation in
+Dense Clutter", sections II-C and II-D.
+"""
+
+from crossmodal.diagrams.clutter.estimators import (
+    close_loop,
+    make_calibration,
+    make_estimators,
+    make_station,
+)
+from crossmodal.diagrams.clutter.results import evaluate, metrics
+from crossmodal.diagrams.clutter.scenario import SCENARIO_FOLDER, Scenario, resolve
+from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.experiment import Column, Experiment
+from crossmodal.diagrams.run.record import Quantity
+from crossmodal.systems.port_values import NO_MEASUREMENT, NO_POSE, NO_TOUCH, UNKNOWN_POSE
+
+APPLICATION = Application(
+    name="clutter",
+    description="finds where a known object is, by views and touches that are chosen",
+    scenario=Scenario,
+    scenarios=SCENARIO_FOLDER,
+    resolve=resolve,
+    make_calibration=make_calibration,
+    make_station=make_station,
+    make_estimators=make_estimators,
+    close_loop=close_loop,
+    quantities=[Quantity(port="object_pose_latest", model=UNKNOWN_POSE)],
+    station_quantities=[
+        Quantity(port="cheat_object_pose", model=NO_POSE),
+        Quantity(port="pose_measurement", model=NO_MEASUREMENT),
+        Quantity(port="touch_latest", model=NO_TOUCH),
+    ],
+    evaluate=evaluate,
+    labels={"density": "sampled density", "quaternion": "TIQF"},
+    colors={"density": "#1b9e77", "quaternion": "#d95f02"},
+    metrics=metrics(),
+    experiments={
+        "pose-estimation": Experiment(
+            scenario="pose-estimation", description="one view, then four chosen touches"
+        ),
+        "touches": Experiment(
+            scenario="touches", description="three touches by lot, then four chosen ones"
+        ),
+        "touches-by-lot": Experiment(
+            scenario="touches-by-lot", description="seven touches by lot, to compare with"
+        ),
+    },
+    overview=[Column(header="ADI at the end", metric="adi", estimator="density")],
+)

@@ -1,0 +1,201 @@
+"""What an episode comes to: how far the object is from where it is believed, stage by stage."""
+
+from collections.abc import Iterable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from crossmodal.diagrams.clutter.estimators import load_model
+from crossmodal.diagrams.clutter.scenario import Scenario, target_name
+from crossmodal.diagrams.evaluation.estimates import Row, estimates_table, vector
+from crossmodal.diagrams.run.application import Results
+from crossmodal.diagrams.run.experiment import Metric
+from crossmodal.diagrams.run.record import EpisodeRecord, EstimatorRecord
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import chi_square_gate
+from crossmodal.systems.port_values import ObjectPose, of_mesh
+from crossmodal.systems.pose.target_model import TargetModel, nearest_distances
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_CLAIMED = chi_square_gate(0.05, 6)  # Squared distance that 95 % of the poses do not exceed.
+
+
+def average_distance(X: Array, Y: Array, model: TargetModel) -> float:
+    """ADI: mean distance from the surface at the pose X (4, 4) to that at Y, symmetries apart, [m].
+
+    Distances are those to the surface, not to its samples, so that they can be zero.
+    """
+    at_X = model.surface.points @ X[:3, :3].T + X[:3, 3]
+    in_Y = np.ascontiguousarray((at_X - Y[:3, 3]) @ Y[:3, :3])
+    return float(nearest_distances(in_Y, model.surface).mean())
+
+
+def _stages(
+    record: EpisodeRecord, estimator: EstimatorRecord, X_WM: Array, model: TargetModel
+) -> list[dict[str, Any]]:
+    kinds = {0: "guess"}
+    for measured in record.station_values("pose_measurement"):
+        kinds[measured.number] = measured.kind or "guess"
+    found: dict[int, dict[str, Any]] = {}
+    for tick in estimator.ticks:
+        belief: ObjectPose = tick.values["object_pose_latest"]
+        if not belief.known or belief.number in found:
+            continue
+        turn = Rotation.from_matrix(X_WM[:3, :3].T @ belief.X[:3, :3]).magnitude()
+        found[belief.number] = {
+            "stage": kinds.get(belief.number, ""),
+            "acquisitions": belief.number,
+            "translation_error": float(np.linalg.norm(belief.X[:3, 3] - X_WM[:3, 3])),
+            "rotation_error": float(turn),
+            "adi": average_distance(X_WM, belief.X, model),
+            "inside_claim": bool(belief.distance(of_mesh(X_WM, model.middle)) <= _CLAIMED),
+        }
+    return [found[number] for number in sorted(found)]
+
+
+def _rows(estimator: EstimatorRecord, X_WM: Array) -> Iterable[tuple[float, list[Row]]]:
+    for tick in estimator.ticks:
+        belief: ObjectPose = tick.values["object_pose_latest"]
+        if belief.known:
+            yield (
+                tick.time,
+                vector("position", belief.X[:3, 3], belief.covariance[3:, 3:], X_WM[:3, 3]),
+            )
+
+
+def evaluate(record: EpisodeRecord) -> Results:
+    """Stages and errors of each estimator; a failure is that not all touches were made."""
+    scenario: Scenario = record.scenario
+    model = load_model(scenario)
+    poses = record.station_values("cheat_object_pose")
+    X_WM = poses[0].X if poses else np.full((4, 4), np.nan)
+    stages = {
+        name: _stages(record, estimator, X_WM, model)
+        for name, estimator in record.estimators.items()
+    }
+    table = estimates_table(
+        {name: _rows(estimator, X_WM) for name, estimator in record.estimators.items()}
+    )
+    modalities = {name: {"stages": found} for name, found in stages.items()}
+    first = scenario.modalities[0]
+    requests = record.station_values("touch_latest")
+    why = requests[-1].why if requests and requests[-1].done else "the time was over"
+    wanted = scenario.touches.random_touches + scenario.touches.chosen_touches
+    made = sum(stage["stage"] == "touch" for stage in stages[first])
+    pose = {
+        "target": target_name(scenario),
+        "estimator": first,
+        "stages": stages[first],
+        "object_moved": 0.0,
+    }
+    return Results(
+        failure=None if made == wanted else f"{made} of {wanted} touches were made: {why}",
+        estimates=table,
+        summary={"pose": pose, "modalities": modalities},
+        plots={"stages.png": partial(_draw, stages)},
+        report=_report,
+    )
+
+
+def _draw(stages: Mapping[str, list[dict[str, Any]]]) -> "Figure":
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 3.2), layout="constrained")
+    axes = figure.subplots(1, 2)
+    for name, found in stages.items():
+        at = range(len(found))
+        for axis, key in zip(axes, ("translation_error", "adi"), strict=True):
+            axis.plot(at, [1000.0 * stage[key] for stage in found], marker="o", label=name)
+    names = [
+        f"{stage['stage']} {stage['acquisitions'] or ''}".strip()
+        for stage in max(stages.values(), key=len)
+    ]
+    for axis, label in zip(axes, ("translation error [mm]", "ADI [mm]"), strict=True):
+        axis.set_xticks(range(len(names)), names, rotation=45, ha="right")
+        axis.set_ylabel(label)
+        axis.set_yscale("log")
+        axis.grid(alpha=0.3)
+    axes[0].legend()
+    return figure
+
+
+def _report(summary: Mapping[str, Any]) -> list[str]:
+    lines = [f"Pose of the {summary['pose']['target']}:"]
+    for name, found in summary["modalities"].items():
+        for stage in found["stages"]:
+            inside = "inside" if stage["inside_claim"] else "outside"
+            what = f"{stage['stage']} {stage['acquisitions'] or ''}".strip()
+            lines.append(
+                f"  {name:10s} {what:9s} translation {1000.0 * stage['translation_error']:6.2f} mm,"
+                f" rotation {np.rad2deg(stage['rotation_error']):6.2f} deg,"
+                f" ADI {1000.0 * stage['adi']:6.2f} mm, {inside} the claimed 95 % region"
+            )
+    return lines
+
+
+def _last(key: str) -> Any:
+    return lambda record: record["stages"][-1][key] if record["stages"] else None
+
+
+def _before_choice(record: Mapping[str, Any]) -> float | None:
+    """ADI before the last four measurements, which are those that were chosen."""
+    stages = record["stages"]
+    return stages[-5]["adi"] if len(stages) > 4 else None
+
+
+def _inside(record: Mapping[str, Any]) -> float | None:
+    stages = record["stages"][1:]
+    return float(np.mean([stage["inside_claim"] for stage in stages])) if stages else None
+
+
+def metrics() -> list[Metric]:
+    """Of an episode, for the tables of evaluations."""
+    from crossmodal.diagrams.evaluation.metric_table import (
+        mean_and_deviation,
+        mean_share,
+        median_and_range,
+    )
+
+    return [
+        Metric(
+            name="adi", value=_last("adi"), unit="m", title="ADI at the end", cell=median_and_range
+        ),
+        Metric(
+            name="adi_mean",
+            value=_last("adi"),
+            unit="m",
+            title="ADI at the end, mean",
+            cell=mean_and_deviation,
+        ),
+        Metric(
+            name="adi_before",
+            value=_before_choice,
+            unit="m",
+            title="ADI before the last four measurements",
+            cell=median_and_range,
+        ),
+        Metric(
+            name="translation",
+            value=_last("translation_error"),
+            unit="m",
+            title="translation error at the end",
+            cell=median_and_range,
+        ),
+        Metric(
+            name="rotation",
+            value=_last("rotation_error"),
+            unit="rad",
+            title="rotation error at the end",
+            cell=median_and_range,
+        ),
+        Metric(
+            name="inside",
+            value=_inside,
+            title="pose inside its claimed 95 % region, all stages",
+            cell=mean_share,
+        ),
+    ]

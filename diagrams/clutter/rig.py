@@ -1,0 +1,225 @@
+"""A measuring rig in place of robots: a camera on a hemisphere, and a finger along rays.
+
+What it measures is what robots would measure, with the noise of camera and contacts and with wrong
+calibrations of the camera, of the finger's arm and of the table's height.
+"""
+
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context
+from scipy.spatial.transform import Rotation
+
+from crossmodal.diagrams.clutter.scenario import Scenario, generator
+from crossmodal.diagrams.run.calibration import (
+    Calibration,
+    Camera,
+    CameraCalibration,
+    draw_base,
+    draw_camera,
+)
+from crossmodal.diagrams.run.record import TaskStatus
+from crossmodal.diagrams.run.scenario import looking_at
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import (
+    NO_MEASUREMENT,
+    NO_TOUCH,
+    PoseBelief,
+    PoseMeasurement,
+    PosePrior,
+    TouchRequest,
+    of_mesh,
+)
+from crossmodal.systems.pose.target_model import TargetModel, cast_rays
+from crossmodal.systems.recursive_filter import RecursiveFilter
+
+CAMERA_ERRORS, ARM_ERRORS = 8, 6  # Pose, depth scale, focal length; pose.
+_RAY_STEP, _BEFORE_CONTACT = 6e-3, 4e-3  # Between samples of a ray, and before its end, [m].
+
+
+def _range(rng: np.random.Generator, ends: Array) -> float:
+    return float(rng.uniform(ends[0], ends[1]))
+
+
+def _direction(rng: np.random.Generator) -> Array:
+    n = rng.normal(size=3)
+    return np.asarray(n / np.linalg.norm(n))
+
+
+def true_pose(scenario: Scenario, model: TargetModel) -> Array:
+    """X_WM (4, 4) of a seed: on the table, turned about the vertical; or held up in any way."""
+    rng = generator(scenario, "object")
+    X = np.eye(4)
+    X[:3, :3] = Rotation.from_rotvec([0.0, 0.0, rng.uniform(-np.pi, np.pi)]).as_matrix()
+    if not scenario.table.known:
+        X[:3, :3] = Rotation.from_quat(rng.normal(size=4)).as_matrix()
+    X[:2, 3] = [rng.uniform(0.4, 0.6), rng.uniform(-0.1, 0.1)]
+    X[2, 3] = -float(np.min(model.hull @ X[2, :3]))
+    return X
+
+
+def first_guess(scenario: Scenario, X_WM: Array, model: TargetModel) -> PosePrior:
+    """What is known at first: the pose, with an error between the scenario's ends."""
+    rng, guess = generator(scenario, "guess"), scenario.guess
+    turn = np.deg2rad(_range(rng, guess.rotation)) * _direction(rng)
+    move = _range(rng, guess.translation) * _direction(rng)
+    X = X_WM.copy()
+    X[:3, :3] = X_WM[:3, :3] @ Rotation.from_rotvec(turn).as_matrix()
+    X[:3, 3] += move
+    return PosePrior(
+        X=of_mesh(X, model.middle),
+        rotation_sigma=float(np.deg2rad(guess.rotation.mean()) / np.sqrt(3.0)),
+        translation_sigma=float(guess.translation.mean() / np.sqrt(3.0)),
+    )
+
+
+def camera_displacements(camera: CameraCalibration, X_WC: Array, p_W: Array) -> Array:
+    """(6, 8): by which twist in W what a camera sees near `p_W` is displaced per error."""
+    A = np.zeros((6, CAMERA_ERRORS))
+    A[:, :6] = se3.adjoint(X_WC) @ np.linalg.cholesky(camera.pose_covariance + 1e-18 * np.eye(6))
+    ray, axis = p_W - X_WC[:3, 3], X_WC[:3, 2]
+    A[3:, 6] = -camera.depth_scale_std * ray
+    A[3:, 7] = -camera.focal_length_std * (ray - axis * (axis @ ray))
+    return A
+
+
+class MeasuringRig(RecursiveFilter):
+    """Takes the scenario's views one after the other, then the touches that are wanted.
+
+    Input ports:
+    - `touch`: `TouchRequest`.
+
+    Output ports:
+    - `pose_measurement`: `PoseMeasurement`, the last one.
+    - `pose_guess`: `PosePrior`.
+    - `task_status`: `TaskStatus`.
+    - `cheat_object_pose`: `PoseBelief` X_WM of the object's middle, without error.
+    """
+
+    def __init__(self, scenario: Scenario, calibration: Calibration, model: TargetModel) -> None:
+        super().__init__()
+        self._scenario, self._model = scenario, model
+        self._camera = calibration.cameras["camera"]
+        errors, seed = scenario.calibration.errors, scenario.seed
+        self._true_camera: Camera = draw_camera("camera", self._camera, errors, seed)
+        base = draw_base("arm", RigidTransform(), errors, seed)
+        self._X_base = np.asarray(base.GetAsMatrix4())
+        believed = scenario.calibration.believed
+        sigma = np.repeat([believed.arm_rotation, believed.arm_translation], 3)
+        self._of_arm = np.concatenate([np.zeros((6, CAMERA_ERRORS)), np.diag(sigma)], axis=1)
+        self._X_WM = true_pose(scenario, model)
+        self._guess = first_guess(scenario, self._X_WM, model)
+        self._touch = self._declare_value_input("touch", NO_TOUCH)
+        self._declare_recursion((NO_MEASUREMENT, 0), self._calc, scenario.network_period)
+        self._declare_latest("pose_measurement", lambda state: state[0])
+        self._declare_latest("pose_guess", lambda state: self._guess)
+        self._declare_latest(
+            "cheat_object_pose", lambda state: PoseBelief(X=self._X_WM, covariance=np.zeros((6, 6)))
+        )
+        self.DeclareAbstractOutputPort(
+            "task_status", lambda: Value[object](TaskStatus()), self._write_status
+        )
+
+    def _write_status(self, context: Context, value: Any) -> None:
+        measured, _ = self._stored(context)
+        wanted: TouchRequest = self._read(self._touch, context)
+        phase = "looking" if measured.kind == "view" else "touching" if measured.kind else ""
+        value.set_value(TaskStatus(phase=phase, done=wanted.done, note=wanted.why))
+
+    def _calc(self, context: Context, state: Any) -> tuple[PoseMeasurement, int]:
+        measured, touches = state
+        if measured.number < self._scenario.views.count:
+            return self._view(measured.number + 1), 0
+        wanted: TouchRequest = self._read(self._touch, context)
+        if wanted.number > touches and not wanted.done:
+            return self._touched(measured.number + 1, wanted), wanted.number
+        return measured, touches
+
+    def _cast(self, p: Array, directions: Array, reach: float) -> Array:
+        """Distances (R,) at which rays from `p` (3,) or (R, 3) truly meet the object."""
+        R, t = self._X_WM[:3, :3], self._X_WM[:3, 3]
+        starts = np.ascontiguousarray(np.broadcast_to((p - t) @ R, directions.shape))
+        along = np.ascontiguousarray(directions @ R)
+        length = np.full(len(directions), reach)
+        return cast_rays(starts, along, length, self._model.surface, True)[0]
+
+    def _view(self, number: int) -> PoseMeasurement:
+        rng = generator(self._scenario, f"view {number}")
+        views, camera = self._scenario.views, self._true_camera
+        p_W = self._guess.X[:3, :3] @ self._model.middle + self._guess.X[:3, 3]
+        azimuth, elevation = rng.uniform(-np.pi, np.pi), np.deg2rad(_range(rng, views.elevation))
+        eye = p_W + views.distance * np.array(
+            [
+                np.cos(elevation) * np.cos(azimuth),
+                np.cos(elevation) * np.sin(azimuth),
+                np.sin(elevation),
+            ]
+        )
+        X_believed = np.asarray(looking_at(eye, p_W).GetAsMatrix4())
+        # The flange is where it is believed to be, the camera on it is not.
+        mounting = self._camera.X_PC.inverse() @ camera.X_PC
+        X_true = X_believed @ np.asarray(mounting.GetAsMatrix4())
+        rays, believed_rays = (_pixel_rays(c, views.stride) for c in (camera, self._camera))
+        length = np.linalg.norm(rays, axis=1)
+        found = self._cast(
+            X_true[:3, 3], (rays / length[:, None]) @ X_true[:3, :3].T, 3.0 * views.distance
+        )
+        met = np.isfinite(found)
+        depth = found[met] / length[met]
+        sigma = _depth_noise(depth)
+        measured = depth * camera.depth_scale + sigma * rng.normal(size=len(depth))
+        points = X_believed[:3, 3] + (measured[:, None] * believed_rays[met]) @ X_believed[:3, :3].T
+        facing = X_believed[:3, 3] - points
+        facing /= np.linalg.norm(facing, axis=1, keepdims=True)
+        displaced = camera_displacements(self._camera, X_believed, p_W)
+        return PoseMeasurement(
+            kind="view",
+            number=number,
+            points=points,
+            sigma=_depth_noise(measured),
+            facing=facing,
+            displaced=np.concatenate([displaced, np.zeros((6, ARM_ERRORS))], axis=1),
+        )
+
+    def _touched(self, number: int, wanted: TouchRequest) -> PoseMeasurement:
+        rng = generator(self._scenario, f"touch {number}")
+        contact = self._scenario.contact
+        # The finger truly goes where the arm's base truly stands.
+        R, t = self._X_base[:3, :3], self._X_base[:3, 3]
+        start, direction = R @ wanted.start + t, R @ wanted.direction
+        distance = float(self._cast(start, direction[None], wanted.reach)[0])
+        if rng.uniform() < contact.false_contacts:
+            distance = min(distance, rng.uniform(0.0, wanted.reach))
+        met = np.isfinite(distance)
+        points, facing = np.zeros((0, 3)), np.zeros((0, 3))
+        if met:
+            noise = contact.noise * rng.normal(size=3)
+            points = (wanted.start + distance * wanted.direction + noise)[None]
+            facing = -wanted.direction[None]
+        swept = distance - _BEFORE_CONTACT if met else wanted.reach
+        along = np.arange(0.0, max(swept, 0.0), _RAY_STEP)[:, None]
+        return PoseMeasurement(
+            kind="touch",
+            number=number,
+            points=points,
+            sigma=np.full(len(points), self._scenario.touches.touch.sigma),
+            facing=facing,
+            rays=[wanted.start + along * wanted.direction],
+            displaced=self._of_arm,
+        )
+
+
+def _pixel_rays(camera: Camera, stride: int) -> Array:
+    """Rays (N, 3) in C through every so many pixels, with z = 1."""
+    k = camera.intrinsics
+    u, v = np.meshgrid(np.arange(0, k.width, stride), np.arange(0, k.height, stride))
+    x, y = (u.ravel() - k.center_x) / k.focal_x, (v.ravel() - k.center_y) / k.focal_y
+    return np.column_stack([x, y, np.ones(x.size)])
+
+
+def _depth_noise(depth: Array) -> Array:
+    """Standard deviation of depths (N,), [m]."""
+    return np.asarray(1.2e-3 + 1.9e-3 * (depth - 0.4) ** 2)

@@ -1,0 +1,149 @@
+"""Scenarios of the clutter application: where a known object is."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from crossmodal.diagrams.run import scenario as base
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.maths.validation import number, numbers
+from crossmodal.models import SDF_DIR
+from crossmodal.systems.active.touch_planner import TouchPlannerConfig
+from crossmodal.systems.active.touch_planning import CRITERIA
+from crossmodal.systems.sensors.randomness import make_generator
+
+SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
+GOODS_DIR = SDF_DIR / "goods"
+TARGETS = ["oil", "spray", "cleaner", "wineglass"]
+ESTIMATORS = ("density", "quaternion")
+
+
+@dataclass(kw_only=True)
+class TargetConfig:
+    """The object whose pose is sought."""
+
+    # One of models/sdf/goods; empty: one of `objects`, which the seed draws.
+    object: str = ""
+    objects: list[str] = field(default_factory=lambda: list(TARGETS))
+    # A mesh file of one's own in its place, absolute or beside the scenario's file.
+    mesh: str = ""
+    # Metres per unit of that file.
+    scale: float = number(1.0, above=0.0, at_most=1e3, unit="m")
+
+
+@dataclass(kw_only=True)
+class GuessConfig:
+    """By how much the pose from which it starts is wrong, between two ends."""
+
+    translation: np.ndarray = numbers(
+        np.array([0.02, 0.05]), at_least=0.0, at_most=1.0, unit="m", shape=(2,)
+    )
+    rotation: np.ndarray = numbers(
+        np.array([10.0, 30.0]), at_least=0.0, at_most=180.0, unit="deg", shape=(2,)
+    )
+
+
+@dataclass(kw_only=True)
+class TableConfig:
+    """What the object stands on."""
+
+    # Whether it stands on a table whose height is known; else it is held up, turned in any way.
+    known: bool = True
+    # Of the height that is believed.
+    height_error: float = number(2e-3, at_least=0.0, at_most=0.1, unit="m")
+
+
+@dataclass(kw_only=True)
+class ViewsConfig:
+    """Views of a depth camera before the first touch."""
+
+    count: int = number(1, at_least=0, at_most=20)
+    distance: float = number(0.55, at_least=0.1, at_most=5.0, unit="m")
+    # Of the camera above the object, between two ends.
+    elevation: np.ndarray = numbers(
+        np.array([20.0, 60.0]), at_least=-80.0, at_most=80.0, unit="deg", shape=(2,)
+    )
+    # Every so many pixels along rows and columns a ray is cast.
+    stride: int = number(5, at_least=1, at_most=100, unit="px")
+
+
+@dataclass(kw_only=True)
+class ContactConfig:
+    """Of a touch."""
+
+    # Noise of a contact's place.
+    noise: float = number(7e-4, at_least=0.0, at_most=0.1, unit="m")
+    # Probability that a contact is reported somewhere along the approach where there is none.
+    false_contacts: float = number(0.0, at_least=0.0, at_most=1.0)
+
+
+@dataclass(kw_only=True)
+class Scenario(base.Scenario):
+    """One object, seen by a camera and touched along rays, without a robot."""
+
+    target: TargetConfig = field(default_factory=TargetConfig)
+    guess: GuessConfig = field(default_factory=GuessConfig)
+    table: TableConfig = field(default_factory=TableConfig)
+    views: ViewsConfig = field(default_factory=ViewsConfig)
+    touches: TouchPlannerConfig = field(default_factory=TouchPlannerConfig)
+    contact: ContactConfig = field(default_factory=ContactConfig)
+
+
+def resolve(scenario: Scenario, path: Path) -> Scenario:
+    """Checks names, and says which object it is."""
+    known = sorted(folder.name for folder in GOODS_DIR.iterdir() if folder.is_dir())
+    for name in filter(None, [scenario.target.object, *scenario.target.objects]):
+        if name not in known:
+            raise ScenarioError(
+                f"{path}: target.object = '{name}', but it must be one of {', '.join(known)}"
+            )
+    if scenario.touches.criterion not in CRITERIA:
+        raise ScenarioError(
+            f"{path}: touches.criterion = '{scenario.touches.criterion}', but it must be one of"
+            f" {', '.join(CRITERIA)}"
+        )
+    for name in scenario.modalities:
+        if name not in ESTIMATORS:
+            raise ScenarioError(f"{path}: modalities: '{name}' is none of {', '.join(ESTIMATORS)}")
+    if not scenario.target.object and not scenario.target.objects and not scenario.target.mesh:
+        raise ScenarioError(f"{path}: target.objects is empty, and target.object, too")
+    for key, ends in (
+        ("translation", scenario.guess.translation),
+        ("rotation", scenario.guess.rotation),
+    ):
+        if ends[0] > ends[1]:
+            raise ScenarioError(f"{path}: guess.{key} must be least, then largest")
+    scenario.modalities = scenario.modalities or list(ESTIMATORS)
+    scenario.touches.after_views = scenario.views.count
+    if scenario.target.mesh:
+        mesh = Path(scenario.target.mesh)
+        if not mesh.is_absolute():
+            mesh = path.parent / mesh
+        if not mesh.is_file():
+            raise ScenarioError(f"{path}: target.mesh = '{mesh}': there is no such file")
+        scenario.target.mesh = str(mesh)
+    return scenario
+
+
+def target_name(scenario: Scenario) -> str:
+    """The object's name, by the seed where the scenario leaves it open."""
+    target = scenario.target
+    if target.mesh:
+        return Path(target.mesh).stem
+    if target.object:
+        return target.object
+    return target.objects[scenario.seed % len(target.objects)]
+
+
+def target_mesh(scenario: Scenario) -> Path:
+    """The file of the object's mesh."""
+    if scenario.target.mesh:
+        return Path(scenario.target.mesh)
+    name = target_name(scenario)
+    return GOODS_DIR / name / f"{name}.obj"
+
+
+def generator(scenario: Scenario, purpose: str) -> np.random.Generator:
+    """Random numbers of a scenario's seed for one purpose."""
+    return make_generator(scenario.seed, purpose)

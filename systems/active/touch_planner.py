@@ -1,0 +1,119 @@
+"""The planner of touches: where to touch next, until enough is known."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import Context
+
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.active.touch_planning import (
+    CRITERIA,
+    TouchConfig,
+    candidate_rays,
+    predict_touches,
+)
+from crossmodal.systems.port_values import (
+    NO_TOUCH,
+    UNKNOWN_POSE,
+    ObjectPose,
+    TouchRequest,
+)
+from crossmodal.systems.pose.target_model import TargetModel
+from crossmodal.systems.recursive_filter import RecursiveFilter
+
+
+@dataclass(kw_only=True)
+class TouchPlannerConfig:
+    """How many touches there are, and by what they are chosen."""
+
+    # Of views before the first touch.
+    after_views: int = number(1, at_least=0, at_most=100)
+    # Touches by lot, before others are chosen.
+    random_touches: int = number(0, at_least=0, at_most=100)
+    # Touches by `criterion`.
+    chosen_touches: int = number(4, at_least=0, at_most=100)
+    criterion: str = "expected-adi"  # Or log-det, random.
+    candidates: int = number(150, at_least=1, at_most=100000)
+    touch: TouchConfig = field(default_factory=TouchConfig)
+    seed: int = number(0, at_least=0, at_most=2**63 - 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchPlannerState(Immutable):
+    """The touch that is wanted, and after which measurement."""
+
+    request: TouchRequest = NO_TOUCH
+    after: int = -1
+
+
+class TouchPlanner(RecursiveFilter):
+    """Chooses the next touch whenever a measurement has come.
+
+    Input ports:
+    - `object_pose`: `ObjectPose`, whose number tells that a measurement has come.
+
+    Output ports:
+    - `touch_estimated`: `TouchRequest` for this tick's belief.
+    - `touch_latest`: the same of the last tick, from the state alone.
+    """
+
+    def __init__(
+        self, model: TargetModel, config: TouchPlannerConfig, height: float | None, period: float
+    ) -> None:
+        super().__init__()
+        check(config, "TouchPlanner")
+        if config.criterion not in CRITERIA:
+            known = ", ".join(CRITERIA)
+            raise ValueError(
+                f"TouchPlanner: criterion = '{config.criterion}', but it must be one of {known}"
+            )
+        self._model, self._config = model, config
+        self._height = -np.inf if height is None else height
+        self._pose = self._declare_value_input("object_pose", UNKNOWN_POSE)
+        self._declare_recursion(TouchPlannerState(), self._calc, period)
+        self._declare_estimated("touch_estimated", lambda state: state.request)
+        self._declare_latest("touch_latest", lambda state: state.request)
+
+    def _calc(self, context: Context, state: Any) -> TouchPlannerState:
+        belief: ObjectPose = self._read(self._pose, context)
+        measured = belief.number
+        config, last = self._config, state.request.number
+        if not belief.known or measured < config.after_views or measured == state.after:
+            return TouchPlannerState(request=state.request, after=state.after)
+        if state.request.done:
+            return TouchPlannerState(request=state.request, after=measured)
+        if last == config.random_touches + config.chosen_touches:
+            done = TouchRequest(number=last, done=True, why="all touches are done")
+            return TouchPlannerState(request=done, after=measured)
+        criterion = "random" if last < config.random_touches else config.criterion
+        request = self._choose(belief, last + 1, criterion)
+        return TouchPlannerState(request=request, after=measured)
+
+    def _choose(self, belief: ObjectPose, number: int, criterion: str) -> TouchRequest:
+        config, model = self._config, self._model
+        rng = np.random.default_rng([config.seed, number])
+        starts, directions = candidate_rays(
+            belief, model, config.touch, config.candidates, rng, height=self._height
+        )
+        if len(starts) == 0:
+            return TouchRequest(number=number - 1, done=True, why="no approach is clear")
+        predicted = predict_touches(belief, model, starts, directions, config.touch, rng)
+        feasible = predicted.feasible(config.touch)
+        hit = predicted.hit
+        if not feasible.any():
+            # Nothing is likely enough to be met: the likeliest teaches most.
+            feasible = hit >= hit.max()
+        gains = CRITERIA[criterion](predicted, model, config.touch.sigma, rng)
+        best = int(np.argmax(np.where(feasible, gains, -np.inf)))
+        if hit[best] == 0.0:
+            return TouchRequest(number=number - 1, done=True, why="no approach meets the object")
+        return TouchRequest(
+            number=number,
+            start=starts[best],
+            direction=directions[best],
+            reach=config.touch.reach,
+            gain=float(gains[best]),
+            hit=float(hit[best]),
+        )

@@ -1,0 +1,156 @@
+"""An object whose pose is sought: what was measured, what is believed, and what to do next."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosePrior(Immutable):
+    """What is known of a pose before anything is measured.
+
+    Attributes:
+        X: X_WO (4, 4) of the mesh's frame.
+        rotation_sigma: Standard deviation of each component of the rotation vector, [rad]; infinite
+            where the object may be turned in any way.
+        translation_sigma: Of each coordinate of the object's middle, [m].
+    """
+
+    X: Array
+    rotation_sigma: float
+    translation_sigma: float
+
+    @property
+    def information(self) -> Array:
+        """Of rotation in O and translation of the middle in W (6, 6)."""
+        sigma = np.repeat([self.rotation_sigma, self.translation_sigma], 3)
+        return np.diag(sigma**-2.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectPose(Immutable):
+    """What is believed of an object's pose. Poses M are those of the object's middle.
+
+    Attributes:
+        known: Whether anything is; else all is NaN or empty.
+        X: X_WM (4, 4), the pose that is reported.
+        covariance: Second moment (6, 6) of the samples about it: rotation in O, translation in W.
+        samples: X_WM (S, 4, 4).
+        calibration: Errors of the calibration (S, m), in standard deviations.
+        modes: X_WM (K, 4, 4) of the density's maxima, the likeliest first.
+        probabilities: Of the modes (K,), by Laplace's approximation.
+        middle: p_OM (3,).
+        number: Of the last measurement that it contains.
+    """
+
+    known: bool = True
+    number: int = 0
+    X: Array
+    covariance: Array
+    samples: Array
+    calibration: Array
+    modes: Array
+    probabilities: Array
+    middle: Array
+
+    @property
+    def X_WO(self) -> Array:
+        """The pose that is reported (4, 4), of the mesh's frame."""
+        return of_mesh(self.X, self.middle)
+
+    def distance(self, X_WO: Array) -> float:
+        """Squared Mahalanobis distance of a pose (4, 4) of the mesh's frame, 6 dof."""
+        e = deviations(self.X, of_middle(X_WO, self.middle)[None])[0]
+        return float(e @ np.linalg.solve(self.covariance, e))
+
+
+def of_middle(X_WO: Array, middle: Array) -> Array:
+    """X_WM (4, 4) of a pose of the mesh's frame."""
+    X = X_WO.copy()
+    X[:3, 3] += X_WO[:3, :3] @ middle
+    return X
+
+
+def of_mesh(X_WM: Array, middle: Array) -> Array:
+    """X_WO (4, 4) of a pose of the middle."""
+    X = X_WM.copy()
+    X[:3, 3] -= X_WM[:3, :3] @ middle
+    return X
+
+
+def deviations(X: Array, Y: Array) -> Array:
+    """Steps (S, 6), rotation in O and translation in W, from a pose X (4, 4) to poses Y."""
+    turns = Rotation.from_matrix(X[:3, :3].T @ Y[:, :3, :3]).as_rotvec()
+    return np.concatenate([turns, Y[:, :3, 3] - X[:3, 3]], axis=1)
+
+
+UNKNOWN_POSE = ObjectPose(
+    known=False,
+    X=np.full((4, 4), np.nan),
+    covariance=np.full((6, 6), np.nan),
+    samples=np.zeros((0, 4, 4)),
+    calibration=np.zeros((0, 0)),
+    modes=np.zeros((0, 4, 4)),
+    probabilities=np.zeros(0),
+    middle=np.full(3, np.nan),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseMeasurement(Immutable):
+    """What one view or one touch has measured.
+
+    Attributes:
+        kind: `view` or `touch`; empty where nothing is new.
+        number: Of views and touches together, from one on.
+        points: On the object (N, 3), in W, [m].
+        sigma: Standard deviation of each one's own noise (N,), [m].
+        facing: Unit vectors (N, 3), in W, from which each was seen or touched.
+        rays: Samples (S, 3) of each ray that met nothing, in W, [m].
+        displaced: (6, m) by which twist in W about Wo all of this is displaced per standard
+            deviation of each error of the calibration. What has the same displacement belongs to
+            one group.
+    """
+
+    kind: str = ""
+    number: int = 0
+    points: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    sigma: Array = field(default_factory=lambda: np.zeros(0))
+    facing: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    rays: list[Array] = field(default_factory=list)
+    displaced: Array = field(default_factory=lambda: np.zeros((6, 0)))
+
+
+NO_MEASUREMENT = PoseMeasurement()
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchRequest(Immutable):
+    """Where to touch next.
+
+    Attributes:
+        number: Of the touch, from one on; zero: none is wanted.
+        start: Where the straight approach begins (3,), in W, [m].
+        direction: Of the approach (3,), a unit vector in W.
+        reach: Its length, [m].
+        gain: What the touch is expected to teach, by the criterion that chose it.
+        hit: Probability that it meets the object.
+        done: Whether no more touches follow.
+        why: Why none follows, in words.
+    """
+
+    number: int = 0
+    start: Array = field(default_factory=lambda: np.zeros(3))
+    direction: Array = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
+    reach: float = 0.0
+    gain: float = np.nan
+    hit: float = np.nan
+    done: bool = False
+    why: str = ""
+
+
+NO_TOUCH = TouchRequest()

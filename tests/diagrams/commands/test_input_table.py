@@ -146,7 +146,7 @@ ASSIGNMENTS: dict[str, str] = {
     "seed.a=1": "seed = {'a': 1}, but it must be a whole number",
     "description.a=1": "'a' is inside a plain value",
     "system=": "system must be text",
-    "system=door": "system = 'door': allowed: crossmodal",
+    "system=door": "system = 'door': allowed: clutter, crossmodal",
     "sede=3": "did you mean 'seed'?",
     "Seed=3": "did you mean 'seed'?",
     "seed seed=3": "unknown key 'seed seed'",

@@ -1,0 +1,159 @@
+"""Whole episodes of the measuring rig: what they come to, and bad input."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.clutter.estimators import load_model
+from crossmodal.diagrams.clutter.results import average_distance
+from crossmodal.diagrams.clutter.rig import camera_displacements, first_guess, true_pose
+from crossmodal.diagrams.run.application import Results
+from crossmodal.diagrams.run.calibration import calibrated, realistic_errors
+from crossmodal.diagrams.run.episode import run_episode
+from crossmodal.diagrams.run.folder.run_folder import SUMMARY_FILE, write_run
+from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.run.scenario import CameraConfig
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.maths import se3
+
+
+def episode(name: str, *changes: str) -> tuple[EpisodeRecord, Results]:
+    application, scenario = load_scenario(name, list(changes))
+    record = run_episode(application, scenario)
+    return record, application.evaluate(record)
+
+
+@pytest.fixture(scope="module")
+def seen() -> tuple[EpisodeRecord, Results]:
+    return episode("pose-estimation", "seed=1", "touches.chosen_touches=2")
+
+
+def test_a_view_and_touches_find_the_object(seen: tuple[EpisodeRecord, Results]) -> None:
+    _, results = seen
+    assert results.failure is None
+    pose = results.summary["pose"]
+    assert pose["target"] == "spray"
+    assert [stage["stage"] for stage in pose["stages"]] == ["guess", "view", "touch", "touch"]
+    assert [stage["acquisitions"] for stage in pose["stages"]] == [0, 1, 2, 3]
+    adi = [stage["adi"] for stage in pose["stages"]]
+    assert adi[0] > 8e-3
+    assert adi[-1] < 4e-3
+    assert set(results.summary["modalities"]) == {"density", "quaternion"}
+
+
+def test_a_run_leaves_its_stages(seen: tuple[EpisodeRecord, Results], tmp_path: Path) -> None:
+    record, results = seen
+    application, _ = load_scenario("pose-estimation")
+    write_run(tmp_path / "run", application, record, results)
+    summary = json.loads((tmp_path / "run" / SUMMARY_FILE).read_text(encoding="utf-8"))
+    assert len(summary["pose"]["stages"]) == 4
+    assert (tmp_path / "run" / "figures" / "stages.png").is_file()
+    assert any("95 % region" in line for line in results.report(summary))
+
+
+def test_the_same_seed_gives_the_same_stages(seen: tuple[EpisodeRecord, Results]) -> None:
+    _, again = episode("pose-estimation", "seed=1", "touches.chosen_touches=2")
+    assert again.summary["pose"] == seen[1].summary["pose"]
+
+
+def test_poses_lie_inside_what_is_claimed_with_wrong_calibrations() -> None:
+    inside = []
+    for seed in range(12):
+        changes = (f"seed={seed}", "modalities=[density]", "touches.chosen_touches=1")
+        _, results = episode("pose-estimation", "target.object=cleaner", *changes)
+        inside += [stage["inside_claim"] for stage in results.summary["pose"]["stages"][1:]]
+    assert np.mean(inside) > 0.8
+
+
+def test_touches_alone_need_no_camera() -> None:
+    _, results = episode("touches", "seed=2", "touches.chosen_touches=1")
+    assert results.failure is None
+    stages = results.summary["pose"]["stages"]
+    assert [stage["stage"] for stage in stages] == ["guess"] + 4 * ["touch"]
+    assert stages[-1]["adi"] < 0.5 * stages[0]["adi"]
+
+
+def test_a_few_false_contacts_are_outvoted() -> None:
+    found = []
+    for seed in range(6):
+        changes = (f"seed={seed}", "contact.false_contacts=0.1")
+        _, results = episode("touches", *changes)
+        stages = results.summary["pose"]["stages"]
+        found.append(stages[-1]["adi"] < 0.5 * stages[0]["adi"])
+    assert np.mean(found) > 0.6
+
+
+def test_a_mesh_of_ones_own_is_found(tmp_path: Path) -> None:
+    trimesh.creation.box(extents=[60.0, 90.0, 200.0]).export(tmp_path / "parcel.stl")
+    own = [f"target.mesh={tmp_path / 'parcel.stl'}", "target.scale=0.001"]
+    _, results = episode("pose-estimation", "seed=3", "touches.chosen_touches=1", *own)
+    assert results.summary["pose"]["target"] == "parcel"
+    assert results.summary["pose"]["stages"][-1]["adi"] < 5e-3
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("target.object=sprai", "target.object = 'sprai', but it must be one of black_box"),
+        ("touches.criterion=best", "touches.criterion = 'best', but it must be one of random"),
+        ("modalities=[vision]", "'vision' is none of density, quaternion"),
+        ("guess.translation=[0.05, 0.02]", "guess.translation must be least, then largest"),
+        ("target.mesh=none.obj", "there is no such file"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(change: str, message: str) -> None:
+    with pytest.raises(ScenarioError, match=message) as caught:
+        load_scenario("pose-estimation", [change])
+    assert str(caught.value).count("\n") == 0
+
+
+def test_a_mesh_in_another_unit_is_refused(tmp_path: Path) -> None:
+    trimesh.creation.box(extents=[60.0, 90.0, 200.0]).export(tmp_path / "parcel.stl")
+    with pytest.raises(ScenarioError, match=r"227 m large.*scale"):
+        episode("pose-estimation", f"target.mesh={tmp_path / 'parcel.stl'}")
+
+
+def test_the_guess_is_as_wrong_as_the_scenario_says() -> None:
+    for seed in range(20):
+        _, scenario = load_scenario("pose-estimation", [f"seed={seed}", "target.object=oil"])
+        model = load_model(scenario)
+        X = true_pose(scenario, model)
+        guess = first_guess(scenario, X, model)
+        moved = guess.X[:3, :3] @ model.middle + guess.X[:3, 3] - X[:3, 3]
+        assert 0.02 <= np.linalg.norm(moved) <= 0.05
+        turned = np.linalg.norm(se3.so3_log(np.ascontiguousarray(X[:3, :3].T @ guess.X[:3, :3])))
+        assert np.deg2rad(10.0) - 1e-9 <= turned <= np.deg2rad(30.0) + 1e-9
+        assert float(np.min(model.hull @ X[2, :3]) + X[2, 3]) == pytest.approx(0.0)
+
+
+def test_displacements_of_a_view_are_derivatives() -> None:
+    """A camera that is off sees a point where the twist of its errors puts it."""
+    camera = calibrated(CameraConfig().camera(), realistic_errors())
+    rng = np.random.default_rng(0)
+    X = se3.exp(rng.normal(size=6))
+    p = X[:3, 3] + X[:3, :3] @ np.array([0.02, -0.03, 0.6])
+    A = camera_displacements(camera, X, p)
+    c = 1e-3 * rng.normal(size=8)
+    c[6:] = 0.0
+    sigma = np.sqrt(np.diag(camera.pose_covariance))
+    true = X @ se3.exp(sigma * c[:6]) @ np.append(se3.inverse(X)[:3] @ np.append(p, 1.0), 1.0)
+    moved = p + np.cross(A[:3] @ c, p) + A[3:] @ c
+    np.testing.assert_allclose(moved, true[:3], atol=1e-8)
+    deeper = np.zeros(8)
+    deeper[6] = 1.0
+    np.testing.assert_allclose(A[3:] @ deeper, -camera.depth_scale_std * (p - X[:3, 3]))
+
+
+def test_the_distance_between_surfaces_is_zero_for_a_symmetry() -> None:
+    _, scenario = load_scenario("pose-estimation", ["target.object=oil"])
+    model = load_model(scenario)
+    turned = np.eye(4)
+    turned[:3, :3] = se3.so3_exp(np.array([0.0, 0.0, 1.0]))
+    assert average_distance(np.eye(4), turned, model) < 2e-4
+    moved = np.eye(4)
+    moved[2, 3] = 0.01
+    assert 1e-3 < average_distance(np.eye(4), moved, model) < 0.01

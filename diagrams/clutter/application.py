@@ -10,6 +10,7 @@ from crossmodal.diagrams.clutter.estimators import (
     make_estimators,
     make_station,
 )
+from crossmodal.diagrams.clutter.own_mesh import keep_files, own_mesh_assignments
 from crossmodal.diagrams.clutter.results import evaluate, metrics
 from crossmodal.diagrams.clutter.scenario import SCENARIO_FOLDER, Scenario, resolve
 from crossmodal.diagrams.run.application import Application
@@ -27,6 +28,8 @@ APPLICATION = Application(
     make_station=make_station,
     make_estimators=make_estimators,
     close_loop=close_loop,
+    own_object=own_mesh_assignments,
+    keep_files=keep_files,
     quantities=[Quantity(port="object_pose_latest", model=UNKNOWN_POSE)],
     station_quantities=[
         Quantity(port="cheat_object_pose", model=NO_POSE),

@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from typer.testing import CliRunner
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.clutter.estimators import load_model
 from crossmodal.diagrams.clutter.results import average_distance
 from crossmodal.diagrams.clutter.rig import camera_displacements, first_guess, true_pose
+from crossmodal.diagrams.command_line import app
 from crossmodal.diagrams.run.application import Results
 from crossmodal.diagrams.run.calibration import calibrated, realistic_errors
 from crossmodal.diagrams.run.episode import run_episode
@@ -109,6 +111,23 @@ def test_what_cannot_be_is_refused_in_one_line(change: str, message: str) -> Non
     with pytest.raises(ScenarioError, match=message) as caught:
         load_scenario("pose-estimation", [change])
     assert str(caught.value).count("\n") == 0
+
+
+def test_a_mesh_of_ones_own_is_kept_with_the_run(tmp_path: Path) -> None:
+    mesh = tmp_path / "parcel.stl"
+    trimesh.creation.box(extents=[60.0, 90.0, 200.0]).export(mesh)
+    options = ["--object", str(mesh), "--scale", "0.001", "--no-recording", "--duration", "1"]
+    result = CliRunner().invoke(
+        app, ["run", "pose-estimation", *options, "--out", str(tmp_path / "run")]
+    )
+    assert result.exit_code in (0, 1), result.output
+    assert (tmp_path / "run" / "model" / "parcel.stl").is_file()
+    _, kept = load_scenario(str(tmp_path / "run" / "scenario.yaml"))
+    assert kept.target.mesh == str(tmp_path / "run" / "model" / "parcel.stl")
+    wrong = CliRunner().invoke(
+        app, ["run", "pose-estimation", "--object", str(mesh), "--joint", "x"]
+    )
+    assert wrong.exit_code == 2
 
 
 def test_a_mesh_in_another_unit_is_refused(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 The names below are imported when they are first used, so that `import crossmodal` costs nothing.
 
 - `JointFilters`, `JointFiltersConfig`: the joints between moving bodies, from poses of any tracker.
+- `estimate_pose`: where a known object is, from a cloud and contact points.
 - `load_scenario`, `run_episode`, `replay`, `read_run`: episodes, and what they leave.
 - `Application`, `Scenario`, `Station`: what an application of one's own is made of.
 """
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from crossmodal.diagrams.run.scenario import Scenario
     from crossmodal.systems.kinematics.joint_filters import JointFilters
     from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
+    from crossmodal.systems.pose.recorded_pose import estimate_pose
 
 __all__ = [
     "Application",
@@ -25,6 +27,7 @@ __all__ = [
     "JointFiltersConfig",
     "Scenario",
     "Station",
+    "estimate_pose",
     "load_scenario",
     "read_run",
     "replay",
@@ -37,6 +40,7 @@ _MODULES = {
     "JointFiltersConfig": "systems.kinematics.joint_filters_config",
     "Scenario": "diagrams.run.scenario",
     "Station": "diagrams.run.application",
+    "estimate_pose": "systems.pose.recorded_pose",
     "load_scenario": "diagrams.applications",
     "read_run": "diagrams.applications",
     "replay": "diagrams.run.replay",

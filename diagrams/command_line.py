@@ -13,6 +13,7 @@ from crossmodal.diagrams.commands import (
     evaluate,
     inspect,
     list_names,
+    pose,
     replay,
     run,
     train,
@@ -62,6 +63,7 @@ app.command("ablate", epilog=ablate.EXAMPLES)(ablate.ablate_command)
 app.command("compare", epilog=compare.EXAMPLES)(compare.compare_command)
 train_app.command("hand-bending", epilog=train.EXAMPLES)(train.train_hand_bending_command)
 app.add_typer(train_app, name="train")
+app.command("pose", epilog=pose.EXAMPLES)(pose.pose_command)
 app.command("diagram", epilog=diagram.EXAMPLES)(diagram.diagram_command)
 
 

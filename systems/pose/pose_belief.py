@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from crossmodal.maths import se3
-from crossmodal.maths.arrays import Array, Ids
+from crossmodal.maths.arrays import Array, Ids, Mask
 from crossmodal.maths.compiled import hot
 from crossmodal.systems.port_values import ObjectPose, PosePrior, deviations, of_middle
 from crossmodal.systems.pose.evidence import Evidence
@@ -46,6 +46,7 @@ class SolverConfig:
 COARSE = np.geomspace(10e-3, 3e-3, 8)  # Floors of the noise, step by step, [m].
 FINE = np.array([3.0, 2.0, 1.4, 1.0, 0.7, 0.7, 0.7, 0.7, 0.7, 0.7]) * 1e-3
 _SAME = 9.0  # Squared distance up to which two hypotheses are one mode.
+_UNLIKELY = float(np.log(1e-4))  # Of a mode beside the likeliest one; it is left out.
 _STEP = 0.4  # Of the random walk, in standard deviations.
 _LOSS_POINTS, _LOSS_CANDIDATES = 100, 12
 
@@ -67,16 +68,29 @@ def uniform_rotations(count: int) -> Array:
 
 
 def start_poses(
-    prior: PosePrior, model: TargetModel, count: int, rng: np.random.Generator
+    prior: PosePrior,
+    model: TargetModel,
+    count: int,
+    rng: np.random.Generator,
+    points: Array | None = None,
 ) -> Array:
-    """Poses (count + 1, 4, 4) of the model's middle: the prior's mean, and draws from it."""
+    """Poses (count + 1, 4, 4) of the model's middle: the prior's mean, and draws from it.
+
+    Where the prior knows no position, a measured point (of `points`, (N, 3)) lies on a sample of
+    the surface, both drawn by lot.
+    """
     X = np.tile(of_middle(prior.X, model.middle), (count + 1, 1, 1))
     if np.isfinite(prior.rotation_sigma):
         turns = prior.rotation_sigma * rng.normal(size=(count, 3))
         X[1:, :3, :3] = prior.X[:3, :3] @ Rotation.from_rotvec(turns).as_matrix()
     else:
         X[1:, :3, :3] = uniform_rotations(count)
-    X[1:, :3, 3] += prior.translation_sigma * rng.normal(size=(count, 3))
+    if np.isfinite(prior.translation_sigma):
+        X[1:, :3, 3] += prior.translation_sigma * rng.normal(size=(count, 3))
+    elif points is not None and len(points):
+        s = points[rng.integers(len(points), size=count)]
+        o = model.surface.points[rng.integers(len(model.surface.points), size=count)]
+        X[1:, :3, 3] = s - np.einsum("nij,nj->ni", X[1:, :3, :3], o)
     return X
 
 
@@ -121,7 +135,7 @@ def infer_pose(
     rng = np.random.default_rng(config.seed)
     coarse = problem_of(evidence, prior, model, config.coarse_points, rng)
     fine = problem_of(evidence, prior, model, config.fine_points, rng)
-    X = start_poses(prior, model, config.starts, rng)
+    X = start_poses(prior, model, config.starts, rng, coarse.s)
     c = np.zeros((len(X), evidence.displaced.shape[2]))
     costs, _ = refine(X, c, COARSE, coarse)
     size = len(fine.s) + len(fine.free) // 2 + 1
@@ -130,16 +144,15 @@ def infer_pose(
     X, c = X[best], c[best]
     costs, P = refine(X, c, FINE, fine)
     P[:, :3, :3] += np.pi**2 / 3.0 * model.spins  # Any angle is as likely.
-    kept: list[int] = []
-    for k in np.argsort(costs, kind="stable"):
-        if all(_distance(X[k], X[j], P[j]) > _SAME for j in kept):
-            kept.append(int(k))
-    X, c, P = X[kept], c[kept], P[kept]
     # Laplace's approximation: a mode weighs by its height and by how wide it is.
-    logs = -0.5 * costs[kept] + 0.5 * np.linalg.slogdet(P)[1]
-    probabilities = np.exp(logs - logs.max())
+    logs = -0.5 * costs + 0.5 * np.linalg.slogdet(P)[1]
+    order = np.argsort(-logs, kind="stable")
+    order = order[logs[order] > logs.max() + _UNLIKELY]
+    W = np.linalg.inv(np.ascontiguousarray(P[order, :6, :6]))
+    kept = order[_distinct(X[order], np.asarray(W, dtype=float))]
+    X, c, P = X[kept], c[kept], P[kept]
+    probabilities = np.exp(logs[kept] - logs.max())
     probabilities /= probabilities.sum()
-    order = np.argsort(-probabilities, kind="stable")
     chosen = rng.choice(len(kept), config.samples, p=probabilities)
     samples, calibration = X[chosen], c[chosen]
     roots = np.asarray(np.linalg.cholesky(P[chosen]), dtype=float)
@@ -155,7 +168,7 @@ def infer_pose(
     if model.spins.any():
         turns = np.pi * rng.uniform(-1.0, 1.0, (config.samples, 3)) @ model.spins
         samples[:, :3, :3] = samples[:, :3, :3] @ Rotation.from_rotvec(turns).as_matrix()
-    candidates = np.concatenate([X[order], samples])[:_LOSS_CANDIDATES]
+    candidates = np.concatenate([X, samples])[:_LOSS_CANDIDATES]
     points = rng.choice(len(model.surface.points), _LOSS_POINTS, replace=False)
     losses = _losses(candidates, samples, model.surface.points[points], model.surface)
     found = candidates[np.argmin(losses)]
@@ -165,8 +178,8 @@ def infer_pose(
         covariance=e.T @ e / len(e) + 1e-10 * np.eye(6),
         samples=samples,
         calibration=calibration,
-        modes=X[order],
-        probabilities=probabilities[order],
+        modes=X,
+        probabilities=probabilities,
         middle=model.middle,
     )
 
@@ -185,7 +198,18 @@ def _losses(candidates: Array, samples: Array, points: Array, surface: Surface) 
     return losses / (len(samples) * len(points))
 
 
-def _distance(X: Array, Y: Array, P: Array) -> float:
-    """Squared distance of a pose X from Y (4, 4) with the covariance P of a pose and more."""
-    e = deviations(Y, X[None])[0]
-    return float(e @ np.linalg.solve(P[:6, :6], e))
+@hot
+def _distinct(X: Array, W: Array) -> Mask:
+    """Which poses (K, 4, 4) are none of those before them, by their information (K, 6, 6)."""
+    kept = np.ones(len(X), dtype=np.bool_)
+    e = np.empty(6)
+    for k in range(len(X)):
+        for j in range(k):
+            if kept[j]:
+                R = np.ascontiguousarray(X[j, :3, :3].T) @ np.ascontiguousarray(X[k, :3, :3])
+                e[:3] = se3.so3_log(R)
+                e[3:] = X[k, :3, 3] - X[j, :3, 3]
+                if e @ (W[j] @ e) < _SAME:
+                    kept[k] = False
+                    break
+    return kept

@@ -16,7 +16,7 @@ from crossmodal.diagrams.clutter.scenario import SCENARIO_FOLDER, Scenario, reso
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import Column, Experiment
 from crossmodal.diagrams.run.record import Quantity
-from crossmodal.systems.port_values import NO_MEASUREMENT, NO_POSE, NO_TOUCH, UNKNOWN_POSE
+from crossmodal.systems.port_values import NO_MEASUREMENT, NO_POSE, NO_TOUCH, NO_VIEW, UNKNOWN_POSE
 
 APPLICATION = Application(
     name="clutter",
@@ -35,6 +35,7 @@ APPLICATION = Application(
         Quantity(port="cheat_object_pose", model=NO_POSE),
         Quantity(port="pose_measurement", model=NO_MEASUREMENT),
         Quantity(port="touch_latest", model=NO_TOUCH),
+        Quantity(port="view_latest", model=NO_VIEW),
     ],
     evaluate=evaluate,
     labels={"density": "sampled density", "quaternion": "TIQF"},

@@ -16,6 +16,7 @@ from crossmodal.diagrams.run.calibration import (
 from crossmodal.diagrams.run.scenario import CameraConfig
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.systems.active.touch_planner import TouchPlanner
+from crossmodal.systems.active.view_planner import ViewPlanner
 from crossmodal.systems.pose.evidence import Table
 from crossmodal.systems.pose.pose_belief import SolverConfig
 from crossmodal.systems.pose.pose_estimators import (
@@ -73,7 +74,7 @@ def make_estimators(scenario: Scenario, calibration: Calibration) -> Mapping[str
 
 
 def make_station(scenario: Scenario, calibration: Calibration) -> Station:
-    """The rig, and the planner that says where to touch next."""
+    """The rig, and the planners that say where to look and to touch next."""
     model, table = load_model(scenario), believed_table(scenario)
     builder = DiagramBuilder()
     rig = builder.AddNamedSystem("rig", MeasuringRig(scenario, calibration, model))
@@ -83,6 +84,13 @@ def make_station(scenario: Scenario, calibration: Calibration) -> Station:
         "planner", TouchPlanner(model, config, height, scenario.network_period)
     )
     builder.Connect(planner.GetOutputPort("touch_latest"), rig.GetInputPort("touch"))
+    views = builder.AddNamedSystem(
+        "views", ViewPlanner(model, scenario.views, scenario.network_period)
+    )
+    for name in ("pose_guess", "pose_measurement"):
+        builder.Connect(rig.GetOutputPort(name), views.GetInputPort(name))
+    builder.Connect(views.GetOutputPort("view_latest"), rig.GetInputPort("view"))
+    builder.ExportOutput(views.GetOutputPort("view_latest"), "view_latest")
     builder.ExportInput(planner.GetInputPort("object_pose"), "object_pose")
     for name in ("pose_measurement", "pose_guess", "task_status", "cheat_object_pose"):
         builder.ExportOutput(rig.GetOutputPort(name), name)

@@ -21,12 +21,12 @@ from crossmodal.diagrams.run.calibration import (
     draw_camera,
 )
 from crossmodal.diagrams.run.record import TaskStatus
-from crossmodal.diagrams.run.scenario import looking_at
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.port_values import (
     NO_MEASUREMENT,
     NO_TOUCH,
+    NO_VIEW,
     PoseBelief,
     PoseMeasurement,
     PosePrior,
@@ -37,6 +37,7 @@ from crossmodal.systems.pose.target_model import TargetModel, cast_rays
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
 CAMERA_ERRORS, ARM_ERRORS = 8, 6  # Pose, depth scale, focal length; pose.
+_CAMERA_REACH = 3.0  # [m]
 _RAY_STEP, _BEFORE_CONTACT = 6e-3, 4e-3  # Between samples of a ray, and before its end, [m].
 
 
@@ -87,9 +88,10 @@ def camera_displacements(camera: CameraCalibration, X_WC: Array, p_W: Array) -> 
 
 
 class MeasuringRig(RecursiveFilter):
-    """Takes the scenario's views one after the other, then the touches that are wanted.
+    """Takes the views that are wanted, then the touches.
 
     Input ports:
+    - `view`: `ViewRequest`.
     - `touch`: `TouchRequest`.
 
     Output ports:
@@ -112,6 +114,7 @@ class MeasuringRig(RecursiveFilter):
         self._of_arm = np.concatenate([np.zeros((6, CAMERA_ERRORS)), np.diag(sigma)], axis=1)
         self._X_WM = true_pose(scenario, model)
         self._guess = first_guess(scenario, self._X_WM, model)
+        self._view_wanted = self._declare_value_input("view", NO_VIEW)
         self._touch = self._declare_value_input("touch", NO_TOUCH)
         self._declare_recursion((NO_MEASUREMENT, 0), self._calc, scenario.network_period)
         self._declare_latest("pose_measurement", lambda state: state[0])
@@ -132,7 +135,10 @@ class MeasuringRig(RecursiveFilter):
     def _calc(self, context: Context, state: Any) -> tuple[PoseMeasurement, int]:
         measured, touches = state
         if measured.number < self._scenario.views.count:
-            return self._view(measured.number + 1), 0
+            view = self._read(self._view_wanted, context)
+            if view.number <= measured.number:
+                return measured, touches
+            return self._view(view.number, view.X_WC), 0
         wanted: TouchRequest = self._read(self._touch, context)
         if wanted.number > touches and not wanted.done:
             return self._touched(measured.number + 1, wanted), wanted.number
@@ -146,26 +152,17 @@ class MeasuringRig(RecursiveFilter):
         length = np.full(len(directions), reach)
         return cast_rays(starts, along, length, self._model.surface, True)[0]
 
-    def _view(self, number: int) -> PoseMeasurement:
+    def _view(self, number: int, X_believed: Array) -> PoseMeasurement:
         rng = generator(self._scenario, f"view {number}")
-        views, camera = self._scenario.views, self._true_camera
+        camera, stride = self._true_camera, self._scenario.view.stride
         p_W = self._guess.X[:3, :3] @ self._model.middle + self._guess.X[:3, 3]
-        azimuth, elevation = rng.uniform(-np.pi, np.pi), np.deg2rad(_range(rng, views.elevation))
-        eye = p_W + views.distance * np.array(
-            [
-                np.cos(elevation) * np.cos(azimuth),
-                np.cos(elevation) * np.sin(azimuth),
-                np.sin(elevation),
-            ]
-        )
-        X_believed = np.asarray(looking_at(eye, p_W).GetAsMatrix4())
         # The flange is where it is believed to be, the camera on it is not.
         mounting = self._camera.X_PC.inverse() @ camera.X_PC
         X_true = X_believed @ np.asarray(mounting.GetAsMatrix4())
-        rays, believed_rays = (_pixel_rays(c, views.stride) for c in (camera, self._camera))
+        rays, believed_rays = (_pixel_rays(c, stride) for c in (camera, self._camera))
         length = np.linalg.norm(rays, axis=1)
         found = self._cast(
-            X_true[:3, 3], (rays / length[:, None]) @ X_true[:3, :3].T, 3.0 * views.distance
+            X_true[:3, 3], (rays / length[:, None]) @ X_true[:3, :3].T, _CAMERA_REACH
         )
         met = np.isfinite(found)
         depth = found[met] / length[met]
@@ -181,6 +178,8 @@ class MeasuringRig(RecursiveFilter):
             points=points,
             sigma=_depth_noise(measured),
             facing=facing,
+            eye=X_believed[:3, 3],
+            passed=(believed_rays / length[:, None])[~met] @ X_believed[:3, :3].T,
             displaced=np.concatenate([displaced, np.zeros((6, ARM_ERRORS))], axis=1),
         )
 

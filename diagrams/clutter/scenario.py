@@ -11,6 +11,7 @@ from crossmodal.maths.validation import number, numbers
 from crossmodal.models import SDF_DIR
 from crossmodal.systems.active.touch_planner import TouchPlannerConfig
 from crossmodal.systems.active.touch_planning import CRITERIA
+from crossmodal.systems.active.view_planner import VIEW_CRITERIA, ViewPlannerConfig
 from crossmodal.systems.sensors.randomness import make_generator
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
@@ -55,15 +56,9 @@ class TableConfig:
 
 
 @dataclass(kw_only=True)
-class ViewsConfig:
-    """Views of a depth camera before the first touch."""
+class ViewConfig:
+    """Of a view."""
 
-    count: int = number(1, at_least=0, at_most=20)
-    distance: float = number(0.55, at_least=0.1, at_most=5.0, unit="m")
-    # Of the camera above the object, between two ends.
-    elevation: np.ndarray = numbers(
-        np.array([20.0, 60.0]), at_least=-80.0, at_most=80.0, unit="deg", shape=(2,)
-    )
     # Every so many pixels along rows and columns a ray is cast.
     stride: int = number(5, at_least=1, at_most=100, unit="px")
 
@@ -85,7 +80,8 @@ class Scenario(base.Scenario):
     target: TargetConfig = field(default_factory=TargetConfig)
     guess: GuessConfig = field(default_factory=GuessConfig)
     table: TableConfig = field(default_factory=TableConfig)
-    views: ViewsConfig = field(default_factory=ViewsConfig)
+    views: ViewPlannerConfig = field(default_factory=ViewPlannerConfig)
+    view: ViewConfig = field(default_factory=ViewConfig)
     touches: TouchPlannerConfig = field(default_factory=TouchPlannerConfig)
     contact: ContactConfig = field(default_factory=ContactConfig)
 
@@ -98,11 +94,15 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
             raise ScenarioError(
                 f"{path}: target.object = '{name}', but it must be one of {', '.join(known)}"
             )
-    if scenario.touches.criterion not in CRITERIA:
-        raise ScenarioError(
-            f"{path}: touches.criterion = '{scenario.touches.criterion}', but it must be one of"
-            f" {', '.join(CRITERIA)}"
-        )
+    for key, criterion, allowed in (
+        ("touches", scenario.touches.criterion, tuple(CRITERIA)),
+        ("views", scenario.views.criterion, VIEW_CRITERIA),
+    ):
+        if criterion not in allowed:
+            raise ScenarioError(
+                f"{path}: {key}.criterion = '{criterion}', but it must be one of"
+                f" {', '.join(allowed)}"
+            )
     for name in scenario.modalities:
         if name not in ESTIMATORS:
             raise ScenarioError(f"{path}: modalities: '{name}' is none of {', '.join(ESTIMATORS)}")
@@ -116,6 +116,7 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
             raise ScenarioError(f"{path}: guess.{key} must be least, then largest")
     scenario.modalities = scenario.modalities or list(ESTIMATORS)
     scenario.touches.after_views = scenario.views.count
+    scenario.touches.seed = scenario.views.seed = scenario.seed
     if scenario.target.mesh:
         mesh = Path(scenario.target.mesh)
         if not mesh.is_absolute():

@@ -63,11 +63,13 @@ from crossmodal.systems.port_values.motions import (
 from crossmodal.systems.port_values.pose import (
     NO_MEASUREMENT,
     NO_TOUCH,
+    NO_VIEW,
     UNKNOWN_POSE,
     ObjectPose,
     PoseMeasurement,
     PosePrior,
     TouchRequest,
+    ViewRequest,
     deviations,
     of_mesh,
     of_middle,

@@ -111,6 +111,8 @@ class PoseMeasurement(Immutable):
         sigma: Standard deviation of each one's own noise (N,), [m].
         facing: Unit vectors (N, 3), in W, from which each was seen or touched.
         rays: Samples (S, 3) of each ray that met nothing, in W, [m].
+        eye: Of a view, where the camera is believed to be (3,), in W, [m].
+        passed: Of a view, directions (B, 3) in W of rays that passed by the object.
         displaced: (6, m) by which twist in W about Wo all of this is displaced per standard
             deviation of each error of the calibration. What has the same displacement belongs to
             one group.
@@ -122,6 +124,8 @@ class PoseMeasurement(Immutable):
     sigma: Array = field(default_factory=lambda: np.zeros(0))
     facing: Array = field(default_factory=lambda: np.zeros((0, 3)))
     rays: list[Array] = field(default_factory=list)
+    eye: Array = field(default_factory=lambda: np.full(3, np.nan))
+    passed: Array = field(default_factory=lambda: np.zeros((0, 3)))
     displaced: Array = field(default_factory=lambda: np.zeros((6, 0)))
 
 
@@ -154,3 +158,25 @@ class TouchRequest(Immutable):
 
 
 NO_TOUCH = TouchRequest()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewRequest(Immutable):
+    """From where to look next.
+
+    Attributes:
+        number: Of the view, from one on; zero: none is wanted.
+        X_WC: Of the camera (4, 4).
+        gain: Entropy of what the view is expected to show, [bit].
+        candidates: X_WC (V, 4, 4) among which it was chosen.
+        gains: Of these (V,), [bit].
+    """
+
+    number: int = 0
+    X_WC: Array = field(default_factory=lambda: np.eye(4))
+    gain: float = np.nan
+    candidates: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
+    gains: Array = field(default_factory=lambda: np.zeros(0))
+
+
+NO_VIEW = ViewRequest()

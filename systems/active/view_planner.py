@@ -1,0 +1,157 @@
+"""The planner of views: from where to look next, until there were enough views."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import Context
+
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number, numbers
+from crossmodal.systems.active.occupancy_grid import (
+    OccupancyGrid,
+    empty_grid,
+    expected_gains,
+    with_view,
+)
+from crossmodal.systems.port_values import (
+    NO_MEASUREMENT,
+    NO_VIEW,
+    PosePrior,
+    ViewRequest,
+    of_middle,
+)
+from crossmodal.systems.pose.target_model import TargetModel
+from crossmodal.systems.recursive_filter import RecursiveFilter
+
+VIEW_CRITERIA = ("entropy", "random", "same")
+
+
+@dataclass(kw_only=True)
+class ViewPlannerConfig:
+    """How many views there are, and by what they are chosen."""
+
+    count: int = number(1, at_least=0, at_most=20)
+    # What a view is expected to show (entropy), a lot (random), or where the first one was (same).
+    criterion: str = "entropy"
+    # Of the camera from the object's middle.
+    distance: float = number(0.55, at_least=0.1, at_most=5.0, unit="m")
+    # Of the camera above the object, between two ends.
+    elevation: np.ndarray = numbers(
+        np.array([20.0, 60.0]), at_least=-80.0, at_most=80.0, unit="deg", shape=(2,)
+    )
+    # Candidates: so many directions around, at so many elevations.
+    around: int = number(24, at_least=1, at_most=1000)
+    elevations: int = number(4, at_least=1, at_most=100)
+    # Edge of a cell of the occupancy grid.
+    cell: float = number(0.01, at_least=1e-3, at_most=1.0, unit="m")
+    # Rays by which a candidate is judged, along each side of its image, and half its angle.
+    rays: int = number(50, at_least=1, at_most=1000)
+    half_angle: float = number(20.0, above=0.0, below=90.0, unit="deg")
+    seed: int = number(0, at_least=0, at_most=2**63 - 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewPlannerState(Immutable):
+    """What was seen, and the view that is wanted."""
+
+    grid: OccupancyGrid | None = None
+    request: ViewRequest = NO_VIEW
+    seen: int = 0
+
+
+def looking_at(eye: Array, target: Array) -> Array:
+    """X_WC (4, 4) of a camera at `eye` (3,) whose z points at `target` (3,), its x level."""
+    X = np.eye(4)
+    z = (target - eye) / np.linalg.norm(target - eye)
+    level = [0.0, 0.0, 1.0] if abs(z[2]) < 0.999 else [0.0, 1.0, 0.0]
+    x = np.cross(z, level)
+    x /= np.linalg.norm(x)
+    X[:3, :3] = np.column_stack([x, np.cross(z, x), z])
+    X[:3, 3] = eye
+    return X
+
+
+def hemisphere(centre: Array, config: ViewPlannerConfig) -> Array:
+    """Candidates X_WC (V, 4, 4) that look at `centre` (3,) from all sides."""
+    views = []
+    low, high = config.elevation
+    for elevation in np.deg2rad(np.linspace(low, high, config.elevations)):
+        for azimuth in np.linspace(-np.pi, np.pi, config.around, endpoint=False):
+            out = np.array(
+                [
+                    np.cos(elevation) * np.cos(azimuth),
+                    np.cos(elevation) * np.sin(azimuth),
+                    np.sin(elevation),
+                ]
+            )
+            views.append(looking_at(centre + config.distance * out, centre))
+    return np.array(views)
+
+
+class ViewPlanner(RecursiveFilter):
+    """Chooses the next view whenever one has been taken.
+
+    Input ports:
+    - `pose_guess`: `PosePrior`, about where the object is.
+    - `pose_measurement`: `PoseMeasurement`, the last one.
+
+    Output ports:
+    - `view_latest`: `ViewRequest` of the last tick, from the state alone.
+    """
+
+    def __init__(self, model: TargetModel, config: ViewPlannerConfig, period: float) -> None:
+        super().__init__()
+        check(config, "ViewPlanner")
+        if config.criterion not in VIEW_CRITERIA:
+            known = ", ".join(VIEW_CRITERIA)
+            raise ValueError(
+                f"ViewPlanner: criterion = '{config.criterion}', but it must be one of {known}"
+            )
+        self._config, self._model = config, model
+        guess = PosePrior(X=np.eye(4), rotation_sigma=np.inf, translation_sigma=1.0)
+        self._guess = self._declare_value_input("pose_guess", guess)
+        self._measurement = self._declare_value_input("pose_measurement", NO_MEASUREMENT)
+        self._declare_recursion(ViewPlannerState(), self._calc, period)
+        self._declare_latest("view_latest", lambda state: state.request)
+
+    def _calc(self, context: Context, state: Any) -> ViewPlannerState:
+        new = self._read(self._measurement, context)
+        config, request, grid = self._config, state.request, state.grid
+        taken = new.number if new.kind == "view" else state.seen
+        if grid is not None and taken == state.seen:
+            return ViewPlannerState(grid=grid, request=request, seen=state.seen)
+        guess: PosePrior = self._read(self._guess, context)
+        if grid is None:
+            radius = self._model.radius
+            half = radius + 2.0 * min(guess.translation_sigma, radius)
+            grid = empty_grid(of_middle(guess.X, self._model.middle)[:3, 3], half, config.cell)
+        if new.kind == "view":
+            grid = with_view(grid, new.eye, new.points, new.passed)
+        if taken < config.count:
+            request = self._choose(grid, request, taken + 1)
+        return ViewPlannerState(grid=grid, request=request, seen=taken)
+
+    def _choose(self, grid: OccupancyGrid, last: ViewRequest, number: int) -> ViewRequest:
+        config = self._config
+        centre = grid.corner + 0.5 * grid.cell * np.array(grid.log_odds.shape)
+        views = hemisphere(centre, config)
+        side = np.tan(np.deg2rad(config.half_angle)) * np.linspace(-1.0, 1.0, config.rays)
+        u, v = np.meshgrid(side, side)
+        rays = np.column_stack([u.ravel(), v.ravel(), np.ones(u.size)])
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        gains = expected_gains(grid, views, rays)
+        if config.criterion == "same" and number > 1:
+            return ViewRequest(number=number, X_WC=last.X_WC, candidates=views, gains=gains)
+        rng = np.random.default_rng([config.seed, number])
+        lots = rng.uniform(size=len(views))
+        by_lot = config.criterion == "random" or number == 1
+        best = int(np.argmax(lots if by_lot else gains))
+        return ViewRequest(
+            number=number,
+            X_WC=views[best],
+            gain=float(gains[best]),
+            candidates=views,
+            gains=gains,
+        )

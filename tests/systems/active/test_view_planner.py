@@ -1,0 +1,109 @@
+"""The planner of views through its ports."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.testing import assert_allclose
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import Context
+
+from crossmodal.systems.active.view_planner import (
+    ViewPlanner,
+    ViewPlannerConfig,
+    hemisphere,
+    looking_at,
+)
+from crossmodal.systems.port_values import (
+    NO_MEASUREMENT,
+    PoseMeasurement,
+    PosePrior,
+    ViewRequest,
+)
+from crossmodal.systems.pose.target_model import TargetModel, make_target
+
+CENTRE = np.array([0.5, 0.0, 0.1])
+
+
+@pytest.fixture(scope="module")
+def model() -> TargetModel:
+    mesh = trimesh.creation.box(extents=[0.06, 0.1, 0.2])
+    return make_target(mesh.vertices, mesh.faces)
+
+
+def start(model: TargetModel, **config: object) -> tuple[ViewPlanner, Context]:
+    planner = ViewPlanner(model, replace(ViewPlannerConfig(count=3), **config), 0.1)
+    context = planner.CreateDefaultContext()
+    X = np.eye(4)
+    X[:3, 3] = CENTRE
+    guess = PosePrior(X=X, rotation_sigma=0.2, translation_sigma=0.02)
+    planner.GetInputPort("pose_guess").FixValue(context, AbstractValue.Make(guess))
+    tick(planner, context, NO_MEASUREMENT)
+    return planner, context
+
+
+def tick(planner: ViewPlanner, context: Context, measured: PoseMeasurement) -> ViewRequest:
+    port = planner.GetInputPort("pose_measurement")
+    port.FixValue(context, AbstractValue.Make(measured))
+    planner.ExecuteForcedEvents(context)
+    request: ViewRequest = planner.GetOutputPort("view_latest").Eval(context)
+    return request
+
+
+def taken(request: ViewRequest) -> PoseMeasurement:
+    """A view of a wall through the object's middle that faces the camera."""
+    X = request.X_WC
+    u, v = np.meshgrid(np.linspace(-0.25, 0.25, 50), np.linspace(-0.25, 0.25, 50))
+    d = np.column_stack([u.ravel(), v.ravel(), np.ones(u.size)])
+    wall = np.linalg.norm(d[:, :2], axis=1) < 0.15
+    points = X[:3, 3] + 0.55 * d[wall] @ X[:3, :3].T
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    return PoseMeasurement(
+        kind="view",
+        number=request.number,
+        points=points,
+        sigma=np.full(len(points), 1e-3),
+        facing=np.zeros_like(points),
+        eye=X[:3, 3],
+        passed=d[~wall] @ X[:3, :3].T,
+    )
+
+
+def test_it_looks_at_the_object_from_all_sides() -> None:
+    views = hemisphere(CENTRE, ViewPlannerConfig())
+    assert len(views) == 96
+    for X in views:
+        assert_allclose(X[:3, :3] @ X[:3, :3].T, np.eye(3), atol=1e-12)
+        assert_allclose(X[:3, 3] + 0.55 * X[:3, 2], CENTRE, atol=1e-12)
+        assert abs(X[2, 0]) < 1e-9  # Its x is level.
+        assert X[2, 1] < 0.0  # Its y points down.
+    above = looking_at(np.array([0.5, 0.0, 0.6]), CENTRE)
+    assert_allclose(above[:3, 2], [0.0, 0.0, -1.0])
+
+
+def test_the_second_view_is_from_the_other_side(model: TargetModel) -> None:
+    planner, context = start(model)
+    first: ViewRequest = planner.GetOutputPort("view_latest").Eval(context)
+    assert first.number == 1
+    second = tick(planner, context, taken(first))
+    assert second.number == 2
+    assert second.gain == pytest.approx(second.gains.max())
+    assert first.X_WC[:2, 2] @ second.X_WC[:2, 2] < 0.0
+    assert tick(planner, context, taken(first)) is second  # Nothing new has come.
+    third = tick(planner, context, taken(second))
+    assert third.number == 3
+    assert tick(planner, context, taken(third)) is third
+
+
+def test_a_static_camera_stays(model: TargetModel) -> None:
+    planner, context = start(model, criterion="same")
+    first: ViewRequest = planner.GetOutputPort("view_latest").Eval(context)
+    second = tick(planner, context, taken(first))
+    assert second.number == 2
+    assert_allclose(second.X_WC, first.X_WC)
+
+
+def test_an_unknown_criterion_is_refused(model: TargetModel) -> None:
+    with pytest.raises(ValueError, match="criterion = 'best', but it must be one of entropy"):
+        start(model, criterion="best")

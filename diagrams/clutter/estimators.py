@@ -81,11 +81,11 @@ def make_station(scenario: Scenario, calibration: Calibration) -> Station:
     height = None if table is None else table.height
     config = scenario.touches
     planner = builder.AddNamedSystem(
-        "planner", TouchPlanner(model, config, height, scenario.network_period)
+        "planner", TouchPlanner(model, config, height, scenario.network_period, scenario.seed)
     )
     builder.Connect(planner.GetOutputPort("touch_latest"), rig.GetInputPort("touch"))
     views = builder.AddNamedSystem(
-        "views", ViewPlanner(model, scenario.views, scenario.network_period)
+        "views", ViewPlanner(model, scenario.views, scenario.network_period, scenario.seed)
     )
     for name in ("pose_guess", "pose_measurement"):
         builder.Connect(rig.GetOutputPort(name), views.GetInputPort(name))

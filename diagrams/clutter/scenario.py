@@ -116,7 +116,6 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
             raise ScenarioError(f"{path}: guess.{key} must be least, then largest")
     scenario.modalities = scenario.modalities or list(ESTIMATORS)
     scenario.touches.after_views = scenario.views.count
-    scenario.touches.seed = scenario.views.seed = scenario.seed
     if scenario.target.mesh:
         mesh = Path(scenario.target.mesh)
         if not mesh.is_absolute():

@@ -37,7 +37,6 @@ class TouchPlannerConfig:
     criterion: str = "expected-adi"  # Or log-det, random.
     candidates: int = number(150, at_least=1, at_most=100000)
     touch: TouchConfig = field(default_factory=TouchConfig)
-    seed: int = number(0, at_least=0, at_most=2**63 - 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,8 +59,22 @@ class TouchPlanner(RecursiveFilter):
     """
 
     def __init__(
-        self, model: TargetModel, config: TouchPlannerConfig, height: float | None, period: float
+        self,
+        model: TargetModel,
+        config: TouchPlannerConfig,
+        height: float | None,
+        period: float,
+        seed: int = 0,
     ) -> None:
+        """Makes the planner.
+
+        Args:
+            model: Of the object.
+            config: Of the touches.
+            height: Of what the object stands on, [m]; None if nothing is known of it.
+            period: Of the ticks, [s].
+            seed: Of what is drawn by lot.
+        """
         super().__init__()
         check(config, "TouchPlanner")
         if config.criterion not in CRITERIA:
@@ -69,7 +82,7 @@ class TouchPlanner(RecursiveFilter):
             raise ValueError(
                 f"TouchPlanner: criterion = '{config.criterion}', but it must be one of {known}"
             )
-        self._model, self._config = model, config
+        self._model, self._config, self._seed = model, config, seed
         self._height = -np.inf if height is None else height
         self._pose = self._declare_value_input("object_pose", UNKNOWN_POSE)
         self._declare_recursion(TouchPlannerState(), self._calc, period)
@@ -93,7 +106,7 @@ class TouchPlanner(RecursiveFilter):
 
     def _choose(self, belief: ObjectPose, number: int, criterion: str) -> TouchRequest:
         config, model = self._config, self._model
-        rng = np.random.default_rng([config.seed, number])
+        rng = np.random.default_rng([self._seed, number])
         starts, directions = candidate_rays(
             belief, model, config.touch, config.candidates, rng, height=self._height
         )

@@ -49,7 +49,6 @@ class ViewPlannerConfig:
     # Rays by which a candidate is judged, along each side of its image, and half its angle.
     rays: int = number(50, at_least=1, at_most=1000)
     half_angle: float = number(20.0, above=0.0, below=90.0, unit="deg")
-    seed: int = number(0, at_least=0, at_most=2**63 - 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +100,10 @@ class ViewPlanner(RecursiveFilter):
     - `view_latest`: `ViewRequest` of the last tick, from the state alone.
     """
 
-    def __init__(self, model: TargetModel, config: ViewPlannerConfig, period: float) -> None:
+    def __init__(
+        self, model: TargetModel, config: ViewPlannerConfig, period: float, seed: int = 0
+    ) -> None:
+        """Makes the planner; `seed` is that of what is drawn by lot, `period` of the ticks, [s]."""
         super().__init__()
         check(config, "ViewPlanner")
         if config.criterion not in VIEW_CRITERIA:
@@ -109,7 +111,7 @@ class ViewPlanner(RecursiveFilter):
             raise ValueError(
                 f"ViewPlanner: criterion = '{config.criterion}', but it must be one of {known}"
             )
-        self._config, self._model = config, model
+        self._config, self._model, self._seed = config, model, seed
         guess = PosePrior(X=np.eye(4), rotation_sigma=np.inf, translation_sigma=1.0)
         self._guess = self._declare_value_input("pose_guess", guess)
         self._measurement = self._declare_value_input("pose_measurement", NO_MEASUREMENT)
@@ -144,7 +146,7 @@ class ViewPlanner(RecursiveFilter):
         gains = expected_gains(grid, views, rays)
         if config.criterion == "same" and number > 1:
             return ViewRequest(number=number, X_WC=last.X_WC, candidates=views, gains=gains)
-        rng = np.random.default_rng([config.seed, number])
+        rng = np.random.default_rng([self._seed, number])
         lots = rng.uniform(size=len(views))
         by_lot = config.criterion == "random" or number == 1
         best = int(np.argmax(lots if by_lot else gains))

@@ -1,6 +1,7 @@
 """Whole episodes of the measuring rig: what they come to, and bad input."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from crossmodal.diagrams.command_line import app
 from crossmodal.diagrams.run.application import Results
 from crossmodal.diagrams.run.calibration import calibrated, realistic_errors
 from crossmodal.diagrams.run.episode import run_episode
+from crossmodal.diagrams.run.folder.fingerprint import contents
 from crossmodal.diagrams.run.folder.run_folder import SUMMARY_FILE, write_run
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.scenario import CameraConfig
@@ -134,6 +136,13 @@ def test_a_mesh_in_another_unit_is_refused(tmp_path: Path) -> None:
     trimesh.creation.box(extents=[60.0, 90.0, 200.0]).export(tmp_path / "parcel.stl")
     with pytest.raises(ScenarioError, match=r"227 m large.*scale"):
         episode("pose-estimation", f"target.mesh={tmp_path / 'parcel.stl'}")
+
+
+def test_a_seed_decides_the_same_whenever_it_is_put_in() -> None:
+    """Evaluations read a scenario once and then put their seeds in."""
+    application, first = load_scenario("touches", ["seed=0"])
+    _, other = load_scenario("touches", ["seed=5"])
+    assert contents(application, replace(first, seed=5)) == contents(application, other)
 
 
 def test_the_guess_is_as_wrong_as_the_scenario_says() -> None:

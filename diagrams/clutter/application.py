@@ -5,14 +5,13 @@ Dense Clutter", sections II-C and II-D.
 """
 
 from crossmodal.diagrams.clutter.estimators import (
-    close_loop,
     make_calibration,
     make_estimators,
-    make_station,
 )
 from crossmodal.diagrams.clutter.own_mesh import keep_files, own_mesh_assignments
 from crossmodal.diagrams.clutter.results import evaluate, metrics
 from crossmodal.diagrams.clutter.scenario import SCENARIO_FOLDER, Scenario, resolve
+from crossmodal.diagrams.clutter.station import close_loop, make_station
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import Column, Experiment
 from crossmodal.diagrams.run.record import Quantity

@@ -90,7 +90,7 @@ def evaluate(record: EpisodeRecord) -> Results:
         "target": target_name(scenario),
         "estimator": first,
         "stages": stages[first],
-        "object_moved": 0.0,
+        "object_moved": None,  # Nothing touches it: the rig's finger is a ray.
     }
     return Results(
         failure=None if made == wanted else f"{made} of {wanted} touches were made: {why}",

@@ -32,12 +32,16 @@ from crossmodal.systems.port_values import (
     PosePrior,
     TouchRequest,
     of_mesh,
+    of_middle,
 )
 from crossmodal.systems.pose.target_model import TargetModel, cast_rays
 from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.sensors.depth_noise import DepthNoiseConfig, depth_sigma
+from crossmodal.systems.shared_settings import SensorNoise
 
 CAMERA_ERRORS, ARM_ERRORS = 8, 6  # Pose, depth scale, focal length; pose.
 _CAMERA_REACH = 3.0  # [m]
+_DRAWN = DepthNoiseConfig()  # The camera's own noise.
 _RAY_STEP, _BEFORE_CONTACT = 6e-3, 4e-3  # Between samples of a ray, and before its end, [m].
 
 
@@ -104,7 +108,7 @@ class MeasuringRig(RecursiveFilter):
     def __init__(self, scenario: Scenario, calibration: Calibration, model: TargetModel) -> None:
         super().__init__()
         self._scenario, self._model = scenario, model
-        self._camera = calibration.cameras["camera"]
+        self._camera, self._noise = calibration.cameras["camera"], calibration.noise
         errors, seed = scenario.calibration.errors, scenario.seed
         self._true_camera: Camera = draw_camera("camera", self._camera, errors, seed)
         base = draw_base("arm", RigidTransform(), errors, seed)
@@ -155,7 +159,7 @@ class MeasuringRig(RecursiveFilter):
     def _view(self, number: int, X_believed: Array) -> PoseMeasurement:
         rng = generator(self._scenario, f"view {number}")
         camera, stride = self._true_camera, self._scenario.view.stride
-        p_W = self._guess.X[:3, :3] @ self._model.middle + self._guess.X[:3, 3]
+        p_W = of_middle(self._guess.X, self._model.middle)[:3, 3]
         # The flange is where it is believed to be, the camera on it is not.
         mounting = self._camera.X_PC.inverse() @ camera.X_PC
         X_true = X_believed @ np.asarray(mounting.GetAsMatrix4())
@@ -166,7 +170,7 @@ class MeasuringRig(RecursiveFilter):
         )
         met = np.isfinite(found)
         depth = found[met] / length[met]
-        sigma = _depth_noise(depth)
+        sigma = depth_sigma(depth, _DRAWN.sigma_base, _DRAWN.sigma_square)
         measured = depth * camera.depth_scale + sigma * rng.normal(size=len(depth))
         points = X_believed[:3, 3] + (measured[:, None] * believed_rays[met]) @ X_believed[:3, :3].T
         facing = X_believed[:3, 3] - points
@@ -176,7 +180,7 @@ class MeasuringRig(RecursiveFilter):
             kind="view",
             number=number,
             points=points,
-            sigma=_depth_noise(measured),
+            sigma=_believed_sigma(measured, self._noise),
             facing=facing,
             eye=X_believed[:3, 3],
             passed=(believed_rays / length[:, None])[~met] @ X_believed[:3, :3].T,
@@ -219,6 +223,6 @@ def _pixel_rays(camera: Camera, stride: int) -> Array:
     return np.column_stack([x, y, np.ones(x.size)])
 
 
-def _depth_noise(depth: Array) -> Array:
-    """Standard deviation of depths (N,), [m]."""
-    return np.asarray(1.2e-3 + 1.9e-3 * (depth - 0.4) ** 2)
+def _believed_sigma(depth: Array, noise: SensorNoise) -> Array:
+    """Standard deviation of depths (N,) as the robot believes it, [m]."""
+    return np.asarray(noise.depth + noise.depth_growth * (depth - noise.depth_range) ** 2)

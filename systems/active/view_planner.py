@@ -33,7 +33,7 @@ class ViewPlannerConfig:
     """How many views there are, and by what they are chosen."""
 
     count: int = number(1, at_least=0, at_most=20)
-    # What a view is expected to show (entropy), a lot (random), or where the first one was (same).
+    # The expected fall in entropy (entropy), a lot (random), or where the first one was (same).
     criterion: str = "entropy"
     # Of the camera from the object's middle.
     distance: float = number(0.55, at_least=0.1, at_most=5.0, unit="m")

@@ -167,7 +167,7 @@ class ViewRequest(Immutable):
     Attributes:
         number: Of the view, from one on; zero: none is wanted.
         X_WC: Of the camera (4, 4).
-        gain: Entropy of what the view is expected to show, [bit].
+        gain: By how much the view is expected to lower the entropy of the occupancy grid, [bit].
         candidates: X_WC (V, 4, 4) among which it was chosen.
         gains: Of these (V,), [bit].
     """

@@ -16,7 +16,6 @@ from crossmodal.systems.port_values import (
     ObjectPose,
     PoseMeasurement,
     PosePrior,
-    deviations,
     of_middle,
 )
 from crossmodal.systems.pose.evidence import Evidence, Table
@@ -65,13 +64,11 @@ class PoseState(Immutable):
         evidence: All of it.
         belief: About the pose.
         number: Of the last measurement.
-        moved: By how much the reported pose has changed with it (rotation, translation), [rad, m].
     """
 
     evidence: Evidence
     belief: ObjectPose = UNKNOWN_POSE
     number: int = 0
-    moved: tuple[float, float] = (np.inf, np.inf)
 
 
 def with_measurement(evidence: Evidence, new: PoseMeasurement) -> Evidence:
@@ -117,12 +114,9 @@ class PoseEstimator(RecursiveFilter):
     def _calc(self, context: Context, state: Any) -> PoseState:
         new: PoseMeasurement = self._read(self._measurement, context)
         if state.belief.known and new.number == state.number:
-            return PoseState(evidence=state.evidence, belief=state.belief, number=state.number)
+            unchanged: PoseState = state
+            return unchanged
         evidence = with_measurement(state.evidence, new)
         belief = self._infer(evidence, self._read(self._guess, context), self._model)
         belief = replace(belief, number=new.number)
-        moved = (np.inf, np.inf)
-        if state.belief.known:
-            e = deviations(state.belief.X, belief.X[None])[0]
-            moved = float(np.linalg.norm(e[:3])), float(np.linalg.norm(e[3:]))
-        return PoseState(evidence=evidence, belief=belief, number=new.number, moved=moved)
+        return PoseState(evidence=evidence, belief=belief, number=new.number)

@@ -53,7 +53,8 @@ def estimate_pose(
     """
     if not isinstance(model, TargetModel):
         model = load_target(model, scale)
-    cloud, touches = _points(cloud, "cloud"), _points(touches, "touches")
+    cloud, given = _array(cloud, "cloud"), _array(touches, "touches")
+    cloud, touches = _finite(cloud), _finite(given)
     if len(cloud) + len(touches) == 0:
         raise ValueError("estimate_pose: neither cloud nor touches hold a finite point")
     facing = np.zeros_like(cloud)
@@ -63,10 +64,11 @@ def estimate_pose(
     normals = np.zeros_like(touches)
     if touch_normals is not None:
         normals = np.asarray(touch_normals, dtype=float)
-        if normals.shape != touches.shape:
+        if normals.shape != given.shape:
             raise ValueError(
-                f"estimate_pose: touch_normals are {normals.shape}, the touches {touches.shape}"
+                f"estimate_pose: touch_normals are {normals.shape}, the touches {given.shape}"
             )
+        normals = normals[np.isfinite(given).all(axis=1)]
         normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     known_exactly = np.zeros((6, 0))
     evidence = Evidence(table=table).with_group(known_exactly, cloud, cloud_sigma, facing)
@@ -80,8 +82,12 @@ def estimate_pose(
     return infer_pose(evidence, guess, model, config)
 
 
-def _points(values: Array | None, name: str) -> Array:
+def _array(values: Array | None, name: str) -> Array:
     points = np.zeros((0, 3)) if values is None else np.asarray(values, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3:
         raise ValueError(f"estimate_pose: {name} is {points.shape}, but it must be (N, 3)")
+    return points
+
+
+def _finite(points: Array) -> Array:
     return np.ascontiguousarray(points[np.isfinite(points).all(axis=1)])

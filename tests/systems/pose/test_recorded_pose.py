@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from crossmodal.systems.port_values import PosePrior
 from crossmodal.systems.pose.evidence import Table
 from crossmodal.systems.pose.recorded_pose import estimate_pose
 from crossmodal.systems.pose.target_model import TargetModel, cast_rays, make_target
@@ -66,6 +67,17 @@ def test_missing_points_are_left_out(model: TargetModel) -> None:
     X, cloud = seen(model, 6)
     cloud[::7] = np.nan
     assert error(X, estimate_pose(model, cloud, eye=EYE).X)[0] < 2e-3
+
+
+def test_a_missing_contact_takes_its_normal_along(model: TargetModel) -> None:
+    touches, normals = model.surface.points[::900].copy(), model.surface.normals[::900]
+    touches[2] = np.nan
+    guess = PosePrior(X=np.eye(4), rotation_sigma=0.1, translation_sigma=0.01)
+    both = [
+        estimate_pose(model, touches=t, touch_normals=n, guess=guess).X
+        for t, n in ((touches, normals), (np.delete(touches, 2, 0), np.delete(normals, 2, 0)))
+    ]
+    np.testing.assert_array_equal(*both)
 
 
 def test_touches_and_a_table_count(model: TargetModel) -> None:

@@ -1,0 +1,50 @@
+"""The station of the clutter application: the measuring rig, and the planners that direct it."""
+
+from collections.abc import Mapping
+
+from pydrake.systems.framework import DiagramBuilder, System
+
+from crossmodal.diagrams.clutter.estimators import believed_table, load_model
+from crossmodal.diagrams.clutter.rig import MeasuringRig
+from crossmodal.diagrams.clutter.scenario import Scenario
+from crossmodal.diagrams.run.application import Station
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.systems.active.touch_planner import TouchPlanner
+from crossmodal.systems.active.view_planner import ViewPlanner
+
+
+def make_station(scenario: Scenario, calibration: Calibration) -> Station:
+    """The rig, and the planners that say where to look and to touch next."""
+    model, table = load_model(scenario), believed_table(scenario)
+    builder = DiagramBuilder()
+    rig = builder.AddNamedSystem("rig", MeasuringRig(scenario, calibration, model))
+    height = None if table is None else table.height
+    config = scenario.touches
+    planner = builder.AddNamedSystem(
+        "planner", TouchPlanner(model, config, height, scenario.network_period, scenario.seed)
+    )
+    builder.Connect(planner.GetOutputPort("touch_latest"), rig.GetInputPort("touch"))
+    views = builder.AddNamedSystem(
+        "views", ViewPlanner(model, scenario.views, scenario.network_period, scenario.seed)
+    )
+    for name in ("pose_guess", "pose_measurement"):
+        builder.Connect(rig.GetOutputPort(name), views.GetInputPort(name))
+    builder.Connect(views.GetOutputPort("view_latest"), rig.GetInputPort("view"))
+    builder.ExportOutput(views.GetOutputPort("view_latest"), "view_latest")
+    builder.ExportInput(planner.GetInputPort("object_pose"), "object_pose")
+    for name in ("pose_measurement", "pose_guess", "task_status", "cheat_object_pose"):
+        builder.ExportOutput(rig.GetOutputPort(name), name)
+    builder.ExportOutput(planner.GetOutputPort("touch_latest"), "touch_latest")
+    return Station(diagram=builder.Build())
+
+
+def close_loop(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    station: System,
+    estimators: Mapping[str, System],
+) -> None:
+    """Touches are planned by what the first estimator believes."""
+    first = estimators[scenario.modalities[0]]
+    pose = first.GetOutputPort("object_pose_latest")
+    builder.Connect(pose, station.GetInputPort("object_pose"))

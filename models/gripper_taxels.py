@@ -1,6 +1,6 @@
 """Where the taxels of the two-finger gripper lie: what makes its model and what reads it agree.
 
-Each taxel is a small sphere, most of it in the finger's core. Frame E (end_effector): z along the
+Each taxel is a small sphere on the finger's core. Frame E (end_effector): z along the
 approach, x along the opening, its origin in the middle of the closed fingers' ends, as far along z
 as the taxels reach. The frame of a finger is parallel to E and coincides with it when closed; the
 left finger opens along +x, the right one, which is the left one turned by 180 deg about z, along
@@ -25,7 +25,8 @@ PARTS = ("phalange", "outer", "tip", "inner")
 ARRAYS = tuple(f"{finger}_{part}" for finger in FINGERS for part in PARTS)
 
 RADIUS = 0.003  # Of a taxel's sphere, [m].
-STICKS_OUT = 0.0015  # By so much it sticks out of the core, [m].
+STICKS_OUT = 0.0015  # By so much it sticks out of the core on the faces and sides, [m].
+TIP_STICKS_OUT = 0.0045  # Likewise at the end, where taxels are further apart, [m].
 PITCH = 0.0047  # Between the middles of neighbouring taxels, except those of a tip, [m].
 WIDTH = 0.027  # Of a finger along y, over its taxels, [m].
 THICKNESS = 0.014  # Of a finger along x, over its taxels, [m].
@@ -110,7 +111,7 @@ def _left_finger() -> dict[str, tuple[Array, Array]]:
     end = -RADIUS - PITCH  # z of the first row behind the tip's.
     inside, outside = RADIUS, THICKNESS - RADIUS
     edge = 0.5 * WIDTH - RADIUS
-    x, y, z = np.eye(3)
+    x, _, z = np.eye(3)
     tip = _grid(np.array([inside, outside]), np.array([-edge, 0.0, edge]), np.array([-RADIUS]))
     return {
         "phalange": (_grid(np.array([inside]), _BESIDE, _rows(_PHALANGE_END, 6)), -x),
@@ -121,7 +122,7 @@ def _left_finger() -> dict[str, tuple[Array, Array]]:
 
 
 def _rows(end: float, count: int) -> Array:
-    return end - PITCH * np.arange(count)
+    return np.array([end - PITCH * row for row in range(count)])
 
 
 def _grid(x: Array, y: Array, z: Array) -> Array:

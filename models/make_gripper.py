@@ -16,6 +16,7 @@ from crossmodal.models.gripper_taxels import (
     RADIUS,
     STICKS_OUT,
     THICKNESS,
+    TIP_STICKS_OUT,
     TRAVEL,
     WIDTH,
     gripper_taxels,
@@ -31,15 +32,17 @@ _PALM_MASS, _FINGER_MASS = 0.8, 0.1  # [kg].
 _EFFORT, _STIFFNESS, _DAMPING = 5.0, 2000.0, 60.0  # Of a finger's drive: [N], [N/m], [N s/m].
 _DARK, _GREY, _SKIN = "0.16 0.17 0.19 1", "0.45 0.46 0.48 1", "0.30 0.32 0.35 1"
 _HEAD = """<!-- Made by crossmodal.models.make_gripper.
-     A gripper with two fingers that slide. Stroke (140 mm), width of the fingers and mass (1 kg) are those of a Robotiq
-     2F-140, whose fingers swing, however. Each finger has a drive that pushes with 5 N at most; 0 is closed.
-     On each finger are 70 taxels in four arrays, as on XELA's fingers: phalange 4x6, outer 4x6, tip 2x3, inner 4x4. Each
-     is a sphere of 3 mm with a point contact of its own, 4.7 mm from its neighbours; it sticks out of the finger's core by
-     1.5 mm. Those of a tip are 8 and 10.5 mm apart, so that they reach to the edges of its end face (14 x 27 mm): a plane
-     that meets the finger's end from the front or from a side meets a taxel before the core. Where all of them are says
-     models/gripper_taxels.py.
-     Frame E (end_effector): z along the fingers, x along the opening, its origin in the middle of the closed fingers'
-     ends, where the taxels reach furthest. -->"""
+     A gripper with two fingers that slide. Stroke (140 mm), width of the fingers and mass (1 kg)
+     are those of a Robotiq 2F-140, whose fingers swing, however. Each finger has a drive that
+     pushes with 5 N at most; 0 is closed.
+     On each finger are 70 taxels in four arrays, as on XELA's fingers: phalange 4x6, outer 4x6,
+     tip 2x3, inner 4x4. Each is a sphere of 3 mm radius with a point contact of its own, 4.7 mm
+     from its neighbours; it sticks out of the finger's core by 1.5 mm. Those of a tip are 8 and
+     10.5 mm apart, so that they reach to the edges of its end (14 x 27 mm), and stick out by 4.5
+     mm: what meets a finger's end from the front or a side meets a taxel before the core. Where
+     all of them are says models/gripper_taxels.py.
+     Frame E (end_effector): z along the fingers, x along the opening, its origin in the middle of
+     the closed fingers' ends, where the taxels reach furthest. -->"""
 
 
 def sdf() -> str:
@@ -71,7 +74,7 @@ def _finger(finger: str) -> list[str]:
     """A finger and its joint; its frame is where E is when it is closed."""
     outwards = 1.0 if finger == "left" else -1.0
     start = _RAIL_TOP - _PALM_LENGTH - _REACH
-    length = -STICKS_OUT - start
+    length = -TIP_STICKS_OUT - start
     size = (THICKNESS - 2.0 * STICKS_OUT, WIDTH - 2.0 * STICKS_OUT, length)
     middle = (0.5 * outwards * THICKNESS, 0.0, start + 0.5 * length)
     core = "<drake:proximity_properties>" + _friction(0.5) + "</drake:proximity_properties>"
@@ -116,9 +119,10 @@ def _patch(array: str, p_FS: Array, n_F: Array) -> str:
     """What is seen of an array: a thin box over its taxels, as high as they are."""
     low, high = p_FS.min(axis=0), p_FS.max(axis=0)
     along = np.abs(n_F) > 0.5
-    reach = 0.5 * PITCH if "tip" not in array else RADIUS
-    size = np.where(along, STICKS_OUT, high - low + 2.0 * reach)
-    middle = 0.5 * (low + high) + (RADIUS - 0.5 * STICKS_OUT) * n_F
+    is_tip = array.endswith("tip")
+    beside, thickness = (RADIUS, TIP_STICKS_OUT) if is_tip else (0.5 * PITCH, STICKS_OUT)
+    size = np.where(along, thickness, high - low + 2.0 * beside)
+    middle = 0.5 * (low + high) + (RADIUS - 0.5 * thickness) * n_F
     return _visual(array, tuple(middle), _box(tuple(size)), _SKIN)
 
 

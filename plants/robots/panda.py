@@ -12,5 +12,6 @@ PANDA_WITH_CAMERA = ArmWithHand(
     mount="mount",
     hand_frames=("end_effector", "camera"),
 )
-# The camera looks down from 0.5 m above (0.5, 0, 0) in the base's frame, its lower edge nearest to the arm, [rad].
+# The camera looks down from 0.5 m above (0.5, 0, 0) in the base's frame; its image has the arm's
+# base below, [rad].
 PANDA_HOME = np.array([0.0, -0.4, 0.0, -2.052, 0.0, 1.652, 0.0])

@@ -329,7 +329,11 @@ def write(folder: Path, name: str, goods: Goods) -> None:
     meshes = {name: goods.mesh} | {f"{name}_{k}": part for k, part in enumerate(goods.parts)}
     for stem, mesh in meshes.items():
         text = mesh.export(
-            file_type="obj", include_normals=False, include_color=False, digits=6, header=None
+            file_type="obj",
+            include_normals=stem == name,
+            include_color=False,
+            digits=6,
+            header=None,
         )
         (folder / f"{stem}.obj").write_text(text, encoding="utf-8")
     (folder / f"{name}.sdf").write_text(sdf(name, goods), encoding="utf-8")

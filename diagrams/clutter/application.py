@@ -4,6 +4,8 @@ Source: "Active Visuo-Tactile Interactive Robotic Perception for Accurate Object
 Dense Clutter", sections II-C and II-D.
 """
 
+from pydrake.math import RigidTransform
+
 from crossmodal.diagrams.clutter.estimators import (
     make_calibration,
     make_estimators,
@@ -11,11 +13,11 @@ from crossmodal.diagrams.clutter.estimators import (
 from crossmodal.diagrams.clutter.own_mesh import keep_files, own_mesh_assignments
 from crossmodal.diagrams.clutter.results import evaluate, metrics
 from crossmodal.diagrams.clutter.scenario import SCENARIO_FOLDER, Scenario, resolve
-from crossmodal.diagrams.clutter.station import close_loop, make_station
+from crossmodal.diagrams.clutter.station.station import close_loop, make_station
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import Column, Experiment
 from crossmodal.diagrams.run.record import Quantity
-from crossmodal.systems.port_values import NO_MEASUREMENT, NO_POSE, NO_TOUCH, NO_VIEW, UNKNOWN_POSE
+from crossmodal.systems.port_values import NO_MEASUREMENT, NO_TOUCH, NO_VIEW, UNKNOWN_POSE
 
 APPLICATION = Application(
     name="clutter",
@@ -31,7 +33,7 @@ APPLICATION = Application(
     keep_files=keep_files,
     quantities=[Quantity(port="object_pose_latest", model=UNKNOWN_POSE)],
     station_quantities=[
-        Quantity(port="cheat_object_pose", model=NO_POSE),
+        Quantity(port="cheat_object_pose", model=RigidTransform()),
         Quantity(port="pose_measurement", model=NO_MEASUREMENT),
         Quantity(port="touch_latest", model=NO_TOUCH),
         Quantity(port="view_latest", model=NO_VIEW),

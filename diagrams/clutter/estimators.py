@@ -1,11 +1,13 @@
-"""The estimators of the clutter application, and the planner of touches."""
+"""The estimators of the clutter application, and what robots believe of themselves."""
 
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 from pydrake.systems.framework import System
 
+from crossmodal.diagrams.clutter.robot_config import ROBOTS
 from crossmodal.diagrams.clutter.scenario import Scenario, generator, target_mesh
 from crossmodal.diagrams.run.calibration import (
     Calibration,
@@ -13,6 +15,7 @@ from crossmodal.diagrams.run.calibration import (
 )
 from crossmodal.diagrams.run.scenario import CameraConfig
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.stations.believed_robots import believed_robots
 from crossmodal.systems.pose.evidence import Table
 from crossmodal.systems.pose.pose_belief import SolverConfig
 from crossmodal.systems.pose.pose_estimators import (
@@ -22,6 +25,9 @@ from crossmodal.systems.pose.pose_estimators import (
 )
 from crossmodal.systems.pose.quaternion_filter import QuaternionFilterConfig
 from crossmodal.systems.pose.target_model import TargetModel, TargetModelError, load_target
+
+# What is left of an encoder's offset behind the gears once the joints are mastered, [rad].
+_JOINT_OFFSET = float(np.deg2rad(0.05))
 
 
 @cache
@@ -50,10 +56,16 @@ def believed_table(scenario: Scenario) -> Table | None:
 
 
 def make_calibration(scenario: Scenario) -> Calibration:
-    """The camera, whose pose on the flange is known up to the believed errors."""
-    config = scenario.cameras.get("camera", CameraConfig())
-    camera = calibrated(config.camera(), scenario.calibration.believed)
-    return Calibration(cameras={"camera": camera}, noise=scenario.calibration.noise)
+    """Camera and arms, as the scene places them, and how well that is taken to be known."""
+    cameras = scenario.cameras or {"camera": CameraConfig()}
+    if scenario.station == "robots":
+        scene = scenario.plant.scene
+        return believed_robots(scenario, scene, ROBOTS, cameras, _JOINT_OFFSET)
+    believed = scenario.calibration.believed
+    return Calibration(
+        cameras={name: calibrated(config.camera(), believed) for name, config in cameras.items()},
+        noise=scenario.calibration.noise,
+    )
 
 
 def make_estimators(scenario: Scenario, calibration: Calibration) -> Mapping[str, System]:

@@ -15,13 +15,15 @@ from crossmodal.diagrams.run.experiment import Metric
 from crossmodal.diagrams.run.record import EpisodeRecord, EstimatorRecord
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.gaussian import chi_square_gate
-from crossmodal.systems.port_values import ObjectPose, of_mesh
+from crossmodal.systems.port_values import ObjectPose, of_mesh, of_middle
 from crossmodal.systems.pose.target_model import TargetModel, nearest_distances
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _CLAIMED = chi_square_gate(0.05, 6)  # Squared distance that 95 % of the poses do not exceed.
+
+_SETTLED = 5  # Tick at which the object has come to rest on its table.
 
 
 def average_distance(X: Array, Y: Array, model: TargetModel) -> float:
@@ -34,14 +36,22 @@ def average_distance(X: Array, Y: Array, model: TargetModel) -> float:
     return float(nearest_distances(in_Y, model.surface).mean())
 
 
+def _true_poses(record: EpisodeRecord, model: TargetModel) -> Array:
+    """X_WM (K, 4, 4) at each tick; NaN where it is not known."""
+    poses = record.station_values("cheat_object_pose")
+    if not poses:
+        return np.full((len(record.station), 4, 4), np.nan)
+    return np.array([of_middle(X_WO.GetAsMatrix4(), model.middle) for X_WO in poses])
+
+
 def _stages(
-    record: EpisodeRecord, estimator: EstimatorRecord, X_WM: Array, model: TargetModel
+    record: EpisodeRecord, estimator: EstimatorRecord, true: Array, model: TargetModel
 ) -> list[dict[str, Any]]:
     kinds = {0: "guess"}
     for measured in record.station_values("pose_measurement"):
         kinds[measured.number] = measured.kind or "guess"
     found: dict[int, dict[str, Any]] = {}
-    for tick in estimator.ticks:
+    for tick, X_WM in zip(estimator.ticks, true, strict=False):
         belief: ObjectPose = tick.values["object_pose_latest"]
         if not belief.known or belief.number in found:
             continue
@@ -57,8 +67,15 @@ def _stages(
     return [found[number] for number in sorted(found)]
 
 
-def _rows(estimator: EstimatorRecord, X_WM: Array) -> Iterable[tuple[float, list[Row]]]:
-    for tick in estimator.ticks:
+def _moved(true: Array) -> float | None:
+    """How far the object was moved from where it had come to rest, [m]."""
+    if len(true) <= _SETTLED or not np.isfinite(true).all():
+        return None
+    return float(np.linalg.norm(true[-1, :3, 3] - true[_SETTLED, :3, 3]))
+
+
+def _rows(estimator: EstimatorRecord, true: Array) -> Iterable[tuple[float, list[Row]]]:
+    for tick, X_WM in zip(estimator.ticks, true, strict=False):
         belief: ObjectPose = tick.values["object_pose_latest"]
         if belief.known:
             yield (
@@ -71,14 +88,13 @@ def evaluate(record: EpisodeRecord) -> Results:
     """Stages and errors of each estimator; a failure is that not all touches were made."""
     scenario: Scenario = record.scenario
     model = load_model(scenario)
-    poses = record.station_values("cheat_object_pose")
-    X_WM = poses[0].X if poses else np.full((4, 4), np.nan)
+    true = _true_poses(record, model)
     stages = {
-        name: _stages(record, estimator, X_WM, model)
+        name: _stages(record, estimator, true, model)
         for name, estimator in record.estimators.items()
     }
     table = estimates_table(
-        {name: _rows(estimator, X_WM) for name, estimator in record.estimators.items()}
+        {name: _rows(estimator, true) for name, estimator in record.estimators.items()}
     )
     modalities = {name: {"stages": found} for name, found in stages.items()}
     first = scenario.modalities[0]
@@ -90,7 +106,7 @@ def evaluate(record: EpisodeRecord) -> Results:
         "target": target_name(scenario),
         "estimator": first,
         "stages": stages[first],
-        "object_moved": None,  # Nothing touches it: the rig's finger is a ray.
+        "object_moved": _moved(true) if scenario.station == "robots" else None,
     }
     return Results(
         failure=None if made == wanted else f"{made} of {wanted} touches were made: {why}",

@@ -5,19 +5,24 @@ from pathlib import Path
 
 import numpy as np
 
+from crossmodal.diagrams.clutter.robot_config import ControlConfig, PerceptionConfig, SensorsConfig
 from crossmodal.diagrams.run import scenario as base
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.stations import pushed
 from crossmodal.maths.validation import number, numbers
 from crossmodal.models import SDF_DIR
+from crossmodal.plants.scene import PlantConfig
 from crossmodal.systems.active.touch_planner import TouchPlannerConfig
 from crossmodal.systems.active.touch_planning import CRITERIA
 from crossmodal.systems.active.view_planner import VIEW_CRITERIA, ViewPlannerConfig
 from crossmodal.systems.sensors.randomness import make_generator
+from crossmodal.systems.sensors.taxel_array import TaxelArrayFault
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 GOODS_DIR = SDF_DIR / "goods"
 TARGETS = ["oil", "spray", "cleaner", "wineglass"]
 ESTIMATORS = ("density", "quaternion")
+STATIONS = ("rig", "robots")
 
 
 @dataclass(kw_only=True)
@@ -73,10 +78,39 @@ class ContactConfig:
     false_contacts: float = number(0.0, at_least=0.0, at_most=1.0)
 
 
+def _plant() -> PlantConfig:
+    return PlantConfig(scene="pose_scene.dmd.yaml", time_step=0.002, stiction_tolerance=1e-4)
+
+
+@dataclass(kw_only=True)
+class Disturbances(pushed.Disturbances):
+    """What goes wrong, and when."""
+
+    taxels: list[TaxelArrayFault] = field(default_factory=list)  # Of arrays of the gripper.
+
+    def spans(self) -> list[tuple[str, base.Interval]]:
+        """What goes wrong, in words, and when."""
+        faults = [
+            (
+                f"array {fault.array} reads {fault.reading:g} N",
+                base.Interval(start=fault.start, end=fault.end),
+            )
+            for fault in self.taxels
+        ]
+        return [*super().spans(), *faults]
+
+
 @dataclass(kw_only=True)
 class Scenario(base.Scenario):
-    """One object, seen by a camera and touched along rays, without a robot."""
+    """One object, seen by a camera and touched, by robots or by a rig in their place."""
 
+    # robots: two arms on a table. rig: a camera and a finger that go anywhere.
+    station: str = "rig"
+    plant: PlantConfig = field(default_factory=_plant)
+    sensors: SensorsConfig = field(default_factory=SensorsConfig)
+    perception: PerceptionConfig = field(default_factory=PerceptionConfig)
+    control: ControlConfig = field(default_factory=ControlConfig)
+    disturbances: Disturbances = field(default_factory=Disturbances)
     target: TargetConfig = field(default_factory=TargetConfig)
     guess: GuessConfig = field(default_factory=GuessConfig)
     table: TableConfig = field(default_factory=TableConfig)
@@ -103,6 +137,10 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
                 f"{path}: {key}.criterion = '{criterion}', but it must be one of"
                 f" {', '.join(allowed)}"
             )
+    if scenario.station not in STATIONS:
+        raise ScenarioError(
+            f"{path}: station = '{scenario.station}', but it must be one of {', '.join(STATIONS)}"
+        )
     for name in scenario.modalities:
         if name not in ESTIMATORS:
             raise ScenarioError(f"{path}: modalities: '{name}' is none of {', '.join(ESTIMATORS)}")
@@ -142,6 +180,12 @@ def target_mesh(scenario: Scenario) -> Path:
         return Path(scenario.target.mesh)
     name = target_name(scenario)
     return GOODS_DIR / name / f"{name}.obj"
+
+
+def target_model(scenario: Scenario) -> Path:
+    """The file of the object's model, as it is simulated."""
+    name = target_name(scenario)
+    return GOODS_DIR / name / f"{name}.sdf"
 
 
 def generator(scenario: Scenario, purpose: str) -> np.random.Generator:

@@ -2,10 +2,8 @@
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from crossmodal.plants.robots.lwr import LWR_WITH_FINGERTIP, LWR_WITH_THREE_FINGERS
-from crossmodal.systems.sensors.joint_encoders import JointEncodersConfig
+from crossmodal.systems.sensors.joint_encoders import JointEncodersConfig, joint_side_encoders
 from crossmodal.systems.sensors.rgbd_camera import CameraNoiseConfig
 from crossmodal.systems.sensors.robot_mask import RobotMaskConfig
 from crossmodal.systems.sensors.taxels import TaxelsConfig
@@ -21,21 +19,10 @@ HOLDER, FINGER, TOOL = "holder", "finger", "tool"
 ROBOTS = {HOLDER_ARM: LWR_WITH_THREE_FINGERS, FINGER_ARM: LWR_WITH_FINGERTIP}
 
 
-def _joint_side_encoders() -> JointEncodersConfig:
-    """The LWR measures its joints behind the gears: what is left is an error of mastering."""
-    return JointEncodersConfig(
-        offset_rotation=float(np.deg2rad(0.05)),
-        offset_translation=0.0005,
-        stretch=5e-5,
-        noise_position=2e-5,
-        noise_velocity=0.002,
-    )
-
-
 @dataclass(kw_only=True)
 class SensorsConfig:
     camera: CameraNoiseConfig = field(default_factory=CameraNoiseConfig)
-    encoders: JointEncodersConfig = field(default_factory=_joint_side_encoders)
+    encoders: JointEncodersConfig = field(default_factory=joint_side_encoders)
     taxels: TaxelsConfig = field(default_factory=TaxelsConfig)
     # The LWR knows its joints well, so that the mask needs no wide margin.
     robot_mask: RobotMaskConfig = field(default_factory=lambda: RobotMaskConfig(margin=0.015))

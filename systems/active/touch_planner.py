@@ -1,5 +1,6 @@
 """The planner of touches: where to touch next, until enough is known."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,6 +12,7 @@ from crossmodal.maths.validation import check, number
 from crossmodal.systems.active.touch_planning import (
     CRITERIA,
     TouchConfig,
+    believed_box,
     candidate_rays,
     predict_touches,
 )
@@ -36,6 +38,8 @@ class TouchPlannerConfig:
     chosen_touches: int = number(4, at_least=0, at_most=100)
     criterion: str = "expected-adi"  # Or log-det, random.
     candidates: int = number(150, at_least=1, at_most=100000)
+    # Of these, the best that a robot is asked whether it can make them.
+    asked: int = number(30, at_least=1, at_most=100000)
     touch: TouchConfig = field(default_factory=TouchConfig)
 
 
@@ -49,6 +53,8 @@ class TouchPlannerState(Immutable):
 
 class TouchPlanner(RecursiveFilter):
     """Chooses the next touch whenever a measurement has come.
+
+    It is the one with the largest gain among those that a robot can make.
 
     Input ports:
     - `object_pose`: `ObjectPose`, whose number tells that a measurement has come.
@@ -65,6 +71,7 @@ class TouchPlanner(RecursiveFilter):
         height: float | None,
         period: float,
         seed: int = 0,
+        can_touch: Callable[[TouchRequest], bool] = lambda request: True,
     ) -> None:
         """Makes the planner.
 
@@ -74,6 +81,7 @@ class TouchPlanner(RecursiveFilter):
             height: Of what the object stands on, [m]; None if nothing is known of it.
             period: Of the ticks, [s].
             seed: Of what is drawn by lot.
+            can_touch: Whether the robot can make a touch.
         """
         super().__init__()
         check(config, "TouchPlanner")
@@ -83,6 +91,7 @@ class TouchPlanner(RecursiveFilter):
                 f"TouchPlanner: criterion = '{config.criterion}', but it must be one of {known}"
             )
         self._model, self._config, self._seed = model, config, seed
+        self._can_touch = can_touch
         self._height = -np.inf if height is None else height
         self._pose = self._declare_value_input("object_pose", UNKNOWN_POSE)
         self._declare_recursion(TouchPlannerState(), self._calc, period)
@@ -115,18 +124,30 @@ class TouchPlanner(RecursiveFilter):
         predicted = predict_touches(belief, model, starts, directions, config.touch, rng)
         feasible = predicted.feasible(config.touch)
         hit = predicted.hit
+        if not hit.any():
+            return TouchRequest(number=number - 1, done=True, why="no approach meets the object")
         if not feasible.any():
             # Nothing is likely enough to be met: the likeliest teaches most.
             feasible = hit >= hit.max()
         gains = CRITERIA[criterion](predicted, model, config.touch.sigma, rng)
-        best = int(np.argmax(np.where(feasible, gains, -np.inf)))
-        if hit[best] == 0.0:
-            return TouchRequest(number=number - 1, done=True, why="no approach meets the object")
-        return TouchRequest(
-            number=number,
-            start=starts[best],
-            direction=directions[best],
-            reach=config.touch.reach,
-            gain=float(gains[best]),
-            hit=float(hit[best]),
-        )
+        low, high = believed_box(belief, model.hull)
+        X_WB = belief.X.copy()
+        X_WB[:3, 3] += X_WB[:3, :3] @ (0.5 * (low + high))
+        order = np.argsort(np.where(feasible, -gains, np.inf), kind="stable")
+        for best in order[: min(int(feasible.sum()), config.asked)]:
+            met = predicted.distances[:, best]
+            met = met[np.isfinite(met)]
+            request = TouchRequest(
+                number=number,
+                start=starts[best],
+                direction=directions[best],
+                reach=float(met.max()) + config.touch.overtravel,
+                expected=float(np.median(met)),
+                box_edges=high - low,
+                X_WB=X_WB,
+                gain=float(gains[best]),
+                hit=float(hit[best]),
+            )
+            if self._can_touch(request):
+                return request
+        return TouchRequest(number=number - 1, done=True, why="no feasible touch")

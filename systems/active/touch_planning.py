@@ -23,10 +23,14 @@ class TouchConfig:
 
     # Poses drawn from the belief.
     poses: int = number(16, at_least=1, at_most=1000)
-    # From where an approach starts, before the object's bounding box.
+    # From where an approach starts, before the box that is believed to hold the object.
     standoff: float = number(0.08, at_least=0.0, at_most=1.0, unit="m")
-    # Length of an approach.
-    reach: float = number(0.40, above=0.0, at_most=2.0, unit="m")
+    # By how much approaches come from above at most, rather than along a face's normal.
+    tilt: float = number(0.0, at_least=0.0, at_most=90.0, unit="deg")
+    # By how much an approach goes on beyond where the object would be met at the latest.
+    overtravel: float = number(0.03, at_least=0.0, at_most=1.0, unit="m")
+    # Radius of the finger that approaches.
+    finger: float = number(0.0, at_least=0.0, at_most=0.1, unit="m")
     # Least share of the poses that it meets.
     hit: float = number(0.85, at_least=0.0, at_most=1.0)
     # Least mean cosine between the approach and the surface's normal.
@@ -35,6 +39,14 @@ class TouchConfig:
     sigma: float = number(1e-3, at_least=1e-6, at_most=0.1, unit="m")
     # Least height of an approach above what the object stands on.
     clearance: float = number(0.02, at_least=0.0, at_most=1.0, unit="m")
+
+    def of_finger(self) -> Array:
+        """Points (F, 2) of the finger's end face: its middle, and six on its rim, [m]."""
+        if self.finger == 0.0:
+            return np.zeros((1, 2))
+        angles = np.pi / 3.0 * np.arange(6)
+        rim = self.finger * np.column_stack([np.cos(angles), np.sin(angles)])
+        return np.vstack([np.zeros((1, 2)), rim])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +84,22 @@ class TouchPredictions(Immutable):
         return np.asarray((self.hit >= config.hit) & (incidence >= config.incidence))
 
 
+def believed_box(belief: ObjectPose, hull: Array) -> tuple[Array, Array]:
+    """Least and largest corner (3,) of the box that holds the object at all poses believed in.
+
+    It has the axes of the likeliest pose, in whose frame the corners are, [m].
+
+    Args:
+        belief: About the pose.
+        hull: Corners of the object's convex hull (H, 3), about its middle, [m].
+    """
+    R, t = belief.X[:3, :3], belief.X[:3, 3]
+    at_W = hull @ np.swapaxes(belief.samples[:, :3, :3], 1, 2) + belief.samples[:, None, :3, 3]
+    corners = ((at_W - t) @ R).reshape(-1, 3)
+    corners = np.vstack([corners, hull])
+    return corners.min(axis=0), corners.max(axis=0)
+
+
 def candidate_rays(
     belief: ObjectPose,
     model: TargetModel,
@@ -81,7 +109,9 @@ def candidate_rays(
     up: Array | None = None,
     height: float = -np.inf,
 ) -> tuple[Array, Array]:
-    """Approaches to the faces of the bounding box of the likeliest pose, but the lowest one.
+    """Approaches to the faces of the box that holds the object, but the lowest one.
+
+    They aim at the object at its likeliest pose.
 
     Args:
         belief: About its pose.
@@ -98,6 +128,7 @@ def candidate_rays(
     up = np.array([0.0, 0.0, 1.0]) if up is None else up
     X, corners = belief.X, model.hull
     low, high = corners.min(axis=0), corners.max(axis=0)
+    lowest, highest = believed_box(belief, corners)
     size = high - low
     axes = [(axis, sign) for axis in range(3) for sign in (-1.0, 1.0)]
     normals = np.array([sign * np.eye(3)[axis] for axis, sign in axes])
@@ -108,14 +139,16 @@ def candidate_rays(
     aims = low + rng.uniform(size=(count, 3)) * size
     for n, face in enumerate(faces):
         axis, sign = axes[face]
-        aims[n, axis] = high[axis] if sign > 0.0 else low[axis]
-    starts = aims + config.standoff * normals[faces]
-    starts = starts @ X[:3, :3].T + X[:3, 3]
+        aims[n, axis] = highest[axis] if sign > 0.0 else lowest[axis]
+    aims = aims @ X[:3, :3].T + X[:3, 3]
     directions = -normals[faces] @ X[:3, :3].T
-    # A fingertip that comes along the table must not touch it.
-    along = starts + config.reach * directions
-    clear = np.minimum(starts @ up, along @ up) > height + config.clearance
-    clear |= (starts @ up > height + config.clearance) & (directions @ up < -0.7)
+    angle = np.deg2rad(config.tilt) * rng.uniform(size=(len(aims), 1)) if config.tilt else 0.0
+    level = np.abs(directions @ up)[:, None] < 0.9
+    directions = np.where(level, np.cos(angle) * directions - np.sin(angle) * up, directions)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    starts = aims - config.standoff * directions
+    # A fingertip must not touch what the object stands on.
+    clear = np.minimum(starts @ up, aims @ up) > height + config.clearance
     return starts[clear], directions[clear]
 
 
@@ -132,11 +165,19 @@ def predict_touches(
     X = belief.samples[rng.choice(len(belief.samples), count, replace=False)]
     distances = np.empty((count, rays))
     rows, incidence = np.zeros((count, rays, 6)), np.zeros((count, rays))
-    reach = np.full(rays, config.reach)
+    face = _across(directions, config.of_finger())
+    points = face.shape[1]
+    fingers = (starts[:, None] + face).reshape(-1, 3)
+    along = np.repeat(directions, points, axis=0)
+    farthest = np.linalg.norm(starts - belief.X[:3, 3], axis=1).max() + 2.0 * model.radius
+    reach = np.full(len(fingers), farthest)
     for k in range(count):
         R, t = X[k, :3, :3], X[k, :3, 3]
-        p, d = np.ascontiguousarray((starts - t) @ R), np.ascontiguousarray(directions @ R)
-        distances[k], samples = cast_rays(p, d, reach, model.surface, False)
+        p, d = np.ascontiguousarray((fingers - t) @ R), np.ascontiguousarray(along @ R)
+        cast, found = cast_rays(p, d, reach, model.surface, False)
+        # What the finger meets first is where it is stopped.
+        first = cast.reshape(rays, points).argmin(axis=1) + points * np.arange(rays)
+        distances[k], samples, p, d = cast[first], found[first], p[first], d[first]
         met = samples >= 0
         n = model.surface.normals[samples[met]]
         at = p[met] + distances[k, met, None] * d[met]
@@ -152,6 +193,15 @@ def predict_touches(
         poses=X,
         covariances=np.tile(belief.covariance, (count, 1, 1)),
     )
+
+
+def _across(directions: Array, face: Array) -> Array:
+    """Offsets (R, F, 3) of a finger's points (F, 2) across its directions (R, 3)."""
+    level = np.where(np.abs(directions[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+    x = np.cross(directions, level)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    y = np.cross(directions, x)
+    return np.asarray(face[:, :1] * x[:, None] + face[:, 1:] * y[:, None])
 
 
 Criterion = Callable[[TouchPredictions, TargetModel, float, np.random.Generator], Array]

@@ -1,5 +1,6 @@
 """The planner of views: from where to look next, until there were enough views."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -101,9 +102,22 @@ class ViewPlanner(RecursiveFilter):
     """
 
     def __init__(
-        self, model: TargetModel, config: ViewPlannerConfig, period: float, seed: int = 0
+        self,
+        model: TargetModel,
+        config: ViewPlannerConfig,
+        period: float,
+        seed: int = 0,
+        can_look: Callable[[Array], bool] = lambda X_WC: True,
     ) -> None:
-        """Makes the planner; `seed` is that of what is drawn by lot, `period` of the ticks, [s]."""
+        """Makes the planner.
+
+        Args:
+            model: Of the object.
+            config: Of the views.
+            period: Of the ticks, [s].
+            seed: Of what is drawn by lot.
+            can_look: Whether the robot can bring its camera to X_WC (4, 4).
+        """
         super().__init__()
         check(config, "ViewPlanner")
         if config.criterion not in VIEW_CRITERIA:
@@ -112,6 +126,7 @@ class ViewPlanner(RecursiveFilter):
                 f"ViewPlanner: criterion = '{config.criterion}', but it must be one of {known}"
             )
         self._config, self._model, self._seed = config, model, seed
+        self._can_look = can_look
         guess = PosePrior(X=np.eye(4), rotation_sigma=np.inf, translation_sigma=1.0)
         self._guess = self._declare_value_input("pose_guess", guess)
         self._measurement = self._declare_value_input("pose_measurement", NO_MEASUREMENT)
@@ -149,7 +164,10 @@ class ViewPlanner(RecursiveFilter):
         rng = np.random.default_rng([self._seed, number])
         lots = rng.uniform(size=len(views))
         by_lot = config.criterion == "random" or number == 1
-        best = int(np.argmax(lots if by_lot else gains))
+        order = np.argsort(-(lots if by_lot else gains), kind="stable")
+        best = next((view for view in order if self._can_look(views[view])), None)
+        if best is None:
+            return ViewRequest(number=number, X_WC=views[order[0]], candidates=views, gains=gains)
         return ViewRequest(
             number=number,
             X_WC=views[best],

@@ -141,6 +141,9 @@ class TouchRequest(Immutable):
         start: Where the straight approach begins (3,), in W, [m].
         direction: Of the approach (3,), a unit vector in W.
         reach: Its length, [m].
+        expected: Distance at which it is likely to meet the object, [m].
+        box_edges: Edges (3,) of a box that is thought to hold the object, [m].
+        X_WB: Pose (4, 4) of that box, its middle.
         gain: What the touch is expected to teach, by the criterion that chose it.
         hit: Probability that it meets the object.
         done: Whether no more touches follow.
@@ -151,6 +154,9 @@ class TouchRequest(Immutable):
     start: Array = field(default_factory=lambda: np.zeros(3))
     direction: Array = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
     reach: float = 0.0
+    expected: float = 0.0
+    box_edges: Array = field(default_factory=lambda: np.zeros(3))
+    X_WB: Array = field(default_factory=lambda: np.eye(4))
     gain: float = np.nan
     hit: float = np.nan
     done: bool = False

@@ -30,6 +30,17 @@ class JointEncodersConfig:
     noise_velocity: float = number(0.005, at_least=0.0, at_most=100.0, unit="rad/s")
 
 
+def joint_side_encoders() -> JointEncodersConfig:
+    """Of an arm that measures its joints behind the gears: what is left is how it was mastered."""
+    return JointEncodersConfig(
+        offset_rotation=float(np.deg2rad(0.05)),
+        offset_translation=0.0005,
+        stretch=5e-5,
+        noise_position=2e-5,
+        noise_velocity=0.002,
+    )
+
+
 def draw_joint_offset(
     config: JointEncodersConfig, J_E: Array, rng: np.random.Generator, candidates: int = 256
 ) -> Array:

@@ -21,6 +21,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
+from crossmodal.controllers.arm.inverse_kinematics import inverse_kinematics
 from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
 from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.crossmodal.station.station import draw_placements
@@ -30,7 +31,6 @@ from crossmodal.diagrams.run.scenario import looking_at
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.object_import.solids import solid_of
 from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
-from crossmodal.plants.robots.inverse_kinematics import inverse_kinematics
 from crossmodal.plants.robots.wam import WAM_WITH_SOFT_HAND
 from crossmodal.plants.scene import ManipulationScene, add_manipulation_scene, facing
 

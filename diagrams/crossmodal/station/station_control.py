@@ -7,6 +7,7 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder, System
 from pydrake.systems.primitives import ZeroOrderHold
 
+from crossmodal.controllers.arm.inverse_kinematics import inverse_kinematics
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.motion_switch import MotionSwitch
 from crossmodal.controllers.interaction.bending_excitation import BendingExcitation
@@ -27,7 +28,6 @@ from crossmodal.diagrams.stations.connections import (
 )
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
-from crossmodal.plants.robots.inverse_kinematics import inverse_kinematics
 from crossmodal.plants.scene import facing
 from crossmodal.systems.sensors.joint_encoders import JointEncoders
 

@@ -11,6 +11,7 @@ from pydrake.multibody.tree import RevoluteJoint
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
 
+from crossmodal.controllers.arm.inverse_kinematics import inverse_kinematics
 from crossmodal.diagrams.flap.robot_config import (
     FINGER_ARM,
     FINGERTIP,
@@ -22,7 +23,6 @@ from crossmodal.diagrams.flap.scenario import Scenario
 from crossmodal.diagrams.flap.station.tool_placement import ToolPlacement
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.hands.three_finger_hand import closed_posture, grip_torques
-from crossmodal.plants.robots.inverse_kinematics import inverse_kinematics
 from crossmodal.plants.scene import ManipulationScene, ObjectPlacement, add_manipulation_scene
 from crossmodal.plants.tools.held_tool import make_touchable
 from crossmodal.plants.tools.wiper import EDGE_FRAME, HANDLE_FRAME, HINGE

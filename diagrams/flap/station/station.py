@@ -17,7 +17,6 @@ from crossmodal.diagrams.flap.station.settling import Start, add_scene, settled_
 from crossmodal.diagrams.flap.station.station_control import (
     add_flip_control,
     add_line_control,
-    hold_still,
 )
 from crossmodal.diagrams.flap.station.station_sensors import (
     add_joint_sensors,
@@ -28,6 +27,7 @@ from crossmodal.diagrams.flap.station.tool_placement import draw_tool
 from crossmodal.diagrams.flap.station.wiring import StationWiring
 from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration, draw_base
+from crossmodal.diagrams.stations.drives import hold_still
 from crossmodal.diagrams.stations.true_pose import add_true_pose
 from crossmodal.plants.external_forces import ExternalForces
 from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
@@ -84,7 +84,7 @@ def make_flap_station(scenario: Scenario, calibration: Calibration) -> FlapStati
         start=settled_start(scenario, tool, bases, arms),
     )
     _check_sight(wiring)
-    hold_still(wiring)
+    hold_still(wiring, HOLDER_HAND, wiring.start.hand)
     encoders = add_joint_sensors(wiring, arms)
     taxels = add_taxels(wiring, scenario.finger.layout())
     flip = add_flip_control(wiring, encoders[FINGER], taxels)

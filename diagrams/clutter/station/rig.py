@@ -10,30 +10,22 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
-from scipy.spatial.transform import Rotation
 
 from crossmodal.diagrams.clutter.scenario import Scenario, generator
-from crossmodal.diagrams.run.calibration import (
-    Calibration,
-    Camera,
-    CameraCalibration,
-    draw_base,
-    draw_camera,
-)
+from crossmodal.diagrams.clutter.start import first_guess, true_pose
+from crossmodal.diagrams.run.calibration import Calibration, Camera, draw_base, draw_camera
 from crossmodal.diagrams.run.record import TaskStatus
-from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.port_values import (
     NO_MEASUREMENT,
     NO_TOUCH,
     NO_VIEW,
-    PoseBelief,
     PoseMeasurement,
-    PosePrior,
     TouchRequest,
     of_mesh,
     of_middle,
 )
+from crossmodal.systems.pose.pose_measurements import camera_displacements
 from crossmodal.systems.pose.target_model import TargetModel, cast_rays
 from crossmodal.systems.recursive_filter import RecursiveFilter
 from crossmodal.systems.sensors.depth_noise import DepthNoiseConfig, depth_sigma
@@ -43,52 +35,6 @@ CAMERA_ERRORS, ARM_ERRORS = 8, 6  # Pose, depth scale, focal length; pose.
 _CAMERA_REACH = 3.0  # [m]
 _DRAWN = DepthNoiseConfig()  # The camera's own noise.
 _RAY_STEP, _BEFORE_CONTACT = 6e-3, 4e-3  # Between samples of a ray, and before its end, [m].
-
-
-def _range(rng: np.random.Generator, ends: Array) -> float:
-    return float(rng.uniform(ends[0], ends[1]))
-
-
-def _direction(rng: np.random.Generator) -> Array:
-    n = rng.normal(size=3)
-    return np.asarray(n / np.linalg.norm(n))
-
-
-def true_pose(scenario: Scenario, model: TargetModel) -> Array:
-    """X_WM (4, 4) of a seed: on the table, turned about the vertical; or held up in any way."""
-    rng = generator(scenario, "object")
-    X = np.eye(4)
-    X[:3, :3] = Rotation.from_rotvec([0.0, 0.0, rng.uniform(-np.pi, np.pi)]).as_matrix()
-    if not scenario.table.known:
-        X[:3, :3] = Rotation.from_quat(rng.normal(size=4)).as_matrix()
-    X[:2, 3] = [rng.uniform(0.4, 0.6), rng.uniform(-0.1, 0.1)]
-    X[2, 3] = -float(np.min(model.hull @ X[2, :3]))
-    return X
-
-
-def first_guess(scenario: Scenario, X_WM: Array, model: TargetModel) -> PosePrior:
-    """What is known at first: the pose, with an error between the scenario's ends."""
-    rng, guess = generator(scenario, "guess"), scenario.guess
-    turn = np.deg2rad(_range(rng, guess.rotation)) * _direction(rng)
-    move = _range(rng, guess.translation) * _direction(rng)
-    X = X_WM.copy()
-    X[:3, :3] = X_WM[:3, :3] @ Rotation.from_rotvec(turn).as_matrix()
-    X[:3, 3] += move
-    return PosePrior(
-        X=of_mesh(X, model.middle),
-        rotation_sigma=float(np.deg2rad(guess.rotation.mean()) / np.sqrt(3.0)),
-        translation_sigma=float(guess.translation.mean() / np.sqrt(3.0)),
-    )
-
-
-def camera_displacements(camera: CameraCalibration, X_WC: Array, p_W: Array) -> Array:
-    """(6, 8): by which twist in W what a camera sees near `p_W` is displaced per error."""
-    A = np.zeros((6, CAMERA_ERRORS))
-    A[:, :6] = se3.adjoint(X_WC) @ np.linalg.cholesky(camera.pose_covariance + 1e-18 * np.eye(6))
-    ray, axis = p_W - X_WC[:3, 3], X_WC[:3, 2]
-    A[3:, 6] = -camera.depth_scale_std * ray
-    A[3:, 7] = -camera.focal_length_std * (ray - axis * (axis @ ray))
-    return A
 
 
 class MeasuringRig(RecursiveFilter):
@@ -102,7 +48,7 @@ class MeasuringRig(RecursiveFilter):
     - `pose_measurement`: `PoseMeasurement`, the last one.
     - `pose_guess`: `PosePrior`.
     - `task_status`: `TaskStatus`.
-    - `cheat_object_pose`: `PoseBelief` X_WM of the object's middle, without error.
+    - `cheat_object_pose`: `RigidTransform` X_WO of the object's mesh.
     """
 
     def __init__(self, scenario: Scenario, calibration: Calibration, model: TargetModel) -> None:
@@ -123,8 +69,11 @@ class MeasuringRig(RecursiveFilter):
         self._declare_recursion((NO_MEASUREMENT, 0), self._calc, scenario.network_period)
         self._declare_latest("pose_measurement", lambda state: state[0])
         self._declare_latest("pose_guess", lambda state: self._guess)
-        self._declare_latest(
-            "cheat_object_pose", lambda state: PoseBelief(X=self._X_WM, covariance=np.zeros((6, 6)))
+        X_WO = RigidTransform(of_mesh(self._X_WM, model.middle))
+        self.DeclareAbstractOutputPort(
+            "cheat_object_pose",
+            lambda: Value(RigidTransform()),
+            lambda context, output: output.set_value(X_WO),
         )
         self.DeclareAbstractOutputPort(
             "task_status", lambda: Value[object](TaskStatus()), self._write_status
@@ -175,7 +124,13 @@ class MeasuringRig(RecursiveFilter):
         points = X_believed[:3, 3] + (measured[:, None] * believed_rays[met]) @ X_believed[:3, :3].T
         facing = X_believed[:3, 3] - points
         facing /= np.linalg.norm(facing, axis=1, keepdims=True)
-        displaced = camera_displacements(self._camera, X_believed, p_W)
+        displaced = camera_displacements(
+            X_believed,
+            p_W,
+            self._camera.pose_covariance,
+            self._camera.depth_scale_std,
+            self._camera.focal_length_std,
+        )
         return PoseMeasurement(
             kind="view",
             number=number,

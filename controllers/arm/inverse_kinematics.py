@@ -8,10 +8,10 @@ from pydrake.solvers import Solve
 
 from crossmodal.maths.arrays import Array
 
-_RESTARTS = 8
 
-
-def inverse_kinematics(arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array) -> Array:
+def inverse_kinematics(
+    arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array, restarts: int = 8
+) -> Array:
     """Joint positions (n,) that put E at `X_WE`, far from the joints' limits.
 
     The solver stops short of a pose here and there; then it starts again from around `q_guess`.
@@ -20,6 +20,7 @@ def inverse_kinematics(arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array
         arm: A finalized plant with one arm alone and its frame `end_effector`.
         X_WE: Pose of its end-effector.
         q_guess: Joint positions (n,) nearby, [rad].
+        restarts: How often it starts again.
 
     Raises:
         ValueError: if the pose is out of reach.
@@ -33,7 +34,7 @@ def inverse_kinematics(arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array
     weight = np.diag(1.0 / (upper - lower) ** 2)
     solver.prog().AddQuadraticErrorCost(weight, 0.5 * (lower + upper), solver.q())
     n = arm.num_positions()
-    around = np.random.default_rng(0).normal(0.0, 0.2, (_RESTARTS, n))
+    around = np.random.default_rng(0).normal(0.0, 0.2, (restarts, n))
     for guess in q_guess + np.vstack([np.zeros(n), around]):
         result = Solve(solver.prog(), guess)
         if result.is_success():

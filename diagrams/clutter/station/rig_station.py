@@ -1,19 +1,17 @@
-"""The station of the clutter application: the measuring rig, and the planners that direct it."""
+"""A station without robots: the measuring rig, and the planners that direct it."""
 
-from collections.abc import Mapping
-
-from pydrake.systems.framework import DiagramBuilder, System
+from pydrake.systems.framework import DiagramBuilder
 
 from crossmodal.diagrams.clutter.estimators import believed_table, load_model
-from crossmodal.diagrams.clutter.rig import MeasuringRig
 from crossmodal.diagrams.clutter.scenario import Scenario
+from crossmodal.diagrams.clutter.station.rig import MeasuringRig
 from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.systems.active.touch_planner import TouchPlanner
 from crossmodal.systems.active.view_planner import ViewPlanner
 
 
-def make_station(scenario: Scenario, calibration: Calibration) -> Station:
+def make_rig_station(scenario: Scenario, calibration: Calibration) -> Station:
     """The rig, and the planners that say where to look and to touch next."""
     model, table = load_model(scenario), believed_table(scenario)
     builder = DiagramBuilder()
@@ -36,15 +34,3 @@ def make_station(scenario: Scenario, calibration: Calibration) -> Station:
         builder.ExportOutput(rig.GetOutputPort(name), name)
     builder.ExportOutput(planner.GetOutputPort("touch_latest"), "touch_latest")
     return Station(diagram=builder.Build())
-
-
-def close_loop(
-    builder: DiagramBuilder,
-    scenario: Scenario,
-    station: System,
-    estimators: Mapping[str, System],
-) -> None:
-    """Touches are planned by what the first estimator believes."""
-    first = estimators[scenario.modalities[0]]
-    pose = first.GetOutputPort("object_pose_latest")
-    builder.Connect(pose, station.GetInputPort("object_pose"))

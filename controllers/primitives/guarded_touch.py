@@ -1,0 +1,300 @@
+"""Touches something along a straight approach and stops at the first contact."""
+
+from collections.abc import Sequence as Items
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import Context
+
+from crossmodal.controllers.arm.joint_motion import JointMotion, along_line, resting
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.arm.motion_planner import MotionPlanner
+from crossmodal.controllers.primitives.arm_task import ArmTask, TransitConfig
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number
+
+_ROLLS = 6  # Turns of the gripper about the approach that are tried, over half a turn.
+
+
+@dataclass(kw_only=True)
+class GuardedTouchConfig:
+    period: float = number(0.005, at_least=1e-4, at_most=1.0, unit="s")  # Between decisions.
+    speed: float = number(0.05, above=0.0, at_most=1.0, unit="m/s")  # Of the approach.
+    # Of the force on a taxel beyond what it was before the approach.
+    threshold: float = number(0.08, above=0.0, at_most=100.0, unit="N")
+    # Decisions in a row at which a taxel must exceed it.
+    confirmations: int = number(2, at_least=1, at_most=100)
+    # For which the taxels' offsets are averaged before an approach.
+    tare_time: float = number(0.2, above=0.0, at_most=60.0, unit="s")
+    # Least length of an approach that is worth making.
+    shortest: float = number(0.02, at_least=0.0, at_most=1.0, unit="m")
+    transit: TransitConfig = field(default_factory=lambda: TransitConfig(speed=0.075))
+
+
+class TouchPhase(StrEnum):
+    """What the touching arm does."""
+
+    WAIT = ""
+    TRANSIT = "moves to the next touch"
+    TARE = "takes the taxels' offsets"
+    APPROACH = "approaches"
+    RETREAT = "retreats"
+    HOME = "moves the gripper away"
+
+
+class TouchOutcome(StrEnum):
+    """How a touch ended."""
+
+    NONE = ""
+    CONTACT = "contact"
+    MISS = "miss"
+    UNREACHABLE = "unreachable"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchEnd(Immutable):
+    """How the last touch ended.
+
+    Attributes:
+        number: Of the touch; zero before the first one.
+        outcome: `contact`, `miss` or `unreachable`.
+        q_start: Measured posture (n,) at the begin of the approach, [rad].
+        q_end: At the contact, or where the approach ended (n,), [rad].
+        forces: On the taxels at the contact (T, 3), offsets taken out, [N].
+    """
+
+    number: int = 0
+    outcome: TouchOutcome = TouchOutcome.NONE
+    q_start: Array = field(default_factory=lambda: np.zeros(0))
+    q_end: Array = field(default_factory=lambda: np.zeros(0))
+    forces: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchState(Immutable):
+    """What is done, and how the arm moves.
+
+    Attributes:
+        phase: What it does.
+        motion: Of the arm.
+        number: Of the touch that it makes.
+        since: When the phase began, [s].
+        line: Postures of the approach (K, n), [rad].
+        offsets: Sum of the taxels' readings (3 T,) while they are averaged, then their mean, [N].
+        readings: How many there are in the sum.
+        exceeded: Decisions in a row at which a taxel exceeded the threshold.
+        q_start: Measured posture (n,) at the begin of the approach, [rad].
+        end: How the last touch ended.
+    """
+
+    motion: JointMotion
+    offsets: Array
+    phase: TouchPhase = TouchPhase.WAIT
+    number: int = 0
+    since: float = 0.0
+    line: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    readings: int = 0
+    exceeded: int = 0
+    q_start: Array = field(default_factory=lambda: np.zeros(0))
+    end: TouchEnd = field(default_factory=TouchEnd)
+
+
+class GuardedTouch(ArmTask):
+    """Goes before each touch that is wanted, approaches until a taxel is pressed, and retreats.
+
+    What presses a taxel on the way to a touch stops the arm, too, and is a contact.
+
+    Input ports:
+    - those of `ArmTask`.
+    - `touch_latest`: with `number`, `start`, `direction`, `reach`, the box `box_edges`, `X_WB`
+      that holds the object, and `done`.
+    - `taxel_measured`: (3 T,) forces on the taxels, [N].
+    - `is_clear`: (1,) above 0.5 while the other arm is out of the way.
+
+    Output ports:
+    - `joint_position_commanded`: (n,), [rad].
+    - `touch_end`: `TouchEnd` of the last touch.
+    - `phase`: str.
+    - `is_done`: (1,) 1 when no touch is wanted any more and the arm has come to rest.
+
+    State: `TouchState`.
+
+    Frames: W world, E end-effector: the closed fingers' end, z along them.
+
+    Args:
+        config: Of motions and contact.
+        arm: The robot's own model.
+        planner: Of this arm.
+        q_home: Where it begins and ends (n,), [rad].
+        others: Numbers of joints of other arms by the names of their models.
+        taxels: Their number T.
+    """
+
+    def __init__(
+        self,
+        config: GuardedTouchConfig,
+        arm: ArmModel,
+        planner: MotionPlanner,
+        q_home: Array,
+        others: dict[str, int],
+        taxels: int,
+    ) -> None:
+        check(config, "GuardedTouch")
+        super().__init__(arm, planner, config.transit, others)
+        self._config, self._q_home = config, q_home
+        self._touch = self.DeclareAbstractInputPort("touch_latest", Value[object]())
+        self._taxels = self.DeclareVectorInputPort("taxel_measured", 3 * taxels)
+        self._is_clear = self.DeclareVectorInputPort("is_clear", 1)
+        first = TouchState(motion=resting(q_home), offsets=np.zeros(3 * taxels))
+        self._declare_state(first, config.period)
+        self._declare_command()
+        self._declare_value("touch_end", TouchEnd(), lambda c: self._state(c).end, self._on_state)
+        self._declare_value("phase", "", lambda c: str(self._state(c).phase), self._on_state)
+        self._declare_vector("is_done", 1, self._is_done)
+
+    def _is_done(self, context: Context) -> float:
+        motion = self._state(context).motion
+        at_rest = context.get_time() >= motion.end
+        at_home = np.array_equal(motion.knots[-1], self._q_home)
+        return float(self._touch.Eval(context).done and at_rest and at_home)
+
+    def _next(self, context: Context) -> TouchState:
+        state: TouchState = self._state(context)
+        time, config = context.get_time(), self._config
+        guarded = state.phase in (TouchPhase.TRANSIT, TouchPhase.APPROACH)
+        if guarded:
+            forces = np.array(self._taxels.Eval(context)) - state.offsets
+            largest = np.linalg.norm(forces.reshape(-1, 3), axis=1).max()
+            exceeded = state.exceeded + 1 if largest > config.threshold else 0
+            if exceeded >= config.confirmations:
+                return self._ended(context, state, TouchOutcome.CONTACT)
+            if exceeded != state.exceeded:
+                state = replace(state, exceeded=exceeded)
+        if state.phase is TouchPhase.TARE:
+            return self._tared(context, state)
+        if time < state.motion.end + self._transit.rest_time * (state.phase is TouchPhase.TRANSIT):
+            return state
+        if state.phase is TouchPhase.APPROACH:
+            return self._ended(context, state, TouchOutcome.MISS)
+        if state.phase is TouchPhase.TRANSIT:
+            zero = np.zeros_like(state.offsets)
+            return replace(state, phase=TouchPhase.TARE, since=time, offsets=zero, readings=0)
+        return self._decide(context, state)
+
+    def _decide(self, context: Context, state: TouchState) -> TouchState:
+        """What follows where nothing is under way."""
+        wanted = self._touch.Eval(context)
+        if wanted.done:
+            return self._home(context, state)
+        if wanted.number <= state.number or self._is_clear.Eval(context)[0] < 0.5:
+            return replace(state, phase=TouchPhase.WAIT) if state.phase else state
+        state = replace(state, number=wanted.number)
+        here, others = state.motion.knots[-1], self._others_now(context)
+        line = touch_line(self._planner, wanted, [here, self._q_home], others, self._config)
+        path = None
+        if line is not None:
+            self._planner.look_at(others, [(wanted.box_edges, RigidTransform(wanted.X_WB))])
+            path = self._planner.path(here, line[0], np.random.default_rng(wanted.number))
+        if line is None or path is None:
+            end = TouchEnd(number=wanted.number, outcome=TouchOutcome.UNREACHABLE)
+            return replace(state, phase=TouchPhase.WAIT, end=end)
+        motion = self._motion(path, context.get_time())
+        return replace(state, phase=TouchPhase.TRANSIT, motion=motion, line=line, exceeded=0)
+
+    def _tared(self, context: Context, state: TouchState) -> TouchState:
+        time = context.get_time()
+        total = state.offsets + np.array(self._taxels.Eval(context))
+        readings = state.readings + 1
+        if time < state.since + self._config.tare_time:
+            return replace(state, offsets=total, readings=readings)
+        line = state.line
+        p = [self._arm.Evaluate(np.append(q, np.zeros_like(q))).X_WE[:3, 3] for q in line]
+        duration = float(np.linalg.norm(p[-1] - p[0])) / self._config.speed
+        return replace(
+            state,
+            phase=TouchPhase.APPROACH,
+            motion=along_line(line, time, duration),
+            offsets=total / readings,
+            q_start=self._positions(context),
+        )
+
+    def _ended(self, context: Context, state: TouchState, outcome: TouchOutcome) -> TouchState:
+        """Stops, keeps what was measured, and goes back where it came from."""
+        time, q = context.get_time(), self._positions(context)
+        forces = np.array(self._taxels.Eval(context)) - state.offsets
+        approaching = state.phase is TouchPhase.APPROACH
+        end = TouchEnd(
+            number=state.number,
+            outcome=outcome,
+            q_start=state.q_start if approaching else q,
+            q_end=q,
+            forces=forces.reshape(-1, 3),
+        )
+        motion = state.motion
+        passed = motion.knots[: int(np.searchsorted(motion.times, time))][::-1]
+        back = np.vstack([q, passed[-1:] if approaching else passed])
+        return replace(
+            state,
+            phase=TouchPhase.RETREAT,
+            motion=self._motion(back, time),
+            end=end,
+            exceeded=0,
+        )
+
+    def _home(self, context: Context, state: TouchState) -> TouchState:
+        here = state.motion.knots[-1]
+        if np.array_equal(here, self._q_home):
+            return replace(state, phase=TouchPhase.WAIT) if state.phase else state
+        wanted = self._touch.Eval(context)
+        obstacles = [(wanted.box_edges, RigidTransform(wanted.X_WB))]
+        self._planner.look_at(
+            self._others_now(context), obstacles if wanted.box_edges.any() else []
+        )
+        path = self._planner.path(here, self._q_home, np.random.default_rng(0))
+        if path is None:  # It stays where it is: no touch is wanted any more.
+            return state
+        return replace(state, phase=TouchPhase.HOME, motion=self._motion(path, context.get_time()))
+
+
+def touch_line(
+    planner: MotionPlanner,
+    wanted: Any,
+    guesses: Items[Array],
+    others: dict[str, Array],
+    config: GuardedTouchConfig,
+) -> Array | None:
+    """Postures (K, n) of a touch's approach; None if the arm cannot make it.
+
+    The gripper may be turned about the approach in any way; what stands where the object is thought
+    to be is no obstacle.
+
+    Args:
+        planner: Of the arm.
+        wanted: The touch: `start`, `direction`, `reach`, `box_edges` and `X_WB`.
+        guesses: Postures (n,) near which the first one is sought, [rad].
+        others: Joint positions of other models by their names.
+        config: Of touches.
+    """
+    z = np.asarray(wanted.direction)
+    level = np.cross(z, [0.0, 0.0, 1.0] if abs(z[2]) < 0.9 else [1.0, 0.0, 0.0])
+    level /= np.linalg.norm(level)
+    upright = RotationMatrix(np.column_stack([level, np.cross(z, level), z]))
+    box = [(wanted.box_edges, RigidTransform(wanted.X_WB))]
+    for roll in np.pi * np.arange(_ROLLS) / _ROLLS:
+        X_WE = RigidTransform(upright @ RotationMatrix.MakeZRotation(roll), wanted.start)
+        postures = list(planner.postures(X_WE, guesses))
+        if not postures:  # The wrist cannot get there, however it is turned.
+            return None
+        planner.look_at(others, box)
+        free = [q for q in postures if planner.is_free(q)]
+        planner.look_at(others)
+        for q in free:
+            line = planner.line(q, z, wanted.reach)
+            if planner.length(line) >= max(wanted.expected, config.shortest):
+                return line
+    return None

@@ -1,0 +1,145 @@
+"""Carries a camera to the views that are wanted, then out of the way."""
+
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context
+
+from crossmodal.controllers.arm.joint_motion import JointMotion, resting
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.arm.motion_planner import MotionPlanner
+from crossmodal.controllers.primitives.arm_task import ArmTask, TransitConfig
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number
+
+
+@dataclass(kw_only=True)
+class LookConfig:
+    period: float = number(0.05, at_least=1e-3, at_most=1.0, unit="s")  # Between decisions.
+    transit: TransitConfig = field(default_factory=TransitConfig)
+
+
+class LookPhase(StrEnum):
+    """What the camera's arm does."""
+
+    WAIT = ""
+    MOVE = "moves the camera"
+    LOOK = "looks"
+    HOME = "moves the camera away"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LookState(Immutable):
+    """What is done, and how the arm moves.
+
+    Attributes:
+        phase: What it does.
+        motion: Of the arm.
+        number: Of the view that it goes to or is at.
+        looked: Of the last view at which the camera has come to rest.
+        unreachable: Of the last view that it cannot get to; zero if it got to all.
+    """
+
+    motion: JointMotion
+    phase: LookPhase = LookPhase.WAIT
+    number: int = 0
+    looked: int = 0
+    unreachable: int = 0
+
+
+class Look(ArmTask):
+    """Goes to each view that is wanted, and home when a touch is wanted.
+
+    Input ports:
+    - those of `ArmTask`.
+    - `view_latest`: with `number` and `X_WC` (4, 4) of the view that is wanted.
+    - `touch_latest`: with `number` and `done`; while a touch is wanted, the arm stays at home.
+
+    Output ports:
+    - `joint_position_commanded`: (n,), [rad].
+    - `looked`: (1,) number of the last view at which the camera rests; it stays until the next one.
+    - `unreachable`: (1,) number of the last view that the arm cannot get to.
+    - `is_away`: (1,) 1 while the arm is at home.
+    - `phase`: str.
+
+    State: `LookState`.
+
+    Frames: W world, C camera, which is the arm's end-effector.
+
+    Args:
+        config: Of the motions.
+        arm: The robot's own model.
+        planner: Of this arm.
+        q_home: Where it begins and ends (n,), [rad].
+        others: Numbers of joints of other arms by the names of their models.
+    """
+
+    def __init__(
+        self,
+        config: LookConfig,
+        arm: ArmModel,
+        planner: MotionPlanner,
+        q_home: Array,
+        others: dict[str, int],
+    ) -> None:
+        check(config, "Look")
+        super().__init__(arm, planner, config.transit, others)
+        self._q_home = q_home
+        self._view = self.DeclareAbstractInputPort("view_latest", Value[object]())
+        self._touch = self.DeclareAbstractInputPort("touch_latest", Value[object]())
+        self._declare_state(LookState(motion=resting(q_home)), config.period)
+        self._declare_command()
+        for name in ("looked", "unreachable"):
+            self._declare_vector(
+                name, 1, lambda c, name=name: getattr(self._state(c), name), self._on_state
+            )
+        self._declare_vector("is_away", 1, self._is_away)
+        self._declare_value("phase", "", lambda c: str(self._state(c).phase), self._on_state)
+
+    def _is_away(self, context: Context) -> float:
+        motion = self._state(context).motion
+        at_rest = context.get_time() >= motion.end
+        return float(at_rest and np.array_equal(motion.knots[-1], self._q_home))
+
+    def _next(self, context: Context) -> LookState:
+        state: LookState = self._state(context)
+        time = context.get_time()
+        if time < state.motion.end + self._transit.rest_time * (state.phase is LookPhase.MOVE):
+            return state
+        if state.phase is LookPhase.MOVE:
+            return replace(state, phase=LookPhase.LOOK, looked=state.number)
+        touch, view = self._touch.Eval(context), self._view.Eval(context)
+        if touch.number > 0 or touch.done:
+            return self._home(context, state)
+        if view.number > state.number:
+            return self._begin(context, state, view)
+        return state
+
+    def _home(self, context: Context, state: LookState) -> LookState:
+        if np.array_equal(state.motion.knots[-1], self._q_home):
+            return replace(state, phase=LookPhase.WAIT)
+        path = self._path(context, self._q_home, seed=0)
+        if path is None:
+            return state
+        motion = self._motion(path, context.get_time())
+        return replace(state, phase=LookPhase.HOME, motion=motion)
+
+    def _begin(self, context: Context, state: LookState, view: object) -> LookState:
+        number, X_WC = view.number, RigidTransform(view.X_WC)  # type: ignore[attr-defined]
+        self._planner.look_at(self._others_now(context))
+        here = state.motion.knots[-1]
+        goal = self._planner.posture(X_WC, [here, self._q_home])
+        path = None if goal is None else self._path(context, goal, number)
+        if path is None:
+            return replace(state, number=number, unreachable=number)
+        motion = self._motion(path, context.get_time())
+        return replace(state, phase=LookPhase.MOVE, motion=motion, number=number)
+
+    def _path(self, context: Context, goal: Array, seed: int) -> Array | None:
+        self._planner.look_at(self._others_now(context))
+        rng = np.random.default_rng(seed)
+        return self._planner.path(self._state(context).motion.knots[-1], goal, rng)

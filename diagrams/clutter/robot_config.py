@@ -1,0 +1,47 @@
+"""The robots of the clutter application: their names, sensors and controllers."""
+
+from dataclasses import dataclass, field
+
+from crossmodal.plants.robots.panda import PANDA_WITH_CAMERA
+from crossmodal.plants.robots.ur5 import UR5_WITH_GRIPPER
+
+from crossmodal.controllers.arm.motion_planner import MotionPlannerConfig
+from crossmodal.controllers.primitives.guarded_touch import GuardedTouchConfig
+from crossmodal.controllers.primitives.look import LookConfig
+from crossmodal.maths.validation import number
+from crossmodal.systems.pose.target_view import TargetViewConfig
+from crossmodal.systems.sensors.joint_encoders import JointEncodersConfig, joint_side_encoders
+from crossmodal.systems.sensors.rgbd_camera import CameraNoiseConfig
+from crossmodal.systems.sensors.taxel_array import TaxelArrayConfig
+
+# Model instances of the scene, and what the ports of the two arms begin with.
+CAMERA_ARM, CAMERA_HAND, TOUCH_ARM, GRIPPER = "camera_arm", "camera_hand", "touch_arm", "gripper"
+LOOKER, TOUCHER, OBJECT = "camera", "touch", "object"
+ROBOTS = {CAMERA_ARM: PANDA_WITH_CAMERA, TOUCH_ARM: UR5_WITH_GRIPPER}
+
+
+@dataclass(kw_only=True)
+class SensorsConfig:
+    camera: CameraNoiseConfig = field(default_factory=CameraNoiseConfig)
+    encoders: JointEncodersConfig = field(default_factory=joint_side_encoders)
+    taxels: TaxelArrayConfig = field(default_factory=TaxelArrayConfig)
+    # By which all taxels are displaced on the fingers, along each axis; the standard deviation.
+    taxel_places: float = number(5e-4, at_least=0.0, at_most=0.1, unit="m")
+
+
+@dataclass(kw_only=True)
+class PerceptionConfig:
+    """How measurements are made of what the sensors give."""
+
+    view: TargetViewConfig = field(default_factory=TargetViewConfig)
+    # Of a contact's place, beside what all have in common.
+    contact_sigma: float = number(1e-3, at_least=1e-6, at_most=0.1, unit="m")
+    # By which all taxels are displaced, as it is believed.
+    taxel_places: float = number(5e-4, at_least=0.0, at_most=0.1, unit="m")
+
+
+@dataclass(kw_only=True)
+class ControlConfig:
+    look: LookConfig = field(default_factory=LookConfig)
+    touch: GuardedTouchConfig = field(default_factory=GuardedTouchConfig)
+    planner: MotionPlannerConfig = field(default_factory=MotionPlannerConfig)

@@ -1,0 +1,45 @@
+"""How an episode begins: where the object truly is, and what is known of that."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from crossmodal.diagrams.clutter.scenario import Scenario, generator
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import PosePrior, of_mesh
+from crossmodal.systems.pose.target_model import TargetModel
+
+
+def _range(rng: np.random.Generator, ends: Array) -> float:
+    return float(rng.uniform(ends[0], ends[1]))
+
+
+def _direction(rng: np.random.Generator) -> Array:
+    n = rng.normal(size=3)
+    return np.asarray(n / np.linalg.norm(n))
+
+
+def true_pose(scenario: Scenario, model: TargetModel) -> Array:
+    """X_WM (4, 4) of a seed: on the table, turned about the vertical; or held up in any way."""
+    rng = generator(scenario, "object")
+    X = np.eye(4)
+    X[:3, :3] = Rotation.from_rotvec([0.0, 0.0, rng.uniform(-np.pi, np.pi)]).as_matrix()
+    if not scenario.table.known:
+        X[:3, :3] = Rotation.from_quat(rng.normal(size=4)).as_matrix()
+    X[:2, 3] = [rng.uniform(0.4, 0.6), rng.uniform(-0.1, 0.1)]
+    X[2, 3] = -float(np.min(model.hull @ X[2, :3]))
+    return X
+
+
+def first_guess(scenario: Scenario, X_WM: Array, model: TargetModel) -> PosePrior:
+    """What is known at first: the pose, with an error between the scenario's ends."""
+    rng, guess = generator(scenario, "guess"), scenario.guess
+    turn = np.deg2rad(_range(rng, guess.rotation)) * _direction(rng)
+    move = _range(rng, guess.translation) * _direction(rng)
+    X = X_WM.copy()
+    X[:3, :3] = X_WM[:3, :3] @ Rotation.from_rotvec(turn).as_matrix()
+    X[:3, 3] += move
+    return PosePrior(
+        X=of_mesh(X, model.middle),
+        rotation_sigma=float(np.deg2rad(guess.rotation.mean()) / np.sqrt(3.0)),
+        translation_sigma=float(guess.translation.mean() / np.sqrt(3.0)),
+    )

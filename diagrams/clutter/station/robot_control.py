@@ -1,0 +1,164 @@
+"""What directs and moves both arms: planners of views and touches, looking, touching."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import OutputPort
+
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.controllers.arm.motion_planner import MotionPlanner
+from crossmodal.controllers.primitives.guarded_touch import GuardedTouch, touch_line
+from crossmodal.controllers.primitives.look import Look
+from crossmodal.diagrams.clutter.robot_config import (
+    CAMERA_ARM,
+    CAMERA_HAND,
+    GRIPPER,
+    LOOKER,
+    TOUCH_ARM,
+    TOUCHER,
+)
+from crossmodal.diagrams.run.record import TaskStatus
+from crossmodal.diagrams.stations.drives import add_drives
+from crossmodal.diagrams.stations.task_status import add_task_status
+from crossmodal.diagrams.stations.wiring import StationWiring
+from crossmodal.maths.arrays import Array
+from crossmodal.plants.planning_scene import planning_scene
+from crossmodal.systems.active.touch_planner import TouchPlanner
+from crossmodal.systems.active.view_planner import ViewPlanner
+from crossmodal.systems.port_values import TouchRequest
+from crossmodal.systems.pose.evidence import Table
+from crossmodal.systems.pose.target_model import TargetModel
+
+if TYPE_CHECKING:
+    from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors
+
+_ROBOTS = {CAMERA_ARM: (CAMERA_ARM, CAMERA_HAND), TOUCH_ARM: (TOUCH_ARM, GRIPPER)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotControl:
+    """What directs and moves the arms.
+
+    Attributes:
+        views: Chooses views.
+        touches: Chooses touches.
+        look: Moves the arm with the camera.
+        touch: Moves the arm with the taxels.
+    """
+
+    views: ViewPlanner
+    touches: TouchPlanner
+    look: Look
+    touch: GuardedTouch
+
+
+def add_control(
+    wiring: StationWiring,
+    model: TargetModel,
+    table: Table | None,
+    sensors: "RobotSensors",
+    guess: OutputPort,
+    homes: Mapping[str, Array],
+) -> RobotControl:
+    """Adds planners and controllers; exports `view_latest`, `touch_latest` and `touch_end`.
+
+    The station's input `object_pose` is what is believed of the object.
+
+    Args:
+        model: Of the object.
+        table: As believed.
+        sensors: Of the robots.
+        guess: `pose_guess`.
+        homes: Postures in which the arms begin and end (n,), by their names, [rad].
+    """
+    builder, scenario = wiring.builder, wiring.scenario
+    config, period, seed = scenario.control, scenario.network_period, scenario.seed
+    arms = {name: ArmModel(arm.model) for name, arm in wiring.calibration.arms.items()}
+    planners = {
+        name: MotionPlanner(
+            arms[name],
+            planning_scene(scenario.plant.scene),
+            robot,
+            config.planner,
+        )
+        for name, robot in _ROBOTS.items()
+    }
+    q_home = {name: sensors.encoders[name].as_read(q) for name, q in homes.items()}
+
+    def can_look(X_WC: Array) -> bool:
+        planner = planners[CAMERA_ARM]
+        planner.look_at({TOUCH_ARM: q_home[TOUCH_ARM]})
+        return planner.posture(RigidTransform(X_WC), [q_home[CAMERA_ARM]]) is not None
+
+    def can_touch(request: TouchRequest) -> bool:
+        others = {CAMERA_ARM: q_home[CAMERA_ARM]}
+        planner, guesses = planners[TOUCH_ARM], [q_home[TOUCH_ARM]]
+        return touch_line(planner, request, guesses, others, config.touch) is not None
+
+    add = builder.AddNamedSystem
+    views = add("views", ViewPlanner(model, scenario.views, period, seed, can_look))
+    height = None if table is None else table.height
+    touches = add("planner", TouchPlanner(model, scenario.touches, height, period, seed, can_touch))
+    joints = {name: arm.num_joints for name, arm in arms.items()}
+    look = add(
+        "look",
+        Look(
+            config.look,
+            arms[CAMERA_ARM],
+            planners[CAMERA_ARM],
+            q_home[CAMERA_ARM],
+            {TOUCH_ARM: joints[TOUCH_ARM]},
+        ),
+    )
+    touch = add(
+        "guarded_touch",
+        GuardedTouch(
+            config.touch,
+            arms[TOUCH_ARM],
+            planners[TOUCH_ARM],
+            q_home[TOUCH_ARM],
+            {CAMERA_ARM: joints[CAMERA_ARM]},
+            sensors.taxels.size() // 3,
+        ),
+    )
+    add_drives(wiring, LOOKER, CAMERA_ARM, sensors.encoders[CAMERA_ARM], look)
+    add_drives(wiring, TOUCHER, TOUCH_ARM, sensors.encoders[TOUCH_ARM], touch)
+    measured = {
+        name: encoders.GetOutputPort("joint_state_measured")
+        for name, encoders in sensors.encoders.items()
+    }
+    connections = [
+        (guess, views, "pose_guess"),
+        (views.GetOutputPort("view_latest"), look, "view_latest"),
+        (touches.GetOutputPort("touch_latest"), look, "touch_latest"),
+        (touches.GetOutputPort("touch_latest"), touch, "touch_latest"),
+        (measured[TOUCH_ARM], look, f"{TOUCH_ARM}_joint_state_measured"),
+        (measured[CAMERA_ARM], touch, f"{CAMERA_ARM}_joint_state_measured"),
+        (sensors.taxels, touch, "taxel_measured"),
+        (look.GetOutputPort("is_away"), touch, "is_clear"),
+    ]
+    for source, system, port in connections:
+        builder.Connect(source, system.GetInputPort(port))
+    builder.ExportInput(touches.GetInputPort("object_pose"), "object_pose")
+    builder.ExportOutput(views.GetOutputPort("view_latest"), "view_latest")
+    builder.ExportOutput(touches.GetOutputPort("touch_latest"), "touch_latest")
+    builder.ExportOutput(touch.GetOutputPort("touch_end"), "touch_end")
+    add_task_status(
+        builder,
+        _status,
+        {
+            "look": look.GetOutputPort("phase"),
+            "touch": touch.GetOutputPort("phase"),
+            "wanted": touches.GetOutputPort("touch_latest"),
+            "is_done": touch.GetOutputPort("is_done"),
+        },
+    )
+    return RobotControl(views=views, touches=touches, look=look, touch=touch)
+
+
+def _status(look: str, touch: str, wanted: TouchRequest, is_done: Array) -> TaskStatus:
+    done = bool(np.asarray(is_done)[0] > 0.5)
+    return TaskStatus(phase=touch or look, done=done, note=wanted.why)

@@ -1,0 +1,109 @@
+"""The station with robots: one arm looks, another one touches, as one Diagram.
+
+Its outputs are what the robots have; the truth leaves it only through ports named `cheat_...`.
+"""
+
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
+from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.systems.primitives import ConstantValueSource
+
+from crossmodal.diagrams.clutter.estimators import believed_table, load_model
+from crossmodal.diagrams.clutter.robot_config import (
+    CAMERA_ARM,
+    CAMERA_HAND,
+    GRIPPER,
+    OBJECT,
+    ROBOTS,
+    TOUCH_ARM,
+)
+from crossmodal.diagrams.clutter.scenario import Scenario, target_model
+from crossmodal.diagrams.clutter.start import first_guess, true_pose
+from crossmodal.diagrams.clutter.station.robot_control import add_control
+from crossmodal.diagrams.clutter.station.robot_sensors import add_measurements, add_sensors
+from crossmodal.diagrams.run.application import Station
+from crossmodal.diagrams.run.calibration import Calibration, draw_base
+from crossmodal.diagrams.stations.drives import hold_still
+from crossmodal.diagrams.stations.true_pose import add_true_pose
+from crossmodal.diagrams.stations.wiring import StationWiring
+from crossmodal.plants.external_forces import ExternalForces
+from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
+from crossmodal.plants.robots.panda import PANDA_AWAY
+from crossmodal.plants.robots.ur5 import UR5_HOME
+from crossmodal.plants.scene import ObjectPlacement, add_manipulation_scene
+from crossmodal.systems.port_values import of_mesh
+
+HOMES = {CAMERA_ARM: PANDA_AWAY, TOUCH_ARM: UR5_HOME}
+
+
+def make_robot_station(scenario: Scenario, calibration: Calibration) -> Station:
+    """Builds the station.
+
+    Output ports of its Diagram: `pose_measurement`, `pose_guess`, `view_latest`, `touch_latest`,
+    `touch_end`, `depth_measured`, `color_measured`, `camera_joint_state_window`,
+    `touch_joint_state_window`, `taxel_window`, `task_status`, `cheat_object_pose`,
+    `cheat_query_object`. Input port: `object_pose`.
+
+    Args:
+        scenario: With its seed, by which the object's pose, the noise of all sensors, the true
+            camera and where the arms truly stand are drawn.
+        calibration: What the robots believe of themselves.
+    """
+    errors, seed = scenario.calibration.errors, scenario.seed
+    bases = {
+        name: draw_base(name, arm.X_WBase, errors, seed) for name, arm in calibration.arms.items()
+    }
+    model, table = load_model(scenario), believed_table(scenario)
+    X_WM = true_pose(scenario, model)
+    X_WO = RigidTransform(of_mesh(X_WM, model.middle))
+    builder = DiagramBuilder()
+    robots = [(CAMERA_ARM, CAMERA_HAND), (TOUCH_ARM, GRIPPER)]
+    scene = add_manipulation_scene(
+        builder,
+        scenario.plant,
+        {OBJECT: ObjectPlacement(model=target_model(scenario), X_WO=X_WO, free=True)},
+        robots,
+        bases,
+        weightless=[name for robot in robots for name in robot],
+    )
+    wiring = StationWiring(builder=builder, scene=scene, scenario=scenario, calibration=calibration)
+    plant = scene.plant
+    hold_still(
+        wiring, GRIPPER, plant.GetPositions(plant.CreateDefaultContext(), scene.model(GRIPPER))
+    )
+    arms = {name: make_arm_with_load(ROBOTS[name], X) for name, X in bases.items()}
+    sensors = add_sensors(wiring, arms, HOMES)
+    guess = Value[object](first_guess(scenario, X_WM, model))
+    guessed = builder.AddNamedSystem("pose_guess", ConstantValueSource(guess)).get_output_port()
+    control = add_control(wiring, model, table, sensors, guessed, HOMES)
+    measurements = add_measurements(wiring, model, table, sensors, guessed, control)
+    builder.Connect(measurements.get_output_port(), control.views.GetInputPort("pose_measurement"))
+    builder.ExportOutput(measurements.get_output_port(), "pose_measurement")
+    builder.ExportOutput(guessed, "pose_guess")
+    _add_outside(wiring)
+
+    def initialise(root: Context) -> None:
+        context = plant.GetMyMutableContextFromRoot(root)
+        for name, q in HOMES.items():
+            plant.SetPositions(context, scene.model(name), q)
+
+    return Station(diagram=builder.Build(), initialise=initialise)
+
+
+def _add_outside(wiring: StationWiring) -> None:
+    """Adds who pushes the object, and the truth for the evaluation."""
+    builder, scene = wiring.builder, wiring.scene
+    plant = scene.plant
+    forces = wiring.scenario.disturbances.forces
+    if forces:
+        pushes = builder.AddNamedSystem("external_forces", ExternalForces(plant, forces))
+        total = builder.AddNamedSystem(
+            "outside_forces", ExternallyAppliedSpatialForceMultiplexer(1)
+        )
+        builder.Connect(plant.get_body_poses_output_port(), pushes.GetInputPort("body_poses"))
+        builder.Connect(pushes.get_output_port(), total.get_input_port(0))
+        builder.Connect(total.get_output_port(), plant.get_applied_spatial_force_input_port())
+    frame = plant.GetFrameByName("__model__", scene.model(OBJECT))
+    add_true_pose(builder, plant, frame, "object")
+    builder.ExportOutput(scene.scene_graph.get_query_output_port(), "cheat_query_object")

@@ -1,0 +1,42 @@
+"""How models with servo drives are moved: joint positions that their drives follow."""
+
+import numpy as np
+from pydrake.systems.framework import System
+from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
+
+from crossmodal.diagrams.stations.connections import connect_alike
+from crossmodal.diagrams.stations.naming import prefixed
+from crossmodal.diagrams.stations.wiring import StationWiring
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.sensors.joint_encoders import JointEncoders
+
+
+def add_drives(
+    wiring: StationWiring, owner: str, arm: str, encoders: JointEncoders, control: System
+) -> None:
+    """Lets a control read an arm's joints, and the arm's drives follow it.
+
+    Args:
+        owner: Name of the arm where there are several; it begins the system's name.
+        arm: Name of the arm's model in the scene.
+        encoders: Of the arm.
+        control: With the input `joint_state_measured` and the output `joint_position_commanded`.
+    """
+    builder, plant = wiring.builder, wiring.plant
+    target = plant.get_desired_state_input_port(wiring.scene.model(arm))
+    n = target.size() // 2
+    at_rest = np.vstack([np.eye(n), np.zeros((n, n))])
+    drives = builder.AddNamedSystem(prefixed(owner, "drives"), MatrixGain(at_rest))
+    connect_alike(builder, encoders, "joint_state_measured", control)
+    command = control.GetOutputPort("joint_position_commanded")
+    builder.Connect(command, drives.get_input_port())
+    builder.Connect(drives.get_output_port(), target)
+
+
+def hold_still(wiring: StationWiring, model: str, q: Array) -> None:
+    """Commands a model's drives, if it has any, to stay at the positions `q` (n,)."""
+    port = wiring.plant.get_desired_state_input_port(wiring.scene.model(model))
+    if port.size() > 0:
+        source = ConstantVectorSource(np.append(q, np.zeros(len(q))))
+        held = wiring.builder.AddNamedSystem(f"{model}_posture", source)
+        wiring.builder.Connect(held.get_output_port(), port)

@@ -1,0 +1,268 @@
+"""Turns what camera and taxels give into measurements of an object's pose, one after the other."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context
+from pydrake.systems.sensors import ImageDepth32F
+
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array, Ids
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.systems.port_values import (
+    NO_MEASUREMENT,
+    PoseMeasurement,
+    PosePrior,
+    StampedImage,
+    of_middle,
+)
+from crossmodal.systems.pose.target_model import TargetModel
+from crossmodal.systems.pose.target_view import TargetViewConfig, view_target
+from crossmodal.systems.pose.touch_contacts import contact_points, swept_rays
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.shared_settings import SensorNoise
+
+Kinematics = Callable[[Array], Array]  # From joint positions (n,) to a pose (4, 4) in W.
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraOnArm:
+    """A camera that an arm carries, as it is believed to be.
+
+    Attributes:
+        intrinsics: Of its depth image.
+        pose: X_WC at the arm's joint positions.
+        joints: Number of these.
+        base: X_WBase (4, 4) of the arm.
+        base_covariance: (6, 6) of xi in X_WBase exp(xi), rotation first, [rad, m].
+        pose_covariance: (6, 6) of xi in X_WC exp(xi), likewise, by how it is mounted.
+        depth_scale_std: As a share of all depths.
+        focal_length_std: As a share of it.
+    """
+
+    intrinsics: Intrinsics
+    pose: Kinematics
+    joints: int
+    base: Array
+    base_covariance: Array
+    pose_covariance: Array
+    depth_scale_std: float
+    focal_length_std: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaxelsOnArm:
+    """Taxels that an arm carries, as they are believed to be.
+
+    Attributes:
+        pose: X_WE at the arm's joint positions.
+        base: X_WBase (4, 4) of the arm.
+        base_covariance: (6, 6) of xi in X_WBase exp(xi), rotation first, [rad, m].
+        p_ES: Middles of the taxels' spheres (T, 3), [m].
+        radius: Of the spheres, [m].
+        place_std: By which all taxels are displaced along each axis, [m].
+        ends: Those that sweep the space before the fingers, by index.
+        threshold: Of the force on a taxel that is pressed, [N].
+        sigma: Of a contact's place, [m].
+    """
+
+    pose: Kinematics
+    base: Array
+    base_covariance: Array
+    p_ES: Array
+    radius: float
+    place_std: float
+    ends: Ids
+    threshold: float
+    sigma: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasurementsState(Immutable):
+    """The last measurement, and which views and touches are in it or in those before it.
+
+    Attributes:
+        measurement: The last one.
+        view: Number of the last view that was read.
+        touch: Number of the last touch that was read.
+    """
+
+    measurement: PoseMeasurement = field(default_factory=lambda: NO_MEASUREMENT)
+    view: int = 0
+    touch: int = 0
+
+
+class PoseMeasurements(RecursiveFilter):
+    """Numbers views and touches as they come, and says what each has measured.
+
+    A view or a touch that the arm cannot get to is a measurement without points.
+
+    Input ports:
+    - `pose_guess`: `PosePrior`, about where the object is.
+    - `depth_measured`: `StampedImage` in depth.
+    - `camera_joint_state_measured`: (2 n,) of the arm with the camera.
+    - `looked`: (1,) number of the view at which the camera rests.
+    - `unreachable`: (1,) number of the last view that cannot be got to.
+    - `touch_end`: how the last touch ended, with `number`, `outcome`, `q_start`, `q_end`, `forces`.
+
+    Output ports:
+    - `pose_measurement`: `PoseMeasurement`, the last one.
+
+    Frames: W world, C camera, E the gripper's end-effector.
+
+    Args:
+        model: Of the object.
+        camera: As believed.
+        taxels: As believed.
+        noise: Of depth, as believed.
+        height: Of the table as believed, [m]; None if it stands on nothing that is known.
+        config: Of the object's pixels.
+        period: Of the ticks, [s].
+    """
+
+    def __init__(
+        self,
+        model: TargetModel,
+        camera: CameraOnArm,
+        taxels: TaxelsOnArm,
+        noise: SensorNoise,
+        height: float | None,
+        config: TargetViewConfig,
+        period: float,
+    ) -> None:
+        super().__init__()
+        self._model, self._camera, self._taxels = model, camera, taxels
+        self._noise, self._height, self._config = noise, height, config
+        guess = PosePrior(X=np.eye(4), rotation_sigma=np.inf, translation_sigma=1.0)
+        self._guess = self._declare_value_input("pose_guess", guess)
+        image = StampedImage(time=0.0, image=ImageDepth32F())
+        self._depth = self._declare_value_input("depth_measured", image)
+        self._joints = self.DeclareVectorInputPort("camera_joint_state_measured", 2 * camera.joints)
+        self._looked = self.DeclareVectorInputPort("looked", 1)
+        self._unreachable = self.DeclareVectorInputPort("unreachable", 1)
+        self._touch = self.DeclareAbstractInputPort("touch_end", Value[object]())
+        self._declare_recursion(MeasurementsState(), self._calc, period)
+        self._declare_latest("pose_measurement", lambda state: state.measurement)
+
+    def _calc(self, context: Context, state: Any) -> MeasurementsState:
+        number = state.measurement.number + 1
+        looked = int(self._read(self._looked, context)[0])
+        unreachable = int(self._read(self._unreachable, context)[0])
+        if looked > state.view:
+            return MeasurementsState(
+                measurement=self._view(context, number), view=looked, touch=state.touch
+            )
+        if unreachable > state.view:
+            nothing = PoseMeasurement(kind="view", number=number, displaced=self._touch_displaced())
+            return MeasurementsState(measurement=nothing, view=unreachable, touch=state.touch)
+        touch = self._read(self._touch, context)
+        if touch.number > state.touch:
+            return MeasurementsState(
+                measurement=self._touched(touch, number), view=state.view, touch=touch.number
+            )
+        return MeasurementsState(measurement=state.measurement, view=state.view, touch=state.touch)
+
+    def _view(self, context: Context, number: int) -> PoseMeasurement:
+        camera, noise = self._camera, self._noise
+        q = np.array(self._read(self._joints, context))[: camera.joints]
+        X_WC = camera.pose(q)
+        guess: PosePrior = self._read(self._guess, context)
+        centre = of_middle(guess.X, self._model.middle)[:3, 3]
+        depth = np.array(self._read(self._depth, context).image.data[:, :, 0])
+        seen = view_target(
+            depth,
+            np.zeros(depth.shape, bool),
+            camera.intrinsics,
+            X_WC,
+            centre,
+            self._model.radius + 3.0 * guess.translation_sigma,
+            self._height,
+            self._config,
+        )
+        facing = X_WC[:3, 3] - seen.p_WP
+        facing /= np.linalg.norm(facing, axis=1, keepdims=True)
+        return PoseMeasurement(
+            kind="view",
+            number=number,
+            points=seen.p_WP,
+            sigma=noise.depth + noise.depth_growth * (seen.depth - noise.depth_range) ** 2,
+            facing=facing,
+            eye=X_WC[:3, 3],
+            passed=seen.passed,
+            displaced=self._view_displaced(X_WC, centre),
+        )
+
+    def _touched(self, touch: Any, number: int) -> PoseMeasurement:
+        taxels, displaced = self._taxels, self._touch_displaced()
+        if touch.outcome == "unreachable":
+            return PoseMeasurement(kind="touch", number=number, displaced=displaced)
+        X_start, X_end = taxels.pose(touch.q_start), taxels.pose(touch.q_end)
+        met = touch.outcome == "contact"
+        points, facing = np.zeros((0, 3)), np.zeros((0, 3))
+        if met:
+            points, facing = contact_points(
+                X_end, taxels.p_ES, touch.forces, taxels.radius, taxels.threshold
+            )
+        return PoseMeasurement(
+            kind="touch",
+            number=number,
+            points=points,
+            sigma=np.full(len(points), taxels.sigma),
+            facing=facing,
+            rays=swept_rays(X_start, X_end, taxels.p_ES, taxels.ends, met),
+            displaced=displaced,
+        )
+
+    def _view_displaced(self, X_WC: Array, p_W: Array) -> Array:
+        """By which twist in W what is seen near `p_W` is displaced per error."""
+        camera = self._camera
+        own = camera_displacements(
+            X_WC,
+            p_W,
+            camera.pose_covariance,
+            camera.depth_scale_std,
+            camera.focal_length_std,
+        )
+        base = se3.adjoint(camera.base) @ _root(camera.base_covariance)
+        return np.concatenate([own, base, np.zeros((6, 9))], axis=1)
+
+    def _touch_displaced(self) -> Array:
+        """By which twist in W all contacts are displaced per error.
+
+        The taxels' common shift turns with the gripper, whose orientation differs from touch to
+        touch; it is taken for a shift in W, the same in all.
+        """
+        taxels = self._taxels
+        base = se3.adjoint(taxels.base) @ _root(taxels.base_covariance)
+        place = np.vstack([np.zeros((3, 3)), taxels.place_std * np.eye(3)])
+        return np.concatenate([np.zeros((6, 14)), base, place], axis=1)
+
+
+def camera_displacements(
+    X_WC: Array, p_W: Array, covariance: Array, depth_scale_std: float, focal_length_std: float
+) -> Array:
+    """(6, 8): by which twist in W what a camera sees near a point is displaced per error.
+
+    The errors are those of its pose, of the depths' scale and of the focal length.
+
+    Args:
+        X_WC: Pose of the camera (4, 4).
+        p_W: The point (3,), [m].
+        covariance: (6, 6) of xi in X_WC exp(xi), rotation first, [rad, m].
+        depth_scale_std: As a share of all depths.
+        focal_length_std: As a share of it.
+    """
+    A = np.zeros((6, 8))
+    A[:, :6] = se3.adjoint(X_WC) @ _root(covariance)
+    ray, axis = p_W - X_WC[:3, 3], X_WC[:3, 2]
+    A[3:, 6] = -depth_scale_std * ray
+    A[3:, 7] = -focal_length_std * (ray - axis * (axis @ ray))
+    return A
+
+
+def _root(covariance: Array) -> Array:
+    return np.linalg.cholesky(covariance + 1e-18 * np.eye(len(covariance)))

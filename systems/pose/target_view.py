@@ -1,0 +1,118 @@
+"""What one depth image shows of an object that stands on a table: points on it, rays beside it."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.maths.validation import number
+
+_PLANE_STEPS = 6
+_FEWEST = 50  # Pixels by which a plane is known.
+
+
+@dataclass(kw_only=True)
+class TargetViewConfig:
+    """How an object's pixels are told from others."""
+
+    # Least height above the table of what belongs to the object.
+    margin: float = number(0.005, above=0.0, at_most=1.0, unit="m")
+    # Farther than this from where the table is believed to be, nothing belongs to it.
+    table_error: float = number(0.02, above=0.0, at_most=1.0, unit="m")
+    # Steps of depth between neighbours that are edges, at which depth is not to be trusted.
+    edge: float = number(0.015, above=0.0, at_most=1.0, unit="m")
+    points: int = number(1600, at_least=10, at_most=1000000)  # That are kept at most.
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetView:
+    """Of one image.
+
+    Attributes:
+        p_WP: Points on the object (N, 3), in W, [m].
+        depth: Of these, along the camera's axis (N,), [m].
+        passed: Directions (B, 3) in W of the rays that passed by the object.
+    """
+
+    p_WP: Array
+    depth: Array
+    passed: Array
+
+
+def view_target(
+    depth: Array,
+    masked: Mask,
+    intrinsics: Intrinsics,
+    X_WC: Array,
+    centre: Array,
+    radius: float,
+    height: float | None,
+    config: TargetViewConfig,
+) -> TargetView:
+    """The object's points: those near where it is thought to be, and above the table.
+
+    The table is seen, too: its plane is fitted, so that an error of the camera's pose does not
+    make table of object or object of table.
+
+    Args:
+        depth: Image (H, W), [m]; zero, NaN or infinite where there is none.
+        masked: Pixels of the robots (H, W).
+        intrinsics: Of the image.
+        X_WC: Pose of the camera (4, 4).
+        centre: p_W (3,) about which the object is, [m].
+        radius: Within which all of it is, [m].
+        height: Of the table, about, [m]; None if the object stands on nothing that is known.
+        config: Of the object's pixels.
+    """
+    usable = np.isfinite(depth) & (depth > 0.0) & ~masked
+    z = np.where(usable, depth, 0.0).astype(np.float32)
+    v, u = np.indices(depth.shape)
+    x = (u - intrinsics.center_x) / intrinsics.focal_x
+    y = (v - intrinsics.center_y) / intrinsics.focal_y
+    rays = np.stack([x, y, np.ones_like(x)], axis=-1)
+    p_W = (z[..., None] * rays) @ X_WC[:3, :3].T + X_WC[:3, 3]
+    near = usable & (np.linalg.norm(p_W - centre, axis=-1) < radius)
+    if height is not None:
+        near &= _above_table(p_W, usable, centre, radius, height, config)
+    kernel = np.ones((3, 3), np.uint8)
+    steps = cv2.dilate(z, kernel) - cv2.erode(z, kernel)
+    chosen = near & (steps < config.edge)
+    index = np.flatnonzero(chosen)
+    if len(index) > config.points:
+        index = index[np.linspace(0, len(index) - 1, config.points).astype(int)]
+    # Rays whose depth lies behind the place of the object, and beside the object's own pixels.
+    beside = usable & ~cv2.dilate(near.astype(np.uint8), kernel).astype(bool)
+    at = rays.reshape(-1, 3)[np.flatnonzero(beside)]
+    directions = at @ X_WC[:3, :3].T
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    to_centre = centre - X_WC[:3, 3]
+    off = np.linalg.norm(to_centre - (directions @ to_centre)[:, None] * directions, axis=1)
+    return TargetView(
+        p_WP=p_W.reshape(-1, 3)[index],
+        depth=z.ravel()[index].astype(float),
+        passed=directions[off < radius],
+    )
+
+
+def _above_table(
+    p_W: Array, usable: Mask, centre: Array, radius: float, height: float, config: TargetViewConfig
+) -> Mask:
+    """Pixels (H, W) above the plane that is seen of the table, or else that is believed."""
+    beside = np.linalg.norm(p_W[..., :2] - centre[:2], axis=-1) < 2.0 * radius
+    above = p_W[..., 2] - height
+    near = usable & beside & (np.abs(above) < config.table_error)
+    A = np.column_stack([p_W[near][:, :2] - centre[:2], np.ones(int(near.sum()))])
+    b, plane = above[near], np.zeros(3)
+    weight = np.ones(len(b), bool)
+    for _ in range(_PLANE_STEPS):
+        if weight.sum() < _FEWEST:
+            plane = np.zeros(3)
+            break
+        plane = np.linalg.lstsq(A[weight], b[weight], rcond=None)[0]
+        residual = b - A @ plane
+        scale = 1.4826 * float(np.median(np.abs(residual[weight])))
+        weight = np.abs(residual) < max(2.5 * scale, 1e-4)
+    offset = p_W[..., :2] - centre[:2]
+    return np.asarray(above - offset @ plane[:2] - plane[2] > config.margin)

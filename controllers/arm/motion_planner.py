@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from pydrake.common import Parallelism
@@ -77,6 +78,10 @@ class MotionPlanner:
             env_collision_padding=self._config.clearance,
             implicit_context_parallelism=Parallelism(1),
         )
+        for hand in instances[1:]:  # Its parts may touch each other: the fingers of a closed hand.
+            for a, b in combinations(plant.GetBodyIndices(hand), 2):
+                if not self._checker.IsCollisionFilteredBetween(a, b):
+                    self._checker.SetCollisionFilteredBetween(a, b, True)
         self._q = plant.GetPositions(plant.CreateDefaultContext())
 
     def look_at(

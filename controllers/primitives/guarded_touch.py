@@ -29,7 +29,7 @@ class GuardedTouchConfig:
     threshold: float = number(0.08, above=0.0, at_most=100.0, unit="N")
     # Decisions in a row at which a taxel must exceed it.
     confirmations: int = number(2, at_least=1, at_most=100)
-    # For which the taxels' offsets are averaged before an approach.
+    # For which the taxels' offsets are averaged before the way to a touch.
     tare_time: float = number(0.2, above=0.0, at_most=60.0, unit="s")
     # Least length of an approach that is worth making.
     shortest: float = number(0.02, at_least=0.0, at_most=1.0, unit="m")
@@ -40,8 +40,8 @@ class TouchPhase(StrEnum):
     """What the touching arm does."""
 
     WAIT = ""
-    TRANSIT = "moves to the next touch"
     TARE = "takes the taxels' offsets"
+    TRANSIT = "moves to the next touch"
     APPROACH = "approaches"
     RETREAT = "retreats"
     HOME = "moves the gripper away"
@@ -84,6 +84,7 @@ class TouchState(Immutable):
         motion: Of the arm.
         number: Of the touch that it makes.
         since: When the phase began, [s].
+        path: Postures on the way to the approach (K, n), [rad].
         line: Postures of the approach (K, n), [rad].
         offsets: Sum of the taxels' readings (3 T,) while they are averaged, then their mean, [N].
         readings: How many there are in the sum.
@@ -97,6 +98,7 @@ class TouchState(Immutable):
     phase: TouchPhase = TouchPhase.WAIT
     number: int = 0
     since: float = 0.0
+    path: Array = field(default_factory=lambda: np.zeros((0, 0)))
     line: Array = field(default_factory=lambda: np.zeros((0, 0)))
     readings: int = 0
     exceeded: int = 0
@@ -176,14 +178,13 @@ class GuardedTouch(ArmTask):
             if exceeded != state.exceeded:
                 state = replace(state, exceeded=exceeded)
         if state.phase is TouchPhase.TARE:
-            return self._tared(context, state)
+            return self._tare(context, state)
         if time < state.motion.end + self._transit.rest_time * (state.phase is TouchPhase.TRANSIT):
             return state
         if state.phase is TouchPhase.APPROACH:
             return self._ended(context, state, TouchOutcome.MISS)
         if state.phase is TouchPhase.TRANSIT:
-            zero = np.zeros_like(state.offsets)
-            return replace(state, phase=TouchPhase.TARE, since=time, offsets=zero, readings=0)
+            return self._approach(context, state)
         return self._decide(context, state)
 
     def _decide(self, context: Context, state: TouchState) -> TouchState:
@@ -203,23 +204,37 @@ class GuardedTouch(ArmTask):
         if line is None or path is None:
             end = TouchEnd(number=wanted.number, outcome=TouchOutcome.UNREACHABLE)
             return replace(state, phase=TouchPhase.WAIT, end=end)
-        motion = self._motion(path, context.get_time())
-        return replace(state, phase=TouchPhase.TRANSIT, motion=motion, line=line, exceeded=0)
+        return replace(
+            state,
+            phase=TouchPhase.TARE,
+            since=context.get_time(),
+            path=path,
+            line=line,
+            offsets=np.zeros_like(state.offsets),
+            readings=0,
+        )
 
-    def _tared(self, context: Context, state: TouchState) -> TouchState:
+    def _tare(self, context: Context, state: TouchState) -> TouchState:
+        """Averages the taxels' readings at rest, then begins the way to the touch."""
         time = context.get_time()
         total = state.offsets + np.array(self._taxels.Eval(context))
         readings = state.readings + 1
         if time < state.since + self._config.tare_time:
             return replace(state, offsets=total, readings=readings)
-        line = state.line
-        p = [self._arm.Evaluate(np.append(q, np.zeros_like(q))).X_WE[:3, 3] for q in line]
-        duration = float(np.linalg.norm(p[-1] - p[0])) / self._config.speed
+        return replace(
+            state,
+            phase=TouchPhase.TRANSIT,
+            motion=self._motion(state.path, time),
+            offsets=total / readings,
+            exceeded=0,
+        )
+
+    def _approach(self, context: Context, state: TouchState) -> TouchState:
+        duration = self._planner.length(state.line) / self._config.speed
         return replace(
             state,
             phase=TouchPhase.APPROACH,
-            motion=along_line(line, time, duration),
-            offsets=total / readings,
+            motion=along_line(state.line, context.get_time(), duration),
             q_start=self._positions(context),
         )
 
@@ -287,14 +302,15 @@ def touch_line(
     box = [(wanted.box_edges, RigidTransform(wanted.X_WB))]
     for roll in np.pi * np.arange(_ROLLS) / _ROLLS:
         X_WE = RigidTransform(upright @ RotationMatrix.MakeZRotation(roll), wanted.start)
-        postures = list(planner.postures(X_WE, guesses))
-        if not postures:  # The wrist cannot get there, however it is turned.
-            return None
-        planner.look_at(others, box)
-        free = [q for q in postures if planner.is_free(q)]
-        planner.look_at(others)
-        for q in free:
-            line = planner.line(q, z, wanted.reach)
+        found = False
+        for q in planner.postures(X_WE, guesses):
+            found = True
+            planner.look_at(others, box)
+            is_free = planner.is_free(q)
+            planner.look_at(others)
+            line = planner.line(q, z, wanted.reach) if is_free else q[None]
             if planner.length(line) >= max(wanted.expected, config.shortest):
                 return line
+        if not found:  # The wrist cannot get there, however it is turned.
+            return None
     return None

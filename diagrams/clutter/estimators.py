@@ -1,13 +1,14 @@
 """The estimators of the clutter application, and what robots believe of themselves."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 from pydrake.systems.framework import System
 
-from crossmodal.diagrams.clutter.robot_config import ROBOTS
+from crossmodal.diagrams.clutter.robot_config import CAMERA_ARM, ROBOTS
 from crossmodal.diagrams.clutter.scenario import Scenario, generator, target_mesh
 from crossmodal.diagrams.run.calibration import (
     Calibration,
@@ -60,7 +61,10 @@ def make_calibration(scenario: Scenario) -> Calibration:
     cameras = scenario.cameras or {"camera": CameraConfig()}
     if scenario.station == "robots":
         scene = scenario.plant.scene
-        return believed_robots(scenario, scene, ROBOTS, cameras, _JOINT_OFFSET)
+        found = believed_robots(scenario, scene, ROBOTS, cameras, _JOINT_OFFSET)
+        # W is where the camera's arm stands.
+        looker = replace(found.arms[CAMERA_ARM], covariance=np.zeros((6, 6)))
+        return replace(found, arms={**found.arms, CAMERA_ARM: looker})
     believed = scenario.calibration.believed
     return Calibration(
         cameras={name: calibrated(config.camera(), believed) for name, config in cameras.items()},

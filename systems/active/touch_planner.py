@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context
 
+from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
 from crossmodal.systems.active.touch_planning import (
@@ -72,6 +73,7 @@ class TouchPlanner(RecursiveFilter):
         period: float,
         seed: int = 0,
         can_touch: Callable[[TouchRequest], bool] = lambda request: True,
+        displaced: Array | None = None,
     ) -> None:
         """Makes the planner.
 
@@ -82,6 +84,8 @@ class TouchPlanner(RecursiveFilter):
             period: Of the ticks, [s].
             seed: Of what is drawn by lot.
             can_touch: Whether the robot can make a touch.
+            displaced: (6, m) by which twist in W contacts are displaced per error of the
+                calibration.
         """
         super().__init__()
         check(config, "TouchPlanner")
@@ -91,7 +95,7 @@ class TouchPlanner(RecursiveFilter):
                 f"TouchPlanner: criterion = '{config.criterion}', but it must be one of {known}"
             )
         self._model, self._config, self._seed = model, config, seed
-        self._can_touch = can_touch
+        self._can_touch, self._displaced = can_touch, displaced
         self._height = -np.inf if height is None else height
         self._pose = self._declare_value_input("object_pose", UNKNOWN_POSE)
         self._declare_recursion(TouchPlannerState(), self._calc, period)
@@ -121,7 +125,9 @@ class TouchPlanner(RecursiveFilter):
         )
         if len(starts) == 0:
             return TouchRequest(number=number - 1, done=True, why="no approach is clear")
-        predicted = predict_touches(belief, model, starts, directions, config.touch, rng)
+        predicted = predict_touches(
+            belief, model, starts, directions, config.touch, rng, self._displaced
+        )
         feasible = predicted.feasible(config.touch)
         hit = predicted.hit
         if not hit.any():

@@ -57,11 +57,12 @@ class TouchPredictions(Immutable):
         starts: (R, 3) in W, [m].
         directions: Unit vectors (R, 3) in W.
         distances: (K, R) from the start to the contact, infinite for a miss, [m].
-        rows: (K, R, 6) by how much the distance to the surface changes with the pose: rotation in O
-            and translation of the object's middle in W. Zero for a miss.
+        rows: (K, R, 6 + m) by how much the distance to the surface changes with the pose, rotation
+            in O and translation of the object's middle in W, and with the errors of the
+            calibration. Zero for a miss.
         incidence: (K, R) cosines between approach and normal; zero for a miss.
         poses: X_WO (K, 4, 4) of the object's middle.
-        covariances: (K, 6, 6) of the belief about each.
+        covariance: (6 + m, 6 + m) of pose and calibration.
     """
 
     starts: Array
@@ -70,7 +71,7 @@ class TouchPredictions(Immutable):
     rows: Array
     incidence: Array
     poses: Array
-    covariances: Array
+    covariance: Array
 
     @property
     def hit(self) -> Array:
@@ -159,12 +160,27 @@ def predict_touches(
     directions: Array,
     config: TouchConfig,
     rng: np.random.Generator,
+    displaced: Array | None = None,
 ) -> TouchPredictions:
-    """What approaches (R, 3), (R, 3) would meet under poses drawn from the belief."""
+    """What approaches would meet under poses drawn from the belief.
+
+    Args:
+        belief: About the pose.
+        model: Of the object.
+        starts: Of the approaches (R, 3), in W, [m].
+        directions: Unit vectors (R, 3) in W.
+        config: Of touches.
+        rng: Of the poses that are drawn.
+        displaced: (6, m) by which twist in W contacts are displaced per error of the calibration;
+            None where nothing is known of that.
+    """
+    width = len(belief.joint)
+    if displaced is None or displaced.shape[1] + 6 != width:
+        displaced = np.zeros((6, width - 6))
     count, rays = config.poses, len(starts)
     X = belief.samples[rng.choice(len(belief.samples), count, replace=False)]
     distances = np.empty((count, rays))
-    rows, incidence = np.zeros((count, rays, 6)), np.zeros((count, rays))
+    rows, incidence = np.zeros((count, rays, width)), np.zeros((count, rays))
     face = _across(directions, config.of_finger())
     points = face.shape[1]
     fingers = (starts[:, None] + face).reshape(-1, 3)
@@ -182,7 +198,10 @@ def predict_touches(
         n = model.surface.normals[samples[met]]
         at = p[met] + distances[k, met, None] * d[met]
         rows[k, met, :3] = -np.cross(at, n)
-        rows[k, met, 3:] = -n @ R.T
+        n_W = n @ R.T
+        rows[k, met, 3:6] = -n_W
+        twist = np.concatenate([np.cross(at @ R.T + t, n_W), n_W], axis=1)
+        rows[k, met, 6:] = twist @ displaced
         incidence[k, met] = -np.einsum("ri,ri->r", d[met], n)
     return TouchPredictions(
         starts=starts,
@@ -191,7 +210,7 @@ def predict_touches(
         rows=rows,
         incidence=incidence,
         poses=X,
-        covariances=np.tile(belief.covariance, (count, 1, 1)),
+        covariance=belief.joint,
     )
 
 
@@ -218,8 +237,10 @@ def expected_log_det(
     predicted: TouchPredictions, model: TargetModel, sigma: float, rng: np.random.Generator
 ) -> Array:
     """Gains (R,): by how much a contact shrinks the pose's covariance, a miss counting nothing."""
-    j, C = predicted.rows, predicted.covariances
-    return np.log1p(np.einsum("kri,kij,krj->kr", j, C, j) / sigma**2).mean(axis=0) / 2.0
+    gain, variance = _innovations(predicted, sigma)
+    whitened = np.linalg.solve(np.linalg.cholesky(predicted.covariance[:6, :6]), gain[..., None])
+    share = np.sum(whitened[..., 0] ** 2, axis=2) / variance
+    return np.asarray(-0.5 * np.log1p(-np.minimum(share, 1.0 - 1e-12)).mean(axis=0))
 
 
 def expected_adi(
@@ -228,20 +249,27 @@ def expected_adi(
     """Gains (R,): by how much the mean squared distance between surfaces falls, [m^2].
 
     The distance of the surface at pose X + e from that at X is j e at each of its points, so that
-    its expected square is trace(M C) with M the mean of j j'. A contact with the row j lowers it by
-    j C M C j' / (sigma^2 + j C j'). A turn that does not move the surface earns nothing.
+    its expected square is trace(M C) with M the mean of j j'. A contact whose distance has the
+    covariance g with the pose and the variance v lowers it by g M g' / v. A turn that does not move
+    the surface earns nothing, nor does what all contacts have in common once it is known.
     """
     p, n = model.surface.points, model.surface.normals
     J = np.concatenate([-np.cross(p, n), -n], axis=1)
     of_object = J.T @ J / len(J)
+    gain, variance = _innovations(predicted, sigma)
     gains, to_world = np.empty(predicted.distances.shape), np.eye(6)
-    for k, C in enumerate(predicted.covariances):
+    for k, g in enumerate(gain):
         to_world[3:, 3:] = predicted.poses[k, :3, :3]
         M = to_world @ of_object @ to_world.T
-        jC = predicted.rows[k] @ C
-        gained = np.einsum("ri,ij,rj->r", jC, M, jC)
-        gains[k] = gained / (sigma**2 + np.einsum("ri,ri->r", jC, predicted.rows[k]))
+        gains[k] = np.einsum("ri,ij,rj->r", g, M, g) / variance[k]
     return np.asarray(gains.mean(axis=0))
+
+
+def _innovations(predicted: TouchPredictions, sigma: float) -> tuple[Array, Array]:
+    """Covariances (K, R, 6) of contacts' distances with the pose, and their variances (K, R)."""
+    jC = predicted.rows @ predicted.covariance
+    variance = sigma**2 + np.einsum("kri,kri->kr", jC, predicted.rows)
+    return jC[..., :6], variance
 
 
 CRITERIA: dict[str, Criterion] = {

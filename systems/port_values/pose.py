@@ -39,6 +39,7 @@ class ObjectPose(Immutable):
         known: Whether anything is; else all is NaN or empty.
         X: X_WM (4, 4), the pose that is reported.
         covariance: Second moment (6, 6) of the samples about it: rotation in O, translation in W.
+        joint: Covariance (6 + m, 6 + m) of the pose, as before, and the calibration's errors.
         samples: X_WM (S, 4, 4).
         calibration: Errors of the calibration (S, m), in standard deviations.
         modes: X_WM (K, 4, 4) of the density's maxima, the likeliest first.
@@ -51,6 +52,7 @@ class ObjectPose(Immutable):
     number: int = 0
     X: Array
     covariance: Array
+    joint: Array
     samples: Array
     calibration: Array
     modes: Array
@@ -92,6 +94,7 @@ UNKNOWN_POSE = ObjectPose(
     known=False,
     X=np.full((4, 4), np.nan),
     covariance=np.full((6, 6), np.nan),
+    joint=np.full((6, 6), np.nan),
     samples=np.zeros((0, 4, 4)),
     calibration=np.zeros((0, 0)),
     modes=np.zeros((0, 4, 4)),

@@ -176,12 +176,28 @@ def infer_pose(
     return ObjectPose(
         X=found,
         covariance=e.T @ e / len(e) + 1e-10 * np.eye(6),
+        joint=_joint_covariance(found, X, c, P, probabilities),
         samples=samples,
         calibration=calibration,
         modes=X,
         probabilities=probabilities,
         middle=model.middle,
     )
+
+
+def _joint_covariance(found: Array, X: Array, c: Array, P: Array, probabilities: Array) -> Array:
+    """Second moment (6 + m, 6 + m) of pose and calibration about a pose and the mean errors.
+
+    Args:
+        found: The pose (4, 4).
+        X: Modes (K, 4, 4).
+        c: Errors of the calibration there (K, m).
+        P: Covariances about the modes (K, 6 + m, 6 + m).
+        probabilities: Of the modes (K,).
+    """
+    away = np.concatenate([deviations(found, X), c - probabilities @ c], axis=1)
+    spread = np.einsum("k,ki,kj->ij", probabilities, away, away)
+    return np.asarray(np.einsum("k,kij->ij", probabilities, P) + spread)
 
 
 @hot

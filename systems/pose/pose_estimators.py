@@ -46,6 +46,7 @@ def quaternion_filter(config: QuaternionFilterConfig) -> Inference:
         return ObjectPose(
             X=X,
             covariance=found.covariance,
+            joint=found.covariance,
             samples=samples,
             calibration=np.zeros((len(errors), 0)),
             modes=X[None],

@@ -157,7 +157,9 @@ class PoseMeasurements(RecursiveFilter):
                 measurement=self._view(context, number), view=looked, touch=state.touch
             )
         if unreachable > state.view:
-            nothing = PoseMeasurement(kind="view", number=number, displaced=self._touch_displaced())
+            nothing = PoseMeasurement(
+                kind="view", number=number, displaced=touch_displacements(self._taxels)
+            )
             return MeasurementsState(measurement=nothing, view=unreachable, touch=state.touch)
         touch = self._read(self._touch, context)
         if touch.number > state.touch:
@@ -197,7 +199,7 @@ class PoseMeasurements(RecursiveFilter):
         )
 
     def _touched(self, touch: Any, number: int) -> PoseMeasurement:
-        taxels, displaced = self._taxels, self._touch_displaced()
+        taxels, displaced = self._taxels, touch_displacements(self._taxels)
         if touch.outcome == "unreachable":
             return PoseMeasurement(kind="touch", number=number, displaced=displaced)
         X_start, X_end = taxels.pose(touch.q_start), taxels.pose(touch.q_end)
@@ -230,16 +232,17 @@ class PoseMeasurements(RecursiveFilter):
         base = se3.adjoint(camera.base) @ _root(camera.base_covariance)
         return np.concatenate([own, base, np.zeros((6, 9))], axis=1)
 
-    def _touch_displaced(self) -> Array:
-        """By which twist in W all contacts are displaced per error.
 
-        The taxels' common shift turns with the gripper, whose orientation differs from touch to
-        touch; it is taken for a shift in W, the same in all.
-        """
-        taxels = self._taxels
-        base = se3.adjoint(taxels.base) @ _root(taxels.base_covariance)
-        place = np.vstack([np.zeros((3, 3)), taxels.place_std * np.eye(3)])
-        return np.concatenate([np.zeros((6, 14)), base, place], axis=1)
+def touch_displacements(taxels: TaxelsOnArm) -> Array:
+    """(6, 23): by which twist in W all contacts are displaced per error.
+
+    The errors are those of `PoseMeasurements`: eight of the camera, six of its arm's base, six of
+    the touching arm's base, three of the taxels' places. The taxels' common shift turns with the
+    gripper, whose orientation differs from touch to touch; it is taken for a shift in W.
+    """
+    base = se3.adjoint(taxels.base) @ _root(taxels.base_covariance)
+    place = np.vstack([np.zeros((3, 3)), taxels.place_std * np.eye(3)])
+    return np.concatenate([np.zeros((6, 14)), base, place], axis=1)
 
 
 def camera_displacements(

@@ -37,6 +37,13 @@ _DRAWN = DepthNoiseConfig()  # The camera's own noise.
 _RAY_STEP, _BEFORE_CONTACT = 6e-3, 4e-3  # Between samples of a ray, and before its end, [m].
 
 
+def finger_displacements(scenario: Scenario) -> Array:
+    """(6, 14): by which twist in W contacts are displaced per error: of the camera, of the arm."""
+    believed = scenario.calibration.believed
+    sigma = np.repeat([believed.arm_rotation, believed.arm_translation], 3)
+    return np.concatenate([np.zeros((6, CAMERA_ERRORS)), np.diag(sigma)], axis=1)
+
+
 class MeasuringRig(RecursiveFilter):
     """Takes the views that are wanted, then the touches.
 
@@ -59,9 +66,7 @@ class MeasuringRig(RecursiveFilter):
         self._true_camera: Camera = draw_camera("camera", self._camera, errors, seed)
         base = draw_base("arm", RigidTransform(), errors, seed)
         self._X_base = np.asarray(base.GetAsMatrix4())
-        believed = scenario.calibration.believed
-        sigma = np.repeat([believed.arm_rotation, believed.arm_translation], 3)
-        self._of_arm = np.concatenate([np.zeros((6, CAMERA_ERRORS)), np.diag(sigma)], axis=1)
+        self._of_arm = finger_displacements(scenario)
         self._X_WM = true_pose(scenario, model)
         self._guess = first_guess(scenario, self._X_WM, model)
         self._view_wanted = self._declare_value_input("view", NO_VIEW)

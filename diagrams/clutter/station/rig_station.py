@@ -4,7 +4,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from crossmodal.diagrams.clutter.estimators import believed_table, load_model
 from crossmodal.diagrams.clutter.scenario import Scenario
-from crossmodal.diagrams.clutter.station.rig import MeasuringRig
+from crossmodal.diagrams.clutter.station.rig import MeasuringRig, finger_displacements
 from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.systems.active.touch_planner import TouchPlanner
@@ -19,7 +19,15 @@ def make_rig_station(scenario: Scenario, calibration: Calibration) -> Station:
     height = None if table is None else table.height
     config = scenario.touches
     planner = builder.AddNamedSystem(
-        "planner", TouchPlanner(model, config, height, scenario.network_period, scenario.seed)
+        "planner",
+        TouchPlanner(
+            model,
+            config,
+            height,
+            scenario.network_period,
+            scenario.seed,
+            displaced=finger_displacements(scenario),
+        ),
     )
     builder.Connect(planner.GetOutputPort("touch_latest"), rig.GetInputPort("touch"))
     views = builder.AddNamedSystem(

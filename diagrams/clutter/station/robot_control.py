@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -20,6 +19,7 @@ from crossmodal.diagrams.clutter.robot_config import (
     TOUCH_ARM,
     TOUCHER,
 )
+from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors
 from crossmodal.diagrams.run.record import TaskStatus
 from crossmodal.diagrams.stations.drives import add_drives
 from crossmodal.diagrams.stations.task_status import add_task_status
@@ -31,9 +31,6 @@ from crossmodal.systems.active.view_planner import ViewPlanner
 from crossmodal.systems.port_values import TouchRequest
 from crossmodal.systems.pose.evidence import Table
 from crossmodal.systems.pose.target_model import TargetModel
-
-if TYPE_CHECKING:
-    from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors
 
 _ROBOTS = {CAMERA_ARM: (CAMERA_ARM, CAMERA_HAND), TOUCH_ARM: (TOUCH_ARM, GRIPPER)}
 
@@ -59,9 +56,10 @@ def add_control(
     wiring: StationWiring,
     model: TargetModel,
     table: Table | None,
-    sensors: "RobotSensors",
+    sensors: RobotSensors,
     guess: OutputPort,
     homes: Mapping[str, Array],
+    displaced: Array,
 ) -> RobotControl:
     """Adds planners and controllers; exports `view_latest`, `touch_latest` and `touch_end`.
 
@@ -73,6 +71,7 @@ def add_control(
         sensors: Of the robots.
         guess: `pose_guess`.
         homes: Postures in which the arms begin and end (n,), by their names, [rad].
+        displaced: (6, m) by which twist in W contacts are displaced per error of the calibration.
     """
     builder, scenario = wiring.builder, wiring.scenario
     config, period, seed = scenario.control, scenario.network_period, scenario.seed

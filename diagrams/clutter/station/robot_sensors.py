@@ -1,15 +1,12 @@
-"""The sensors of both robots, and what is measured with them of the object."""
+"""The sensors of both robots: joints, camera and taxels."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from crossmodal.models.gripper_taxels import ARRAYS, RADIUS, gripper_taxels
 from pydrake.geometry import Role
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import OutputPort, System
+from pydrake.systems.framework import OutputPort
 
-from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.diagrams.clutter.robot_config import (
     CAMERA_ARM,
     GRIPPER,
@@ -17,21 +14,13 @@ from crossmodal.diagrams.clutter.robot_config import (
     TOUCH_ARM,
     TOUCHER,
 )
-from crossmodal.diagrams.clutter.station.robot_control import RobotControl
 from crossmodal.diagrams.stations.add_arm import add_encoders
 from crossmodal.diagrams.stations.add_cameras import add_cameras
 from crossmodal.diagrams.stations.naming import own_seed
 from crossmodal.diagrams.stations.wiring import StationWiring
 from crossmodal.maths.arrays import Array
-from crossmodal.systems.pose.evidence import Table
-from crossmodal.systems.pose.pose_measurements import (
-    CameraOnArm,
-    PoseMeasurements,
-    TaxelsOnArm,
-)
-from crossmodal.systems.pose.target_model import TargetModel
+from crossmodal.models.gripper_taxels import ARRAYS, gripper_taxels
 from crossmodal.systems.sensors.joint_encoders import JointEncoders
-from crossmodal.systems.sensors.randomness import make_generator
 from crossmodal.systems.sensors.taxel_array import TaxelArrayForces, TaxelArraySensor
 
 
@@ -103,78 +92,3 @@ def add_sensors(
         taxels=sensor.GetOutputPort("taxel_measured"),
         depth=stamps.GetOutputPort("depth_measured"),
     )
-
-
-def add_measurements(
-    wiring: StationWiring,
-    model: TargetModel,
-    table: Table | None,
-    sensors: RobotSensors,
-    guess: OutputPort,
-    control: RobotControl,
-) -> System:
-    """Adds what makes measurements of the object's pose of what the sensors give.
-
-    Args:
-        model: Of the object.
-        table: As believed.
-        sensors: Of the robots.
-        guess: `pose_guess`.
-        control: What moves the arms, and knows when they are where they should be.
-    """
-    builder, scenario, calibration = wiring.builder, wiring.scenario, wiring.calibration
-    (camera,) = calibration.cameras.values()
-    looker, toucher = calibration.arms[CAMERA_ARM], calibration.arms[TOUCH_ARM]
-    arm_with_camera, arm_with_taxels = ArmModel(looker.model), ArmModel(toucher.model)
-    X_EC = camera.X_PC.GetAsMatrix4()
-    perception, layout = scenario.perception, gripper_taxels()
-    closed = layout.p_FS + layout.finger_places(np.zeros(2))[layout.finger]
-    # Where the taxels are believed to be; their true places are those of the simulated gripper.
-    shift = scenario.sensors.taxel_places * make_generator(
-        scenario.seed, "taxel places"
-    ).standard_normal(3)
-    tips = [k for k, array in enumerate(layout.array) if ARRAYS[array].endswith("tip")]
-    measurements = builder.AddNamedSystem(
-        "pose_measurements",
-        PoseMeasurements(
-            model,
-            CameraOnArm(
-                intrinsics=camera.intrinsics,
-                pose=lambda q: arm_with_camera.Evaluate(np.append(q, np.zeros_like(q))).X_WE @ X_EC,
-                joints=arm_with_camera.num_joints,
-                base=looker.X_WBase.GetAsMatrix4(),
-                base_covariance=looker.covariance,
-                pose_covariance=camera.pose_covariance,
-                depth_scale_std=camera.depth_scale_std,
-                focal_length_std=camera.focal_length_std,
-            ),
-            TaxelsOnArm(
-                pose=lambda q: arm_with_taxels.Evaluate(np.append(q, np.zeros_like(q))).X_WE.copy(),
-                base=toucher.X_WBase.GetAsMatrix4(),
-                base_covariance=toucher.covariance,
-                p_ES=closed + shift,
-                radius=RADIUS,
-                place_std=perception.taxel_places,
-                ends=np.array(tips),
-                threshold=scenario.control.touch.threshold,
-                sigma=perception.contact_sigma,
-            ),
-            calibration.noise,
-            None if table is None else table.height,
-            perception.view,
-            scenario.network_period,
-        ),
-    )
-    inputs = {
-        "pose_guess": guess,
-        "depth_measured": sensors.depth,
-        "camera_joint_state_measured": sensors.encoders[CAMERA_ARM].GetOutputPort(
-            "joint_state_measured"
-        ),
-        "looked": control.look.GetOutputPort("looked"),
-        "unreachable": control.look.GetOutputPort("unreachable"),
-        "touch_end": control.touch.GetOutputPort("touch_end"),
-    }
-    for port, source in inputs.items():
-        builder.Connect(source, measurements.GetInputPort(port))
-    return measurements

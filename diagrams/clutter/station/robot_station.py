@@ -21,7 +21,11 @@ from crossmodal.diagrams.clutter.robot_config import (
 from crossmodal.diagrams.clutter.scenario import Scenario, target_model
 from crossmodal.diagrams.clutter.start import first_guess, true_pose
 from crossmodal.diagrams.clutter.station.robot_control import add_control
-from crossmodal.diagrams.clutter.station.robot_sensors import add_measurements, add_sensors
+from crossmodal.diagrams.clutter.station.robot_measurements import (
+    add_measurements,
+    believed_taxels,
+)
+from crossmodal.diagrams.clutter.station.robot_sensors import add_sensors
 from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration, draw_base
 from crossmodal.diagrams.stations.drives import hold_still
@@ -33,6 +37,7 @@ from crossmodal.plants.robots.panda import PANDA_AWAY
 from crossmodal.plants.robots.ur5 import UR5_HOME
 from crossmodal.plants.scene import ObjectPlacement, add_manipulation_scene
 from crossmodal.systems.port_values import of_mesh
+from crossmodal.systems.pose.pose_measurements import touch_displacements
 
 HOMES = {CAMERA_ARM: PANDA_AWAY, TOUCH_ARM: UR5_HOME}
 
@@ -51,9 +56,9 @@ def make_robot_station(scenario: Scenario, calibration: Calibration) -> Station:
         calibration: What the robots believe of themselves.
     """
     errors, seed = scenario.calibration.errors, scenario.seed
-    bases = {
-        name: draw_base(name, arm.X_WBase, errors, seed) for name, arm in calibration.arms.items()
-    }
+    bases = {name: arm.X_WBase for name, arm in calibration.arms.items()}
+    # W is where the camera's arm stands; how the two stand to each other is known up to errors.
+    bases[TOUCH_ARM] = draw_base(TOUCH_ARM, bases[TOUCH_ARM], errors, seed)
     model, table = load_model(scenario), believed_table(scenario)
     X_WM = true_pose(scenario, model)
     X_WO = RigidTransform(of_mesh(X_WM, model.middle))
@@ -76,8 +81,10 @@ def make_robot_station(scenario: Scenario, calibration: Calibration) -> Station:
     sensors = add_sensors(wiring, arms, HOMES)
     guess = Value[object](first_guess(scenario, X_WM, model))
     guessed = builder.AddNamedSystem("pose_guess", ConstantValueSource(guess)).get_output_port()
-    control = add_control(wiring, model, table, sensors, guessed, HOMES)
-    measurements = add_measurements(wiring, model, table, sensors, guessed, control)
+    taxels = believed_taxels(scenario, calibration)
+    displaced = touch_displacements(taxels)
+    control = add_control(wiring, model, table, sensors, guessed, HOMES, displaced)
+    measurements = add_measurements(wiring, model, table, taxels, sensors, guessed, control)
     builder.Connect(measurements.get_output_port(), control.views.GetInputPort("pose_measurement"))
     builder.ExportOutput(measurements.get_output_port(), "pose_measurement")
     builder.ExportOutput(guessed, "pose_guess")

@@ -1,0 +1,109 @@
+"""What is measured of the object with the robots' sensors, as the robots believe these to be."""
+
+import numpy as np
+from pydrake.systems.framework import OutputPort, System
+
+from crossmodal.controllers.arm.kinematics import ArmModel
+from crossmodal.diagrams.clutter.robot_config import CAMERA_ARM, TOUCH_ARM
+from crossmodal.diagrams.clutter.scenario import Scenario
+from crossmodal.diagrams.clutter.station.robot_control import RobotControl
+from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.stations.wiring import StationWiring
+from crossmodal.models.gripper_taxels import ARRAYS, RADIUS, gripper_taxels
+from crossmodal.systems.pose.evidence import Table
+from crossmodal.systems.pose.pose_measurements import (
+    CameraOnArm,
+    PoseMeasurements,
+    TaxelsOnArm,
+)
+from crossmodal.systems.pose.target_model import TargetModel
+from crossmodal.systems.sensors.randomness import make_generator
+
+
+def believed_camera(calibration: Calibration) -> CameraOnArm:
+    """The camera on its arm."""
+    (camera,) = calibration.cameras.values()
+    arm = calibration.arms[CAMERA_ARM]
+    model, X_EC = ArmModel(arm.model), camera.X_PC.GetAsMatrix4()
+    return CameraOnArm(
+        intrinsics=camera.intrinsics,
+        pose=lambda q: model.Evaluate(np.append(q, np.zeros_like(q))).X_WE @ X_EC,
+        joints=model.num_joints,
+        base=arm.X_WBase.GetAsMatrix4(),
+        base_covariance=arm.covariance,
+        pose_covariance=camera.pose_covariance,
+        depth_scale_std=camera.depth_scale_std,
+        focal_length_std=camera.focal_length_std,
+    )
+
+
+def believed_taxels(scenario: Scenario, calibration: Calibration) -> TaxelsOnArm:
+    """The taxels on the closed gripper, whose places are known up to a common shift.
+
+    The true places are those of the simulated gripper; the seed draws by how much what is believed
+    differs from them.
+    """
+    arm, layout, perception = calibration.arms[TOUCH_ARM], gripper_taxels(), scenario.perception
+    model = ArmModel(arm.model)
+    rng = make_generator(scenario.seed, "taxel places")
+    shift = scenario.sensors.taxel_places * rng.standard_normal(3)
+    closed = layout.p_FS + layout.finger_places(np.zeros(2))[layout.finger]
+    tips = [k for k, array in enumerate(layout.array) if ARRAYS[array].endswith("tip")]
+    return TaxelsOnArm(
+        pose=lambda q: model.Evaluate(np.append(q, np.zeros_like(q))).X_WE.copy(),
+        base=arm.X_WBase.GetAsMatrix4(),
+        base_covariance=arm.covariance,
+        p_ES=closed + shift,
+        radius=RADIUS,
+        place_std=perception.taxel_places,
+        ends=np.array(tips),
+        threshold=scenario.control.touch.threshold,
+        sigma=perception.contact_sigma,
+    )
+
+
+def add_measurements(
+    wiring: StationWiring,
+    model: TargetModel,
+    table: Table | None,
+    taxels: TaxelsOnArm,
+    sensors: RobotSensors,
+    guess: OutputPort,
+    control: RobotControl,
+) -> System:
+    """Adds what makes measurements of the object's pose of what the sensors give.
+
+    Args:
+        model: Of the object.
+        table: As believed.
+        taxels: As believed.
+        sensors: Of the robots.
+        guess: `pose_guess`.
+        control: What moves the arms, and knows when they are where they should be.
+    """
+    builder, scenario, calibration = wiring.builder, wiring.scenario, wiring.calibration
+    measurements = builder.AddNamedSystem(
+        "pose_measurements",
+        PoseMeasurements(
+            model,
+            believed_camera(calibration),
+            taxels,
+            calibration.noise,
+            None if table is None else table.height,
+            scenario.perception.view,
+            scenario.network_period,
+        ),
+    )
+    looker = sensors.encoders[CAMERA_ARM]
+    inputs = {
+        "pose_guess": guess,
+        "depth_measured": sensors.depth,
+        "camera_joint_state_measured": looker.GetOutputPort("joint_state_measured"),
+        "looked": control.look.GetOutputPort("looked"),
+        "unreachable": control.look.GetOutputPort("unreachable"),
+        "touch_end": control.touch.GetOutputPort("touch_end"),
+    }
+    for port, source in inputs.items():
+        builder.Connect(source, measurements.GetInputPort(port))
+    return measurements

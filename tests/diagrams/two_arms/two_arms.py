@@ -322,14 +322,14 @@ APPLICATION = Application(
     make_calibration=make_calibration,
     make_station=make_station,
     make_estimators=make_estimators,
-    quantities=[
+    quantities=lambda scenario: [
         Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR, estimators=SIDES),
         Quantity(port="features_latest", model=no_features(), estimators=["eye"]),
     ],
-    station_quantities=[
+    station_quantities=lambda scenario: [
         Quantity(port=f"cheat_{side}_pose", model=RigidTransform()) for side in SIDES
     ],
-    pictures=("fixed_color_measured", "wrist_color_measured"),
+    pictures=lambda scenario: ("fixed_color_measured", "wrist_color_measured"),
     evaluate=partial(evaluate_rows, rows=rows, units={"position": "m"}),
     metrics=error_metrics({f"position_{axis}": "m" for axis in "xyz"}),
 )

@@ -142,7 +142,13 @@ class Episode:
         self._sensor_log: SensorLogWriter | None = None
         if sensors_file is not None:
             self._sensor_log = _add_sensor_recorder(
-                builder, application, scenario, station, self.estimators, sensors_file
+                builder,
+                application,
+                scenario,
+                self.calibration,
+                station,
+                self.estimators,
+                sensors_file,
             )
         if self._meshcat is not None and station.HasOutputPort(SCENE_PORT):
             if application.view is not None:
@@ -276,6 +282,7 @@ def _add_sensor_recorder(
     builder: DiagramBuilder,
     application: Application,
     scenario: Scenario,
+    calibration: Calibration,
     station: Diagram,
     estimators: Mapping[str, System],
     path: Path,
@@ -286,7 +293,7 @@ def _add_sensor_recorder(
         for port in application.pictures(scenario)
     }
     known = {port: model for port, model in models.items() if station.HasOutputPort(port)}
-    streams = make_streams(known, application.topics(scenario))
+    streams = make_streams(known, application.topics(scenario), calibration)
     said = contents(application, scenario)
     recorder = builder.AddNamedSystem(
         "sensors", SensorRecorder(path, streams, scenario.network_period, said)

@@ -82,7 +82,8 @@ def replay(
     station_quantities = application.station_quantities(scenario)
     models = dict.fromkeys(pictures, StampedImage(time=0.0, image=ImageRgba8U()))
     models |= stream_models(estimators, station_quantities)
-    log = SensorLog(folder / SENSORS_FILE, make_streams(models, application.topics(scenario)))
+    streams = make_streams(models, application.topics(scenario), calibration)
+    log = SensorLog(folder / SENSORS_FILE, streams)
     check_unchanged(application, scenario, log.scenario, str(folder / SCENARIO_FILE))
     period = scenario.network_period
     recorder = EpisodeRecorder(

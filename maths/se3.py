@@ -138,3 +138,20 @@ def left_jacobian(xi: Array) -> Array:
 def right_jacobian(xi: Array) -> Array:
     """J (6, 6) with exp(xi + d) ~ exp(xi) exp(J d); `xi` is (6,)."""
     return left_jacobian(-xi)
+
+
+def looking_at(eye: Array, target: Array, up: Array | None = None) -> Array:
+    """Pose X_AC (4, 4) of a camera whose z points from `eye` (3,) at `target` (3,), both in A.
+
+    Its -y points to the side of `up` (3,). That is by default A's z, so that the camera's x is
+    level, or A's y for one that looks along z.
+    """
+    z = (target - eye) / np.linalg.norm(target - eye)
+    if up is None:
+        up = np.array([0.0, 0.0, 1.0] if abs(z[2]) < 0.999 else [0.0, 1.0, 0.0])
+    x = np.cross(z, up)
+    x /= np.linalg.norm(x)
+    X = np.eye(4)
+    X[:3, :3] = np.column_stack([x, np.cross(z, x), z])
+    X[:3, 3] = eye
+    return X

@@ -103,3 +103,25 @@ class ArmPose:
         offsets = J_E * np.sqrt(self._offset_std**2 + offset_variances)
         lasting = Ad @ self._base_covariance @ Ad.T + offsets @ offsets.T
         return X_WE, variance * J_E @ J_E.T, lasting
+
+    def displacements(self, q: Array) -> Array:
+        """(6, 6 + n): by which twist in W about Wo the frame is displaced per standard deviation.
+
+        Of the errors of the base, then of each joint's zero.
+
+        Args:
+            q: Joint positions (n,), [rad].
+        """
+        self._model.SetPositions(self._scratch, q)
+        X_WBase = np.asarray(self._base.CalcPoseInWorld(self._scratch).GetAsMatrix4())
+        root = np.linalg.cholesky(self._base_covariance + 1e-18 * np.eye(6))
+        world = self._model.world_frame()
+        J_W = self._model.CalcJacobianSpatialVelocity(
+            self._scratch,
+            JacobianWrtVariable.kV,
+            self._frame,
+            self._frame.CalcPoseInWorld(self._scratch).inverse().translation(),
+            world,
+            world,
+        )
+        return np.concatenate([se3.adjoint(X_WBase) @ root, J_W * self._offset_std], axis=1)

@@ -1,12 +1,13 @@
 """What a robot believes of its depth camera."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.systems.port_values import StampedImage
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,7 +17,10 @@ class DepthCamera:
     Attributes:
         intrinsics: Of the depth image.
         X_WC: Its pose (4, 4); x right, y down, z forward.
-        pose_covariance: (6, 6) of xi in X_WC exp(xi), rotation first, [rad, m].
+        pose_covariance: (6, 6) of xi in X_WC exp(xi), rotation first, [rad, m]; with what a shift
+            of the depth image amounts to (`with_shift`).
+        registration_std: Of a shift of the depth image against the colour image, along u and v
+            each, [px].
         depth_scale_std: Standard deviation of all depths' error, as a share of them.
         focal_length_std: Likewise of the focal length.
         latency_std: Of by how much later than at its stamp an image shows the world, [s].
@@ -25,9 +29,33 @@ class DepthCamera:
     intrinsics: Intrinsics
     X_WC: Array
     pose_covariance: Array
+    registration_std: float = 0.0
     depth_scale_std: float = 0.0
     focal_length_std: float = 0.0
     latency_std: float = 0.0
+
+
+def with_shift(covariance: Array, intrinsics: Intrinsics, registration_std: float) -> Array:
+    """Covariance (6, 6) of a depth camera's pose whose image may be shifted.
+
+    A shift of the depth image against the colour image, whose intrinsics are known, is a rotation
+    of the depth camera.
+
+    Args:
+        covariance: Of the camera's pose (6, 6), rotation first, [rad, m].
+        intrinsics: Of the colour image.
+        registration_std: Of the shift along u and v each, [px].
+    """
+    shifted = covariance.copy()
+    shifted[0, 0] += (registration_std / intrinsics.focal_y) ** 2
+    shifted[1, 1] += (registration_std / intrinsics.focal_x) ** 2
+    return shifted
+
+
+def at_image(camera: DepthCamera, image: StampedImage) -> DepthCamera:
+    """The camera where an image says that it was."""
+    covariance = with_shift(image.covariance, camera.intrinsics, camera.registration_std)
+    return replace(camera, X_WC=image.X_WC, pose_covariance=covariance)
 
 
 def displacement_covariance(X_WF: Array, covariance: Array, p_WQ: Array) -> Array:

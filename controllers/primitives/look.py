@@ -93,10 +93,8 @@ class Look(ArmTask):
         self._touch = self.DeclareAbstractInputPort("touch_latest", Value[object]())
         self._declare_state(LookState(motion=resting(q_home)), config.period)
         self._declare_command()
-        for name in ("looked", "unreachable"):
-            self._declare_vector(
-                name, 1, lambda c, name=name: getattr(self._state(c), name), self._on_state
-            )
+        self._declare_vector("looked", 1, lambda c: self._state(c).looked, self._on_state)
+        self._declare_vector("unreachable", 1, lambda c: self._state(c).unreachable, self._on_state)
         self._declare_vector("is_away", 1, self._is_away)
         self._declare_value("phase", "", lambda c: str(self._state(c).phase), self._on_state)
 

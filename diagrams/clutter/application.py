@@ -31,8 +31,8 @@ APPLICATION = Application(
     close_loop=close_loop,
     own_object=own_mesh_assignments,
     keep_files=keep_files,
-    quantities=[Quantity(port="object_pose_latest", model=UNKNOWN_POSE)],
-    station_quantities=[
+    quantities=lambda scenario: [Quantity(port="object_pose_latest", model=UNKNOWN_POSE)],
+    station_quantities=lambda scenario: [
         Quantity(port="cheat_object_pose", model=RigidTransform()),
         Quantity(port="pose_measurement", model=NO_MEASUREMENT),
         Quantity(port="touch_latest", model=NO_TOUCH),

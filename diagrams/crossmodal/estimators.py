@@ -237,9 +237,7 @@ def _add_vision(
     """Feature motion and, on top of it, rigid-body motion; returns the latter."""
     camera = calibration.camera
     intrinsics, X_WC = camera.intrinsics, camera.X_PC.GetAsMatrix4()
-    features = builder.AddNamedSystem(
-        "feature_motion", FeatureMotion(config.features, intrinsics, X_WC)
-    )
+    features = builder.AddNamedSystem("feature_motion", FeatureMotion(config.features, intrinsics))
     bodies = builder.AddNamedSystem(
         "rigid_body_motion",
         RigidBodyMotion(config.bodies, intrinsics, X_WC, with_held_body),

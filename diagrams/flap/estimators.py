@@ -10,7 +10,7 @@ from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.stations.add_monitors import add_image_monitor, add_window_monitor
 from crossmodal.diagrams.stations.connections import connect_alike, export_outputs
 from crossmodal.systems.arm_pose import ArmPose
-from crossmodal.systems.depth_camera import DepthCamera
+from crossmodal.systems.depth_camera import DepthCamera, with_shift
 from crossmodal.systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
 from crossmodal.systems.flap.flap_geometry import HingeLimitsConfig
 from crossmodal.systems.flap.hinge.hinge_estimator import HingeEstimator, HingeEstimatorConfig
@@ -65,19 +65,14 @@ class PerceptionConfig:
 
 
 def believed_camera(calibration: Calibration) -> DepthCamera:
-    """The depth camera as the robot believes it to be.
-
-    A shift of the depth image against the colour image, whose intrinsics are known, is a rotation
-    of the depth camera.
-    """
+    """The depth camera as the robot believes it to be."""
     camera = calibration.camera
-    intrinsics, covariance = camera.intrinsics, camera.pose_covariance.copy()
-    covariance[0, 0] += (camera.registration_std / intrinsics.focal_y) ** 2
-    covariance[1, 1] += (camera.registration_std / intrinsics.focal_x) ** 2
+    covariance = with_shift(camera.pose_covariance, camera.intrinsics, camera.registration_std)
     return DepthCamera(
-        intrinsics=intrinsics,
+        intrinsics=camera.intrinsics,
         X_WC=camera.X_PC.GetAsMatrix4(),
         pose_covariance=covariance,
+        registration_std=camera.registration_std,
         depth_scale_std=camera.depth_scale_std,
         focal_length_std=camera.focal_length_std,
         latency_std=camera.latency_std,

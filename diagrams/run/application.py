@@ -90,14 +90,14 @@ class Application:
             knows of itself comes from the calibration, what is true is drawn around it.
         make_estimators: The estimators that the scenario asks for, by name: a system or Diagram
             each. It gets no station: whatever they know is in scenario and calibration.
-        quantities: Outputs of the estimators that are recorded. Read between two ticks, so they are
-            functions of the state alone (`..._latest`). One that not all of them have names those
-            that do.
-        station_quantities: Outputs of the station that are recorded: what the robot did, and the
-            truth.
-        pictures: Outputs of the station that are colour images, of which some are kept.
-        topics: How the streams of single ports are written to `sensors.mcap`, where the usual way
-            for their type will not do.
+        quantities: Outputs of a scenario's estimators that are recorded. Read between two ticks,
+            so they are functions of the state alone (`..._latest`). One that not all of them have
+            names those that do.
+        station_quantities: Outputs of a scenario's station that are recorded: what the robot did,
+            and the truth.
+        pictures: Outputs of a scenario's station that are colour images, of which some are kept.
+        topics: How the streams of single ports of a scenario are written to `sensors.mcap`, where
+            the usual way for their type will not do.
         evaluate: From what was recorded to what is shown of it.
         close_loop: Lets the station act by what its estimators say: connects them.
         view: Adds systems that draw into Meshcat what is believed.
@@ -122,13 +122,13 @@ class Application:
     scenarios: Path
     make_station: Callable[[Any, Calibration], Station]
     make_estimators: Callable[[Any, Calibration], Mapping[str, System]]
-    quantities: Sequence[Quantity]
+    quantities: Callable[[Any], Sequence[Quantity]]
     evaluate: Callable[[EpisodeRecord], Results]
     resolve: Callable[[Any, Path], Any] = lambda scenario, path: scenario
     make_calibration: Callable[[Any], Calibration] = lambda scenario: Calibration()
-    station_quantities: Sequence[Quantity] = ()
-    pictures: Sequence[str] = ()
-    topics: Mapping[str, Topic] = field(default_factory=dict)
+    station_quantities: Callable[[Any], Sequence[Quantity]] = lambda scenario: ()
+    pictures: Callable[[Any], Sequence[str]] = lambda scenario: ()
+    topics: Callable[[Any], Mapping[str, Topic]] = lambda scenario: {}
     close_loop: Callable[[DiagramBuilder, Any, System, Mapping[str, System]], None] = (
         lambda builder, scenario, station, estimators: None
     )

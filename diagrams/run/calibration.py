@@ -96,6 +96,11 @@ class Camera:
     registration: Array = field(default_factory=lambda: np.zeros(2))
     latency: float = 0.0
 
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the camera is fixed in the world, so that P is W."""
+        return self.base_frame == "world"
+
     def project(self, p_PF: Array) -> Array:
         """Pixels (N, 2) of points (N, 3) in the frame P; NaN behind the camera."""
         return self.intrinsics.project(self.X_PC.inverse().multiply(np.atleast_2d(p_PF).T).T)
@@ -151,6 +156,16 @@ class Calibration:
         """The only camera."""
         (camera,) = self.cameras.values()
         return camera
+
+    def camera_of(self, port: str) -> CameraCalibration | None:
+        """The camera whose images a port gives; None if no camera is known that may be it.
+
+        It is the only camera, or the one with whose name and `_` the port's name begins.
+        """
+        if len(self.cameras) == 1:
+            return self.camera
+        names = [name for name in self.cameras if port.startswith(f"{name}_")]
+        return self.cameras[max(names, key=len)] if names else None
 
     @property
     def arm(self) -> ArmCalibration:

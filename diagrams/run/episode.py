@@ -2,7 +2,7 @@
 
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -123,27 +123,32 @@ class Episode:
             for name, estimator in self.estimators.items()
         }
         application.close_loop(builder, scenario, station, self.estimators)
+        quantities = application.quantities(scenario)
+        station_quantities = application.station_quantities(scenario)
+        pictures = application.pictures(scenario)
         self.recorder = builder.AddNamedSystem(
             "recorder",
             EpisodeRecorder(
-                period,
-                list(self.estimators),
-                application.quantities,
-                application.station_quantities,
-                application.pictures,
+                period, list(self.estimators), quantities, station_quantities, pictures
             ),
         )
         connect_recorder(builder, station, self.estimators, self.recorder)
-        for quantity in application.station_quantities:
+        for quantity in station_quantities:
             station.GetOutputPort(quantity.port)  # Raises an error for one that is mistyped.
         for name, estimator in self.estimators.items():
-            for quantity in application.quantities:
+            for quantity in quantities:
                 if not quantity.estimators or name in quantity.estimators:
                     estimator.GetOutputPort(quantity.port)
         self._sensor_log: SensorLogWriter | None = None
         if sensors_file is not None:
             self._sensor_log = _add_sensor_recorder(
-                builder, application, scenario, station, self.estimators, sensors_file
+                builder,
+                application,
+                scenario,
+                self.calibration,
+                station,
+                self.estimators,
+                sensors_file,
             )
         if self._meshcat is not None and station.HasOutputPort(SCENE_PORT):
             if application.view is not None:
@@ -260,7 +265,7 @@ def connect_latest(
 
 
 def stream_models(
-    estimators: Mapping[str, System], station_quantities: tuple[Quantity, ...]
+    estimators: Mapping[str, System], station_quantities: Sequence[Quantity]
 ) -> dict[str, Any]:
     """Values like those of all ports that a recording holds: what the estimators read, what the
     robot says it does, and the truth."""
@@ -277,16 +282,18 @@ def _add_sensor_recorder(
     builder: DiagramBuilder,
     application: Application,
     scenario: Scenario,
+    calibration: Calibration,
     station: Diagram,
     estimators: Mapping[str, System],
     path: Path,
 ) -> SensorLogWriter:
-    models = stream_models(estimators, tuple(application.station_quantities))
+    models = stream_models(estimators, application.station_quantities(scenario))
     models |= {
-        port: station.GetOutputPort(port).Allocate().get_value() for port in application.pictures
+        port: station.GetOutputPort(port).Allocate().get_value()
+        for port in application.pictures(scenario)
     }
     known = {port: model for port, model in models.items() if station.HasOutputPort(port)}
-    streams = make_streams(known, application.topics)
+    streams = make_streams(known, application.topics(scenario), calibration)
     said = contents(application, scenario)
     recorder = builder.AddNamedSystem(
         "sensors", SensorRecorder(path, streams, scenario.network_period, said)

@@ -78,17 +78,20 @@ def replay(
         calibration = application.make_calibration(scenario)
     if estimators is None:
         estimators = build_estimators(application, scenario, calibration)
-    models = dict.fromkeys(application.pictures, StampedImage(time=0.0, image=ImageRgba8U()))
-    models |= stream_models(estimators, tuple(application.station_quantities))
-    log = SensorLog(folder / SENSORS_FILE, make_streams(models, application.topics))
+    pictures = application.pictures(scenario)
+    station_quantities = application.station_quantities(scenario)
+    models = dict.fromkeys(pictures, StampedImage(time=0.0, image=ImageRgba8U()))
+    models |= stream_models(estimators, station_quantities)
+    streams = make_streams(models, application.topics(scenario), calibration)
+    log = SensorLog(folder / SENSORS_FILE, streams)
     check_unchanged(application, scenario, log.scenario, str(folder / SCENARIO_FILE))
     period = scenario.network_period
     recorder = EpisodeRecorder(
         period,
         list(estimators),
-        application.quantities,
-        application.station_quantities,
-        application.pictures,
+        application.quantities(scenario),
+        station_quantities,
+        pictures,
     )
     builder = DiagramBuilder()
     source = builder.AddNamedSystem("sensor_replay", SensorReplay(log, period))

@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 
 from crossmodal.diagrams.run.calibration import CalibrationConfig, Camera
 from crossmodal.diagrams.run.yaml_input.loader import apply_override, read_yaml
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, load_typed
+from crossmodal.maths import se3
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.maths.validation import check, number, numbers
 from crossmodal.systems.sensors.stream_fault import StreamFault
@@ -91,18 +92,8 @@ class CameraConfig:
                 center_y=0.5 * self.height - 1.0,
             ),
             base_frame=self.base_frame,
-            X_PC=looking_at(self.position, self.looking_at, self.up),
+            X_PC=RigidTransform(se3.looking_at(self.position, self.looking_at, self.up)),
         )
-
-
-def looking_at(
-    p_PC: np.ndarray, p_PTarget: np.ndarray, up_P: np.ndarray | None = None
-) -> RigidTransform:
-    """X_PC of a camera at `p_PC` (3,) that looks at `p_PTarget` (3,), its -y towards `up_P`."""
-    z = (p_PTarget - p_PC) / np.linalg.norm(p_PTarget - p_PC)
-    x = np.cross(z, [0.0, 0.0, 1.0] if up_P is None else up_P)
-    x /= np.linalg.norm(x)
-    return RigidTransform(RotationMatrix(np.column_stack([x, np.cross(z, x), z])), p_PC)
 
 
 @dataclass(kw_only=True)

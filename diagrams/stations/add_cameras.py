@@ -1,7 +1,7 @@
 """The cameras of a station, each as it is, and what the robot believes to see of itself."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from pydrake.geometry import (
     ClippingRange,
@@ -21,13 +21,14 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.sensors import RgbdSensor
 
-from crossmodal.diagrams.run.calibration import draw_camera
+from crossmodal.diagrams.run.calibration import CameraCalibration, draw_camera
 from crossmodal.diagrams.stations.naming import own_seed, owner_among, prefixed
 from crossmodal.diagrams.stations.occurrence import Occurrence
 from crossmodal.diagrams.stations.wiring import StationWiring
 from crossmodal.plants.camera_view import renderer_intrinsics
+from crossmodal.systems.arm_pose import ArmPose
 from crossmodal.systems.sensors.image_delay import ImageDelay
-from crossmodal.systems.sensors.image_stamps import ImageStamps
+from crossmodal.systems.sensors.image_stamps import ImageStamps, Mounting
 from crossmodal.systems.sensors.rgbd_camera import CameraNoise, CameraNoiseConfig
 from crossmodal.systems.sensors.robot_mask import MaskedRobot, RobotMask, RobotMaskConfig
 
@@ -35,8 +36,24 @@ from crossmodal.systems.sensors.robot_mask import MaskedRobot, RobotMask, RobotM
 _RENDERERS = ("colour", "depth")
 
 
+@dataclass(frozen=True, kw_only=True)
+class CameraCarrier:
+    """The arm that carries a camera, as the robot knows it.
+
+    Attributes:
+        pose: Of the camera's `base_frame`, by the robot's own model of the arm.
+        joint_state: What says `joint_state_measured` of the arm.
+    """
+
+    pose: ArmPose
+    joint_state: OutputPort
+
+
 def add_cameras(
-    wiring: StationWiring, config: CameraNoiseConfig, colour_is_read: bool = True
+    wiring: StationWiring,
+    config: CameraNoiseConfig,
+    colour_is_read: bool = True,
+    carriers: Mapping[str, CameraCarrier] | None = None,
 ) -> dict[str, OutputPort]:
     """Adds the cameras of a scenario, drawn by its seed around what is believed of them.
 
@@ -46,19 +63,27 @@ def add_cameras(
     Args:
         colour_is_read: Whether an estimator reads the colour images. Otherwise they are for
             pictures: rendered when one is taken, with a fixed exposure and without latency.
+        carriers: The arms that carry cameras, by the camera's name. The images of a camera that is
+            neither carried nor fixed in the world do not say where it is.
 
     Returns:
         What says the measured depth, as an image without a stamp, by the camera's name.
 
     Raises:
-        ValueError: if not all cameras have the same lamp.
+        ValueError: if not all cameras have the same lamp, or an arm carries none of them.
     """
+    carriers, names = carriers or {}, wiring.calibration.cameras
+    for name in carriers:
+        if name not in names or names[name].is_fixed:
+            raise ValueError(f"an arm cannot carry '{name}', which is no camera on a robot")
     lamps = {camera.lamp for camera in wiring.scenario.cameras.values()}
     if len(lamps) > 1:
         raise ValueError(f"cameras have lamps of {sorted(lamps)}, but all share one renderer")
     scene = add_camera_scene(wiring.builder, wiring.plant, wiring.scene.scene_graph, *lamps)
-    names = wiring.calibration.cameras
-    return {name: _add_camera(wiring, scene, name, config, colour_is_read) for name in names}
+    return {
+        name: _add_camera(wiring, scene, name, config, colour_is_read, carriers.get(name))
+        for name in names
+    }
 
 
 def add_robot_masks(
@@ -120,6 +145,7 @@ def _add_camera(
     name: str,
     config: CameraNoiseConfig,
     colour_is_read: bool,
+    carrier: CameraCarrier | None,
 ) -> OutputPort:
     """Adds a camera and what disturbs it; exports its images and returns the measured depth.
 
@@ -130,6 +156,7 @@ def _add_camera(
         scene_graph: What `add_camera_scene` gave.
         name: Of the camera.
         colour_is_read: As for `add_cameras`.
+        carrier: The arm that carries it.
     """
     builder, plant, scenario = wiring.builder, wiring.plant, wiring.scenario
     cameras, seed, period = wiring.calibration.cameras, scenario.seed, scenario.network_period
@@ -189,7 +216,11 @@ def _add_camera(
     ):
         builder.AddNamedSystem(prefixed(owner, port), occurrence)
         builder.Connect(occurrence.get_output_port(), noise.GetInputPort(port))
-    stamps = builder.AddNamedSystem(prefixed(owner, "image_stamps"), ImageStamps())
+    stamps = builder.AddNamedSystem(
+        prefixed(owner, "image_stamps"), ImageStamps(_mounting(cameras[name], carrier))
+    )
+    if carrier is not None:
+        builder.Connect(carrier.joint_state, stamps.GetInputPort("joint_state_measured"))
     measured = {}
     for image in ("color", "depth"):
         port = f"{image}_measured"
@@ -204,6 +235,17 @@ def _add_camera(
         builder.Connect(measured[image], stamps.GetInputPort(f"{image}_image"))
         builder.ExportOutput(stamps.GetOutputPort(port), prefixed(owner, port))
     return measured["depth"]
+
+
+def _mounting(camera: CameraCalibration, carrier: CameraCarrier | None) -> Mounting | None:
+    """What is believed of where a camera is fixed; None where nobody knows it."""
+    if carrier is None and not camera.is_fixed:
+        return None
+    return Mounting(
+        X_PC=camera.X_PC,
+        covariance=camera.pose_covariance,
+        arm=None if carrier is None else carrier.pose,
+    )
 
 
 def _has_transparent_visuals(scene_graph: SceneGraph) -> bool:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context
 
+from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number, numbers
@@ -61,18 +62,6 @@ class ViewPlannerState(Immutable):
     seen: int = 0
 
 
-def looking_at(eye: Array, target: Array) -> Array:
-    """X_WC (4, 4) of a camera at `eye` (3,) whose z points at `target` (3,), its x level."""
-    X = np.eye(4)
-    z = (target - eye) / np.linalg.norm(target - eye)
-    level = [0.0, 0.0, 1.0] if abs(z[2]) < 0.999 else [0.0, 1.0, 0.0]
-    x = np.cross(z, level)
-    x /= np.linalg.norm(x)
-    X[:3, :3] = np.column_stack([x, np.cross(z, x), z])
-    X[:3, 3] = eye
-    return X
-
-
 def hemisphere(centre: Array, config: ViewPlannerConfig) -> Array:
     """Candidates X_WC (V, 4, 4) that look at `centre` (3,) from all sides."""
     views = []
@@ -86,7 +75,7 @@ def hemisphere(centre: Array, config: ViewPlannerConfig) -> Array:
                     np.sin(elevation),
                 ]
             )
-            views.append(looking_at(centre + config.distance * out, centre))
+            views.append(se3.looking_at(centre + config.distance * out, centre))
     return np.array(views)
 
 

@@ -264,7 +264,7 @@ class FlapAngleFilter(RecursiveFilter):
     al.); the gain, which is tuned there, follows from the covariances here.
 
     Args:
-        camera: Whose planes these are, with its calibration's errors.
+        camera: Whose planes these are, with its calibration's errors; it is assumed to stand still.
     """
 
     def __init__(self, config: FlapAngleConfig, camera: DepthCamera) -> None:

@@ -126,8 +126,9 @@ class ImageMonitor(RecursiveFilter):
     - `robot_mask`: `ImageGrey8U`, nonzero on the robot; none if not connected.
 
     Output ports:
-    - `color_checked`: `ImageRgba8U`, black where the image is kept back.
-    - `depth_checked`: `ImageDepth32F`, [m], all 0 (no return) where the image is kept back.
+    - `color_checked`: `StampedImage` of an `ImageRgba8U`, black where the image is kept back.
+    - `depth_checked`: `StampedImage` of an `ImageDepth32F`, [m], all 0 (no return) where the image
+      is kept back.
     - `color_health_latest`, `depth_health_latest`: `StreamHealth` as of the last tick.
 
     Args:
@@ -160,13 +161,14 @@ class ImageMonitor(RecursiveFilter):
 
     def _declare_checked(self, name: str, nothing: Any) -> None:
         def write(context: Context, output: AbstractValue) -> None:
+            arrived: StampedImage = self._ports[name].Eval(context)
             passes = is_new(getattr(self._posterior.Eval(context), name))
-            output.set_value(self._ports[name].Eval(context).image if passes else nothing)
+            output.set_value(arrived if passes else replace(arrived, image=nothing))
 
         port = self.input_port_ticket(self._ports[name].get_index())
         self.DeclareAbstractOutputPort(
             f"{name}_checked",
-            lambda: AbstractValue.Make(nothing),
+            lambda: AbstractValue.Make(StampedImage(time=0.0, image=nothing)),
             write,
             {self._posterior.ticket(), port},
         )

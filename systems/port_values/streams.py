@@ -5,22 +5,26 @@ from typing import Any
 
 import numpy as np
 
-from crossmodal.maths.arrays import Array
+from crossmodal.maths.arrays import Array, unknown
 from crossmodal.maths.immutable import Immutable
 
 
 @dataclass(frozen=True, kw_only=True)
 class StampedImage(Immutable):
-    """What a camera delivered last.
+    """What a camera delivered last, and where the camera is believed to have been at the stamp.
 
     Attributes:
         time: When it was taken by the camera's stamp, [s]; a latency that nobody knows of is not
             in it.
         image: `ImageRgba8U` or `ImageDepth32F`, [m].
+        X_WC: Pose of the camera C (4, 4); x right, y down, z forward. NaN if nobody knows it.
+        covariance: (6, 6) of xi in X_WC exp(xi), rotation first, [rad, m]; NaN likewise.
     """
 
     time: float
     image: Any
+    X_WC: Array = unknown(4, 4)
+    covariance: Array = unknown(6, 6)
 
 
 def copied(image: Any) -> Any:

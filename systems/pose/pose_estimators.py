@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context
-from scipy.spatial.transform import Rotation
 
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.port_values import (
@@ -16,7 +15,6 @@ from crossmodal.systems.port_values import (
     ObjectPose,
     PoseMeasurement,
     PosePrior,
-    of_middle,
 )
 from crossmodal.systems.pose.evidence import Evidence, Table
 from crossmodal.systems.pose.pose_belief import SolverConfig, infer_pose
@@ -25,7 +23,6 @@ from crossmodal.systems.pose.target_model import TargetModel
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
 Inference = Callable[[Evidence, PosePrior, TargetModel], ObjectPose]
-_GAUSSIAN_SAMPLES = 64
 
 
 def sampled_density(config: SolverConfig) -> Inference:
@@ -35,26 +32,7 @@ def sampled_density(config: SolverConfig) -> Inference:
 
 def quaternion_filter(config: QuaternionFilterConfig) -> Inference:
     """The translation-invariant quaternion filter, with samples of its Gaussian."""
-
-    def infer(evidence: Evidence, prior: PosePrior, model: TargetModel) -> ObjectPose:
-        found = filter_pose(evidence, prior, model, config)
-        X, rng = of_middle(found.X_WO, model.middle), np.random.default_rng(config.seed)
-        errors = rng.multivariate_normal(np.zeros(6), found.covariance, _GAUSSIAN_SAMPLES)
-        samples = np.tile(X, (len(errors), 1, 1))
-        samples[:, :3, :3] = X[:3, :3] @ Rotation.from_rotvec(errors[:, :3]).as_matrix()
-        samples[:, :3, 3] += errors[:, 3:]
-        return ObjectPose(
-            X=X,
-            covariance=found.covariance,
-            joint=found.covariance,
-            samples=samples,
-            calibration=np.zeros((len(errors), 0)),
-            modes=X[None],
-            probabilities=np.ones(1),
-            middle=model.middle,
-        )
-
-    return infer
+    return partial(filter_pose, config=config)
 
 
 @dataclass(frozen=True, kw_only=True)

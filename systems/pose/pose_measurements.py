@@ -1,6 +1,5 @@
 """Turns what camera and taxels give into measurements of an object's pose, one after the other."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +12,7 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.systems.arm_pose import ArmPose
 from crossmodal.systems.port_values import (
     NO_MEASUREMENT,
     PoseMeasurement,
@@ -26,8 +26,6 @@ from crossmodal.systems.pose.touch_contacts import contact_points, swept_rays
 from crossmodal.systems.recursive_filter import RecursiveFilter
 from crossmodal.systems.shared_settings import SensorNoise
 
-Kinematics = Callable[[Array], Array]  # From joint positions (n,) to a pose (4, 4) in W.
-
 
 @dataclass(frozen=True, kw_only=True)
 class CameraOnArm:
@@ -35,20 +33,15 @@ class CameraOnArm:
 
     Attributes:
         intrinsics: Of its depth image.
-        pose: X_WC at the arm's joint positions.
-        joints: Number of these.
-        base: X_WBase (4, 4) of the arm.
-        base_covariance: (6, 6) of xi in X_WBase exp(xi), rotation first, [rad, m].
-        pose_covariance: (6, 6) of xi in X_WC exp(xi), likewise, by how it is mounted.
+        arm: Where the frame that carries the camera is by the arm's joints.
+        pose_covariance: (6, 6) of xi in X_WC exp(xi), rotation first, [rad, m], by how it is
+            mounted.
         depth_scale_std: As a share of all depths.
         focal_length_std: As a share of it.
     """
 
     intrinsics: Intrinsics
-    pose: Kinematics
-    joints: int
-    base: Array
-    base_covariance: Array
+    arm: ArmPose
     pose_covariance: Array
     depth_scale_std: float
     focal_length_std: float
@@ -59,9 +52,7 @@ class TaxelsOnArm:
     """Taxels that an arm carries, as they are believed to be.
 
     Attributes:
-        pose: X_WE at the arm's joint positions.
-        base: X_WBase (4, 4) of the arm.
-        base_covariance: (6, 6) of xi in X_WBase exp(xi), rotation first, [rad, m].
+        arm: Where the gripper's frame E is by the arm's joints.
         p_ES: Middles of the taxels' spheres (T, 3), [m].
         radius: Of the spheres, [m].
         place_std: By which all taxels are displaced along each axis, [m].
@@ -70,15 +61,47 @@ class TaxelsOnArm:
         sigma: Of a contact's place, [m].
     """
 
-    pose: Kinematics
-    base: Array
-    base_covariance: Array
+    arm: ArmPose
     p_ES: Array
     radius: float
     place_std: float
     ends: Ids
     threshold: float
     sigma: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Displacements:
+    """How what is measured is displaced by errors of the calibration, all of one standard normal.
+
+    These are, in order: eight of the camera (see `camera_displacements`), those of the arm that
+    carries it (see `ArmPose.displacements`), those of the touching arm, three of the taxels' places
+    along the axes of E.
+
+    Attributes:
+        camera: As believed.
+        taxels: As believed.
+    """
+
+    camera: CameraOnArm
+    taxels: TaxelsOnArm
+
+    def view(self, q: Array, X_WC: Array, p_W: Array) -> Array:
+        """(6, m): by which twist in W about Wo what is seen near `p_W` is displaced per error."""
+        camera = self.camera
+        own = camera_displacements(
+            X_WC, p_W, camera.pose_covariance, camera.depth_scale_std, camera.focal_length_std
+        )
+        rest = np.zeros((6, 6 + self.taxels.arm.num_joints + 3))
+        return np.concatenate([own, camera.arm.displacements(q), rest], axis=1)
+
+    def touch(self, q: Array) -> Array:
+        """(6, m): by which twist in W about Wo contacts at a posture are displaced per error."""
+        taxels = self.taxels
+        R_WE = taxels.arm.Evaluate(q, 0.0)[0][:3, :3]
+        places = np.vstack([np.zeros((3, 3)), taxels.place_std * R_WE])
+        before = np.zeros((6, 8 + 6 + self.camera.arm.num_joints))
+        return np.concatenate([before, taxels.arm.displacements(q), places], axis=1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,12 +159,16 @@ class PoseMeasurements(RecursiveFilter):
     ) -> None:
         super().__init__()
         self._model, self._camera, self._taxels = model, camera, taxels
+        self._errors = Displacements(camera=camera, taxels=taxels)
+        self._nowhere = np.zeros_like(self._errors.touch(np.zeros(taxels.arm.num_joints)))
         self._noise, self._height, self._config = noise, height, config
         guess = PosePrior(X=np.eye(4), rotation_sigma=np.inf, translation_sigma=1.0)
         self._guess = self._declare_value_input("pose_guess", guess)
         image = StampedImage(time=0.0, image=ImageDepth32F())
         self._depth = self._declare_value_input("depth_measured", image)
-        self._joints = self.DeclareVectorInputPort("camera_joint_state_measured", 2 * camera.joints)
+        self._joints = self.DeclareVectorInputPort(
+            "camera_joint_state_measured", 2 * camera.arm.num_joints
+        )
         self._looked = self.DeclareVectorInputPort("looked", 1)
         self._unreachable = self.DeclareVectorInputPort("unreachable", 1)
         self._touch = self.DeclareAbstractInputPort("touch_end", Value[object]())
@@ -157,9 +184,7 @@ class PoseMeasurements(RecursiveFilter):
                 measurement=self._view(context, number), view=looked, touch=state.touch
             )
         if unreachable > state.view:
-            nothing = PoseMeasurement(
-                kind="view", number=number, displaced=touch_displacements(self._taxels)
-            )
+            nothing = PoseMeasurement(kind="view", number=number, displaced=self._nowhere)
             return MeasurementsState(measurement=nothing, view=unreachable, touch=state.touch)
         touch = self._read(self._touch, context)
         if touch.number > state.touch:
@@ -170,11 +195,12 @@ class PoseMeasurements(RecursiveFilter):
 
     def _view(self, context: Context, number: int) -> PoseMeasurement:
         camera, noise = self._camera, self._noise
-        q = np.array(self._read(self._joints, context))[: camera.joints]
-        X_WC = camera.pose(q)
+        q = np.array(self._read(self._joints, context))[: camera.arm.num_joints]
+        image: StampedImage = self._read(self._depth, context)
+        X_WC = image.X_WC
         guess: PosePrior = self._read(self._guess, context)
         centre = of_middle(guess.X, self._model.middle)[:3, 3]
-        depth = np.array(self._read(self._depth, context).image.data[:, :, 0])
+        depth = np.array(image.image.data[:, :, 0])
         seen = view_target(
             depth,
             np.zeros(depth.shape, bool),
@@ -195,14 +221,14 @@ class PoseMeasurements(RecursiveFilter):
             facing=facing,
             eye=X_WC[:3, 3],
             passed=seen.passed,
-            displaced=self._view_displaced(X_WC, centre),
+            displaced=self._errors.view(q, X_WC, centre),
         )
 
     def _touched(self, touch: Any, number: int) -> PoseMeasurement:
-        taxels, displaced = self._taxels, touch_displacements(self._taxels)
+        taxels = self._taxels
         if touch.outcome == "unreachable":
-            return PoseMeasurement(kind="touch", number=number, displaced=displaced)
-        X_start, X_end = taxels.pose(touch.q_start), taxels.pose(touch.q_end)
+            return PoseMeasurement(kind="touch", number=number, displaced=self._nowhere)
+        X_start, X_end = (taxels.arm.Evaluate(q, 0.0)[0] for q in (touch.q_start, touch.q_end))
         met = touch.outcome == "contact"
         points, facing = np.zeros((0, 3)), np.zeros((0, 3))
         if met:
@@ -216,33 +242,8 @@ class PoseMeasurements(RecursiveFilter):
             sigma=np.full(len(points), taxels.sigma),
             facing=facing,
             rays=swept_rays(X_start, X_end, taxels.p_ES, taxels.ends, met),
-            displaced=displaced,
+            displaced=self._errors.touch(touch.q_end),
         )
-
-    def _view_displaced(self, X_WC: Array, p_W: Array) -> Array:
-        """By which twist in W what is seen near `p_W` is displaced per error."""
-        camera = self._camera
-        own = camera_displacements(
-            X_WC,
-            p_W,
-            camera.pose_covariance,
-            camera.depth_scale_std,
-            camera.focal_length_std,
-        )
-        base = se3.adjoint(camera.base) @ _root(camera.base_covariance)
-        return np.concatenate([own, base, np.zeros((6, 9))], axis=1)
-
-
-def touch_displacements(taxels: TaxelsOnArm) -> Array:
-    """(6, 23): by which twist in W all contacts are displaced per error.
-
-    The errors are those of `PoseMeasurements`: eight of the camera, six of its arm's base, six of
-    the touching arm's base, three of the taxels' places. The taxels' common shift turns with the
-    gripper, whose orientation differs from touch to touch; it is taken for a shift in W.
-    """
-    base = se3.adjoint(taxels.base) @ _root(taxels.base_covariance)
-    place = np.vstack([np.zeros((3, 3)), taxels.place_std * np.eye(3)])
-    return np.concatenate([np.zeros((6, 14)), base, place], axis=1)
 
 
 def camera_displacements(
@@ -268,4 +269,4 @@ def camera_displacements(
 
 
 def _root(covariance: Array) -> Array:
-    return np.linalg.cholesky(covariance + 1e-18 * np.eye(len(covariance)))
+    return np.asarray(np.linalg.cholesky(covariance + 1e-18 * np.eye(len(covariance))))

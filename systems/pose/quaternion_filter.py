@@ -21,32 +21,12 @@ from scipy.spatial.transform import Rotation
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
-from crossmodal.maths.immutable import Immutable
-from crossmodal.systems.port_values import PosePrior, of_mesh, of_middle
+from crossmodal.systems.port_values import ObjectPose, PosePrior, of_middle
 from crossmodal.systems.pose.evidence import Evidence
 from crossmodal.systems.pose.pose_belief import start_poses
 from crossmodal.systems.pose.target_model import Surface, TargetModel, nearest_of_eight
 
-
-@dataclass(frozen=True, kw_only=True)
-class QuaternionPose(Immutable):
-    """A pose as the filter believes it.
-
-    Attributes:
-        X_WO: (4, 4), of the mesh's frame.
-        quaternion: Mean (4,), (w, x, y, z).
-        quaternion_covariance: (4, 4).
-        covariance: (6, 6) of the rotation in O and the translation of the object's middle in W.
-        middle: p_OM (3,).
-        iterations: Until the pose changed no more.
-    """
-
-    X_WO: Array
-    quaternion: Array
-    quaternion_covariance: Array
-    covariance: Array
-    middle: Array
-    iterations: int
+_SAMPLES = 64  # Of the Gaussian.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,20 +151,19 @@ def _run(
     model: TargetModel,
     config: QuaternionFilterConfig,
     iterations: int,
-) -> tuple[Array, Array, Array, float, int]:
+) -> tuple[Array, Array, Array, float]:
     """Correspondences and filter in turns, each time from the same prior.
 
     Returns:
-        The pose of the middle (4, 4), quaternion (4,) and covariance (4, 4), the mean squared
-        residual in variances, and the number of iterations.
+        The pose of the middle (4, 4), quaternion (4,) and covariance (4, 4), and the mean squared
+        residual in variances.
     """
     weight = points.sigma**-2.0
     share = weight / weight.sum()
     rho = 2.0 * points.sigma**2  # Of a relative vector: of both its points.
     certain = weight.sum() / (weight.sum() + translation_sigma**-2.0)
-    x, posterior, count = x0, covariance, 0
-    while count < iterations:
-        count += 1
+    x, posterior = x0, covariance
+    for _ in range(iterations):
         o = correspondences(X, points.s, points.facing, model.surface)
         s_mean, o_mean = share @ points.s, share @ o
         H = measurement_matrices(points.s - s_mean, o - o_mean)
@@ -202,7 +181,7 @@ def _run(
             break
     o = correspondences(X, points.s, points.facing, model.surface)
     e = points.s - o @ X[:3, :3].T - X[:3, 3]
-    return X, x, posterior, float(np.mean(np.sum(e**2, axis=1) * weight)), count
+    return X, x, posterior, float(np.mean(np.sum(e**2, axis=1) * weight))
 
 
 def _chosen(evidence: Evidence, most: int, rng: np.random.Generator) -> _Points:
@@ -216,8 +195,10 @@ def _chosen(evidence: Evidence, most: int, rng: np.random.Generator) -> _Points:
 
 def filter_pose(
     evidence: Evidence, prior: PosePrior, model: TargetModel, config: QuaternionFilterConfig
-) -> QuaternionPose:
-    """The pose after all points that were measured; free space and table are not used.
+) -> ObjectPose:
+    """The pose after all points that were measured, with samples of its Gaussian.
+
+    Free space and table are not used.
 
     Each start keeps the prior's covariance about its own rotation; the one with the least residual
     and deviation from the prior wins and is refined.
@@ -227,7 +208,7 @@ def filter_pose(
     X0 = of_middle(prior.X, model.middle)
     if len(evidence.points) == 0:
         x, covariance = quaternion_prior(X0[:3, :3], sigma)
-        return _result(X0, x, covariance, prior.translation_sigma**2, model, 0)
+        return _result(X0, x, covariance, prior.translation_sigma**2, model, config)
     few, many = (
         _chosen(evidence, most, rng) for most in (config.coarse_points, config.fine_points)
     )
@@ -235,7 +216,7 @@ def filter_pose(
     for X in start_poses(prior, model, config.starts, rng):
         x, covariance = quaternion_prior(X[:3, :3], sigma)
         arguments = x, covariance, X0[:3, 3], prior.translation_sigma
-        Y, _, _, residual, _ = _run(X, *arguments, few, model, config, 15)
+        Y, _, _, residual = _run(X, *arguments, few, model, config, 15)
         turned = Rotation.from_matrix(X0[:3, :3].T @ Y[:3, :3]).magnitude()
         moved = np.linalg.norm(Y[:3, 3] - X0[:3, 3])
         cost = len(few.s) * residual + (moved / prior.translation_sigma) ** 2
@@ -244,22 +225,38 @@ def filter_pose(
             best, least = Y, cost
     x, covariance = quaternion_prior(best[:3, :3], sigma)
     arguments = x, covariance, X0[:3, 3], prior.translation_sigma
-    X, x, covariance, _, count = _run(best, *arguments, many, model, config, config.iterations)
+    X, x, covariance, _ = _run(best, *arguments, many, model, config, config.iterations)
     variance = 1.0 / (np.sum(many.sigma**-2.0) + prior.translation_sigma**-2.0)
-    return _result(X, x, covariance, variance, model, count)
+    return _result(X, x, covariance, variance, model, config)
 
 
 def _result(
-    X: Array, x: Array, covariance: Array, variance: float, model: TargetModel, count: int
-) -> QuaternionPose:
+    X: Array,
+    x: Array,
+    covariance: Array,
+    variance: float,
+    model: TargetModel,
+    config: QuaternionFilterConfig,
+) -> ObjectPose:
+    """The belief of X_WM (4, 4), a quaternion (4,), its covariance and the translation's variance.
+
+    The samples are drawn from its Gaussian.
+    """
     of_pose = np.zeros((6, 6))
     of_pose[:3, :3] = rotation_covariance(x, covariance)
     of_pose[3:, 3:] = variance * np.eye(3)
-    return QuaternionPose(
-        X_WO=of_mesh(X, model.middle),
-        quaternion=x,
-        quaternion_covariance=covariance,
+    rng = np.random.default_rng(config.seed)
+    errors = rng.multivariate_normal(np.zeros(6), of_pose, _SAMPLES)
+    samples = np.tile(X, (_SAMPLES, 1, 1))
+    samples[:, :3, :3] = X[:3, :3] @ Rotation.from_rotvec(errors[:, :3]).as_matrix()
+    samples[:, :3, 3] += errors[:, 3:]
+    return ObjectPose(
+        X=X,
         covariance=of_pose,
+        joint=of_pose,
+        samples=samples,
+        calibration=np.zeros((_SAMPLES, 0)),
+        modes=X[None],
+        probabilities=np.ones(1),
         middle=model.middle,
-        iterations=count,
     )

@@ -15,6 +15,7 @@ from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.port_values import (
     DisplacementBelief,
     SampleWindow,
+    StampedImage,
     no_samples,
     unknown_displacements,
 )
@@ -93,10 +94,11 @@ class ArmRegistration(RecursiveFilter):
     image says where they are seen. A robust point-to-plane fit of all images compares both: the
     calibrations' declared errors are its prior, so that what no surface shows stays as uncertain
     as it was. Images in which an arm moves by more than the links' tolerance within the camera's
-    latency are left out.
+    latency are left out. All images have one displacement of the camera in common, which assumes
+    a camera that stands still.
 
     Input ports:
-    - `depth_measured`: `ImageDepth32F`, [m]; 0, NaN or inf is no return.
+    - `depth_measured`: `StampedImage` of an `ImageDepth32F`, [m]; 0, NaN or inf is no return.
     - `<arm>_joint_state_window`: for each arm `SampleWindow` of (2 n,) positions [rad], velocities
       [rad/s].
 
@@ -133,7 +135,9 @@ class ArmRegistration(RecursiveFilter):
         self._unknowns = place_unknowns(counts)
         size = self._unknowns.size
         image = ImageDepth32F(camera.intrinsics.width, camera.intrinsics.height)
-        self._depth = self._declare_value_input("depth_measured", image)
+        self._depth = self._declare_value_input(
+            "depth_measured", StampedImage(time=0.0, image=image)
+        )
         self._windows = {
             name: self._declare_value_input(f"{name}_joint_state_window", no_samples(2 * n))
             for name, n in counts.items()
@@ -165,7 +169,7 @@ class ArmRegistration(RecursiveFilter):
         if state.p_WQ is None:
             state = self._start(state, joints)
         if self._is_still(windows, joints):
-            depth = self._read(self._depth, context).data[:, :, 0]
+            depth = self._read(self._depth, context).image.data[:, :, 0]
             state = self._look(state, q, joints, depth, time)
         return state
 

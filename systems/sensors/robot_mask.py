@@ -10,7 +10,14 @@ import numpy.typing as npt
 from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    Diagram,
+    DiagramBuilder,
+    InputPort,
+    LeafSystem,
+)
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageGrey8U
 
 from crossmodal.maths.arrays import Array, Ids
@@ -78,34 +85,46 @@ class MaskedRobot:
     Attributes:
         arm: Model instance of the arm.
         arm_joints: Names of the arm's joints, in the order of `joint_state_measured`.
-        hand: Model instance of the hand, if its joints move with the closure.
+        hand: Model instance of the hand, if it has joints that move with the closure or are
+            measured.
         hand_posture: Angles (open, closed) of these joints by name, [rad].
+        hand_joints: Names of the hand's joints that have encoders, in the order of
+            `hand_positions_measured`; none of a soft hand's.
     """
 
     arm: str
     arm_joints: Sequence[str]
     hand: str = ""
     hand_posture: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    hand_joints: Sequence[str] = ()
 
 
 class RobotPosture(LeafSystem):
-    """The positions of the robot's whole model, from measured arm joints and commanded closure.
+    """The positions of the robot's whole model, from measured joints and commanded closure.
 
     A soft hand has no encoders in its fingers: their joints go linearly from the open to the
-    closed posture with the commanded closure.
+    closed posture with the commanded closure. Joints of a hand that have encoders are where they
+    are measured to be.
 
     Input ports:
     - `[robot_]joint_state_measured`: (2 n,), q [rad] and qdot [rad/s] of the arm; qdot is not used.
     - `[robot_]closure_commanded`: (1,), 0 open, 1 closed; 0 if not connected.
+    - `[robot_]hand_positions_measured`: (m,) of the hand's joints with encoders, [rad] or [m]; only
+      of a robot that has some.
 
     Output ports:
-    - `positions_estimated`: (nq,), of the model, [rad].
+    - `positions_estimated`: (nq,), of the model, [rad] or [m].
 
     Only where there are several robots, the ports' names begin with theirs.
     """
 
     def __init__(
-        self, arms: Mapping[str, Ids], hands: Mapping[str, Ids], q_open: Array, q_closed: Array
+        self,
+        arms: Mapping[str, Ids],
+        hands: Mapping[str, Ids],
+        q_open: Array,
+        q_closed: Array,
+        measured: Mapping[str, Ids] | None = None,
     ) -> None:
         """Keeps the postures.
 
@@ -114,15 +133,21 @@ class RobotPosture(LeafSystem):
             hands: For each robot, indices of its hand's joints likewise.
             q_open: Positions (nq,) with the hands open.
             q_closed: Positions (nq,) with the hands closed.
+            measured: For each robot whose hand has encoders, indices (m,) of these joints likewise.
         """
         super().__init__()
         self._q_open, self._q_closed = q_open, q_closed
         self._robots = []
+        self._fingers: list[tuple[Ids, InputPort]] = []
         for name, arm in arms.items():
             prefix = f"{name}_" if len(arms) > 1 else ""
             state = self.DeclareVectorInputPort(f"{prefix}joint_state_measured", 2 * len(arm))
             closure = self.DeclareVectorInputPort(f"{prefix}closure_commanded", 1)
             self._robots.append((arm, hands[name], state, closure))
+            fingers = (measured or {}).get(name, np.zeros(0, dtype=int))
+            if len(fingers) > 0:
+                port = self.DeclareVectorInputPort(f"{prefix}hand_positions_measured", len(fingers))
+                self._fingers.append((fingers, port))
         self.DeclareVectorOutputPort("positions_estimated", len(q_open), self._calc)
 
     def _calc(self, context: Context, output: BasicVector) -> None:
@@ -131,6 +156,8 @@ class RobotPosture(LeafSystem):
             closure = port.Eval(context)[0] if port.HasValue(context) else 0.0
             q[hand] += np.clip(closure, 0.0, 1.0) * (self._q_closed - self._q_open)[hand]
             q[arm] = state.Eval(context)[: len(arm)]
+        for fingers, port in self._fingers:
+            q[fingers] = port.Eval(context)
         output.set_value(q)
 
 
@@ -179,6 +206,8 @@ class RobotMask(Diagram):
     Input ports:
     - `[robot_]joint_state_measured`: (2 n,), q [rad] and qdot [rad/s] of the arm.
     - `[robot_]closure_commanded`: (1,), 0 open, 1 closed; 0 if not connected.
+    - `[robot_]hand_positions_measured`: (m,) of the hand's joints with encoders, [rad] or [m]; only
+      of a robot that has some.
     - `depth_measured`: `ImageDepth32F` of the camera, [m]; see `SilhouetteMask`.
 
     Output ports:
@@ -241,10 +270,11 @@ def _posture(plant: MultibodyPlant, robots: Mapping[str, MaskedRobot]) -> RobotP
 
     q_open = plant.GetPositions(plant.CreateDefaultContext())
     q_closed = q_open.copy()
-    arms, hands = dict[str, Ids](), dict[str, Ids]()
+    arms, hands, measured = dict[str, Ids](), dict[str, Ids](), dict[str, Ids]()
     for name, robot in robots.items():
         arms[name] = indices(robot.arm, robot.arm_joints)
         hands[name] = indices(robot.hand, robot.hand_posture)
+        measured[name] = indices(robot.hand, robot.hand_joints)
         postures = np.array(list(robot.hand_posture.values())).reshape(-1, 2)
         q_open[hands[name]], q_closed[hands[name]] = postures.T
-    return RobotPosture(arms, hands, q_open, q_closed)
+    return RobotPosture(arms, hands, q_open, q_closed, measured)

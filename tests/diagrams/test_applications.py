@@ -43,7 +43,7 @@ APPLICATION = Application(
     scenarios=Path(__file__).parent / "scenarios",
     make_station=lambda scenario, calibration: None,
     make_estimators=lambda scenario, calibration: {{}},
-    quantities=(),
+    quantities=lambda scenario: (),
     evaluate=lambda record: None,
 )
 """

@@ -5,11 +5,13 @@ from collections import defaultdict
 from collections.abc import Iterator
 
 import pytest
-from pydrake.systems.framework import Diagram, System
+from pydrake.systems.framework import Diagram, LeafSystem, System
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.meshcat_view import MeshcatView
+from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
 from crossmodal.diagrams.drawing.meshcat import start_meshcat
+from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.episode import Episode
 from crossmodal.diagrams.run.record import TaskStatus
 from crossmodal.diagrams.run.recorder import STATUS_PORT
@@ -19,6 +21,13 @@ from crossmodal.diagrams.run.sensor_streams.log import (
     SensorReplay,
     make_streams,
 )
+from crossmodal.plants.camera_view import renderer_intrinsics
+from crossmodal.plants.hands.soft_hand import CLOSED_POSTURE
+from crossmodal.plants.robots.arm_with_hand import add_robot
+from crossmodal.plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
+from crossmodal.systems.arm_pose import ArmPose
+from crossmodal.systems.sensors.image_stamps import ImageStamps, Mounting
+from crossmodal.systems.sensors.robot_mask import MaskedRobot, RobotMask, RobotMaskConfig
 from tests.documented_ports import documented_ports
 
 _ROOMS = (
@@ -42,6 +51,22 @@ def matches(name: str, documented_name: str) -> bool:
     return re.fullmatch(pattern, name) is not None
 
 
+def with_optional_ports(calibration: Calibration) -> list[Diagram | LeafSystem]:
+    """Systems with ports that their instances in the episode have no use for."""
+    arm = calibration.arm
+    carried = Mounting(arm=ArmPose(arm.model, arm.covariance, arm.joint_offset_std))
+    hand_joints = list(CLOSED_POSTURE)
+    robot = MaskedRobot(arm=ARM, arm_joints=ARM_JOINTS, hand=HAND, hand_joints=hand_joints)
+    mask = RobotMask(
+        RobotMaskConfig(),
+        lambda plant: add_robot(plant, WAM_WITH_SOFT_HAND, arm.X_WBase, ARM, HAND),
+        renderer_intrinsics(calibration.camera.intrinsics),
+        calibration.camera.X_PC,
+        {"robot": robot},
+    )
+    return [ImageStamps(carried), mask, *systems_within(mask)]
+
+
 @pytest.fixture(scope="module")
 def declared(tmp_path_factory: pytest.TempPathFactory) -> dict[type, dict[str, set[str]]]:
     """By class of our own, the names of input and output ports that its instances declare."""
@@ -55,7 +80,8 @@ def declared(tmp_path_factory: pytest.TempPathFactory) -> dict[type, dict[str, s
     recorder.log.close()
     replay = SensorReplay(SensorLog(path, streams), 1.0)
     ports: dict[type, dict[str, set[str]]] = defaultdict(lambda: {"input": set(), "output": set()})
-    for system in [*systems_within(episode.diagram), view, recorder, replay]:
+    optional = with_optional_ports(episode.calibration)
+    for system in [*systems_within(episode.diagram), view, recorder, replay, *optional]:
         if type(system).__module__.startswith(_ROOMS):
             for i in range(system.num_input_ports()):
                 ports[type(system)]["input"].add(system.get_input_port(i).get_name())

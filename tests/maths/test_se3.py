@@ -59,3 +59,22 @@ def test_rotations_are_those_of_scipy(angle: float) -> None:
     R = se3.so3_exp(omega)
     assert_allclose(R, Rotation.from_rotvec(omega).as_matrix(), atol=1e-12)
     assert_allclose(se3.so3_log(R), omega, atol=2e-8)
+
+
+def test_a_camera_looks_at_its_target_with_its_top_up() -> None:
+    eye, target = np.array([0.1, 0.4, 1.4]), np.array([0.8, -0.3, 0.9])
+    X = se3.looking_at(eye, target)
+    assert_allclose(X[:3, :3] @ X[:3, :3].T, np.eye(3), atol=1e-12)
+    assert_allclose(X[:3, 3], eye)
+    assert_allclose(X[:3, 2], (target - eye) / np.linalg.norm(target - eye))
+    assert X[2, 1] < 0.0
+    assert_allclose(X[2, 0], 0.0, atol=1e-12)
+    down = se3.looking_at(eye, eye - [0, 0, 1], np.array([1.0, 0.0, 0.0]))
+    assert_allclose(down[:3, 1], [-1, 0, 0], atol=1e-12)
+
+
+def test_a_camera_that_looks_straight_down_needs_no_direction_up() -> None:
+    eye = np.array([0.5, 0.0, 0.6])
+    X = se3.looking_at(eye, eye - [0.0, 0.0, 0.4])
+    assert_allclose(X[:3, 2], [0.0, 0.0, -1.0])
+    assert_allclose(X[:3, 1], [0.0, -1.0, 0.0])

@@ -10,11 +10,14 @@ from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.depth_camera import (
     DepthCamera,
     angle_variance,
+    at_image,
     displacement_covariance,
     focal_tilt,
     seen_covariance,
     tilt_covariance,
+    with_shift,
 )
+from crossmodal.systems.port_values import StampedImage
 
 INTRINSICS = Intrinsics(
     width=640, height=480, focal_x=577.0, focal_y=577.0, center_x=319.5, center_y=239.5
@@ -54,6 +57,17 @@ def test_an_angle_errs_by_latency_with_its_rate_and_by_the_focal_length_with_its
     assert angle_variance(wide, y, slanted, slanted, 0.0) == pytest.approx(0.0)
     covariance = tilt_covariance(wide, z, slanted)
     assert np.trace(covariance) == pytest.approx(0.005**2)
+
+
+def test_a_camera_is_where_its_image_says_and_may_see_all_shifted() -> None:
+    X, covariance = se3.exp(np.full(6, 0.1)), np.diag(np.linspace(1.0, 6.0, 6)) * 1e-6
+    camera = _camera(registration_std=577e-3, depth_scale_std=0.01)
+    there = at_image(camera, StampedImage(time=1.0, image=None, X_WC=X, covariance=covariance))
+    assert_allclose(there.X_WC, X)
+    shifted = with_shift(covariance, INTRINSICS, camera.registration_std)
+    assert_allclose(there.pose_covariance, shifted)
+    assert_allclose(shifted - covariance, np.diag([1e-6, 1e-6, 0.0, 0.0, 0.0, 0.0]), atol=1e-15)
+    assert there.depth_scale_std == 0.01
 
 
 def test_a_turned_frame_displaces_what_is_far_from_it() -> None:

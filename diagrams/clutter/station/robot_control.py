@@ -20,10 +20,10 @@ from crossmodal.diagrams.clutter.robot_config import (
     TOUCHER,
 )
 from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors
+from crossmodal.diagrams.clutter.station.wiring import StationWiring
 from crossmodal.diagrams.run.record import TaskStatus
 from crossmodal.diagrams.stations.drives import add_drives
 from crossmodal.diagrams.stations.task_status import add_task_status
-from crossmodal.diagrams.stations.wiring import StationWiring
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.planning_scene import planning_scene
 from crossmodal.systems.active.touch_planner import TouchPlanner

@@ -3,13 +3,12 @@
 import numpy as np
 from pydrake.systems.framework import OutputPort, System
 
-from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.diagrams.clutter.robot_config import CAMERA_ARM, TOUCH_ARM
 from crossmodal.diagrams.clutter.scenario import Scenario
 from crossmodal.diagrams.clutter.station.robot_control import RobotControl
-from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors
+from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors, arm_pose
+from crossmodal.diagrams.clutter.station.wiring import StationWiring
 from crossmodal.diagrams.run.calibration import Calibration
-from crossmodal.diagrams.stations.wiring import StationWiring
 from crossmodal.models.gripper_taxels import ARRAYS, RADIUS, gripper_taxels
 from crossmodal.systems.pose.evidence import Table
 from crossmodal.systems.pose.pose_measurements import (
@@ -24,14 +23,9 @@ from crossmodal.systems.sensors.randomness import make_generator
 def believed_camera(calibration: Calibration) -> CameraOnArm:
     """The camera on its arm."""
     (camera,) = calibration.cameras.values()
-    arm = calibration.arms[CAMERA_ARM]
-    model, X_EC = ArmModel(arm.model), camera.X_PC.GetAsMatrix4()
     return CameraOnArm(
         intrinsics=camera.intrinsics,
-        pose=lambda q: model.Evaluate(np.append(q, np.zeros_like(q))).X_WE @ X_EC,
-        joints=model.num_joints,
-        base=arm.X_WBase.GetAsMatrix4(),
-        base_covariance=arm.covariance,
+        arm=arm_pose(calibration, CAMERA_ARM),
         pose_covariance=camera.pose_covariance,
         depth_scale_std=camera.depth_scale_std,
         focal_length_std=camera.focal_length_std,
@@ -44,16 +38,13 @@ def believed_taxels(scenario: Scenario, calibration: Calibration) -> TaxelsOnArm
     The true places are those of the simulated gripper; the seed draws by how much what is believed
     differs from them.
     """
-    arm, layout, perception = calibration.arms[TOUCH_ARM], gripper_taxels(), scenario.perception
-    model = ArmModel(arm.model)
+    layout, perception = gripper_taxels(), scenario.perception
     rng = make_generator(scenario.seed, "taxel places")
     shift = scenario.sensors.taxel_places * rng.standard_normal(3)
     closed = layout.p_FS + layout.finger_places(np.zeros(2))[layout.finger]
     tips = [k for k, array in enumerate(layout.array) if ARRAYS[array].endswith("tip")]
     return TaxelsOnArm(
-        pose=lambda q: model.Evaluate(np.append(q, np.zeros_like(q))).X_WE.copy(),
-        base=arm.X_WBase.GetAsMatrix4(),
-        base_covariance=arm.covariance,
+        arm=arm_pose(calibration, TOUCH_ARM),
         p_ES=closed + shift,
         radius=RADIUS,
         place_std=perception.taxel_places,
@@ -67,6 +58,7 @@ def add_measurements(
     wiring: StationWiring,
     model: TargetModel,
     table: Table | None,
+    camera: CameraOnArm,
     taxels: TaxelsOnArm,
     sensors: RobotSensors,
     guess: OutputPort,
@@ -77,6 +69,7 @@ def add_measurements(
     Args:
         model: Of the object.
         table: As believed.
+        camera: As believed.
         taxels: As believed.
         sensors: Of the robots.
         guess: `pose_guess`.
@@ -87,7 +80,7 @@ def add_measurements(
         "pose_measurements",
         PoseMeasurements(
             model,
-            believed_camera(calibration),
+            camera,
             taxels,
             calibration.noise,
             None if table is None else table.height,

@@ -14,12 +14,14 @@ from crossmodal.diagrams.clutter.robot_config import (
     TOUCH_ARM,
     TOUCHER,
 )
+from crossmodal.diagrams.clutter.station.wiring import StationWiring
+from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.stations.add_arm import add_encoders
-from crossmodal.diagrams.stations.add_cameras import add_cameras
+from crossmodal.diagrams.stations.add_cameras import CameraCarrier, add_cameras
 from crossmodal.diagrams.stations.naming import own_seed
-from crossmodal.diagrams.stations.wiring import StationWiring
 from crossmodal.maths.arrays import Array
 from crossmodal.models.gripper_taxels import ARRAYS, gripper_taxels
+from crossmodal.systems.arm_pose import ArmPose
 from crossmodal.systems.sensors.joint_encoders import JointEncoders
 from crossmodal.systems.sensors.taxel_array import TaxelArrayForces, TaxelArraySensor
 
@@ -39,6 +41,12 @@ class RobotSensors:
     depth: OutputPort
 
 
+def arm_pose(calibration: Calibration, name: str) -> ArmPose:
+    """Where an arm's end-effector is by its joints, as the robot knows it."""
+    arm = calibration.arms[name]
+    return ArmPose(arm.model, arm.covariance, arm.joint_offset_std)
+
+
 def add_sensors(
     wiring: StationWiring, arms: Mapping[str, MultibodyPlant], homes: Mapping[str, Array]
 ) -> RobotSensors:
@@ -54,7 +62,12 @@ def add_sensors(
         arm: add_encoders(wiring, arm, arms[arm], homes[arm], config.encoders, owner)
         for owner, arm in ((LOOKER, CAMERA_ARM), (TOUCHER, TOUCH_ARM))
     }
-    add_cameras(wiring, config.camera, colour_is_read=False)
+    (camera,) = wiring.calibration.cameras
+    carrier = CameraCarrier(
+        pose=arm_pose(wiring.calibration, CAMERA_ARM),
+        joint_state=encoders[CAMERA_ARM].GetOutputPort("joint_state_measured"),
+    )
+    add_cameras(wiring, config.camera, colour_is_read=False, carriers={camera: carrier})
     layout = gripper_taxels()
     instance = wiring.scene.model(GRIPPER)
     inspector = wiring.scene.scene_graph.model_inspector()

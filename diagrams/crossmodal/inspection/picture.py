@@ -27,7 +27,7 @@ from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.crossmodal.station.station import draw_placements
 from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.plot_style import STYLE, new_figure
-from crossmodal.diagrams.run.scenario import looking_at
+from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.object_import.solids import solid_of
 from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
@@ -156,7 +156,7 @@ def _add_camera(builder: DiagramBuilder, scene: ManipulationScene) -> RgbdSensor
     sensor = builder.AddSystem(
         RgbdSensor(
             scene.scene_graph.world_frame_id(),
-            looking_at(position, target),
+            RigidTransform(se3.looking_at(position, target)),
             ColorRenderCamera(core),
             DepthRenderCamera(core, DepthRange(0.1, 9.0)),
         )

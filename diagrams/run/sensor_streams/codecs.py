@@ -23,6 +23,14 @@ Stamped = tuple[int, Any]  # Instant [ns] and message.
 _TIME = "builtin_interfaces/Time", "int32 sec\nuint32 nanosec"
 _HEADER = "std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id"
 _VECTOR = "geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z"
+_POSE = (
+    "geometry_msgs/Pose",
+    "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+)
+_POINT_AND_QUATERNION = (
+    ("geometry_msgs/Point", _VECTOR[1]),
+    ("geometry_msgs/Quaternion", "float64 x\nfloat64 y\nfloat64 z\nfloat64 w"),
+)
 DEFINITIONS = {
     "sensor_msgs/msg/Image": (
         "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\n"
@@ -48,12 +56,21 @@ DEFINITIONS = {
         (
             _HEADER,
             _TIME,
+            _POSE,
+            *_POINT_AND_QUATERNION,
+        ),
+    ),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": (
+        "std_msgs/Header header\ngeometry_msgs/PoseWithCovariance pose",
+        (
+            _HEADER,
+            _TIME,
             (
-                "geometry_msgs/Pose",
-                "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+                "geometry_msgs/PoseWithCovariance",
+                "geometry_msgs/Pose pose\nfloat64[36] covariance",
             ),
-            ("geometry_msgs/Point", _VECTOR[1]),
-            ("geometry_msgs/Quaternion", "float64 x\nfloat64 y\nfloat64 z\nfloat64 w"),
+            _POSE,
+            *_POINT_AND_QUATERNION,
         ),
     ),
     "std_msgs/msg/Float64MultiArray": (
@@ -81,9 +98,9 @@ def nanoseconds(time: float) -> int:
     return round(time * 1e9)
 
 
-def _header(stamp: int) -> dict[str, Any]:
+def _header(stamp: int, frame: str = "") -> dict[str, Any]:
     seconds, rest = divmod(stamp, 1_000_000_000)
-    return {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": ""}
+    return {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": frame}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,7 +249,8 @@ def _image(model: Any, encoding: str, dtype: type) -> Codec:
 def _stamped_image(model: StampedImage) -> Codec:
     """As a plain image is written, but that its own stamp is in the header.
 
-    A message whose header has no stamp was taken when it was logged.
+    A message whose header has no stamp was taken when it was logged. Where the camera was is not
+    in the message (`CAMERA_POSE`).
     """
     plain = _image(model.image, *_IMAGES[type(model.image)])
 
@@ -290,22 +308,65 @@ def _vector(size: int) -> Codec:
     )
 
 
+def _pose_fields(X: RigidTransform) -> dict[str, Any]:
+    q = X.rotation().ToQuaternion()
+    position = dict(zip("xyz", map(float, X.translation()), strict=True))
+    orientation = {"x": q.x(), "y": q.y(), "z": q.z(), "w": q.w()}
+    return {"position": position, "orientation": orientation}
+
+
+def _pose_of(pose: Any) -> RigidTransform:
+    q, p = pose.orientation, pose.position
+    wxyz = np.array([q.w, q.x, q.y, q.z])
+    _require(bool(np.linalg.norm(wxyz) > 0.0), f"a pose with quaternion {wxyz}", "a unit one")
+    return RigidTransform(Quaternion(wxyz / np.linalg.norm(wxyz)), [p.x, p.y, p.z])
+
+
 def _pose() -> Codec:
     def encode(X: RigidTransform, now: int) -> list[Stamped]:
-        q = X.rotation().ToQuaternion()
-        position = dict(zip("xyz", map(float, X.translation()), strict=True))
-        orientation = {"x": q.x(), "y": q.y(), "z": q.z(), "w": q.w()}
-        pose = {"position": position, "orientation": orientation}
-        return [(now, {"header": _header(now), "pose": pose})]
+        return [(now, {"header": _header(now), "pose": _pose_fields(X)})]
 
-    def decode(messages: Sequence[Stamped]) -> RigidTransform:
-        pose = messages[-1][1].pose
-        q, p = pose.orientation, pose.position
-        wxyz = np.array([q.w, q.x, q.y, q.z])
-        _require(bool(np.linalg.norm(wxyz) > 0.0), f"a pose with quaternion {wxyz}", "a unit one")
-        return RigidTransform(Quaternion(wxyz / np.linalg.norm(wxyz)), [p.x, p.y, p.z])
+    return Codec(
+        message_type="geometry_msgs/msg/PoseStamped",
+        encode=encode,
+        decode=lambda messages: _pose_of(messages[-1][1].pose),
+    )
 
-    return Codec(message_type="geometry_msgs/msg/PoseStamped", encode=encode, decode=decode)
+
+def _in_world(X_WC: RigidTransform) -> Array:
+    """J (6, 6) from xi in X_WC exp(xi), rotation first, to a ROS pose's error.
+
+    That is the translation in W and then the rotation about W's axes.
+    """
+    R, J = X_WC.rotation().matrix(), np.zeros((6, 6))
+    J[:3, 3:] = J[3:, :3] = R
+    return J
+
+
+def _encode_camera_pose(value: StampedImage, now: int) -> list[Stamped]:
+    if not np.all(np.isfinite(value.X_WC)):
+        return []
+    X_WC = RigidTransform(value.X_WC)
+    J = _in_world(X_WC)
+    covariance = J @ value.covariance @ J.T
+    pose = {"pose": _pose_fields(X_WC), "covariance": covariance.ravel().tolist()}
+    return [(now, {"header": _header(nanoseconds(value.time), "world"), "pose": pose})]
+
+
+def _decode_camera_pose(messages: Sequence[Stamped]) -> tuple[Array, Array]:
+    found = messages[-1][1].pose
+    X_WC = _pose_of(found.pose)
+    J = _in_world(X_WC)
+    covariance = np.array(found.covariance, dtype=float).reshape(6, 6)
+    return X_WC.GetAsMatrix4(), J.T @ covariance @ J
+
+
+# Where the camera was at a `StampedImage`: decoded, its `X_WC` and `covariance`.
+CAMERA_POSE = Codec(
+    message_type="geometry_msgs/msg/PoseWithCovarianceStamped",
+    encode=_encode_camera_pose,
+    decode=_decode_camera_pose,
+)
 
 
 def _fields(kind: type) -> Codec:

@@ -8,7 +8,7 @@ import contextlib
 import os
 import struct
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -23,8 +23,10 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from zstandard import ZstdError
 
+from crossmodal.diagrams.run.calibration import Calibration, CameraCalibration
 from crossmodal.diagrams.run.recorder import declare_input
 from crossmodal.diagrams.run.sensor_streams.codecs import (
+    CAMERA_POSE,
     DEFINITIONS,
     Codec,
     Stamped,
@@ -34,6 +36,7 @@ from crossmodal.diagrams.run.sensor_streams.codecs import (
     nanoseconds,
 )
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
+from crossmodal.systems.port_values import StampedImage
 
 _METADATA = "episode"
 # What the library raises while it reads a file with wrong bytes.
@@ -49,27 +52,48 @@ class Stream:
         model: A value like the port's; an array for a vector port.
         topic: Of the messages.
         codec: From values to messages and back.
+        camera: Of stamped images: what is believed of their camera; None if it is not known.
     """
 
     port: str
     model: Any
     topic: str
     codec: Codec
+    camera: CameraCalibration | None = None
+
+    @property
+    def pose_topic(self) -> str:
+        """The topic that says where a camera is that moves; empty for all other streams."""
+        moves = self.camera is not None and not self.camera.is_fixed
+        return f"{self.topic}/pose" if moves else ""
+
+    @property
+    def parts(self) -> list[tuple[str, Codec]]:
+        """The topics into which a value is written, with their codecs."""
+        pose = [(self.pose_topic, CAMERA_POSE)] if self.pose_topic else []
+        return [(self.topic, self.codec), *pose]
 
 
-def make_streams(models: Mapping[str, Any], topics: Mapping[str, Topic]) -> list[Stream]:
+def make_streams(
+    models: Mapping[str, Any],
+    topics: Mapping[str, Topic],
+    calibration: Calibration | None = None,
+) -> list[Stream]:
     """A stream for each port, by the type of its value.
 
     Args:
         models: A value like the port's, by port.
         topics: Of single ports; the others' are called like the port.
+        calibration: What is believed of the cameras; by default there is none.
     """
+    believed = calibration or Calibration()
     return [
         Stream(
             port=port,
             model=model,
             topic=topics[port].name if port in topics else f"/{port}",
             codec=codec_for(model, topics.get(port)),
+            camera=believed.camera_of(port) if isinstance(model, StampedImage) else None,
         )
         for port, model in models.items()
     ]
@@ -106,10 +130,11 @@ class SensorLogWriter:
         """Writes the messages of a port's value at `time` [s]."""
         if self.failure:
             return
-        schema = self._schemas[stream.codec.message_type]
         try:
-            for stamp, message in stream.codec.encode(value, nanoseconds(time)):
-                self._writer.write_message(stream.topic, schema, message, log_time=stamp)
+            for topic, codec in stream.parts:
+                schema = self._schemas[codec.message_type]
+                for stamp, message in codec.encode(value, nanoseconds(time)):
+                    self._writer.write_message(topic, schema, message, log_time=stamp)
         except OSError as error:
             self._give_up(error)
 
@@ -194,10 +219,10 @@ class SensorLog:
             if counts.get(channel.id)
         }
         held = [stream for stream in known if stream.topic in types]
-        for stream in held:
-            found, expected = types[stream.topic], stream.codec.message_type
+        for topic, codec in (part for stream in held for part in stream.parts):
+            found, expected = types.get(topic, codec.message_type), codec.message_type
             if found != expected:
-                raise ValueError(f"'{stream.topic}' holds {found}, but {expected} is expected")
+                raise ValueError(f"'{topic}' holds {found}, but {expected} is expected")
         return held
 
     def _messages(self, **selection: Any) -> Iterator[tuple[str, Stamped]]:
@@ -210,6 +235,8 @@ class SensorLog:
 
         A stream without a message in a tick keeps its last value; a window is then empty. Values
         that are no numbers are handed on: a sensor says by them that it has measured nothing.
+        A camera that is fixed in the world is where its calibration says. One that moves is where
+        the recording says; it is not known where in a recording that does not.
 
         Raises:
             ScenarioError: if a stream that is no window has not begun by then, or a message holds
@@ -217,7 +244,9 @@ class SensorLog:
         """
         now = nanoseconds(time)
         start = max(0, nanoseconds(time - period) + 1)
-        found: dict[str, list[Stamped]] = {stream.topic: [] for stream in self.streams}
+        found: dict[str, list[Stamped]] = {
+            topic: [] for stream in self.streams for topic, _ in stream.parts
+        }
         for topic, message in self._messages(starting_at=start, ending_at=now):
             if topic in found:
                 found[topic].append(message)
@@ -225,15 +254,35 @@ class SensorLog:
         for stream in self.streams:
             messages = found[stream.topic]
             if not messages and not stream.codec.is_window:
-                earlier = self._messages(topics=[stream.topic], ending_at=now, reverse=True)
-                messages = [message for _, message in islice(earlier, 1)]
+                messages = self._last(stream.topic, now)
             if not messages and not stream.codec.is_window:
                 raise ScenarioError(
                     f"{self._path}: the stream '{stream.port}' begins only after {time:.2f} s"
                 )
             with self._damage_told(f"'{stream.topic}' at {time:.2f} s"):
                 values[stream.port] = stream.codec.decode(messages)
+            if stream.pose_topic:
+                messages = found[stream.pose_topic] or self._last(stream.pose_topic, now)
+                with self._damage_told(f"'{stream.pose_topic}' at {time:.2f} s"):
+                    values[stream.port] = _placed(values[stream.port], messages)
+            elif stream.camera is not None:
+                camera = stream.camera
+                X_WC, covariance = camera.X_PC.GetAsMatrix4(), camera.pose_covariance
+                values[stream.port] = replace(values[stream.port], X_WC=X_WC, covariance=covariance)
         return values
+
+    def _last(self, topic: str, now: int) -> list[Stamped]:
+        """The last message of a topic until an instant [ns]; none if it has not begun by then."""
+        earlier = self._messages(topics=[topic], ending_at=now, reverse=True)
+        return [message for _, message in islice(earlier, 1)]
+
+
+def _placed(image: StampedImage, messages: list[Stamped]) -> StampedImage:
+    """An image of a camera that is where the last message says, if there is one."""
+    if not messages:
+        return image
+    X_WC, covariance = CAMERA_POSE.decode(messages)
+    return replace(image, X_WC=X_WC, covariance=covariance)
 
 
 class SensorRecorder(LeafSystem):

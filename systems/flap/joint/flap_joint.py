@@ -127,7 +127,7 @@ class FlapJoint(RecursiveFilter):
     - `flap_angle_latest`: the one of the last tick, from the state.
 
     Args:
-        camera: Whose planes these are, with its calibration's errors.
+        camera: Whose planes these are, with its calibration's errors; it is assumed to stand still.
     """
 
     def __init__(

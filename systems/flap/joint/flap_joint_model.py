@@ -178,7 +178,7 @@ class FlapJointModel:
     """What of a `FlapJoint` stays as it is.
 
     Args:
-        camera: Whose planes these are, as it is calibrated.
+        camera: Whose planes these are, as it is calibrated; it is assumed to stand still.
 
     Raises:
         ValueError: for an impossible config value.

@@ -8,7 +8,12 @@ from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U
 
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.immutable import Immutable
-from crossmodal.systems.depth_camera import DepthCamera, plane_jacobian, seen_covariance
+from crossmodal.systems.depth_camera import (
+    DepthCamera,
+    at_image,
+    plane_jacobian,
+    seen_covariance,
+)
 from crossmodal.systems.flap.tracking.flap_region import ahead, crop
 from crossmodal.systems.flap.tracking.flap_tracking_config import (
     FlapTrackingConfig,
@@ -34,6 +39,7 @@ from crossmodal.systems.port_values import (
     EndEffectorBelief,
     FingertipContact,
     FlapPlane,
+    StampedImage,
     unseen,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
@@ -197,7 +203,8 @@ class FlapTracker(RecursiveFilter):
     when its back is seen. While both are parallel, touch says which of the points are the flap's.
 
     Input ports:
-    - `depth_measured`: `ImageDepth32F`, [m]; 0, NaN or inf is no return.
+    - `depth_measured`: `StampedImage` of an `ImageDepth32F`, [m]; 0, NaN or inf is no return.
+      Nothing is seen while it does not say where the camera is.
     - `robot_mask`: `ImageGrey8U`, nonzero on the robot; none if not connected.
     - `end_effector_estimated`: `EndEffectorBelief` of the arm that holds the tool; not needed once
       the tool was touched.
@@ -213,7 +220,7 @@ class FlapTracker(RecursiveFilter):
     the covariance and the use of touch are ours.
 
     Args:
-        camera: As the robot knows it.
+        camera: As the robot knows it; where it is says each image.
     """
 
     def __init__(self, config: FlapTrackingConfig, camera: DepthCamera) -> None:
@@ -222,7 +229,9 @@ class FlapTracker(RecursiveFilter):
         self._config = config
         self._camera = camera
         size = camera.intrinsics.width, camera.intrinsics.height
-        self._depth = self._declare_value_input("depth_measured", ImageDepth32F(*size))
+        self._depth = self._declare_value_input(
+            "depth_measured", StampedImage(time=0.0, image=ImageDepth32F(*size))
+        )
         self._mask = self._declare_value_input("robot_mask", ImageGrey8U(*size))
         self._end_effector = self._declare_value_input(
             "end_effector_estimated", UNKNOWN_END_EFFECTOR
@@ -236,12 +245,13 @@ class FlapTracker(RecursiveFilter):
     def _calc_track(self, context: Context, track: FlapTrack) -> FlapTrack:
         mask = self._read_optional(self._mask, context)
         holder: EndEffectorBelief | None = self._read_optional(self._end_effector, context)
+        measured: StampedImage = self._read(self._depth, context)
         return track_flap(
             track,
-            self._read(self._depth, context).data[:, :, 0],
+            measured.image.data[:, :, 0],
             None if mask is None else mask.data[:, :, 0],
             np.full(3, np.nan) if holder is None else holder.X[:3, 3],
             self._read(self._contact, context),
-            self._camera,
+            at_image(self._camera, measured),
             self._config,
         )

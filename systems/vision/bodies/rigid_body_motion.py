@@ -183,7 +183,7 @@ class RigidBodyMotion(RecursiveFilter):
       that of the displacement since then, the errors of p_BF included.
     - `body_motions_latest`: the same of the last tick, from the state.
     - `features_predicted`: `FeatureBelief` at the next tick, from the state: every remembered
-      feature, by id; `uv` projected into the camera, `age` zero.
+      feature, by id; `uv` projected into a camera that is assumed to stand still, `age` zero.
 
     Source: the role is that of Martín-Martín and Brock, IROS 2017, sections III and V;
     filter and tests are our own.

@@ -5,9 +5,8 @@ import numpy as np
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
-from crossmodal.maths.arrays import Array
 from crossmodal.maths.pinhole import Intrinsics
-from crossmodal.systems.port_values import no_features
+from crossmodal.systems.port_values import StampedImage, no_features
 from crossmodal.systems.recursive_filter import RecursiveFilter
 from crossmodal.systems.vision.features import feature_detection
 from crossmodal.systems.vision.features.feature_motion_config import (
@@ -24,7 +23,7 @@ from crossmodal.systems.vision.features.feature_tracks import (
 
 
 class FeatureMotion(RecursiveFilter):
-    """Follows up to N point features F through the colour and depth images of a fixed camera.
+    """Follows up to N point features F through the colour and depth images of a camera.
 
     A feature is a patch of texture on a smooth surface. Each tick it is registered to the template
     cut when its track began (so that nothing drifts), warped by the scale and foreshortening that
@@ -36,16 +35,18 @@ class FeatureMotion(RecursiveFilter):
 
         p_WF = X_WC r(uv) / w,    r = ((u - cx)/fx, (v - cy)/fy, 1),
 
-    with w the plane's inverse depth; its covariance from the registration's residual and the
-    depth's noise, along the plane.
+    with w the plane's inverse depth and X_WC as the depth image says; its covariance from the
+    registration's residual and the depth's noise, along the plane. That a feature is sought first
+    where it was in the last image assumes a camera that stands still, or nearly.
 
     Unseen features coast on predictions for a bounded time and are left out of the belief. While
     nearly all are unseen (a blackout: lights off, saturated exposure), the last good image is kept
     to start from, and no feature is born. Corners have to stand out of the image's own noise.
 
     Input ports:
-    - `color_measured`: `ImageRgba8U`, read at the tick.
-    - `depth_measured`: `ImageDepth32F`, registered to it, [m]; 0, NaN or inf is no return.
+    - `color_measured`: `StampedImage` of an `ImageRgba8U`, read at the tick.
+    - `depth_measured`: `StampedImage` of an `ImageDepth32F`, registered to it, [m]; 0, NaN or inf
+      is no return. It has to say where the camera is.
     - `robot_mask`: `ImageGrey8U`, nonzero on the robot; none if not connected.
     - `features_predicted`: `FeatureBelief`, where the body tracker expects features, by id; may be
       empty; none if not connected.
@@ -60,18 +61,19 @@ class FeatureMotion(RecursiveFilter):
     source is in `patch_registration`.
     """
 
-    def __init__(self, config: FeatureMotionConfig, camera: Intrinsics, X_WC: Array) -> None:
+    def __init__(self, config: FeatureMotionConfig, camera: Intrinsics) -> None:
         super().__init__()
         check_feature_motion(config)
         self._config = config
         self._intrinsics = camera.vector()
-        self._X_WC = np.array(X_WC, dtype=float)
         size = camera.width, camera.height
         side = 2 * config.tracks.robot_border + 1
         self._border = np.ones((side, side), np.uint8)
 
-        self._color = self._declare_value_input("color_measured", ImageRgba8U(*size))
-        self._depth = self._declare_value_input("depth_measured", ImageDepth32F(*size))
+        self._color, self._depth = (
+            self._declare_value_input(f"{name}_measured", StampedImage(time=0.0, image=image))
+            for name, image in (("color", ImageRgba8U(*size)), ("depth", ImageDepth32F(*size)))
+        )
         self._mask = self._declare_value_input("robot_mask", ImageGrey8U(*size))
         self._predicted = self._declare_value_input("features_predicted", no_features())
         self._declare_recursion(no_tracks(config), self._calc_tracks, config.period)
@@ -83,8 +85,12 @@ class FeatureMotion(RecursiveFilter):
         return track(self._config, tracks, self._read_frame(context), predicted)
 
     def _read_frame(self, context: Context) -> Frame:
-        image, noise = feature_detection.smooth_grey(self._read(self._color, context).data)
-        depth = self._read(self._depth, context).data[:, :, 0]
+        color: StampedImage = self._read(self._color, context)
+        measured: StampedImage = self._read(self._depth, context)
+        if not np.all(np.isfinite(measured.X_WC)):
+            raise ValueError("FeatureMotion: the depth image does not say where its camera is")
+        image, noise = feature_detection.smooth_grey(color.image.data)
+        depth = measured.image.data[:, :, 0]
         mask = self._read_optional(self._mask, context)
         robot = np.zeros(image.shape, np.uint8)
         if mask is not None:
@@ -95,5 +101,5 @@ class FeatureMotion(RecursiveFilter):
             depth=depth,
             robot=robot,
             intrinsics=self._intrinsics,
-            X_WC=self._X_WC,
+            X_WC=measured.X_WC,
         )

@@ -224,9 +224,9 @@ def test_what_is_recorded_of_a_network_is_what_it_has() -> None:
 
 def test_a_station_has_what_is_recorded_of_it_and_what_every_network_hears() -> None:
     diagram = station().diagram
-    for quantity in APPLICATION.station_quantities:
+    for quantity in APPLICATION.station_quantities(scenario()):
         assert diagram.HasOutputPort(quantity.port)
-    for port in (*APPLICATION.pictures, "task_status", "cheat_query_object"):
+    for port in (*APPLICATION.pictures(scenario()), "task_status", "cheat_query_object"):
         assert diagram.HasOutputPort(port)
     for network in networks().values():
         for index in range(network.num_input_ports()):

@@ -73,8 +73,8 @@ APPLICATION = Application(
     make_estimators=lambda swing, calibration: {
         name: KalmanFilter(swing, a) for name, a in {"stubborn": 0.001, "open": 0.1}.items()
     },
-    quantities=[Quantity(port="state_latest", model=(np.zeros(2), np.eye(2)))],
-    station_quantities=[Quantity(port="cheat_state", model=np.zeros(2))],
+    quantities=lambda swing: [Quantity(port="state_latest", model=(np.zeros(2), np.eye(2)))],
+    station_quantities=lambda swing: [Quantity(port="cheat_state", model=np.zeros(2))],
     evaluate=partial(evaluate_rows, rows=rows, units={"angle": "rad"}),
     metrics=error_metrics({"angle": "rad"}),
     experiments={"swing": Experiment(scenario="swing", description="it swings for 10 s")},

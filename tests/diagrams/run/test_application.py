@@ -1,4 +1,4 @@
-"""A quantity that would never be recorded is refused."""
+"""What is recorded depends on the scenario; what would never be recorded is refused."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,14 +6,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, System
 from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.sensors import ImageRgba8U
 
 from crossmodal.diagrams.run.application import Application, Station
-from crossmodal.diagrams.run.episode import Episode
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.run.episode import Episode, run_episode
+from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE
 from crossmodal.diagrams.run.record import Quantity
-from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.replay import replay
+from crossmodal.diagrams.run.scenario import CameraConfig, Scenario
+from crossmodal.diagrams.run.sensor_streams.codecs import Topic
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.systems.port_values import StampedImage
 
 
 class Ports(LeafSystem):
@@ -36,8 +44,10 @@ def application(*quantities: Quantity, station: tuple[str, ...] = ()) -> Applica
         scenarios=Path(),
         make_station=nothing,
         make_estimators=nothing,
-        quantities=quantities,
-        station_quantities=[Quantity(port=port, model=np.zeros(1)) for port in station],
+        quantities=lambda scenario: quantities,
+        station_quantities=lambda scenario: [
+            Quantity(port=port, model=np.zeros(1)) for port in station
+        ],
         evaluate=nothing,
     )
 
@@ -46,7 +56,9 @@ def quantity(port: str, *estimators: str) -> Quantity:
     return Quantity(port=port, model=np.zeros(1), estimators=estimators)
 
 
-def episode(toy: Application, estimators: dict[str, System]) -> Episode:
+def episode(
+    toy: Application, estimators: dict[str, System], scenario: Scenario | None = None
+) -> Episode:
     builder = DiagramBuilder()
     source = builder.AddSystem(ConstantVectorSource([1.0]))
     builder.ExportOutput(source.get_output_port(), "cheat_pose")
@@ -55,7 +67,7 @@ def episode(toy: Application, estimators: dict[str, System]) -> Episode:
         make_station=lambda *_: Station(diagram=builder.Build()),
         make_estimators=lambda *_: estimators,
     )
-    return Episode(toy, Scenario(name="toy"))
+    return Episode(toy, scenario or Scenario(name="toy"))
 
 
 def test_quantities_that_are_there_are_taken_of_whichever_estimators_run() -> None:
@@ -89,3 +101,54 @@ def test_a_mistyped_quantity_is_refused_in_one_line(
     with pytest.raises(ScenarioError) as caught:
         episode(application(*quantities, station=station), both)
     assert expected in str(caught.value)
+
+
+def test_what_is_recorded_depends_on_the_scenario(tmp_path: Path) -> None:
+    def ports(scenario: Scenario) -> list[str]:
+        return [f"{name}_pose" for name in scenario.cameras]
+
+    def image() -> AbstractValue:
+        return AbstractValue.Make(StampedImage(time=0.0, image=ImageRgba8U(4, 3)))
+
+    def station(scenario: Scenario, _: Calibration) -> Station:
+        source = LeafSystem()
+        for port in ports(scenario):
+            source.DeclareVectorOutputPort(port, 1, lambda context, output: None)
+        for name in scenario.cameras:
+            source.DeclareAbstractOutputPort(f"{name}_image", image, lambda context, output: None)
+        builder = DiagramBuilder()
+        builder.AddSystem(source)
+        for index in range(source.num_output_ports()):
+            port = source.get_output_port(index)
+            builder.ExportOutput(port, port.get_name())
+        return Station(diagram=builder.Build())
+
+    toy = replace(
+        application(),
+        make_station=station,
+        make_estimators=lambda scenario, _: {"eye": Ports(*ports(scenario))},
+        quantities=lambda scenario: [quantity(port) for port in ports(scenario)],
+        station_quantities=lambda scenario: [quantity(port) for port in ports(scenario)],
+        pictures=lambda scenario: [f"{name}_image" for name in scenario.cameras],
+        topics=lambda scenario: {port: Topic(name=f"/of/{port}") for port in ports(scenario)},
+    )
+    for names in (["left"], ["left", "right", "wrist"]):
+        scenario = Scenario(
+            name="toy", duration=0.2, cameras={name: CameraConfig() for name in names}
+        )
+        run = tmp_path / str(len(names))
+        run.mkdir()
+        (run / SCENARIO_FILE).touch()
+        record = run_episode(toy, scenario, sensors_file=run / SENSORS_FILE)
+        for one in (record, replay(toy, run, scenario)):
+            poses = {f"{name}_pose" for name in names}
+            assert set(one.station[-1].values) == poses
+            assert set(one.estimators["eye"].ticks[-1].values) == poses
+            assert {picture.port for picture in one.pictures} == {f"{n}_image" for n in names}
+        summary = make_reader((run / SENSORS_FILE).open("rb")).get_summary()
+        assert summary is not None
+        topics = {channel.topic for channel in summary.channels.values()}
+        assert topics == {
+            *(f"/of/{name}_pose" for name in names),
+            *(f"/{name}_image" for name in names),
+        }

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from crossmodal.diagrams.run.calibration import (
+    Calibration,
     CalibrationErrors,
     Camera,
     calibrated,
@@ -32,6 +33,16 @@ CAMERA = Camera(
     registration=np.array([0.5, -0.25]),
     latency=0.03,
 )
+
+
+def test_the_camera_of_a_port_is_the_only_one_or_begins_its_name() -> None:
+    left, wrist = (calibrated(CAMERA, CalibrationErrors(focal_length=f)) for f in (0.1, 0.2))
+    assert Calibration().camera_of("color_measured") is None
+    assert Calibration(cameras={"left": left}).camera_of("color_measured") is left
+    both = Calibration(cameras={"left": left, "left_wrist": wrist})
+    assert both.camera_of("left_depth_measured") is left
+    assert both.camera_of("left_wrist_depth_measured") is wrist
+    assert both.camera_of("right_depth_measured") is None
 
 
 def pose_error(X: RigidTransform, believed: RigidTransform) -> Array:

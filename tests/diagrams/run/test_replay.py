@@ -52,7 +52,7 @@ def scenario_of(folder: Path, *changes: str) -> Scenario:
 def streams(scenario: Scenario) -> list[Stream]:
     """Those that a recording of the scenario holds but for the pictures'."""
     estimators = build_estimators(APPLICATION, scenario)
-    return make_streams(stream_models(estimators, APPLICATION.station_quantities), TOPICS)
+    return make_streams(stream_models(estimators, APPLICATION.station_quantities(scenario)), TOPICS)
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from numpy.testing import assert_allclose, assert_array_equal
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 from truth_paths import truth_paths, truth_references
 
@@ -21,6 +22,8 @@ from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.replay import check_recorded, replay
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.maths import se3
+from crossmodal.systems.port_values import StampedImage
 
 FOLDER = Path(__file__).parent
 FILE = FOLDER / "two_arms.yaml"
@@ -83,6 +86,17 @@ class Posed:
     def output(self, root: Context, port: str) -> np.ndarray:
         context = self._diagram.GetMyContextFromRoot(root)
         return np.array(self._diagram.GetOutputPort(port).Eval(context).data)
+
+    def image(self, root: Context, port: str) -> StampedImage:
+        context = self._diagram.GetMyContextFromRoot(root)
+        image = self._diagram.GetOutputPort(port).Eval(context)
+        assert isinstance(image, StampedImage)
+        return image
+
+    def pose(self, root: Context, model: str, frame: str) -> RigidTransform:
+        """The true pose of a frame."""
+        found = self._plant.GetFrameByName(frame, self._plant.GetModelInstanceByName(model))
+        return found.CalcPoseInWorld(self._plant.GetMyContextFromRoot(root))
 
     def true_depth(self, root: Context, camera: str) -> np.ndarray:
         sensor = self._diagram.GetSubsystemByName(f"{camera}_rgbd_sensor")
@@ -209,6 +223,27 @@ def test_a_camera_on_the_wrist_goes_with_it_and_so_does_the_mask_of_its_hand(pos
     assert_allclose(depths[1][both], depths[0][both], atol=1e-3)
 
 
+def test_an_image_says_where_its_camera_is(posed: Posed, episode: Episode) -> None:
+    """The fixed one by its calibration, the one on the wrist by the joints, within its errors."""
+    fixed, wrist = (episode.calibration.cameras[name] for name in CAMERAS)
+    scenario = load_scenario(str(FILE))[1]
+    true = draw_camera("wrist", wrist, scenario.calibration.errors, scenario.seed)
+    places = []
+    for angle in (0.0, -0.3):
+        root = posed.at(right=angle)
+        image = posed.image(root, "fixed_depth_measured")
+        assert_array_equal(image.X_WC, fixed.X_PC.GetAsMatrix4())
+        assert_array_equal(image.covariance, fixed.pose_covariance)
+        image = posed.image(root, "wrist_depth_measured")
+        X_WP = posed.pose(root, "right_arm", "tool_plate")
+        error = se3.log(se3.inverse(image.X_WC) @ (X_WP @ true.X_PC).GetAsMatrix4())
+        assert np.linalg.norm(error) > 1e-4
+        assert error @ np.linalg.solve(image.covariance, error) < 22.5  # 99.9 % of 6 dof.
+        assert np.sqrt(np.diag(image.covariance)[3:]).max() < 0.1
+        places.append(image.X_WC[:3, 3])
+    assert np.linalg.norm(places[1] - places[0]) > 0.1
+
+
 def test_the_fixed_cameras_mask_covers_both_robots(posed: Posed) -> None:
     masks = [
         posed.output(posed.at(**moved), "fixed_robot_mask")[:, :, 0]
@@ -232,6 +267,7 @@ def test_the_streams_carry_their_owners_names(record: EpisodeRecord, folder: Pat
         "/fixed_depth_measured",
         "/fixed_robot_mask",
         "/wrist_color_measured",
+        "/wrist_color_measured/pose",
         "/cheat_left_pose",
         "/cheat_right_pose",
     }

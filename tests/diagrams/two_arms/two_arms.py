@@ -32,7 +32,7 @@ from crossmodal.diagrams.stations.add_arm import (
     add_impedance_control,
     add_wrist_wrench,
 )
-from crossmodal.diagrams.stations.add_cameras import add_cameras, add_robot_masks
+from crossmodal.diagrams.stations.add_cameras import CameraCarrier, add_cameras, add_robot_masks
 from crossmodal.diagrams.stations.add_soft_hand import add_soft_hand
 from crossmodal.diagrams.stations.naming import prefixed
 from crossmodal.diagrams.stations.true_pose import add_true_pose
@@ -49,6 +49,7 @@ from crossmodal.plants.scene import (
     add_manipulation_scene,
     nominal_pose,
 )
+from crossmodal.systems.arm_pose import ArmPose
 from crossmodal.systems.monitoring.image_monitor import ImageMonitor, ImageMonitorConfig
 from crossmodal.systems.port_values import UNKNOWN_END_EFFECTOR, no_features
 from crossmodal.systems.proprioception.end_effector_motion import (
@@ -162,7 +163,11 @@ def make_station(scenario: TwoArms, calibration: Calibration) -> Station:
     builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())
     wiring = StationWiring(builder=builder, scene=scene, scenario=scenario, calibration=calibration)
     encoders = {side: add_side(wiring, scenario, X_WBase, side) for side, X_WBase in bases.items()}
-    add_cameras(wiring, sensors.camera)
+    carrier = CameraCarrier(
+        pose=carrying_pose(calibration, "right", "tool_plate"),
+        joint_state=encoders["right"].GetOutputPort("joint_state_measured"),
+    )
+    add_cameras(wiring, sensors.camera, carriers={"wrist": carrier})
     robots = {
         side: MaskedRobot(arm=f"{side}_arm", arm_joints=ARM_JOINTS, hand=f"{side}_hand")
         for side in SIDES
@@ -199,6 +204,12 @@ def add_robots(calibration: Calibration, plant: MultibodyPlant) -> None:
     """Both robots where they believe to stand."""
     for side, arm in calibration.arms.items():
         add_robot(plant, WAM_WITH_SOFT_HAND, arm.X_WBase, f"{side}_arm", f"{side}_hand")
+
+
+def carrying_pose(calibration: Calibration, side: str, frame: str) -> ArmPose:
+    """Where a frame of an arm is, as the robot believes."""
+    arm = calibration.arms[side]
+    return ArmPose(arm.model, arm.covariance, arm.joint_offset_std, frame)
 
 
 def add_side(
@@ -290,8 +301,8 @@ def estimator_of(owner: str, system: System, inputs: list[str]) -> Diagram:
 def make_eye(scenario: TwoArms, camera: Camera) -> Diagram:
     """The features in a camera's images that can be trusted."""
     builder = DiagramBuilder()
-    X_WC, intrinsics = camera.X_PC.GetAsMatrix4(), camera.intrinsics
-    features = builder.AddSystem(FeatureMotion(scenario.features, intrinsics, X_WC))
+    intrinsics = camera.intrinsics
+    features = builder.AddSystem(FeatureMotion(scenario.features, intrinsics))
     monitor = builder.AddSystem(
         ImageMonitor(ImageMonitorConfig(), intrinsics.width, intrinsics.height)
     )
@@ -322,14 +333,14 @@ APPLICATION = Application(
     make_calibration=make_calibration,
     make_station=make_station,
     make_estimators=make_estimators,
-    quantities=[
+    quantities=lambda scenario: [
         Quantity(port="end_effector_latest", model=UNKNOWN_END_EFFECTOR, estimators=SIDES),
         Quantity(port="features_latest", model=no_features(), estimators=["eye"]),
     ],
-    station_quantities=[
+    station_quantities=lambda scenario: [
         Quantity(port=f"cheat_{side}_pose", model=RigidTransform()) for side in SIDES
     ],
-    pictures=("fixed_color_measured", "wrist_color_measured"),
+    pictures=lambda scenario: ("fixed_color_measured", "wrist_color_measured"),
     evaluate=partial(evaluate_rows, rows=rows, units={"position": "m"}),
     metrics=error_metrics({f"position_{axis}": "m" for axis in "xyz"}),
 )

@@ -13,7 +13,6 @@ from crossmodal.systems.active.view_planner import (
     ViewPlanner,
     ViewPlannerConfig,
     hemisphere,
-    looking_at,
 )
 from crossmodal.systems.port_values import (
     NO_MEASUREMENT,
@@ -78,8 +77,6 @@ def test_it_looks_at_the_object_from_all_sides() -> None:
         assert_allclose(X[:3, 3] + 0.55 * X[:3, 2], CENTRE, atol=1e-12)
         assert abs(X[2, 0]) < 1e-9  # Its x is level.
         assert X[2, 1] < 0.0  # Its y points down.
-    above = looking_at(np.array([0.5, 0.0, 0.6]), CENTRE)
-    assert_allclose(above[:3, 2], [0.0, 0.0, -1.0])
 
 
 def test_the_second_view_is_from_the_other_side(model: TargetModel) -> None:

@@ -48,14 +48,6 @@ def pose(R: Array, p: Array) -> Array:
     return X
 
 
-def look_at(p_WC: Array, target: Array) -> Array:
-    """A camera at p_WC that looks at the target, its image's up nearest to the world's."""
-    z = (target - p_WC) / np.linalg.norm(target - p_WC)
-    x = np.cross(z, [0.0, 0.0, 1.0])
-    x /= np.linalg.norm(x)
-    return pose(np.column_stack([x, np.cross(z, x), z]), p_WC)
-
-
 @dataclass(kw_only=True)
 class Tool:
     """The true tool; at theta = 0 the flap hangs down and faces the camera, x."""
@@ -173,7 +165,9 @@ class Laboratory:
         )
         elevation = np.deg2rad(60.0) if edge_on is None else edge_on - np.pi / 2
         direction = np.array([np.cos(elevation), 0.0, np.sin(elevation)])
-        self.X_WC = look_at(np.array([0.0, 0.0, 0.6]) + 0.9 * direction, np.array([0.0, 0.0, 0.6]))
+        self.X_WC = se3.looking_at(
+            np.array([0.0, 0.0, 0.6]) + 0.9 * direction, np.array([0.0, 0.0, 0.6])
+        )
         n = rng.normal(size=19)
         camera = np.concatenate([e.camera_rotation * n[:3], e.camera_translation * n[3:6]])
         self.X_WC_true = self.X_WC @ se3.exp(camera)

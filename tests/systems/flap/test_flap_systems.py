@@ -1,5 +1,7 @@
 """The flap's systems through their ports, together in one diagram."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
@@ -8,6 +10,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, LeafSy
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U
 from synthetic_flap import PERIOD, Errors, Laboratory, ideal_depth, measured_depth
 
+from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
 from crossmodal.systems.flap.hinge.hinge_estimator import HingeEstimator, HingeEstimatorConfig
 from crossmodal.systems.flap.joint.flap_joint import FlapJoint
@@ -18,7 +21,9 @@ from crossmodal.systems.flap.tracking.flap_tracking_config import FlapTrackingCo
 from crossmodal.systems.port_values import (
     UNKNOWN_FINGERTIP,
     FlapAngleBelief,
+    FlapPlane,
     HingeBelief,
+    StampedImage,
     ToolBelief,
 )
 from tests.documented_ports import documented_ports
@@ -32,11 +37,13 @@ EXACT = Errors(
 class Chain:
     """Tracker, estimator and tool in a diagram whose inputs are set by hand."""
 
-    def __init__(self, lab: Laboratory, filtered: bool) -> None:
+    def __init__(
+        self, lab: Laboratory, filtered: bool, tracked_by: DepthCamera | None = None
+    ) -> None:
         self.lab = lab
         builder = DiagramBuilder()
         self._inputs: dict[str, list[InputPort]] = {}
-        tracker = builder.AddSystem(FlapTracker(FlapTrackingConfig(), lab.camera))
+        tracker = builder.AddSystem(FlapTracker(FlapTrackingConfig(), tracked_by or lab.camera))
         tool = builder.AddSystem(ToolKinematics(ToolKinematicsConfig()))
         systems: list[LeafSystem] = [tracker]
         if filtered:
@@ -84,7 +91,13 @@ class Chain:
         image = ImageDepth32F(640, 480)
         ideal = ideal_depth(self.lab.tool, theta, self.lab.X_WC_true)
         image.mutable_data[:, :, 0] = measured_depth(ideal, self.rng)
-        self._fix("depth_measured", image)
+        camera = self.lab.camera
+        self._fix(
+            "depth_measured",
+            StampedImage(
+                time=0.0, image=image, X_WC=camera.X_WC, covariance=camera.pose_covariance
+            ),
+        )
         contact = self.lab.contact(theta, rate) if touching else UNKNOWN_FINGERTIP
         self._fix("fingertip_contact_estimated", contact)
         self.simulator.AdvanceTo(self.context.get_time() + PERIOD)
@@ -138,6 +151,36 @@ def test_estimated_ports_react_at_their_tick_and_latest_ones_after_it() -> None:
     hinge = chain.read(chain.hinge, "hinge_latest")
     assert isinstance(hinge, HingeBelief)
     assert not hinge.known
+
+
+def test_a_flap_is_where_the_image_says_that_the_camera_was() -> None:
+    planes = []
+    for moved in (False, True):
+        lab = Laboratory(3, EXACT)
+        elsewhere = replace(lab.camera, X_WC=np.eye(4), pose_covariance=np.zeros((6, 6)))
+        chain = Chain(lab, filtered=False, tracked_by=elsewhere if moved else lab.camera)
+        chain.tick(0.0, 0.0)
+        chain.tick(0.0, 0.0)
+        planes.append(chain.read(chain.tracker, "flap_plane_latest"))
+    for plane in planes:
+        assert isinstance(plane, FlapPlane)
+        assert plane.seen
+        assert np.array_equal(plane.n_W, planes[0].n_W)
+        assert np.array_equal(plane.common_covariance, planes[0].common_covariance)
+
+
+def test_nothing_is_seen_by_a_camera_of_which_nobody_knows_where_it_is() -> None:
+    lab = Laboratory(3, EXACT)
+    system = FlapTracker(FlapTrackingConfig(), lab.camera)
+    context = system.CreateDefaultContext()
+    image = ImageDepth32F(640, 480, 0.9)
+    for name, value in (
+        ("depth_measured", StampedImage(time=0.0, image=image)),
+        ("fingertip_contact_estimated", lab.contact(0.0, 0.0)),
+    ):
+        system.GetInputPort(name).FixValue(context, AbstractValue.Make(value))
+    plane = system.GetOutputPort("flap_plane_estimated").Eval(context)
+    assert plane.why == "the camera does not look there"
 
 
 def _systems() -> list[LeafSystem]:

@@ -66,7 +66,7 @@ def watched(
             value = AbstractValue.Make(StampedImage(time=taken, image=image))
             system.GetInputPort(f"{name}_measured").FixValue(context, value)
         checked = [
-            np.array(system.GetOutputPort(f"{name}_checked").Eval(context).data)
+            np.array(system.GetOutputPort(f"{name}_checked").Eval(context).image.data)
             for name in ("color", "depth")
         ]
         system.ExecuteForcedEvents(context)
@@ -86,6 +86,21 @@ def test_new_images_pass_as_they_are() -> None:
         assert faults == ["", ""]
 
 
+def test_an_image_says_where_its_camera_was_also_when_it_is_kept_back() -> None:
+    system = ImageMonitor(CONFIG, *SIZE)
+    context = system.CreateDefaultContext()
+    for tick in (0, 1):
+        context.SetTime(tick * TICK)
+        X_WC, covariance = np.full((4, 4), tick), np.full((6, 6), tick)
+        image = StampedImage(time=0.0, image=depth(0), X_WC=X_WC, covariance=covariance)
+        system.GetInputPort("depth_measured").FixValue(context, AbstractValue.Make(image))
+        checked = system.GetOutputPort("depth_checked").Eval(context)
+        assert checked.image.data.any() == (tick == 0)
+        assert_array_equal(checked.X_WC, X_WC)
+        assert_array_equal(checked.covariance, covariance)
+        system.ExecuteForcedEvents(context)
+
+
 def test_depth_passes_where_nobody_sees_by_colour() -> None:
     system = ImageMonitor(CONFIG, *SIZE)
     context = system.CreateDefaultContext()
@@ -94,7 +109,7 @@ def test_depth_passes_where_nobody_sees_by_colour() -> None:
         context.SetTime(tick * TICK)
         image = StampedImage(time=tick * TICK, image=depth(min(tick, 1)))
         system.GetInputPort("depth_measured").FixValue(context, AbstractValue.Make(image))
-        passed = bool(system.GetOutputPort("depth_checked").Eval(context).data.any())
+        passed = bool(system.GetOutputPort("depth_checked").Eval(context).image.data.any())
         system.ExecuteForcedEvents(context)
         health = system.GetOutputPort("depth_health_latest").Eval(context)
         faults.append((passed, health.fault))

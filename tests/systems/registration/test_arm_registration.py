@@ -14,7 +14,12 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.depth_camera import DepthCamera
-from crossmodal.systems.port_values import DisplacementBelief, SampleWindow, displacement_at
+from crossmodal.systems.port_values import (
+    DisplacementBelief,
+    SampleWindow,
+    StampedImage,
+    displacement_at,
+)
 from crossmodal.systems.registration.arm_registration import ArmRegistration, ArmRegistrationConfig
 from crossmodal.systems.registration.registration_solver import (
     CalibratedArm,
@@ -116,7 +121,8 @@ def registered(
     for index, depth in enumerate(images):
         image = ImageDepth32F(WIDTH, HEIGHT)
         image.mutable_data[:, :, 0] = depth
-        system.GetInputPort("depth_measured").FixValue(context, AbstractValue.Make(image))
+        value = AbstractValue.Make(StampedImage(time=0.0, image=image))
+        system.GetInputPort("depth_measured").FixValue(context, value)
         context.SetTime(2.0 * index)
         system.ExecuteForcedEvents(context, publish=False)
     belief = system.GetOutputPort("displacements_latest").Eval(context)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -126,6 +128,25 @@ def test_the_mask_moves_with_the_measured_joint_and_the_commanded_closure():
     open_hand = robot_mask(config, 0.0, 0.0)
     assert (robot_mask(config, 0.0, 1.0) != open_hand).any()
     assert (robot_mask(config, 0.4, 0.0) != open_hand).any()
+
+
+def test_fingers_with_encoders_are_masked_where_they_are_measured():
+    measured = replace(ROBOT, hand_posture={}, hand_joints=["knuckle"])
+    config = RobotMaskConfig(margin=0.005, reduction=2)
+    mask = RobotMask(config, build_robot, INTRINSICS, X_WC, {"robot": measured})
+    context = mask.CreateDefaultContext()
+    for knuckle in (0.0, 0.9, -0.6):
+        mask.GetInputPort("joint_state_measured").FixValue(context, [0.2, 0.0])
+        mask.GetInputPort("hand_positions_measured").FixValue(context, [knuckle])
+        masked = mask.GetOutputPort("robot_mask").Eval(context).data[:, :, 0] == 255
+        seen = true_silhouette(0.2, knuckle)
+        assert masked[seen].all()
+        assert masked.sum() < 2.2 * seen.sum()
+
+
+def test_only_a_hand_with_encoders_has_a_port_for_them():
+    soft = RobotMask(RobotMaskConfig(), build_robot, INTRINSICS, X_WC, {"robot": ROBOT})
+    assert not soft.HasInputPort("hand_positions_measured")
 
 
 def test_a_camera_on_a_link_sees_the_same_of_that_link_wherever_it_is():

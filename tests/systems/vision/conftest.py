@@ -31,6 +31,7 @@ from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.plants.camera_view import renderer_intrinsics
+from crossmodal.systems.port_values import StampedImage
 
 PERIOD = 1.0 / 15.0
 FOCAL = 320.0 / np.tan(np.deg2rad(29.0))
@@ -115,7 +116,11 @@ class Sequence:
         depth.mutable_data[:, :, 0] = FOCAL * 0.075 / disparity
         grown = cv2.dilate(255 * self.robot[k].astype(np.uint8), np.ones((5, 5), np.uint8))
         mask.mutable_data[:, :, 0] = grown
-        return {"color_measured": color, "depth_measured": depth, "robot_mask": mask}
+        return {
+            "color_measured": StampedImage(time=0.0, image=color, X_WC=self.X_WC),
+            "depth_measured": StampedImage(time=0.0, image=depth, X_WC=self.X_WC),
+            "robot_mask": mask,
+        }
 
 
 def _add_box(

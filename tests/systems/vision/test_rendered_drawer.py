@@ -22,7 +22,7 @@ NEES_BOUND = 22.46  # Chi-square of 6 dof that 0.1 % exceed.
 def network(camera: Intrinsics, drawer_sequence: Any) -> Diagram:
     builder = DiagramBuilder()
     X_WC = drawer_sequence.X_WC
-    features = builder.AddSystem(FeatureMotion(FeatureMotionConfig(), camera, X_WC))
+    features = builder.AddSystem(FeatureMotion(FeatureMotionConfig(), camera))
     bodies = builder.AddSystem(RigidBodyMotion(RigidBodyMotionConfig(), camera, X_WC))
     builder.Connect(
         features.GetOutputPort("features_estimated"), bodies.GetInputPort("features_estimated")

@@ -16,6 +16,7 @@ from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 from crossmodal.diagrams.joints.joint_truth import UNKNOWN_JOINT, JointTruth
 from crossmodal.diagrams.run.record import TaskStatus
 from crossmodal.diagrams.run.sensor_streams.codecs import (
+    CAMERA_POSE,
     DEFINITIONS,
     JOINT_STATES,
     WRENCHES,
@@ -24,6 +25,7 @@ from crossmodal.diagrams.run.sensor_streams.codecs import (
     codec_for,
     definition,
 )
+from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.port_values import SampleWindow, StampedImage
 
@@ -78,6 +80,27 @@ def test_a_stamped_image_keeps_its_stamp_and_one_without_has_that_of_the_log(tmp
     assert_array_equal(decoded.image.data, stamped.image.data)
     unstamped = StampedImage(time=0.0, image=ImageDepth32F(3, 1))
     assert_allclose(round_trip(unstamped, tmp_path).time, 1e-9 * NOW, atol=1e-12)
+
+
+def test_the_pose_of_a_camera_survives_and_is_a_ros_pose_in_the_world(tmp_path: Any) -> None:
+    xi = np.array([0.3, -1.2, 0.8, 0.1, -0.4, 2.0])
+    root = RNG.normal(size=(6, 6))
+    image = StampedImage(time=2.25, image=None, X_WC=se3.exp(xi), covariance=root @ root.T)
+    messages = over_the_wire(CAMERA_POSE, image, tmp_path)
+    X_WC, covariance = CAMERA_POSE.decode(messages)
+    assert_allclose(X_WC, image.X_WC, atol=1e-14)
+    assert_allclose(covariance, image.covariance, atol=1e-13)
+    message = messages[0][1]
+    assert message.header.frame_id == "world"
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (2, 250_000_000)
+    # ROS: the position first, both in the frame of the header.
+    R, said = image.X_WC[:3, :3], np.reshape(message.pose.covariance, (6, 6))
+    assert_allclose(said[:3, :3], R @ image.covariance[3:, 3:] @ R.T, atol=1e-13)
+    assert_allclose(said[3:, 3:], R @ image.covariance[:3, :3] @ R.T, atol=1e-13)
+
+
+def test_a_pose_that_nobody_knows_is_not_written() -> None:
+    assert CAMERA_POSE.encode(StampedImage(time=0.0, image=None), NOW) == []
 
 
 @pytest.mark.parametrize(

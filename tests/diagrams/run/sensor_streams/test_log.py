@@ -9,6 +9,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from crossmodal.diagrams.crossmodal.episode_parts import TOPICS
+from crossmodal.diagrams.run.calibration import Calibration, CameraCalibration
 from crossmodal.diagrams.run.record import TaskStatus
 from crossmodal.diagrams.run.sensor_streams.log import (
     SensorLog,
@@ -17,6 +18,8 @@ from crossmodal.diagrams.run.sensor_streams.log import (
     make_streams,
 )
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.maths import se3
+from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.port_values import SampleWindow, StampedImage
 
 PERIOD = 1 / 15
@@ -102,6 +105,70 @@ def test_what_did_not_come_keeps_its_last_value(log: SensorLog) -> None:
     values = log.read(2 * PERIOD, PERIOD)
     for port, value in values.items():
         assert_same(port, value, measured(port, 2 if port in WINDOWS else 1))
+
+
+def placed(tick: int) -> StampedImage:
+    """An image of a camera that moves."""
+    X_WC = se3.exp(np.array([0.1, 0.2, -0.3, 0.4, 0.5, tick]))
+    covariance = np.diag(np.arange(1.0, 7.0)) * (tick + 1.0)
+    image = ImageDepth32F(2, 2, float(tick + 1))
+    return StampedImage(time=tick * PERIOD, image=image, X_WC=X_WC, covariance=covariance)
+
+
+def calibration_of(base_frame: str) -> Calibration:
+    camera = CameraCalibration(
+        intrinsics=Intrinsics(
+            width=2, height=2, focal_x=2.0, focal_y=2.0, center_x=0.5, center_y=0.5
+        ),
+        base_frame=base_frame,
+        X_PC=RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), [1.0, 2.0, 3.0]),
+        pose_covariance=np.diag(np.linspace(0.1, 0.6, 6)),
+    )
+    return Calibration(cameras={"camera": camera})
+
+
+def recorded(path: Path, recorder: Calibration | None) -> set[str]:
+    """Writes four images as with the cameras of the recorder; returns the topics of the file."""
+    (stream,) = make_streams({"depth_measured": placed(0)}, TOPICS, recorder)
+    writer = SensorLogWriter(path)
+    for tick in range(4):
+        writer.write(stream, placed(tick), tick * PERIOD)
+    writer.close()
+    return {topic for topic, _ in stream.parts}
+
+
+def test_a_recording_says_where_a_camera_was_that_moves(tmp_path: Path) -> None:
+    moving = calibration_of("arm::tool_plate")
+    path = tmp_path / "sensors.mcap"
+    topic = TOPICS["depth_measured"].name
+    assert recorded(path, moving) == {topic, f"{topic}/pose"}
+    log = SensorLog(path, make_streams({"depth_measured": placed(0)}, TOPICS, moving))
+    for tick in (3, 1):
+        image = log.read(tick * PERIOD, PERIOD)["depth_measured"]
+        assert_allclose(image.X_WC, placed(tick).X_WC, atol=1e-14)
+        assert_allclose(image.covariance, placed(tick).covariance, atol=1e-12)
+    late = log.read(9 * PERIOD, PERIOD)["depth_measured"]  # Nothing new has come.
+    assert_allclose(late.X_WC, placed(3).X_WC, atol=1e-14)
+
+
+def test_a_fixed_camera_is_where_the_calibration_of_the_replay_says(tmp_path: Path) -> None:
+    fixed = calibration_of("world")
+    path = tmp_path / "sensors.mcap"
+    assert recorded(path, fixed) == {TOPICS["depth_measured"].name}
+    log = SensorLog(path, make_streams({"depth_measured": placed(0)}, TOPICS, fixed))
+    image = log.read(PERIOD, PERIOD)["depth_measured"]
+    assert_array_equal(image.X_WC, fixed.camera.X_PC.GetAsMatrix4())
+    assert_array_equal(image.covariance, fixed.camera.pose_covariance)
+
+
+def test_a_recording_without_poses_leaves_open_where_a_moving_camera_was(tmp_path: Path) -> None:
+    path = tmp_path / "sensors.mcap"
+    recorded(path, None)
+    moving = calibration_of("arm::tool_plate")
+    log = SensorLog(path, make_streams({"depth_measured": placed(0)}, TOPICS, moving))
+    image = log.read(PERIOD, PERIOD)["depth_measured"]
+    assert np.isnan(image.X_WC).all()
+    assert_array_equal(image.image.data, placed(1).image.data)
 
 
 def test_the_last_message_ends_the_log(log: SensorLog) -> None:

@@ -8,10 +8,12 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
+from crossmodal.maths import se3
 from crossmodal.maths.pinhole import Intrinsics
-from crossmodal.systems.port_values import FeatureBelief
+from crossmodal.systems.port_values import FeatureBelief, StampedImage
 from crossmodal.systems.vision.features.feature_motion import FeatureMotion
 from crossmodal.systems.vision.features.feature_motion_config import (
     DetectionConfig,
@@ -58,7 +60,11 @@ def frame(
     mask.mutable_data[:] = 0
     if robot is not None:
         mask.mutable_data[:, robot] = 255
-    return {"color_measured": color, "depth_measured": depth, "robot_mask": mask}
+    return {
+        "color_measured": StampedImage(time=0.0, image=color, X_WC=X_WC),
+        "depth_measured": StampedImage(time=0.0, image=depth, X_WC=X_WC),
+        "robot_mask": mask,
+    }
 
 
 @pytest.fixture
@@ -66,7 +72,7 @@ def follow(camera: Intrinsics, tick: Callable) -> Callable[..., list[FeatureBeli
     def run(
         inputs: Callable[[int], dict], count: int, config: FeatureMotionConfig | None = None
     ) -> list[FeatureBelief]:
-        system = FeatureMotion(config or FeatureMotionConfig(), camera, X_WC)
+        system = FeatureMotion(config or FeatureMotionConfig(), camera)
         port = system.GetOutputPort("features_latest")
         return [port.Eval(context) for _, context in tick(system, inputs, count)]
 
@@ -107,7 +113,7 @@ def test_a_jump_of_25_pixels_is_bridged_by_the_pyramid(follow: Callable) -> None
 
 
 def test_a_prediction_bridges_what_nothing_else_can(camera: Intrinsics, tick: Callable) -> None:
-    system = FeatureMotion(FeatureMotionConfig(flow=FlowConfig(max_features=0)), camera, X_WC)
+    system = FeatureMotion(FeatureMotionConfig(flow=FlowConfig(max_features=0)), camera)
     port = system.GetOutputPort("features_latest")
     jump = np.array([60.0, -35.0])
     known: dict[str, FeatureBelief] = {}
@@ -174,7 +180,7 @@ def test_what_the_noise_drowns_is_left_alone(follow: Callable) -> None:
 
     def inputs(k: int) -> dict:
         values = frame(seed=k, sigma=0.5)
-        grey = values["color_measured"].mutable_data[:, :320, :3]
+        grey = values["color_measured"].image.mutable_data[:, :320, :3]
         noise = np.random.default_rng(k).normal(0, 6.0, grey.shape[:2])
         faint = 20.0 + 0.2 * (grey[:, :, 0] - 120.0) + noise
         grey[:] = np.clip(np.round(faint), 0, 255).astype(np.uint8)[:, :, None]
@@ -189,8 +195,8 @@ def test_a_feature_without_depth_is_not_seen(follow: Callable) -> None:
     def inputs(k: int) -> dict:
         values = frame(seed=k)
         if k >= 2:
-            values["depth_measured"].mutable_data[:, :320] = 0.0
-            values["depth_measured"].mutable_data[:, 320:400] = np.nan
+            values["depth_measured"].image.mutable_data[:, :320] = 0.0
+            values["depth_measured"].image.mutable_data[:, 320:400] = np.nan
         return values
 
     beliefs = follow(inputs, 4)
@@ -198,8 +204,47 @@ def test_a_feature_without_depth_is_not_seen(follow: Callable) -> None:
     assert np.all(beliefs[-1].uv[:, 0] > 400)
 
 
+def test_features_are_where_the_depth_image_says_that_the_camera_was(follow: Callable) -> None:
+    """The wall stands still, and the camera moves 0.2 m away from it and turns nowhere."""
+
+    def inputs(k: int) -> dict:
+        back = X_WC.copy()
+        back[2, 3] = -0.05 * k
+        values = frame(seed=k, z=Z + 0.05 * k)
+        values["depth_measured"] = replace(values["depth_measured"], X_WC=back)
+        return values
+
+    beliefs = follow(inputs, 5)
+    for belief in beliefs[1:]:
+        assert len(belief.ids) > 60
+        assert_allclose(belief.p_WF[:, 2], Z, atol=0.01)
+
+
+def test_a_turned_camera_turns_what_it_sees(follow: Callable) -> None:
+    turned = se3.exp(np.array([0.2, -0.4, 0.9, 0.3, 0.1, -0.2]))
+
+    def inputs(k: int) -> dict:
+        values = frame(seed=k)
+        values["depth_measured"] = replace(values["depth_measured"], X_WC=turned)
+        return values
+
+    straight, seen = follow(lambda k: frame(seed=k), 2)[-1], follow(inputs, 2)[-1]
+    assert_allclose(seen.p_WF, straight.p_WF @ turned[:3, :3].T + turned[:3, 3], atol=1e-12)
+
+
+def test_an_image_that_does_not_say_where_its_camera_is_is_refused(follow: Callable) -> None:
+    def inputs(k: int) -> dict:
+        values = frame(seed=k)
+        return values | {
+            "depth_measured": StampedImage(time=0.0, image=values["depth_measured"].image)
+        }
+
+    with pytest.raises(ValueError, match="does not say where its camera is"):
+        follow(inputs, 1)
+
+
 def test_latest_needs_no_input_and_estimated_reacts_at_once(camera: Intrinsics) -> None:
-    system = FeatureMotion(FeatureMotionConfig(), camera, X_WC)
+    system = FeatureMotion(FeatureMotionConfig(), camera)
     latest = system.GetOutputPort("features_latest")
     estimated = system.GetOutputPort("features_estimated")
     for i in range(system.num_input_ports()):
@@ -237,4 +282,4 @@ def test_impossible_values_are_refused_by_name(
     camera: Intrinsics, config: FeatureMotionConfig, named: str
 ) -> None:
     with pytest.raises(ValueError, match=named):
-        FeatureMotion(config, camera, X_WC)
+        FeatureMotion(config, camera)

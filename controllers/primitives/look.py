@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
@@ -56,7 +57,8 @@ class Look(ArmTask):
 
     Input ports:
     - those of `ArmTask`.
-    - `view_latest`: with `number` and `X_WC` (4, 4) of the view that is wanted.
+    - `view_latest`: with `number` and `X_WC` (4, 4) of the view that is wanted, and the box
+      `box_edges`, `X_WB` that holds the object.
     - `touch_latest`: with `number` and `done`; while a touch is wanted, the arm stays at home.
 
     Output ports:
@@ -126,9 +128,9 @@ class Look(ArmTask):
         motion = self._motion(path, context.get_time())
         return replace(state, phase=LookPhase.HOME, motion=motion)
 
-    def _begin(self, context: Context, state: LookState, view: object) -> LookState:
-        number, X_WC = view.number, RigidTransform(view.X_WC)  # type: ignore[attr-defined]
-        self._planner.look_at(self._others_now(context))
+    def _begin(self, context: Context, state: LookState, view: Any) -> LookState:
+        number, X_WC = view.number, RigidTransform(view.X_WC)
+        self._look_around(context)
         here = state.motion.knots[-1]
         goal = self._planner.posture(X_WC, [here, self._q_home])
         path = None if goal is None else self._path(context, goal, number)
@@ -138,6 +140,11 @@ class Look(ArmTask):
         return replace(state, phase=LookPhase.MOVE, motion=motion, number=number)
 
     def _path(self, context: Context, goal: Array, seed: int) -> Array | None:
-        self._planner.look_at(self._others_now(context))
+        self._look_around(context)
         rng = np.random.default_rng(seed)
         return self._planner.path(self._state(context).motion.knots[-1], goal, rng)
+
+    def _look_around(self, context: Context) -> None:
+        view = self._view.Eval(context)
+        box = [(view.box_edges, RigidTransform(view.X_WB))] if view.number else []
+        self._planner.look_at(self._others_now(context), box)

@@ -1,7 +1,7 @@
 """The planner of views: from where to look next, until there were enough views."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -96,7 +96,7 @@ class ViewPlanner(RecursiveFilter):
         config: ViewPlannerConfig,
         period: float,
         seed: int = 0,
-        can_look: Callable[[Array], bool] = lambda X_WC: True,
+        can_look: Callable[[ViewRequest], bool] = lambda request: True,
     ) -> None:
         """Makes the planner.
 
@@ -105,7 +105,7 @@ class ViewPlanner(RecursiveFilter):
             config: Of the views.
             period: Of the ticks, [s].
             seed: Of what is drawn by lot.
-            can_look: Whether the robot can bring its camera to X_WC (4, 4).
+            can_look: Whether the robot can bring its camera to a view.
         """
         super().__init__()
         check(config, "ViewPlanner")
@@ -148,19 +148,21 @@ class ViewPlanner(RecursiveFilter):
         rays = np.column_stack([u.ravel(), v.ravel(), np.ones(u.size)])
         rays /= np.linalg.norm(rays, axis=1, keepdims=True)
         gains = expected_gains(grid, views, rays)
+        X_WB = np.eye(4)
+        X_WB[:3, 3] = centre
+        wanted = ViewRequest(
+            number=number,
+            box_edges=grid.cell * np.array(grid.log_odds.shape),
+            X_WB=X_WB,
+            candidates=views,
+            gains=gains,
+        )
         if config.criterion == "same" and number > 1:
-            return ViewRequest(number=number, X_WC=last.X_WC, candidates=views, gains=gains)
+            return replace(wanted, X_WC=last.X_WC)
         rng = np.random.default_rng([self._seed, number])
         lots = rng.uniform(size=len(views))
         by_lot = config.criterion == "random" or number == 1
         order = np.argsort(-(lots if by_lot else gains), kind="stable")
-        best = next((view for view in order if self._can_look(views[view])), None)
-        if best is None:
-            return ViewRequest(number=number, X_WC=views[order[0]], candidates=views, gains=gains)
-        return ViewRequest(
-            number=number,
-            X_WC=views[best],
-            gain=float(gains[best]),
-            candidates=views,
-            gains=gains,
-        )
+        requests = (replace(wanted, X_WC=views[v], gain=float(gains[v])) for v in order)
+        found = next(filter(self._can_look, requests), None)
+        return found or replace(wanted, X_WC=views[order[0]])

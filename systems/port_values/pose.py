@@ -176,6 +176,8 @@ class ViewRequest(Immutable):
     Attributes:
         number: Of the view, from one on; zero: none is wanted.
         X_WC: Of the camera (4, 4).
+        box_edges: Edges (3,) of a box that is thought to hold the object, [m].
+        X_WB: Pose (4, 4) of that box, its middle.
         gain: By how much the view is expected to lower the entropy of the occupancy grid, [bit].
         candidates: X_WC (V, 4, 4) among which it was chosen.
         gains: Of these (V,), [bit].
@@ -183,6 +185,8 @@ class ViewRequest(Immutable):
 
     number: int = 0
     X_WC: Array = field(default_factory=lambda: np.eye(4))
+    box_edges: Array = field(default_factory=lambda: np.zeros(3))
+    X_WB: Array = field(default_factory=lambda: np.eye(4))
     gain: float = np.nan
     candidates: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
     gains: Array = field(default_factory=lambda: np.zeros(0))

@@ -28,7 +28,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.plants.planning_scene import planning_scene
 from crossmodal.systems.active.touch_planner import TouchPlanner
 from crossmodal.systems.active.view_planner import ViewPlanner
-from crossmodal.systems.port_values import TouchRequest
+from crossmodal.systems.port_values import TouchRequest, ViewRequest
 from crossmodal.systems.pose.evidence import Table
 from crossmodal.systems.pose.target_model import TargetModel
 
@@ -87,10 +87,12 @@ def add_control(
     }
     q_home = {name: sensors.encoders[name].as_read(q) for name, q in homes.items()}
 
-    def can_look(X_WC: Array) -> bool:
+    def can_look(request: ViewRequest) -> bool:
         planner = planners[CAMERA_ARM]
-        planner.look_at({TOUCH_ARM: q_home[TOUCH_ARM]})
-        return planner.posture(RigidTransform(X_WC), [q_home[CAMERA_ARM]]) is not None
+        box = (request.box_edges, RigidTransform(request.X_WB))
+        planner.look_at({TOUCH_ARM: q_home[TOUCH_ARM]}, [box])
+        guesses = [q_home[CAMERA_ARM]]
+        return planner.posture(RigidTransform(request.X_WC), guesses) is not None
 
     def can_touch(request: TouchRequest) -> bool:
         others = {CAMERA_ARM: q_home[CAMERA_ARM]}

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from crossmodal.maths.arrays import Array
+from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.compiled import hot
 from crossmodal.systems.port_values import ObjectPose, PosePrior, of_middle
 from crossmodal.systems.pose.evidence import Evidence
@@ -139,6 +139,7 @@ class _Points:
     s: Array
     facing: Array
     sigma: Array
+    group: Ids
 
 
 def _run(
@@ -189,8 +190,29 @@ def _chosen(evidence: Evidence, most: int, rng: np.random.Generator) -> _Points:
     if len(rows) > most:
         rows = np.sort(rng.choice(rows, most, replace=False))
     return _Points(
-        s=evidence.points[rows], facing=evidence.facing[rows], sigma=evidence.sigma[rows]
+        s=evidence.points[rows],
+        facing=evidence.facing[rows],
+        sigma=evidence.sigma[rows],
+        group=evidence.group[rows],
     )
+
+
+def _of_calibration(X: Array, points: _Points, displaced: Array) -> Array:
+    """Covariance (6, 6) of the pose by errors of the calibration, as of rotation in O and middle.
+
+    A group of points that is displaced as a whole takes the pose along by its share of the weight.
+
+    Args:
+        X: Pose of the middle (4, 4).
+        points: That were measured.
+        displaced: (G, 6, m), of `Evidence`.
+    """
+    weight = points.sigma**-2.0
+    shares = np.bincount(points.group, weight, len(displaced)) / weight.sum()
+    twist = np.einsum("g,gij->ij", shares, displaced)
+    at_middle = twist[3:] + np.cross(twist[:3], X[:3, 3], axisa=0, axisc=0)
+    B = np.concatenate([X[:3, :3].T @ twist[:3], at_middle])
+    return np.asarray(B @ B.T)
 
 
 def filter_pose(
@@ -208,7 +230,9 @@ def filter_pose(
     X0 = of_middle(prior.X, model.middle)
     if len(evidence.points) == 0:
         x, covariance = quaternion_prior(X0[:3, :3], sigma)
-        return _result(X0, x, covariance, prior.translation_sigma**2, model, config)
+        return _result(
+            X0, x, covariance, prior.translation_sigma**2, np.zeros((6, 6)), model, config
+        )
     few, many = (
         _chosen(evidence, most, rng) for most in (config.coarse_points, config.fine_points)
     )
@@ -227,7 +251,8 @@ def filter_pose(
     arguments = x, covariance, X0[:3, 3], prior.translation_sigma
     X, x, covariance, _ = _run(best, *arguments, many, model, config, config.iterations)
     variance = 1.0 / (np.sum(many.sigma**-2.0) + prior.translation_sigma**-2.0)
-    return _result(X, x, covariance, variance, model, config)
+    common = _of_calibration(X, many, evidence.displaced)
+    return _result(X, x, covariance, variance, common, model, config)
 
 
 def _result(
@@ -235,16 +260,18 @@ def _result(
     x: Array,
     covariance: Array,
     variance: float,
+    common: Array,
     model: TargetModel,
     config: QuaternionFilterConfig,
 ) -> ObjectPose:
     """The belief of X_WM (4, 4), a quaternion (4,), its covariance and the translation's variance.
 
-    The samples are drawn from its Gaussian.
+    What errors of the calibration add to the pose's covariance is `common` (6, 6). The samples are
+    drawn from its Gaussian.
     """
-    of_pose = np.zeros((6, 6))
-    of_pose[:3, :3] = rotation_covariance(x, covariance)
-    of_pose[3:, 3:] = variance * np.eye(3)
+    of_pose = common.copy()
+    of_pose[:3, :3] += rotation_covariance(x, covariance)
+    of_pose[3:, 3:] += variance * np.eye(3)
     rng = np.random.default_rng(config.seed)
     errors = rng.multivariate_normal(np.zeros(6), of_pose, _SAMPLES)
     samples = np.tile(X, (_SAMPLES, 1, 1))

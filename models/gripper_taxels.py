@@ -106,6 +106,12 @@ def gripper_taxels() -> GripperTaxels:
     )
 
 
+def tip_taxels() -> Ids:
+    """Indices (12,) of the taxels at the ends of both fingers."""
+    tips = [array for array, name in enumerate(ARRAYS) if name.endswith("tip")]
+    return np.flatnonzero(np.isin(gripper_taxels().array, tips))
+
+
 def _left_finger() -> dict[str, tuple[Array, Array]]:
     """Of each part the middles of its spheres (N, 3), [m], and its normal (3,)."""
     end = -RADIUS - PITCH  # z of the first row behind the tip's.

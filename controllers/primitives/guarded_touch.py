@@ -14,7 +14,7 @@ from crossmodal.controllers.arm.joint_motion import JointMotion, along_line, res
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.motion_planner import MotionPlanner
 from crossmodal.controllers.primitives.arm_task import ArmTask, TransitConfig
-from crossmodal.maths.arrays import Array
+from crossmodal.maths.arrays import Array, Ids, Mask
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
 
@@ -88,6 +88,10 @@ class TouchState(Immutable):
         line: Postures of the approach (K, n), [rad].
         offsets: Sum of the taxels' readings (3 T,) while they are averaged, then their mean, [N].
         readings: How many there are in the sum.
+        changed: Which components (3 T,) have changed while they are averaged, afterwards which are
+            trusted: one that works is never without noise.
+        last: Readings (3 T,) of the decision before, while they are averaged, [N].
+        failure: Why it does not touch any more; empty while it does.
         exceeded: Decisions in a row at which a taxel exceeded the threshold.
         q_start: Measured posture (n,) at the begin of the approach, [rad].
         end: How the last touch ended.
@@ -101,6 +105,9 @@ class TouchState(Immutable):
     path: Array = field(default_factory=lambda: np.zeros((0, 0)))
     line: Array = field(default_factory=lambda: np.zeros((0, 0)))
     readings: int = 0
+    changed: Mask = field(default_factory=lambda: np.zeros(0, bool))
+    last: Array = field(default_factory=lambda: np.zeros(0))
+    failure: str = ""
     exceeded: int = 0
     q_start: Array = field(default_factory=lambda: np.zeros(0))
     end: TouchEnd = field(default_factory=TouchEnd)
@@ -122,7 +129,9 @@ class GuardedTouch(ArmTask):
     - `joint_position_commanded`: (n,), [rad].
     - `touch_end`: `TouchEnd` of the last touch.
     - `phase`: str.
-    - `is_done`: (1,) 1 when no touch is wanted any more and the arm has come to rest.
+    - `failure`: str, why it does not touch any more; empty while it does.
+    - `is_done`: (1,) 1 when no touch is wanted any more, or none can be made, and the arm has come
+      to rest.
 
     State: `TouchState`.
 
@@ -135,6 +144,8 @@ class GuardedTouch(ArmTask):
         q_home: Where it begins and ends (n,), [rad].
         others: Numbers of joints of other arms by the names of their models.
         taxels: Their number T.
+        guards: Indices of those that meet first what the gripper approaches. If one of them says
+            the same all the time, it does not touch any more.
     """
 
     def __init__(
@@ -145,33 +156,39 @@ class GuardedTouch(ArmTask):
         q_home: Array,
         others: dict[str, int],
         taxels: int,
+        guards: Ids,
     ) -> None:
         check(config, "GuardedTouch")
         super().__init__(arm, planner, config.transit, others)
-        self._config, self._q_home = config, q_home
+        self._config, self._q_home, self._guards = config, q_home, guards
         self._touch = self.DeclareAbstractInputPort("touch_latest", Value[object]())
         self._taxels = self.DeclareVectorInputPort("taxel_measured", 3 * taxels)
         self._is_clear = self.DeclareVectorInputPort("is_clear", 1)
-        first = TouchState(motion=resting(q_home), offsets=np.zeros(3 * taxels))
+        first = TouchState(
+            motion=resting(q_home),
+            offsets=np.zeros(3 * taxels),
+            changed=np.ones(3 * taxels, bool),
+        )
         self._declare_state(first, config.period)
         self._declare_command()
         self._declare_value("touch_end", TouchEnd(), lambda c: self._state(c).end, self._on_state)
+        self._declare_value("failure", "", lambda c: self._state(c).failure, self._on_state)
         self._declare_value("phase", "", lambda c: str(self._state(c).phase), self._on_state)
         self._declare_vector("is_done", 1, self._is_done)
 
     def _is_done(self, context: Context) -> float:
-        motion = self._state(context).motion
-        at_rest = context.get_time() >= motion.end
-        at_home = np.array_equal(motion.knots[-1], self._q_home)
-        return float(self._touch.Eval(context).done and at_rest and at_home)
+        state: TouchState = self._state(context)
+        ended = self._touch.Eval(context).done or state.failure
+        at_rest = context.get_time() >= state.motion.end
+        at_home = np.array_equal(state.motion.knots[-1], self._q_home)
+        return float(bool(ended) and at_rest and at_home)
 
     def _next(self, context: Context) -> TouchState:
         state: TouchState = self._state(context)
         time, config = context.get_time(), self._config
         guarded = state.phase in (TouchPhase.TRANSIT, TouchPhase.APPROACH)
         if guarded:
-            forces = np.array(self._taxels.Eval(context)) - state.offsets
-            largest = np.linalg.norm(forces.reshape(-1, 3), axis=1).max()
+            largest = np.linalg.norm(self._forces(context, state), axis=1).max()
             exceeded = state.exceeded + 1 if largest > config.threshold else 0
             if exceeded >= config.confirmations:
                 return self._ended(context, state, TouchOutcome.CONTACT)
@@ -190,7 +207,7 @@ class GuardedTouch(ArmTask):
     def _decide(self, context: Context, state: TouchState) -> TouchState:
         """What follows where nothing is under way."""
         wanted = self._touch.Eval(context)
-        if wanted.done:
+        if wanted.done or state.failure:
             return self._home(context, state)
         if wanted.number <= state.number or self._is_clear.Eval(context)[0] < 0.5:
             return replace(state, phase=TouchPhase.WAIT) if state.phase else state
@@ -212,22 +229,41 @@ class GuardedTouch(ArmTask):
             line=line,
             offsets=np.zeros_like(state.offsets),
             readings=0,
+            changed=np.zeros(len(state.offsets), bool),
+            last=np.array(self._taxels.Eval(context)),
         )
 
     def _tare(self, context: Context, state: TouchState) -> TouchState:
         """Averages the taxels' readings at rest, then begins the way to the touch."""
         time = context.get_time()
-        total = state.offsets + np.array(self._taxels.Eval(context))
-        readings = state.readings + 1
+        reading = np.array(self._taxels.Eval(context))
+        state = replace(
+            state,
+            offsets=state.offsets + reading,
+            readings=state.readings + 1,
+            changed=state.changed | (reading != state.last),
+            last=reading,
+        )
         if time < state.since + self._config.tare_time:
-            return replace(state, offsets=total, readings=readings)
+            return state
+        works: Mask = np.any(state.changed.reshape(-1, 3), axis=1)
+        if not works[self._guards].all():
+            silent = ", ".join(str(n) for n in self._guards[~works[self._guards]])
+            why = f"taxels {silent} at the fingers' end always say the same: no touch is safe"
+            return replace(state, phase=TouchPhase.WAIT, failure=why)
         return replace(
             state,
             phase=TouchPhase.TRANSIT,
             motion=self._motion(state.path, time),
-            offsets=total / readings,
+            offsets=state.offsets / state.readings,
+            changed=np.repeat(works, 3),
             exceeded=0,
         )
+
+    def _forces(self, context: Context, state: TouchState) -> Array:
+        """Forces (T, 3) beyond the offsets, on taxels that work, [N]."""
+        forces = np.array(self._taxels.Eval(context)) - state.offsets
+        return np.asarray(np.where(state.changed, forces, 0.0).reshape(-1, 3))
 
     def _approach(self, context: Context, state: TouchState) -> TouchState:
         duration = self._planner.length(state.line) / self._config.speed
@@ -241,14 +277,13 @@ class GuardedTouch(ArmTask):
     def _ended(self, context: Context, state: TouchState, outcome: TouchOutcome) -> TouchState:
         """Stops, keeps what was measured, and goes back where it came from."""
         time, q = context.get_time(), self._positions(context)
-        forces = np.array(self._taxels.Eval(context)) - state.offsets
         approaching = state.phase is TouchPhase.APPROACH
         end = TouchEnd(
             number=state.number,
             outcome=outcome,
             q_start=state.q_start if approaching else q,
             q_end=q,
-            forces=forces.reshape(-1, 3),
+            forces=self._forces(context, state),
         )
         motion = state.motion
         passed = motion.knots[: int(np.searchsorted(motion.times, time))][::-1]

@@ -1,12 +1,16 @@
 """Meshes that do not come with the program: on the command line, and in a run's folder."""
 
+import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
-from crossmodal.diagrams.clutter.scenario import Scenario
+from crossmodal.diagrams.clutter.scenario import GOODS_DIR, Scenario, target_name
 from crossmodal.diagrams.run.own_object import OwnObject
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.plants.goods.mesh_model import write_mesh_model
+from crossmodal.systems.pose.target_model import read_mesh
 
 MODEL_FOLDER = "model"  # Of a run, for the copy of the mesh.
 
@@ -42,3 +46,24 @@ def keep_files(scenario: Scenario) -> tuple[Scenario, dict[str, Path]]:
     mesh = Path(scenario.target.mesh)
     target = replace(scenario.target, mesh=f"{MODEL_FOLDER}/{mesh.name}")
     return replace(scenario, target=target), {f"{MODEL_FOLDER}/{mesh.name}": mesh}
+
+
+def simulated_model(scenario: Scenario) -> Path:
+    """The SDF file of the object; one made of the user's mesh is there as long as this process."""
+    target = scenario.target
+    if target.mesh:
+        return _made(Path(target.mesh), target.scale, target.mass)
+    name = target_name(scenario)
+    return GOODS_DIR / name / f"{name}.sdf"
+
+
+@cache
+def _made(mesh: Path, scale: float, mass: float) -> Path:
+    vertices, triangles = read_mesh(mesh)
+    folder = Path(tempfile.mkdtemp(dir=_store().name))
+    return write_mesh_model(vertices * scale, triangles, "target", mass, folder)
+
+
+@cache
+def _store() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="crossmodal-meshes-")

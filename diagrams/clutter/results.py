@@ -13,6 +13,7 @@ from crossmodal.diagrams.evaluation.estimates import Row, estimates_table, vecto
 from crossmodal.diagrams.run.application import Results
 from crossmodal.diagrams.run.experiment import Metric
 from crossmodal.diagrams.run.record import EpisodeRecord, EstimatorRecord
+from crossmodal.diagrams.run.recorder import STATUS_PORT
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.gaussian import chi_square_gate
 from crossmodal.systems.port_values import ObjectPose, of_mesh, of_middle
@@ -74,6 +75,15 @@ def _moved(true: Array) -> float | None:
     return float(np.linalg.norm(true[-1, :3, 3] - true[_SETTLED, :3, 3]))
 
 
+def _fell(true: Array) -> bool:
+    """Whether the object leans by 20 deg against how it stood, or lies below its table."""
+    if len(true) <= _SETTLED or not np.isfinite(true).all():
+        return False
+    start, end = true[_SETTLED], true[-1]
+    leans = float(start[2, :3] @ end[2, :3]) < np.cos(np.deg2rad(20.0))
+    return bool(leans or end[2, 3] < start[2, 3] - 0.1)
+
+
 def _rows(estimator: EstimatorRecord, true: Array) -> Iterable[tuple[float, list[Row]]]:
     for tick, X_WM in zip(estimator.ticks, true, strict=False):
         belief: ObjectPose = tick.values["object_pose_latest"]
@@ -98,8 +108,8 @@ def evaluate(record: EpisodeRecord) -> Results:
     )
     modalities = {name: {"stages": found} for name, found in stages.items()}
     first = scenario.modalities[0]
-    requests = record.station_values("touch_latest")
-    why = requests[-1].why if requests and requests[-1].done else "the time was over"
+    status = record.station_values(STATUS_PORT)
+    why = (status[-1].note if status else "") or "the time was over"
     wanted = scenario.touches.random_touches + scenario.touches.chosen_touches
     made = sum(stage["stage"] == "touch" for stage in stages[first])
     pose = {
@@ -108,8 +118,11 @@ def evaluate(record: EpisodeRecord) -> Results:
         "stages": stages[first],
         "object_moved": _moved(true) if scenario.station == "robots" else None,
     }
+    failure = None if made == wanted else f"{made} of {wanted} touches were made: {why}"
+    if _fell(true):
+        failure = "the object fell over"
     return Results(
-        failure=None if made == wanted else f"{made} of {wanted} touches were made: {why}",
+        failure=failure,
         estimates=table,
         summary={"pose": pose, "modalities": modalities},
         plots={"stages.png": partial(_draw, stages)},

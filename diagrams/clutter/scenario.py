@@ -36,6 +36,8 @@ class TargetConfig:
     mesh: str = ""
     # Metres per unit of that file.
     scale: float = number(1.0, above=0.0, at_most=1e3, unit="m")
+    # Of what that file describes.
+    mass: float = number(0.3, above=0.0, at_most=100.0, unit="kg")
 
 
 @dataclass(kw_only=True)
@@ -180,12 +182,6 @@ def target_mesh(scenario: Scenario) -> Path:
         return Path(scenario.target.mesh)
     name = target_name(scenario)
     return GOODS_DIR / name / f"{name}.obj"
-
-
-def target_model(scenario: Scenario) -> Path:
-    """The file of the object's model, as it is simulated."""
-    name = target_name(scenario)
-    return GOODS_DIR / name / f"{name}.sdf"
 
 
 def generator(scenario: Scenario, purpose: str) -> np.random.Generator:

@@ -238,7 +238,18 @@ def expected_log_det(
 ) -> Array:
     """Gains (R,): by how much a contact shrinks the pose's covariance, a miss counting nothing."""
     gain, variance = _innovations(predicted, sigma)
-    whitened = np.linalg.solve(np.linalg.cholesky(predicted.covariance[:6, :6]), gain[..., None])
+    return _log_det_fall(gain, variance, predicted.covariance[:6, :6])
+
+
+def _log_det_fall(gain: Array, variance: Array, covariance: Array) -> Array:
+    """Half the mean fall (R,) of ln |C| by a contact: -1/2 ln(1 - g' C^-1 g / v).
+
+    Args:
+        gain: Covariances g (K, R, n) of the contacts' distances with what C is of.
+        variance: Of the distances (K, R).
+        covariance: C (n, n).
+    """
+    whitened = np.linalg.solve(np.linalg.cholesky(covariance), gain[..., None])
     share = np.sum(whitened[..., 0] ** 2, axis=2) / variance
     return np.asarray(-0.5 * np.log1p(-np.minimum(share, 1.0 - 1e-12)).mean(axis=0))
 
@@ -272,8 +283,40 @@ def _innovations(predicted: TouchPredictions, sigma: float) -> tuple[Array, Arra
     return jC[..., :6], variance
 
 
+def rotation_divergence(
+    predicted: TouchPredictions, model: TargetModel, sigma: float, rng: np.random.Generator
+) -> Array:
+    """Gains (R,): expected Kullback-Leibler divergence of the rotation after from that before.
+
+    With S before and P after a contact, d = 3, and the rotation's change of covariance S - P,
+
+        1/2 [ln(|S| / |P|) + tr(S^-1 P) - d + tr(S^-1 (S - P))] = 1/2 ln(|S| / |P|).
+
+    Source: the third paper's equation 25 in expectation, by which it chooses touches.
+    """
+    gain, variance = _innovations(predicted, sigma)
+    return _log_det_fall(gain[..., :3], variance, predicted.covariance[:3, :3])
+
+
+def expected_pruning(
+    predicted: TouchPredictions, model: TargetModel, sigma: float, rng: np.random.Generator
+) -> Array:
+    """Gains (R,): the share of poses that a contact is expected to rule out.
+
+    Two poses are told apart by a touch if they predict contacts at distances that differ by more
+    than its noise, or if one of them predicts a miss.
+
+    Source: S. Javdani et al., Efficient Touch Based Localization through Submodularity, 2013.
+    """
+    d = np.where(np.isfinite(predicted.distances), predicted.distances, 1e3)
+    apart = (d[:, None] - d) / sigma
+    return np.asarray(1.0 - np.exp(-0.25 * apart**2).mean(axis=(0, 1)))
+
+
 CRITERIA: dict[str, Criterion] = {
     "random": random_touch,
+    "divergence": rotation_divergence,
+    "pruning": expected_pruning,
     "log-det": expected_log_det,
     "expected-adi": expected_adi,
 }

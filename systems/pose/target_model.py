@@ -90,13 +90,23 @@ def load_target(path: str | Path, scale: float = 1.0) -> TargetModel:
     Raises:
         TargetModelError: if there is no such mesh, or none that can be a target.
     """
+    vertices, triangles = read_mesh(path)
+    return make_target(vertices * scale, triangles, str(path))
+
+
+def read_mesh(path: str | Path) -> tuple[Array, Ids]:
+    """Vertices (V, 3) in the file's unit, and triangles (T, 3).
+
+    Raises:
+        TargetModelError: if the file is not read as a mesh.
+    """
     import trimesh
 
     try:
         mesh = trimesh.load(str(path), force="mesh")
     except Exception as error:  # Each format has errors of its own.
         raise TargetModelError(f"{path}: not read as a mesh: {error}") from None
-    return make_target(mesh.vertices * scale, mesh.faces, str(path))
+    return np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.int64)
 
 
 def make_target(vertices: Array, triangles: Ids, name: str = "the mesh") -> TargetModel:

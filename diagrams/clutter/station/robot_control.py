@@ -25,6 +25,7 @@ from crossmodal.diagrams.run.record import TaskStatus
 from crossmodal.diagrams.stations.drives import add_drives
 from crossmodal.diagrams.stations.task_status import add_task_status
 from crossmodal.maths.arrays import Array
+from crossmodal.models.gripper_taxels import tip_taxels
 from crossmodal.plants.planning_scene import planning_scene
 from crossmodal.systems.active.touch_planner import TouchPlanner
 from crossmodal.systems.active.view_planner import ViewPlanner
@@ -123,6 +124,7 @@ def add_control(
             q_home[TOUCH_ARM],
             {CAMERA_ARM: joints[CAMERA_ARM]},
             sensors.taxels.size() // 3,
+            tip_taxels(),
         ),
     )
     add_drives(wiring, LOOKER, CAMERA_ARM, sensors.encoders[CAMERA_ARM], look)
@@ -155,11 +157,14 @@ def add_control(
             "touch": touch.GetOutputPort("phase"),
             "wanted": touches.GetOutputPort("touch_latest"),
             "is_done": touch.GetOutputPort("is_done"),
+            "failure": touch.GetOutputPort("failure"),
         },
     )
     return RobotControl(views=views, touches=touches, look=look, touch=touch)
 
 
-def _status(look: str, touch: str, wanted: TouchRequest, is_done: Array) -> TaskStatus:
+def _status(
+    look: str, touch: str, wanted: TouchRequest, is_done: Array, failure: str
+) -> TaskStatus:
     done = bool(np.asarray(is_done)[0] > 0.5)
-    return TaskStatus(phase=touch or look, done=done, note=wanted.why)
+    return TaskStatus(phase=touch or look, done=done, note=failure or wanted.why)

@@ -9,7 +9,7 @@ from crossmodal.diagrams.clutter.station.robot_control import RobotControl
 from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors, arm_pose
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
 from crossmodal.diagrams.run.calibration import Calibration
-from crossmodal.models.gripper_taxels import ARRAYS, RADIUS, gripper_taxels
+from crossmodal.models.gripper_taxels import RADIUS, gripper_taxels, tip_taxels
 from crossmodal.systems.pose.evidence import Table
 from crossmodal.systems.pose.pose_measurements import (
     CameraOnArm,
@@ -42,13 +42,12 @@ def believed_taxels(scenario: Scenario, calibration: Calibration) -> TaxelsOnArm
     rng = make_generator(scenario.seed, "taxel places")
     shift = scenario.sensors.taxel_places * rng.standard_normal(3)
     closed = layout.p_FS + layout.finger_places(np.zeros(2))[layout.finger]
-    tips = [k for k, array in enumerate(layout.array) if ARRAYS[array].endswith("tip")]
     return TaxelsOnArm(
         arm=arm_pose(calibration, TOUCH_ARM),
         p_ES=closed + shift,
         radius=RADIUS,
         place_std=perception.taxel_places,
-        ends=np.array(tips),
+        ends=tip_taxels(),
         threshold=scenario.control.touch.threshold,
         sigma=perception.contact_sigma,
     )

@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource
 
 from crossmodal.diagrams.clutter.estimators import believed_table, load_model
+from crossmodal.diagrams.clutter.own_mesh import simulated_model
 from crossmodal.diagrams.clutter.robot_config import (
     CAMERA_ARM,
     CAMERA_HAND,
@@ -18,7 +19,7 @@ from crossmodal.diagrams.clutter.robot_config import (
     ROBOTS,
     TOUCH_ARM,
 )
-from crossmodal.diagrams.clutter.scenario import Scenario, target_model
+from crossmodal.diagrams.clutter.scenario import Scenario
 from crossmodal.diagrams.clutter.start import first_guess, true_pose
 from crossmodal.diagrams.clutter.station.robot_control import add_control
 from crossmodal.diagrams.clutter.station.robot_measurements import (
@@ -68,7 +69,7 @@ def make_robot_station(scenario: Scenario, calibration: Calibration) -> Station:
     scene = add_manipulation_scene(
         builder,
         scenario.plant,
-        {OBJECT: ObjectPlacement(model=target_model(scenario), X_WO=X_WO, free=True)},
+        {OBJECT: ObjectPlacement(model=simulated_model(scenario), X_WO=X_WO, free=True)},
         robots,
         bases,
         weightless=[name for robot in robots for name in robot],

@@ -43,6 +43,9 @@ APPLICATION = Application(
     colors={"density": "#1b9e77", "quaternion": "#d95f02"},
     metrics=metrics(),
     experiments={
+        "pose": Experiment(
+            scenario="pose", description="robots: three views, then seven touches, all chosen"
+        ),
         "pose-estimation": Experiment(
             scenario="pose-estimation", description="one view, then four chosen touches"
         ),

@@ -181,7 +181,7 @@ def predict_touches(
     X = belief.samples[rng.choice(len(belief.samples), count, replace=False)]
     distances = np.empty((count, rays))
     rows, incidence = np.zeros((count, rays, width)), np.zeros((count, rays))
-    face = _across(directions, config.of_finger())
+    face = across(directions, config.of_finger())
     points = face.shape[1]
     fingers = (starts[:, None] + face).reshape(-1, 3)
     along = np.repeat(directions, points, axis=0)
@@ -214,7 +214,7 @@ def predict_touches(
     )
 
 
-def _across(directions: Array, face: Array) -> Array:
+def across(directions: Array, face: Array) -> Array:
     """Offsets (R, F, 3) of a finger's points (F, 2) across its directions (R, 3)."""
     level = np.where(np.abs(directions[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
     x = np.cross(directions, level)

@@ -16,6 +16,7 @@ from crossmodal.diagrams.clutter.start import first_guess, true_pose
 from crossmodal.diagrams.run.calibration import Calibration, Camera, draw_base, draw_camera
 from crossmodal.diagrams.run.record import TaskStatus
 from crossmodal.maths.arrays import Array
+from crossmodal.systems.active.touch_planning import across
 from crossmodal.systems.port_values import (
     NO_MEASUREMENT,
     NO_TOUCH,
@@ -153,24 +154,29 @@ class MeasuringRig(RecursiveFilter):
         # The finger truly goes where the arm's base truly stands.
         R, t = self._X_base[:3, :3], self._X_base[:3, 3]
         start, direction = R @ wanted.start + t, R @ wanted.direction
-        distance = float(self._cast(start, direction[None], wanted.reach)[0])
+        face = across(direction[None], self._scenario.touches.touch.of_finger())[0]
+        along = np.tile(direction, (len(face), 1))
+        distances = self._cast(start + face, along, wanted.reach)
+        first = int(np.argmin(distances))
+        distance = float(distances[first])
         if rng.uniform() < contact.false_contacts:
             distance = min(distance, rng.uniform(0.0, wanted.reach))
         met = np.isfinite(distance)
         points, facing = np.zeros((0, 3)), np.zeros((0, 3))
         if met:
             noise = contact.noise * rng.normal(size=3)
-            points = (wanted.start + distance * wanted.direction + noise)[None]
+            meant = wanted.start + R.T @ face[first]  # Where the robot believes that point to be.
+            points = (meant + distance * wanted.direction + noise)[None]
             facing = -wanted.direction[None]
         swept = distance - _BEFORE_CONTACT if met else wanted.reach
-        along = np.arange(0.0, max(swept, 0.0), _RAY_STEP)[:, None]
+        steps = np.arange(0.0, max(swept, 0.0), _RAY_STEP)[:, None]
         return PoseMeasurement(
             kind="touch",
             number=number,
             points=points,
             sigma=np.full(len(points), self._scenario.touches.touch.sigma),
             facing=facing,
-            rays=[wanted.start + along * wanted.direction],
+            rays=[wanted.start + R.T @ p + steps * wanted.direction for p in face],
             displaced=self._of_arm,
         )
 

@@ -33,10 +33,7 @@ def planner(shared: MotionPlanner) -> MotionPlanner:
 
 def finely(path: Array) -> Array:
     """Postures (N, n) on its straight segments."""
-    pieces = [
-        np.linspace(a, b, max(int(np.abs(b - a).max() / 0.01), 2))
-        for a, b in pairwise(path)
-    ]
+    pieces = [np.linspace(a, b, max(int(np.abs(b - a).max() / 0.01), 2)) for a, b in pairwise(path)]
     return np.concatenate(pieces)
 
 

@@ -76,7 +76,7 @@ class Trial:
         self.system = PoseMeasurements(model, CAMERA, TAXELS, NOISE, 0.0, TargetViewConfig(), 0.1)
         self.context = self.system.CreateDefaultContext()
         guess = np.eye(4)
-        guess[:3, 3] = MIDDLE + [0.01, -0.01, 0.0]
+        guess[:3, 3] = MIDDLE + np.array([0.01, -0.01, 0.0])
         depth = depth_image()[0]
         image = ImageDepth32F(depth.shape[1], depth.shape[0])
         image.mutable_data[:] = depth[..., None]
@@ -173,14 +173,14 @@ def test_errors_of_the_camera_s_pose_displace_what_it_sees(error: int) -> None:
     c[error] = 0.01
     A = camera_displacements(X_WC, MIDDLE, CAMERA_COVARIANCE, 5e-3, 4e-3)
     true = X_WC @ se3.exp(np.sqrt(np.diag(CAMERA_COVARIANCE)) * c[:6])
-    for p in (MIDDLE, MIDDLE + [0.03, -0.05, 0.1]):
+    for p in (MIDDLE, MIDDLE + np.array([0.03, -0.05, 0.1])):
         truly = (true @ se3.inverse(X_WC) @ np.append(p, 1.0))[:3]
         assert_allclose(moved_by(A, c, p), truly, atol=1e-12)
 
 
 def test_errors_of_depth_and_focal_length_displace_what_is_seen() -> None:
     """What is measured at 1 + s times the depth is nearer in truth, and so across the axis."""
-    p = MIDDLE + [0.02, 0.03, 0.05]
+    p = MIDDLE + np.array([0.02, 0.03, 0.05])
     A = camera_displacements(X_WC, p, CAMERA_COVARIANCE, 5e-3, 4e-3)
     p_C = X_WC[:3, :3].T @ (p - X_WC[:3, 3])
     step = 1e-3

@@ -99,7 +99,7 @@ def test_nor_is_it_though_the_camera_is_turned() -> None:
 
 
 def test_what_is_held_up_is_all_that_is_near() -> None:
-    depth, of_box = depth_image()
+    depth, _ = depth_image()
     seen = viewed(depth, height=None)
     off = off_the_box(seen.p_WP) > 1e-4
     assert_allclose(seen.p_WP[off][:, 2], 0.0, atol=1e-5)  # Of the table, too.

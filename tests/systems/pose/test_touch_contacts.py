@@ -27,7 +27,7 @@ def test_only_taxels_beyond_the_threshold_are_pressed() -> None:
     forces = np.array([[0.0, 0.06, -0.08], [0.0, 0.0, -0.11], [0.2, 0.0, 0.0]])
     points, normals = contact_points(np.eye(4), P_ES, forces, RADIUS, 0.1001)
     assert_allclose(normals, [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-    assert_allclose(points, P_ES[1:] + [[0.0, 0.0, RADIUS], [-RADIUS, 0.0, 0.0]])
+    assert_allclose(points, P_ES[1:] + np.array([[0.0, 0.0, RADIUS], [-RADIUS, 0.0, 0.0]]))
     points, normals = contact_points(np.eye(4), P_ES, forces, RADIUS, 1.0)
     assert points.shape == normals.shape == (0, 3)
 

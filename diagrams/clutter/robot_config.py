@@ -2,13 +2,12 @@
 
 from dataclasses import dataclass, field
 
-from crossmodal.plants.robots.panda import PANDA_WITH_CAMERA
-from crossmodal.plants.robots.ur5 import UR5_WITH_GRIPPER
-
 from crossmodal.controllers.arm.motion_planner import MotionPlannerConfig
 from crossmodal.controllers.primitives.guarded_touch import GuardedTouchConfig
 from crossmodal.controllers.primitives.look import LookConfig
 from crossmodal.maths.validation import number
+from crossmodal.plants.robots.panda import PANDA_WITH_CAMERA
+from crossmodal.plants.robots.ur5 import UR5_WITH_GRIPPER
 from crossmodal.systems.pose.target_view import TargetViewConfig
 from crossmodal.systems.sensors.joint_encoders import JointEncodersConfig, joint_side_encoders
 from crossmodal.systems.sensors.rgbd_camera import CameraNoiseConfig

@@ -82,12 +82,13 @@ def view_target(
     index = np.flatnonzero(chosen)
     if len(index) > config.points:
         index = index[np.linspace(0, len(index) - 1, config.points).astype(int)]
-    # Rays whose depth lies behind the place of the object, and beside the object's own pixels.
-    beside = usable & ~cv2.dilate(near.astype(np.uint8), kernel).astype(bool)
+    # Rays that do not end before the place of the object, and beside the object's own pixels.
+    to_centre = centre - X_WC[:3, 3]
+    reached = np.linalg.norm(p_W - X_WC[:3, 3], axis=-1) > np.linalg.norm(to_centre) - radius
+    beside = usable & reached & ~cv2.dilate(near.astype(np.uint8), kernel).astype(bool)
     at = rays.reshape(-1, 3)[np.flatnonzero(beside)]
     directions = at @ X_WC[:3, :3].T
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    to_centre = centre - X_WC[:3, 3]
     off = np.linalg.norm(to_centre - (directions @ to_centre)[:, None] * directions, axis=1)
     return TargetView(
         p_WP=p_W.reshape(-1, 3)[index],

@@ -1,4 +1,4 @@
-"""The ports in the docstrings of all systems of an episode are the ports that they declare."""
+"""The ports in the docstrings of all systems of some episodes are the ports that they declare."""
 
 import re
 from collections import defaultdict
@@ -28,7 +28,7 @@ from crossmodal.plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
 from crossmodal.systems.arm_pose import ArmPose
 from crossmodal.systems.sensors.image_stamps import ImageStamps, Mounting
 from crossmodal.systems.sensors.robot_mask import MaskedRobot, RobotMask, RobotMaskConfig
-from tests.documented_ports import documented_ports
+from tests.documented_ports import documented_of
 
 _ROOMS = (
     "crossmodal.systems.",
@@ -67,12 +67,15 @@ def with_optional_ports(calibration: Calibration) -> list[Diagram | LeafSystem]:
     return [ImageStamps(carried), mask, *systems_within(mask)]
 
 
+def built(scenario: str) -> Episode:
+    return Episode(*load_scenario(scenario))
+
+
 @pytest.fixture(scope="module")
 def declared(tmp_path_factory: pytest.TempPathFactory) -> dict[type, dict[str, set[str]]]:
     """By class of our own, the names of input and output ports that its instances declare."""
-    application, scenario = load_scenario("drawer-return")
-    episode = Episode(application, scenario)
-    view = MeshcatView(start_meshcat(), scenario.modalities)
+    episode = built("drawer-return")
+    view = MeshcatView(start_meshcat(), list(episode.estimators))
     path = tmp_path_factory.mktemp("log") / "sensors.mcap"
     streams = make_streams({STATUS_PORT: TaskStatus()}, {})
     recorder = SensorRecorder(path, streams, 1.0)
@@ -81,7 +84,9 @@ def declared(tmp_path_factory: pytest.TempPathFactory) -> dict[type, dict[str, s
     replay = SensorReplay(SensorLog(path, streams), 1.0)
     ports: dict[type, dict[str, set[str]]] = defaultdict(lambda: {"input": set(), "output": set()})
     optional = with_optional_ports(episode.calibration)
-    for system in [*systems_within(episode.diagram), view, recorder, replay, *optional]:
+    others = [built("pose"), built("pose-estimation")]
+    systems = [system for one in (episode, *others) for system in systems_within(one.diagram)]
+    for system in [*systems, view, recorder, replay, *optional]:
         if type(system).__module__.startswith(_ROOMS):
             for i in range(system.num_input_ports()):
                 ports[type(system)]["input"].add(system.get_input_port(i).get_name())
@@ -90,14 +95,17 @@ def declared(tmp_path_factory: pytest.TempPathFactory) -> dict[type, dict[str, s
     return ports
 
 
-def test_all_filters_sensors_and_controllers_are_in_the_episode(
+def test_all_filters_sensors_and_controllers_are_in_an_episode(
     declared: dict[type, dict[str, set[str]]],
 ) -> None:
     names = {cls.__name__ for cls in declared}
     assert {"FeatureMotion", "GraspModel", "KinematicModel", "CameraNoise", "RobotMask"} <= names
     assert {"ImpedanceController", "ExplorationController", "PneumaticHand"} <= names
     assert {"SensorRecorder", "SensorReplay", "EpisodeRecorder", "TaskStatusSource"} <= names
-    assert len(names) > 20
+    assert {"Look", "GuardedTouch", "TaxelArrayForces", "TaxelArraySensor"} <= names
+    assert {"PoseMeasurements", "PoseEstimator", "ViewPlanner", "TouchPlanner"} <= names
+    assert {"MeasuringRig"} <= names
+    assert len(names) > 30
 
 
 @pytest.mark.parametrize("kind", ["input", "output"])
@@ -105,7 +113,7 @@ def test_documented_ports_are_the_declared_ones(
     declared: dict[type, dict[str, set[str]]], kind: str
 ) -> None:
     for cls, ports in declared.items():
-        names = documented_ports(cls.__doc__, kind)
+        names = documented_of(cls, kind)
         for port in ports[kind]:
             assert any(matches(port, name) for name in names), (
                 f"{cls.__name__}: {port} undocumented"

@@ -103,7 +103,10 @@ def add_control(
     add = builder.AddNamedSystem
     views = add("views", ViewPlanner(model, scenario.views, period, seed, can_look))
     height = None if table is None else table.height
-    touches = add("planner", TouchPlanner(model, scenario.touches, height, period, seed, can_touch))
+    touches = add(
+        "planner",
+        TouchPlanner(model, scenario.touches, height, period, seed, can_touch, displaced),
+    )
     joints = {name: arm.num_joints for name, arm in arms.items()}
     look = add(
         "look",

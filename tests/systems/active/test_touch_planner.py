@@ -26,12 +26,14 @@ def belief(model: TargetModel, number: int, height: float = 0.1) -> ObjectPose:
     X[:3, 3] = [0.5, 0.0, height]
     samples = np.tile(X, (64, 1, 1))
     samples[:, :3, 3] += 2e-3 * rng.normal(size=(64, 3))
+    covariance = np.diag(np.repeat([1e-2, 2e-3], 3) ** 2)
     return replace(
         UNKNOWN_POSE,
         known=True,
         number=number,
         X=X,
-        covariance=np.diag(np.repeat([1e-2, 2e-3], 3) ** 2),
+        covariance=covariance,
+        joint=covariance,
         samples=samples,
         middle=model.middle,
     )
@@ -67,10 +69,76 @@ def test_what_no_approach_can_reach_ends_it_and_says_why(model: TargetModel) -> 
     planner = TouchPlanner(model, config, 0.0, 0.1)
     request = asked(planner, planner.CreateDefaultContext(), belief(model, 0))
     assert (request.done, request.why) == (True, "no approach is clear")
-    short = TouchPlannerConfig(after_views=0, touch=TouchConfig(reach=0.01))
-    planner = TouchPlanner(model, short, 0.0, 0.1)
-    request = asked(planner, planner.CreateDefaultContext(), belief(model, 0))
+    planner = TouchPlanner(model, TouchPlannerConfig(after_views=0), 0.0, 0.1)
+    # No approach to where it is likeliest meets it at any of the poses that were drawn.
+    torn = belief(model, 0)
+    torn.samples[:, :2, 3] += 0.5
+    request = asked(planner, planner.CreateDefaultContext(), torn)
     assert (request.done, request.why) == (True, "no approach meets the object")
+
+
+def test_the_best_touch_that_the_robot_can_make_is_wanted(model: TargetModel) -> None:
+    offered: list[TouchRequest] = []
+
+    def can_touch(request: TouchRequest) -> bool:
+        offered.append(request)
+        return len(offered) == 4
+
+    config = TouchPlannerConfig(after_views=1)
+    planner = TouchPlanner(model, config, 0.0, 0.1, can_touch=can_touch)
+    request = asked(planner, planner.CreateDefaultContext(), belief(model, 1))
+    assert request is offered[3]
+    assert (request.number, request.done) == (1, False)
+    gains = [one.gain for one in offered]
+    assert gains == sorted(gains, reverse=True)
+    assert gains[0] > gains[3]
+    willing = TouchPlanner(model, config, 0.0, 0.1)
+    best = asked(willing, willing.CreateDefaultContext(), belief(model, 1))
+    assert best.gain == gains[0]
+
+
+def test_a_robot_that_can_make_no_touch_is_done(model: TargetModel) -> None:
+    offered: list[TouchRequest] = []
+
+    def can_touch(request: TouchRequest) -> bool:
+        offered.append(request)
+        return False
+
+    config = TouchPlannerConfig(after_views=1, asked=7)
+    planner = TouchPlanner(model, config, 0.0, 0.1, can_touch=can_touch)
+    request = asked(planner, planner.CreateDefaultContext(), belief(model, 1))
+    assert (request.number, request.done, request.why) == (0, True, "no feasible touch")
+    assert len(offered) == 7
+
+
+def test_a_touch_goes_through_the_box_that_holds_the_object(model: TargetModel) -> None:
+    planner = TouchPlanner(model, TouchPlannerConfig(after_views=1), 0.0, 0.1)
+    pose = belief(model, 1)
+    request = asked(planner, planner.CreateDefaultContext(), pose)
+    R, t = request.X_WB[:3, :3], request.X_WB[:3, 3]
+    for X in pose.samples:
+        p_B = (model.hull @ X[:3, :3].T + X[:3, 3] - t) @ R
+        assert np.all(np.abs(p_B) <= 0.5 * request.box_edges + 1e-9)
+    assert np.all(request.box_edges < model.hull.max(axis=0) * 2.0 + 0.02)
+    start = (request.start - t) @ R
+    assert np.any(np.abs(start) > 0.5 * request.box_edges)
+    end = (request.start + request.expected * request.direction - t) @ R
+    assert np.all(np.abs(end) <= 0.5 * request.box_edges + 5e-3)
+    assert request.expected + 0.02 < request.reach < request.expected + 0.05
+
+
+def test_what_contacts_have_in_common_lowers_what_a_touch_is_worth(model: TargetModel) -> None:
+    pose = belief(model, 1)
+    joint = np.eye(9)
+    joint[:6, :6] = pose.joint
+    pose = replace(pose, joint=joint)
+    displaced = np.vstack([np.zeros((3, 3)), 5e-3 * np.eye(3)])
+    config = TouchPlannerConfig(after_views=1)
+    gains = []
+    for known in (None, displaced):
+        planner = TouchPlanner(model, config, 0.0, 0.1, displaced=known)
+        gains.append(asked(planner, planner.CreateDefaultContext(), pose).gain)
+    assert gains[1] < 0.4 * gains[0]
 
 
 def test_an_unknown_criterion_is_refused(model: TargetModel) -> None:

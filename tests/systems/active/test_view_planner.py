@@ -1,5 +1,6 @@
 """The planner of views through its ports."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -31,8 +32,13 @@ def model() -> TargetModel:
     return make_target(mesh.vertices, mesh.faces)
 
 
-def start(model: TargetModel, **config: object) -> tuple[ViewPlanner, Context]:
-    planner = ViewPlanner(model, replace(ViewPlannerConfig(count=3), **config), 0.1)
+def start(
+    model: TargetModel,
+    can_look: Callable[[ViewRequest], bool] = lambda request: True,
+    **config: object,
+) -> tuple[ViewPlanner, Context]:
+    settings = replace(ViewPlannerConfig(count=3), **config)
+    planner = ViewPlanner(model, settings, 0.1, can_look=can_look)
     context = planner.CreateDefaultContext()
     X = np.eye(4)
     X[:3, 3] = CENTRE
@@ -91,6 +97,40 @@ def test_the_second_view_is_from_the_other_side(model: TargetModel) -> None:
     third = tick(planner, context, taken(second))
     assert third.number == 3
     assert tick(planner, context, taken(third)) is third
+
+
+def test_a_robot_gets_the_best_view_that_it_can_look_from(model: TargetModel) -> None:
+    offered: list[ViewRequest] = []
+
+    def can_look(request: ViewRequest) -> bool:
+        offered.append(request)
+        return len(offered) == 3
+
+    planner, context = start(model, can_look)
+    first: ViewRequest = planner.GetOutputPort("view_latest").Eval(context)
+    assert first is offered[2]
+    offered.clear()
+    second = tick(planner, context, taken(first))
+    assert second is offered[2]
+    gains = [request.gain for request in offered]
+    assert gains == sorted(second.gains, reverse=True)[:3]
+
+
+def test_a_robot_is_told_what_not_to_hit(model: TargetModel) -> None:
+    planner, context = start(model)
+    view: ViewRequest = planner.GetOutputPort("view_latest").Eval(context)
+    assert_allclose(view.X_WB[:3, 3], CENTRE)
+    # Twice what is not known of the place, around the object's sphere.
+    assert_allclose(view.box_edges, 2.0 * (model.radius + 0.04), atol=0.02)
+
+
+def test_without_a_view_that_it_can_look_from_the_best_one_is_wanted(model: TargetModel) -> None:
+    planner, context = start(model, lambda request: False)
+    first: ViewRequest = planner.GetOutputPort("view_latest").Eval(context)
+    assert first.number == 1
+    second = tick(planner, context, taken(first))
+    best = second.candidates[np.argmax(second.gains)]
+    assert_allclose(second.X_WC, best)
 
 
 def test_a_static_camera_stays(model: TargetModel) -> None:

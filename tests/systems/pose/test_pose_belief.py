@@ -85,6 +85,34 @@ def test_a_view_from_a_miscalibrated_camera_is_as_wrong_as_is_said(model: Target
     assert np.mean(np.array(distances) < chi2.ppf(0.95, 6)) > 0.8
 
 
+def test_the_joint_covariance_knows_what_pose_and_calibration_have_in_common(
+    model: TargetModel,
+) -> None:
+    """A sharp image from a displaced camera: the object is off by what the camera is off."""
+    A = np.concatenate([np.zeros((3, 3)), np.diag([3e-3, 5e-3, 4e-3])])
+    rng = np.random.default_rng(3)
+    X = standing(model, rng)
+    p, facing = seen_from(model, X, X[:3, 3] + [0.3, 0.3, 0.35], 400, rng)
+    evidence = Evidence().with_group(A, p + 5e-4 * rng.normal(size=p.shape), 5e-4, facing)
+    belief = infer_pose(evidence, wrong(X, 0.1, 0.02, rng), model, CONFIG)
+    joint = belief.joint
+    assert joint.shape == (9, 9)
+    assert_allclose(joint, joint.T, atol=1e-12)
+    assert np.linalg.eigvalsh(joint).min() > 0.0
+    deviations = np.sqrt(np.diag(joint))
+    assert_allclose(deviations[3:6], np.diag(A[3:]), rtol=0.2)
+    assert_allclose(deviations[6:], 1.0, rtol=0.1)
+    assert_allclose(joint[3:6, 6:], A[3:] @ joint[6:, 6:], atol=5e-4)
+    # So do the samples.
+    assert_allclose(np.sqrt(np.diag(belief.covariance)), deviations[:6], rtol=0.5)
+    moved = belief.samples[:, :3, 3] - belief.X[:3, 3]
+    assert_allclose(moved.T @ belief.calibration / 64, joint[3:6, 6:], atol=2e-3)
+    # Who knew the camera's error would know the place.
+    gain = joint[:6, 6:] @ np.linalg.inv(joint[6:, 6:])
+    given = joint[:6, :6] - gain @ joint[6:, :6]
+    assert np.sqrt(np.diag(given))[3:].max() < 2e-3
+
+
 def touched(model: TargetModel, X: np.ndarray, count: int, rng: np.random.Generator) -> Evidence:
     """Contacts with the object from all sides."""
     p_M = X[:3, :3] @ model.middle + X[:3, 3]
@@ -187,6 +215,8 @@ def test_a_half_turn_that_looks_the_same_is_a_mode_of_its_own() -> None:
     belief = infer_pose(evidence, prior, model, CONFIG)
     assert len(belief.modes) >= 2
     assert belief.probabilities[0] < 0.9
+    # Of the half turn about the vertical, which is in the joint covariance, too.
+    assert np.sqrt(belief.joint[2, 2]) > 0.8
     assert belief.distance(X) < chi2.ppf(0.95, 6)
 
 

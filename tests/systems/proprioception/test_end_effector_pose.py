@@ -58,6 +58,22 @@ def test_the_errors_of_base_and_joints_are_as_large_as_claimed(model):
     assert_allclose(np.mean(nees), 6.0, rtol=0.15)
 
 
+@pytest.mark.parametrize("error", range(13))
+def test_displacements_are_derivatives_of_the_pose_by_each_error(model, error):
+    """What is displaced by a twist in W about Wo is where the true base and joints put it."""
+    root = np.linalg.cholesky(BASE + 1e-6 * np.ones((6, 6)))
+    spread = np.linspace(1e-3, 2e-3, 7)
+    arm = ArmPose(model, root @ root.T, spread)
+    step = 1e-3
+    c = step * np.eye(13)[error]
+    X_WBase = RigidTransform([0.0, -0.45, 0.0]).GetAsMatrix4()
+    moved = X_WBase @ se3.exp(root @ c[:6]) @ se3.inverse(X_WBase)
+    true = moved @ pose_of(model, Q + spread * c[6:])
+    twist = se3.log(true @ se3.inverse(pose_of(model, Q)))
+    assert_allclose(arm.displacements(Q) @ c, twist, atol=1e-8 * step, rtol=1e-5)
+    assert np.linalg.norm(twist) > 1e-7
+
+
 def test_an_offset_that_was_taken_out_makes_the_pose_less_sure(model):
     arm = ArmPose(model, BASE, OFFSETS)
     window = SampleWindow(

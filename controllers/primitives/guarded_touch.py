@@ -335,6 +335,8 @@ def touch_line(
     level /= np.linalg.norm(level)
     upright = RotationMatrix(np.column_stack([level, np.cross(z, level), z]))
     box = [(wanted.box_edges, RigidTransform(wanted.X_WB))]
+    # One that ends where the object is expected may end before it.
+    least = max(0.5 * (wanted.expected + wanted.reach), config.shortest)
     for roll in np.pi * np.arange(_ROLLS) / _ROLLS:
         X_WE = RigidTransform(upright @ RotationMatrix.MakeZRotation(roll), wanted.start)
         found = False
@@ -344,7 +346,7 @@ def touch_line(
             is_free = planner.is_free(q)
             planner.look_at(others)
             line = planner.line(q, z, wanted.reach) if is_free else q[None]
-            if planner.length(line) >= max(wanted.expected, config.shortest):
+            if planner.length(line) >= least:
                 return line
         if not found:  # The wrist cannot get there, however it is turned.
             return None

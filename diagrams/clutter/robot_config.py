@@ -11,6 +11,7 @@ from crossmodal.plants.robots.ur5 import UR5_WITH_GRIPPER
 from crossmodal.systems.pose.target_view import TargetViewConfig
 from crossmodal.systems.sensors.joint_encoders import JointEncodersConfig, joint_side_encoders
 from crossmodal.systems.sensors.rgbd_camera import CameraNoiseConfig
+from crossmodal.systems.sensors.robot_mask import RobotMaskConfig
 from crossmodal.systems.sensors.taxel_array import TaxelArrayConfig
 
 # Model instances of the scene, and what the ports of the two arms begin with.
@@ -23,6 +24,7 @@ ROBOTS = {CAMERA_ARM: PANDA_WITH_CAMERA, TOUCH_ARM: UR5_WITH_GRIPPER}
 class SensorsConfig:
     camera: CameraNoiseConfig = field(default_factory=CameraNoiseConfig)
     encoders: JointEncodersConfig = field(default_factory=joint_side_encoders)
+    robot_mask: RobotMaskConfig = field(default_factory=lambda: RobotMaskConfig(margin=0.015))
     taxels: TaxelArrayConfig = field(default_factory=TaxelArrayConfig)
     # By which all taxels are displaced on the fingers, along each axis; the standard deviation.
     taxel_places: float = number(5e-4, at_least=0.0, at_most=0.1, unit="m")

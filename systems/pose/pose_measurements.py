@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context
-from pydrake.systems.sensors import ImageDepth32F
+from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array, Ids
@@ -127,6 +127,7 @@ class PoseMeasurements(RecursiveFilter):
     Input ports:
     - `pose_guess`: `PosePrior`, about where the object is.
     - `depth_measured`: `StampedImage` in depth.
+    - `robot_mask`: `ImageGrey8U`, nonzero on the robots; may stay unconnected.
     - `camera_joint_state_measured`: (2 n,) of the arm with the camera.
     - `looked`: (1,) number of the view at which the camera rests.
     - `unreachable`: (1,) number of the last view that cannot be got to.
@@ -166,6 +167,7 @@ class PoseMeasurements(RecursiveFilter):
         self._guess = self._declare_value_input("pose_guess", guess)
         image = StampedImage(time=0.0, image=ImageDepth32F())
         self._depth = self._declare_value_input("depth_measured", image)
+        self._mask = self._declare_value_input("robot_mask", ImageGrey8U())
         self._joints = self.DeclareVectorInputPort(
             "camera_joint_state_measured", 2 * camera.arm.num_joints
         )
@@ -201,9 +203,11 @@ class PoseMeasurements(RecursiveFilter):
         guess: PosePrior = self._read(self._guess, context)
         centre = of_middle(guess.X, self._model.middle)[:3, 3]
         depth = np.array(image.image.data[:, :, 0])
+        mask = self._read_optional(self._mask, context)
+        masked = np.zeros(depth.shape, bool) if mask is None else mask.data[:, :, 0] != 0
         seen = view_target(
             depth,
-            np.zeros(depth.shape, bool),
+            masked,
             camera.intrinsics,
             X_WC,
             centre,

@@ -91,6 +91,7 @@ def add_measurements(
     inputs = {
         "pose_guess": guess,
         "depth_measured": sensors.depth,
+        "robot_mask": sensors.mask,
         "camera_joint_state_measured": looker.GetOutputPort("joint_state_measured"),
         "looked": control.look.GetOutputPort("looked"),
         "unreachable": control.look.GetOutputPort("unreachable"),

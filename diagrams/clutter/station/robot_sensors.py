@@ -9,20 +9,31 @@ from pydrake.systems.framework import OutputPort
 
 from crossmodal.diagrams.clutter.robot_config import (
     CAMERA_ARM,
+    CAMERA_HAND,
     GRIPPER,
     LOOKER,
+    ROBOTS,
     TOUCH_ARM,
     TOUCHER,
 )
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.stations.add_arm import add_encoders
-from crossmodal.diagrams.stations.add_cameras import CameraCarrier, add_cameras
-from crossmodal.diagrams.stations.naming import own_seed
+from crossmodal.diagrams.stations.add_cameras import (
+    CameraCarrier,
+    add_cameras,
+    add_robot_masks,
+)
+from crossmodal.diagrams.stations.naming import own_seed, prefixed
 from crossmodal.maths.arrays import Array
 from crossmodal.models.gripper_taxels import ARRAYS, gripper_taxels
+from crossmodal.plants.hands.taxel_gripper import JOINTS as GRIPPER_JOINTS
+from crossmodal.plants.robots.arm_with_hand import add_robot
+from crossmodal.plants.robots.panda import ARM_JOINTS as PANDA_JOINTS
+from crossmodal.plants.robots.ur5 import ARM_JOINTS as UR5_JOINTS
 from crossmodal.systems.arm_pose import ArmPose
 from crossmodal.systems.sensors.joint_encoders import JointEncoders
+from crossmodal.systems.sensors.robot_mask import MaskedRobot
 from crossmodal.systems.sensors.taxel_array import TaxelArrayForces, TaxelArraySensor
 
 
@@ -34,17 +45,25 @@ class RobotSensors:
         encoders: By the arms' models.
         taxels: `taxel_measured`.
         depth: `depth_measured`.
+        mask: `robot_mask`, the pixels of both robots.
     """
 
     encoders: Mapping[str, JointEncoders]
     taxels: OutputPort
     depth: OutputPort
+    mask: OutputPort
 
 
 def arm_pose(calibration: Calibration, name: str) -> ArmPose:
     """Where an arm's end-effector is by its joints, as the robot knows it."""
     arm = calibration.arms[name]
     return ArmPose(arm.model, arm.covariance, arm.joint_offset_std)
+
+
+def _add_believed_robots(plant: MultibodyPlant, calibration: Calibration) -> None:
+    """Adds both robots where they believe to stand."""
+    for arm, hand in ((CAMERA_ARM, CAMERA_HAND), (TOUCH_ARM, GRIPPER)):
+        add_robot(plant, ROBOTS[arm], calibration.arms[arm].X_WBase, arm, hand)
 
 
 def add_sensors(
@@ -67,7 +86,28 @@ def add_sensors(
         pose=arm_pose(wiring.calibration, CAMERA_ARM),
         joint_state=encoders[CAMERA_ARM].GetOutputPort("joint_state_measured"),
     )
-    add_cameras(wiring, config.camera, colour_is_read=False, carriers={camera: carrier})
+    depths = add_cameras(wiring, config.camera, colour_is_read=False, carriers={camera: carrier})
+    add_robot_masks(
+        wiring,
+        lambda plant: _add_believed_robots(plant, wiring.calibration),
+        {
+            LOOKER: MaskedRobot(arm=CAMERA_ARM, arm_joints=PANDA_JOINTS),
+            TOUCHER: MaskedRobot(
+                arm=TOUCH_ARM,
+                arm_joints=UR5_JOINTS,
+                hand=GRIPPER,
+                hand_posture=dict.fromkeys(GRIPPER_JOINTS, (0.0, 0.0)),  # It stays closed.
+            ),
+        },
+        config.robot_mask,
+        {
+            prefixed(owner, "joint_state_measured"): encoders[arm].GetOutputPort(
+                "joint_state_measured"
+            )
+            for owner, arm in ((LOOKER, CAMERA_ARM), (TOUCHER, TOUCH_ARM))
+        },
+        depths,
+    )
     layout = gripper_taxels()
     instance = wiring.scene.model(GRIPPER)
     inspector = wiring.scene.scene_graph.model_inspector()
@@ -104,4 +144,5 @@ def add_sensors(
         encoders=encoders,
         taxels=sensor.GetOutputPort("taxel_measured"),
         depth=stamps.GetOutputPort("depth_measured"),
+        mask=builder.GetSubsystemByName("robot_mask").GetOutputPort("robot_mask"),
     )

@@ -70,9 +70,7 @@ class Trial:
 
     def __init__(self, planner: MotionPlanner, pressing: Pressing = nothing) -> None:
         others = {"camera_arm": 7}
-        self.system = GuardedTouch(
-            CONFIG, touch_arm(), planner, UR5_HOME, others, 2, np.array([1])
-        )
+        self.system = GuardedTouch(CONFIG, touch_arm(), planner, UR5_HOME, others, 2, np.array([1]))
         self.silent = np.zeros(2, bool)
         self.simulator = Simulator(self.system)
         self.context = self.simulator.get_mutable_context()

@@ -149,6 +149,7 @@ def test_the_truth_leaves_the_station_through_cheat_ports_only(ran: Ran) -> None
         "touch_end",
         "depth_measured",
         "color_measured",
+        "robot_mask",
         "camera_joint_state_window",
         "touch_joint_state_window",
         "taxel_window",

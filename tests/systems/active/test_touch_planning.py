@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from crossmodal.maths import se3
 from crossmodal.systems.active.touch_planning import (
@@ -11,6 +12,7 @@ from crossmodal.systems.active.touch_planning import (
     TouchConfig,
     TouchPredictions,
     candidate_rays,
+    expected_squared_distance,
     predict_touches,
 )
 from crossmodal.systems.port_values import ObjectPose
@@ -37,6 +39,7 @@ def believed(model: TargetModel, sigma: np.ndarray, seed: int = 0) -> ObjectPose
     return ObjectPose(
         X=X,
         covariance=np.diag(sigma**2),
+        joint=np.diag(sigma**2),
         samples=samples,
         calibration=np.zeros((64, 0)),
         modes=X[None],
@@ -128,3 +131,18 @@ def test_the_gain_is_the_fall_of_the_squared_distance(model: TargetModel) -> Non
             of_ray.append(np.mean(np.einsum("ni,ij,nj->n", J, C - after, J)))
         expected.append(np.mean(of_ray))
     assert_allclose(gains, expected, rtol=1e-6)
+
+
+def test_the_squared_distance_is_that_of_small_displacements(model: TargetModel) -> None:
+    """Of many poses at once, and the same as the mean over displaced surfaces."""
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_rotvec([0.3, -0.8, 1.1]).as_matrix()
+    C = np.diag(np.array([0.02, 0.01, 0.03, 4e-3, 2e-3, 3e-3]) ** 2)
+    found = expected_squared_distance(np.array([C, 4.0 * C]), np.array([pose, pose]), model)
+    assert found.shape == (2,)
+    assert found[1] == pytest.approx(4.0 * found[0])
+    e = np.random.default_rng(0).multivariate_normal(np.zeros(6), C, 400)
+    points, normals = model.surface.points, model.surface.normals
+    moves = np.cross(e[:, None, :3], points) + (e[:, 3:] @ pose[:3, :3])[:, None]
+    squared = np.mean(np.sum(moves * normals, axis=2) ** 2)
+    assert found[0] == pytest.approx(squared, rel=0.15)

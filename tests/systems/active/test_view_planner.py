@@ -10,6 +10,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
 
 from crossmodal.systems.active.view_planner import (
+    NO_GRID,
     ViewPlanner,
     ViewPlannerConfig,
     hemisphere,
@@ -91,6 +92,21 @@ def test_the_second_view_is_from_the_other_side(model: TargetModel) -> None:
     third = tick(planner, context, taken(second))
     assert third.number == 3
     assert tick(planner, context, taken(third)) is third
+
+
+def test_the_grid_can_be_read(model: TargetModel) -> None:
+    planner, context = start(model)
+    fresh = planner.CreateDefaultContext()
+    assert planner.GetOutputPort("grid_latest").Eval(fresh) is NO_GRID
+    request: ViewRequest = planner.GetOutputPort("view_latest").Eval(context)
+    empty = planner.GetOutputPort("grid_latest").Eval(context)
+    assert not empty.log_odds.any()
+    assert_allclose(empty.cell * np.array(empty.log_odds.shape), request.box_edges)
+    tick(planner, context, taken(request))
+    seen = planner.GetOutputPort("grid_latest").Eval(context)
+    assert (seen.log_odds > 0.0).any()
+    tick(planner, context, taken(request))  # Nothing new has come.
+    assert planner.GetOutputPort("grid_latest").Eval(context) is seen
 
 
 def test_a_static_camera_stays(model: TargetModel) -> None:

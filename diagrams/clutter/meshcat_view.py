@@ -64,7 +64,7 @@ from crossmodal.systems.port_values import (
 _PERIOD = 0.1  # Between drawings, [s].
 _TEXT_INTERVAL = 0.5  # Least time between new texts, [s].
 # Where the page is first seen from, and what the texts face, p_WV; and its target, [m].
-_VIEWPOINT, _LOOKING_AT = np.array([0.66, -0.8, 0.6]), np.array([0.5, 0.0, 0.2])
+_VIEWPOINT, _LOOKING_AT = np.array([0.66, -0.82, 0.8]), np.array([0.5, 0.0, 0.2])
 _BOARD_HEIGHT = 0.028  # [m]
 _ABOVE = 0.62  # Of the texts above the table, [m].
 _CLOUD, _CONTACT, _GRID, _MIDDLE = "#66CCEE", "#CC3311", "#CCBB44", "#332288"
@@ -352,12 +352,12 @@ class _Touches:
         self._candidates = Shown(meshcat)
         color = Rgba(*palette.rgb(palette.PLAN))
         chosen = f"{path}/chosen"
-        meshcat.SetObject(f"{chosen}/bar/rod", Cylinder(0.002, 1.0), color)
-        meshcat.SetObject(f"{chosen}/tip/cone", MeshcatCone(0.02, 0.007, 0.007), color)
+        meshcat.SetObject(f"{chosen}/bar/rod", Cylinder(0.003, 1.0), color)
+        meshcat.SetObject(f"{chosen}/tip/cone", MeshcatCone(0.025, 0.009, 0.009), color)
         # Meshcat's cone stands on its tip; this one points along the approach.
         turned = RigidTransform(RotationMatrix.MakeXRotation(np.pi))
         meshcat.SetTransform(f"{chosen}/tip/cone", turned)
-        meshcat.SetObject(f"{chosen}/expected", Sphere(0.006), color)
+        meshcat.SetObject(f"{chosen}/expected", Sphere(0.009), color)
         meshcat.SetProperty(chosen, "visible", False)
         self._chosen = Shown(meshcat)
 

@@ -40,6 +40,7 @@ def draw_stages(stages: Stages, seed: int) -> Figure | None:
                 _draw_course(axes, at, _column(found, key), found, name)
         for axes in panels:
             axes.set_yscale("log")
+            axes.yaxis.set_major_formatter("{x:g}")
         _limit_to(translation, stages, ("translation_error", "translation_claimed"))
         _limit_to(adi, stages, ("adi",))
         translation.set_title(
@@ -69,7 +70,11 @@ def draw_claim(stages: Stages, seed: int, bound: float) -> Figure | None:
             at = np.array([stage["acquisitions"] for stage in found])
             _draw_course(axes, at, _column(found, "distance", 1.0), found, name)
         axes.set_yscale("log")
-        axes.axhspan(axes.get_ylim()[0], bound, color="#000000", alpha=0.05, lw=0)
+        low, high = axes.get_ylim()
+        low = min(low, 1.0)
+        axes.axhspan(low, bound, color="#000000", alpha=0.05, lw=0)
+        axes.set_ylim(low, high)
+        axes.yaxis.set_major_formatter("{x:g}")
         axes.axhline(bound, color=palette.TRUTH, lw=1.0, ls="--")
         axes.axhline(6.0, color=palette.TRUTH, lw=0.8, ls=":")
         axes.set_title(
@@ -132,18 +137,18 @@ def draw_gains(
                 if kind == "view"
                 else "fall of the squared distance of surfaces [mm²]"
             )
-            if kind == "touch":
-                _compress(axes, gains, scale)
+            _compress(axes, gains, scale)
         figure.suptitle(f"n = 1 episode, seed {seed}", fontsize=9.5)
     return figure
 
 
 def _compress(axes: Axes, gains: Sequence[Gain], scale: float) -> None:
-    """A logarithmic axis, linear about zero: first touches teach much more than last ones."""
+    """A logarithmic axis, linear about zero: what is expected and what comes differ that much."""
     values = np.array([(gain.expected, gain.realised, gain.true) for gain in gains])
     sizes = scale * np.abs(values[np.isfinite(values) & (values != 0.0)])
-    if len(sizes) and sizes.max() > 30.0 * np.median(sizes):
-        axes.set_yscale("symlog", linthresh=float(np.median(sizes)))
+    if len(sizes) and sizes.max() > 10.0 * sizes.min():
+        axes.set_yscale("symlog", linthresh=max(sizes.min(), 1e-3 * sizes.max()))
+        axes.yaxis.set_major_formatter("{x:g}")
 
 
 def _labelled(kind: str, number: int, result: Any) -> str:
@@ -193,7 +198,15 @@ def _handles(stages: Stages) -> list[Line2D]:
     ]
     kinds = {stage["stage"] for found in stages.values() for stage in found}
     marks = [
-        Line2D([], [], color="#444444", marker=marker, ls="", ms=7, label=f"after a {kind}")
+        Line2D(
+            [],
+            [],
+            color="#444444",
+            marker=marker,
+            ls="",
+            ms=7,
+            label=kind if kind == "guess" else f"after a {kind}",
+        )
         for kind, marker in _MARKERS.items()
         if kind in kinds
     ]

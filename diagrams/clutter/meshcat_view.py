@@ -29,7 +29,6 @@ from crossmodal.diagrams.clutter.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.clutter.robot_config import OBJECT
 from crossmodal.diagrams.clutter.scenario import Scenario, target_mesh, target_name
 from crossmodal.diagrams.drawing import palette
-from crossmodal.diagrams.drawing.dots import set_dots
 from crossmodal.diagrams.drawing.legend import Entry, show_legend
 from crossmodal.diagrams.drawing.meshcat import (
     ROOT,
@@ -246,7 +245,10 @@ class _Measured:
             cloud.mutable_xyzs()[:] = new.points[::step].T
             self._meshcat.SetObject(path, cloud, 0.0025, Rgba(*palette.rgb(_CLOUD)))
         else:
-            set_dots(self._meshcat, path, new.points, 0.004, Rgba(*palette.rgb(_CONTACT)))
+            for n, point in enumerate(new.points):
+                ball = f"{path}/{n}"
+                self._meshcat.SetObject(ball, Sphere(0.006), Rgba(*palette.rgb(_CONTACT)))
+                self._meshcat.SetTransform(ball, RigidTransform(point))
         show_from(self._meshcat, path, time)
 
 

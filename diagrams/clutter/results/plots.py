@@ -78,8 +78,8 @@ def draw_claim(stages: Stages, seed: int, bound: float) -> Figure | None:
         axes.axhline(bound, color=palette.TRUTH, lw=1.0, ls="--")
         axes.axhline(6.0, color=palette.TRUTH, lw=0.8, ls=":")
         axes.set_title(
-            "squared Mahalanobis distance of the true pose from the belief, 6 dof"
-            f" (dashed: 95 % lie below {bound:.1f}; dotted: mean 6)"
+            "squared Mahalanobis distance of the true pose, 6 dof"
+            f" (if the claim is right: 95 % below {bound:.1f}, mean 6)"
         )
         _name_stages(axes, stages)
         axes.legend(handles=_handles(stages), loc="best", ncols=2)

@@ -164,7 +164,9 @@ def test_displacements_of_a_view_are_derivatives() -> None:
     rng = np.random.default_rng(0)
     X = se3.exp(rng.normal(size=6))
     p = X[:3, 3] + X[:3, :3] @ np.array([0.02, -0.03, 0.6])
-    A = camera_displacements(camera, X, p)
+    A = camera_displacements(
+        X, p, camera.pose_covariance, camera.depth_scale_std, camera.focal_length_std
+    )
     c = 1e-3 * rng.normal(size=8)
     c[6:] = 0.0
     sigma = np.sqrt(np.diag(camera.pose_covariance))

@@ -74,9 +74,11 @@ def test_what_no_approach_can_reach_ends_it_and_says_why(model: TargetModel) -> 
     planner = TouchPlanner(model, config, 0.0, 0.1)
     request = asked(planner, planner.CreateDefaultContext(), belief(model, 0))
     assert (request.done, request.why) == (True, "no approach is clear")
-    short = TouchPlannerConfig(after_views=0, touch=TouchConfig(reach=0.01))
-    planner = TouchPlanner(model, short, 0.0, 0.1)
-    request = asked(planner, planner.CreateDefaultContext(), belief(model, 0))
+    planner = TouchPlanner(model, TouchPlannerConfig(after_views=0), 0.0, 0.1)
+    aside = belief(model, 0)
+    samples = aside.samples.copy()
+    samples[:, :3, 3] += 1.0  # No approach to the reported pose passes there.
+    request = asked(planner, planner.CreateDefaultContext(), replace(aside, samples=samples))
     assert (request.done, request.why) == (True, "no approach meets the object")
 
 

@@ -90,7 +90,7 @@ def test_rows_are_derivatives_of_the_distance(model: TargetModel) -> None:
         Y[:3, :3] = X[:3, :3] @ se3.so3_exp(e[:3])
         Y[:3, 3] += e[3:]
         p, d = (rays.starts - Y[:3, 3]) @ Y[:3, :3], rays.directions @ Y[:3, :3]
-        reach = np.full(len(p), CONFIG.reach)
+        reach = np.full(len(p), 1.0)
         found, samples = cast_rays(
             np.ascontiguousarray(p), np.ascontiguousarray(d), reach, model.surface, False
         )

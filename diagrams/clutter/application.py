@@ -6,12 +6,14 @@ Dense Clutter", sections II-C and II-D.
 
 from pydrake.math import RigidTransform
 
+from crossmodal.diagrams.clutter.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.clutter.estimators import (
     make_calibration,
     make_estimators,
 )
+from crossmodal.diagrams.clutter.meshcat_view import add_view
 from crossmodal.diagrams.clutter.own_mesh import keep_files, own_mesh_assignments
-from crossmodal.diagrams.clutter.results import evaluate, metrics
+from crossmodal.diagrams.clutter.results.results import evaluate, metrics
 from crossmodal.diagrams.clutter.scenario import SCENARIO_FOLDER, Scenario, resolve
 from crossmodal.diagrams.clutter.station.station import close_loop, make_station
 from crossmodal.diagrams.run.application import Application
@@ -39,8 +41,9 @@ APPLICATION = Application(
         Quantity(port="view_latest", model=NO_VIEW),
     ],
     evaluate=evaluate,
-    labels={"density": "sampled density", "quaternion": "TIQF"},
-    colors={"density": "#1b9e77", "quaternion": "#d95f02"},
+    view=add_view,
+    labels=LABELS,
+    colors=COLORS,
     metrics=metrics(),
     experiments={
         "pose": Experiment(

@@ -23,10 +23,12 @@ from crossmodal.diagrams.drawing.dots import set_dots
 from crossmodal.diagrams.drawing.legend import Entry, show_legend
 from crossmodal.diagrams.drawing.meshcat import (
     ROOT,
+    Shown,
     clear_view,
     legend_title,
     rigid_transform,
     show_from,
+    upright_pose,
 )
 from crossmodal.diagrams.drawing.text_board import text_board
 from crossmodal.diagrams.drawing.textures import textured_boxes
@@ -171,30 +173,12 @@ class MeshcatView(LeafSystem):
             self._plan.draw(time, self._path.Eval(context))
 
 
-class _Shown:
-    """What is shown at a time in the place of what was shown before."""
-
-    def __init__(self, meshcat: Meshcat) -> None:
-        self._meshcat = meshcat
-        self.path = ""  # Of it; empty while nothing is shown.
-
-    def show(self, path: str, time: float) -> None:
-        self.hide(time)
-        self.path = path
-        show_from(self._meshcat, path, time)
-
-    def hide(self, time: float) -> None:
-        if self.path:
-            self._meshcat.SetProperty(self.path, "visible", False, time)
-        self.path = ""
-
-
 class _PlannedPath:
     """The way that the end-effector has before it; a new line at every refresh."""
 
     def __init__(self, meshcat: Meshcat, path: str) -> None:
         self._meshcat, self._path = meshcat, path
-        self._line, self._lines, self._drawn = _Shown(meshcat), 0, -np.inf
+        self._line, self._lines, self._drawn = Shown(meshcat), 0, -np.inf
 
     def draw(self, time: float, X_WE: Array) -> None:
         """Replaces the line when it is time; hides it without a plan."""
@@ -218,10 +202,10 @@ class _Layer:
         self._clouds_drawn = -np.inf
         self._sets = 0
         self._text = ""
-        self._board = _Shown(meshcat)
+        self._board = Shown(meshcat)
         self._text_drawn = -np.inf
         self._made: set[JointType] = set()
-        self._joint = _Shown(meshcat)
+        self._joint = Shown(meshcat)
 
     def draw_features(self, time: float, features: FeatureBelief, bodies: list[BodyMotion]) -> None:
         """Moves the clouds with their bodies; draws new ones when it is time."""
@@ -343,9 +327,7 @@ class _Layer:
         """Upright above a joint at p_WJ and in front of it, its -y towards the viewer."""
         to_viewer = _VIEWPOINT - p_WJ
         to_viewer /= np.linalg.norm(to_viewer)
-        p_WT = p_WJ + np.array([0.0, 0.0, 0.1]) + 0.15 * to_viewer
-        yaw = float(np.arctan2(-to_viewer[1], -to_viewer[0])) - 0.5 * np.pi
-        return RigidTransform(RotationMatrix.MakeZRotation(yaw), p_WT)
+        return upright_pose(p_WJ + np.array([0.0, 0.0, 0.1]) + 0.15 * to_viewer, _VIEWPOINT)
 
 
 def _tip_pose() -> RigidTransform:

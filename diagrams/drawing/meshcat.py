@@ -3,12 +3,15 @@
 import socket
 from collections.abc import Mapping
 
-from pydrake.geometry import Meshcat, MeshcatParams
+import numpy as np
+from pydrake.geometry import GeometryId, Meshcat, MeshcatParams, SceneGraphInspector
 from pydrake.math import RigidTransform, RotationMatrix
 
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.vectors import normal_basis
 
 ROOT = "/perception"  # Of what is believed.
+_SCENE = "/drake/visualizer"  # Of what Drake's `MeshcatVisualizer` shows.
 
 
 def start_meshcat(host: str = "localhost") -> Meshcat:
@@ -42,9 +45,54 @@ def show_from(meshcat: Meshcat, path: str, time: float) -> None:
     meshcat.SetProperty(path, "visible", True, time)
 
 
+def scene_path(inspector: SceneGraphInspector, geometry: GeometryId) -> str:
+    """Where Drake's `MeshcatVisualizer` shows a shape of the scene."""
+    frame = inspector.GetName(inspector.GetFrameId(geometry))
+    return f"{_SCENE}/{frame}/{inspector.GetName(geometry)}".replace("::", "/")
+
+
+class Shown:
+    """What is shown at a time in the place of what was shown before.
+
+    Attributes:
+        path: Of it; empty while nothing is shown.
+    """
+
+    def __init__(self, meshcat: Meshcat) -> None:
+        self._meshcat = meshcat
+        self.path = ""
+
+    def show(self, path: str, time: float) -> None:
+        self.hide(time)
+        self.path = path
+        show_from(self._meshcat, path, time)
+
+    def hide(self, time: float) -> None:
+        if self.path:
+            self._meshcat.SetProperty(self.path, "visible", False, time)
+        self.path = ""
+
+
 def rigid_transform(X: Array) -> RigidTransform:
     """X (4, 4) as Drake's type, its rotation made orthonormal again."""
     return RigidTransform(RotationMatrix.ProjectToRotationMatrix(X[:3, :3]), X[:3, 3])
+
+
+def frame_along(z: Array) -> RotationMatrix:
+    """A frame whose z is the unit vector `z` (3,)."""
+    if not np.isfinite(z).all() or np.linalg.norm(z) < 0.5:
+        return RotationMatrix()
+    U = normal_basis(np.ascontiguousarray(z)).T
+    return RotationMatrix.ProjectToRotationMatrix(
+        np.column_stack([U[:, 0], np.cross(z, U[:, 0]), z])
+    )
+
+
+def upright_pose(p_WT: Array, viewpoint: Array) -> RigidTransform:
+    """Of a board at p_WT (3,) that stands upright, its -y towards a viewer at `viewpoint` (3,)."""
+    to_viewer = viewpoint - p_WT
+    yaw = float(np.arctan2(-to_viewer[1], -to_viewer[0])) - 0.5 * np.pi
+    return RigidTransform(RotationMatrix.MakeZRotation(yaw), p_WT)
 
 
 def _check_host(host: str) -> None:

@@ -9,9 +9,9 @@ from pydrake.geometry import Box, Mesh, Rgba, Role, SceneGraph
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
+from crossmodal.diagrams.drawing.meshcat import scene_path
 from crossmodal.diagrams.drawing.text_board import in_memory
 
-_SCENE = "/drake/visualizer"
 _PIXELS = 256  # Side of a texture: the page holds one for each box.
 
 
@@ -33,8 +33,7 @@ def textured_boxes(scene_graph: SceneGraph) -> dict[str, Mesh]:
         texture = seen.GetPropertyOrDefault("phong", "diffuse_map", "")
         if texture:
             tint = seen.GetPropertyOrDefault("phong", "diffuse", Rgba(1.0, 1.0, 1.0))
-            frame = inspector.GetName(inspector.GetFrameId(geometry))
-            path = f"{_SCENE}/{frame}/{inspector.GetName(geometry)}".replace("::", "/")
+            path = scene_path(inspector, geometry)
             boxes[path] = textured_box(tuple(shape.size()), texture, (tint.r(), tint.g(), tint.b()))
     return boxes
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydrake.geometry import Box, Cylinder, Meshcat, Rgba, Sphere
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import (
     Context,
     Diagram,
@@ -16,13 +16,12 @@ from pydrake.systems.framework import (
 
 from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.legend import Entry, show_legend
-from crossmodal.diagrams.drawing.meshcat import ROOT, clear_view, legend_title
+from crossmodal.diagrams.drawing.meshcat import ROOT, clear_view, frame_along, legend_title
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.flap.scenario import Scenario
 from crossmodal.diagrams.run.episode import connect_latest
 from crossmodal.diagrams.run.recorder import declare_input, read_inputs
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.port_values import (
     UNKNOWN_FINGERTIP,
     UNKNOWN_TOOL,
@@ -200,22 +199,12 @@ class MeshcatView(LeafSystem):
         """Stretches a bar of unit length from A to B."""
         way = p_WB - p_WA
         length = max(float(np.linalg.norm(way)), 1e-4)
-        X_WB = RigidTransform(_frame_along(way / length), 0.5 * (p_WA + p_WB))
+        X_WB = RigidTransform(frame_along(way / length), 0.5 * (p_WA + p_WB))
         self._meshcat.SetTransform(path, X_WB, time)
         self._meshcat.SetProperty(f"{path}/bar", "scale", [1.0, 1.0, length], time)
 
     def _draw_plane(self, time: float, path: str, plane: FlapPlane) -> None:
         self._meshcat.SetProperty(path, "visible", plane.seen, time)
         if plane.seen:
-            X_WF = RigidTransform(_frame_along(plane.n_W), plane.p_WF)
+            X_WF = RigidTransform(frame_along(plane.n_W), plane.p_WF)
             self._meshcat.SetTransform(path, X_WF, time)
-
-
-def _frame_along(z: Array) -> RotationMatrix:
-    """A frame whose z is the unit vector `z` (3,)."""
-    if not np.isfinite(z).all() or np.linalg.norm(z) < 0.5:
-        return RotationMatrix()
-    U = normal_basis(np.ascontiguousarray(z)).T
-    return RotationMatrix.ProjectToRotationMatrix(
-        np.column_stack([U[:, 0], np.cross(z, U[:, 0]), z])
-    )

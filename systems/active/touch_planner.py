@@ -140,6 +140,7 @@ class TouchPlanner(RecursiveFilter):
         X_WB = belief.X.copy()
         X_WB[:3, 3] += X_WB[:3, :3] @ (0.5 * (low + high))
         order = np.argsort(np.where(feasible, -gains, np.inf), kind="stable")
+        candidates = np.stack([starts, directions], axis=1)[feasible]
         for best in order[: min(int(feasible.sum()), config.asked)]:
             met = predicted.distances[:, best]
             met = met[np.isfinite(met)]
@@ -153,6 +154,8 @@ class TouchPlanner(RecursiveFilter):
                 X_WB=X_WB,
                 gain=float(gains[best]),
                 hit=float(hit[best]),
+                candidates=candidates,
+                gains=gains[feasible],
             )
             if self._can_touch(request):
                 return request

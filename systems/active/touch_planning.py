@@ -259,21 +259,34 @@ def expected_adi(
 ) -> Array:
     """Gains (R,): by how much the mean squared distance between surfaces falls, [m^2].
 
+    A contact whose distance to the surface has the covariance g with the pose and the variance v
+    takes g g' / v from the pose's covariance. A turn that does not move the surface earns nothing,
+    nor does what all contacts have in common once it is known.
+    """
+    gain, variance = _innovations(predicted, sigma)
+    taken = gain[..., :, None] * gain[..., None, :] / variance[..., None, None]
+    falls = expected_squared_distance(taken, predicted.poses[:, None], model)
+    return np.asarray(falls.mean(axis=0))
+
+
+def expected_squared_distance(covariance: Array, pose: Array, model: TargetModel) -> Array:
+    """Mean squared distance (...) between the surfaces at a pose and at the true one, [m^2].
+
     The distance of the surface at pose X + e from that at X is j e at each of its points, so that
-    its expected square is trace(M C) with M the mean of j j'. A contact whose distance has the
-    covariance g with the pose and the variance v lowers it by g M g' / v. A turn that does not move
-    the surface earns nothing, nor does what all contacts have in common once it is known.
+    its expected square is trace(M C) with M the mean of j j'.
+
+    Args:
+        covariance: C (..., 6, 6), rotation in O and translation of the object's middle in W.
+        pose: X_WM (..., 4, 4).
+        model: Of the object.
     """
     p, n = model.surface.points, model.surface.normals
     J = np.concatenate([-np.cross(p, n), -n], axis=1)
-    of_object = J.T @ J / len(J)
-    gain, variance = _innovations(predicted, sigma)
-    gains, to_world = np.empty(predicted.distances.shape), np.eye(6)
-    for k, g in enumerate(gain):
-        to_world[3:, 3:] = predicted.poses[k, :3, :3]
-        M = to_world @ of_object @ to_world.T
-        gains[k] = np.einsum("ri,ij,rj->r", g, M, g) / variance[k]
-    return np.asarray(gains.mean(axis=0))
+    to_world = np.zeros((*pose.shape[:-2], 6, 6))
+    to_world[..., :3, :3] = np.eye(3)
+    to_world[..., 3:, 3:] = pose[..., :3, :3]
+    M = to_world @ (J.T @ J / len(J)) @ np.swapaxes(to_world, -1, -2)
+    return np.asarray(np.sum(M * covariance, axis=(-2, -1)))
 
 
 def _innovations(predicted: TouchPredictions, sigma: float) -> tuple[Array, Array]:

@@ -27,6 +27,7 @@ from crossmodal.systems.port_values import (
 from crossmodal.systems.pose.target_model import TargetModel
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
+NO_GRID = OccupancyGrid(log_odds=np.zeros((0, 0, 0)), corner=np.zeros(3), cell=0.0)
 VIEW_CRITERIA = ("entropy", "random", "same")
 
 
@@ -88,6 +89,7 @@ class ViewPlanner(RecursiveFilter):
 
     Output ports:
     - `view_latest`: `ViewRequest` of the last tick, from the state alone.
+    - `grid_latest`: `OccupancyGrid` with all views until then; `NO_GRID` before the first tick.
     """
 
     def __init__(
@@ -121,6 +123,7 @@ class ViewPlanner(RecursiveFilter):
         self._measurement = self._declare_value_input("pose_measurement", NO_MEASUREMENT)
         self._declare_recursion(ViewPlannerState(), self._calc, period)
         self._declare_latest("view_latest", lambda state: state.request)
+        self._declare_latest("grid_latest", lambda state: state.grid or NO_GRID)
 
     def _calc(self, context: Context, state: Any) -> ViewPlannerState:
         new = self._read(self._measurement, context)

@@ -151,6 +151,9 @@ class TouchRequest(Immutable):
         hit: Probability that it meets the object.
         done: Whether no more touches follow.
         why: Why none follows, in words.
+        candidates: Starts and directions (R, 2, 3) in W of the approaches that were likely to meet
+            the object, among which it was chosen.
+        gains: Of these (R,), by the same criterion.
     """
 
     number: int = 0
@@ -164,6 +167,8 @@ class TouchRequest(Immutable):
     hit: float = np.nan
     done: bool = False
     why: str = ""
+    candidates: Array = field(default_factory=lambda: np.zeros((0, 2, 3)))
+    gains: Array = field(default_factory=lambda: np.zeros(0))
 
 
 NO_TOUCH = TouchRequest()

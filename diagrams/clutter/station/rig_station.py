@@ -36,7 +36,8 @@ def make_rig_station(scenario: Scenario, calibration: Calibration) -> Station:
     for name in ("pose_guess", "pose_measurement"):
         builder.Connect(rig.GetOutputPort(name), views.GetInputPort(name))
     builder.Connect(views.GetOutputPort("view_latest"), rig.GetInputPort("view"))
-    builder.ExportOutput(views.GetOutputPort("view_latest"), "view_latest")
+    for port in ("view_latest", "grid_latest"):
+        builder.ExportOutput(views.GetOutputPort(port), port)
     builder.ExportInput(planner.GetInputPort("object_pose"), "object_pose")
     for name in ("pose_measurement", "pose_guess", "task_status", "cheat_object_pose"):
         builder.ExportOutput(rig.GetOutputPort(name), name)

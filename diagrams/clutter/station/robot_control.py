@@ -62,7 +62,7 @@ def add_control(
     homes: Mapping[str, Array],
     displaced: Array,
 ) -> RobotControl:
-    """Adds planners and controllers; exports `view_latest`, `touch_latest` and `touch_end`.
+    """Adds planners and controllers; exports what is planned, the grid and `touch_end`.
 
     The station's input `object_pose` is what is believed of the object.
 
@@ -149,7 +149,8 @@ def add_control(
     for source, system, port in connections:
         builder.Connect(source, system.GetInputPort(port))
     builder.ExportInput(touches.GetInputPort("object_pose"), "object_pose")
-    builder.ExportOutput(views.GetOutputPort("view_latest"), "view_latest")
+    for port in ("view_latest", "grid_latest"):
+        builder.ExportOutput(views.GetOutputPort(port), port)
     builder.ExportOutput(touches.GetOutputPort("touch_latest"), "touch_latest")
     builder.ExportOutput(touch.GetOutputPort("touch_end"), "touch_end")
     add_task_status(

@@ -47,10 +47,10 @@ HOMES = {CAMERA_ARM: PANDA_AWAY, TOUCH_ARM: UR5_HOME}
 def make_robot_station(scenario: Scenario, calibration: Calibration) -> Station:
     """Builds the station.
 
-    Output ports of its Diagram: `pose_measurement`, `pose_guess`, `view_latest`, `touch_latest`,
-    `touch_end`, `depth_measured`, `color_measured`, `robot_mask`, `camera_joint_state_window`,
-    `touch_joint_state_window`, `taxel_window`, `task_status`, `cheat_object_pose`,
-    `cheat_query_object`. Input port: `object_pose`.
+    Output ports of its Diagram: `pose_measurement`, `pose_guess`, `view_latest`, `grid_latest`,
+    `touch_latest`, `touch_end`, `depth_measured`, `color_measured`, `robot_mask`,
+    `camera_joint_state_window`, `touch_joint_state_window`, `taxel_window`, `task_status`,
+    `cheat_object_pose`, `cheat_query_object`. Input port: `object_pose`.
 
     Args:
         scenario: With its seed, by which the object's pose, the noise of all sensors, the true

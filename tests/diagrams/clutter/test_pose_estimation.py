@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.clutter.estimators import load_model
-from crossmodal.diagrams.clutter.results import average_distance
+from crossmodal.diagrams.clutter.results.results import average_distance
 from crossmodal.diagrams.clutter.start import first_guess, true_pose
 from crossmodal.diagrams.command_line import app
 from crossmodal.diagrams.run.application import Results

@@ -145,6 +145,7 @@ def test_the_truth_leaves_the_station_through_cheat_ports_only(ran: Ran) -> None
         "pose_measurement",
         "pose_guess",
         "view_latest",
+        "grid_latest",
         "touch_latest",
         "touch_end",
         "depth_measured",

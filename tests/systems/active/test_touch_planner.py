@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
 
@@ -24,6 +25,7 @@ def belief(model: TargetModel, number: int, height: float = 0.1) -> ObjectPose:
     rng = np.random.default_rng(number)
     X = np.eye(4)
     X[:3, 3] = [0.5, 0.0, height]
+    covariance = np.diag(np.repeat([1e-2, 2e-3], 3) ** 2)
     samples = np.tile(X, (64, 1, 1))
     samples[:, :3, 3] += 2e-3 * rng.normal(size=(64, 3))
     covariance = np.diag(np.repeat([1e-2, 2e-3], 3) ** 2)
@@ -59,6 +61,10 @@ def test_touches_follow_measurements_until_all_are_done(model: TargetModel) -> N
     assert planner.GetOutputPort("touch_latest").Eval(context) is first
     second = asked(planner, context, belief(model, 2))
     assert second.number == 2
+    assert second.candidates.shape == (len(second.gains), 2, 3)
+    assert second.gain == second.gains.max()
+    chosen = second.candidates[int(second.gains.argmax())]
+    assert_allclose(chosen, [second.start, second.direction])
     last = asked(planner, context, belief(model, 3))
     assert (last.done, last.why) == (True, "all touches are done")
     assert asked(planner, context, belief(model, 4)).done

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from crossmodal.maths import se3
 from crossmodal.systems.active.touch_planning import (
@@ -14,6 +15,7 @@ from crossmodal.systems.active.touch_planning import (
     TouchPredictions,
     believed_box,
     candidate_rays,
+    expected_squared_distance,
     predict_touches,
 )
 from crossmodal.systems.port_values import ObjectPose
@@ -91,7 +93,7 @@ def test_rows_are_derivatives_of_the_distance(model: TargetModel) -> None:
         Y[:3, :3] = X[:3, :3] @ se3.so3_exp(e[:3])
         Y[:3, 3] += e[3:]
         p, d = (rays.starts - Y[:3, 3]) @ Y[:3, :3], rays.directions @ Y[:3, :3]
-        reach = np.full(len(p), 0.5)
+        reach = np.full(len(p), 1.0)
         found, samples = cast_rays(
             np.ascontiguousarray(p), np.ascontiguousarray(d), reach, model.surface, False
         )
@@ -272,3 +274,18 @@ def test_tilted_approaches_come_from_above_and_aim_at_the_same_points(model: Tar
     cosines = np.einsum("ri,ri->r", level[1], tilted[1])[sideways]
     assert_allclose(np.rad2deg(np.arccos(cosines)), angles, atol=1e-6)
     assert_allclose(tilted[1][~sideways], level[1][~sideways])
+
+
+def test_the_squared_distance_is_that_of_small_displacements(model: TargetModel) -> None:
+    """Of many poses at once, and the same as the mean over displaced surfaces."""
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_rotvec([0.3, -0.8, 1.1]).as_matrix()
+    C = np.diag(np.array([0.02, 0.01, 0.03, 4e-3, 2e-3, 3e-3]) ** 2)
+    found = expected_squared_distance(np.array([C, 4.0 * C]), np.array([pose, pose]), model)
+    assert found.shape == (2,)
+    assert found[1] == pytest.approx(4.0 * found[0])
+    e = np.random.default_rng(0).multivariate_normal(np.zeros(6), C, 400)
+    points, normals = model.surface.points, model.surface.normals
+    moves = np.cross(e[:, None, :3], points) + (e[:, 3:] @ pose[:3, :3])[:, None]
+    squared = np.mean(np.sum(moves * normals, axis=2) ** 2)
+    assert found[0] == pytest.approx(squared, rel=0.15)

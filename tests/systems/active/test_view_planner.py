@@ -11,6 +11,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
 
 from crossmodal.systems.active.view_planner import (
+    NO_GRID,
     ViewPlanner,
     ViewPlannerConfig,
     hemisphere,
@@ -131,6 +132,21 @@ def test_without_a_view_that_it_can_look_from_the_best_one_is_wanted(model: Targ
     second = tick(planner, context, taken(first))
     best = second.candidates[np.argmax(second.gains)]
     assert_allclose(second.X_WC, best)
+
+
+def test_the_grid_can_be_read(model: TargetModel) -> None:
+    planner, context = start(model)
+    fresh = planner.CreateDefaultContext()
+    assert planner.GetOutputPort("grid_latest").Eval(fresh) is NO_GRID
+    request: ViewRequest = planner.GetOutputPort("view_latest").Eval(context)
+    empty = planner.GetOutputPort("grid_latest").Eval(context)
+    assert not empty.log_odds.any()
+    assert_allclose(empty.cell * np.array(empty.log_odds.shape), request.box_edges)
+    tick(planner, context, taken(request))
+    seen = planner.GetOutputPort("grid_latest").Eval(context)
+    assert (seen.log_odds > 0.0).any()
+    tick(planner, context, taken(request))  # Nothing new has come.
+    assert planner.GetOutputPort("grid_latest").Eval(context) is seen
 
 
 def test_a_static_camera_stays(model: TargetModel) -> None:

@@ -1,6 +1,6 @@
 """What an episode comes to: how far the object is from where it is believed, stage by stage."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +8,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from crossmodal.diagrams.clutter.estimators import load_model
+from crossmodal.diagrams.clutter.results.gains import (
+    measurements,
+    outcome,
+    touch_gains,
+    view_gains,
+)
 from crossmodal.diagrams.clutter.scenario import Scenario, target_name
 from crossmodal.diagrams.evaluation.estimates import Row, estimates_table, vector
 from crossmodal.diagrams.run.application import Results
@@ -45,25 +51,34 @@ def _true_poses(record: EpisodeRecord, model: TargetModel) -> Array:
     return np.array([of_middle(X_WO.GetAsMatrix4(), model.middle) for X_WO in poses])
 
 
+def _claimed_radius(belief: ObjectPose) -> float:
+    """Of the ball about the reported translation that holds 95 % of the samples', [m]."""
+    away = np.linalg.norm(belief.samples[:, :3, 3] - belief.X[:3, 3], axis=1)
+    return float(np.quantile(away, 0.95)) if len(away) else np.nan
+
+
 def _stages(
     record: EpisodeRecord, estimator: EstimatorRecord, true: Array, model: TargetModel
 ) -> list[dict[str, Any]]:
-    kinds = {0: "guess"}
-    for measured in record.station_values("pose_measurement"):
-        kinds[measured.number] = measured.kind or "guess"
+    measured = {one.number: one for one in measurements(record)}
     found: dict[int, dict[str, Any]] = {}
     for tick, X_WM in zip(estimator.ticks, true, strict=False):
         belief: ObjectPose = tick.values["object_pose_latest"]
         if not belief.known or belief.number in found:
             continue
+        new = measured.get(belief.number)
+        distance = belief.distance(of_mesh(X_WM, model.middle))
         turn = Rotation.from_matrix(X_WM[:3, :3].T @ belief.X[:3, :3]).magnitude()
         found[belief.number] = {
-            "stage": kinds.get(belief.number, ""),
+            "stage": "guess" if new is None else new.kind,
             "acquisitions": belief.number,
+            "outcome": None if new is None else outcome(new),
             "translation_error": float(np.linalg.norm(belief.X[:3, 3] - X_WM[:3, 3])),
             "rotation_error": float(turn),
             "adi": average_distance(X_WM, belief.X, model),
-            "inside_claim": bool(belief.distance(of_mesh(X_WM, model.middle)) <= _CLAIMED),
+            "translation_claimed": _claimed_radius(belief),
+            "distance": distance,
+            "inside_claim": bool(distance <= _CLAIMED),
         }
     return [found[number] for number in sorted(found)]
 
@@ -96,6 +111,9 @@ def _rows(estimator: EstimatorRecord, true: Array) -> Iterable[tuple[float, list
 
 def evaluate(record: EpisodeRecord) -> Results:
     """Stages and errors of each estimator; a failure is that not all touches were made."""
+    # What only shows is imported here, so that it does not belong to `program_files`.
+    from crossmodal.diagrams.clutter.results.plots import draw_claim, draw_stages
+
     scenario: Scenario = record.scenario
     model = load_model(scenario)
     true = _true_poses(record, model)
@@ -125,31 +143,27 @@ def evaluate(record: EpisodeRecord) -> Results:
         failure=failure,
         estimates=table,
         summary={"pose": pose, "modalities": modalities},
-        plots={"stages.png": partial(_draw, stages)},
+        plots={
+            "stages.png": partial(draw_stages, stages, scenario.seed),
+            "gains.png": partial(_draw_gains, record, stages[first], model),
+            "claim.png": partial(draw_claim, stages, scenario.seed, _CLAIMED),
+        },
         report=_report,
     )
 
 
-def _draw(stages: Mapping[str, list[dict[str, Any]]]) -> "Figure":
-    from matplotlib.figure import Figure
+def _draw_gains(
+    record: EpisodeRecord, stages: Sequence[Mapping[str, Any]], model: TargetModel
+) -> "Figure | None":
+    from crossmodal.diagrams.clutter.results.plots import draw_gains
 
-    figure = Figure(figsize=(8.0, 3.2), layout="constrained")
-    axes = figure.subplots(1, 2)
-    for name, found in stages.items():
-        at = range(len(found))
-        for axis, key in zip(axes, ("translation_error", "adi"), strict=True):
-            axis.plot(at, [1000.0 * stage[key] for stage in found], marker="o", label=name)
-    names = [
-        f"{stage['stage']} {stage['acquisitions'] or ''}".strip()
-        for stage in max(stages.values(), key=len)
-    ]
-    for axis, label in zip(axes, ("translation error [mm]", "ADI [mm]"), strict=True):
-        axis.set_xticks(range(len(names)), names, rotation=45, ha="right")
-        axis.set_ylabel(label)
-        axis.set_yscale("log")
-        axis.grid(alpha=0.3)
-    axes[0].legend()
-    return figure
+    return draw_gains(
+        view_gains(record),
+        touch_gains(record, stages, model),
+        {measured.number: outcome(measured) for measured in measurements(record)},
+        record.scenario.modalities[0],
+        record.scenario.seed,
+    )
 
 
 def _report(summary: Mapping[str, Any]) -> list[str]:

@@ -72,7 +72,24 @@ def rest_to_rest(
     return JointMotion(times=np.array(times), knots=np.array(path))
 
 
-def along_line(postures: Array, start: float, duration: float) -> JointMotion:
-    """The motion at a steady rate through postures (K, n) that are evenly spaced."""
-    times = start + np.linspace(0.0, duration, len(postures))
+def along_line(
+    postures: Array, arm: ArmModel, start: float, speed: float, joint_speed: Array
+) -> JointMotion:
+    """The motion through postures (K, n) close to each other, the end-effector at one speed.
+
+    It is slower where a joint would be too fast.
+
+    Args:
+        postures: [rad].
+        arm: The robot's own model.
+        start: When it begins, [s].
+        speed: Of the end-effector's origin, [m/s].
+        joint_speed: Largest speed of each joint (n,), [rad/s].
+    """
+    still = np.zeros(arm.num_joints)
+    p = np.array([arm.Evaluate(np.append(q, still)).X_WE[:3, 3] for q in postures])
+    steps = np.linalg.norm(np.diff(p, axis=0), axis=1) / speed
+    steps = np.maximum(steps, np.max(np.abs(np.diff(postures, axis=0)) / joint_speed, axis=1))
+    steps = np.maximum(steps, 1e-6)  # Times increase also where a posture comes twice.
+    times = start + np.concatenate([[0.0], np.cumsum(steps)])
     return JointMotion(times=times, knots=np.array(postures), steady=True)

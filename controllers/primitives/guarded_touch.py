@@ -266,11 +266,11 @@ class GuardedTouch(ArmTask):
         return np.asarray(np.where(state.changed, forces, 0.0).reshape(-1, 3))
 
     def _approach(self, context: Context, state: TouchState) -> TouchState:
-        duration = self._planner.length(state.line) / self._config.speed
+        time, speed = context.get_time(), self._config.speed
         return replace(
             state,
             phase=TouchPhase.APPROACH,
-            motion=along_line(state.line, context.get_time(), duration),
+            motion=along_line(state.line, self._arm, time, speed, self._limits),
             q_start=self._positions(context),
         )
 
@@ -287,11 +287,14 @@ class GuardedTouch(ArmTask):
         )
         motion = state.motion
         passed = motion.knots[: int(np.searchsorted(motion.times, time))][::-1]
-        back = np.vstack([q, passed[-1:] if approaching else passed])
+        back = np.vstack([q, passed])
+        speed = self._transit.speed
+        # An approach is a straight line, and the way back must not leave it.
+        retreat = along_line(back, self._arm, time, speed, self._limits)
         return replace(
             state,
             phase=TouchPhase.RETREAT,
-            motion=self._motion(back, time),
+            motion=retreat if approaching else self._motion(back, time),
             end=end,
             exceeded=0,
         )

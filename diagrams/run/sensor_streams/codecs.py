@@ -376,17 +376,28 @@ def _fields(kind: type) -> Codec:
     """
 
     def encode(value: Any, now: int) -> list[Stamped]:
-        fields = {
-            key: item.tolist() if isinstance(item, np.ndarray) else item
-            for key, item in vars(value).items()
-        }
+        fields = {key: _plain(item) for key, item in vars(value).items()}
         return [(now, {"data": json.dumps(fields)})]
 
     def decode(messages: Sequence[Stamped]) -> Any:
         fields = json.loads(messages[-1][1].data)
-        for key, item in fields.items():
-            if isinstance(item, list):
-                fields[key] = np.array(item, dtype=float)
-        return kind(**fields)
+        return kind(**{key: _unplain(item) for key, item in fields.items()})
 
     return Codec(message_type="std_msgs/msg/String", encode=encode, decode=decode)
+
+
+def _plain(item: Any) -> Any:
+    """What JSON takes: an array as nested lists, an empty one as its shape, a list as its items."""
+    if isinstance(item, np.ndarray):
+        return item.tolist() if item.size else {"shape": list(item.shape)}
+    return {"items": [_plain(one) for one in item]} if isinstance(item, list) else item
+
+
+def _unplain(item: Any) -> Any:
+    if isinstance(item, list):
+        return np.array(item, dtype=float)
+    if isinstance(item, dict):
+        if "shape" in item:
+            return np.zeros(item["shape"])
+        return [_unplain(one) for one in item["items"]]
+    return item

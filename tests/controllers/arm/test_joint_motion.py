@@ -59,10 +59,20 @@ def test_resting_is_no_motion() -> None:
         assert_array_equal(motion.at(time), Q)
 
 
-def test_a_line_is_passed_at_a_constant_rate() -> None:
-    line = np.linspace(PATH[0], PATH[1], 7)
-    motion = along_line(line, START, 2.0)
-    assert motion.end == START + 2.0
-    times = np.linspace(START, motion.end, 101)
-    rates = np.diff(np.array([motion.at(t) for t in times]), axis=0) / 0.02
-    assert_allclose(rates, np.tile(STEPS[0] / 2.0, (100, 1)), atol=1e-9)
+def test_a_line_is_passed_at_one_speed() -> None:
+    line = np.linspace(PATH[0], PATH[1], 40)
+    motion = along_line(line, arm_model(), START, 0.05, LIMITS)
+    assert_allclose(motion.at(START), PATH[0])
+    assert_allclose(motion.at(motion.end), PATH[1])
+    times = np.arange(START, motion.end, 0.05)
+    _, hand = speeds(np.array([motion.at(t) for t in times]), 0.05)
+    assert_allclose(hand, 0.05, rtol=5e-3)
+
+
+def test_a_line_is_slower_where_a_joint_would_be_too_fast() -> None:
+    line = np.linspace(PATH[0], PATH[1], 40)
+    motion = along_line(line, arm_model(), START, 10.0, LIMITS)
+    times = np.linspace(START, motion.end, 200)
+    joints, _ = speeds(np.array([motion.at(t) for t in times]), float(times[1] - times[0]))
+    assert np.all(joints <= LIMITS + 1e-9)
+    assert np.max(joints / LIMITS) > 0.99

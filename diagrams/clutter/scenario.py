@@ -81,7 +81,7 @@ class ContactConfig:
 
 
 def _plant() -> PlantConfig:
-    return PlantConfig(scene="pose_scene.dmd.yaml", time_step=0.005, stiction_tolerance=1e-4)
+    return PlantConfig(scene="pose_scene.dmd.yaml", time_step=0.0025, stiction_tolerance=1e-4)
 
 
 @dataclass(kw_only=True)

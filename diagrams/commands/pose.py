@@ -45,7 +45,7 @@ def pose_command(
 ) -> None:
     """Find where an object is in a cloud and contact points of your own."""
     with one_line_errors():
-        from crossmodal.diagrams.clutter.pose_files import (
+        from crossmodal.diagrams.commands.pose_files import (
             guessed,
             read_points,
             reported,

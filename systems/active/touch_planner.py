@@ -1,7 +1,7 @@
 """The planner of touches: where to touch next, until enough is known."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,9 +19,12 @@ from crossmodal.systems.active.touch_planning import (
 )
 from crossmodal.systems.port_values import (
     NO_TOUCH,
+    NO_VIEW,
     UNKNOWN_POSE,
     ObjectPose,
     TouchRequest,
+    ViewRequest,
+    has_settled,
 )
 from crossmodal.systems.pose.target_model import TargetModel
 from crossmodal.systems.recursive_filter import RecursiveFilter
@@ -33,6 +36,9 @@ class TouchPlannerConfig:
 
     # Of views before the first touch.
     after_views: int = number(1, at_least=0, at_most=100)
+    # A chosen touch that changes the pose by less is the last one; zero: all are made.
+    settled_translation: float = number(0.0, at_least=0.0, at_most=1.0, unit="m")
+    settled_rotation: float = number(0.0, at_least=0.0, at_most=180.0, unit="deg")
     # Touches by lot, before others are chosen.
     random_touches: int = number(0, at_least=0, at_most=100)
     # Touches by `criterion`.
@@ -46,10 +52,11 @@ class TouchPlannerConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class TouchPlannerState(Immutable):
-    """The touch that is wanted, and after which measurement."""
+    """The touch that is wanted, after which measurement, and what was believed then."""
 
     request: TouchRequest = NO_TOUCH
     after: int = -1
+    belief: ObjectPose = UNKNOWN_POSE
 
 
 class TouchPlanner(RecursiveFilter):
@@ -59,6 +66,8 @@ class TouchPlanner(RecursiveFilter):
 
     Input ports:
     - `object_pose`: `ObjectPose`, whose number tells that a measurement has come.
+    - `view_latest`: `ViewRequest`, which says when no more views follow; may stay unconnected, then
+      there are as many as the configuration says.
 
     Output ports:
     - `touch_estimated`: `TouchRequest` for this tick's belief.
@@ -98,24 +107,31 @@ class TouchPlanner(RecursiveFilter):
         self._can_touch, self._displaced = can_touch, displaced
         self._height = -np.inf if height is None else height
         self._pose = self._declare_value_input("object_pose", UNKNOWN_POSE)
+        self._view = self._declare_value_input("view_latest", NO_VIEW)
         self._declare_recursion(TouchPlannerState(), self._calc, period)
         self._declare_estimated("touch_estimated", lambda state: state.request)
         self._declare_latest("touch_latest", lambda state: state.request)
 
     def _calc(self, context: Context, state: Any) -> TouchPlannerState:
         belief: ObjectPose = self._read(self._pose, context)
+        view: ViewRequest | None = self._read_optional(self._view, context)
         measured = belief.number
+        unchanged: TouchPlannerState = state
         config, last = self._config, state.request.number
-        if not belief.known or measured < config.after_views or measured == state.after:
-            return TouchPlannerState(request=state.request, after=state.after)
+        looking = measured < config.after_views and not (view is not None and view.done)
+        if not belief.known or looking or measured == state.after:
+            return unchanged
         if state.request.done:
-            return TouchPlannerState(request=state.request, after=measured)
-        if last == config.random_touches + config.chosen_touches:
-            done = TouchRequest(number=last, done=True, why="all touches are done")
-            return TouchPlannerState(request=done, after=measured)
-        criterion = "random" if last < config.random_touches else config.criterion
-        request = self._choose(belief, last + 1, criterion)
-        return TouchPlannerState(request=request, after=measured)
+            return replace(unchanged, after=measured)
+        request, limits = None, (config.settled_translation, np.deg2rad(config.settled_rotation))
+        if last > config.random_touches and has_settled(state.belief, belief, *limits):
+            request = TouchRequest(number=last, done=True, why="the pose has settled")
+        elif last == config.random_touches + config.chosen_touches:
+            request = TouchRequest(number=last, done=True, why="all touches are done")
+        if request is None:
+            criterion = "random" if last < config.random_touches else config.criterion
+            request = self._choose(belief, last + 1, criterion)
+        return TouchPlannerState(request=request, after=measured, belief=belief)
 
     def _choose(self, belief: ObjectPose, number: int, criterion: str) -> TouchRequest:
         config, model = self._config, self._model

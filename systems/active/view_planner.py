@@ -20,8 +20,11 @@ from crossmodal.systems.active.occupancy_grid import (
 from crossmodal.systems.port_values import (
     NO_MEASUREMENT,
     NO_VIEW,
+    UNKNOWN_POSE,
+    ObjectPose,
     PosePrior,
     ViewRequest,
+    has_settled,
     of_middle,
 )
 from crossmodal.systems.pose.target_model import TargetModel
@@ -36,6 +39,9 @@ class ViewPlannerConfig:
     """How many views there are, and by what they are chosen."""
 
     count: int = number(1, at_least=0, at_most=20)
+    # A view that changes the pose by less is the last one; zero: all are taken.
+    settled_translation: float = number(0.0, at_least=0.0, at_most=1.0, unit="m")
+    settled_rotation: float = number(0.0, at_least=0.0, at_most=180.0, unit="deg")
     # The expected fall in entropy (entropy), a lot (random), or where the first one was (same).
     criterion: str = "entropy"
     # Of the camera from the object's middle.
@@ -56,11 +62,21 @@ class ViewPlannerConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class ViewPlannerState(Immutable):
-    """What was seen, and the view that is wanted."""
+    """What was seen, and the view that is wanted.
+
+    Attributes:
+        grid: With all views; None before the first tick.
+        request: The view that is wanted.
+        seen: Number of views in the grid.
+        decided: Of views after which the next one was chosen.
+        belief: About the pose then.
+    """
 
     grid: OccupancyGrid | None = None
     request: ViewRequest = NO_VIEW
     seen: int = 0
+    decided: int = -1
+    belief: ObjectPose = UNKNOWN_POSE
 
 
 def hemisphere(centre: Array, config: ViewPlannerConfig) -> Array:
@@ -86,6 +102,8 @@ class ViewPlanner(RecursiveFilter):
     Input ports:
     - `pose_guess`: `PosePrior`, about where the object is.
     - `pose_measurement`: `PoseMeasurement`, the last one.
+    - `object_pose`: `ObjectPose`, which tells whether a view has changed the pose; may stay
+      unconnected.
 
     Output ports:
     - `view_latest`: `ViewRequest` of the last tick, from the state alone.
@@ -121,6 +139,7 @@ class ViewPlanner(RecursiveFilter):
         guess = PosePrior(X=np.eye(4), rotation_sigma=np.inf, translation_sigma=1.0)
         self._guess = self._declare_value_input("pose_guess", guess)
         self._measurement = self._declare_value_input("pose_measurement", NO_MEASUREMENT)
+        self._pose = self._declare_value_input("object_pose", UNKNOWN_POSE)
         self._declare_recursion(ViewPlannerState(), self._calc, period)
         self._declare_latest("view_latest", lambda state: state.request)
         self._declare_latest("grid_latest", lambda state: state.grid or NO_GRID)
@@ -129,18 +148,25 @@ class ViewPlanner(RecursiveFilter):
         new = self._read(self._measurement, context)
         config, request, grid = self._config, state.request, state.grid
         taken = new.number if new.kind == "view" else state.seen
-        if grid is not None and taken == state.seen:
-            return ViewPlannerState(grid=grid, request=request, seen=state.seen)
-        guess: PosePrior = self._read(self._guess, context)
         if grid is None:
+            guess: PosePrior = self._read(self._guess, context)
             radius = self._model.radius
             half = radius + 2.0 * min(guess.translation_sigma, radius)
             grid = empty_grid(of_middle(guess.X, self._model.middle)[:3, 3], half, config.cell)
-        if new.kind == "view":
+        if taken > state.seen:
             grid = with_view(grid, new.eye, new.points, new.passed)
-        if taken < config.count:
+        state = replace(state, grid=grid, seen=taken)
+        belief: ObjectPose | None = self._read_optional(self._pose, context)
+        # What the last view has told of the pose may not be known yet.
+        if taken == state.decided or (belief is not None and 0 < taken != belief.number):
+            return state
+        belief = belief or UNKNOWN_POSE
+        limits = config.settled_translation, float(np.deg2rad(config.settled_rotation))
+        if taken > 1 and has_settled(state.belief, belief, *limits):
+            request = replace(request, done=True)
+        elif taken < config.count:
             request = self._choose(grid, request, taken + 1)
-        return ViewPlannerState(grid=grid, request=request, seen=taken)
+        return replace(state, request=request, decided=taken, belief=belief)
 
     def _choose(self, grid: OccupancyGrid, last: ViewRequest, number: int) -> ViewRequest:
         config = self._config

@@ -71,6 +71,7 @@ from crossmodal.systems.port_values.pose import (
     TouchRequest,
     ViewRequest,
     deviations,
+    has_settled,
     of_mesh,
     of_middle,
 )

@@ -84,6 +84,14 @@ def of_mesh(X_WM: Array, middle: Array) -> Array:
     return X
 
 
+def has_settled(before: ObjectPose, after: ObjectPose, translation: float, rotation: float) -> bool:
+    """Whether a measurement has changed a pose by less than so much, [m] and [rad]."""
+    if not (before.known and after.known):
+        return False
+    step = deviations(before.X, after.X[None])[0]
+    return bool(np.linalg.norm(step[3:]) < translation and np.linalg.norm(step[:3]) < rotation)
+
+
 def deviations(X: Array, Y: Array) -> Array:
     """Steps (S, 6), rotation in O and translation in W, from a pose X (4, 4) to poses Y."""
     turns = Rotation.from_matrix(X[:3, :3].T @ Y[:, :3, :3]).as_rotvec()
@@ -186,6 +194,7 @@ class ViewRequest(Immutable):
         gain: By how much the view is expected to lower the entropy of the occupancy grid, [bit].
         candidates: X_WC (V, 4, 4) among which it was chosen.
         gains: Of these (V,), [bit].
+        done: Whether no more views follow, since the pose has settled.
     """
 
     number: int = 0
@@ -195,6 +204,7 @@ class ViewRequest(Immutable):
     gain: float = np.nan
     candidates: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
     gains: Array = field(default_factory=lambda: np.zeros(0))
+    done: bool = False
 
 
 NO_VIEW = ViewRequest()

@@ -7,6 +7,7 @@ from crossmodal.diagrams.clutter.scenario import Scenario
 from crossmodal.diagrams.clutter.station.rig import MeasuringRig, finger_displacements
 from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.stations.connections import export_input
 from crossmodal.systems.active.touch_planner import TouchPlanner
 from crossmodal.systems.active.view_planner import ViewPlanner
 
@@ -38,7 +39,8 @@ def make_rig_station(scenario: Scenario, calibration: Calibration) -> Station:
     builder.Connect(views.GetOutputPort("view_latest"), rig.GetInputPort("view"))
     for port in ("view_latest", "grid_latest"):
         builder.ExportOutput(views.GetOutputPort(port), port)
-    builder.ExportInput(planner.GetInputPort("object_pose"), "object_pose")
+    builder.Connect(views.GetOutputPort("view_latest"), planner.GetInputPort("view_latest"))
+    export_input(builder, "object_pose", planner, views)
     for name in ("pose_measurement", "pose_guess", "task_status", "cheat_object_pose"):
         builder.ExportOutput(rig.GetOutputPort(name), name)
     builder.ExportOutput(planner.GetOutputPort("touch_latest"), "touch_latest")

@@ -22,6 +22,7 @@ from crossmodal.diagrams.clutter.robot_config import (
 from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
 from crossmodal.diagrams.run.record import TaskStatus
+from crossmodal.diagrams.stations.connections import export_input
 from crossmodal.diagrams.stations.drives import add_drives
 from crossmodal.diagrams.stations.task_status import add_task_status
 from crossmodal.maths.arrays import Array
@@ -139,6 +140,7 @@ def add_control(
     connections = [
         (guess, views, "pose_guess"),
         (views.GetOutputPort("view_latest"), look, "view_latest"),
+        (views.GetOutputPort("view_latest"), touches, "view_latest"),
         (touches.GetOutputPort("touch_latest"), look, "touch_latest"),
         (touches.GetOutputPort("touch_latest"), touch, "touch_latest"),
         (measured[TOUCH_ARM], look, f"{TOUCH_ARM}_joint_state_measured"),
@@ -148,7 +150,7 @@ def add_control(
     ]
     for source, system, port in connections:
         builder.Connect(source, system.GetInputPort(port))
-    builder.ExportInput(touches.GetInputPort("object_pose"), "object_pose")
+    export_input(builder, "object_pose", touches, views)
     for port in ("view_latest", "grid_latest"):
         builder.ExportOutput(views.GetOutputPort(port), port)
     builder.ExportOutput(touches.GetOutputPort("touch_latest"), "touch_latest")

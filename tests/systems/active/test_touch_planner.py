@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context
 
 from crossmodal.systems.active.touch_planner import TouchPlanner, TouchPlannerConfig
 from crossmodal.systems.active.touch_planning import TouchConfig
-from crossmodal.systems.port_values import UNKNOWN_POSE, ObjectPose, TouchRequest
+from crossmodal.systems.port_values import UNKNOWN_POSE, ObjectPose, TouchRequest, ViewRequest
 from crossmodal.systems.pose.target_model import TargetModel, make_target
 
 
@@ -150,3 +150,26 @@ def test_what_contacts_have_in_common_lowers_what_a_touch_is_worth(model: Target
 def test_an_unknown_criterion_is_refused(model: TargetModel) -> None:
     with pytest.raises(ValueError, match="criterion = 'best', but it must be one of random"):
         TouchPlanner(model, TouchPlannerConfig(criterion="best"), 0.0, 0.1)
+
+
+def test_touches_end_when_the_pose_has_settled(model: TargetModel) -> None:
+    config = TouchPlannerConfig(
+        after_views=3, chosen_touches=5, settled_translation=2e-3, settled_rotation=2.0
+    )
+    planner = TouchPlanner(model, config, 0.0, 0.1)
+    context = planner.CreateDefaultContext()
+    view = planner.GetInputPort("view_latest")
+    view.FixValue(context, AbstractValue.Make(ViewRequest(number=1)))
+    assert asked(planner, context, belief(model, 1)).number == 0
+    # The views have ended early.
+    view.FixValue(context, AbstractValue.Make(ViewRequest(number=1, done=True)))
+    assert asked(planner, context, belief(model, 1)).number == 1
+    assert asked(planner, context, moved(belief(model, 2), 3e-3)).number == 2
+    last = asked(planner, context, moved(belief(model, 3), 4e-3))
+    assert (last.number, last.done, last.why) == (2, True, "the pose has settled")
+
+
+def moved(pose: ObjectPose, step: float) -> ObjectPose:
+    X = pose.X.copy()
+    X[0, 3] += step
+    return replace(pose, X=X)

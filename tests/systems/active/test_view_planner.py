@@ -18,6 +18,7 @@ from crossmodal.systems.active.view_planner import (
 )
 from crossmodal.systems.port_values import (
     NO_MEASUREMENT,
+    UNKNOWN_POSE,
     PoseMeasurement,
     PosePrior,
     ViewRequest,
@@ -147,6 +148,28 @@ def test_the_grid_can_be_read(model: TargetModel) -> None:
     assert (seen.log_odds > 0.0).any()
     tick(planner, context, taken(request))  # Nothing new has come.
     assert planner.GetOutputPort("grid_latest").Eval(context) is seen
+
+
+def test_views_end_when_the_pose_has_settled(model: TargetModel) -> None:
+    """The next view waits until the last one is in the belief."""
+    planner, context = start(model, settled_translation=5e-3, settled_rotation=2.0)
+    first: ViewRequest = planner.GetOutputPort("view_latest").Eval(context)
+    pose = planner.GetInputPort("object_pose")
+
+    def believed(number: int, x: float) -> None:
+        X = np.eye(4)
+        X[0, 3] = x
+        belief = replace(UNKNOWN_POSE, known=True, X=X, number=number)
+        pose.FixValue(context, AbstractValue.Make(belief))
+
+    believed(0, 0.0)
+    assert tick(planner, context, taken(first)) is first
+    believed(1, 0.02)
+    second = tick(planner, context, taken(first))
+    assert (second.number, second.done) == (2, False)
+    believed(2, 0.024)
+    last = tick(planner, context, taken(second))
+    assert (last.number, last.done) == (2, True)
 
 
 def test_a_static_camera_stays(model: TargetModel) -> None:

@@ -84,7 +84,7 @@ def make_robot_station(scenario: Scenario, calibration: Calibration) -> Station:
     guess = Value[object](first_guess(scenario, X_WM, model))
     guessed = builder.AddNamedSystem("pose_guess", ConstantValueSource(guess)).get_output_port()
     camera, taxels = believed_camera(calibration), believed_taxels(scenario, calibration)
-    # What joints' errors do differs from posture to posture by less than a millimetre.
+    # What joints' errors do differs from posture to posture by a millimetre or two.
     displaced = Displacements(camera=camera, taxels=taxels).touch(HOMES[TOUCH_ARM])
     control = add_control(wiring, model, table, sensors, guessed, HOMES, displaced)
     measurements = add_measurements(wiring, model, table, camera, taxels, sensors, guessed, control)

@@ -29,6 +29,8 @@ from crossmodal.systems.port_values import (
 from crossmodal.systems.pose.target_model import TargetModel
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
+SETTLED = "the pose has settled"  # Why no touch follows, then.
+
 
 @dataclass(kw_only=True)
 class TouchPlannerConfig:
@@ -125,7 +127,7 @@ class TouchPlanner(RecursiveFilter):
             return replace(unchanged, after=measured)
         request, limits = None, (config.settled_translation, np.deg2rad(config.settled_rotation))
         if last > config.random_touches and has_settled(state.belief, belief, *limits):
-            request = TouchRequest(number=last, done=True, why="the pose has settled")
+            request = TouchRequest(number=last, done=True, why=SETTLED)
         elif last == config.random_touches + config.chosen_touches:
             request = TouchRequest(number=last, done=True, why="all touches are done")
         if request is None:

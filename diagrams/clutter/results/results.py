@@ -22,6 +22,7 @@ from crossmodal.diagrams.run.record import EpisodeRecord, EstimatorRecord
 from crossmodal.diagrams.run.recorder import STATUS_PORT
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.gaussian import chi_square_gate
+from crossmodal.systems.active.touch_planner import SETTLED
 from crossmodal.systems.port_values import ObjectPose, of_mesh, of_middle
 from crossmodal.systems.pose.target_model import TargetModel, nearest_distances
 
@@ -67,20 +68,30 @@ def _stages(
         if not belief.known or belief.number in found:
             continue
         new = measured.get(belief.number)
-        distance = belief.distance(of_mesh(X_WM, model.middle))
-        turn = Rotation.from_matrix(X_WM[:3, :3].T @ belief.X[:3, :3]).magnitude()
         found[belief.number] = {
             "stage": "guess" if new is None else new.kind,
             "acquisitions": belief.number,
             "outcome": None if new is None else outcome(new),
-            "translation_error": float(np.linalg.norm(belief.X[:3, 3] - X_WM[:3, 3])),
-            "rotation_error": float(turn),
-            "adi": average_distance(X_WM, belief.X, model),
             "translation_claimed": _claimed_radius(belief),
-            "distance": distance,
-            "inside_claim": bool(distance <= _CLAIMED),
+            **_errors(belief, X_WM, model),
         }
     return [found[number] for number in sorted(found)]
+
+
+def _errors(belief: ObjectPose, X_WM: Array, model: TargetModel) -> dict[str, Any]:
+    """How wrong a belief is; None for all of it where the true pose is not known."""
+    if not np.isfinite(X_WM).all():
+        names = ("translation_error", "rotation_error", "adi", "distance", "inside_claim")
+        return dict.fromkeys(names)
+    distance = belief.distance(of_mesh(X_WM, model.middle))
+    turn = Rotation.from_matrix(X_WM[:3, :3].T @ belief.X[:3, :3]).magnitude()
+    return {
+        "translation_error": float(np.linalg.norm(belief.X[:3, 3] - X_WM[:3, 3])),
+        "rotation_error": float(turn),
+        "adi": average_distance(X_WM, belief.X, model),
+        "distance": distance,
+        "inside_claim": bool(distance <= _CLAIMED),
+    }
 
 
 def _moved(true: Array) -> float | None:
@@ -126,30 +137,41 @@ def evaluate(record: EpisodeRecord) -> Results:
     )
     modalities = {name: {"stages": found} for name, found in stages.items()}
     first = scenario.modalities[0]
-    status = record.station_values(STATUS_PORT)
-    why = (status[-1].note if status else "") or "the time was over"
-    wanted = scenario.touches.random_touches + scenario.touches.chosen_touches
-    made = sum(stage["stage"] == "touch" for stage in stages[first])
     pose = {
         "target": target_name(scenario),
         "estimator": first,
         "stages": stages[first],
         "object_moved": _moved(true) if scenario.station == "robots" else None,
     }
-    failure = None if made == wanted else f"{made} of {wanted} touches were made: {why}"
-    if _fell(true):
-        failure = "the object fell over"
+    is_known = bool(np.isfinite(true).all())
     return Results(
-        failure=failure,
+        failure="the object fell over" if _fell(true) else _task_failure(record, stages[first]),
+        judged=is_known,
         estimates=table,
         summary={"pose": pose, "modalities": modalities},
         plots={
             "stages.png": partial(draw_stages, stages, scenario.seed),
             "gains.png": partial(_draw_gains, record, stages[first], model),
             "claim.png": partial(draw_claim, stages, scenario.seed, _CLAIMED),
-        },
+        }
+        if is_known
+        else {},
         report=_report,
     )
+
+
+def _task_failure(record: EpisodeRecord, stages: Sequence[Mapping[str, Any]]) -> str | None:
+    """Why not all touches were made that were wanted, or none met the object; None otherwise."""
+    touches = record.scenario.touches
+    wanted = touches.random_touches + touches.chosen_touches
+    made = [stage["outcome"] for stage in stages if stage["stage"] == "touch"]
+    status = record.station_values(STATUS_PORT)
+    why = status[-1].note if status else ""
+    if len(made) < wanted and why != SETTLED:
+        return f"{len(made)} of {wanted} touches were made: {why or 'the time was over'}"
+    if made and "contact" not in made:
+        return f"none of {len(made)} touches met the object"
+    return None
 
 
 def _draw_gains(
@@ -170,8 +192,14 @@ def _report(summary: Mapping[str, Any]) -> list[str]:
     lines = [f"Pose of the {summary['pose']['target']}:"]
     for name, found in summary["modalities"].items():
         for stage in found["stages"]:
-            inside = "inside" if stage["inside_claim"] else "outside"
             what = f"{stage['stage']} {stage['acquisitions'] or ''}".strip()
+            if stage["translation_error"] is None:
+                claimed = 1000.0 * stage["translation_claimed"]
+                lines.append(
+                    f"  {name:10s} {what:9s} translation within {claimed:6.2f} mm, claimed"
+                )
+                continue
+            inside = "inside" if stage["inside_claim"] else "outside"
             lines.append(
                 f"  {name:10s} {what:9s} translation {1000.0 * stage['translation_error']:6.2f} mm,"
                 f" rotation {np.rad2deg(stage['rotation_error']):6.2f} deg,"

@@ -167,3 +167,21 @@ def test_the_distance_between_surfaces_is_zero_for_a_symmetry() -> None:
     moved = np.eye(4)
     moved[2, 3] = 0.01
     assert 1e-3 < average_distance(np.eye(4), moved, model) < 0.01
+
+
+def test_without_the_true_pose_nothing_is_judged() -> None:
+    """A recording of real robots has none."""
+    application, scenario = load_scenario(
+        "touches", ["touches.random_touches=1", "touches.chosen_touches=0"]
+    )
+    record = run_episode(application, scenario)
+    for tick in record.station:
+        del tick.values["cheat_object_pose"]
+    results = application.evaluate(record)
+    assert results.success is None
+    assert not results.plots
+    stages = results.summary["pose"]["stages"]
+    assert [stage["stage"] for stage in stages] == ["guess", "touch"]
+    assert all(stage["adi"] is None and stage["inside_claim"] is None for stage in stages)
+    assert all(stage["translation_claimed"] > 0.0 for stage in stages)
+    assert "claimed" in results.report(results.summary)[1]

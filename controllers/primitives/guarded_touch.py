@@ -92,6 +92,7 @@ class TouchState(Immutable):
             trusted: one that works is never without noise.
         last: Readings (3 T,) of the decision before, while they are averaged, [N].
         failure: Why it does not touch any more; empty while it does.
+        stays: Whether no way home was found, so that it stays where it is.
         exceeded: Decisions in a row at which a taxel exceeded the threshold.
         q_start: Measured posture (n,) at the begin of the approach, [rad].
         end: How the last touch ended.
@@ -108,6 +109,7 @@ class TouchState(Immutable):
     changed: Mask = field(default_factory=lambda: np.zeros(0, bool))
     last: Array = field(default_factory=lambda: np.zeros(0))
     failure: str = ""
+    stays: bool = False
     exceeded: int = 0
     q_start: Array = field(default_factory=lambda: np.zeros(0))
     end: TouchEnd = field(default_factory=TouchEnd)
@@ -181,7 +183,7 @@ class GuardedTouch(ArmTask):
         ended = self._touch.Eval(context).done or state.failure
         at_rest = context.get_time() >= state.motion.end
         at_home = np.array_equal(state.motion.knots[-1], self._q_home)
-        return float(bool(ended) and at_rest and at_home)
+        return float(bool(ended) and at_rest and (at_home or state.stays))
 
     def _next(self, context: Context) -> TouchState:
         state: TouchState = self._state(context)
@@ -211,8 +213,13 @@ class GuardedTouch(ArmTask):
             return self._home(context, state)
         if wanted.number <= state.number or self._is_clear.Eval(context)[0] < 0.5:
             return replace(state, phase=TouchPhase.WAIT) if state.phase else state
-        state = replace(state, number=wanted.number)
         here, others = state.motion.knots[-1], self._others_now(context)
+        self._planner.look_at(others, [(wanted.box_edges, RigidTransform(wanted.X_WB))])
+        if len(state.path) and not self._planner.is_free(here):
+            # What is believed now holds the object here, too: it goes back the way it came.
+            back = self._motion(np.vstack([here, state.path[::-1]]), context.get_time())
+            return replace(state, phase=TouchPhase.RETREAT, motion=back, path=state.path[:0])
+        state = replace(state, number=wanted.number)
         line = touch_line(self._planner, wanted, [here, self._q_home], others, self._config)
         path = None
         if line is not None:
@@ -301,7 +308,7 @@ class GuardedTouch(ArmTask):
 
     def _home(self, context: Context, state: TouchState) -> TouchState:
         here = state.motion.knots[-1]
-        if np.array_equal(here, self._q_home):
+        if state.stays or np.array_equal(here, self._q_home):
             return replace(state, phase=TouchPhase.WAIT) if state.phase else state
         wanted = self._touch.Eval(context)
         obstacles = [(wanted.box_edges, RigidTransform(wanted.X_WB))]
@@ -310,7 +317,7 @@ class GuardedTouch(ArmTask):
         )
         path = self._planner.path(here, self._q_home, np.random.default_rng(0))
         if path is None:  # It stays where it is: no touch is wanted any more.
-            return state
+            return replace(state, phase=TouchPhase.WAIT, stays=True)
         return replace(state, phase=TouchPhase.HOME, motion=self._motion(path, context.get_time()))
 
 

@@ -43,6 +43,7 @@ class LookState(Immutable):
         number: Of the view that it goes to or is at.
         looked: Of the last view at which the camera has come to rest.
         unreachable: Of the last view that it cannot get to; zero if it got to all.
+        failure: Why nothing can be touched; empty while it can.
     """
 
     motion: JointMotion
@@ -50,6 +51,7 @@ class LookState(Immutable):
     number: int = 0
     looked: int = 0
     unreachable: int = 0
+    failure: str = ""
 
 
 class Look(ArmTask):
@@ -67,6 +69,7 @@ class Look(ArmTask):
     - `unreachable`: (1,) number of the last view that the arm cannot get to.
     - `is_away`: (1,) 1 while the arm is at home.
     - `phase`: str.
+    - `failure`: str, why nothing can be touched; empty while it can.
 
     State: `LookState`.
 
@@ -98,6 +101,7 @@ class Look(ArmTask):
         self._declare_vector("looked", 1, lambda c: self._state(c).looked, self._on_state)
         self._declare_vector("unreachable", 1, lambda c: self._state(c).unreachable, self._on_state)
         self._declare_vector("is_away", 1, self._is_away)
+        self._declare_value("failure", "", lambda c: self._state(c).failure, self._on_state)
         self._declare_value("phase", "", lambda c: str(self._state(c).phase), self._on_state)
 
     def _is_away(self, context: Context) -> float:
@@ -122,9 +126,10 @@ class Look(ArmTask):
     def _home(self, context: Context, state: LookState) -> LookState:
         if np.array_equal(state.motion.knots[-1], self._q_home):
             return replace(state, phase=LookPhase.WAIT)
-        path = self._path(context, self._q_home, seed=0)
+        path = None if state.failure else self._path(context, self._q_home, seed=0)
         if path is None:
-            return state
+            why = "the camera's arm finds no way out of the other arm's way"
+            return replace(state, phase=LookPhase.WAIT, failure=why)
         motion = self._motion(path, context.get_time())
         return replace(state, phase=LookPhase.HOME, motion=motion)
 

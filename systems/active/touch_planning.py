@@ -175,7 +175,7 @@ def predict_touches(
             None where nothing is known of that.
     """
     width = len(belief.joint)
-    if displaced is None or displaced.shape[1] + 6 != width:
+    if displaced is None or width == 6:  # An estimator that knows no errors of the calibration.
         displaced = np.zeros((6, width - 6))
     count, rays = config.poses, len(starts)
     X = belief.samples[rng.choice(len(belief.samples), count, replace=False)]

@@ -164,13 +164,15 @@ def add_control(
             "wanted": touches.GetOutputPort("touch_latest"),
             "is_done": touch.GetOutputPort("is_done"),
             "failure": touch.GetOutputPort("failure"),
+            "in_the_way": look.GetOutputPort("failure"),
         },
     )
     return RobotControl(views=views, touches=touches, look=look, touch=touch)
 
 
 def _status(
-    look: str, touch: str, wanted: TouchRequest, is_done: Array, failure: str
+    look: str, touch: str, wanted: TouchRequest, is_done: Array, failure: str, in_the_way: str
 ) -> TaskStatus:
-    done = bool(np.asarray(is_done)[0] > 0.5)
-    return TaskStatus(phase=touch or look, done=done, note=failure or wanted.why)
+    done = bool(np.asarray(is_done)[0] > 0.5 or in_the_way)
+    note = failure or in_the_way or wanted.why
+    return TaskStatus(phase=touch or look, done=done, note=note)

@@ -278,3 +278,39 @@ def test_a_silent_taxel_elsewhere_is_left_out(planner: MotionPlanner) -> None:
     assert end.outcome == "contact"
     assert_array_equal(end.forces[0], np.zeros(3))
     assert TOP - OVERSHOOT < pose_at(touch_arm(), end.q_end)[2, 3] < TOP
+
+
+def test_an_arm_that_the_next_box_encloses_goes_back_the_way_it_came(
+    planner: MotionPlanner,
+) -> None:
+    """The belief grows after a miss; from inside its box no path would be free."""
+    trial = Trial(planner)
+    trial.ask(WANTED)
+    assert trial.until(TouchPhase.RETREAT).outcome == "miss"
+    trial.until(TouchPhase.WAIT)
+    large = np.array([0.2, 0.2, 0.26])  # It holds the gripper's end, which is 0.17 m high.
+    again = replace(
+        WANTED,
+        number=2,
+        start=np.array([0.55, 0.1, 0.36]),
+        reach=0.3,
+        expected=0.26,
+        box_edges=large,
+    )
+    trial.ask(again)
+    end = trial.until(TouchPhase.APPROACH, longest=40.0)
+    assert end.number == 1
+    end = trial.until(TouchPhase.RETREAT)
+    assert (end.number, end.outcome) == (2, "miss")
+
+
+def test_without_a_way_home_it_stays_and_is_done(planner: MotionPlanner) -> None:
+    trial = Trial(planner)
+    trial.ask(WANTED)
+    trial.until(TouchPhase.RETREAT)
+    trial.until(TouchPhase.WAIT)
+    walled = replace(WANTED, done=True, box_edges=np.array([0.3, 0.3, 0.4]))
+    trial.ask(walled)
+    trial.go_on(0.5)
+    assert trial.read("is_done")[0] == 1.0
+    assert TouchPhase.HOME not in trial.phases

@@ -35,8 +35,6 @@ class PerceptionConfig:
     """How measurements are made of what the sensors give."""
 
     view: TargetViewConfig = field(default_factory=TargetViewConfig)
-    # Of a contact's place, beside what all have in common.
-    contact_sigma: float = number(1e-3, at_least=1e-6, at_most=0.1, unit="m")
     # By which all taxels are displaced, as it is believed.
     taxel_places: float = number(5e-4, at_least=0.0, at_most=0.1, unit="m")
 

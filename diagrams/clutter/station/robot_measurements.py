@@ -49,7 +49,7 @@ def believed_taxels(scenario: Scenario, calibration: Calibration) -> TaxelsOnArm
         place_std=perception.taxel_places,
         ends=tip_taxels(),
         threshold=scenario.control.touch.threshold,
-        sigma=perception.contact_sigma,
+        sigma=scenario.touches.touch.sigma,
     )
 
 

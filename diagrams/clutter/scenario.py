@@ -20,6 +20,7 @@ from crossmodal.systems.sensors.taxel_array import TaxelArrayFault
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 GOODS_DIR = SDF_DIR / "goods"
+TRANSPARENT = ("wineglass", "transparent_box")  # Goods that a camera looks through.
 TARGETS = ["oil", "spray", "cleaner", "wineglass"]
 ESTIMATORS = ("density", "quaternion")
 STATIONS = ("rig", "robots")
@@ -36,6 +37,8 @@ class TargetConfig:
     mesh: str = ""
     # Metres per unit of that file.
     scale: float = number(1.0, above=0.0, at_most=1e3, unit="m")
+    # Whether a camera looks through what that file describes.
+    transparent: bool = False
     # Of what that file describes.
     mass: float = number(0.3, above=0.0, at_most=100.0, unit="kg")
 
@@ -174,6 +177,13 @@ def target_name(scenario: Scenario) -> str:
     if target.object:
         return target.object
     return target.objects[scenario.seed % len(target.objects)]
+
+
+def is_transparent(scenario: Scenario) -> bool:
+    """Whether a camera looks through the object, so that what it sees behind says nothing."""
+    if scenario.target.mesh:
+        return scenario.target.transparent
+    return target_name(scenario) in TRANSPARENT
 
 
 def target_mesh(scenario: Scenario) -> Path:

@@ -121,7 +121,7 @@ class PoseMeasurement(Immutable):
         points: On the object (N, 3), in W, [m].
         sigma: Standard deviation of each one's own noise (N,), [m].
         facing: Unit vectors (N, 3), in W, from which each was seen or touched.
-        rays: Samples (S, 3) of each ray that met nothing, in W, [m].
+        free: Start and end (R, 2, 3) of lines along which nothing is, in W, [m].
         eye: Of a view, where the camera is believed to be (3,), in W, [m].
         passed: Of a view, directions (B, 3) in W of rays that passed by the object.
         displaced: (6, m) by which twist in W about Wo all of this is displaced per standard
@@ -134,7 +134,7 @@ class PoseMeasurement(Immutable):
     points: Array = field(default_factory=lambda: np.zeros((0, 3)))
     sigma: Array = field(default_factory=lambda: np.zeros(0))
     facing: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    rays: list[Array] = field(default_factory=list)
+    free: Array = field(default_factory=lambda: np.zeros((0, 2, 3)))
     eye: Array = field(default_factory=lambda: np.full(3, np.nan))
     passed: Array = field(default_factory=lambda: np.zeros((0, 3)))
     displaced: Array = field(default_factory=lambda: np.zeros((6, 0)))

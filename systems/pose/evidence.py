@@ -41,9 +41,8 @@ class Evidence(Immutable):
         facing: Unit vectors (N, 3), in W, from which each was seen or touched: the surface faces
             them. Zero where that is not known.
         group: Of each point (N,).
-        free: Samples (S, 3) of rays that met nothing, in W, [m], one ray after the other.
-        free_start: For each ray (R,) its first sample.
-        free_group: Of each ray (R,).
+        free: Start and end (R, 2, 3) of lines along which nothing is, in W, [m].
+        free_group: Of each line (R,).
         displaced: A (G, 6, m), twists (rotation, translation) in W about Wo by which a group is
             displaced per standard deviation of each error c of the calibration.
         table: None where it stands on nothing that is known.
@@ -53,8 +52,7 @@ class Evidence(Immutable):
     sigma: Array = field(default_factory=lambda: np.zeros(0))
     facing: Array = field(default_factory=lambda: np.zeros((0, 3)))
     group: Ids = field(default_factory=lambda: np.zeros(0, np.int64))
-    free: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    free_start: Ids = field(default_factory=lambda: np.zeros(0, np.int64))
+    free: Array = field(default_factory=lambda: np.zeros((0, 2, 3)))
     free_group: Ids = field(default_factory=lambda: np.zeros(0, np.int64))
     displaced: Array = field(default_factory=lambda: np.zeros((0, 6, 0)))
     table: Table | None = None
@@ -72,7 +70,7 @@ class Evidence(Immutable):
         points: Array,
         sigma: Array | float,
         facing: Array | None = None,
-        rays: list[Array] | None = None,
+        free: Array | None = None,
     ) -> "Evidence":
         """With one more view, or with the touches of one more arm.
 
@@ -81,7 +79,7 @@ class Evidence(Immutable):
             points: (N, 3).
             sigma: (N,) or one for all.
             facing: (N, 3), or zero.
-            rays: Samples (S_r, 3) of each ray.
+            free: Lines (R, 2, 3) along which nothing is, [m].
         """
         number = len(self.displaced)
         m = displaced.shape[1]
@@ -89,7 +87,7 @@ class Evidence(Immutable):
         if known.shape[2] != m:
             raise ValueError(f"Evidence: a group with {m} errors beside {known.shape[2]}")
         grown = replace(self, displaced=np.concatenate([known, displaced[None]]))
-        return grown.with_measured(number, points, sigma, facing, rays)
+        return grown.with_measured(number, points, sigma, facing, free)
 
     def with_measured(
         self,
@@ -97,21 +95,18 @@ class Evidence(Immutable):
         points: Array,
         sigma: Array | float,
         facing: Array | None = None,
-        rays: list[Array] | None = None,
+        free: Array | None = None,
     ) -> "Evidence":
-        """With more points and rays of a group that there is already; see `with_group`."""
+        """With more points and free lines of a group that there is already; see `with_group`."""
         points = np.asarray(points, dtype=float).reshape(-1, 3)
         facing = np.zeros_like(points) if facing is None else facing
-        rays = [ray for ray in rays or [] if len(ray)]
-        counts = np.array([len(ray) for ray in rays], dtype=np.int64)
-        starts = len(self.free) + np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64)
+        free = np.zeros((0, 2, 3)) if free is None else free
         return replace(
             self,
             points=np.concatenate([self.points, points]),
             sigma=np.concatenate([self.sigma, np.broadcast_to(sigma, len(points))]),
             facing=np.concatenate([self.facing, facing]),
             group=np.concatenate([self.group, np.full(len(points), group)]),
-            free=np.concatenate([self.free, *rays]),
-            free_start=np.concatenate([self.free_start, starts[: len(rays)]]),
-            free_group=np.concatenate([self.free_group, np.full(len(rays), group)]),
+            free=np.concatenate([self.free, free]),
+            free_group=np.concatenate([self.free_group, np.full(len(free), group)]),
         )

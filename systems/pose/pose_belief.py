@@ -47,6 +47,7 @@ COARSE = np.geomspace(10e-3, 3e-3, 8)  # Floors of the noise, step by step, [m].
 FINE = np.array([3.0, 2.0, 1.4, 1.0, 0.7, 0.7, 0.7, 0.7, 0.7, 0.7]) * 1e-3
 _SAME = 9.0  # Squared distance up to which two hypotheses are one mode.
 _UNLIKELY = float(np.log(1e-4))  # Of a mode beside the likeliest one; it is left out.
+_STEPS_ALONG = 8  # About so many residuals take as long as one line of free space.
 _STEP = 0.4  # Of the random walk, in standard deviations.
 _LOSS_POINTS, _LOSS_CANDIDATES = 100, 12
 
@@ -110,13 +111,13 @@ def problem_of(
         facing=evidence.facing[rows],
         group=evidence.group[rows],
         free=evidence.free,
-        free_start=evidence.free_start,
         free_group=evidence.free_group,
         A=np.ascontiguousarray(evidence.displaced),
         table=stands,
         surface=model.surface,
         hull=model.hull,
         stable=model.stable,
+        radius=model.radius,
     )
 
 
@@ -138,7 +139,7 @@ def infer_pose(
     X = start_poses(prior, model, config.starts, rng, coarse.s)
     c = np.zeros((len(X), evidence.displaced.shape[2]))
     costs, _ = refine(X, c, COARSE, coarse)
-    size = len(fine.s) + len(fine.free) // 2 + 1
+    size = len(fine.s) + _STEPS_ALONG * len(fine.free) + 1
     refined = max(config.budget // size, 4)
     best = np.argsort(costs, kind="stable")[:refined]
     X, c = X[best], c[best]

@@ -59,7 +59,7 @@ def with_measurement(evidence: Evidence, new: PoseMeasurement) -> Evidence:
         alike.append(True)
         evidence = evidence.with_group(new.displaced, np.zeros((0, 3)), 1.0)
     group = alike.index(True)
-    return evidence.with_measured(group, new.points, new.sigma, new.facing, new.rays)
+    return evidence.with_measured(group, new.points, new.sigma, new.facing, new.free)
 
 
 class PoseEstimator(RecursiveFilter):

@@ -22,7 +22,7 @@ from crossmodal.systems.port_values import (
 )
 from crossmodal.systems.pose.target_model import TargetModel
 from crossmodal.systems.pose.target_view import TargetViewConfig, view_target
-from crossmodal.systems.pose.touch_contacts import contact_points, swept_rays
+from crossmodal.systems.pose.touch_contacts import contact_points, swept_lines
 from crossmodal.systems.recursive_filter import RecursiveFilter
 from crossmodal.systems.shared_settings import SensorNoise
 
@@ -225,6 +225,7 @@ class PoseMeasurements(RecursiveFilter):
             facing=facing,
             eye=X_WC[:3, 3],
             passed=seen.passed,
+            free=seen.free,
             displaced=self._errors.view(q, X_WC, centre),
         )
 
@@ -245,7 +246,7 @@ class PoseMeasurements(RecursiveFilter):
             points=points,
             sigma=np.full(len(points), taxels.sigma),
             facing=facing,
-            rays=swept_rays(X_start, X_end, taxels.p_ES, taxels.ends, met),
+            free=swept_lines(X_start, X_end, taxels.p_ES, taxels.ends, met),
             displaced=self._errors.touch(touch.q_end),
         )
 

@@ -22,7 +22,8 @@ from crossmodal.maths.compiled import hot
 from crossmodal.systems.pose.target_model import Surface, surface_distance
 
 WIDTH = 3.0  # Of the weighting function, standard deviations.
-_SLACK = 5e-4  # By so much a ray may enter the object, [m].
+_SLACK = 5e-4  # By so much a line of free space may enter the object, [m].
+_FREE_SIGMA = 1e-3  # Standard deviation of its place, [m].
 _WEAK = 1e-2  # Information about the start, where nothing else tells, [1/rad^2, 1/m^2].
 
 
@@ -44,13 +45,13 @@ class Problem(NamedTuple):
     facing: Array
     group: Ids
     free: Array
-    free_start: Ids
     free_group: Ids
     A: Array
     table: Array
     surface: Surface
     hull: Array
     stable: Array
+    radius: float
 
 
 @hot
@@ -93,6 +94,51 @@ def _robust(d2: float, width: float) -> tuple[float, float]:
 
 
 @hot
+def _deepest(p: Array, q: Array, radius: float, surface: Surface, m: Array) -> tuple[float, float]:
+    """How deep a line goes into the object, and where, by steps as long as what is free around it.
+
+    Args:
+        p: Where it starts (3,), relative to the middle, [m].
+        q: Where it ends (3,).
+        radius: Of the sphere about the middle that holds all of the object, [m].
+        surface: Of the object.
+        m: The gradient (3,) of the distance at the deepest place, overwritten.
+
+    Returns:
+        Signed distance there, [m], infinite if it stays outside of the sphere, and the share of the
+        way.
+    """
+    deepest, where = np.inf, 0.0
+    d, x, gradient, nowhere = np.empty(3), np.empty(3), np.empty(3), np.zeros(3)
+    length, nearest, square = 0.0, 0.0, 0.0
+    for i in range(3):
+        d[i] = q[i] - p[i]
+        length += d[i] * d[i]
+        nearest -= d[i] * p[i]
+        square += p[i] * p[i]
+    length = np.sqrt(length)
+    if length == 0.0:
+        return deepest, where
+    nearest /= length
+    half = radius**2 - square + nearest**2
+    if half <= 0.0:
+        return deepest, where
+    half = np.sqrt(half)
+    along, stop = max(nearest - half, 0.0), min(nearest + half, length)
+    while along <= stop:
+        for i in range(3):
+            x[i] = p[i] + along / length * d[i]
+        r = surface_distance(x, nowhere, surface, gradient)
+        if r < deepest:
+            deepest, where = r, along / length
+            m[:] = gradient
+        # The distance is by the sample nearest to a voxel's centre.
+        step = max(r - surface.voxel, surface.voxel)
+        along = min(along + step, stop) if along < stop else np.inf
+    return deepest, where
+
+
+@hot
 def _sum_groups(
     R: Array,
     t: Array,
@@ -102,11 +148,10 @@ def _sum_groups(
     H: Array,
     b: Array,
 ) -> float:
-    """Sums points and rays up by group in `H` (G, 6, 6) and `b` (G, 6); the cost of all."""
-    s, free, free_start = problem.s, problem.free, problem.free_start
+    """Sums points and free lines up by group in `H` (G, 6, 6) and `b` (G, 6); the cost of all."""
+    s, free = problem.s, problem.free
     surface, facing, R_OW = problem.surface, problem.facing, R.T
-    moved, p, m, deepest, at = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    towards, nowhere = np.empty(3), np.zeros(3)
+    moved, p, m, towards = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     cost, width = 0.0, WIDTH**2
     for n in range(len(s)):
         g = problem.group[n]
@@ -123,22 +168,19 @@ def _sum_groups(
         w, c = _robust((r / scale) ** 2, width)
         cost += c
         _add(R, moved, m, r, w / scale**2, H[g], b[g])
-    scale = max(1e-3, floor)
-    for ray in range(len(free_start)):
+    scale = max(_FREE_SIGMA, floor)
+    end, q, at = np.empty(3), np.empty(3), np.empty(3)
+    for ray in range(len(free)):
         g = problem.free_group[ray]
-        end = free_start[ray + 1] if ray + 1 < len(free_start) else len(free)
-        worst = -_SLACK
-        for n in range(free_start[ray], end):
-            _into_object(R, t, E[g], free[n], moved, p)
-            r = surface_distance(p, nowhere, surface, m)
-            if r < worst:
-                worst = r
-                for i in range(3):
-                    deepest[i], at[i] = m[i], moved[i]
-        if worst < -_SLACK:
-            w, c = _robust(((worst + _SLACK) / scale) ** 2, width)
+        _into_object(R, t, E[g], free[ray, 0], moved, p)
+        _into_object(R, t, E[g], free[ray, 1], end, q)
+        r, along = _deepest(p, q, problem.radius, surface, m)
+        if r < -_SLACK:
+            w, c = _robust(((r + _SLACK) / scale) ** 2, width)
             cost += c
-            _add(R, at, deepest, worst + _SLACK, w / scale**2, H[g], b[g])
+            for i in range(3):
+                at[i] = moved[i] + along * (end[i] - moved[i])
+            _add(R, at, m, r + _SLACK, w / scale**2, H[g], b[g])
     return cost
 
 

@@ -25,6 +25,7 @@ _SEED = 0  # The samples are the same each time.
 _ON_FACET = 1e-9  # Largest height above the hull of a point that counts as on it, [m].
 _ALIKE_DIRECTIONS = 1e-2  # Angle up to which two directions count as one, [rad].
 _BACK = -0.1  # Cosine to where a point was seen from, below which a side is the other one.
+_NEIGHBOURS = 16  # Samples among which one of the right side is looked for.
 _TURNS = 13  # Parts of half a turn by which a symmetry is tried.
 _ALIKE = 3e-4  # Largest mean distance between an object and itself, turned, that look alike, [m].
 
@@ -37,13 +38,15 @@ class Surface(NamedTuple):
     """The surface of an object by samples, and for each place around it the nearest one.
 
     Distances are those to the plane of the nearest sample, so that they are exact on flat faces and
-    right to second order on curved ones, however coarse the voxels are, and thin walls keep both
-    their sides.
+    right to second order on curved ones, however coarse the voxels are. Of a thin wall, or beside a
+    sharp edge, samples of either side may be nearest: the one that counts sees the place from
+    outside if it is outside.
 
     Attributes:
         points: Samples of the surface (N, 3), relative to the middle, [m].
         normals: Outwards (N, 3).
-        nearest: For each voxel (X, Y, Z) the number of the sample that is nearest to its centre.
+        nearest: For each voxel (X, Y, Z) the number of the sample that is nearest to its centre, of
+            those on whose outer side it is if it is outside, and on whose inner side if inside.
         corner: Centre of the first voxel (3,), [m].
         voxel: Edge length, [m].
         spacing: Of the samples, [m]: none are nearer to each other, and hardly any place is farther
@@ -151,7 +154,8 @@ def make_target(vertices: Array, triangles: Ids, name: str = "the mesh") -> Targ
     middle, moments = _surface_moments(mesh)
     points = np.ascontiguousarray(points - middle)
     normals = np.ascontiguousarray(normals)
-    surface = Surface(points, normals, *_nearest_samples(points), spacing)
+    corners = np.ascontiguousarray(np.asarray(mesh.triangles) - middle)
+    surface = Surface(points, normals, *_nearest_samples(points, normals, corners), spacing)
     hull = ConvexHull(mesh.vertices - middle)
     return TargetModel(
         surface=surface,
@@ -184,16 +188,74 @@ def _open_edges(mesh: Any) -> int:
     return int(np.sum(counts == 1))
 
 
-def _nearest_samples(points: Array) -> tuple[Ids, Array, float]:
+def _nearest_samples(points: Array, normals: Array, corners: Array) -> tuple[Ids, Array, float]:
+    """`nearest`, `corner` and `voxel` of a surface of samples and triangles (T, 3, 3)."""
     low, high = points.min(axis=0), points.max(axis=0)
     margin = _MARGIN * float(np.linalg.norm(high - low))
     low, high = low - margin, high + margin
     voxel = float(np.cbrt(np.prod(high - low) / _VOXELS))
-    axes = [np.arange(low[i], high[i] + voxel, voxel) for i in range(3)]
-    centres = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    _, nearest = cKDTree(points).query(centres.reshape(-1, 3), workers=-1)
-    shaped = nearest.reshape(centres.shape[:3]).astype(np.int32)
-    return np.ascontiguousarray(shaped), np.array([axis[0] for axis in axes]), voxel
+    shape = np.ceil((high - low) / voxel).astype(np.int64) + 1
+    inside = _insides(corners, low, voxel, shape[0], shape[1], shape[2])
+    centres = low + voxel * np.stack(np.indices(shape), axis=-1)
+    _, near = cKDTree(points).query(centres.reshape(-1, 3), _NEIGHBOURS, workers=-1)
+    nearest = _of_right_side(centres.reshape(-1, 3), inside.ravel(), near, points, normals)
+    return nearest.reshape(inside.shape), low, voxel
+
+
+@hot
+def _of_right_side(centres: Array, inside: Mask, near: Ids, points: Array, normals: Array) -> Ids:
+    """Of each centre's neighbours (V, K) the nearest one whose side agrees, or the nearest one."""
+    found = np.empty(len(centres), np.int32)
+    for n in range(len(centres)):
+        found[n] = near[n, 0]
+        for k in near[n]:
+            height = 0.0
+            for i in range(3):
+                height += (centres[n, i] - points[k, i]) * normals[k, i]
+            if (height < 0.0) == inside[n]:
+                found[n] = k
+                break
+    return found
+
+
+@hot
+def _insides(corners: Array, low: Array, voxel: float, nx: int, ny: int, nz: int) -> Mask:
+    """Which centres of voxels (X, Y, Z) are inside of a closed surface of triangles (T, 3, 3).
+
+    Along each column of voxels the surface is entered and left again where it crosses the column.
+    Columns pass a little beside the centres, so that they meet no edge.
+    """
+    turns = np.zeros((nx, ny, nz + 1), np.int32)
+    beside = 1e-3 * voxel * np.array([np.sqrt(2.0), np.sqrt(3.0)])
+    for triangle in corners:
+        a, b, c = triangle[0], triangle[1], triangle[2]
+        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        if area == 0.0:
+            continue
+        first, last = np.empty(2, np.int64), np.empty(2, np.int64)
+        for i in range(2):
+            start = low[i] + beside[i]
+            first[i] = int(np.ceil((min(a[i], b[i], c[i]) - start) / voxel))
+            last[i] = int(np.floor((max(a[i], b[i], c[i]) - start) / voxel))
+        for i in range(first[0], last[0] + 1):
+            for j in range(first[1], last[1] + 1):
+                x = low[0] + beside[0] + i * voxel
+                y = low[1] + beside[1] + j * voxel
+                u = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
+                v = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area
+                if u < 0.0 or v < 0.0 or u + v > 1.0:
+                    continue
+                z = a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2])
+                k = min(max(int(np.ceil((z - low[2]) / voxel)), 0), nz)
+                turns[i, j, k] += 1 if area < 0.0 else -1  # Upwards it is entered from below.
+    inside = np.empty((nx, ny, nz), np.bool_)
+    for i in range(nx):
+        for j in range(ny):
+            winding = 0
+            for k in range(nz):
+                winding += turns[i, j, k]
+                inside[i, j, k] = winding > 0
+    return inside
 
 
 def _stable_directions(hull: ConvexHull, center_mass: Array) -> Array:
@@ -257,8 +319,12 @@ def surface_distance(
     """
     points, normals = surface.points, surface.normals
     k = nearest_sample(p, surface)
-    towards = facing[0] * normals[k, 0] + facing[1] * normals[k, 1] + facing[2] * normals[k, 2]
-    if towards < _BACK:
+    height, towards = 0.0, 0.0
+    for i in range(3):
+        height += (p[i] - points[k, i]) * normals[k, i]
+        towards += facing[i] * normals[k, i]
+    # A voxel's centre may be inside of a thin wall or behind it, and the point before it.
+    if towards < _BACK or height < 0.0:
         k = nearest_of_eight(p, facing, surface)
         if k < 0:
             return np.inf
@@ -272,7 +338,8 @@ def surface_distance(
             m[i] = normals[k, i]
         return height
     distance = np.sqrt(square)
-    sign = 1.0 if height > -0.7 * distance else -1.0
+    # Beside an edge a point may lie a little below the plane of a face that ends there.
+    sign = 1.0 if height > -0.5 * distance else -1.0
     for i in range(3):
         m[i] *= sign / distance
     return float(sign * distance)

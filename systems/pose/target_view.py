@@ -4,11 +4,13 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.maths.validation import number
 
+_BEFORE_WHAT_IS_BEHIND = 0.01  # Of a line of sight is not taken for free, [m].
 _PLANE_STEPS = 6
 _FEWEST = 50  # Pixels by which a plane is known.
 
@@ -24,6 +26,8 @@ class TargetViewConfig:
     # Steps of depth between neighbours that are edges, at which depth is not to be trusted.
     edge: float = number(0.015, above=0.0, at_most=1.0, unit="m")
     points: int = number(1600, at_least=10, at_most=1000000)  # That are kept at most.
+    # Lines of sight close beside the object along which nothing is; none where it is transparent.
+    lines: int = number(20, at_least=0, at_most=10000)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,11 +38,14 @@ class TargetView:
         p_WP: Points on the object (N, 3), in W, [m].
         depth: Of these, along the camera's axis (N,), [m].
         passed: Directions (B, 3) in W of the rays that passed by the object.
+        free: Start and end (R, 2, 3) in W of the parts of some of these along which nothing is,
+            [m].
     """
 
     p_WP: Array
     depth: Array
     passed: Array
+    free: Array
 
 
 def view_target(
@@ -86,15 +93,54 @@ def view_target(
     to_centre = centre - X_WC[:3, 3]
     reached = np.linalg.norm(p_W - X_WC[:3, 3], axis=-1) > np.linalg.norm(to_centre) - radius
     beside = usable & reached & ~cv2.dilate(near.astype(np.uint8), kernel).astype(bool)
-    at = rays.reshape(-1, 3)[np.flatnonzero(beside)]
-    directions = at @ X_WC[:3, :3].T
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    off = np.linalg.norm(to_centre - (directions @ to_centre)[:, None] * directions, axis=1)
+    to_end = p_W.reshape(-1, 3)[np.flatnonzero(beside)] - X_WC[:3, 3]
+    length = np.linalg.norm(to_end, axis=1)
+    passed = to_end / length[:, None]
+    off = np.linalg.norm(to_centre - (passed @ to_centre)[:, None] * passed, axis=1)
+    passed, length = passed[off < radius], length[off < radius]
+    points, eye = p_W.reshape(-1, 3)[index], X_WC[:3, 3]
     return TargetView(
-        p_WP=p_W.reshape(-1, 3)[index],
+        p_WP=points,
         depth=z.ravel()[index].astype(float),
-        passed=directions[off < radius],
+        passed=passed,
+        free=lines_beside(
+            eye, passed, length - _BEFORE_WHAT_IS_BEHIND, points, centre, radius, config.lines
+        ),
     )
+
+
+def lines_beside(
+    eye: Array,
+    passed: Array,
+    ends: Array,
+    points: Array,
+    centre: Array,
+    radius: float,
+    most: int,
+) -> Array:
+    """Start and end (R, 2, 3) in W of lines of sight that passed closest to what was seen, [m].
+
+    Args:
+        eye: Where the camera is (3,), [m].
+        passed: Directions (B, 3) of rays that passed by.
+        ends: Up to where each is free (B,), from the eye, [m].
+        points: On the object (N, 3), [m].
+        centre: About which the object is (3,), [m].
+        radius: Within which all of it is, [m].
+        most: So many lines at most.
+    """
+    if most == 0 or len(passed) == 0 or len(points) == 0:
+        return np.zeros((0, 2, 3))
+    seen = points - eye
+    seen /= np.linalg.norm(seen, axis=1, keepdims=True)
+    beside, _ = cKDTree(seen).query(passed)
+    chosen = np.argsort(beside, kind="stable")[:most]
+    d = passed[chosen]
+    nearest = d @ (centre - eye)
+    starts, stops = nearest - radius, np.minimum(nearest + radius, ends[chosen])
+    left = starts < stops
+    along = np.stack([starts, stops], axis=1)[left]
+    return np.asarray(eye + along[:, :, None] * d[left, None])
 
 
 def _above_table(

@@ -4,7 +4,7 @@ import numpy as np
 
 from crossmodal.maths.arrays import Array, Ids
 
-_STEP, _BEFORE_CONTACT = 6e-3, 4e-3  # Between samples of free space, and before its end, [m].
+BEFORE_CONTACT = 4e-3  # Of a swept line is not known to be free, [m].
 
 
 def contact_points(
@@ -31,8 +31,8 @@ def contact_points(
     return points, n_E @ X_WE[:3, :3].T
 
 
-def swept_rays(X_start: Array, X_end: Array, p_ES: Array, ends: Ids, met: bool) -> list[Array]:
-    """Samples (S, 3) in W of the lines along which some taxels went without touching anything.
+def swept_lines(X_start: Array, X_end: Array, p_ES: Array, ends: Ids, met: bool) -> Array:
+    """Start and end (R, 2, 3) in W of the lines along which taxels went without touching anything.
 
     Args:
         X_start: Pose of the gripper (4, 4) where the approach began.
@@ -43,11 +43,17 @@ def swept_rays(X_start: Array, X_end: Array, p_ES: Array, ends: Ids, met: bool) 
     """
     starts = p_ES[ends] @ X_start[:3, :3].T + X_start[:3, 3]
     stops = p_ES[ends] @ X_end[:3, :3].T + X_end[:3, 3]
-    rays = []
-    for start, stop in zip(starts, stops, strict=True):
-        length = float(np.linalg.norm(stop - start))
-        free = length - _BEFORE_CONTACT * met
-        if free > 0.0:
-            along = np.arange(0.0, free, _STEP) / length
-            rays.append(start + along[:, None] * (stop - start))
-    return rays
+    return shortened(starts, stops, BEFORE_CONTACT if met else 0.0)
+
+
+def shortened(starts: Array, stops: Array, by: float) -> Array:
+    """Lines (R, 2, 3) between points (N, 3), without their last part; none where nothing is left.
+
+    Args:
+        by: Length of the last part, [m].
+    """
+    way = stops - starts
+    length = np.linalg.norm(way, axis=1)
+    left = length > by
+    share = 1.0 - by / length[left]
+    return np.stack([starts[left], starts[left] + share[:, None] * way[left]], axis=1)

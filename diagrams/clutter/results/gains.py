@@ -57,7 +57,7 @@ def outcome(measured: PoseMeasurement) -> int | str:
         return len(measured.points)
     if len(measured.points):
         return "contact"
-    return "miss" if measured.rays else "unreachable"
+    return "miss" if len(measured.free) else "unreachable"
 
 
 def _requests(record: EpisodeRecord, port: str) -> dict[int, Any]:

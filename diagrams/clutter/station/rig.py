@@ -11,7 +11,7 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 
-from crossmodal.diagrams.clutter.scenario import Scenario, generator
+from crossmodal.diagrams.clutter.scenario import Scenario, generator, is_transparent
 from crossmodal.diagrams.clutter.start import first_guess, true_pose
 from crossmodal.diagrams.run.calibration import Calibration, Camera, draw_base, draw_camera
 from crossmodal.diagrams.run.record import TaskStatus
@@ -28,6 +28,8 @@ from crossmodal.systems.port_values import (
 )
 from crossmodal.systems.pose.pose_measurements import camera_displacements
 from crossmodal.systems.pose.target_model import TargetModel, cast_rays
+from crossmodal.systems.pose.target_view import lines_beside
+from crossmodal.systems.pose.touch_contacts import BEFORE_CONTACT, shortened
 from crossmodal.systems.recursive_filter import RecursiveFilter
 from crossmodal.systems.sensors.depth_noise import DepthNoiseConfig, depth_sigma
 from crossmodal.systems.shared_settings import SensorNoise
@@ -35,7 +37,6 @@ from crossmodal.systems.shared_settings import SensorNoise
 CAMERA_ERRORS, ARM_ERRORS = 8, 6  # Pose, depth scale, focal length; pose.
 _CAMERA_REACH = 3.0  # [m]
 _DRAWN = DepthNoiseConfig()  # The camera's own noise.
-_RAY_STEP, _BEFORE_CONTACT = 6e-3, 4e-3  # Between samples of a ray, and before its end, [m].
 
 
 def finger_displacements(scenario: Scenario) -> Array:
@@ -125,6 +126,7 @@ class MeasuringRig(RecursiveFilter):
         )
         met = np.isfinite(found)
         depth = found[met] / length[met]
+        reach = self._model.radius + 3.0 * self._guess.translation_sigma
         sigma = depth_sigma(depth, _DRAWN.sigma_base, _DRAWN.sigma_square)
         measured = depth * camera.depth_scale + sigma * rng.normal(size=len(depth))
         points = X_believed[:3, 3] + (measured[:, None] * believed_rays[met]) @ X_believed[:3, :3].T
@@ -137,6 +139,8 @@ class MeasuringRig(RecursiveFilter):
             self._camera.depth_scale_std,
             self._camera.focal_length_std,
         )
+        passed = (believed_rays / length[:, None])[~met] @ X_believed[:3, :3].T
+        lines = 0 if is_transparent(self._scenario) else self._scenario.perception.view.lines
         return PoseMeasurement(
             kind="view",
             number=number,
@@ -144,7 +148,10 @@ class MeasuringRig(RecursiveFilter):
             sigma=_believed_sigma(measured, self._noise),
             facing=facing,
             eye=X_believed[:3, 3],
-            passed=(believed_rays / length[:, None])[~met] @ X_believed[:3, :3].T,
+            passed=passed,
+            free=lines_beside(
+                X_believed[:3, 3], passed, np.full(len(passed), np.inf), points, p_W, reach, lines
+            ),
             displaced=np.concatenate([displaced, np.zeros((6, ARM_ERRORS))], axis=1),
         )
 
@@ -168,15 +175,15 @@ class MeasuringRig(RecursiveFilter):
             meant = wanted.start + R.T @ face[first]  # Where the robot believes that point to be.
             points = (meant + distance * wanted.direction + noise)[None]
             facing = -wanted.direction[None]
-        swept = distance - _BEFORE_CONTACT if met else wanted.reach
-        steps = np.arange(0.0, max(swept, 0.0), _RAY_STEP)[:, None]
+        starts = wanted.start + face @ R
+        stops = starts + min(distance, wanted.reach) * wanted.direction
         return PoseMeasurement(
             kind="touch",
             number=number,
             points=points,
             sigma=np.full(len(points), self._scenario.touches.touch.sigma),
             facing=facing,
-            rays=[wanted.start + R.T @ p + steps * wanted.direction for p in face],
+            free=shortened(starts, stops, BEFORE_CONTACT if met else 0.0),
             displaced=self._of_arm,
         )
 

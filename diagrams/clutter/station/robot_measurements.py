@@ -1,10 +1,12 @@
 """What is measured of the object with the robots' sensors, as the robots believe these to be."""
 
+from dataclasses import replace
+
 import numpy as np
 from pydrake.systems.framework import OutputPort, System
 
 from crossmodal.diagrams.clutter.robot_config import CAMERA_ARM, TOUCH_ARM
-from crossmodal.diagrams.clutter.scenario import Scenario
+from crossmodal.diagrams.clutter.scenario import Scenario, is_transparent
 from crossmodal.diagrams.clutter.station.robot_control import RobotControl
 from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors, arm_pose
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
@@ -75,6 +77,7 @@ def add_measurements(
         control: What moves the arms, and knows when they are where they should be.
     """
     builder, scenario, calibration = wiring.builder, wiring.scenario, wiring.calibration
+    view = scenario.perception.view
     measurements = builder.AddNamedSystem(
         "pose_measurements",
         PoseMeasurements(
@@ -83,7 +86,7 @@ def add_measurements(
             taxels,
             calibration.noise,
             None if table is None else table.height,
-            scenario.perception.view,
+            replace(view, lines=0) if is_transparent(scenario) else view,
             scenario.network_period,
         ),
     )

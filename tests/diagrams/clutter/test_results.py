@@ -53,12 +53,12 @@ def belief(model: TargetModel, number: int) -> ObjectPose:
 
 def measurements(eye: np.ndarray) -> list[PoseMeasurement]:
     wall = X_WM[:3, 3] + 0.02 * np.random.default_rng(0).normal(size=(50, 3))
-    ray = [np.zeros((2, 3))]
+    line = np.zeros((1, 2, 3))
     return [
         NO_MEASUREMENT,
         PoseMeasurement(kind="view", number=1, points=wall, eye=eye),
-        PoseMeasurement(kind="touch", number=2, points=wall[:1], rays=ray),
-        PoseMeasurement(kind="touch", number=3, rays=ray),
+        PoseMeasurement(kind="touch", number=2, points=wall[:1], free=line),
+        PoseMeasurement(kind="touch", number=3, free=line),
         PoseMeasurement(kind="touch", number=4),
     ]
 

@@ -114,8 +114,8 @@ def test_the_touch_is_a_contact_with_the_object(ran: Ran) -> None:
     assert len(touch.points) > 0
     assert ran.off_the_object(touch.points).max() < 0.01
     # From outside: what was swept before it was free.
-    assert len(touch.rays) == 12
-    assert min(ran.off_the_object(ray[:3]).min() for ray in touch.rays) > 0.02
+    assert len(touch.free) == 12
+    assert ran.off_the_object(touch.free[:, 0]).min() > 0.02
 
 
 def test_the_object_stays_where_it_is(ran: Ran) -> None:

@@ -121,8 +121,8 @@ def touched(model: TargetModel, X: np.ndarray, count: int, rng: np.random.Genera
         eye = p_M + 0.2 * np.append(rng.normal(size=2), 0.3)
         p, facing = seen_from(model, X, eye, 1, rng)
         noisy = p + 7e-4 * rng.normal(size=p.shape)
-        ray = np.arange(0.0, np.linalg.norm(p - eye) - 4e-3, 6e-3)[:, None] * -facing + eye
-        evidence = evidence.with_measured(0, noisy, 1e-3, facing, [ray] if len(p) else None)
+        line = np.stack([np.broadcast_to(eye, p.shape), p + 4e-3 * facing], axis=1)
+        evidence = evidence.with_measured(0, noisy, 1e-3, facing, line)
     return evidence
 
 
@@ -154,8 +154,8 @@ def test_where_a_finger_swept_the_object_is_not(model: TargetModel) -> None:
     X = standing(model, np.random.default_rng(0))
     prior = PosePrior(X=X, rotation_sigma=1e-3, translation_sigma=0.05)
     none = Evidence().with_group(np.zeros((6, 0)), np.zeros((0, 3)), 1e-3)
-    across = np.linspace(-0.3, 0.3, 101)[:, None] * [0.0, 1.0, 0.0] + X[:3, 3] + [0.02, 0.0, 0.0]
-    swept = none.with_measured(0, np.zeros((0, 3)), 1e-3, None, [across])
+    across = X[:3, 3] + np.array([[[0.02, -0.3, 0.0], [0.02, 0.3, 0.0]]])
+    swept = none.with_measured(0, np.zeros((0, 3)), 1e-3, None, across)
     right = [
         np.mean(infer_pose(known, prior, model, CONFIG).samples[:, 0, 3] > X[0, 3] + 0.02)
         for known in (none, swept)

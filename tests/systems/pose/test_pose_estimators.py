@@ -100,7 +100,7 @@ def test_what_is_displaced_alike_is_one_group(model: TargetModel) -> None:
     def of(displaced: float, number: int) -> PoseMeasurement:
         value = measured(model, number, 5)
         A = np.full((6, 2), displaced)
-        return PoseMeasurement(**{**vars(value), "displaced": A, "rays": [np.zeros((4, 3))]})
+        return PoseMeasurement(**{**vars(value), "displaced": A, "free": np.zeros((1, 2, 3))})
 
     evidence = Evidence()
     for number, displaced in enumerate((1.0, 2.0, 1.0)):
@@ -108,5 +108,5 @@ def test_what_is_displaced_alike_is_one_group(model: TargetModel) -> None:
     assert len(evidence.displaced) == 2
     assert evidence.group.tolist() == [0] * 5 + [1] * 5 + [0] * 5
     assert evidence.free_group.tolist() == [0, 1, 0]
-    assert evidence.free_start.tolist() == [0, 4, 8]
+    assert evidence.free.shape == (3, 2, 3)
     assert with_measurement(evidence, NO_MEASUREMENT) is evidence

@@ -10,7 +10,7 @@ from crossmodal.maths import se3
 from crossmodal.systems.port_values import PosePrior
 from crossmodal.systems.pose.evidence import Evidence, Table
 from crossmodal.systems.pose.pose_belief import problem_of
-from crossmodal.systems.pose.pose_solver import Problem, linearise, refine, walk
+from crossmodal.systems.pose.pose_solver import Problem, _deepest, linearise, refine, walk
 from crossmodal.systems.pose.target_model import TargetModel, make_target
 
 FLOOR = 7e-4
@@ -41,17 +41,17 @@ def on_faces(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarr
 
 
 def problem(model: TargetModel, errors: int = 2, table: Table | None = None) -> Problem:
-    """Points on all faces, one ray that enters the box, and two groups with errors in common."""
+    """Points on all faces, one line that enters the box, and two groups with errors in common."""
     rng = np.random.default_rng(0)
     X = pose()
     p, normals = on_faces(rng, 24)
     p_W = p @ X[:3, :3].T + X[:3, 3] + 5e-4 * rng.normal(size=p.shape)
     facing = normals @ X[:3, :3].T
-    ray = np.linspace([0.028, 0.0, 0.2], [0.028, 0.0, 0.02], 20) @ X[:3, :3].T + X[:3, 3]
+    line = np.array([[[0.028, 0.0, 0.2], [0.028, 0.0, 0.02]]]) @ X[:3, :3].T + X[:3, 3]
     evidence = Evidence(table=table)
     for rows in (slice(0, 12), slice(12, 24)):
         A = 1e-3 * rng.normal(size=(6, errors))
-        evidence = evidence.with_group(A, p_W[rows], 1e-3, facing[rows], [ray])
+        evidence = evidence.with_group(A, p_W[rows], 1e-3, facing[rows], line)
     prior = PosePrior(X=X, rotation_sigma=0.2, translation_sigma=0.02)
     return problem_of(evidence, prior, model, 1000, rng)
 
@@ -61,6 +61,25 @@ def stepped(X: np.ndarray, c: np.ndarray, dx: np.ndarray) -> tuple[np.ndarray, n
     Y[:3, :3] = X[:3, :3] @ se3.so3_exp(dx[:3])
     Y[:3, 3] += dx[3:6]
     return Y, c + dx[6:]
+
+
+def test_how_deep_a_line_goes_into_a_box(box: TargetModel) -> None:
+    m = np.empty(3)
+
+    def deepest(start: list[float], stop: list[float]) -> tuple[float, float]:
+        return _deepest(np.array(start), np.array(stop), box.radius, box.surface, m)
+
+    # Through an edge's neighbourhood, 4 mm below a face.
+    depth, share = deepest([HALF[0] - 4e-3, -0.5, 0.0], [HALF[0] - 4e-3, 0.5, 0.0])
+    assert_allclose(depth, -4e-3, atol=1e-6)
+    assert_allclose(m, [1.0, 0.0, 0.0], atol=1e-6)
+    assert abs(share - 0.5) < HALF[1]
+    # It ends before it gets in, or passes by.
+    depth, _ = deepest([0.5, 0.0, 0.0], [HALF[0] + 5e-3, 0.0, 0.0])
+    assert 5e-3 - 1e-6 < depth < 1.5e-2
+    assert deepest([HALF[0] + 0.02, -0.5, 0.0], [HALF[0] + 0.02, 0.5, 0.0])[0] > 0.019
+    assert deepest([0.5, -0.5, 0.0], [0.5, 0.5, 0.0])[0] == np.inf
+    assert deepest([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])[0] == np.inf
 
 
 def test_the_step_is_along_the_gradient_of_the_cost(box: TargetModel) -> None:

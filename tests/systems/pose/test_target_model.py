@@ -63,6 +63,28 @@ def test_the_gradient_is_that_of_the_distance(ball: TargetModel) -> None:
         assert m @ direction > np.cos(np.deg2rad(6.0))
 
 
+def test_beside_the_rim_of_a_thin_cup_outside_is_outside() -> None:
+    """Of a wall of 1 mm, samples of its far side are often nearest: they would say inside."""
+    profile = np.array([[0, 0], [30, 0], [30, 100], [29, 100], [29, 2], [0, 2]]) * 1e-3
+    mesh = trimesh.creation.revolve(profile, sections=96)
+    model = target(mesh)
+    rng = np.random.default_rng(3)
+    turns = rng.uniform(0.0, 2.0 * np.pi, 4000)
+    r, z = rng.uniform(0.0, 0.05, 4000), rng.uniform(-0.02, 0.12, 4000)
+    p = np.column_stack([r * np.cos(turns), r * np.sin(turns), z])
+    walls = [((29, 30), (0, 100)), ((0, 30), (0, 2))]  # [mm]
+    # Half a millimetre beside them, where the cup's 96 sides are not told from a circle.
+    outside = np.ones(len(p), bool)
+    for across, up in walls:
+        in_r = (r > across[0] * 1e-3 - 5e-4) & (r < across[1] * 1e-3 + 5e-4)
+        outside &= ~(in_r & (z > up[0] * 1e-3 - 5e-4) & (z < up[1] * 1e-3 + 5e-4))
+    m = np.empty(3)
+    distances = [surface_distance(q - model.middle, NOWHERE, model.surface, m) for q in p[outside]]
+    assert outside.sum() > 3000
+    assert np.mean(np.array(distances) < -5e-4) < 2e-3
+    assert min(distances) > -3e-3
+
+
 def test_of_a_thin_wall_the_side_counts_from_which_it_was_seen() -> None:
     model = target(trimesh.creation.box(extents=[0.2, 0.2, 0.002]))
     m = np.empty(3)

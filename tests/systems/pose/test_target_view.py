@@ -153,6 +153,25 @@ def test_rays_that_passed_miss_the_object_but_not_where_it_might_be() -> None:
     assert 0.7 * could < len(seen.passed) <= could
 
 
+def test_along_free_lines_there_is_neither_object_nor_table() -> None:
+    depth, _ = depth_image()
+    seen = viewed(depth)
+    assert seen.free.shape == (ALL.lines, 2, 3)
+    eye = X_WC[:3, 3]
+    ends = np.linalg.norm(seen.free[:, 1] - eye, axis=1)
+    d = (seen.free[:, 1] - eye) / ends[:, None]
+    # Their ends are before what is behind: the table, or the foot that looks like it.
+    assert np.all(to_box(eye, d) > ends)
+    assert np.all(seen.free[:, 1, 2] > 0.0)
+    # They pass close by.
+    to_points = seen.p_WP - X_WC[:3, 3]
+    angles = np.arccos(
+        np.clip(d @ (to_points / np.linalg.norm(to_points, axis=1)[:, None]).T, -1, 1)
+    )
+    assert angles.min(axis=1).max() < np.deg2rad(2.0)
+    assert viewed(depth, config=TargetViewConfig(lines=0)).free.shape == (0, 2, 3)
+
+
 def test_rays_that_end_before_the_object_did_not_pass_it() -> None:
     """Something that nobody knows of hides half of the image."""
     depth, _ = depth_image()

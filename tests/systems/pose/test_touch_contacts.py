@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from crossmodal.maths import se3
-from crossmodal.systems.pose.touch_contacts import contact_points, swept_rays
+from crossmodal.systems.pose.touch_contacts import contact_points, swept_lines
 
 RADIUS = 0.003
 P_ES = np.array([[0.01, 0.0, -0.003], [-0.01, 0.005, -0.003], [0.0, 0.0, -0.02]])
@@ -38,21 +38,15 @@ def test_taxels_sweep_straight_lines_up_to_a_contact(met: bool) -> None:
     X_end = X_WE.copy()
     X_end[:3, 3] += way
     ends = np.array([0, 2])
-    rays = swept_rays(X_WE, X_end, P_ES, ends, met)
-    assert len(rays) == 2
-    for ray, taxel in zip(rays, ends, strict=True):
-        start = X_WE[:3, :3] @ P_ES[taxel] + X_WE[:3, 3]
-        along = (ray - start) @ way / 0.1
-        assert_allclose(ray, start + along[:, None] * way / 0.1, atol=1e-12)
-        assert along[0] == pytest.approx(0.0, abs=1e-12)
-        assert np.all((np.diff(along) > 0.0) & (np.diff(along) <= 7e-3))
-        # The last few millimetres before what is met are not known to be free.
-        assert along[-1] < (0.0965 if met else 0.1)
-        assert along[-1] > 0.08
+    lines = swept_lines(X_WE, X_end, P_ES, ends, met)
+    starts = P_ES[ends] @ X_WE[:3, :3].T + X_WE[:3, 3]
+    assert_allclose(lines[:, 0], starts, atol=1e-12)
+    # The last few millimetres before what is met are not known to be free.
+    assert_allclose(lines[:, 1], starts + (0.96 if met else 1.0) * way, atol=1e-12)
 
 
 def test_a_touch_that_has_hardly_moved_sweeps_nothing() -> None:
     X_end = X_WE.copy()
     X_end[:3, 3] += [0.0, 0.0, -0.002]
-    assert swept_rays(X_WE, X_end, P_ES, np.array([0, 1]), True) == []
-    assert swept_rays(X_WE, X_WE, P_ES, np.array([0, 1]), False) == []
+    assert swept_lines(X_WE, X_end, P_ES, np.array([0, 1]), True).shape == (0, 2, 3)
+    assert swept_lines(X_WE, X_WE, P_ES, np.array([0, 1]), False).shape == (0, 2, 3)

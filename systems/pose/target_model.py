@@ -194,18 +194,18 @@ def _nearest_samples(points: Array, normals: Array, corners: Array) -> tuple[Ids
     margin = _MARGIN * float(np.linalg.norm(high - low))
     low, high = low - margin, high + margin
     voxel = float(np.cbrt(np.prod(high - low) / _VOXELS))
-    shape = np.ceil((high - low) / voxel).astype(np.int64) + 1
-    inside = _insides(corners, low, voxel, shape[0], shape[1], shape[2])
-    centres = low + voxel * np.stack(np.indices(shape), axis=-1)
-    _, near = cKDTree(points).query(centres.reshape(-1, 3), _NEIGHBOURS, workers=-1)
-    nearest = _of_right_side(centres.reshape(-1, 3), inside.ravel(), near, points, normals)
+    nx, ny, nz = (int(count) + 1 for count in np.ceil((high - low) / voxel))
+    inside = _insides(corners, low, voxel, nx, ny, nz)
+    centres = low + voxel * np.moveaxis(np.indices((nx, ny, nz)), 0, -1).reshape(-1, 3)
+    _, near = cKDTree(points).query(centres, _NEIGHBOURS, workers=-1)
+    nearest = _of_right_side(centres, inside.ravel(), near, points, normals)
     return nearest.reshape(inside.shape), low, voxel
 
 
 @hot
 def _of_right_side(centres: Array, inside: Mask, near: Ids, points: Array, normals: Array) -> Ids:
     """Of each centre's neighbours (V, K) the nearest one whose side agrees, or the nearest one."""
-    found = np.empty(len(centres), np.int32)
+    found = np.empty(len(centres), np.int64)
     for n in range(len(centres)):
         found[n] = near[n, 0]
         for k in near[n]:

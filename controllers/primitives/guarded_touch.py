@@ -86,11 +86,9 @@ class TouchState(Immutable):
         since: When the phase began, [s].
         path: Postures on the way to the approach (K, n), [rad].
         line: Postures of the approach (K, n), [rad].
-        offsets: Sum of the taxels' readings (3 T,) while they are averaged, then their mean, [N].
-        readings: How many there are in the sum.
-        changed: Which components (3 T,) have changed while they are averaged, afterwards which are
-            trusted: one that works is never without noise.
-        last: Readings (3 T,) of the decision before, while they are averaged, [N].
+        readings: Of the taxels (K, 3 T) since the phase began, while their offsets are taken, [N].
+        offsets: Of the taxels (3 T,), [N].
+        works: Which taxels (T,) are trusted: one that works is never without noise.
         failure: Why it does not touch any more; empty while it does.
         stays: Whether no way home was found, so that it stays where it is.
         exceeded: Decisions in a row at which a taxel exceeded the threshold.
@@ -100,14 +98,13 @@ class TouchState(Immutable):
 
     motion: JointMotion
     offsets: Array
+    works: Mask
     phase: TouchPhase = TouchPhase.WAIT
     number: int = 0
     since: float = 0.0
     path: Array = field(default_factory=lambda: np.zeros((0, 0)))
     line: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    readings: int = 0
-    changed: Mask = field(default_factory=lambda: np.zeros(0, bool))
-    last: Array = field(default_factory=lambda: np.zeros(0))
+    readings: Array = field(default_factory=lambda: np.zeros((0, 0)))
     failure: str = ""
     stays: bool = False
     exceeded: int = 0
@@ -169,7 +166,7 @@ class GuardedTouch(ArmTask):
         first = TouchState(
             motion=resting(q_home),
             offsets=np.zeros(3 * taxels),
-            changed=np.ones(3 * taxels, bool),
+            works=np.ones(taxels, bool),
         )
         self._declare_state(first, config.period)
         self._declare_command()
@@ -234,26 +231,17 @@ class GuardedTouch(ArmTask):
             since=context.get_time(),
             path=path,
             line=line,
-            offsets=np.zeros_like(state.offsets),
-            readings=0,
-            changed=np.zeros(len(state.offsets), bool),
-            last=np.array(self._taxels.Eval(context)),
+            readings=np.array([self._taxels.Eval(context)]),
         )
 
     def _tare(self, context: Context, state: TouchState) -> TouchState:
         """Averages the taxels' readings at rest, then begins the way to the touch."""
         time = context.get_time()
-        reading = np.array(self._taxels.Eval(context))
-        state = replace(
-            state,
-            offsets=state.offsets + reading,
-            readings=state.readings + 1,
-            changed=state.changed | (reading != state.last),
-            last=reading,
-        )
+        readings = np.vstack([state.readings, self._taxels.Eval(context)])
         if time < state.since + self._config.tare_time:
-            return state
-        works: Mask = np.any(state.changed.reshape(-1, 3), axis=1)
+            return replace(state, readings=readings)
+        changed = np.any(readings[1:] != readings[:-1], axis=0)
+        works: Mask = np.any(changed.reshape(-1, 3), axis=1)
         if not works[self._guards].all():
             silent = ", ".join(str(n) for n in self._guards[~works[self._guards]])
             why = f"taxels {silent} at the fingers' end always say the same: no touch is safe"
@@ -262,15 +250,16 @@ class GuardedTouch(ArmTask):
             state,
             phase=TouchPhase.TRANSIT,
             motion=self._motion(state.path, time),
-            offsets=state.offsets / state.readings,
-            changed=np.repeat(works, 3),
+            # The first reading was taken as the arm came to rest.
+            offsets=readings[1:].mean(axis=0),
+            works=works,
             exceeded=0,
         )
 
     def _forces(self, context: Context, state: TouchState) -> Array:
         """Forces (T, 3) beyond the offsets, on taxels that work, [N]."""
         forces = np.array(self._taxels.Eval(context)) - state.offsets
-        return np.asarray(np.where(state.changed, forces, 0.0).reshape(-1, 3))
+        return np.where(state.works[:, None], forces.reshape(-1, 3), 0.0)
 
     def _approach(self, context: Context, state: TouchState) -> TouchState:
         time, speed = context.get_time(), self._config.speed

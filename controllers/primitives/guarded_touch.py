@@ -13,7 +13,7 @@ from pydrake.systems.framework import Context
 from crossmodal.controllers.arm.joint_motion import JointMotion, along_line, resting
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.motion_planner import MotionPlanner
-from crossmodal.controllers.primitives.arm_task import ArmTask, TransitConfig
+from crossmodal.controllers.primitives.arm_task import ArmTask, TransitConfig, believed_box
 from crossmodal.maths.arrays import Array, Ids, Mask
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
@@ -211,7 +211,7 @@ class GuardedTouch(ArmTask):
         if wanted.number <= state.number or self._is_clear.Eval(context)[0] < 0.5:
             return replace(state, phase=TouchPhase.WAIT) if state.phase else state
         here, others = state.motion.knots[-1], self._others_now(context)
-        self._planner.look_at(others, [(wanted.box_edges, RigidTransform(wanted.X_WB))])
+        self._planner.look_at(others, believed_box(wanted))
         if len(state.path) and not self._planner.is_free(here):
             # What is believed now holds the object here, too: it goes back the way it came.
             back = self._motion(np.vstack([here, state.path[::-1]]), context.get_time())
@@ -220,7 +220,7 @@ class GuardedTouch(ArmTask):
         line = touch_line(self._planner, wanted, [here, self._q_home], others, self._config)
         path = None
         if line is not None:
-            self._planner.look_at(others, [(wanted.box_edges, RigidTransform(wanted.X_WB))])
+            self._planner.look_at(others, believed_box(wanted))
             path = self._planner.path(here, line[0], np.random.default_rng(wanted.number))
         if line is None or path is None:
             end = TouchEnd(number=wanted.number, outcome=TouchOutcome.UNREACHABLE)
@@ -299,11 +299,8 @@ class GuardedTouch(ArmTask):
         here = state.motion.knots[-1]
         if state.stays or np.array_equal(here, self._q_home):
             return replace(state, phase=TouchPhase.WAIT) if state.phase else state
-        wanted = self._touch.Eval(context)
-        obstacles = [(wanted.box_edges, RigidTransform(wanted.X_WB))]
-        self._planner.look_at(
-            self._others_now(context), obstacles if wanted.box_edges.any() else []
-        )
+        box = believed_box(self._touch.Eval(context))
+        self._planner.look_at(self._others_now(context), box)
         path = self._planner.path(here, self._q_home, np.random.default_rng(0))
         if path is None:  # It stays where it is: no touch is wanted any more.
             return replace(state, phase=TouchPhase.WAIT, stays=True)
@@ -333,7 +330,6 @@ def touch_line(
     level = np.cross(z, [0.0, 0.0, 1.0] if abs(z[2]) < 0.9 else [1.0, 0.0, 0.0])
     level /= np.linalg.norm(level)
     upright = RotationMatrix(np.column_stack([level, np.cross(z, level), z]))
-    box = [(wanted.box_edges, RigidTransform(wanted.X_WB))]
     # One that ends where the object is expected may end before it.
     least = max(0.5 * (wanted.expected + wanted.reach), config.shortest)
     for roll in np.pi * np.arange(_ROLLS) / _ROLLS:
@@ -341,7 +337,7 @@ def touch_line(
         found = False
         for q in planner.postures(X_WE, guesses):
             found = True
-            planner.look_at(others, box)
+            planner.look_at(others, believed_box(wanted))
             is_free = planner.is_free(q)
             planner.look_at(others)
             line = planner.line(q, z, wanted.reach) if is_free else q[None]

@@ -1,5 +1,7 @@
 """Postures of an arm that put its end-effector somewhere."""
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.inverse_kinematics import InverseKinematics
@@ -9,21 +11,41 @@ from pydrake.solvers import Solve
 from crossmodal.maths.arrays import Array
 
 
-def inverse_kinematics(
-    arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array, restarts: int = 8
-) -> Array:
+def inverse_kinematics(arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array) -> Array:
     """Joint positions (n,) that put E at `X_WE`, far from the joints' limits.
-
-    The solver stops short of a pose here and there; then it starts again from around `q_guess`.
 
     Args:
         arm: A finalized plant with one arm alone and its frame `end_effector`.
         X_WE: Pose of its end-effector.
         q_guess: Joint positions (n,) nearby, [rad].
-        restarts: How often it starts again.
 
     Raises:
         ValueError: if the pose is out of reach.
+    """
+    for q in all_inverse_kinematics(arm, X_WE, [q_guess], restarts=8, spread=0.2):
+        return q
+    direction = X_WE.rotation().col(2).round(2).tolist()
+    at = X_WE.translation().round(3).tolist()
+    raise ValueError(f"the arm does not reach {at} m along {direction}")
+
+
+def all_inverse_kinematics(
+    arm: MultibodyPlant,
+    X_WE: RigidTransform,
+    guesses: Sequence[Array],
+    restarts: int,
+    spread: float,
+) -> Iterator[Array]:
+    """Joint positions (n,) that put E at `X_WE`, one of each start that leads to some, [rad].
+
+    The solver stops short of a pose here and there; then another start may get to it.
+
+    Args:
+        arm: A finalized plant with one arm alone and its frame `end_effector`.
+        X_WE: Pose of its end-effector.
+        guesses: Joint positions (n,) from which it starts, [rad].
+        restarts: How often it starts from around the first of them after that.
+        spread: How far around it, per joint; the standard deviation, [rad].
     """
     lower, upper = arm.GetPositionLowerLimits(), arm.GetPositionUpperLimits()
     solver = InverseKinematics(arm)
@@ -33,11 +55,8 @@ def inverse_kinematics(
     solver.AddOrientationConstraint(world, X_WE.rotation(), E, RotationMatrix(), 1e-3)
     weight = np.diag(1.0 / (upper - lower) ** 2)
     solver.prog().AddQuadraticErrorCost(weight, 0.5 * (lower + upper), solver.q())
-    n = arm.num_positions()
-    around = np.random.default_rng(0).normal(0.0, 0.2, (restarts, n))
-    for guess in q_guess + np.vstack([np.zeros(n), around]):
+    offsets = np.random.default_rng(0).normal(0.0, spread, (restarts, arm.num_positions()))
+    for guess in [*guesses, *(guesses[0] + offsets)]:
         result = Solve(solver.prog(), guess)
         if result.is_success():
-            return np.asarray(result.GetSolution(solver.q()))
-    direction = X_WE.rotation().col(2).round(2).tolist()
-    raise ValueError(f"the arm does not reach {p.round(3).tolist()} m along {direction}")
+            yield np.asarray(result.GetSolution(solver.q()))

@@ -10,7 +10,7 @@ from pydrake.geometry import Box
 from pydrake.math import RigidTransform
 from pydrake.planning import RobotDiagram, SceneGraphCollisionChecker
 
-from crossmodal.controllers.arm.inverse_kinematics import inverse_kinematics
+from crossmodal.controllers.arm.inverse_kinematics import all_inverse_kinematics
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
@@ -113,14 +113,8 @@ class MotionPlanner:
 
         They are sought near the guesses, then in other places around the first of them.
         """
-        config, rng = self._config, np.random.default_rng(0)
-        n = self._arm.num_joints
-        around = guesses[0] + rng.normal(0.0, config.spread, (config.restarts, n))
-        for guess in [*guesses, *around]:
-            try:
-                yield inverse_kinematics(self._arm.plant, X_WE, guess, restarts=0)
-            except ValueError:
-                continue
+        config, arm = self._config, self._arm.plant
+        return all_inverse_kinematics(arm, X_WE, guesses, config.restarts, config.spread)
 
     def line(self, q_start: Array, direction: Array, length: float) -> Array:
         """Postures (K, n) along a straight line of E, which keeps its orientation.

@@ -2,8 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 
 from crossmodal.controllers.arm.joint_motion import JointMotion, rest_to_rest
@@ -24,6 +26,16 @@ class TransitConfig:
     joint_speed: float = number(0.5, above=0.0, at_most=1.0)
     # For which it waits after a motion until the arm is at rest.
     rest_time: float = number(0.3, at_least=0.0, at_most=60.0, unit="s")
+
+
+def believed_box(request: Any) -> list[tuple[Array, RigidTransform]]:
+    """The box that is thought to hold the object, as an obstacle of a planner; none if unknown.
+
+    Args:
+        request: A view or a touch: `box_edges` (3,) [m], zero if unknown, and `X_WB` (4, 4).
+    """
+    is_known = np.any(request.box_edges)
+    return [(request.box_edges, RigidTransform(request.X_WB))] if is_known else []
 
 
 class ArmTask(Sequence):

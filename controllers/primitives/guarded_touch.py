@@ -13,7 +13,7 @@ from pydrake.systems.framework import Context
 from crossmodal.controllers.arm.joint_motion import JointMotion, along_line, resting
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.motion_planner import MotionPlanner
-from crossmodal.controllers.primitives.arm_task import ArmTask, TransitConfig
+from crossmodal.controllers.primitives.arm_task import ArmTask, TransitConfig, believed_box
 from crossmodal.maths.arrays import Array, Ids, Mask
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
@@ -86,11 +86,9 @@ class TouchState(Immutable):
         since: When the phase began, [s].
         path: Postures on the way to the approach (K, n), [rad].
         line: Postures of the approach (K, n), [rad].
-        offsets: Sum of the taxels' readings (3 T,) while they are averaged, then their mean, [N].
-        readings: How many there are in the sum.
-        changed: Which components (3 T,) have changed while they are averaged, afterwards which are
-            trusted: one that works is never without noise.
-        last: Readings (3 T,) of the decision before, while they are averaged, [N].
+        readings: Of the taxels (K, 3 T) since the phase began, while their offsets are taken, [N].
+        offsets: Of the taxels (3 T,), [N].
+        works: Which taxels (T,) are trusted: one that works is never without noise.
         failure: Why it does not touch any more; empty while it does.
         stays: Whether no way home was found, so that it stays where it is.
         exceeded: Decisions in a row at which a taxel exceeded the threshold.
@@ -100,14 +98,13 @@ class TouchState(Immutable):
 
     motion: JointMotion
     offsets: Array
+    works: Mask
     phase: TouchPhase = TouchPhase.WAIT
     number: int = 0
     since: float = 0.0
     path: Array = field(default_factory=lambda: np.zeros((0, 0)))
     line: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    readings: int = 0
-    changed: Mask = field(default_factory=lambda: np.zeros(0, bool))
-    last: Array = field(default_factory=lambda: np.zeros(0))
+    readings: Array = field(default_factory=lambda: np.zeros((0, 0)))
     failure: str = ""
     stays: bool = False
     exceeded: int = 0
@@ -169,7 +166,7 @@ class GuardedTouch(ArmTask):
         first = TouchState(
             motion=resting(q_home),
             offsets=np.zeros(3 * taxels),
-            changed=np.ones(3 * taxels, bool),
+            works=np.ones(taxels, bool),
         )
         self._declare_state(first, config.period)
         self._declare_command()
@@ -214,7 +211,7 @@ class GuardedTouch(ArmTask):
         if wanted.number <= state.number or self._is_clear.Eval(context)[0] < 0.5:
             return replace(state, phase=TouchPhase.WAIT) if state.phase else state
         here, others = state.motion.knots[-1], self._others_now(context)
-        self._planner.look_at(others, [(wanted.box_edges, RigidTransform(wanted.X_WB))])
+        self._planner.look_at(others, believed_box(wanted))
         if len(state.path) and not self._planner.is_free(here):
             # What is believed now holds the object here, too: it goes back the way it came.
             back = self._motion(np.vstack([here, state.path[::-1]]), context.get_time())
@@ -223,7 +220,7 @@ class GuardedTouch(ArmTask):
         line = touch_line(self._planner, wanted, [here, self._q_home], others, self._config)
         path = None
         if line is not None:
-            self._planner.look_at(others, [(wanted.box_edges, RigidTransform(wanted.X_WB))])
+            self._planner.look_at(others, believed_box(wanted))
             path = self._planner.path(here, line[0], np.random.default_rng(wanted.number))
         if line is None or path is None:
             end = TouchEnd(number=wanted.number, outcome=TouchOutcome.UNREACHABLE)
@@ -234,26 +231,17 @@ class GuardedTouch(ArmTask):
             since=context.get_time(),
             path=path,
             line=line,
-            offsets=np.zeros_like(state.offsets),
-            readings=0,
-            changed=np.zeros(len(state.offsets), bool),
-            last=np.array(self._taxels.Eval(context)),
+            readings=np.array([self._taxels.Eval(context)]),
         )
 
     def _tare(self, context: Context, state: TouchState) -> TouchState:
         """Averages the taxels' readings at rest, then begins the way to the touch."""
         time = context.get_time()
-        reading = np.array(self._taxels.Eval(context))
-        state = replace(
-            state,
-            offsets=state.offsets + reading,
-            readings=state.readings + 1,
-            changed=state.changed | (reading != state.last),
-            last=reading,
-        )
+        readings = np.vstack([state.readings, self._taxels.Eval(context)])
         if time < state.since + self._config.tare_time:
-            return state
-        works: Mask = np.any(state.changed.reshape(-1, 3), axis=1)
+            return replace(state, readings=readings)
+        changed = np.any(readings[1:] != readings[:-1], axis=0)
+        works: Mask = np.any(changed.reshape(-1, 3), axis=1)
         if not works[self._guards].all():
             silent = ", ".join(str(n) for n in self._guards[~works[self._guards]])
             why = f"taxels {silent} at the fingers' end always say the same: no touch is safe"
@@ -262,15 +250,16 @@ class GuardedTouch(ArmTask):
             state,
             phase=TouchPhase.TRANSIT,
             motion=self._motion(state.path, time),
-            offsets=state.offsets / state.readings,
-            changed=np.repeat(works, 3),
+            # The first reading was taken as the arm came to rest.
+            offsets=readings[1:].mean(axis=0),
+            works=works,
             exceeded=0,
         )
 
     def _forces(self, context: Context, state: TouchState) -> Array:
         """Forces (T, 3) beyond the offsets, on taxels that work, [N]."""
         forces = np.array(self._taxels.Eval(context)) - state.offsets
-        return np.asarray(np.where(state.changed, forces, 0.0).reshape(-1, 3))
+        return np.where(state.works[:, None], forces.reshape(-1, 3), 0.0)
 
     def _approach(self, context: Context, state: TouchState) -> TouchState:
         time, speed = context.get_time(), self._config.speed
@@ -310,11 +299,8 @@ class GuardedTouch(ArmTask):
         here = state.motion.knots[-1]
         if state.stays or np.array_equal(here, self._q_home):
             return replace(state, phase=TouchPhase.WAIT) if state.phase else state
-        wanted = self._touch.Eval(context)
-        obstacles = [(wanted.box_edges, RigidTransform(wanted.X_WB))]
-        self._planner.look_at(
-            self._others_now(context), obstacles if wanted.box_edges.any() else []
-        )
+        box = believed_box(self._touch.Eval(context))
+        self._planner.look_at(self._others_now(context), box)
         path = self._planner.path(here, self._q_home, np.random.default_rng(0))
         if path is None:  # It stays where it is: no touch is wanted any more.
             return replace(state, phase=TouchPhase.WAIT, stays=True)
@@ -344,7 +330,6 @@ def touch_line(
     level = np.cross(z, [0.0, 0.0, 1.0] if abs(z[2]) < 0.9 else [1.0, 0.0, 0.0])
     level /= np.linalg.norm(level)
     upright = RotationMatrix(np.column_stack([level, np.cross(z, level), z]))
-    box = [(wanted.box_edges, RigidTransform(wanted.X_WB))]
     # One that ends where the object is expected may end before it.
     least = max(0.5 * (wanted.expected + wanted.reach), config.shortest)
     for roll in np.pi * np.arange(_ROLLS) / _ROLLS:
@@ -352,7 +337,7 @@ def touch_line(
         found = False
         for q in planner.postures(X_WE, guesses):
             found = True
-            planner.look_at(others, box)
+            planner.look_at(others, believed_box(wanted))
             is_free = planner.is_free(q)
             planner.look_at(others)
             line = planner.line(q, z, wanted.reach) if is_free else q[None]

@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context
 from crossmodal.controllers.arm.joint_motion import JointMotion, resting
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.motion_planner import MotionPlanner
-from crossmodal.controllers.primitives.arm_task import ArmTask, TransitConfig
+from crossmodal.controllers.primitives.arm_task import ArmTask, TransitConfig, believed_box
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
@@ -150,6 +150,5 @@ class Look(ArmTask):
         return self._planner.path(self._state(context).motion.knots[-1], goal, rng)
 
     def _look_around(self, context: Context) -> None:
-        view = self._view.Eval(context)
-        box = [(view.box_edges, RigidTransform(view.X_WB))] if view.number else []
+        box = believed_box(self._view.Eval(context))
         self._planner.look_at(self._others_now(context), box)

@@ -9,6 +9,7 @@ from crossmodal.maths.validation import number
 from crossmodal.plants.robots.panda import PANDA_WITH_CAMERA
 from crossmodal.plants.robots.ur5 import UR5_WITH_GRIPPER
 from crossmodal.systems.pose.target_view import TargetViewConfig
+from crossmodal.systems.sensors.finger_encoders import FingerEncodersConfig
 from crossmodal.systems.sensors.joint_encoders import JointEncodersConfig, joint_side_encoders
 from crossmodal.systems.sensors.rgbd_camera import CameraNoiseConfig
 from crossmodal.systems.sensors.robot_mask import RobotMaskConfig
@@ -24,6 +25,7 @@ ROBOTS = {CAMERA_ARM: PANDA_WITH_CAMERA, TOUCH_ARM: UR5_WITH_GRIPPER}
 class SensorsConfig:
     camera: CameraNoiseConfig = field(default_factory=CameraNoiseConfig)
     encoders: JointEncodersConfig = field(default_factory=joint_side_encoders)
+    fingers: FingerEncodersConfig = field(default_factory=FingerEncodersConfig)
     robot_mask: RobotMaskConfig = field(default_factory=lambda: RobotMaskConfig(margin=0.015))
     taxels: TaxelArrayConfig = field(default_factory=TaxelArrayConfig)
     # By which all taxels are displaced on the fingers, along each axis; the standard deviation.

@@ -1,6 +1,6 @@
 """What an episode comes to: how far the object is from where it is believed, stage by stage."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -231,42 +231,22 @@ def metrics() -> list[Metric]:
         median_and_range,
     )
 
+    def metric(
+        name: str,
+        title: str,
+        value: Callable[[Mapping[str, Any]], Any],
+        unit: str = "m",
+        cell: Callable[[Array, str], str] = median_and_range,
+    ) -> Metric:
+        return Metric(name=name, value=value, unit=unit, title=title, cell=cell)
+
     return [
-        Metric(
-            name="adi", value=_last("adi"), unit="m", title="ADI at the end", cell=median_and_range
-        ),
-        Metric(
-            name="adi_mean",
-            value=_last("adi"),
-            unit="m",
-            title="ADI at the end, mean",
-            cell=mean_and_deviation,
-        ),
-        Metric(
-            name="adi_before",
-            value=_before_choice,
-            unit="m",
-            title="ADI before the last four measurements",
-            cell=median_and_range,
-        ),
-        Metric(
-            name="translation",
-            value=_last("translation_error"),
-            unit="m",
-            title="translation error at the end",
-            cell=median_and_range,
-        ),
-        Metric(
-            name="rotation",
-            value=_last("rotation_error"),
-            unit="rad",
-            title="rotation error at the end",
-            cell=median_and_range,
-        ),
-        Metric(
-            name="inside",
-            value=_inside,
-            title="pose inside its claimed 95 % region, all stages",
-            cell=mean_share,
+        metric("adi", "ADI at the end", _last("adi")),
+        metric("adi_mean", "ADI at the end, mean", _last("adi"), cell=mean_and_deviation),
+        metric("adi_before", "ADI before the last four measurements", _before_choice),
+        metric("translation", "translation error at the end", _last("translation_error")),
+        metric("rotation", "rotation error at the end", _last("rotation_error"), "rad"),
+        metric(
+            "inside", "pose inside its claimed 95 % region, all stages", _inside, "", mean_share
         ),
     ]

@@ -9,6 +9,7 @@ from pydrake.systems.framework import OutputPort
 
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.motion_planner import MotionPlanner
+from crossmodal.controllers.primitives.arm_task import believed_box
 from crossmodal.controllers.primitives.guarded_touch import GuardedTouch, touch_line
 from crossmodal.controllers.primitives.look import Look
 from crossmodal.diagrams.clutter.robot_config import (
@@ -91,8 +92,7 @@ def add_control(
 
     def can_look(request: ViewRequest) -> bool:
         planner = planners[CAMERA_ARM]
-        box = (request.box_edges, RigidTransform(request.X_WB))
-        planner.look_at({TOUCH_ARM: q_home[TOUCH_ARM]}, [box])
+        planner.look_at({TOUCH_ARM: q_home[TOUCH_ARM]}, believed_box(request))
         guesses = [q_home[CAMERA_ARM]]
         return planner.posture(RigidTransform(request.X_WC), guesses) is not None
 

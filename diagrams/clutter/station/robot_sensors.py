@@ -1,11 +1,13 @@
-"""The sensors of both robots: joints, camera and taxels."""
+"""The sensors of both robots: joints, fingers, camera and taxels."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
 from pydrake.geometry import Role
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import OutputPort
+from pydrake.systems.primitives import MatrixGain
 
 from crossmodal.diagrams.clutter.robot_config import (
     CAMERA_ARM,
@@ -32,6 +34,7 @@ from crossmodal.plants.robots.arm_with_hand import add_robot
 from crossmodal.plants.robots.panda import ARM_JOINTS as PANDA_JOINTS
 from crossmodal.plants.robots.ur5 import ARM_JOINTS as UR5_JOINTS
 from crossmodal.systems.arm_pose import ArmPose
+from crossmodal.systems.sensors.finger_encoders import FingerEncoders
 from crossmodal.systems.sensors.joint_encoders import JointEncoders
 from crossmodal.systems.sensors.robot_mask import MaskedRobot
 from crossmodal.systems.sensors.taxel_array import TaxelArrayForces, TaxelArraySensor
@@ -66,10 +69,24 @@ def _add_believed_robots(plant: MultibodyPlant, calibration: Calibration) -> Non
         add_robot(plant, ROBOTS[arm], calibration.arms[arm].X_WBase, arm, hand)
 
 
+def _add_finger_encoders(wiring: StationWiring) -> OutputPort:
+    """Adds what measures the gripper's joints (2,), and returns `hand_positions_measured`."""
+    builder, plant, scenario = wiring.builder, wiring.plant, wiring.scenario
+    instance, fingers = wiring.scene.model(GRIPPER), len(GRIPPER_JOINTS)
+    positions = builder.AddNamedSystem("finger_positions", MatrixGain(np.eye(fingers, 2 * fingers)))
+    encoders = builder.AddNamedSystem(
+        "finger_encoders",
+        FingerEncoders(scenario.sensors.fingers, fingers, scenario.network_period),
+    )
+    builder.Connect(plant.get_state_output_port(instance), positions.get_input_port())
+    builder.Connect(positions.get_output_port(), encoders.get_input_port())
+    return encoders.GetOutputPort("hand_positions_measured")
+
+
 def add_sensors(
     wiring: StationWiring, arms: Mapping[str, MultibodyPlant], homes: Mapping[str, Array]
 ) -> RobotSensors:
-    """Adds encoders, the camera and the taxels; exports their windows and images.
+    """Adds encoders, the camera and the taxels; exports windows of arms and taxels, and images.
 
     Args:
         arms: The arms alone, as they are, by their names.
@@ -87,6 +104,11 @@ def add_sensors(
         joint_state=encoders[CAMERA_ARM].GetOutputPort("joint_state_measured"),
     )
     depths = add_cameras(wiring, config.camera, colour_is_read=False, carriers={camera: carrier})
+    postures = {
+        prefixed(owner, "joint_state_measured"): encoders[arm].GetOutputPort("joint_state_measured")
+        for owner, arm in ((LOOKER, CAMERA_ARM), (TOUCHER, TOUCH_ARM))
+    }
+    postures[prefixed(TOUCHER, "hand_positions_measured")] = _add_finger_encoders(wiring)
     add_robot_masks(
         wiring,
         lambda plant: _add_believed_robots(plant, wiring.calibration),
@@ -96,16 +118,11 @@ def add_sensors(
                 arm=TOUCH_ARM,
                 arm_joints=UR5_JOINTS,
                 hand=GRIPPER,
-                hand_posture=dict.fromkeys(GRIPPER_JOINTS, (0.0, 0.0)),  # It stays closed.
+                hand_joints=GRIPPER_JOINTS,
             ),
         },
         config.robot_mask,
-        {
-            prefixed(owner, "joint_state_measured"): encoders[arm].GetOutputPort(
-                "joint_state_measured"
-            )
-            for owner, arm in ((LOOKER, CAMERA_ARM), (TOUCHER, TOUCH_ARM))
-        },
+        postures,
         depths,
     )
     layout = gripper_taxels()

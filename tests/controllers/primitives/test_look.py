@@ -139,6 +139,24 @@ def test_it_goes_home_when_it_is_the_other_arms_turn(
     assert (trial.read("phase"), trial.number("is_away")) == ("", 1)
 
 
+def test_without_a_way_home_it_says_so_and_stays(planner: MotionPlanner) -> None:
+    trial = Trial(planner)
+    trial.ask(FIRST)
+    trial.until(LookPhase.LOOK)
+    assert trial.read("failure") == ""
+    there = trial.q
+    trial.ask(replace(FIRST, box_edges=np.ones(3)))  # The box now holds the camera, too.
+    trial.touch(replace(NO_TOUCH, number=1))
+    trial.go_on(0.2)
+    assert "no way out" in trial.read("failure")
+    assert trial.phases == ["", LookPhase.MOVE, LookPhase.LOOK, ""]
+    trial.ask(FIRST)
+    trial.go_on(0.5)  # It does not try again.
+    assert "no way out" in trial.read("failure")
+    assert_array_equal(trial.q, there)
+    assert (trial.number("is_away"), trial.number("looked")) == (0, 1)
+
+
 def test_a_view_that_cannot_be_got_to_is_reported(planner: MotionPlanner) -> None:
     trial = Trial(planner)
     trial.ask(view(1, [2.0, 0.0, 0.5]))

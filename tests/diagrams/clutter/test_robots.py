@@ -6,11 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.analysis import Simulator
 
 from crossmodal.controllers.primitives.guarded_touch import TouchEnd, TouchPhase
 from crossmodal.controllers.primitives.look import LookPhase
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.clutter.estimators import load_model
+from crossmodal.diagrams.clutter.robot_config import GRIPPER
 from crossmodal.diagrams.clutter.station import robot_control
 from crossmodal.diagrams.run.application import Results
 from crossmodal.diagrams.run.episode import Episode
@@ -19,6 +22,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.systems.active.touch_planner import TouchPlanner
 from crossmodal.systems.port_values import PoseMeasurement, of_middle
 from crossmodal.systems.pose.target_model import nearest_distances
+from crossmodal.systems.sensors.finger_encoders import FingerEncodersConfig
 
 CHANGES = [
     "seed=3",
@@ -142,6 +146,24 @@ def test_the_planner_knows_what_all_contacts_have_in_common(ran: Ran) -> None:
     assert np.abs(ran.displaced[:, base]).max() > 2e-3
     # Joints' zeros displace contacts by the posture.
     assert np.abs(ran.displaced - of_touch).max() < 5e-3
+
+
+def test_the_mask_has_the_fingers_where_they_are_measured() -> None:
+    episode = Episode(*load_scenario("pose", CHANGES))
+    station, simulator = episode.station, Simulator(episode.diagram)
+    root = simulator.get_mutable_context()
+    station.initialise(root)
+    (plant,) = (one for one in station.diagram.GetSystems() if isinstance(one, MultibodyPlant))
+    context = plant.GetMyMutableContextFromRoot(root)
+    plant.SetPositions(context, plant.GetModelInstanceByName(GRIPPER), [0.02, 0.05])
+    simulator.Initialize()  # The sensors take their first samples.
+    mask = station.diagram.GetSubsystemByName("robot_mask")
+    posture = mask.GetSubsystemByName("posture").get_output_port()
+    believed = mask.GetSubsystemByName("camera").plant
+    fingers = believed.GetModelInstanceByName(GRIPPER)
+    q = posture.Eval(posture.get_system().GetMyContextFromRoot(root))
+    q = believed.GetPositionsFromArray(fingers, q)
+    np.testing.assert_allclose(q, [0.02, 0.05], atol=0.51 * FingerEncodersConfig().step)
 
 
 def test_the_truth_leaves_the_station_through_cheat_ports_only(ran: Ran) -> None:

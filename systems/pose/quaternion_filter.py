@@ -12,6 +12,9 @@ Source: "Active Visuo-Tactile Interactive Robotic Perception for Accurate Object
 Dense Clutter", section II-C. Its H is misprinted and its noise lacks the factor; both are derived
 here. The sum over all pairs of points is N times the sum over centred points, so that all pairs
 count at no cost.
+
+The Kalman filter's own covariance takes each pair for certain. Against a surface, whose nearest
+samples are the pairs, it is far too small; what is reported is derived in `_covariance`.
 """
 
 from dataclasses import dataclass
@@ -33,6 +36,9 @@ _SAMPLES = 64  # Of the Gaussian.
 class QuaternionFilterConfig:
     """How the filter is run.
 
+    The pose slides along the surface in many small steps, whose sum is much larger than each: it
+    has come to rest only where they are far below its errors.
+
     Attributes:
         starts: Rotations that are tried from the prior, besides its mean.
         coarse_points: Of each view, against which the starts are tried.
@@ -47,8 +53,8 @@ class QuaternionFilterConfig:
     coarse_points: int = 100
     fine_points: int = 1000
     iterations: int = 100
-    rotation_step: float = np.deg2rad(0.1)
-    translation_step: float = 1e-4
+    rotation_step: float = 1e-5
+    translation_step: float = 1e-6
     seed: int = 0
 
 
@@ -106,19 +112,10 @@ def quaternion_prior(R: Array, sigma: float) -> tuple[Array, Array]:
     return x, np.eye(4) * min(0.25 * sigma**2, 1.0)
 
 
-def rotation_covariance(x: Array, covariance: Array) -> Array:
-    """Covariance (3, 3) of the rotation in O, of a quaternion (4,) with covariance (4, 4)."""
-    w, v = x[0], x[1:]
-    # x exp(phi / 2): the change of x by phi in O, half of it.
-    skew = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-    G = np.concatenate([-v[None], w * np.eye(3) + skew])
-    return 4.0 * G.T @ covariance @ G
-
-
 @hot
-def correspondences(X: Array, s: Array, facing: Array, surface: Surface) -> Array:
-    """The surface's samples (N, 3), relative to the middle, that are nearest to points (N, 3)."""
-    found, p, f = np.empty((len(s), 3)), np.empty(3), np.empty(3)
+def correspondences(X: Array, s: Array, facing: Array, surface: Surface) -> Ids:
+    """The surface's samples (N,), by number, that are nearest to points (N, 3)."""
+    found, p, f = np.empty(len(s), np.int64), np.empty(3), np.empty(3)
     for n in range(len(s)):
         for j in range(3):
             p[j], f[j] = 0.0, 0.0
@@ -129,8 +126,7 @@ def correspondences(X: Array, s: Array, facing: Array, surface: Surface) -> Arra
         if k < 0:
             f[:] = 0.0
             k = nearest_of_eight(p, f, surface)
-        for j in range(3):
-            found[n, j] = surface.points[k, j]
+        found[n] = k
     return found
 
 
@@ -152,25 +148,24 @@ def _run(
     model: TargetModel,
     config: QuaternionFilterConfig,
     iterations: int,
-) -> tuple[Array, Array, Array, float]:
+) -> tuple[Array, float]:
     """Correspondences and filter in turns, each time from the same prior.
 
     Returns:
-        The pose of the middle (4, 4), quaternion (4,) and covariance (4, 4), and the mean squared
-        residual in variances.
+        The pose of the middle (4, 4) and the mean squared residual in variances.
     """
     weight = points.sigma**-2.0
     share = weight / weight.sum()
     rho = 2.0 * points.sigma**2  # Of a relative vector: of both its points.
     certain = weight.sum() / (weight.sum() + translation_sigma**-2.0)
-    x, posterior = x0, covariance
+    x = x0
     for _ in range(iterations):
-        o = correspondences(X, points.s, points.facing, model.surface)
+        o = model.surface.points[correspondences(X, points.s, points.facing, model.surface)]
         s_mean, o_mean = share @ points.s, share @ o
         H = measurement_matrices(points.s - s_mean, o - o_mean)
         if x0 @ x < 0.0:
             x = -x
-        x, posterior = update_quaternion(x0, covariance, H, rho, at=x)
+        x, _ = update_quaternion(x0, covariance, H, rho, at=x)
         R = Rotation.from_quat(np.roll(x, -1)).as_matrix()
         # The mean of the points with what was known of the position before.
         t = certain * (s_mean - R @ o_mean) + (1.0 - certain) * p_prior
@@ -180,9 +175,9 @@ def _run(
         X[:3, :3], X[:3, 3] = R, t
         if turned < config.rotation_step and moved < config.translation_step:
             break
-    o = correspondences(X, points.s, points.facing, model.surface)
+    o = model.surface.points[correspondences(X, points.s, points.facing, model.surface)]
     e = points.s - o @ X[:3, :3].T - X[:3, 3]
-    return X, x, posterior, float(np.mean(np.sum(e**2, axis=1) * weight))
+    return X, float(np.mean(np.sum(e**2, axis=1) * weight))
 
 
 def _chosen(evidence: Evidence, most: int, rng: np.random.Generator) -> _Points:
@@ -197,22 +192,46 @@ def _chosen(evidence: Evidence, most: int, rng: np.random.Generator) -> _Points:
     )
 
 
-def _of_calibration(X: Array, points: _Points, displaced: Array) -> Array:
-    """Covariance (6, 6) of the pose by errors of the calibration, as of rotation in O and middle.
+def _covariance(
+    X: Array, points: _Points, before: Array, displaced: Array, model: TargetModel
+) -> Array:
+    """Covariance (6, 6) of the pose at which the filter came to rest: rotation in O, middle in W.
 
-    A group of points that is displaced as a whole takes the pose along by its share of the weight.
+    Points may slide along the surface, as their pairs are found anew. So only what is along the
+    normals n tells the pose: a step (phi, tau) changes such a residual by -j' (phi, tau) with
+    j = (o x n, R n). A group's information is L = sum j j' / sigma^2. Groups displaced by V, as the
+    pose would be, displace the estimate by P sum L V, with P = (before^-1 + sum L)^-1.
+
+    Beside the normals a residual is where a sample happens to lie: noise that pulls as well.
 
     Args:
         X: Pose of the middle (4, 4).
         points: That were measured.
+        before: Covariance (6, 6) before them.
         displaced: (G, 6, m), of `Evidence`.
+        model: Of the object.
     """
-    weight = points.sigma**-2.0
-    shares = np.bincount(points.group, weight, len(displaced)) / weight.sum()
-    twist = np.einsum("g,gij->ij", shares, displaced)
-    at_middle = twist[3:] + np.cross(twist[:3], X[:3, 3], axisa=0, axisc=0)
-    B = np.concatenate([X[:3, :3].T @ twist[:3], at_middle])
-    return np.asarray(B @ B.T)
+    R, t = X[:3, :3], X[:3, 3]
+    nearest = correspondences(X, points.s, points.facing, model.surface)
+    o, normals = model.surface.points[nearest], model.surface.normals[nearest]
+    e = (points.s - t) @ R - o
+    beside = e - np.sum(e * normals, axis=1, keepdims=True) * normals
+    # How points that pull at the samples turn and move the pose.
+    J, K = (np.hstack([np.cross(o, pull), pull @ R.T]) for pull in (normals, beside))
+    J, K = J / points.sigma[:, None], K / points.sigma[:, None] ** 2
+    information, pulled = np.linalg.inv(before), np.zeros(displaced.shape[1:])
+    for group, twist in enumerate(displaced):
+        of_group = J[points.group == group]
+        L = of_group.T @ of_group
+        at_middle = twist[3:] + np.cross(twist[:3], t, axisa=0, axisc=0)
+        information += L
+        pulled += L @ np.concatenate([R.T @ twist[:3], at_middle])
+    P = np.linalg.inv(information)
+    B, noise = P @ pulled, P @ (K.T @ K) @ P
+    # What the surface does not tell stays where it was before, however much noise there is.
+    noise = before - before @ np.linalg.solve(before + noise, before)
+    covariance = P + noise + B @ B.T
+    return np.asarray(0.5 * (covariance + covariance.T))
 
 
 def filter_pose(
@@ -229,10 +248,8 @@ def filter_pose(
     sigma = min(prior.rotation_sigma, np.pi)
     X0 = of_middle(prior.X, model.middle)
     if len(evidence.points) == 0:
-        x, covariance = quaternion_prior(X0[:3, :3], sigma)
-        return _result(
-            X0, x, covariance, prior.translation_sigma**2, np.zeros((6, 6)), model, config
-        )
+        before = np.diag(np.repeat([sigma, prior.translation_sigma], 3) ** 2)
+        return _result(X0, before, model, config)
     few, many = (
         _chosen(evidence, most, rng) for most in (config.coarse_points, config.fine_points)
     )
@@ -240,7 +257,7 @@ def filter_pose(
     for X in start_poses(prior, model, config.starts, rng):
         x, covariance = quaternion_prior(X[:3, :3], sigma)
         arguments = x, covariance, X0[:3, 3], prior.translation_sigma
-        Y, _, _, residual = _run(X, *arguments, few, model, config, 15)
+        Y, residual = _run(X, *arguments, few, model, config, 15)
         turned = Rotation.from_matrix(X0[:3, :3].T @ Y[:3, :3]).magnitude()
         moved = np.linalg.norm(Y[:3, 3] - X0[:3, 3])
         cost = len(few.s) * residual + (moved / prior.translation_sigma) ** 2
@@ -249,38 +266,26 @@ def filter_pose(
             best, least = Y, cost
     x, covariance = quaternion_prior(best[:3, :3], sigma)
     arguments = x, covariance, X0[:3, 3], prior.translation_sigma
-    X, x, covariance, _ = _run(best, *arguments, many, model, config, config.iterations)
-    variance = 1.0 / (np.sum(many.sigma**-2.0) + prior.translation_sigma**-2.0)
-    common = _of_calibration(X, many, evidence.displaced)
-    return _result(X, x, covariance, variance, common, model, config)
+    X, _ = _run(best, *arguments, many, model, config, config.iterations)
+    # Points of the surface are known, and the middle is no farther from them than the radius.
+    sigmas = np.array([sigma, min(prior.translation_sigma, model.radius)])
+    before = np.diag(np.repeat(sigmas, 3) ** 2)
+    return _result(X, _covariance(X, many, before, evidence.displaced, model), model, config)
 
 
 def _result(
-    X: Array,
-    x: Array,
-    covariance: Array,
-    variance: float,
-    common: Array,
-    model: TargetModel,
-    config: QuaternionFilterConfig,
+    X: Array, covariance: Array, model: TargetModel, config: QuaternionFilterConfig
 ) -> ObjectPose:
-    """The belief of X_WM (4, 4), a quaternion (4,), its covariance and the translation's variance.
-
-    What errors of the calibration add to the pose's covariance is `common` (6, 6). The samples are
-    drawn from its Gaussian.
-    """
-    of_pose = common.copy()
-    of_pose[:3, :3] += rotation_covariance(x, covariance)
-    of_pose[3:, 3:] += variance * np.eye(3)
+    """The belief of X_WM (4, 4) with a covariance (6, 6), and samples drawn from its Gaussian."""
     rng = np.random.default_rng(config.seed)
-    errors = rng.multivariate_normal(np.zeros(6), of_pose, _SAMPLES)
+    errors = rng.multivariate_normal(np.zeros(6), covariance, _SAMPLES)
     samples = np.tile(X, (_SAMPLES, 1, 1))
     samples[:, :3, :3] = X[:3, :3] @ Rotation.from_rotvec(errors[:, :3]).as_matrix()
     samples[:, :3, 3] += errors[:, 3:]
     return ObjectPose(
         X=X,
-        covariance=of_pose,
-        joint=of_pose,
+        covariance=covariance,
+        joint=covariance,
         samples=samples,
         calibration=np.zeros((_SAMPLES, 0)),
         modes=X[None],

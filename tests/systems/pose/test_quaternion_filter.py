@@ -6,6 +6,7 @@ import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
+from crossmodal.maths import se3
 from crossmodal.systems.port_values import PosePrior
 from crossmodal.systems.port_values.pose import deviations
 from crossmodal.systems.pose.evidence import Evidence
@@ -15,14 +16,22 @@ from crossmodal.systems.pose.quaternion_filter import (
     measurement_matrices,
     measurement_noise,
     quaternion_prior,
-    rotation_covariance,
     update_quaternion,
 )
-from crossmodal.systems.pose.target_model import make_target
+from crossmodal.systems.pose.target_model import TargetModel, make_target
 
 
 def quaternion(R: np.ndarray) -> np.ndarray:
     return np.roll(Rotation.from_matrix(R).as_quat(), 1)
+
+
+def rotation_covariance(x: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Covariance (3, 3) of the rotation in O, of a quaternion (4,) with covariance (4, 4)."""
+    w, v = x[0], x[1:]
+    # x exp(phi / 2): the change of x by phi in O, half of it.
+    skew = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    G = np.concatenate([-v[None], w * np.eye(3) + skew])
+    return 4.0 * G.T @ covariance @ G
 
 
 def test_exact_points_measure_zero() -> None:
@@ -124,3 +133,70 @@ def test_a_pose_is_found_from_points_alone(points: int) -> None:
     assert_allclose(np.mean(whitened**2), 1.0, atol=0.3)
     assert_array_equal(found.modes, found.X[None])
     assert_array_equal(found.middle, model.middle)
+
+
+@pytest.fixture(scope="module")
+def box() -> TargetModel:
+    mesh = trimesh.creation.box(extents=[0.06, 0.1, 0.2])
+    return make_target(mesh.vertices, mesh.faces)
+
+
+def seen_from(direction: np.ndarray, X_WC: np.ndarray, rng: np.random.Generator) -> tuple:
+    """Places (N, 3) on the sides of the box at X_WC that face a direction in W, and the normals."""
+    mesh = trimesh.creation.box(extents=[0.06, 0.1, 0.2])
+    p, faces = trimesh.sample.sample_surface(mesh, 1200, seed=rng)
+    p, n = np.asarray(p) @ X_WC[:3, :3].T + X_WC[:3, 3], mesh.face_normals[faces] @ X_WC[:3, :3].T
+    return p[n @ direction > 0.0], n[n @ direction > 0.0]
+
+
+def start(X: np.ndarray, rng: np.random.Generator) -> PosePrior:
+    """A pose near X (4, 4), as wrong as it says."""
+    wrong = X.copy()
+    wrong[:3, :3] = X[:3, :3] @ Rotation.from_rotvec(0.1 * rng.normal(size=3)).as_matrix()
+    wrong[:3, 3] += 0.01 * rng.normal(size=3)
+    return PosePrior(X=wrong, rotation_sigma=0.1, translation_sigma=0.01)
+
+
+DIRECTIONS = np.array([[1.0, 1.0, 0.5], [-1.0, 0.5, -0.5], [0.5, -1.0, 0.5]])
+
+
+@pytest.mark.parametrize("views", [1, 3])
+def test_it_is_as_wrong_as_it_says_with_a_surface(box: TargetModel, views: int) -> None:
+    distances, sigma = [], 7e-4
+    for trial in range(25):
+        rng = np.random.default_rng(trial)
+        X = np.eye(4)
+        X[:3, :3] = Rotation.from_rotvec([0.2, -0.3, 0.4]).as_matrix()
+        X[:3, 3] = [0.5, 0.1, 0.2]
+        evidence = Evidence()
+        # Each view is turned and moved by errors of its own.
+        for number, errors in enumerate(rng.normal(size=(views, 6))):
+            p, n = seen_from(DIRECTIONS[number], X, rng)
+            A = np.zeros((6, 6 * views))
+            A[:, 6 * number : 6 * number + 6] = np.diag(np.repeat([2e-3, 2e-3], 3))
+            E = se3.exp(A[:, 6 * number : 6 * number + 6] @ errors)
+            p = (p + sigma * rng.normal(size=p.shape)) @ E[:3, :3].T + E[:3, 3]
+            evidence = evidence.with_group(A, p, sigma, n)
+        config = QuaternionFilterConfig(starts=4)
+        distances.append(filter_pose(evidence, start(X, rng), box, config).distance(X))
+    assert 4.0 < np.mean(distances) < 8.5
+    assert np.mean(np.array(distances) < 12.6) >= 0.84
+
+
+def test_groups_displaced_against_each_other_turn_it_as_it_says(box: TargetModel) -> None:
+    X, side = np.eye(4), np.array([1.0, 0.0, 0.0])
+    p, n = seen_from(np.array([1.0, 1.0, 0.5]), X, np.random.default_rng(6))
+    prior = PosePrior(X=X, rotation_sigma=0.2, translation_sigma=0.05)
+    found = []
+    for displaced in (0.0, 1.5e-3):
+        evidence = Evidence()
+        for half, sign in ((p[:, 2] > 0.0, 1.0), (p[:, 2] <= 0.0, -1.0)):
+            v = sign * displaced * side
+            A = np.concatenate([np.zeros(3), v])[:, None]
+            evidence = evidence.with_group(A, p[half] + v, 7e-4, n[half])
+        found.append(filter_pose(evidence, prior, box, QuaternionFilterConfig(starts=0)))
+    still, moved = found
+    turned = deviations(still.X, moved.X[None])[0, 1]
+    variance = moved.covariance[1, 1] - still.covariance[1, 1]
+    assert turned > np.deg2rad(0.5)
+    assert_allclose(np.sqrt(variance), turned, rtol=0.15)

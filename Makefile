@@ -70,6 +70,7 @@ bench: $(INSTALLED)
 	$(BIN)/python -m benchmarks.joint_robustness --plain
 	$(BIN)/python -m benchmarks.real_tracks
 	$(BIN)/python -m benchmarks.many_bodies
+	$(BIN)/python -m benchmarks.pose_planners
 
 evaluate: $(INSTALLED)
 	$(BIN)/crossmodal evaluate all --seeds $(SEEDS) --jobs $(JOBS) $(ARGS)

@@ -149,7 +149,7 @@ def run_episodes(
 
     from crossmodal.systems.compile_ahead import compile_ahead
 
-    compile_ahead()  # Once, and not in each of the episodes' processes.
+    compile_ahead(application.name)  # Once, and not in each of the episodes' processes.
     folder = folder.resolve()
     on_cluster = workers.backend == "ray"
     run_one = run_on_cluster if on_cluster else process.run_apart

@@ -325,5 +325,5 @@ def run_episode(
         progress: Called with the simulated time [s], about once per tick.
         sensors_file: Where to keep the sensor streams, so that they can be replayed.
     """
-    compile_ahead()
+    compile_ahead(application.name)
     return Episode(application, scenario, meshcat, sensors_file).Run(progress)

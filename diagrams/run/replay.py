@@ -73,7 +73,7 @@ def replay(
         ScenarioError: if the recording is damaged, lacks a stream that an estimator needs, or was
             made with another scenario.
     """
-    compile_ahead()
+    compile_ahead(application.name)
     with building(scenario.name):
         calibration = application.make_calibration(scenario)
     if estimators is None:

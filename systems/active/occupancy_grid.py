@@ -58,6 +58,20 @@ def _enter(p: Array, d: Array, grid: OccupancyGrid) -> tuple[float, float]:
 
 
 @hot
+def _first_cell(
+    p: Array, d: Array, first: float, grid: OccupancyGrid, axis: int
+) -> tuple[int, int, float, float]:
+    """Along an axis: the ray's first cell, its step, and where and how often it meets a border."""
+    at = (p[axis] + (first + 1e-9) * d[axis] - grid.corner[axis]) / grid.cell
+    index = min(max(int(np.floor(at)), 0), grid.log_odds.shape[axis] - 1)
+    step = 1 if d[axis] > 0.0 else -1
+    if abs(d[axis]) <= 1e-12:
+        return index, step, np.inf, np.inf
+    edge = grid.corner[axis] + grid.cell * (index + (1 if d[axis] > 0.0 else 0))
+    return index, step, (edge - p[axis]) / d[axis], grid.cell / abs(d[axis])
+
+
+@hot
 def cells_along(p: Array, d: Array, reach: float, grid: OccupancyGrid, cells: Array) -> int:
     """Writes the cells (M, 3) that a ray passes into `cells`, in order; their number.
 
@@ -72,32 +86,28 @@ def cells_along(p: Array, d: Array, reach: float, grid: OccupancyGrid, cells: Ar
     last = min(last, reach)
     if first >= last:
         return 0
-    index, step = np.empty(3, np.int64), np.empty(3, np.int64)
-    border, apart = np.full(3, np.inf), np.full(3, np.inf)
-    for axis in range(3):
-        at = (p[axis] + (first + 1e-9) * d[axis] - grid.corner[axis]) / grid.cell
-        index[axis] = min(max(int(np.floor(at)), 0), grid.log_odds.shape[axis] - 1)
-        step[axis] = 1 if d[axis] > 0.0 else -1
-        if abs(d[axis]) > 1e-12:
-            edge = grid.corner[axis] + grid.cell * (index[axis] + (1 if d[axis] > 0.0 else 0))
-            border[axis] = (edge - p[axis]) / d[axis]
-            apart[axis] = grid.cell / abs(d[axis])
+    i, step_i, border_i, apart_i = _first_cell(p, d, first, grid, 0)
+    j, step_j, border_j, apart_j = _first_cell(p, d, first, grid, 1)
+    k, step_k, border_k, apart_k = _first_cell(p, d, first, grid, 2)
+    along_i, along_j, along_k = grid.log_odds.shape
     count = 0
     while True:
-        for axis in range(3):
-            cells[count, axis] = index[axis]
+        cells[count, 0], cells[count, 1], cells[count, 2] = i, j, k
         count += 1
-        axis = 0
-        if border[1] < border[axis]:
-            axis = 1
-        if border[2] < border[axis]:
-            axis = 2
-        if border[axis] >= last:
+        if min(border_i, border_j, border_k) >= last:
             return count
-        index[axis] += step[axis]
-        if index[axis] < 0 or index[axis] >= grid.log_odds.shape[axis]:
-            return count
-        border[axis] += apart[axis]
+        if border_i <= border_j and border_i <= border_k:
+            i, border_i = i + step_i, border_i + apart_i
+            if i < 0 or i >= along_i:
+                return count
+        elif border_j <= border_k:
+            j, border_j = j + step_j, border_j + apart_j
+            if j < 0 or j >= along_j:
+                return count
+        else:
+            k, border_k = k + step_k, border_k + apart_k
+            if k < 0 or k >= along_k:
+                return count
 
 
 @hot
@@ -171,7 +181,11 @@ def _gains(X_WC: Array, rays: Array, reach: float, grid: OccupancyGrid, H: Array
     odds = grid.log_odds
     size = odds.shape[0] + odds.shape[1] + odds.shape[2] + 3
     cells = np.empty((size, 3), np.int64)
-    seen = np.zeros(odds.shape)
+    seen, free = np.zeros(odds.shape), np.empty(odds.shape)
+    for i in range(odds.shape[0]):
+        for j in range(odds.shape[1]):
+            for k in range(odds.shape[2]):
+                free[i, j, k] = 1.0 / (1.0 + np.exp(odds[i, j, k]))
     gains = np.zeros(len(X_WC))
     d = np.empty(3)
     for view in range(len(X_WC)):
@@ -189,7 +203,7 @@ def _gains(X_WC: Array, rays: Array, reach: float, grid: OccupancyGrid, H: Array
                 if clear > seen[i, j, k]:
                     gains[view] += (clear - seen[i, j, k]) * H[i, j, k]
                     seen[i, j, k] = clear
-                clear *= 1.0 / (1.0 + np.exp(odds[i, j, k]))
+                clear *= free[i, j, k]
                 if clear < 0.02:
                     break
     return gains

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.maths.compiled import hot
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import number
 from crossmodal.systems.port_values import ObjectPose
@@ -95,10 +96,11 @@ def believed_box(belief: ObjectPose, hull: Array) -> tuple[Array, Array]:
         hull: Corners of the object's convex hull (H, 3), about its middle, [m].
     """
     R, t = belief.X[:3, :3], belief.X[:3, 3]
-    at_W = hull @ np.swapaxes(belief.samples[:, :3, :3], 1, 2) + belief.samples[:, None, :3, 3]
-    corners = ((at_W - t) @ R).reshape(-1, 3)
-    corners = np.vstack([corners, hull])
-    return corners.min(axis=0), corners.max(axis=0)
+    X = np.concatenate([belief.samples, belief.X[None]])
+    turned = ((R.T @ X[:, :3, :3]).reshape(-1, 3) @ hull.T).reshape(len(X), 3, -1)
+    shift = (X[:, :3, 3] - t) @ R
+    low, high = turned.min(axis=2) + shift, turned.max(axis=2) + shift
+    return low.min(axis=0), high.max(axis=0)
 
 
 def candidate_rays(
@@ -138,9 +140,8 @@ def candidate_rays(
     areas = np.where(upwards > -0.7, areas, 0.0)
     faces = rng.choice(6, count, p=areas / areas.sum())
     aims = low + rng.uniform(size=(count, 3)) * size
-    for n, face in enumerate(faces):
-        axis, sign = axes[face]
-        aims[n, axis] = highest[axis] if sign > 0.0 else lowest[axis]
+    # A face's number is twice its axis, and one more where the normal is along it.
+    aims[np.arange(count), faces // 2] = np.column_stack([lowest, highest]).ravel()[faces]
     aims = aims @ X[:3, :3].T + X[:3, 3]
     directions = -normals[faces] @ X[:3, :3].T
     angle = np.deg2rad(config.tilt) * rng.uniform(size=(len(aims), 1)) if config.tilt else 0.0
@@ -194,15 +195,11 @@ def predict_touches(
         # What the finger meets first is where it is stopped.
         first = cast.reshape(rays, points).argmin(axis=1) + points * np.arange(rays)
         distances[k], samples, p, d = cast[first], found[first], p[first], d[first]
-        met = samples >= 0
-        n = model.surface.normals[samples[met]]
-        at = p[met] + distances[k, met, None] * d[met]
-        rows[k, met, :3] = -np.cross(at, n)
-        n_W = n @ R.T
-        rows[k, met, 3:6] = -n_W
-        twist = np.concatenate([np.cross(at @ R.T + t, n_W), n_W], axis=1)
-        rows[k, met, 6:] = twist @ displaced
-        incidence[k, met] = -np.einsum("ri,ri->r", d[met], n)
+        twists = np.zeros((rays, 6))
+        _differentiate(
+            p, d, distances[k], model.surface.normals, samples, X[k], rows[k], twists, incidence[k]
+        )
+        rows[k, :, 6:] = twists @ displaced
     return TouchPredictions(
         starts=starts,
         directions=directions,
@@ -212,6 +209,52 @@ def predict_touches(
         poses=X,
         covariance=belief.joint,
     )
+
+
+@hot
+def _differentiate(
+    p: Array,
+    d: Array,
+    distances: Array,
+    normals: Array,
+    samples: Ids,
+    X: Array,
+    rows: Array,
+    twists: Array,
+    incidence: Array,
+) -> None:
+    """Writes how the distances (R,) of contacts at p + distance d change, and their incidence.
+
+    Args:
+        p: Starts (R, 3), about the object's middle.
+        d: Unit vectors (R, 3) in O.
+        distances: To the contacts, [m].
+        normals: Of the object's samples, in O.
+        samples: That are met (R,), -1 for a miss, of which nothing is written.
+        X: X_WM (4, 4).
+        rows: With the pose (R, 6 + m), of which the first six are written.
+        twists: With a displacement by a twist (R, 6) in W about Wo.
+        incidence: Cosines (R,).
+    """
+    at, n_W, at_W = np.empty(3), np.empty(3), np.empty(3)
+    for r in range(len(p)):
+        if samples[r] < 0:
+            continue
+        n = normals[samples[r]]
+        for i in range(3):
+            at[i] = p[r, i] + distances[r] * d[r, i]
+            incidence[r] -= d[r, i] * n[i]
+        for i in range(3):
+            n_W[i], at_W[i] = 0.0, X[i, 3]
+            for j in range(3):
+                n_W[i] += X[i, j] * n[j]
+                at_W[i] += X[i, j] * at[j]
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            rows[r, i] = at[k] * n[j] - at[j] * n[k]
+            rows[r, 3 + i] = -n_W[i]
+            twists[r, i] = at_W[j] * n_W[k] - at_W[k] * n_W[j]
+            twists[r, 3 + i] = n_W[i]
 
 
 def across(directions: Array, face: Array) -> Array:
@@ -264,8 +307,7 @@ def expected_adi(
     nor does what all contacts have in common once it is known.
     """
     gain, variance = _innovations(predicted, sigma)
-    taken = gain[..., :, None] * gain[..., None, :] / variance[..., None, None]
-    falls = expected_squared_distance(taken, predicted.poses[:, None], model)
+    falls = np.sum(gain @ _spread(predicted.poses, model) * gain, axis=2) / variance
     return np.asarray(falls.mean(axis=0))
 
 
@@ -280,20 +322,26 @@ def expected_squared_distance(covariance: Array, pose: Array, model: TargetModel
         pose: X_WM (..., 4, 4).
         model: Of the object.
     """
+    return np.asarray(np.sum(_spread(pose, model) * covariance, axis=(-2, -1)))
+
+
+def _spread(pose: Array, model: TargetModel) -> Array:
+    """M (..., 6, 6) of `expected_squared_distance`."""
     p, n = model.surface.points, model.surface.normals
     J = np.concatenate([-np.cross(p, n), -n], axis=1)
     to_world = np.zeros((*pose.shape[:-2], 6, 6))
     to_world[..., :3, :3] = np.eye(3)
     to_world[..., 3:, 3:] = pose[..., :3, :3]
-    M = to_world @ (J.T @ J / len(J)) @ np.swapaxes(to_world, -1, -2)
-    return np.asarray(np.sum(M * covariance, axis=(-2, -1)))
+    return np.asarray(to_world @ (J.T @ J / len(J)) @ np.swapaxes(to_world, -1, -2))
 
 
 def _innovations(predicted: TouchPredictions, sigma: float) -> tuple[Array, Array]:
     """Covariances (K, R, 6) of contacts' distances with the pose, and their variances (K, R)."""
-    jC = predicted.rows @ predicted.covariance
-    variance = sigma**2 + np.einsum("kri,kri->kr", jC, predicted.rows)
-    return jC[..., :6], variance
+    rows = predicted.rows.reshape(-1, predicted.rows.shape[2])  # For one product in place of K.
+    jC = rows @ predicted.covariance
+    variance = sigma**2 + np.einsum("ni,ni->n", jC, rows)
+    shape = predicted.distances.shape
+    return jC[:, :6].reshape(*shape, 6), variance.reshape(shape)
 
 
 def rotation_divergence(

@@ -1,9 +1,11 @@
-"""Writes `systems/compiled_ahead.yaml` anew: what Python calls in all recordings and two episodes.
+"""Writes `systems/compiled_ahead.yaml` anew: what Python calls in recordings and short episodes.
 
 python -m tests.systems.write_compiled_ahead
 """
 
+import multiprocessing
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
@@ -16,6 +18,25 @@ from crossmodal.diagrams.run.episode import run_episode
 from crossmodal.systems.compile_ahead import LIST
 from tests.recordings.outputs import RECORDINGS, perceive
 
+# By application: scenarios, and what makes their episodes short.
+EPISODES = {
+    "crossmodal": {"drawer": ["duration=1"]},
+    "flap": {"flap": ["duration=10"]},
+    "clutter": {
+        "pose-estimation": ["touches.chosen_touches=1"],
+        "touches": ["touches.random_touches=1", "touches.chosen_touches=1"],
+        "pose": [
+            "views.count=1",
+            "touches.chosen_touches=1",
+            *(
+                f"control.{task}.transit.{change}"
+                for task in ("look", "touch")
+                for change in ("speed=0.4", "joint_speed=1")
+            ),
+        ],
+    },
+}
+HEADER = "# Written by `python -m tests.systems.write_compiled_ahead`; see compile_ahead.py.\n"
 Call = tuple[str, tuple[types.Type, ...]]
 
 
@@ -39,7 +60,7 @@ def noted_calls() -> Iterator[set[Call]]:
 
 
 def document(calls: set[Call]) -> dict[str, Any]:
-    """The calls as `compile_ahead` reads them."""
+    """The calls of one application as `compile_ahead` reads them."""
     named_tuples: dict[str, str] = {}
     functions: dict[str, list[str]] = {}
     for name, kinds in sorted(calls, key=str):
@@ -63,13 +84,27 @@ def _written(kinds: tuple[Any, ...], named_tuples: dict[str, str]) -> str:
     return ", ".join(written)
 
 
-def main() -> None:
+def functions_of(application: str) -> dict[str, Any]:
+    """What an application calls; in a process of its own, since a first call is noted once."""
     with noted_calls() as calls:
-        for folder in RECORDINGS:
-            perceive(folder)
-        for name, duration in (("drawer", 1.0), ("flap", 10.0)):
-            run_episode(*load_scenario(name, [f"duration={duration}"]))
-    LIST.write_text(yaml.safe_dump(document(calls), sort_keys=False, width=100))
+        if application == "crossmodal":
+            for folder in RECORDINGS:
+                perceive(folder)
+        for name, changes in EPISODES[application].items():
+            run_episode(*load_scenario(name, changes))
+    return document(calls)
+
+
+def main() -> None:
+    # Functions of the old list may be gone.
+    LIST.write_text(yaml.safe_dump({"named_tuples": {}, "functions": {}}))
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(mp_context=spawn, max_tasks_per_child=1) as pool:
+        found = dict(zip(EPISODES, pool.map(functions_of, EPISODES), strict=True))
+    named_tuples = {k: v for one in found.values() for k, v in one["named_tuples"].items()}
+    functions = {application: one["functions"] for application, one in found.items()}
+    whole = {"named_tuples": named_tuples, "functions": functions}
+    LIST.write_text(HEADER + yaml.safe_dump(whole, sort_keys=False, width=100))
 
 
 if __name__ == "__main__":

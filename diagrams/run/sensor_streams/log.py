@@ -36,6 +36,7 @@ from crossmodal.diagrams.run.sensor_streams.codecs import (
     nanoseconds,
 )
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
+from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.port_values import StampedImage
 
 _METADATA = "episode"
@@ -188,6 +189,8 @@ class SensorLog:
 
     def __init__(self, path: Path, known: list[Stream]) -> None:
         self._path = path
+        # The instant [ns] that was read last, and all values then.
+        self._read_until, self._values = -1, dict[str, Any]()
         with self._damage_told("cannot be read"):
             self._reader = make_reader(
                 path.open("rb"), validate_crcs=True, decoder_factories=[DecoderFactory()]
@@ -244,6 +247,7 @@ class SensorLog:
         """
         now = nanoseconds(time)
         start = max(0, nanoseconds(time - period) + 1)
+        follows = self._values and start <= self._read_until + 1 <= now + 1
         found: dict[str, list[Stamped]] = {
             topic: [] for stream in self.streams for topic, _ in stream.parts
         }
@@ -253,6 +257,10 @@ class SensorLog:
         values = {}
         for stream in self.streams:
             messages = found[stream.topic]
+            nothing_new = not any(found[topic] for topic, _ in stream.parts)
+            if follows and nothing_new and not stream.codec.is_window:
+                values[stream.port] = self._values[stream.port]
+                continue
             if not messages and not stream.codec.is_window:
                 messages = self._last(stream.topic, now)
             if not messages and not stream.codec.is_window:
@@ -269,6 +277,7 @@ class SensorLog:
                 camera = stream.camera
                 X_WC, covariance = camera.X_PC.GetAsMatrix4(), camera.pose_covariance
                 values[stream.port] = replace(values[stream.port], X_WC=X_WC, covariance=covariance)
+        self._read_until, self._values = now, values
         return values
 
     def _last(self, topic: str, now: int) -> list[Stamped]:
@@ -288,6 +297,9 @@ def _placed(image: StampedImage, messages: list[Stamped]) -> StampedImage:
 class SensorRecorder(LeafSystem):
     """Writes what flows through its ports at every tick into a file of sensor streams.
 
+    A port's value that is the very object of the last tick, and is never written again, is not
+    repeated: it is read as the last one. So a large measurement that comes seldom is kept once.
+
     The file lies outside the Context, so one recorder serves one simulation.
 
     Input ports:
@@ -306,11 +318,16 @@ class SensorRecorder(LeafSystem):
         super().__init__()
         self.log = SensorLogWriter(path, scenario)
         self._streams = [(one, declare_input(self, one.port, one.model)) for one in streams]
+        self._last: dict[str, Any] = {}
         self.DeclarePeriodicPublishEvent(period, 0.0, self._write)
 
     def _write(self, context: Context) -> None:
         for stream, port in self._streams:
-            self.log.write(stream, port.Eval(context), context.get_time())
+            value = port.Eval(context)
+            if isinstance(value, Immutable) and value is self._last.get(stream.port):
+                continue
+            self._last[stream.port] = value
+            self.log.write(stream, value, context.get_time())
 
 
 class SensorReplay(LeafSystem):

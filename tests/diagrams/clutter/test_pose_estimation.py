@@ -17,8 +17,9 @@ from crossmodal.diagrams.command_line import app
 from crossmodal.diagrams.run.application import Results
 from crossmodal.diagrams.run.episode import run_episode
 from crossmodal.diagrams.run.folder.fingerprint import contents
-from crossmodal.diagrams.run.folder.run_folder import SUMMARY_FILE, write_run
+from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE, SUMMARY_FILE, write_run
 from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.run.replay import replay
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.maths import se3
 
@@ -46,6 +47,22 @@ def test_a_view_and_touches_find_the_object(seen: tuple[EpisodeRecord, Results])
     assert adi[0] > 8e-3
     assert adi[-1] < 4e-3
     assert set(results.summary["modalities"]) == {"density", "quaternion"}
+
+
+def test_a_replay_believes_what_the_episode_believed(tmp_path: Path) -> None:
+    """A recording holds each measurement once, however long it lasts."""
+    changes = ["modalities=[density]", "touches.random_touches=1", "touches.chosen_touches=1"]
+    application, scenario = load_scenario("touches", changes)
+    sensors = tmp_path / SENSORS_FILE
+    ran = run_episode(application, scenario, sensors_file=sensors)
+    assert sensors.stat().st_size < 1e6
+    again = replay(application, tmp_path, scenario)
+    for before, after in zip(
+        ran.estimators["density"].ticks, again.estimators["density"].ticks, strict=True
+    ):
+        was, is_ = (one.values["object_pose_latest"] for one in (before, after))
+        assert (was.known, was.number) == (is_.known, is_.number)
+        np.testing.assert_array_equal(was.X, is_.X)
 
 
 def test_a_run_leaves_its_stages(seen: tuple[EpisodeRecord, Results], tmp_path: Path) -> None:

@@ -4,8 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from numpy.testing import assert_allclose, assert_array_equal
+from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from crossmodal.diagrams.crossmodal.episode_parts import TOPICS
@@ -14,6 +18,7 @@ from crossmodal.diagrams.run.record import TaskStatus
 from crossmodal.diagrams.run.sensor_streams.log import (
     SensorLog,
     SensorLogWriter,
+    SensorRecorder,
     Stream,
     make_streams,
 )
@@ -101,10 +106,46 @@ def test_every_port_is_read_as_it_was_written_in_any_order(log: SensorLog, tick:
         assert_same(port, value, measured(port, tick))
 
 
-def test_what_did_not_come_keeps_its_last_value(log: SensorLog) -> None:
+@pytest.mark.parametrize("before", [1, 0, 3])
+def test_what_did_not_come_keeps_its_last_value(log: SensorLog, before: int) -> None:
+    """Also after another instant was read than the last one."""
+    log.read(before * PERIOD, PERIOD)
     values = log.read(2 * PERIOD, PERIOD)
     for port, value in values.items():
         assert_same(port, value, measured(port, 2 if port in WINDOWS else 1))
+
+
+class Status(LeafSystem):
+    """Gives one status as long as it lasts."""
+
+    def __init__(self, period: float) -> None:
+        super().__init__()
+        self._statuses = [TaskStatus(phase=name) for name in ("look", "touch")]
+        self.DeclareAbstractOutputPort(
+            "task_status",
+            lambda: AbstractValue.Make(TaskStatus()),
+            lambda context, output: output.set_value(
+                self._statuses[int(context.get_time() / period + 1e-6) // 3]
+            ),
+        )
+
+
+def test_a_value_that_lasts_is_written_once(tmp_path: Path) -> None:
+    path, builder = tmp_path / "sensors.mcap", DiagramBuilder()
+    (stream,) = make_streams({"task_status": TaskStatus()}, {})
+    recorder = builder.AddSystem(SensorRecorder(path, [stream], PERIOD))
+    builder.Connect(builder.AddSystem(Status(PERIOD)).get_output_port(), recorder.get_input_port())
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(5 * PERIOD + 1e-3)
+    recorder.log.close()
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == 2
+    read = SensorLog(path, [stream])
+    phases = [read.read(tick * PERIOD, PERIOD)["task_status"].phase for tick in range(6)]
+    assert phases == ["look"] * 3 + ["touch"] * 3
 
 
 def placed(tick: int) -> StampedImage:

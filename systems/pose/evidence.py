@@ -23,12 +23,14 @@ class Table(Immutable):
         height_sigma: [m].
         tilt_sigma: Standard deviation by which the object leans, [rad]; infinite where it may lean
             on others.
+        leaning: Probability that it does not stand on the table as it should.
     """
 
     up: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     height: float = 0.0
     height_sigma: float = 2e-3
     tilt_sigma: float = np.deg2rad(0.5)
+    leaning: float = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)

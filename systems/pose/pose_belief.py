@@ -14,7 +14,7 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array, Ids, Mask
 from crossmodal.maths.compiled import hot
 from crossmodal.systems.port_values import ObjectPose, PosePrior, deviations, of_middle
-from crossmodal.systems.pose.evidence import Evidence
+from crossmodal.systems.pose.evidence import Evidence, Table
 from crossmodal.systems.pose.pose_solver import Problem, refine, walk
 from crossmodal.systems.pose.target_model import Surface, TargetModel, surface_distance
 
@@ -95,13 +95,34 @@ def start_poses(
     return X
 
 
+def stood(X: Array, table: Table, model: TargetModel) -> Array:
+    """Poses (K, 4, 4) turned the shortest way to a stable stand, at the table's height."""
+    Y = X.copy()
+    u = np.einsum("kji,j->ki", X[:, :3, :3], table.up)
+    stable = model.stable[np.argmax(u @ model.stable.T, axis=1)]
+    axis = np.cross(stable, u)
+    sine = np.linalg.norm(axis, axis=1, keepdims=True)
+    angle = np.arctan2(sine, np.sum(u * stable, axis=1, keepdims=True))
+    turn = Rotation.from_rotvec(axis * angle / np.maximum(sine, 1e-12))
+    Y[:, :3, :3] = X[:, :3, :3] @ turn.as_matrix()
+    lowest = np.min(Y[:, :3, :3].transpose(0, 2, 1) @ table.up @ model.hull.T, axis=1)
+    Y[:, :3, 3] += np.outer(table.height - lowest - X[:, :3, 3] @ table.up, table.up)
+    return Y
+
+
+def acting(evidence: Evidence) -> Mask:
+    """Which errors of the calibration (m,) displace anything that was measured."""
+    return np.asarray(evidence.displaced.any(axis=(0, 1)))
+
+
 def problem_of(
     evidence: Evidence, prior: PosePrior, model: TargetModel, most: int, rng: np.random.Generator
 ) -> Problem:
     """What the density depends on, with at most so many points of each group."""
     table, stands = evidence.table, np.zeros(0)
     if table is not None:
-        stands = np.array([*table.up, table.height, table.height_sigma, table.tilt_sigma])
+        sigmas = table.height_sigma, table.tilt_sigma
+        stands = np.array([*table.up, table.height, *sigmas, table.leaning])
     rows = _thinned(evidence, most, rng)
     return Problem(
         X_prior=of_middle(prior.X, model.middle),
@@ -112,7 +133,7 @@ def problem_of(
         group=evidence.group[rows],
         free=evidence.free,
         free_group=evidence.free_group,
-        A=np.ascontiguousarray(evidence.displaced),
+        A=np.ascontiguousarray(evidence.displaced[:, :, acting(evidence)]),
         table=stands,
         surface=model.surface,
         hull=model.hull,
@@ -137,13 +158,16 @@ def infer_pose(
     coarse = problem_of(evidence, prior, model, config.coarse_points, rng)
     fine = problem_of(evidence, prior, model, config.fine_points, rng)
     X = start_poses(prior, model, config.starts, rng, coarse.s)
-    c = np.zeros((len(X), evidence.displaced.shape[2]))
+    if evidence.table is not None:
+        X[2::2] = stood(X[2::2], evidence.table, model)
+    c = np.zeros((len(X), coarse.A.shape[2]))
     costs, _ = refine(X, c, COARSE, coarse)
     size = len(fine.s) + _STEPS_ALONG * len(fine.free) + 1
     refined = max(config.budget // size, 4)
     best = np.argsort(costs, kind="stable")[:refined]
     X, c = X[best], c[best]
     costs, P = refine(X, c, FINE, fine)
+    roots = np.asarray(np.linalg.cholesky(P), dtype=float)
     P[:, :3, :3] += np.pi**2 / 3.0 * model.spins  # Any angle is as likely.
     # Laplace's approximation: a mode weighs by its height and by how wide it is.
     logs = -0.5 * costs + 0.5 * np.linalg.slogdet(P)[1]
@@ -156,16 +180,14 @@ def infer_pose(
     probabilities /= probabilities.sum()
     chosen = rng.choice(len(kept), config.samples, p=probabilities)
     samples, calibration = X[chosen], c[chosen]
-    roots = np.asarray(np.linalg.cholesky(P[chosen]), dtype=float)
-    first = np.einsum("sij,sj->si", roots, rng.normal(size=roots.shape[:2]))
+    first = np.einsum("sij,sj->si", roots[kept[chosen]], rng.normal(size=(len(chosen), P.shape[1])))
     samples[:, :3, :3] = samples[:, :3, :3] @ Rotation.from_rotvec(first[:, :3]).as_matrix()
     samples[:, :3, 3] += first[:, 3:6]
     calibration += first[:, 6:]
     length = min(config.steps, 10 * config.budget // (size * config.samples))
     steps = rng.normal(size=(config.samples, length, P.shape[1]))
     lots = rng.uniform(size=(config.samples, length))
-    roots *= _STEP
-    walk(samples, calibration, roots, steps, lots, FINE[-1], fine)
+    walk(samples, calibration, _STEP, steps, lots, FINE[-1], fine)
     if model.spins.any():
         turns = np.pi * rng.uniform(-1.0, 1.0, (config.samples, 3)) @ model.spins
         samples[:, :3, :3] = samples[:, :3, :3] @ Rotation.from_rotvec(turns).as_matrix()
@@ -174,31 +196,40 @@ def infer_pose(
     losses = _losses(candidates, samples, model.surface.points[points], model.surface)
     found = candidates[np.argmin(losses)]
     e = deviations(found, samples)
+    active = acting(evidence)
+    errors = rng.normal(size=(config.samples, len(active)))  # Of others nothing is learned.
+    errors[:, active] = calibration
     return ObjectPose(
         X=found,
         covariance=e.T @ e / len(e) + 1e-10 * np.eye(6),
-        joint=_joint_covariance(found, X, c, P, probabilities),
+        joint=_joint_covariance(found, X, c, P, probabilities, active),
         samples=samples,
-        calibration=calibration,
+        calibration=errors,
         modes=X,
         probabilities=probabilities,
         middle=model.middle,
     )
 
 
-def _joint_covariance(found: Array, X: Array, c: Array, P: Array, probabilities: Array) -> Array:
+def _joint_covariance(
+    found: Array, X: Array, c: Array, P: Array, probabilities: Array, active: Mask
+) -> Array:
     """Second moment (6 + m, 6 + m) of pose and calibration about a pose and the mean errors.
 
     Args:
         found: The pose (4, 4).
         X: Modes (K, 4, 4).
-        c: Errors of the calibration there (K, m).
-        P: Covariances about the modes (K, 6 + m, 6 + m).
+        c: Errors of the calibration there (K, a), those that act on what was measured.
+        P: Covariances about the modes (K, 6 + a, 6 + a).
         probabilities: Of the modes (K,).
+        active: Which errors these are (m,).
     """
     away = np.concatenate([deviations(found, X), c - probabilities @ c], axis=1)
     spread = np.einsum("k,ki,kj->ij", probabilities, away, away)
-    return np.asarray(np.einsum("k,kij->ij", probabilities, P) + spread)
+    rows = np.flatnonzero(np.concatenate([np.ones(6, bool), active]))
+    joint = np.eye(6 + len(active))
+    joint[np.ix_(rows, rows)] = np.einsum("k,kij->ij", probabilities, P) + spread
+    return joint
 
 
 @hot

@@ -34,7 +34,7 @@ class Problem(NamedTuple):
         X_prior: (4, 4) of the object's middle.
         W_prior: Information (6, 6) about rotation in O and translation in W.
         s: Points (N, 3), and so on as in `Evidence`.
-        table: (up, height, height_sigma, tilt_sigma) (6,), or empty.
+        table: (up, height, height_sigma, tilt_sigma, leaning) (7,), or empty.
         surface: Of the `TargetModel`, as the following.
     """
 
@@ -193,9 +193,14 @@ def _add_table(
     N: Array,
     v: Array,
 ) -> float:
-    """Adds that the object stands on the table to N and v; the cost of that."""
+    """Adds that the object stands on the table to N and v; the cost of that.
+
+    Either it stands, at the table's height and upright, or it leans in any way with its lowest
+    point anywhere within its own size of the table: a mixture of both densities.
+    """
     hull, stable, up = problem.hull, problem.stable, problem.table[:3]
-    height, height_sigma, tilt_sigma = problem.table[3], problem.table[4], problem.table[5]
+    height, leaning = problem.table[3], problem.table[6]
+    height_sigma, tilt_sigma = max(problem.table[4], floor), max(problem.table[5], 10.0 * floor)
     u, lowest, at = np.zeros(3), np.inf, 0
     for i in range(3):
         for j in range(3):
@@ -213,34 +218,38 @@ def _add_table(
         J[3 + i] = up[i]
         # d(h.u)/dphi with u -> u - phi x u.
         J[i] = hull[at, (i + 1) % 3] * u[(i + 2) % 3] - hull[at, (i + 2) % 3] * u[(i + 1) % 3]
-    sigma = max(height_sigma, floor)
-    w, cost = _robust((r / sigma) ** 2, WIDTH**2)
+    square = (r / height_sigma) ** 2
+    other = leaning / (1.0 - leaning) * np.sqrt(2.0 * np.pi) * height_sigma / problem.radius
+    away = np.zeros(3)
+    upright = np.isfinite(tilt_sigma) and len(stable) > 0
+    if upright:
+        best, n = -2.0, 0
+        for k in range(len(stable)):
+            cosine = stable[k, 0] * u[0] + stable[k, 1] * u[1] + stable[k, 2] * u[2]
+            if cosine > best:
+                best, n = cosine, k
+        # The rotation from u to the stable direction d is about u x d; u turns by -phi.
+        d, sine = stable[n], 0.0
+        for i in range(3):
+            away[i] = u[(i + 1) % 3] * d[(i + 2) % 3] - u[(i + 2) % 3] * d[(i + 1) % 3]
+            sine += away[i] * away[i]
+        sine = np.sqrt(sine)
+        angle = np.arctan2(sine, best)
+        away *= angle / sine if sine > 1e-9 else 1.0
+        square += (angle / tilt_sigma) ** 2
+        other *= 0.5 * len(stable) * tilt_sigma**2  # Of the whole sphere of directions.
+    likely = np.exp(-0.5 * square)
+    w = likely / (likely + other)
     for i in range(6):
-        v[i] -= w / sigma**2 * J[i] * r
+        v[i] -= w / height_sigma**2 * J[i] * r
         for j in range(6):
-            N[i, j] += w / sigma**2 * J[i] * J[j]
-    if not np.isfinite(tilt_sigma) or len(stable) == 0:
-        return cost
-    best, n = -2.0, 0
-    for k in range(len(stable)):
-        cosine = stable[k, 0] * u[0] + stable[k, 1] * u[1] + stable[k, 2] * u[2]
-        if cosine > best:
-            best, n = cosine, k
-    # The rotation from u to the stable direction d is about u x d; u turns by -phi.
-    axis, square = np.empty(3), 0.0
-    for i in range(3):
-        axis[i] = u[(i + 1) % 3] * stable[n, (i + 2) % 3] - u[(i + 2) % 3] * stable[n, (i + 1) % 3]
-        square += axis[i] * axis[i]
-    sine = np.sqrt(square)
-    angle = np.arctan2(sine, best)
-    sigma = max(tilt_sigma, 10.0 * floor)
-    w, c = _robust((angle / sigma) ** 2, WIDTH**2)
-    for i in range(3):
-        away = axis[i] * (angle / sine if sine > 1e-9 else 1.0)
-        v[i] += w / sigma**2 * -away
-        for j in range(3):
-            N[i, j] += w / sigma**2 * ((1.0 if i == j else 0.0) - u[i] * u[j])
-    return cost + c
+            N[i, j] += w / height_sigma**2 * J[i] * J[j]
+    if upright:
+        for i in range(3):
+            v[i] -= w / tilt_sigma**2 * away[i]
+            for j in range(3):
+                N[i, j] += w / tilt_sigma**2 * ((1.0 if i == j else 0.0) - u[i] * u[j])
+    return float(-2.0 * np.log((likely + other) / (1.0 + other)))
 
 
 @hot
@@ -347,14 +356,17 @@ def refine(X: Array, c: Array, floors: Array, problem: Problem) -> tuple[Array, 
 
 @hot
 def walk(
-    X: Array, c: Array, roots: Array, steps: Array, lots: Array, floor: float, problem: Problem
+    X: Array, c: Array, length: float, steps: Array, lots: Array, floor: float, problem: Problem
 ) -> Array:
-    """Draws from the density by random walks (Metropolis's algorithm).
+    """Draws from the density by random walks, each step as wide as the density is where it begins.
+
+    Steps are drawn with the covariance that measurements and prior give at the place (Metropolis
+    and Hastings's algorithm), so that a walk follows a valley that bends.
 
     Args:
         X: Poses (K, 4, 4) to start from; overwritten by where the walks end.
         c: Errors of the calibration (K, m); overwritten.
-        roots: Square roots (K, 6 + m, 6 + m) of the covariance of a step.
+        length: Of a step, in standard deviations.
         steps: Standard normal numbers (K, S, 6 + m).
         lots: Uniform numbers (K, S) in (0, 1).
         floor: Least standard deviation of the residuals, [m].
@@ -364,13 +376,21 @@ def walk(
         Costs (K,) where the walks end.
     """
     count, size = len(X), 6 + c.shape[1]
-    costs, N, v = np.empty(count), np.empty((size, size)), np.empty(size)
+    costs = np.empty(count)
+    N, there, v = np.empty((size, size)), np.empty((size, size)), np.empty(size)
     for k in range(count):
         costs[k] = linearise(X[k], c[k], floor, problem, N, v)
+        root = np.linalg.cholesky(N)
         for n in range(steps.shape[1]):
+            dx = length * np.linalg.solve(root.T, steps[k, n])
             Y, d = X[k].copy(), c[k].copy()
-            _step(Y, d, roots[k] @ steps[k, n])
-            cost = linearise(Y, d, floor, problem, N, v)
-            if np.log(lots[k, n]) < 0.5 * (costs[k] - cost):
+            _step(Y, d, dx)
+            cost = linearise(Y, d, floor, problem, there, v)
+            back = np.linalg.cholesky(there)
+            # Twice the log of how likely the step is, and the one back.
+            forth = 2.0 * np.log(np.diag(root)).sum() - np.sum((root.T @ dx) ** 2) / length**2
+            home = 2.0 * np.log(np.diag(back)).sum() - np.sum((back.T @ dx) ** 2) / length**2
+            if 2.0 * np.log(lots[k, n]) < costs[k] - cost + home - forth:
                 X[k], c[k], costs[k] = Y, d, cost
+                root = back
     return costs

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from crossmodal.maths import se3
 from crossmodal.systems.port_values import PosePrior
 from crossmodal.systems.pose.evidence import Evidence, Table
-from crossmodal.systems.pose.pose_belief import problem_of
+from crossmodal.systems.pose.pose_belief import COARSE, problem_of
 from crossmodal.systems.pose.pose_solver import Problem, _deepest, linearise, refine, walk
 from crossmodal.systems.pose.target_model import TargetModel, make_target
 
@@ -138,16 +138,15 @@ def test_a_walk_draws_from_the_prior_where_nothing_was_measured(box: TargetModel
     X = pose()
     prior = PosePrior(X=X, rotation_sigma=0.1, translation_sigma=0.02)
     terms = problem_of(
-        Evidence().with_group(np.zeros((6, 1)), np.zeros((0, 3)), 1e-3), prior, box, 10, rng
+        Evidence().with_group(np.ones((6, 1)), np.zeros((0, 3)), 1e-3), prior, box, 10, rng
     )
     count, length = 400, 120
     poses, c = np.tile(X, (count, 1, 1)), np.zeros((count, 1))
     sigma = np.array([0.1] * 3 + [0.02] * 3 + [1.0])
-    roots = np.tile(0.6 * np.diag(sigma), (count, 1, 1))
     walk(
         poses,
         c,
-        roots,
+        0.6,
         rng.normal(size=(count, length, 7)),
         rng.uniform(size=(count, length)),
         FLOOR,
@@ -176,7 +175,7 @@ def test_what_stands_on_a_table_is_upright_and_at_its_height(box: TargetModel, l
         prior = PosePrior(X=X, rotation_sigma=0.3, translation_sigma=0.05)
         terms = problem_of(Evidence(table=table), prior, box, 10, rng)
         Y = X[None].copy()
-        refine(Y, np.zeros((1, 0)), np.full(30, FLOOR), terms)
+        refine(Y, np.zeros((1, 0)), np.append(COARSE, np.full(30, FLOOR)), terms)
         lowest = float(np.min(box.hull @ Y[0, 2, :3]) + Y[0, 2, 3])
         assert_allclose(lowest, 0.0, atol=5e-4)
         if table is free_to_lean:

@@ -55,8 +55,15 @@ APPLICATION = Application(
         "touches": Experiment(
             scenario="touches", description="three touches by lot, then four chosen ones"
         ),
-        "touches-by-lot": Experiment(
-            scenario="touches-by-lot", description="seven touches by lot, to compare with"
+        "touches-held": Experiment(
+            scenario="touches-held", description="the same of an object that is held up"
+        ),
+        "touches-near": Experiment(
+            scenario="touches-near", description="the same from a guess that is 1 to 2 cm off"
+        ),
+        "touches-faults": Experiment(
+            scenario="touches-faults",
+            description="as touches, with a real finger, a wrong calibration and false contacts",
         ),
     },
     overview=[Column(header="ADI at the end", metric="adi", estimator="density")],

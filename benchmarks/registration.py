@@ -23,7 +23,7 @@ import typer
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 
-from crossmodal.diagrams.clutter.results import average_distance
+from crossmodal.diagrams.clutter.results.results import average_distance
 from crossmodal.diagrams.clutter.scenario import GOODS_DIR
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array

@@ -46,7 +46,7 @@ class TouchPlannerConfig:
     # Touches by `criterion`.
     chosen_touches: int = number(4, at_least=0, at_most=100)
     criterion: str = "expected-adi"  # Or log-det, divergence, pruning, random.
-    candidates: int = number(150, at_least=1, at_most=100000)
+    candidates: int = number(1000, at_least=1, at_most=100000)
     # Of these, the best that a robot is asked whether it can make them.
     asked: int = number(30, at_least=1, at_most=100000)
     touch: TouchConfig = field(default_factory=TouchConfig)

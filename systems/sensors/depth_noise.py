@@ -30,6 +30,10 @@ class DepthNoiseConfig:
     depth_step: float = number(1.0 / (8 * 580.0 * 0.075), at_least=1e-9, at_most=1.0, unit="1/m")
     # Side of the matched patch, odd.
     correlation_window: int = number(9, at_least=1, at_most=99, unit="px")
+    # Share of what is behind a transparent surface that returns, and is taken for what is seen.
+    through_glass: float = number(0.0, at_least=0.0, at_most=1.0)
+    # By how much glass on the way makes that seem farther.
+    glass_delay: float = number(2e-3, at_least=0.0, at_most=0.1, unit="m")
     # Ray to normal, beyond which nothing returns.
     grazing_angle: float = number(1.4, above=0.0, below=np.pi / 2, unit="rad")
 

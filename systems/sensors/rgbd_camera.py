@@ -1,12 +1,14 @@
 """A structured-light RGB-D camera: noise, drop-outs, exposure, on top of Drake's ideal images."""
 
 from dataclasses import dataclass, field
+from statistics import NormalDist
 
 import numpy as np
 from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, LeafSystem, State
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
 
+from crossmodal.maths.arrays import Mask
 from crossmodal.maths.validation import check
 from crossmodal.systems.sensors.colour_noise import (
     ColourNoiseConfig,
@@ -43,8 +45,9 @@ class CameraNoise(LeafSystem):
     camera matches, disparity in steps of 1/8 px, so that depth comes in steps of 2.9 mm/m^2 z^2;
     no return outside the range, where the ray grazes the surface, and to the left of near objects,
     where the projector (to the right of the infrared camera) casts their shadow. Lighting does not
-    matter to depth: the camera brings its own. Behind a transparent surface nothing returns: the
-    pattern passes it twice and is bent and mirrored away.
+    matter to depth: the camera brings its own. From behind a transparent surface little returns,
+    since the pattern passes it twice and is bent and mirrored away; what does, in patches, shows
+    what is behind, a little farther away.
 
     Colour: shot and read noise, gamma, saturation. The auto-exposure follows the mean grey with a
     lag, so that a jump of the lighting gives some frames that are too dark or too bright.
@@ -146,7 +149,9 @@ class CameraNoise(LeafSystem):
             float(np.cos(depth.grazing_angle)),
         )
         if self._surface.HasValue(context):
-            valid &= self._surface.Eval(context).data[:, :, 0] > ideal - _PANE
+            glass = self._surface.Eval(context).data[:, :, 0] <= ideal - _PANE
+            valid &= ~glass | self._passes(context)
+            ideal = np.where(glass, ideal + np.float32(depth.glass_delay), ideal)
         rng = self._rng(context, "depth")
         measured[:] = measure_depth(
             ideal,
@@ -158,6 +163,15 @@ class CameraNoise(LeafSystem):
         )
         if self._depth_scale != 1.0:
             measured *= self._depth_scale
+
+    def _passes(self, context: Context) -> Mask:
+        """Pixels (H, W) at which what is behind glass returns."""
+        depth = self._config.depth
+        if not 0.0 < depth.through_glass < 1.0:
+            return np.full(self._shape, depth.through_glass > 0.0)
+        rng = self._rng(context, "glass")
+        patches = correlated_noise(rng, self._shape, depth.correlation_window)
+        return np.asarray(patches < NormalDist().inv_cdf(depth.through_glass))
 
     def _expose(self, context: Context, state: State) -> None:
         colour = self._config.colour

@@ -1,4 +1,4 @@
-"""Each benchmark still finds what it imports of the project, so that a renamed module is noticed."""
+"""Each benchmark still finds what it imports of the project."""
 
 from importlib import import_module
 from pathlib import Path

@@ -125,6 +125,9 @@ class MeasuringRig(RecursiveFilter):
             X_true[:3, 3], (rays / length[:, None]) @ X_true[:3, :3].T, _CAMERA_REACH
         )
         met = np.isfinite(found)
+        is_glass = is_transparent(self._scenario)
+        hidden = met & is_glass  # Behind glass nothing returns, and from it neither.
+        met &= not is_glass
         depth = found[met] / length[met]
         reach = self._model.radius + 3.0 * self._guess.translation_sigma
         sigma = depth_sigma(depth, _DRAWN.sigma_base, _DRAWN.sigma_square)
@@ -139,8 +142,8 @@ class MeasuringRig(RecursiveFilter):
             self._camera.depth_scale_std,
             self._camera.focal_length_std,
         )
-        passed = (believed_rays / length[:, None])[~met] @ X_believed[:3, :3].T
-        lines = 0 if is_transparent(self._scenario) else self._scenario.perception.view.lines
+        passed = (believed_rays / length[:, None])[~met & ~hidden] @ X_believed[:3, :3].T
+        lines = 0 if is_glass else self._scenario.perception.view.lines
         return PoseMeasurement(
             kind="view",
             number=number,

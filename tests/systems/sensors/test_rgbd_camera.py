@@ -76,8 +76,8 @@ def simulate(duration, seed=0, reader_periods=(TICK,), published=False, is_meter
     return ideal, readers
 
 
-def fixed_camera(seed=0, **inputs):
-    camera = CameraNoise(CameraNoiseConfig(), INTRINSICS, seed)
+def fixed_camera(seed=0, config=None, **inputs):
+    camera = CameraNoise(config or CameraNoiseConfig(), INTRINSICS, seed)
     context = camera.CreateDefaultContext()
     color, depth = ImageRgba8U(WIDTH, HEIGHT), ImageDepth32F(WIDTH, HEIGHT)
     color.mutable_data[:] = GREY
@@ -133,6 +133,19 @@ def test_nothing_returns_from_behind_a_transparent_surface():
     _, depth = images(camera, context)
     assert not depth[:, : WIDTH // 2].any()
     assert depth[1:-1, WIDTH // 2 : -1].all()
+
+
+def test_some_of_what_is_behind_glass_returns_a_little_farther_away():
+    config = CameraNoiseConfig()
+    config.depth.through_glass = 0.3
+    camera, context = fixed_camera(config=config)
+    surface = ImageDepth32F(WIDTH, HEIGHT)
+    surface.mutable_data[:] = 0.9
+    camera.GetInputPort("surface_image").FixValue(context, surface)
+    _, depth = images(camera, context)
+    through = depth[depth > 0.0]
+    assert 0.1 < len(through) / depth.size < 0.5
+    assert abs(np.median(through) - 1.0 - config.depth.glass_delay) < 3e-3
 
 
 def test_depth_does_not_need_light():

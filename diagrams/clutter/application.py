@@ -50,7 +50,7 @@ APPLICATION = Application(
             scenario="pose", description="robots: three views, then seven touches, all chosen"
         ),
         "pose-estimation": Experiment(
-            scenario="pose-estimation", description="one view, then four chosen touches"
+            scenario="pose-estimation", description="a rig in place of robots: the same"
         ),
         "touches": Experiment(
             scenario="touches", description="three touches by lot, then four chosen ones"

@@ -123,10 +123,12 @@ class PoseMeasurement(Immutable):
         facing: Unit vectors (N, 3), in W, from which each was seen or touched.
         free: Start and end (R, 2, 3) of lines along which nothing is, in W, [m].
         eye: Of a view, where the camera is believed to be (3,), in W, [m].
+        axis: Of a view, unit vector (3,) in W along which the camera looks.
         passed: Of a view, directions (B, 3) in W of rays that passed by the object.
         displaced: (6, m) by which twist in W about Wo all of this is displaced per standard
-            deviation of each error of the calibration. What has the same displacement belongs to
-            one group.
+            deviation of each error of the calibration; of a view (8, m), with the shares by which
+            points are farther from the eye, and farther from the axis. What has the same
+            displacement belongs to one group.
     """
 
     kind: str = ""
@@ -136,6 +138,7 @@ class PoseMeasurement(Immutable):
     facing: Array = field(default_factory=lambda: np.zeros((0, 3)))
     free: Array = field(default_factory=lambda: np.zeros((0, 2, 3)))
     eye: Array = field(default_factory=lambda: np.full(3, np.nan))
+    axis: Array = field(default_factory=lambda: np.full(3, np.nan))
     passed: Array = field(default_factory=lambda: np.zeros((0, 3)))
     displaced: Array = field(default_factory=lambda: np.zeros((6, 0)))
 

@@ -2,7 +2,12 @@
 
 All positions are in the world W. Measurements come in groups, one for each view or for the touches
 of one arm: what is wrong with the calibration of camera or arm displaces all points of a group
-together, exp(A c) of where they are, with the errors c of the calibration, which all groups share.
+together, by errors c that all groups share. With d = A c and r = p - eye, a point p truly is at
+
+    D p = exp(d[:6]) (p + d[6] r + d[7] (r - (r k) k)),
+
+which is what a wrong pose of the camera, a wrong scale of its depths and a wrong focal length do,
+with its axis k.
 """
 
 from dataclasses import dataclass, field, replace
@@ -45,8 +50,11 @@ class Evidence(Immutable):
         group: Of each point (N,).
         free: Start and end (R, 2, 3) of lines along which nothing is, in W, [m].
         free_group: Of each line (R,).
-        displaced: A (G, 6, m), twists (rotation, translation) in W about Wo by which a group is
-            displaced per standard deviation of each error c of the calibration.
+        displaced: A (G, 8, m), by which a group is displaced per standard deviation of each error c
+            of the calibration: twists (rotation, translation) in W about Wo, shares by which points
+            are farther from the eye, and farther from the camera's axis.
+        eye: Of each group (G, 3), where its camera is, in W, [m]; zero for touches.
+        axis: Unit vectors (G, 3) in W, along which the cameras look; zero for touches.
         table: None where it stands on nothing that is known.
     """
 
@@ -56,7 +64,9 @@ class Evidence(Immutable):
     group: Ids = field(default_factory=lambda: np.zeros(0, np.int64))
     free: Array = field(default_factory=lambda: np.zeros((0, 2, 3)))
     free_group: Ids = field(default_factory=lambda: np.zeros(0, np.int64))
-    displaced: Array = field(default_factory=lambda: np.zeros((0, 6, 0)))
+    displaced: Array = field(default_factory=lambda: np.zeros((0, 8, 0)))
+    eye: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    axis: Array = field(default_factory=lambda: np.zeros((0, 3)))
     table: Table | None = None
 
     def __post_init__(self) -> None:
@@ -73,22 +83,34 @@ class Evidence(Immutable):
         sigma: Array | float,
         facing: Array | None = None,
         free: Array | None = None,
+        *,
+        eye: Array | None = None,
+        axis: Array | None = None,
     ) -> "Evidence":
         """With one more view, or with the touches of one more arm.
 
         Args:
-            displaced: (6, m) of this group.
+            displaced: (8, m) of this group, or the first six rows of it.
             points: (N, 3).
             sigma: (N,) or one for all.
             facing: (N, 3), or zero.
             free: Lines (R, 2, 3) along which nothing is, [m].
+            eye: Where the camera is (3,), [m].
+            axis: Unit vector (3,) along which it looks.
         """
         number = len(self.displaced)
+        displaced = all_displacements(displaced)
         m = displaced.shape[1]
-        known = self.displaced if number else np.zeros((0, 6, m))
+        known = self.displaced if number else np.zeros((0, 8, m))
         if known.shape[2] != m:
             raise ValueError(f"Evidence: a group with {m} errors beside {known.shape[2]}")
-        grown = replace(self, displaced=np.concatenate([known, displaced[None]]))
+        at = [np.zeros(3) if place is None else place for place in (eye, axis)]
+        grown = replace(
+            self,
+            displaced=np.concatenate([known, displaced[None]]),
+            eye=np.concatenate([self.eye, at[0][None]]),
+            axis=np.concatenate([self.axis, at[1][None]]),
+        )
         return grown.with_measured(number, points, sigma, facing, free)
 
     def with_measured(
@@ -112,3 +134,8 @@ class Evidence(Immutable):
             free=np.concatenate([self.free, free]),
             free_group=np.concatenate([self.free_group, np.full(len(free), group)]),
         )
+
+
+def all_displacements(displaced: Array) -> Array:
+    """Displacements (8, m) of which the first six rows, or all, are given."""
+    return np.pad(displaced, ((0, 8 - len(displaced)), (0, 0)))

@@ -134,6 +134,8 @@ def problem_of(
         free=evidence.free,
         free_group=evidence.free_group,
         A=np.ascontiguousarray(evidence.displaced[:, :, acting(evidence)]),
+        eye=evidence.eye,
+        axis=evidence.axis,
         table=stands,
         surface=model.surface,
         hull=model.hull,

@@ -16,7 +16,7 @@ from crossmodal.systems.port_values import (
     PoseMeasurement,
     PosePrior,
 )
-from crossmodal.systems.pose.evidence import Evidence, Table
+from crossmodal.systems.pose.evidence import Evidence, Table, all_displacements
 from crossmodal.systems.pose.pose_belief import SolverConfig, infer_pose
 from crossmodal.systems.pose.quaternion_filter import QuaternionFilterConfig, filter_pose
 from crossmodal.systems.pose.target_model import TargetModel
@@ -54,10 +54,12 @@ def with_measurement(evidence: Evidence, new: PoseMeasurement) -> Evidence:
     """The evidence with one more measurement; what is displaced alike is one group."""
     if not new.kind:
         return evidence
-    alike = [np.array_equal(displaced, new.displaced) for displaced in evidence.displaced]
+    new_one = all_displacements(new.displaced)
+    alike = [np.array_equal(displaced, new_one) for displaced in evidence.displaced]
     if not any(alike):
         alike.append(True)
-        evidence = evidence.with_group(new.displaced, np.zeros((0, 3)), 1.0)
+        eye, axis = (np.nan_to_num(place) for place in (new.eye, new.axis))
+        evidence = evidence.with_group(new_one, np.zeros((0, 3)), 1.0, eye=eye, axis=axis)
     group = alike.index(True)
     return evidence.with_measured(group, new.points, new.sigma, new.facing, new.free)
 

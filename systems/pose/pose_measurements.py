@@ -20,6 +20,7 @@ from crossmodal.systems.port_values import (
     StampedImage,
     of_middle,
 )
+from crossmodal.systems.pose.evidence import all_displacements
 from crossmodal.systems.pose.target_model import TargetModel
 from crossmodal.systems.pose.target_view import TargetViewConfig, view_target
 from crossmodal.systems.pose.touch_contacts import contact_points, swept_lines
@@ -86,14 +87,15 @@ class Displacements:
     camera: CameraOnArm
     taxels: TaxelsOnArm
 
-    def view(self, q: Array, X_WC: Array, p_W: Array) -> Array:
-        """(6, m): by which twist in W about Wo what is seen near `p_W` is displaced per error."""
+    def view(self, q: Array, X_WC: Array) -> Array:
+        """(8, m): how what is seen is displaced per error, as in `PoseMeasurement`."""
         camera = self.camera
         own = camera_displacements(
-            X_WC, p_W, camera.pose_covariance, camera.depth_scale_std, camera.focal_length_std
+            X_WC, camera.pose_covariance, camera.depth_scale_std, camera.focal_length_std
         )
-        rest = np.zeros((6, 6 + self.taxels.arm.num_joints + 3))
-        return np.concatenate([own, camera.arm.displacements(q), rest], axis=1)
+        carried = all_displacements(camera.arm.displacements(q))
+        rest = np.zeros((8, 6 + self.taxels.arm.num_joints + 3))
+        return np.concatenate([own, carried, rest], axis=1)
 
     def touch(self, q: Array) -> Array:
         """(6, m): by which twist in W about Wo contacts at a posture are displaced per error."""
@@ -224,9 +226,10 @@ class PoseMeasurements(RecursiveFilter):
             sigma=noise.depth + noise.depth_growth * (seen.depth - noise.depth_range) ** 2,
             facing=facing,
             eye=X_WC[:3, 3],
+            axis=X_WC[:3, 2],
             passed=seen.passed,
             free=seen.free,
-            displaced=self._errors.view(q, X_WC, centre),
+            displaced=self._errors.view(q, X_WC),
         )
 
     def _touched(self, touch: Any, number: int) -> PoseMeasurement:
@@ -252,24 +255,20 @@ class PoseMeasurements(RecursiveFilter):
 
 
 def camera_displacements(
-    X_WC: Array, p_W: Array, covariance: Array, depth_scale_std: float, focal_length_std: float
+    X_WC: Array, covariance: Array, depth_scale_std: float, focal_length_std: float
 ) -> Array:
-    """(6, 8): by which twist in W what a camera sees near a point is displaced per error.
+    """(8, 8): how what a camera sees is displaced per error, as in `PoseMeasurement`.
 
     The errors are those of its pose, of the depths' scale and of the focal length.
 
     Args:
         X_WC: Pose of the camera (4, 4).
-        p_W: The point (3,), [m].
         covariance: (6, 6) of xi in X_WC exp(xi), rotation first, [rad, m].
         depth_scale_std: As a share of all depths.
         focal_length_std: As a share of it.
     """
-    A = np.zeros((6, 8))
-    A[:, :6] = se3.adjoint(X_WC) @ _root(covariance)
-    ray, axis = p_W - X_WC[:3, 3], X_WC[:3, 2]
-    A[3:, 6] = -depth_scale_std * ray
-    A[3:, 7] = -focal_length_std * (ray - axis * (axis @ ray))
+    A = np.diag(np.repeat([0.0, -depth_scale_std, -focal_length_std], [6, 1, 1]))
+    A[:6, :6] = se3.adjoint(X_WC) @ _root(covariance)
     return A
 
 

@@ -1,11 +1,12 @@
 """Refines and samples poses of a known object under all that was measured, compiled.
 
 A hypothesis is a pose X_WO and the errors c of the calibration. With R, t of X_WO and the group's
-displacement exp(A c), a measured point s lies at p = R' (exp(A c) s - t) in O, and its residual is
-its distance to the surface. The steps are (phi, tau, dc): R exp(phi), t + tau, c + dc.
+displacement D(A c) of `Evidence`, a measured point s lies at p = R' (D(A c) s - t) in O, and its
+residual is its distance to the surface. The steps are (phi, tau, dc): R exp(phi), t + tau, c + dc.
 
-With the surface's gradient m in O, M = R m in W and a = (s x M, M), which is how the residual
-changes when the measured point is displaced by a twist in W, its row of the Jacobian is
+With the surface's gradient m in O, M = R m in W and a = (s x M, M, r M, (r - (r k) k) M), where
+r = s - eye and k is the camera's axis, which is how the residual changes when the measured point is
+displaced, its row of the Jacobian is
 
     d/dphi = -R' (a_1 - t x M),    d/dtau = -M,    d/dc = a' A.
 
@@ -47,6 +48,8 @@ class Problem(NamedTuple):
     free: Array
     free_group: Ids
     A: Array
+    eye: Array
+    axis: Array
     table: Array
     surface: Surface
     hull: Array
@@ -55,12 +58,20 @@ class Problem(NamedTuple):
 
 
 @hot
-def _into_object(R: Array, t: Array, E: Array, s: Array, moved: Array, p: Array) -> None:
-    """Writes E s (in W) into `moved` and R' (E s - t) into `p`."""
+def _into_object(
+    R: Array, t: Array, E: Array, d: Array, eye: Array, k: Array, s: Array, moved: Array, p: Array
+) -> None:
+    """Writes D s (in W) into `moved` and R' (D s - t) into `p`, with E = exp(d[:6])."""
+    r, along = np.empty(3), 0.0
+    for i in range(3):
+        r[i] = s[i] - eye[i]
+        along += k[i] * r[i]
+    for i in range(3):
+        r[i] = s[i] + d[6] * r[i] + d[7] * (r[i] - along * k[i])
     for i in range(3):
         moved[i] = E[i, 3]
         for j in range(3):
-            moved[i] += E[i, j] * s[j]
+            moved[i] += E[i, j] * r[j]
     for i in range(3):
         p[i] = 0.0
         for j in range(3):
@@ -68,9 +79,19 @@ def _into_object(R: Array, t: Array, E: Array, s: Array, moved: Array, p: Array)
 
 
 @hot
-def _add(R: Array, s: Array, m: Array, r: float, w: float, H: Array, b: Array) -> None:
-    """Adds a residual `r` with weight `w` to its group's H (6, 6) and b (6,)."""
-    M, a = np.empty(3), np.empty(6)
+def _add(
+    R: Array,
+    s: Array,
+    eye: Array,
+    k: Array,
+    m: Array,
+    r: float,
+    w: float,
+    H: Array,
+    b: Array,
+) -> None:
+    """Adds a residual `r` with weight `w` to its group's H (8, 8) and b (8,)."""
+    M, a = np.empty(3), np.empty(8)
     for i in range(3):
         M[i] = 0.0
         for j in range(3):
@@ -78,11 +99,16 @@ def _add(R: Array, s: Array, m: Array, r: float, w: float, H: Array, b: Array) -
     a[0] = s[1] * M[2] - s[2] * M[1]
     a[1] = s[2] * M[0] - s[0] * M[2]
     a[2] = s[0] * M[1] - s[1] * M[0]
+    along, towards, stretch = 0.0, 0.0, 0.0
     for i in range(3):
         a[3 + i] = M[i]
-    for i in range(6):
+        along += k[i] * (s[i] - eye[i])
+        towards += k[i] * M[i]
+        stretch += (s[i] - eye[i]) * M[i]
+    a[6], a[7] = stretch, stretch - along * towards
+    for i in range(8):
         b[i] += w * a[i] * r
-        for j in range(6):
+        for j in range(8):
             H[i, j] += w * a[i] * a[j]
 
 
@@ -143,19 +169,21 @@ def _sum_groups(
     R: Array,
     t: Array,
     E: Array,
+    d: Array,
     floor: float,
     problem: Problem,
     H: Array,
     b: Array,
 ) -> float:
-    """Sums points and free lines up by group in `H` (G, 6, 6) and `b` (G, 6); the cost of all."""
+    """Sums points and free lines up by group in `H` (G, 8, 8) and `b` (G, 8); the cost of all."""
+    eye, axis = problem.eye, problem.axis
     s, free = problem.s, problem.free
     surface, facing, R_OW = problem.surface, problem.facing, R.T
     moved, p, m, towards = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     cost, width = 0.0, WIDTH**2
     for n in range(len(s)):
         g = problem.group[n]
-        _into_object(R, t, E[g], s[n], moved, p)
+        _into_object(R, t, E[g], d[g], eye[g], axis[g], s[n], moved, p)
         for j in range(3):
             towards[j] = 0.0
             for i in range(3):
@@ -167,20 +195,20 @@ def _sum_groups(
             continue
         w, c = _robust((r / scale) ** 2, width)
         cost += c
-        _add(R, moved, m, r, w / scale**2, H[g], b[g])
+        _add(R, moved, eye[g], axis[g], m, r, w / scale**2, H[g], b[g])
     scale = max(_FREE_SIGMA, floor)
     end, q, at = np.empty(3), np.empty(3), np.empty(3)
     for ray in range(len(free)):
         g = problem.free_group[ray]
-        _into_object(R, t, E[g], free[ray, 0], moved, p)
-        _into_object(R, t, E[g], free[ray, 1], end, q)
+        _into_object(R, t, E[g], d[g], eye[g], axis[g], free[ray, 0], moved, p)
+        _into_object(R, t, E[g], d[g], eye[g], axis[g], free[ray, 1], end, q)
         r, along = _deepest(p, q, problem.radius, surface, m)
         if r < -_SLACK:
             w, c = _robust(((r + _SLACK) / scale) ** 2, width)
             cost += c
             for i in range(3):
                 at[i] = moved[i] + along * (end[i] - moved[i])
-            _add(R, at, m, r + _SLACK, w / scale**2, H[g], b[g])
+            _add(R, at, eye[g], axis[g], m, r + _SLACK, w / scale**2, H[g], b[g])
     return cost
 
 
@@ -268,12 +296,14 @@ def linearise(X: Array, c: Array, floor: float, problem: Problem, N: Array, v: A
         The cost: twice the negative log of the density, up to a constant.
     """
     m, groups, A = len(c), len(problem.A), problem.A
-    H, b, E = np.zeros((groups, 6, 6)), np.zeros((groups, 6)), np.empty((groups, 4, 4))
-    J, e = np.zeros((6, 6 + m)), np.empty(6)
+    H, b = np.zeros((groups, 8, 8)), np.zeros((groups, 8))
+    E, d = np.empty((groups, 4, 4)), np.empty((groups, 8))
+    J, e = np.zeros((8, 6 + m)), np.empty(6)
     R, t = np.ascontiguousarray(X[:3, :3]), np.ascontiguousarray(X[:3, 3])
     for g in range(groups):
-        E[g] = se3.exp(A[g] @ c)
-    cost = _sum_groups(R, t, E, floor, problem, H, b)
+        d[g] = A[g] @ c
+        E[g] = se3.exp(d[g, :6])
+    cost = _sum_groups(R, t, E, d, floor, problem, H, b)
     N[:], v[:] = 0.0, 0.0
     e[:3] = se3.so3_log(np.ascontiguousarray(problem.X_prior[:3, :3].T) @ R)
     e[3:] = t - problem.X_prior[:3, 3]

@@ -193,7 +193,7 @@ def _chosen(evidence: Evidence, most: int, rng: np.random.Generator) -> _Points:
 
 
 def _covariance(
-    X: Array, points: _Points, before: Array, displaced: Array, model: TargetModel
+    X: Array, points: _Points, before: Array, evidence: Evidence, model: TargetModel
 ) -> Array:
     """Covariance (6, 6) of the pose at which the filter came to rest: rotation in O, middle in W.
 
@@ -208,7 +208,7 @@ def _covariance(
         X: Pose of the middle (4, 4).
         points: That were measured.
         before: Covariance (6, 6) before them.
-        displaced: (G, 6, m), of `Evidence`.
+        evidence: By which groups are displaced.
         model: Of the object.
     """
     R, t = X[:3, :3], X[:3, 3]
@@ -219,13 +219,15 @@ def _covariance(
     # How points that pull at the samples turn and move the pose.
     J, K = (np.hstack([np.cross(o, pull), pull @ R.T]) for pull in (normals, beside))
     J, K = J / points.sigma[:, None], K / points.sigma[:, None] ** 2
-    information, pulled = np.linalg.inv(before), np.zeros(displaced.shape[1:])
-    for group, twist in enumerate(displaced):
+    information, pulled = np.linalg.inv(before), np.zeros((6, evidence.displaced.shape[2]))
+    for group, displaced in enumerate(evidence.displaced):
         of_group = J[points.group == group]
         L = of_group.T @ of_group
-        at_middle = twist[3:] + np.cross(twist[:3], t, axisa=0, axisc=0)
+        at_middle = displaced[3:6] + np.cross(displaced[:3], t, axisa=0, axisc=0)
+        ray, axis = t - evidence.eye[group], evidence.axis[group]
+        at_middle += np.outer(ray, displaced[6]) + np.outer(ray - axis @ ray * axis, displaced[7])
         information += L
-        pulled += L @ np.concatenate([R.T @ twist[:3], at_middle])
+        pulled += L @ np.concatenate([R.T @ displaced[:3], at_middle])
     P = np.linalg.inv(information)
     B, noise = P @ pulled, P @ (K.T @ K) @ P
     # What the surface does not tell stays where it was before, however much noise there is.
@@ -270,7 +272,7 @@ def filter_pose(
     # Points of the surface are known, and the middle is no farther from them than the radius.
     sigmas = np.array([sigma, min(prior.translation_sigma, model.radius)])
     before = np.diag(np.repeat(sigmas, 3) ** 2)
-    return _result(X, _covariance(X, many, before, evidence.displaced, model), model, config)
+    return _result(X, _covariance(X, many, before, evidence, model), model, config)
 
 
 def _result(

@@ -137,7 +137,6 @@ class MeasuringRig(RecursiveFilter):
         facing /= np.linalg.norm(facing, axis=1, keepdims=True)
         displaced = camera_displacements(
             X_believed,
-            p_W,
             self._camera.pose_covariance,
             self._camera.depth_scale_std,
             self._camera.focal_length_std,
@@ -151,11 +150,12 @@ class MeasuringRig(RecursiveFilter):
             sigma=_believed_sigma(measured, self._noise),
             facing=facing,
             eye=X_believed[:3, 3],
+            axis=X_believed[:3, 2],
             passed=passed,
             free=lines_beside(
                 X_believed[:3, 3], passed, np.full(len(passed), np.inf), points, p_W, reach, lines
             ),
-            displaced=np.concatenate([displaced, np.zeros((6, ARM_ERRORS))], axis=1),
+            displaced=np.concatenate([displaced, np.zeros((8, ARM_ERRORS))], axis=1),
         )
 
     def _touched(self, number: int, wanted: TouchRequest) -> PoseMeasurement:

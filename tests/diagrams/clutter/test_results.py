@@ -66,7 +66,7 @@ def measurements(eye: np.ndarray) -> list[PoseMeasurement]:
 @pytest.fixture(scope="module")
 def record() -> EpisodeRecord:
     _, scenario = load_scenario(
-        "pose-estimation", ["target.object=oil", "touches.chosen_touches=3"]
+        "pose-estimation", ["target.object=oil", "views.count=1", "touches.chosen_touches=3"]
     )
     model = load_model(scenario)
     X_WC = hemisphere(X_WM[:3, 3], ViewPlannerConfig())[0]

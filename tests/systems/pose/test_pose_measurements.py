@@ -122,8 +122,8 @@ def test_views_and_touches_are_numbered_as_they_come() -> None:
     assert (len(fourth.free), fourth.displaced.any()) == (0, False)
     trial.fix("touch_end", Ended(number=2, outcome="miss"))
     assert (trial.tick().number, trial.tick().kind) == (5, "touch")
-    widths = {one.displaced.shape for one in (first, second, fourth, trial.tick())}
-    assert widths == {(6, WIDTH)}
+    widths = {one.displaced.shape[1] for one in (first, second, fourth, trial.tick())}
+    assert widths == {WIDTH}
 
 
 def test_a_view_is_what_its_image_shows() -> None:
@@ -163,16 +163,19 @@ def test_a_contact_is_a_point_and_what_was_swept_before_it() -> None:
     assert_allclose(touched.displaced, errors.touch(UR5_HOME))
 
 
-def moved_by(twists: Array, c: Array, p: Array) -> Array:
-    """Where the errors c (m,) put a point p (3,) that is displaced by twists (6, m) about Wo."""
-    return np.asarray((se3.exp(twists @ c) @ np.append(p, 1.0))[:3])
+def moved_by(A: Array, c: Array, p: Array) -> Array:
+    """Where the errors c (m,) put a point p (3,) that a camera at X_WC sees, by A (8, m)."""
+    d = A @ c
+    r, k = p - X_WC[:3, 3], X_WC[:3, 2]
+    stretched = p + d[6] * r + d[7] * (r - (r @ k) * k)
+    return np.asarray((se3.exp(d[:6]) @ np.append(stretched, 1.0))[:3])
 
 
 @pytest.mark.parametrize("error", range(6))
 def test_errors_of_the_camera_s_pose_displace_what_it_sees(error: int) -> None:
     c = np.zeros(8)
     c[error] = 0.01
-    A = camera_displacements(X_WC, MIDDLE, CAMERA_COVARIANCE, 5e-3, 4e-3)
+    A = camera_displacements(X_WC, CAMERA_COVARIANCE, 5e-3, 4e-3)
     true = X_WC @ se3.exp(np.sqrt(np.diag(CAMERA_COVARIANCE)) * c[:6])
     for p in (MIDDLE, MIDDLE + np.array([0.03, -0.05, 0.1])):
         truly = (true @ se3.inverse(X_WC) @ np.append(p, 1.0))[:3]
@@ -182,7 +185,7 @@ def test_errors_of_the_camera_s_pose_displace_what_it_sees(error: int) -> None:
 def test_errors_of_depth_and_focal_length_displace_what_is_seen() -> None:
     """What is measured at 1 + s times the depth is nearer in truth, and so across the axis."""
     p = MIDDLE + np.array([0.02, 0.03, 0.05])
-    A = camera_displacements(X_WC, p, CAMERA_COVARIANCE, 5e-3, 4e-3)
+    A = camera_displacements(X_WC, CAMERA_COVARIANCE, 5e-3, 4e-3)
     p_C = X_WC[:3, :3].T @ (p - X_WC[:3, 3])
     step = 1e-3
     for column, true_C in (
@@ -198,13 +201,14 @@ def test_errors_of_depth_and_focal_length_displace_what_is_seen() -> None:
 
 def test_views_and_touches_share_no_errors_but_have_all_in_one_order() -> None:
     errors = Displacements(camera=CAMERA, taxels=TAXELS)
-    view, touch = errors.view(PANDA_AWAY, X_WC, MIDDLE), errors.touch(UR5_HOME)
-    assert view.shape == touch.shape == (6, WIDTH)
+    view, touch = errors.view(PANDA_AWAY, X_WC), errors.touch(UR5_HOME)
+    assert view.shape == (8, WIDTH)
+    assert touch.shape == (6, WIDTH)
     assert view[:, :8].any(axis=0).all()
     assert not view[:, 21:].any()
     assert not touch[:, :21].any()
     assert touch[:, 21:].any(axis=0).all()
-    assert_allclose(view[:, 8:21], CAMERA.arm.displacements(PANDA_AWAY))
+    assert_allclose(view[:6, 8:21], CAMERA.arm.displacements(PANDA_AWAY))
     X_WE = TAXELS.arm.Evaluate(UR5_HOME, 0.0)[0]
     # The taxels' places are along the axes of E.
     assert_allclose(touch[3:, -3:], 5e-4 * X_WE[:3, :3])

@@ -50,8 +50,9 @@ def problem(model: TargetModel, errors: int = 2, table: Table | None = None) -> 
     line = np.array([[[0.028, 0.0, 0.2], [0.028, 0.0, 0.02]]]) @ X[:3, :3].T + X[:3, 3]
     evidence = Evidence(table=table)
     for rows in (slice(0, 12), slice(12, 24)):
-        A = 1e-3 * rng.normal(size=(6, errors))
-        evidence = evidence.with_group(A, p_W[rows], 1e-3, facing[rows], line)
+        A = 1e-3 * rng.normal(size=(8, errors))
+        at = {"eye": rng.normal(size=3), "axis": np.array([0.6, 0.0, -0.8])}
+        evidence = evidence.with_group(A, p_W[rows], 1e-3, facing[rows], line, **at)
     prior = PosePrior(X=X, rotation_sigma=0.2, translation_sigma=0.02)
     return problem_of(evidence, prior, model, 1000, rng)
 

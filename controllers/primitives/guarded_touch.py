@@ -206,16 +206,21 @@ class GuardedTouch(ArmTask):
     def _decide(self, context: Context, state: TouchState) -> TouchState:
         """What follows where nothing is under way."""
         wanted = self._touch.Eval(context)
-        if wanted.done or state.failure:
-            return self._home(context, state)
-        if wanted.number <= state.number or self._is_clear.Eval(context)[0] < 0.5:
-            return replace(state, phase=TouchPhase.WAIT) if state.phase else state
         here, others = state.motion.knots[-1], self._others_now(context)
+        ended = wanted.done or bool(state.failure)
+        if ended:
+            waits = state.stays or np.array_equal(here, self._q_home)
+        else:
+            waits = wanted.number <= state.number or self._is_clear.Eval(context)[0] < 0.5
+        if waits:
+            return replace(state, phase=TouchPhase.WAIT) if state.phase else state
         self._planner.look_at(others, believed_box(wanted))
         if len(state.path) and not self._planner.is_free(here):
             # What is believed now holds the object here, too: it goes back the way it came.
             back = self._motion(np.vstack([here, state.path[::-1]]), context.get_time())
             return replace(state, phase=TouchPhase.RETREAT, motion=back, path=state.path[:0])
+        if ended:
+            return self._home(context, state)
         state = replace(state, number=wanted.number)
         line = touch_line(self._planner, wanted, [here, self._q_home], others, self._config)
         path = None
@@ -296,11 +301,8 @@ class GuardedTouch(ArmTask):
         )
 
     def _home(self, context: Context, state: TouchState) -> TouchState:
+        """Goes home around the object; the planner has just looked."""
         here = state.motion.knots[-1]
-        if state.stays or np.array_equal(here, self._q_home):
-            return replace(state, phase=TouchPhase.WAIT) if state.phase else state
-        box = believed_box(self._touch.Eval(context))
-        self._planner.look_at(self._others_now(context), box)
         path = self._planner.path(here, self._q_home, np.random.default_rng(0))
         if path is None:  # It stays where it is: no touch is wanted any more.
             return replace(state, phase=TouchPhase.WAIT, stays=True)

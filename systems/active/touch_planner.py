@@ -127,13 +127,24 @@ class TouchPlanner(RecursiveFilter):
             return replace(unchanged, after=measured)
         request, limits = None, (config.settled_translation, np.deg2rad(config.settled_rotation))
         if last > config.random_touches and has_settled(state.belief, belief, *limits):
-            request = TouchRequest(number=last, done=True, why=SETTLED)
+            request = self._no_more(belief, last, SETTLED)
         elif last == config.random_touches + config.chosen_touches:
-            request = TouchRequest(number=last, done=True, why="all touches are done")
+            request = self._no_more(belief, last, "all touches are done")
         if request is None:
             criterion = "random" if last < config.random_touches else config.criterion
             request = self._choose(belief, last + 1, criterion)
         return TouchPlannerState(request=request, after=measured, belief=belief)
+
+    def _box(self, belief: ObjectPose) -> dict[str, Array]:
+        """The box that is thought to hold the object, as a request has it."""
+        low, high = believed_box(belief, self._model.hull)
+        X_WB = belief.X.copy()
+        X_WB[:3, 3] += X_WB[:3, :3] @ (0.5 * (low + high))
+        return {"box_edges": high - low, "X_WB": X_WB}
+
+    def _no_more(self, belief: ObjectPose, number: int, why: str) -> TouchRequest:
+        """No touch; the arm still has to find home around the object."""
+        return TouchRequest(number=number, done=True, why=why, **self._box(belief))
 
     def _choose(self, belief: ObjectPose, number: int, criterion: str) -> TouchRequest:
         config, model = self._config, self._model
@@ -142,21 +153,19 @@ class TouchPlanner(RecursiveFilter):
             belief, model, config.touch, config.candidates, rng, height=self._height
         )
         if len(starts) == 0:
-            return TouchRequest(number=number - 1, done=True, why="no approach is clear")
+            return self._no_more(belief, number - 1, "no approach is clear")
         predicted = predict_touches(
             belief, model, starts, directions, config.touch, rng, self._displaced
         )
         feasible = predicted.feasible(config.touch)
         hit = predicted.hit
         if not hit.any():
-            return TouchRequest(number=number - 1, done=True, why="no approach meets the object")
+            return self._no_more(belief, number - 1, "no approach meets the object")
         if not feasible.any():
             # Nothing is likely enough to be met: the likeliest teaches most.
             feasible = hit >= hit.max()
         gains = CRITERIA[criterion](predicted, model, config.touch.sigma, rng)
-        low, high = believed_box(belief, model.hull)
-        X_WB = belief.X.copy()
-        X_WB[:3, 3] += X_WB[:3, :3] @ (0.5 * (low + high))
+        box = self._box(belief)
         order = np.argsort(np.where(feasible, -gains, np.inf), kind="stable")
         candidates = np.stack([starts, directions], axis=1)[feasible]
         for best in order[: min(int(feasible.sum()), config.asked)]:
@@ -168,8 +177,7 @@ class TouchPlanner(RecursiveFilter):
                 direction=directions[best],
                 reach=float(met.max()) + config.touch.overtravel,
                 expected=float(np.median(met)),
-                box_edges=high - low,
-                X_WB=X_WB,
+                **box,
                 gain=float(gains[best]),
                 hit=float(hit[best]),
                 candidates=candidates,
@@ -177,4 +185,4 @@ class TouchPlanner(RecursiveFilter):
             )
             if self._can_touch(request):
                 return request
-        return TouchRequest(number=number - 1, done=True, why="no feasible touch")
+        return self._no_more(belief, number - 1, "no feasible touch")

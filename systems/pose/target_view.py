@@ -26,6 +26,9 @@ class TargetViewConfig:
     # Steps of depth between neighbours that are edges, at which depth is not to be trusted.
     edge: float = number(0.015, above=0.0, at_most=1.0, unit="m")
     points: int = number(1600, at_least=10, at_most=1000000)  # That are kept at most.
+    # Points are so far apart along rows and columns: a depth camera matches patches, and depths
+    # whose patches overlap share their errors.
+    apart: int = number(9, at_least=1, at_most=100, unit="px")
     # Lines of sight close beside the object along which nothing is; none where it is transparent.
     lines: int = number(20, at_least=0, at_most=10000)
 
@@ -85,7 +88,7 @@ def view_target(
         near &= _above_table(p_W, usable, centre, radius, height, config)
     kernel = np.ones((3, 3), np.uint8)
     steps = cv2.dilate(z, kernel) - cv2.erode(z, kernel)
-    chosen = near & (steps < config.edge)
+    chosen = near & (steps < config.edge) & (u % config.apart == 0) & (v % config.apart == 0)
     index = np.flatnonzero(chosen)
     if len(index) > config.points:
         index = index[np.linspace(0, len(index) - 1, config.points).astype(int)]

@@ -304,13 +304,26 @@ def test_an_arm_that_the_next_box_encloses_goes_back_the_way_it_came(
     assert (end.number, end.outcome) == (2, "miss")
 
 
-def test_without_a_way_home_it_stays_and_is_done(planner: MotionPlanner) -> None:
+def test_out_of_a_box_that_encloses_it_goes_home_the_way_it_came(planner: MotionPlanner) -> None:
     trial = Trial(planner)
     trial.ask(WANTED)
     trial.until(TouchPhase.RETREAT)
     trial.until(TouchPhase.WAIT)
-    walled = replace(WANTED, done=True, box_edges=np.array([0.3, 0.3, 0.4]))
-    trial.ask(walled)
+    trial.ask(replace(WANTED, done=True, box_edges=np.array([0.3, 0.3, 0.4])))
+    trial.go_on(20.0)
+    assert trial.read("is_done")[0] == 1.0
+    assert_array_equal(trial.q, UR5_HOME)
+
+
+def test_without_a_way_home_it_stays_and_is_done(
+    planner: MotionPlanner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trial = Trial(planner)
+    trial.ask(WANTED)
+    trial.until(TouchPhase.RETREAT)
+    trial.until(TouchPhase.WAIT)
+    monkeypatch.setattr(planner, "path", lambda *arguments: None)
+    trial.ask(replace(WANTED, done=True))
     trial.go_on(0.5)
     assert trial.read("is_done")[0] == 1.0
     assert TouchPhase.HOME not in trial.phases

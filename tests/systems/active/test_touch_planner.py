@@ -67,6 +67,8 @@ def test_touches_follow_measurements_until_all_are_done(model: TargetModel) -> N
     assert_allclose(chosen, [second.start, second.direction])
     last = asked(planner, context, belief(model, 3))
     assert (last.done, last.why) == (True, "all touches are done")
+    # The arm has to find home around the object.
+    assert_allclose(last.box_edges, first.box_edges, rtol=0.5)
     assert asked(planner, context, belief(model, 4)).done
 
 

@@ -19,7 +19,7 @@ from seen_box import (
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.systems.pose.target_view import TargetView, TargetViewConfig, view_target
 
-ALL = TargetViewConfig(points=1000000)
+ALL = TargetViewConfig(points=1000000, apart=1)
 NOTHING_MASKED = np.zeros((INTRINSICS.height, INTRINSICS.width), bool)
 
 
@@ -170,6 +170,14 @@ def test_along_free_lines_there_is_neither_object_nor_table() -> None:
     )
     assert angles.min(axis=1).max() < np.deg2rad(2.0)
     assert viewed(depth, config=TargetViewConfig(lines=0)).free.shape == (0, 2, 3)
+
+
+def test_points_are_as_far_apart_as_their_errors_are_independent() -> None:
+    depth, _ = depth_image()
+    v, u = pixels(viewed(depth, config=TargetViewConfig(apart=7)))
+    assert len(v) > 20
+    apart = np.maximum(np.abs(v[:, None] - v), np.abs(u[:, None] - u))
+    assert apart[~np.eye(len(v), dtype=bool)].min() == 7
 
 
 def test_rays_that_end_before_the_object_did_not_pass_it() -> None:

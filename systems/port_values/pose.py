@@ -38,7 +38,7 @@ class ObjectPose(Immutable):
     Attributes:
         known: Whether anything is; else all is NaN or empty.
         X: X_WM (4, 4), the pose that is reported.
-        covariance: Second moment (6, 6) of the samples about it: rotation in O, translation in W.
+        covariance: Second moment (6, 6) of the density about it: rotation in O, translation in W.
         joint: Covariance (6 + m, 6 + m) of the pose, as before, and the calibration's errors.
         samples: X_WM (S, 4, 4).
         calibration: Errors of the calibration (S, m), in standard deviations.

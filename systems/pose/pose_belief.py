@@ -48,6 +48,7 @@ FINE = np.array([3.0, 2.0, 1.4, 1.0, 0.7, 0.7, 0.7, 0.7, 0.7, 0.7]) * 1e-3
 _SAME = 9.0  # Squared distance up to which two hypotheses are one mode.
 _UNLIKELY = float(np.log(1e-4))  # Of a mode beside the likeliest one; it is left out.
 _STEPS_ALONG = 8  # About so many residuals take as long as one line of free space.
+_SHORTEST = 5  # Steps of a walk that is worth its while.
 _STEP = 0.4  # Of the random walk, in standard deviations.
 _LOSS_POINTS, _LOSS_CANDIDATES = 100, 12
 
@@ -163,10 +164,12 @@ def infer_pose(
     if evidence.table is not None:
         X[2::2] = stood(X[2::2], evidence.table, model)
     c = np.zeros((len(X), coarse.A.shape[2]))
-    costs, _ = refine(X, c, COARSE, coarse)
+    costs, P = refine(X, c, COARSE, coarse)
     size = len(fine.s) + _STEPS_ALONG * len(fine.free) + 1
     refined = max(config.budget // size, 4)
-    best = np.argsort(costs, kind="stable")[:refined]
+    best = np.argsort(costs, kind="stable")
+    if refined < len(best):
+        best = best[_distinct(X[best], _information(P[best]))][:refined]
     X, c = X[best], c[best]
     costs, P = refine(X, c, FINE, fine)
     roots = np.asarray(np.linalg.cholesky(P), dtype=float)
@@ -175,8 +178,7 @@ def infer_pose(
     logs = -0.5 * costs + 0.5 * np.linalg.slogdet(P)[1]
     order = np.argsort(-logs, kind="stable")
     order = order[logs[order] > logs.max() + _UNLIKELY]
-    W = np.linalg.inv(np.ascontiguousarray(P[order, :6, :6]))
-    kept = order[_distinct(X[order], np.asarray(W, dtype=float))]
+    kept = order[_distinct(X[order], _information(P[order]))]
     X, c, P = X[kept], c[kept], P[kept]
     probabilities = np.exp(logs[kept] - logs.max())
     probabilities /= probabilities.sum()
@@ -187,24 +189,29 @@ def infer_pose(
     samples[:, :3, 3] += first[:, 3:6]
     calibration += first[:, 6:]
     length = min(config.steps, 10 * config.budget // (size * config.samples))
-    steps = rng.normal(size=(config.samples, length, P.shape[1]))
-    lots = rng.uniform(size=(config.samples, length))
-    walk(samples, calibration, _STEP, steps, lots, FINE[-1], fine)
+    # Under so much evidence that a walk would be short, the modes are narrow: Gaussians.
+    is_sparse = length >= _SHORTEST
+    if is_sparse:
+        steps = rng.normal(size=(config.samples, length, P.shape[1]))
+        lots = rng.uniform(size=(config.samples, length))
+        walk(samples, calibration, _STEP, steps, lots, FINE[-1], fine)
     if model.spins.any():
         turns = np.pi * rng.uniform(-1.0, 1.0, (config.samples, 3)) @ model.spins
         samples[:, :3, :3] = samples[:, :3, :3] @ Rotation.from_rotvec(turns).as_matrix()
-    candidates = np.concatenate([X, samples])[:_LOSS_CANDIDATES]
+    candidates = np.concatenate([X, samples])[:_LOSS_CANDIDATES] if is_sparse else X
     points = rng.choice(len(model.surface.points), _LOSS_POINTS, replace=False)
     losses = _losses(candidates, samples, model.surface.points[points], model.surface)
     found = candidates[np.argmin(losses)]
-    e = deviations(found, samples)
     active = acting(evidence)
+    joint = _joint_covariance(found, X, c, P, probabilities, active)
+    e = deviations(found, samples)
+    spread = e.T @ e / len(e) + 1e-10 * np.eye(6)
     errors = rng.normal(size=(config.samples, len(active)))  # Of others nothing is learned.
     errors[:, active] = calibration
     return ObjectPose(
         X=found,
-        covariance=e.T @ e / len(e) + 1e-10 * np.eye(6),
-        joint=_joint_covariance(found, X, c, P, probabilities, active),
+        covariance=spread if is_sparse else joint[:6, :6],
+        joint=joint,
         samples=samples,
         calibration=errors,
         modes=X,
@@ -232,6 +239,12 @@ def _joint_covariance(
     joint = np.eye(6 + len(active))
     joint[np.ix_(rows, rows)] = np.einsum("k,kij->ij", probabilities, P) + spread
     return joint
+
+
+def _information(P: Array) -> Array:
+    """Of the poses (K, 6, 6) by covariances (K, 6 + m, 6 + m) of poses and calibration."""
+    W = np.linalg.inv(np.ascontiguousarray(P[:, :6, :6]))
+    return np.asarray(W, dtype=float)
 
 
 @hot

@@ -90,7 +90,7 @@ def _add(
     H: Array,
     b: Array,
 ) -> None:
-    """Adds a residual `r` with weight `w` to its group's H (8, 8) and b (8,)."""
+    """Adds a residual `r` with weight `w` to its group's H (8, 8), its upper half, and b (8,)."""
     M, a = np.empty(3), np.empty(8)
     for i in range(3):
         M[i] = 0.0
@@ -108,7 +108,7 @@ def _add(
     a[6], a[7] = stretch, stretch - along * towards
     for i in range(8):
         b[i] += w * a[i] * r
-        for j in range(8):
+        for j in range(i, 8):
             H[i, j] += w * a[i] * a[j]
 
 
@@ -328,6 +328,8 @@ def linearise(X: Array, c: Array, floor: float, problem: Problem, N: Array, v: A
         J[5, j] = -(t[0] * y - t[1] * x)
         J[3 + j, 3 + j] = -1.0
     for g in range(groups):
+        for i in range(8):
+            H[g, i, :i] = H[g, :i, i]
         J[:, 6:] = A[g]
         N += J.T @ (H[g] @ J)
         v -= J.T @ b[g]

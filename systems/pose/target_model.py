@@ -324,7 +324,7 @@ def surface_distance(
         height += (p[i] - points[k, i]) * normals[k, i]
         towards += facing[i] * normals[k, i]
     # A voxel's centre may be inside of a thin wall or behind it, and the point before it.
-    if towards < _BACK or height < 0.0:
+    if towards < _BACK or (towards == 0.0 and height < 0.0):
         k = nearest_of_eight(p, facing, surface)
         if k < 0:
             return np.inf

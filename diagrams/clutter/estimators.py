@@ -80,7 +80,9 @@ def make_estimators(scenario: Scenario, calibration: Calibration) -> Mapping[str
         "density": sampled_density(SolverConfig()),
         "quaternion": quaternion_filter(QuaternionFilterConfig()),
     }
+    # What the rig touches does not move.
+    moved = scenario.perception.moved if scenario.station == "robots" else 0.0
     return {
-        name: PoseEstimator(model, inferences[name], table, scenario.network_period)
+        name: PoseEstimator(model, inferences[name], table, scenario.network_period, moved)
         for name in scenario.modalities
     }

@@ -37,6 +37,8 @@ class PerceptionConfig:
     """How measurements are made of what the sensors give."""
 
     view: TargetViewConfig = field(default_factory=TargetViewConfig)
+    # By how much a touch moves the object, as it is believed; the standard deviation.
+    moved: float = number(3e-4, at_least=0.0, at_most=0.1, unit="m")
     # By which all taxels are displaced, as it is believed.
     taxel_places: float = number(5e-4, at_least=0.0, at_most=0.1, unit="m")
 

@@ -177,7 +177,9 @@ def predict_touches(
     """
     width = len(belief.joint)
     if displaced is None or width == 6:  # An estimator that knows no errors of the calibration.
-        displaced = np.zeros((6, width - 6))
+        displaced = np.zeros((6, 0))
+    # Later errors are of what was measured before the object was moved.
+    displaced = np.pad(displaced, ((0, 0), (0, width - 6 - displaced.shape[1])))
     count, rays = config.poses, len(starts)
     X = belief.samples[rng.choice(len(belief.samples), count, replace=False)]
     distances = np.empty((count, rays))

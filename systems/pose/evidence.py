@@ -113,6 +113,16 @@ class Evidence(Immutable):
         )
         return grown.with_measured(number, points, sigma, facing, free)
 
+    def after_a_motion(self, twists: Array) -> "Evidence":
+        """With the object moved since, by unknown shares of some twists (6, k) in W about Wo.
+
+        These shares are more errors, of all that was measured before alone.
+        """
+        groups, rows, errors = self.displaced.shape
+        grown = np.zeros((groups, rows, errors + twists.shape[1]))
+        grown[:, :, :errors], grown[:, :6, errors:] = self.displaced, twists
+        return replace(self, displaced=grown)
+
     def with_measured(
         self,
         group: int,
@@ -136,6 +146,12 @@ class Evidence(Immutable):
         )
 
 
-def all_displacements(displaced: Array) -> Array:
-    """Displacements (8, m) of which the first six rows, or all, are given."""
-    return np.pad(displaced, ((0, 8 - len(displaced)), (0, 0)))
+def all_displacements(displaced: Array, errors: int = 0) -> Array:
+    """Displacements (8, m) of which the first six rows, or all, are given, and the first errors.
+
+    Args:
+        displaced: (6, n) or (8, n).
+        errors: At least so many there are.
+    """
+    rows, columns = displaced.shape
+    return np.pad(displaced, ((0, 8 - rows), (0, max(errors - columns, 0))))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context
 
+from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.port_values import (
     NO_MEASUREMENT,
@@ -15,6 +16,7 @@ from crossmodal.systems.port_values import (
     ObjectPose,
     PoseMeasurement,
     PosePrior,
+    of_middle,
 )
 from crossmodal.systems.pose.evidence import Evidence, Table, all_displacements
 from crossmodal.systems.pose.pose_belief import SolverConfig, infer_pose
@@ -54,7 +56,7 @@ def with_measurement(evidence: Evidence, new: PoseMeasurement) -> Evidence:
     """The evidence with one more measurement; what is displaced alike is one group."""
     if not new.kind:
         return evidence
-    new_one = all_displacements(new.displaced)
+    new_one = all_displacements(new.displaced, evidence.displaced.shape[2])
     alike = [np.array_equal(displaced, new_one) for displaced in evidence.displaced]
     if not any(alike):
         alike.append(True)
@@ -62,6 +64,23 @@ def with_measurement(evidence: Evidence, new: PoseMeasurement) -> Evidence:
         evidence = evidence.with_group(new_one, np.zeros((0, 3)), 1.0, eye=eye, axis=axis)
     group = alike.index(True)
     return evidence.with_measured(group, new.points, new.sigma, new.facing, new.free)
+
+
+def motions_on_a_table(table: Table, prior: PosePrior, model: TargetModel, sigma: float) -> Array:
+    """Twists (6, 3) in W about Wo, by which an object that is pushed slides and turns on its table.
+
+    Args:
+        table: What it stands on.
+        prior: Where it is, about.
+        model: Of the object.
+        sigma: Standard deviation of how far, [m], of its middle, and by the turn half way outside.
+    """
+    up, p = table.up, of_middle(prior.X, model.middle)[:3, 3]
+    twists = np.zeros((6, 3))
+    twists[:3, 0], twists[3:, 0] = up, np.cross(p, up)
+    twists[:, 0] *= sigma / (0.5 * model.radius)
+    twists[3:, 1:] = sigma * np.linalg.svd(up[None])[2][1:].T  # Across `up`.
+    return twists
 
 
 class PoseEstimator(RecursiveFilter):
@@ -78,13 +97,25 @@ class PoseEstimator(RecursiveFilter):
     - `object_pose_latest`: the same of the last tick, from the state alone.
 
     Frames: W world, O the object's mesh, M its middle, with O's axes.
+
+    Args:
+        model: Of the object.
+        infer: What makes a belief of the evidence.
+        table: What the object stands on; None if nothing is known of that.
+        period: Of the ticks, [s].
+        moved: Standard deviation of how far a contact moves an object that stands on a table, [m].
     """
 
     def __init__(
-        self, model: TargetModel, infer: Inference, table: Table | None, period: float
+        self,
+        model: TargetModel,
+        infer: Inference,
+        table: Table | None,
+        period: float,
+        moved: float = 0.0,
     ) -> None:
         super().__init__()
-        self._model, self._infer = model, infer
+        self._model, self._infer, self._moved = model, infer, moved
         guess = PosePrior(X=np.eye(4), rotation_sigma=np.inf, translation_sigma=1.0)
         self._guess = self._declare_value_input("pose_guess", guess)
         self._measurement = self._declare_value_input("pose_measurement", NO_MEASUREMENT)
@@ -97,7 +128,12 @@ class PoseEstimator(RecursiveFilter):
         if state.belief.known and new.number == state.number:
             unchanged: PoseState = state
             return unchanged
-        evidence = with_measurement(state.evidence, new)
-        belief = self._infer(evidence, self._read(self._guess, context), self._model)
+        evidence, guess = state.evidence, self._read(self._guess, context)
+        is_pushed = new.kind == "touch" and len(new.points) > 0
+        if is_pushed and self._moved > 0.0 and evidence.table is not None:
+            twists = motions_on_a_table(evidence.table, guess, self._model, self._moved)
+            evidence = evidence.after_a_motion(twists)
+        evidence = with_measurement(evidence, new)
+        belief = self._infer(evidence, guess, self._model)
         belief = replace(belief, number=new.number)
         return PoseState(evidence=evidence, belief=belief, number=new.number)

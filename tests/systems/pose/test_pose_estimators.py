@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
 
 from crossmodal.systems.port_values import NO_MEASUREMENT, PoseMeasurement, PosePrior
-from crossmodal.systems.pose.evidence import Evidence
+from crossmodal.systems.pose.evidence import Evidence, Table
 from crossmodal.systems.pose.pose_belief import SolverConfig
 from crossmodal.systems.pose.pose_estimators import (
     PoseEstimator,
+    motions_on_a_table,
     quaternion_filter,
     sampled_density,
     with_measurement,
@@ -94,6 +96,43 @@ def test_the_estimate_depends_on_its_inputs_and_the_latest_on_the_state_alone(
             for name in ("object_pose_estimated", "object_pose_latest")
         ]
         assert through == [True, False]
+
+
+def test_an_object_that_a_contact_moves_is_found_where_it_is_now(model: TargetModel) -> None:
+    """It is seen, then slides by 3 mm as it is touched: the contacts know better."""
+    slid = np.array([3e-3, 0.0, 0.0])
+    prior = PosePrior(X=X, rotation_sigma=0.1, translation_sigma=0.02)
+    off = []
+    for moved in (0.0, 3e-3):
+        table = Table(height=0.0, height_sigma=1e-3)
+        estimator = PoseEstimator(model, sampled_density(SolverConfig()), table, 0.1, moved)
+        context = estimator.CreateDefaultContext()
+        estimator.GetInputPort("pose_guess").FixValue(context, AbstractValue.Make(prior))
+        measurement(estimator, context, measured(model, 1))
+        estimator.ExecuteForcedEvents(context)
+        for number, side in enumerate((-1.0, 1.0), start=2):
+            face = np.array([side, 0.0, 0.0])
+            touch = PoseMeasurement(
+                kind="touch",
+                number=number,
+                points=(X[:3, 3] + slid + 0.03 * face)[None],
+                sigma=np.array([3e-4]),
+                facing=face[None],
+            )
+            measurement(estimator, context, touch)
+            estimator.ExecuteForcedEvents(context)
+        belief = estimator.GetOutputPort("object_pose_latest").Eval(context)
+        off.append(abs(belief.X[0, 3] - X[0, 3] - slid[0]))
+    assert off[0] > 2e-3
+    assert off[1] < 5e-4
+
+
+def test_motions_on_a_table_are_slides_and_a_turn_about_the_middle(model: TargetModel) -> None:
+    prior = PosePrior(X=X, rotation_sigma=0.1, translation_sigma=0.02)
+    twists = motions_on_a_table(Table(), prior, model, 2e-3)
+    assert_allclose(np.linalg.norm(twists[3:, 1:], axis=0), 2e-3)
+    assert_allclose(twists[5], 0.0, atol=1e-12)
+    assert_allclose(np.cross(twists[:3, 0], X[:3, 3]) + twists[3:, 0], 0.0, atol=1e-12)
 
 
 def test_what_is_displaced_alike_is_one_group(model: TargetModel) -> None:

@@ -135,16 +135,17 @@ class TouchPlanner(RecursiveFilter):
             request = self._choose(belief, last + 1, criterion)
         return TouchPlannerState(request=request, after=measured, belief=belief)
 
-    def _box(self, belief: ObjectPose) -> dict[str, Array]:
-        """The box that is thought to hold the object, as a request has it."""
+    def _box(self, belief: ObjectPose) -> tuple[Array, Array]:
+        """Edges (3,) and X_WB (4, 4) of the box that is thought to hold the object."""
         low, high = believed_box(belief, self._model.hull)
         X_WB = belief.X.copy()
         X_WB[:3, 3] += X_WB[:3, :3] @ (0.5 * (low + high))
-        return {"box_edges": high - low, "X_WB": X_WB}
+        return high - low, X_WB
 
     def _no_more(self, belief: ObjectPose, number: int, why: str) -> TouchRequest:
         """No touch; the arm still has to find home around the object."""
-        return TouchRequest(number=number, done=True, why=why, **self._box(belief))
+        edges, X_WB = self._box(belief)
+        return TouchRequest(number=number, done=True, why=why, box_edges=edges, X_WB=X_WB)
 
     def _choose(self, belief: ObjectPose, number: int, criterion: str) -> TouchRequest:
         config, model = self._config, self._model
@@ -165,7 +166,7 @@ class TouchPlanner(RecursiveFilter):
             # Nothing is likely enough to be met: the likeliest teaches most.
             feasible = hit >= hit.max()
         gains = CRITERIA[criterion](predicted, model, config.touch.sigma, rng)
-        box = self._box(belief)
+        edges, X_WB = self._box(belief)
         order = np.argsort(np.where(feasible, -gains, np.inf), kind="stable")
         candidates = np.stack([starts, directions], axis=1)[feasible]
         for best in order[: min(int(feasible.sum()), config.asked)]:
@@ -177,7 +178,8 @@ class TouchPlanner(RecursiveFilter):
                 direction=directions[best],
                 reach=float(met.max()) + config.touch.overtravel,
                 expected=float(np.median(met)),
-                **box,
+                box_edges=edges,
+                X_WB=X_WB,
                 gain=float(gains[best]),
                 hit=float(hit[best]),
                 candidates=candidates,

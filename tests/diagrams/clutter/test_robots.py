@@ -104,7 +104,7 @@ def test_a_view_and_a_touch_are_made_one_after_the_other(ran: Ran) -> None:
 
 def test_the_view_shows_the_object(ran: Ran) -> None:
     view = ran.measured("view")
-    assert len(view.points) > 500
+    assert len(view.points) > 80
     off = ran.off_the_object(view.points)
     assert np.median(off) < 6e-3
     assert np.quantile(off, 0.99) < 0.02
@@ -138,7 +138,8 @@ def test_the_object_is_found_as_well_as_is_claimed(ran: Ran) -> None:
 def test_the_planner_knows_what_all_contacts_have_in_common(ran: Ran) -> None:
     belief = ran.record.estimators["density"].ticks[-1].values["object_pose_latest"]
     errors = belief.calibration.shape[1]
-    assert ran.displaced.shape == (6, errors)
+    # A contact may have moved the object, which is three errors more of what was seen before.
+    assert ran.displaced.shape == (6, errors - 3)
     assert belief.joint.shape == (6 + errors, 6 + errors)
     of_touch = ran.measured("touch").displaced
     base = slice(8 + 6 + 7, 8 + 6 + 7 + 6)  # After the camera, its arm's base and joints.

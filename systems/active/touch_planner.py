@@ -31,6 +31,9 @@ from crossmodal.systems.recursive_filter import RecursiveFilter
 
 SETTLED = "the pose has settled"  # Why no touch follows, then.
 
+_ALIKE = 0.03  # Approaches that begin this close to each other are alike, [m];
+_LEVER = 0.1  # so are those whose directions differ by so little at this distance, [m].
+
 
 @dataclass(kw_only=True)
 class TouchPlannerConfig:
@@ -47,8 +50,8 @@ class TouchPlannerConfig:
     chosen_touches: int = number(4, at_least=0, at_most=100)
     criterion: str = "expected-adi"  # Or log-det, divergence, pruning, random.
     candidates: int = number(1000, at_least=1, at_most=100000)
-    # Of these, the best that a robot is asked whether it can make them.
-    asked: int = number(30, at_least=1, at_most=100000)
+    # Of these, the best that are not alike, and that a robot is asked whether it can make them.
+    asked: int = number(60, at_least=1, at_most=100000)
     touch: TouchConfig = field(default_factory=TouchConfig)
 
 
@@ -167,9 +170,13 @@ class TouchPlanner(RecursiveFilter):
             feasible = hit >= hit.max()
         gains = CRITERIA[criterion](predicted, model, config.touch.sigma, rng)
         edges, X_WB = self._box(belief)
-        order = np.argsort(np.where(feasible, -gains, np.inf), kind="stable")
         candidates = np.stack([starts, directions], axis=1)[feasible]
-        for best in order[: min(int(feasible.sum()), config.asked)]:
+        approaches = np.hstack([starts, _LEVER * directions])
+        left = np.where(feasible, gains, -np.inf)
+        for _ in range(config.asked):
+            best = int(np.argmax(left))
+            if not np.isfinite(left[best]):
+                break
             met = predicted.distances[:, best]
             met = met[np.isfinite(met)]
             request = TouchRequest(
@@ -187,4 +194,6 @@ class TouchPlanner(RecursiveFilter):
             )
             if self._can_touch(request):
                 return request
+            # An arm that cannot make this touch cannot make those close beside it.
+            left[np.linalg.norm(approaches - approaches[best], axis=1) < _ALIKE] = -np.inf
         return self._no_more(belief, number - 1, "no feasible touch")

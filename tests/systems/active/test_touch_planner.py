@@ -117,6 +117,13 @@ def test_a_robot_that_can_make_no_touch_is_done(model: TargetModel) -> None:
     request = asked(planner, planner.CreateDefaultContext(), belief(model, 1))
     assert (request.number, request.done, request.why) == (0, True, "no feasible touch")
     assert len(offered) == 7
+    # They are no neighbours: where the arm cannot get to, there are hundreds of alike ones.
+    apart = [
+        np.linalg.norm(one.start - other.start) + np.linalg.norm(one.direction - other.direction)
+        for number, one in enumerate(offered)
+        for other in offered[:number]
+    ]
+    assert min(apart) > 0.03
 
 
 def test_a_touch_goes_through_the_box_that_holds_the_object(model: TargetModel) -> None:

@@ -6,6 +6,7 @@ draw samples then. What is reported is the pose whose surface is on average near
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -153,6 +154,24 @@ def _thinned(evidence: Evidence, most: int, rng: np.random.Generator) -> Ids:
     return np.sort(np.concatenate(chosen))
 
 
+class _Modes(NamedTuple):
+    """The density's maxima, the likeliest first.
+
+    Attributes:
+        X: Poses (K, 4, 4) of the middle.
+        c: Errors of the calibration (K, a), those that act on what was measured.
+        P: Covariances (K, 6 + a, 6 + a), with any angle about an axis of symmetry.
+        roots: Square roots (K, 6 + a, 6 + a) of the covariances without that.
+        probabilities: (K,).
+    """
+
+    X: Array
+    c: Array
+    P: Array
+    roots: Array
+    probabilities: Array
+
+
 def infer_pose(
     evidence: Evidence, prior: PosePrior, model: TargetModel, config: SolverConfig
 ) -> ObjectPose:
@@ -160,50 +179,30 @@ def infer_pose(
     rng = np.random.default_rng(config.seed)
     coarse = problem_of(evidence, prior, model, config.coarse_points, rng)
     fine = problem_of(evidence, prior, model, config.fine_points, rng)
-    X = start_poses(prior, model, config.starts, rng, coarse.s)
+    starts = start_poses(prior, model, config.starts, rng, coarse.s)
     if evidence.table is not None:
-        X[2::2] = stood(X[2::2], evidence.table, model)
-    c = np.zeros((len(X), coarse.A.shape[2]))
-    costs, P = refine(X, c, COARSE, coarse)
+        starts[2::2] = stood(starts[2::2], evidence.table, model)
     size = len(fine.s) + _STEPS_ALONG * len(fine.free) + 1
-    refined = max(config.budget // size, 4)
-    best = np.argsort(costs, kind="stable")
-    if refined < len(best):
-        best = best[_distinct(X[best], _information(P[best]))][:refined]
-    X, c = X[best], c[best]
-    costs, P = refine(X, c, FINE, fine)
-    roots = np.asarray(np.linalg.cholesky(P), dtype=float)
-    P[:, :3, :3] += np.pi**2 / 3.0 * model.spins  # Any angle is as likely.
-    # Laplace's approximation: a mode weighs by its height and by how wide it is.
-    logs = -0.5 * costs + 0.5 * np.linalg.slogdet(P)[1]
-    order = np.argsort(-logs, kind="stable")
-    order = order[logs[order] > logs.max() + _UNLIKELY]
-    kept = order[_distinct(X[order], _information(P[order]))]
-    X, c, P = X[kept], c[kept], P[kept]
-    probabilities = np.exp(logs[kept] - logs.max())
-    probabilities /= probabilities.sum()
-    chosen = rng.choice(len(kept), config.samples, p=probabilities)
-    samples, calibration = X[chosen], c[chosen]
-    first = np.einsum("sij,sj->si", roots[kept[chosen]], rng.normal(size=(len(chosen), P.shape[1])))
-    samples[:, :3, :3] = samples[:, :3, :3] @ Rotation.from_rotvec(first[:, :3]).as_matrix()
-    samples[:, :3, 3] += first[:, 3:6]
-    calibration += first[:, 6:]
+    modes = _find_modes(starts, coarse, fine, max(config.budget // size, 4), model.spins)
+    samples, calibration = _draw(modes, config.samples, rng)
     length = min(config.steps, 10 * config.budget // (size * config.samples))
     # Under so much evidence that a walk would be short, the modes are narrow: Gaussians.
     is_sparse = length >= _SHORTEST
     if is_sparse:
-        steps = rng.normal(size=(config.samples, length, P.shape[1]))
+        steps = rng.normal(size=(config.samples, length, modes.P.shape[1]))
         lots = rng.uniform(size=(config.samples, length))
         walk(samples, calibration, _STEP, steps, lots, FINE[-1], fine)
     if model.spins.any():
         turns = np.pi * rng.uniform(-1.0, 1.0, (config.samples, 3)) @ model.spins
         samples[:, :3, :3] = samples[:, :3, :3] @ Rotation.from_rotvec(turns).as_matrix()
-    candidates = np.concatenate([X, samples])[:_LOSS_CANDIDATES] if is_sparse else X
+    candidates = modes.X
+    if is_sparse:
+        candidates = np.concatenate([modes.X, samples])[:_LOSS_CANDIDATES]
     points = rng.choice(len(model.surface.points), _LOSS_POINTS, replace=False)
     losses = _losses(candidates, samples, model.surface.points[points], model.surface)
     found = candidates[np.argmin(losses)]
     active = acting(evidence)
-    joint = _joint_covariance(found, X, c, P, probabilities, active)
+    joint = _joint_covariance(found, modes, active)
     e = deviations(found, samples)
     spread = e.T @ e / len(e) + 1e-10 * np.eye(6)
     errors = rng.normal(size=(config.samples, len(active)))  # Of others nothing is learned.
@@ -214,30 +213,64 @@ def infer_pose(
         joint=joint,
         samples=samples,
         calibration=errors,
-        modes=X,
-        probabilities=probabilities,
+        modes=modes.X,
+        probabilities=modes.probabilities,
         middle=model.middle,
     )
 
 
-def _joint_covariance(
-    found: Array, X: Array, c: Array, P: Array, probabilities: Array, active: Mask
-) -> Array:
+def _find_modes(X: Array, coarse: Problem, fine: Problem, most: int, spins: Array) -> _Modes:
+    """Refines hypotheses and keeps those that differ.
+
+    Args:
+        X: Poses (K, 4, 4) to start from; overwritten.
+        coarse: Against which all are refined.
+        fine: Against which the best are.
+        most: So many of these at most.
+        spins: Of `TargetModel`.
+    """
+    c = np.zeros((len(X), coarse.A.shape[2]))
+    costs, P = refine(X, c, COARSE, coarse)
+    best = np.argsort(costs, kind="stable")
+    if most < len(best):
+        best = best[_distinct(X[best], _information(P[best]))][:most]
+    X, c = X[best], c[best]
+    costs, P = refine(X, c, FINE, fine)
+    roots = np.asarray(np.linalg.cholesky(P), dtype=float)
+    P[:, :3, :3] += np.pi**2 / 3.0 * spins  # Any angle is as likely.
+    # Laplace's approximation: a mode weighs by its height and by how wide it is.
+    logs = -0.5 * costs + 0.5 * np.linalg.slogdet(P)[1]
+    order = np.argsort(-logs, kind="stable")
+    order = order[logs[order] > logs.max() + _UNLIKELY]
+    kept = order[_distinct(X[order], _information(P[order]))]
+    weights = np.exp(logs[kept] - logs.max())
+    return _Modes(X[kept], c[kept], P[kept], roots[kept], weights / weights.sum())
+
+
+def _draw(modes: _Modes, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Poses (S, 4, 4) and errors of the calibration (S, a) from the modes' Gaussians."""
+    chosen = rng.choice(len(modes.X), count, p=modes.probabilities)
+    samples, calibration = modes.X[chosen], modes.c[chosen]
+    steps = np.einsum("sij,sj->si", modes.roots[chosen], rng.normal(size=modes.P[chosen].shape[:2]))
+    samples[:, :3, :3] = samples[:, :3, :3] @ Rotation.from_rotvec(steps[:, :3]).as_matrix()
+    samples[:, :3, 3] += steps[:, 3:6]
+    return samples, calibration + steps[:, 6:]
+
+
+def _joint_covariance(found: Array, modes: _Modes, active: Mask) -> Array:
     """Second moment (6 + m, 6 + m) of pose and calibration about a pose and the mean errors.
 
     Args:
         found: The pose (4, 4).
-        X: Modes (K, 4, 4).
-        c: Errors of the calibration there (K, a), those that act on what was measured.
-        P: Covariances about the modes (K, 6 + a, 6 + a).
-        probabilities: Of the modes (K,).
-        active: Which errors these are (m,).
+        modes: Of the density.
+        active: Which errors (m,) act on what was measured.
     """
-    away = np.concatenate([deviations(found, X), c - probabilities @ c], axis=1)
-    spread = np.einsum("k,ki,kj->ij", probabilities, away, away)
+    c, weights = modes.c, modes.probabilities
+    away = np.concatenate([deviations(found, modes.X), c - weights @ c], axis=1)
+    spread = np.einsum("k,ki,kj->ij", weights, away, away)
     rows = np.flatnonzero(np.concatenate([np.ones(6, bool), active]))
     joint = np.eye(6 + len(active))
-    joint[np.ix_(rows, rows)] = np.einsum("k,kij->ij", probabilities, P) + spread
+    joint[np.ix_(rows, rows)] = np.einsum("k,kij->ij", weights, modes.P) + spread
     return joint
 
 

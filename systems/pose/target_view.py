@@ -25,7 +25,6 @@ class TargetViewConfig:
     table_error: float = number(0.02, above=0.0, at_most=1.0, unit="m")
     # Steps of depth between neighbours that are edges, at which depth is not to be trusted.
     edge: float = number(0.015, above=0.0, at_most=1.0, unit="m")
-    points: int = number(1600, at_least=10, at_most=1000000)  # That are kept at most.
     # Points are so far apart along rows and columns: a depth camera matches patches, and depths
     # whose patches overlap share their errors.
     apart: int = number(9, at_least=1, at_most=100, unit="px")
@@ -90,8 +89,6 @@ def view_target(
     steps = cv2.dilate(z, kernel) - cv2.erode(z, kernel)
     chosen = near & (steps < config.edge) & (u % config.apart == 0) & (v % config.apart == 0)
     index = np.flatnonzero(chosen)
-    if len(index) > config.points:
-        index = index[np.linspace(0, len(index) - 1, config.points).astype(int)]
     # Rays that do not end before the place of the object, and beside the object's own pixels.
     to_centre = centre - X_WC[:3, 3]
     reached = np.linalg.norm(p_W - X_WC[:3, 3], axis=-1) > np.linalg.norm(to_centre) - radius

@@ -387,17 +387,13 @@ def _fields(kind: type) -> Codec:
 
 
 def _plain(item: Any) -> Any:
-    """What JSON takes: an array as nested lists, an empty one as its shape, a list as its items."""
+    """What JSON takes: an array as nested lists, an empty one as its shape."""
     if isinstance(item, np.ndarray):
         return item.tolist() if item.size else {"shape": list(item.shape)}
-    return {"items": [_plain(one) for one in item]} if isinstance(item, list) else item
+    return item
 
 
 def _unplain(item: Any) -> Any:
     if isinstance(item, list):
         return np.array(item, dtype=float)
-    if isinstance(item, dict):
-        if "shape" in item:
-            return np.zeros(item["shape"])
-        return [_unplain(one) for one in item["items"]]
-    return item
+    return np.zeros(item["shape"]) if isinstance(item, dict) else item

@@ -43,6 +43,20 @@ class JointMotion(Immutable):
         share = s if self.steady else minimum_jerk(s)[0]
         return self.knots[k] + share * (self.knots[k + 1] - self.knots[k])
 
+    def back(self, time: float, q: Array) -> Array:
+        """Postures (K, n) from where the arm is, back to the first knot, none of them ahead of it.
+
+        An arm lags behind its command: the last knot that was commanded may lie ahead of it.
+
+        Args:
+            time: At which the arm is there, [s].
+            q: Its posture (n,), [rad].
+        """
+        passed = self.knots[: int(np.searchsorted(self.times, time))]
+        while len(passed) > 1 and (passed[-1] - q) @ (passed[-1] - passed[-2]) > 0.0:
+            passed = passed[:-1]
+        return np.vstack([q, passed[::-1]])
+
 
 def resting(q: Array) -> JointMotion:
     """The motion that stays at a posture (n,)."""

@@ -24,7 +24,7 @@ _ROLLS = 6  # Turns of the gripper about the approach that are tried, over half 
 @dataclass(kw_only=True)
 class GuardedTouchConfig:
     period: float = number(0.005, at_least=1e-4, at_most=1.0, unit="s")  # Between decisions.
-    speed: float = number(0.05, above=0.0, at_most=1.0, unit="m/s")  # Of the approach.
+    speed: float = number(0.025, above=0.0, at_most=1.0, unit="m/s")  # Of the approach.
     # Of the force on a taxel beyond what it was before the approach.
     threshold: float = number(0.08, above=0.0, at_most=100.0, unit="N")
     # Decisions in a row at which a taxel must exceed it.
@@ -286,9 +286,7 @@ class GuardedTouch(ArmTask):
             q_end=q,
             forces=self._forces(context, state),
         )
-        motion = state.motion
-        passed = motion.knots[: int(np.searchsorted(motion.times, time))][::-1]
-        back = np.vstack([q, passed])
+        back = state.motion.back(time, q)
         speed = self._transit.speed
         # An approach is a straight line, and the way back must not leave it.
         retreat = along_line(back, self._arm, time, speed, self._limits)

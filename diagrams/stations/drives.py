@@ -1,14 +1,41 @@
 """How models with servo drives are moved: joint positions that their drives follow."""
 
 import numpy as np
-from pydrake.systems.framework import System
-from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, System
+from pydrake.systems.primitives import ConstantVectorSource
 
 from crossmodal.diagrams.stations.connections import connect_alike
 from crossmodal.diagrams.stations.naming import prefixed
 from crossmodal.diagrams.stations.wiring import StationWiring
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.sensors.joint_encoders import JointEncoders
+
+
+class Drives(LeafSystem):
+    """Where an arm's drives move its joints: they follow what the encoders say of them.
+
+    An arm that is commanded where its encoders say that it is stays where it is.
+
+    Input ports:
+    - `joint_position_commanded`: (n,), [rad].
+
+    Output ports:
+    - `desired_state`: (2 n,) of the plant, the velocities zero, [rad], [rad/s].
+
+    Args:
+        encoders: Of the arm.
+        joints: Their number n.
+    """
+
+    def __init__(self, encoders: JointEncoders, joints: int) -> None:
+        super().__init__()
+        self._encoders, self._joints = encoders, joints
+        self._command = self.DeclareVectorInputPort("joint_position_commanded", joints)
+        self.DeclareVectorOutputPort("desired_state", 2 * joints, self._desired_state)
+
+    def _desired_state(self, context: Context, output: BasicVector) -> None:
+        q = self._encoders.where_read(np.asarray(self._command.Eval(context)))
+        output.SetFromVector(np.append(q, np.zeros(self._joints)))
 
 
 def add_drives(
@@ -24,9 +51,7 @@ def add_drives(
     """
     builder, plant = wiring.builder, wiring.plant
     target = plant.get_desired_state_input_port(wiring.scene.model(arm))
-    n = target.size() // 2
-    at_rest = np.vstack([np.eye(n), np.zeros((n, n))])
-    drives = builder.AddNamedSystem(prefixed(owner, "drives"), MatrixGain(at_rest))
+    drives = builder.AddNamedSystem(prefixed(owner, "drives"), Drives(encoders, target.size() // 2))
     connect_alike(builder, encoders, "joint_state_measured", control)
     command = control.GetOutputPort("joint_position_commanded")
     builder.Connect(command, drives.get_input_port())

@@ -121,8 +121,16 @@ class JointEncoders(SampledSensor):
         """What they make of joints (n,) that stand still, [rad], in the first sample."""
         return self.measure(np.append(q, np.zeros(self._joints)), 0)[: self._joints]
 
+    def where_read(self, q_measured: Array) -> Array:
+        """Joints (n,) that are read as `q_measured` (n,) but for noise, [rad]."""
+        # The stretch hardly differs over the offset's and its own length.
+        return q_measured - self._error(q_measured - self._error(q_measured))
+
     def measure(self, value: Array, index: int) -> Array:
         sample = value + self._sigma * self._noise(index)
-        q = value[: self._joints]
-        sample[: self._joints] += self._offset + self._stretch * np.sin(q + self._phase)
+        sample[: self._joints] += self._error(value[: self._joints])
         return sample
+
+    def _error(self, q: Array) -> Array:
+        """By how much joints (n,) are read too large, [rad]."""
+        return np.asarray(self._offset + self._stretch * np.sin(q + self._phase))

@@ -76,3 +76,13 @@ def test_a_line_is_slower_where_a_joint_would_be_too_fast() -> None:
     joints, _ = speeds(np.array([motion.at(t) for t in times]), float(times[1] - times[0]))
     assert np.all(joints <= LIMITS + 1e-9)
     assert np.max(joints / LIMITS) > 0.99
+
+
+def test_the_way_back_has_no_posture_ahead_of_an_arm_that_lags() -> None:
+    """Its command has just passed the second knot, the arm has not."""
+    motion = rest_to_rest(PATH, arm_model(), START, 0.2, LIMITS)
+    time = motion.times[1] + 0.01
+    behind = PATH[1] - 0.01 * STEPS[0]
+    assert_allclose(motion.back(time, behind), [behind, PATH[0]])
+    beyond = PATH[1] + 0.01 * STEPS[1]
+    assert_allclose(motion.back(time, beyond), [beyond, PATH[1], PATH[0]])

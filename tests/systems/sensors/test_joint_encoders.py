@@ -104,3 +104,13 @@ def test_the_same_seed_measures_the_same(jacobian):
 def test_impossible_values_are_refused_by_name(jacobian, field, value):
     with pytest.raises(ValueError, match=f"JointEncoders: {field}"):
         JointEncoders(JointEncodersConfig(**{field: value}), jacobian, 0)
+
+
+def test_where_it_is_read_is_what_reading_inverts(jacobian):
+    """What is left is the noise; with a degree of stretch less than a hundredth of it."""
+    config = JointEncodersConfig(stretch=0.02, noise_position=0.0)
+    encoders = JointEncoders(config, jacobian, 3)
+    for q in np.linspace(-2.0, 2.0, 9)[:, None] * np.ones(7):
+        read = sample(encoders, q)[:7]
+        assert np.abs(read - q).max() > 1e-3
+        np.testing.assert_allclose(encoders.where_read(read), q, atol=1e-4)

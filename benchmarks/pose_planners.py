@@ -32,7 +32,8 @@ from crossmodal.systems.active.touch_planning import (
 )
 from crossmodal.systems.active.view_planner import ViewPlannerConfig, hemisphere
 from crossmodal.systems.port_values import ObjectPose
-from crossmodal.systems.pose.target_model import TargetModel, cast_rays, load_target
+from crossmodal.systems.pose.surface import cast_rays
+from crossmodal.systems.pose.target_model import TargetModel, load_target
 
 APPROACHES, VIEWS, RAYS, CELL = 1000, 100, (80, 60), 0.01
 # Median times of the prototypes, and what is aimed at, [s].

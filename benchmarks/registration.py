@@ -31,7 +31,8 @@ from crossmodal.systems.port_values import ObjectPose, PosePrior, of_mesh, of_mi
 from crossmodal.systems.pose.evidence import Evidence
 from crossmodal.systems.pose.pose_belief import SolverConfig, infer_pose
 from crossmodal.systems.pose.quaternion_filter import QuaternionFilterConfig, filter_pose
-from crossmodal.systems.pose.target_model import TargetModel, cast_rays, load_target
+from crossmodal.systems.pose.surface import cast_rays
+from crossmodal.systems.pose.target_model import TargetModel, load_target
 from crossmodal.systems.sensors.depth_noise import DepthNoiseConfig, depth_sigma
 
 TARGETS = ("oil", "spray", "cleaner")

@@ -37,8 +37,8 @@ class PerceptionConfig:
     """How measurements are made of what the sensors give."""
 
     view: TargetViewConfig = field(default_factory=TargetViewConfig)
-    # By how much a touch moves the object, as it is believed; the standard deviation. At 25 mm/s the
-    # arm goes on by 0.25 mm in the two decisions that it takes to stop.
+    # By how much a touch moves the object, as it is believed; the standard deviation. In the two
+    # decisions that it takes to stop, the arm goes on by 0.25 mm at 25 mm/s.
     moved: float = number(1.5e-4, at_least=0.0, at_most=0.1, unit="m")
     # By which all taxels are displaced, as it is believed.
     taxel_places: float = number(5e-4, at_least=0.0, at_most=0.1, unit="m")

@@ -15,7 +15,8 @@ from crossmodal.maths.compiled import hot
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import number
 from crossmodal.systems.port_values import ObjectPose
-from crossmodal.systems.pose.target_model import TargetModel, cast_rays
+from crossmodal.systems.pose.surface import cast_rays
+from crossmodal.systems.pose.target_model import TargetModel
 
 
 @dataclass(kw_only=True)

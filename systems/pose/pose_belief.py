@@ -17,7 +17,8 @@ from crossmodal.maths.compiled import hot
 from crossmodal.systems.port_values import ObjectPose, PosePrior, deviations, of_middle
 from crossmodal.systems.pose.evidence import Evidence, Table
 from crossmodal.systems.pose.pose_solver import Problem, refine, walk
-from crossmodal.systems.pose.target_model import Surface, TargetModel, surface_distance
+from crossmodal.systems.pose.surface import Surface, surface_distance
+from crossmodal.systems.pose.target_model import TargetModel
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ import numpy as np
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.compiled import hot
-from crossmodal.systems.pose.target_model import Surface, surface_distance
+from crossmodal.systems.pose.surface import Surface, surface_distance
 
 WIDTH = 3.0  # Of the weighting function, standard deviations.
 _SLACK = 5e-4  # By so much a line of free space may enter the object, [m].

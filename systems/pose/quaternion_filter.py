@@ -27,7 +27,8 @@ from crossmodal.maths.compiled import hot
 from crossmodal.systems.port_values import ObjectPose, PosePrior, of_middle
 from crossmodal.systems.pose.evidence import Evidence
 from crossmodal.systems.pose.pose_belief import start_poses
-from crossmodal.systems.pose.target_model import Surface, TargetModel, nearest_of_eight
+from crossmodal.systems.pose.surface import Surface, nearest_of_eight
+from crossmodal.systems.pose.target_model import TargetModel
 
 _SAMPLES = 64  # Of the Gaussian.
 

@@ -24,7 +24,8 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.gaussian import chi_square_gate
 from crossmodal.systems.active.touch_planner import SETTLED
 from crossmodal.systems.port_values import ObjectPose, of_mesh, of_middle
-from crossmodal.systems.pose.target_model import TargetModel, nearest_distances
+from crossmodal.systems.pose.surface import nearest_distances
+from crossmodal.systems.pose.target_model import TargetModel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -27,7 +27,8 @@ from crossmodal.systems.port_values import (
     of_middle,
 )
 from crossmodal.systems.pose.pose_measurements import camera_displacements
-from crossmodal.systems.pose.target_model import TargetModel, cast_rays
+from crossmodal.systems.pose.surface import cast_rays
+from crossmodal.systems.pose.target_model import TargetModel
 from crossmodal.systems.pose.target_view import lines_beside
 from crossmodal.systems.pose.touch_contacts import BEFORE_CONTACT, shortened
 from crossmodal.systems.recursive_filter import RecursiveFilter

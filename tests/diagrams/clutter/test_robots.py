@@ -21,7 +21,7 @@ from crossmodal.diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.active.touch_planner import TouchPlanner
 from crossmodal.systems.port_values import PoseMeasurement, of_middle
-from crossmodal.systems.pose.target_model import nearest_distances
+from crossmodal.systems.pose.surface import nearest_distances
 from crossmodal.systems.sensors.finger_encoders import FingerEncodersConfig
 
 CHANGES = [

@@ -19,7 +19,8 @@ from crossmodal.systems.active.touch_planning import (
     predict_touches,
 )
 from crossmodal.systems.port_values import ObjectPose
-from crossmodal.systems.pose.target_model import TargetModel, cast_rays, make_target
+from crossmodal.systems.pose.surface import cast_rays
+from crossmodal.systems.pose.target_model import TargetModel, make_target
 
 CONFIG = TouchConfig()
 

@@ -16,7 +16,8 @@ from crossmodal.systems.pose.pose_belief import (
     infer_pose,
     uniform_rotations,
 )
-from crossmodal.systems.pose.target_model import TargetModel, cast_rays, make_target
+from crossmodal.systems.pose.surface import cast_rays
+from crossmodal.systems.pose.target_model import TargetModel, make_target
 
 CONFIG = SolverConfig()
 

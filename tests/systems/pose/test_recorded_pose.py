@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 from crossmodal.systems.port_values import PosePrior
 from crossmodal.systems.pose.evidence import Table
 from crossmodal.systems.pose.recorded_pose import estimate_pose
-from crossmodal.systems.pose.target_model import TargetModel, cast_rays, make_target
+from crossmodal.systems.pose.surface import cast_rays
+from crossmodal.systems.pose.target_model import TargetModel, make_target
 
 EYE = np.array([0.1, -0.4, 0.6])
 

@@ -1,9 +1,12 @@
 """How an episode begins: where the object truly is, and what is known of that."""
 
 import numpy as np
+from pydrake.math import RigidTransform
 from scipy.spatial.transform import Rotation
 
+from crossmodal.diagrams.clutter.robot_config import TOUCH_ARM
 from crossmodal.diagrams.clutter.scenario import Scenario, generator
+from crossmodal.diagrams.run.calibration import Calibration, draw_base
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.port_values import PosePrior, of_mesh
 from crossmodal.systems.pose.target_model import TargetModel
@@ -28,6 +31,18 @@ def true_pose(scenario: Scenario, model: TargetModel) -> Array:
     X[:2, 3] = [rng.uniform(0.4, 0.6), rng.uniform(-0.1, 0.1)]
     X[2, 3] = -float(np.min(model.hull @ X[2, :3]))
     return X
+
+
+def true_displacement(scenario: Scenario, calibration: Calibration) -> Array:
+    """By which pose (4, 4) in W the touching arm is displaced, by where its base truly stands.
+
+    It is at X p where it is believed to be at p. A rig's arm is believed to stand in W.
+    """
+    name, X_WBase = "arm", RigidTransform()
+    if scenario.station == "robots":
+        name, X_WBase = TOUCH_ARM, calibration.arms[TOUCH_ARM].X_WBase
+    true = draw_base(name, X_WBase, scenario.calibration.errors, scenario.seed)
+    return np.asarray((true @ X_WBase.inverse()).GetAsMatrix4())
 
 
 def first_guess(scenario: Scenario, X_WM: Array, model: TargetModel) -> PosePrior:

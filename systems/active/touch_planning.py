@@ -65,6 +65,7 @@ class TouchPredictions(Immutable):
         incidence: (K, R) cosines between approach and normal; zero for a miss.
         poses: X_WO (K, 4, 4) of the object's middle.
         covariance: (6 + m, 6 + m) of pose and calibration.
+        met: (6, 6 + m) by how much the pose as the touching arm meets it changes with them.
     """
 
     starts: Array
@@ -74,6 +75,12 @@ class TouchPredictions(Immutable):
     incidence: Array
     poses: Array
     covariance: Array
+    met: Array
+
+    @property
+    def covariance_met(self) -> Array:
+        """Of the pose as the touching arm meets it (6, 6)."""
+        return self.met @ self.covariance @ self.met.T
 
     @property
     def hit(self) -> Array:
@@ -211,6 +218,7 @@ def predict_touches(
         incidence=incidence,
         poses=X,
         covariance=belief.joint,
+        met=belief.change_as_met(displaced),
     )
 
 
@@ -284,7 +292,7 @@ def expected_log_det(
 ) -> Array:
     """Gains (R,): by how much a contact shrinks the pose's covariance, a miss counting nothing."""
     gain, variance = _innovations(predicted, sigma)
-    return _log_det_fall(gain, variance, predicted.covariance[:6, :6])
+    return _log_det_fall(gain, variance, predicted.covariance_met)
 
 
 def _log_det_fall(gain: Array, variance: Array, covariance: Array) -> Array:
@@ -339,12 +347,12 @@ def _spread(pose: Array, model: TargetModel) -> Array:
 
 
 def _innovations(predicted: TouchPredictions, sigma: float) -> tuple[Array, Array]:
-    """Covariances (K, R, 6) of contacts' distances with the pose, and their variances (K, R)."""
+    """Of contacts' distances: covariances (K, R, 6) with the pose met, and variances (K, R)."""
     rows = predicted.rows.reshape(-1, predicted.rows.shape[2])  # For one product in place of K.
     jC = rows @ predicted.covariance
     variance = sigma**2 + np.einsum("ni,ni->n", jC, rows)
     shape = predicted.distances.shape
-    return jC[:, :6].reshape(*shape, 6), variance.reshape(shape)
+    return (jC @ predicted.met.T).reshape(*shape, 6), variance.reshape(shape)
 
 
 def rotation_divergence(
@@ -359,7 +367,7 @@ def rotation_divergence(
     Source: the third paper's equation 25 in expectation, by which it chooses touches.
     """
     gain, variance = _innovations(predicted, sigma)
-    return _log_det_fall(gain[..., :3], variance, predicted.covariance[:3, :3])
+    return _log_det_fall(gain[..., :3], variance, predicted.covariance_met[:3, :3])
 
 
 def expected_pruning(

@@ -1,10 +1,11 @@
 """An object whose pose is sought: what was measured, what is believed, and what to do next."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 
@@ -63,6 +64,44 @@ class ObjectPose(Immutable):
     def X_WO(self) -> Array:
         """The pose that is reported (4, 4), of the mesh's frame."""
         return of_mesh(self.X, self.middle)
+
+    def as_met(self, displaced: Array) -> "ObjectPose":
+        """The same of the pose as an arm meets it, which is off by errors of the calibration.
+
+        Where it is believed to be in W, it is displaced from; what it measures is displaced back.
+
+        Args:
+            displaced: (6, m) by which twist in W about Wo what it measures is displaced per
+                standard deviation of each error of the calibration.
+        """
+        known = self._known(displaced)
+        twists = -self.calibration[:, :known] @ displaced[:, :known].T
+        X_mean = se3.exp(twists.mean(axis=0))
+        samples = np.array([se3.exp(V) @ X for V, X in zip(twists, self.samples, strict=True)])
+        e = deviations(X_mean @ self.X, samples)
+        change = np.eye(len(self.joint))
+        change[:6] = self.change_as_met(displaced)
+        return replace(
+            self,
+            X=X_mean @ self.X,
+            covariance=e.T @ e / len(e) + 1e-10 * np.eye(6),
+            joint=change @ self.joint @ change.T,
+            samples=samples,
+            modes=X_mean @ self.modes,
+        )
+
+    def change_as_met(self, displaced: Array) -> Array:
+        """(6, 6 + m) by how much that pose changes with the pose and the calibration's errors."""
+        known = self._known(displaced)
+        turn, shift = displaced[:3, :known], displaced[3:, :known]
+        at_middle = shift + np.cross(turn, self.X[:3, 3], axisa=0, axisc=0)
+        change = np.eye(6, len(self.joint))
+        change[:, 6 : 6 + known] = -np.vstack([self.X[:3, :3].T @ turn, at_middle])
+        return change
+
+    def _known(self, displaced: Array) -> int:
+        """Of how many of the errors something is known: a filter may know of none."""
+        return min(displaced.shape[1], len(self.joint) - 6)
 
     def distance(self, X_WO: Array) -> float:
         """Squared Mahalanobis distance of a pose (4, 4) of the mesh's frame, 6 dof."""

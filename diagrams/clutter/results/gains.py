@@ -107,26 +107,28 @@ def touch_gains(
 ) -> list[Gain]:
     """By how much each touch has lowered the mean squared distance between surfaces, [m^2].
 
-    There are none of touches that were chosen by another criterion or by lot.
+    It is that at the pose as the touching arm meets it, by which touches are chosen. There are none
+    of touches that were chosen by another criterion or by lot.
 
     Args:
         record: Of an episode.
-        stages: Of the estimator that touches are chosen by, with `acquisitions` and `adi`, [m].
+        stages: Of the estimator that touches are chosen by, with `acquisitions` and `as_met`.
         model: Of the object.
     """
     scenario: Scenario = record.scenario
-    if scenario.touches.criterion != "expected-adi":
+    touches = [measured for measured in measurements(record) if measured.kind == "touch"]
+    if not touches or scenario.touches.criterion != "expected-adi":
         return []
     requests = _requests(record, "touch_latest")
     believed = beliefs(record.estimators[scenario.modalities[0]])
+    met = {number: belief.as_met(touches[0].displaced) for number, belief in believed.items()}
     distances = {
         number: float(expected_squared_distance(belief.covariance, belief.X, model))
-        for number, belief in believed.items()
+        for number, belief in met.items()
     }
-    adi = {stage["acquisitions"]: stage["adi"] for stage in stages}
+    adi = {stage["acquisitions"]: stage["as_met"]["adi"] for stage in stages}
     gains = []
-    touches = [measured.number for measured in measurements(record) if measured.kind == "touch"]
-    for touch, number in enumerate(touches, start=1):
+    for touch, number in enumerate((measured.number for measured in touches), start=1):
         by_lot = touch <= scenario.touches.random_touches
         if by_lot or touch not in requests or not {number - 1, number} <= distances.keys():
             continue

@@ -15,6 +15,7 @@ from crossmodal.diagrams.clutter.results.gains import (
     view_gains,
 )
 from crossmodal.diagrams.clutter.scenario import Scenario, target_name
+from crossmodal.diagrams.clutter.start import true_displacement
 from crossmodal.diagrams.evaluation.estimates import Row, estimates_table, vector
 from crossmodal.diagrams.run.application import Results
 from crossmodal.diagrams.run.experiment import Metric
@@ -63,6 +64,8 @@ def _stages(
     record: EpisodeRecord, estimator: EstimatorRecord, true: Array, model: TargetModel
 ) -> list[dict[str, Any]]:
     measured = {one.number: one for one in measurements(record)}
+    displaced = [one.displaced for one in measured.values() if one.kind == "touch"]
+    X_arm = true_displacement(record.scenario, record.calibration) if displaced else np.eye(4)
     found: dict[int, dict[str, Any]] = {}
     for tick, X_WM in zip(estimator.ticks, true, strict=False):
         belief: ObjectPose = tick.values["object_pose_latest"]
@@ -76,6 +79,10 @@ def _stages(
             "translation_claimed": _claimed_radius(belief),
             **_errors(belief, X_WM, model),
         }
+        if displaced:
+            # Where the touching arm has to go to meet the object, and where it would go.
+            met = _errors(belief.as_met(displaced[0]), np.linalg.inv(X_arm) @ X_WM, model)
+            found[belief.number]["as_met"] = met
     return [found[number] for number in sorted(found)]
 
 
@@ -213,6 +220,14 @@ def _last(key: str) -> Any:
     return lambda record: record["stages"][-1][key] if record["stages"] else None
 
 
+def _last_as_met(record: Mapping[str, Any]) -> float | None:
+    return record["stages"][-1]["as_met"]["adi"] if _as_met(record) else None
+
+
+def _as_met(record: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    return [stage["as_met"] for stage in record["stages"] if "as_met" in stage]
+
+
 def _before_choice(record: Mapping[str, Any]) -> float | None:
     """ADI before the last four measurements, which are those that were chosen."""
     stages = record["stages"]
@@ -245,6 +260,7 @@ def metrics() -> list[Metric]:
         metric("adi", "ADI at the end", _last("adi")),
         metric("adi_mean", "ADI at the end, mean", _last("adi"), cell=mean_and_deviation),
         metric("adi_before", "ADI before the last four measurements", _before_choice),
+        metric("adi_as_met", "ADI at the end, as the touching arm meets it", _last_as_met),
         metric("translation", "translation error at the end", _last("translation_error")),
         metric("rotation", "rotation error at the end", _last("rotation_error"), "rad"),
         metric(

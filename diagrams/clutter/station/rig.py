@@ -12,8 +12,8 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 
 from crossmodal.diagrams.clutter.scenario import Scenario, generator, is_transparent
-from crossmodal.diagrams.clutter.start import first_guess, true_pose
-from crossmodal.diagrams.run.calibration import Calibration, Camera, draw_base, draw_camera
+from crossmodal.diagrams.clutter.start import first_guess, true_displacement, true_pose
+from crossmodal.diagrams.run.calibration import Calibration, Camera, draw_camera
 from crossmodal.diagrams.run.record import TaskStatus
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.active.touch_planning import across
@@ -67,8 +67,7 @@ class MeasuringRig(RecursiveFilter):
         self._camera, self._noise = calibration.cameras["camera"], calibration.noise
         errors, seed = scenario.calibration.errors, scenario.seed
         self._true_camera: Camera = draw_camera("camera", self._camera, errors, seed)
-        base = draw_base("arm", RigidTransform(), errors, seed)
-        self._X_base = np.asarray(base.GetAsMatrix4())
+        self._X_base = true_displacement(scenario, calibration)
         self._of_arm = finger_displacements(scenario)
         self._X_WM = true_pose(scenario, model)
         self._guess = first_guess(scenario, self._X_WM, model)

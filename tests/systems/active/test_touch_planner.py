@@ -142,7 +142,8 @@ def test_a_touch_goes_through_the_box_that_holds_the_object(model: TargetModel) 
     assert request.expected + 0.02 < request.reach < request.expected + 0.05
 
 
-def test_what_contacts_have_in_common_lowers_what_a_touch_is_worth(model: TargetModel) -> None:
+def test_an_arm_that_is_wrongly_calibrated_learns_more_by_a_touch(model: TargetModel) -> None:
+    """Where the object is for the arm is less certain than where it is in W."""
     pose = belief(model, 1)
     joint = np.eye(9)
     joint[:6, :6] = pose.joint
@@ -153,7 +154,7 @@ def test_what_contacts_have_in_common_lowers_what_a_touch_is_worth(model: Target
     for known in (None, displaced):
         planner = TouchPlanner(model, config, 0.0, 0.1, displaced=known)
         gains.append(asked(planner, planner.CreateDefaultContext(), pose).gain)
-    assert gains[1] < 0.4 * gains[0]
+    assert gains[1] > 2.0 * gains[0]
 
 
 def test_an_unknown_criterion_is_refused(model: TargetModel) -> None:

@@ -139,7 +139,7 @@ def after(C: np.ndarray, j: np.ndarray, noise: float) -> np.ndarray:
 def test_the_gain_is_what_a_kalman_filter_gains(
     model: TargetModel, name: str, shared: bool
 ) -> None:
-    """Of the whole covariance, of which the pose's part counts."""
+    """Of the whole covariance, of which that of the pose as the arm meets it counts."""
     sigma, noise = np.array([0.02, 0.01, 0.03, 4e-3, 2e-3, 3e-3]), 1e-3
     belief, rng = believed(model, sigma), np.random.default_rng(1)
     if shared:
@@ -152,8 +152,9 @@ def test_the_gain_is_what_a_kalman_filter_gains(
     points, normals = model.surface.points, model.surface.normals
     J = np.concatenate([-np.cross(points, normals), -normals], axis=1)
     expected = []
+    T = np.eye(6) if displaced is None else belief.change_as_met(displaced)
     for j in rays.rows[0]:
-        before, then = belief.joint[:6, :6], after(belief.joint, j, noise)[:6, :6]
+        before, then = T @ belief.joint @ T.T, T @ after(belief.joint, j, noise) @ T.T
         if name == "log-det":
             fall = 0.5 * (np.linalg.slogdet(before)[1] - np.linalg.slogdet(then)[1])
         else:
@@ -183,7 +184,8 @@ def test_what_contacts_have_in_common_is_learnt_once(model: TargetModel, name: s
     # What is left of the first coordinate: 5 mm against 10 mm, in parallel.
     assert np.sqrt(told.joint[3, 3]) == pytest.approx(1e-2 / np.sqrt(5.0), rel=0.02)
     second, _ = gains(told, displaced)
-    assert second[0] < 0.02 * first[0]
+    # It is a measurement of the same again, which halves a variance far below what it was.
+    assert second[0] < 0.1 * first[0]
     assert second[1] > 0.9 * first[1]  # Another face still tells as much.
     unaware, _ = gains(told, None)
     assert unaware[0] > 10.0 * second[0]

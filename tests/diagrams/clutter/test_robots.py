@@ -14,6 +14,7 @@ from crossmodal.controllers.primitives.look import LookPhase
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.clutter.estimators import load_model
 from crossmodal.diagrams.clutter.robot_config import GRIPPER
+from crossmodal.diagrams.clutter.start import true_displacement
 from crossmodal.diagrams.clutter.station import robot_control
 from crossmodal.diagrams.run.application import Results
 from crossmodal.diagrams.run.episode import Episode
@@ -116,7 +117,10 @@ def test_the_touch_is_a_contact_with_the_object(ran: Ran) -> None:
     assert (end.number, end.outcome) == (1, "contact")
     touch = ran.measured("touch")
     assert len(touch.points) > 0
-    assert ran.off_the_object(touch.points).max() < 0.01
+    # Where the arm truly was; what is left is its joints' and its taxels' errors.
+    X_arm = true_displacement(ran.scenario, ran.record.calibration)
+    at = touch.points @ X_arm[:3, :3].T + X_arm[:3, 3]
+    assert ran.off_the_object(at).max() < 3e-3
     # From outside: what was swept before it was free.
     assert len(touch.free) == 12
     assert ran.off_the_object(touch.free[:, 0]).min() > 0.02

@@ -68,18 +68,20 @@ def touch_parts(model: TargetModel, config: TouchConfig) -> dict[str, Callable[[
     rng = np.random.default_rng(0)
     belief = believed(model, rng)
     displaced = 1e-3 * rng.normal(size=(6, _ERRORS))
+    met = belief.as_met(displaced)
 
     def rays() -> tuple[Array, Array]:
         # Those that would come too low are kept, so that it is as many as are asked for.
-        return candidate_rays(belief, model, config, APPROACHES, np.random.default_rng(1))
+        return candidate_rays(met, model, config, APPROACHES, np.random.default_rng(1))
 
     starts, directions = rays()
     rng = np.random.default_rng(2)
-    predicted = predict_touches(belief, model, starts, directions, config, rng, displaced)
+    predicted = predict_touches(met, model, starts, directions, config, rng)
     return {
+        "how the arm meets it": lambda: belief.as_met(displaced),
         "candidates": rays,
         "what they meet": lambda: predict_touches(
-            belief, model, starts, directions, config, np.random.default_rng(2), displaced
+            met, model, starts, directions, config, np.random.default_rng(2)
         ),
         "what that is worth": lambda: expected_adi(predicted, model, config.sigma, rng),
     }

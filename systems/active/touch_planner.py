@@ -67,7 +67,8 @@ class TouchPlannerState(Immutable):
 class TouchPlanner(RecursiveFilter):
     """Chooses the next touch whenever a measurement has come.
 
-    It is the one with the largest gain among those that a robot can make.
+    It is the one with the largest gain among those that a robot can make. What counts is the pose
+    as the touching arm meets it: `ObjectPose.as_met`.
 
     Input ports:
     - `object_pose`: `ObjectPose`, whose number tells that a measurement has come.
@@ -128,6 +129,8 @@ class TouchPlanner(RecursiveFilter):
             return unchanged
         if state.request.done:
             return replace(unchanged, after=measured)
+        if self._displaced is not None:
+            belief = belief.as_met(self._displaced)
         request, limits = None, (config.settled_translation, np.deg2rad(config.settled_rotation))
         if last > config.random_touches and has_settled(state.belief, belief, *limits):
             request = self._no_more(belief, last, SETTLED)
@@ -158,9 +161,7 @@ class TouchPlanner(RecursiveFilter):
         )
         if len(starts) == 0:
             return self._no_more(belief, number - 1, "no approach is clear")
-        predicted = predict_touches(
-            belief, model, starts, directions, config.touch, rng, self._displaced
-        )
+        predicted = predict_touches(belief, model, starts, directions, config.touch, rng)
         feasible = predicted.feasible(config.touch)
         hit = predicted.hit
         if not hit.any():

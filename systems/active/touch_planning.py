@@ -59,13 +59,11 @@ class TouchPredictions(Immutable):
         starts: (R, 3) in W, [m].
         directions: Unit vectors (R, 3) in W.
         distances: (K, R) from the start to the contact, infinite for a miss, [m].
-        rows: (K, R, 6 + m) by how much the distance to the surface changes with the pose, rotation
-            in O and translation of the object's middle in W, and with the errors of the
-            calibration. Zero for a miss.
+        rows: (K, R, 6) by how much the distance to the surface changes with the pose, rotation in O
+            and translation of the object's middle in W. Zero for a miss.
         incidence: (K, R) cosines between approach and normal; zero for a miss.
         poses: X_WO (K, 4, 4) of the object's middle.
-        covariance: (6 + m, 6 + m) of pose and calibration.
-        met: (6, 6 + m) by how much the pose as the touching arm meets it changes with them.
+        covariance: Of the pose (6, 6).
     """
 
     starts: Array
@@ -75,12 +73,6 @@ class TouchPredictions(Immutable):
     incidence: Array
     poses: Array
     covariance: Array
-    met: Array
-
-    @property
-    def covariance_met(self) -> Array:
-        """Of the pose as the touching arm meets it (6, 6)."""
-        return self.met @ self.covariance @ self.met.T
 
     @property
     def hit(self) -> Array:
@@ -169,7 +161,6 @@ def predict_touches(
     directions: Array,
     config: TouchConfig,
     rng: np.random.Generator,
-    displaced: Array | None = None,
 ) -> TouchPredictions:
     """What approaches would meet under poses drawn from the belief.
 
@@ -180,18 +171,11 @@ def predict_touches(
         directions: Unit vectors (R, 3) in W.
         config: Of touches.
         rng: Of the poses that are drawn.
-        displaced: (6, m) by which twist in W contacts are displaced per error of the calibration;
-            None where nothing is known of that.
     """
-    width = len(belief.joint)
-    if displaced is None or width == 6:  # An estimator that knows no errors of the calibration.
-        displaced = np.zeros((6, 0))
-    # Later errors are of what was measured before the object was moved.
-    displaced = np.pad(displaced, ((0, 0), (0, width - 6 - displaced.shape[1])))
     count, rays = config.poses, len(starts)
     X = belief.samples[rng.choice(len(belief.samples), count, replace=False)]
     distances = np.empty((count, rays))
-    rows, incidence = np.zeros((count, rays, width)), np.zeros((count, rays))
+    rows, incidence = np.zeros((count, rays, 6)), np.zeros((count, rays))
     face = across(directions, config.of_finger())
     points = face.shape[1]
     fingers = (starts[:, None] + face).reshape(-1, 3)
@@ -205,11 +189,9 @@ def predict_touches(
         # What the finger meets first is where it is stopped.
         first = cast.reshape(rays, points).argmin(axis=1) + points * np.arange(rays)
         distances[k], samples, p, d = cast[first], found[first], p[first], d[first]
-        twists = np.zeros((rays, 6))
         _differentiate(
-            p, d, distances[k], model.surface.normals, samples, X[k], rows[k], twists, incidence[k]
+            p, d, distances[k], model.surface.normals, samples, X[k], rows[k], incidence[k]
         )
-        rows[k, :, 6:] = twists @ displaced
     return TouchPredictions(
         starts=starts,
         directions=directions,
@@ -217,8 +199,7 @@ def predict_touches(
         rows=rows,
         incidence=incidence,
         poses=X,
-        covariance=belief.joint,
-        met=belief.change_as_met(displaced),
+        covariance=belief.joint[:6, :6],
     )
 
 
@@ -231,7 +212,6 @@ def _differentiate(
     samples: Ids,
     X: Array,
     rows: Array,
-    twists: Array,
     incidence: Array,
 ) -> None:
     """Writes how the distances (R,) of contacts at p + distance d change, and their incidence.
@@ -243,11 +223,10 @@ def _differentiate(
         normals: Of the object's samples, in O.
         samples: That are met (R,), -1 for a miss, of which nothing is written.
         X: X_WM (4, 4).
-        rows: With the pose (R, 6 + m), of which the first six are written.
-        twists: With a displacement by a twist (R, 6) in W about Wo.
+        rows: With the pose (R, 6).
         incidence: Cosines (R,).
     """
-    at, n_W, at_W = np.empty(3), np.empty(3), np.empty(3)
+    at = np.empty(3)
     for r in range(len(p)):
         if samples[r] < 0:
             continue
@@ -256,16 +235,9 @@ def _differentiate(
             at[i] = p[r, i] + distances[r] * d[r, i]
             incidence[r] -= d[r, i] * n[i]
         for i in range(3):
-            n_W[i], at_W[i] = 0.0, X[i, 3]
-            for j in range(3):
-                n_W[i] += X[i, j] * n[j]
-                at_W[i] += X[i, j] * at[j]
-        for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
             rows[r, i] = at[k] * n[j] - at[j] * n[k]
-            rows[r, 3 + i] = -n_W[i]
-            twists[r, i] = at_W[j] * n_W[k] - at_W[k] * n_W[j]
-            twists[r, 3 + i] = n_W[i]
+            rows[r, 3 + i] = -(X[i, 0] * n[0] + X[i, 1] * n[1] + X[i, 2] * n[2])
 
 
 def across(directions: Array, face: Array) -> Array:
@@ -292,7 +264,7 @@ def expected_log_det(
 ) -> Array:
     """Gains (R,): by how much a contact shrinks the pose's covariance, a miss counting nothing."""
     gain, variance = _innovations(predicted, sigma)
-    return _log_det_fall(gain, variance, predicted.covariance_met)
+    return _log_det_fall(gain, variance, predicted.covariance)
 
 
 def _log_det_fall(gain: Array, variance: Array, covariance: Array) -> Array:
@@ -314,8 +286,7 @@ def expected_adi(
     """Gains (R,): by how much the mean squared distance between surfaces falls, [m^2].
 
     A contact whose distance to the surface has the covariance g with the pose and the variance v
-    takes g g' / v from the pose's covariance. A turn that does not move the surface earns nothing,
-    nor does what all contacts have in common once it is known.
+    takes g g' / v from the pose's covariance. A turn that does not move the surface earns nothing.
     """
     gain, variance = _innovations(predicted, sigma)
     falls = np.sum(gain @ _spread(predicted.poses, model) * gain, axis=2) / variance
@@ -347,12 +318,9 @@ def _spread(pose: Array, model: TargetModel) -> Array:
 
 
 def _innovations(predicted: TouchPredictions, sigma: float) -> tuple[Array, Array]:
-    """Of contacts' distances: covariances (K, R, 6) with the pose met, and variances (K, R)."""
-    rows = predicted.rows.reshape(-1, predicted.rows.shape[2])  # For one product in place of K.
-    jC = rows @ predicted.covariance
-    variance = sigma**2 + np.einsum("ni,ni->n", jC, rows)
-    shape = predicted.distances.shape
-    return (jC @ predicted.met.T).reshape(*shape, 6), variance.reshape(shape)
+    """Covariances (K, R, 6) of contacts' distances with the pose, and their variances (K, R)."""
+    gain = predicted.rows @ predicted.covariance
+    return gain, sigma**2 + np.sum(gain * predicted.rows, axis=2)
 
 
 def rotation_divergence(
@@ -367,7 +335,7 @@ def rotation_divergence(
     Source: the third paper's equation 25 in expectation, by which it chooses touches.
     """
     gain, variance = _innovations(predicted, sigma)
-    return _log_det_fall(gain[..., :3], variance, predicted.covariance_met[:3, :3])
+    return _log_det_fall(gain[..., :3], variance, predicted.covariance[:3, :3])
 
 
 def expected_pruning(

@@ -147,7 +147,8 @@ def test_an_arm_that_is_wrongly_calibrated_learns_more_by_a_touch(model: TargetM
     pose = belief(model, 1)
     joint = np.eye(9)
     joint[:6, :6] = pose.joint
-    pose = replace(pose, joint=joint)
+    errors = np.random.default_rng(0).normal(size=(len(pose.samples), 3))
+    pose = replace(pose, joint=joint, calibration=errors)
     displaced = np.vstack([np.zeros((3, 3)), 5e-3 * np.eye(3)])
     config = TouchPlannerConfig(after_views=1)
     gains = []

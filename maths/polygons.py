@@ -14,8 +14,13 @@ def _cross(a: Array, b: Array) -> Array:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
+def _after(values: Array) -> Array:
+    """What comes after each one (N, ...) in a circle; `np.roll` takes several times as long."""
+    return np.concatenate([values[1:], values[:1]])
+
+
 def _signed_area(polygon: Array) -> float:
-    return 0.5 * float(_cross(polygon, np.roll(polygon, -1, axis=0)).sum())
+    return 0.5 * float(_cross(polygon, _after(polygon)).sum())
 
 
 def area(polygon: Array) -> float:
@@ -27,7 +32,7 @@ def centroid(polygon: Array) -> Array:
     """Of the area of a polygon (N, 2); the mean of the corners (2,) where there is no area."""
     middle = polygon.mean(axis=0)
     own = polygon - middle
-    after = np.roll(own, -1, axis=0)
+    after = _after(own)
     parts = _cross(own, after)
     if abs(parts.sum()) <= 1e-12 * np.square(own).sum():
         return np.asarray(middle)
@@ -49,7 +54,7 @@ def smallest_box(points: Array) -> Array:
     from the hull's first edge on.
     """
     hull = convex_hull(points)
-    edges = np.roll(hull, -1, axis=0) - hull
+    edges = _after(hull) - hull
     lengths = np.linalg.norm(edges, axis=1)
     x = edges[lengths > 0.0] / lengths[lengths > 0.0, None] if lengths.any() else np.eye(2)[:1]
     frames = np.stack(
@@ -70,15 +75,20 @@ def clipped(polygon: Array, convex: Array) -> Array:
     Where that is several parts, lines of no area join them.
     """
     corners = convex if _signed_area(convex) >= 0.0 else convex[::-1]
-    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+    for start, end in zip(corners, _after(corners), strict=True):
         side = _cross(end - start, polygon - start)
-        after, side_after = np.roll(polygon, -1, axis=0), np.roll(side, -1)
+        after, side_after = _after(polygon), _after(side)
         inside = side >= 0.0
+        if inside.all():
+            continue
+        if not inside.any():
+            return np.zeros((0, 2))
         crossing = inside != (side_after >= 0.0)
         share = np.divide(side, side - side_after, out=np.zeros_like(side), where=crossing)
         met = polygon + share[:, None] * (after - polygon)
-        both = np.stack([polygon, met], axis=1).reshape(-1, 2)
-        polygon = both[np.stack([inside, crossing], axis=1).ravel()]
+        both, kept = np.repeat(polygon, 2, axis=0), np.repeat(inside, 2)
+        both[1::2], kept[1::2] = met, crossing
+        polygon = both[kept]
     return polygon
 
 
@@ -95,7 +105,7 @@ def intersection_over_union(polygon: Array, convex: Array) -> float:
 
 def contains(polygon: Array, points: Array) -> Mask:
     """Which of points (..., 2) lie in a polygon (N, 2); of those on its edge, either."""
-    a, b = polygon, np.roll(polygon, -1, axis=0)
+    a, b = polygon, _after(polygon)
     p = points[..., None, :]
     spans = (a[:, 1] > p[..., 1]) != (b[:, 1] > p[..., 1])
     # Left of a rising edge, or right of a falling one: a ray along x meets that edge.
@@ -111,8 +121,8 @@ def distance(first: Array, second: Array) -> float:
 
 
 def _cross_each_other(first: Array, second: Array) -> bool:
-    a, b = first[:, None], np.roll(first, -1, axis=0)[:, None]
-    c, d = second[None], np.roll(second, -1, axis=0)[None]
+    a, b = first[:, None], _after(first)[:, None]
+    c, d = second[None], _after(second)[None]
     by_first = _cross(b - a, c - a) * _cross(b - a, d - a) < 0.0
     by_second = _cross(d - c, a - c) * _cross(d - c, b - c) < 0.0
     return bool((by_first & by_second).any())
@@ -121,7 +131,7 @@ def _cross_each_other(first: Array, second: Array) -> bool:
 def _to_edges(points: Array, polygon: Array) -> Array:
     """Distances (N, M) of points from a polygon's edges."""
     start = polygon
-    edge = np.roll(polygon, -1, axis=0) - start
+    edge = _after(polygon) - start
     squared = np.square(edge).sum(axis=1)
     along = ((points[:, None] - start) * edge).sum(axis=-1)
     share = np.divide(along, squared, out=np.zeros_like(along), where=squared > 0.0)

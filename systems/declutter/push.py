@@ -45,11 +45,11 @@ class PushConfig:
     # 64 degrees within 10 cm, 5 mm hardly do.
     aside: float = number(0.005, at_least=0.0, at_most=0.1, unit="m")
     # Places of the finger that are compared, along the contour from one such end to the other.
-    places: int = number(11, at_least=1, at_most=1001)
+    places: int = number(5, at_least=1, at_most=1001)
     # Least distance of the finger and of the object from the target, throughout the push.
     clearance: float = number(0.005, at_least=0.0, at_most=0.1, unit="m")
     # Steps and end of the directions to both sides of that away from the clutter.
-    turn_step: float = number(5.0, at_least=0.1, at_most=90.0, unit="deg")
+    turn_step: float = number(10.0, at_least=0.1, at_most=90.0, unit="deg")
     largest_turn: float = number(90.0, at_least=0.0, at_most=180.0, unit="deg")
     # Coefficient between objects and table, and the share of the height at which they topple.
     friction: float = number(0.5, above=0.0, at_most=2.0)
@@ -137,7 +137,7 @@ def finger_place(
 def _rear(own: Array, right: float, left: float) -> float:
     """Least first coordinate of a polygon (N, 2) where the second one is within; else infinite."""
     along, aside = own.T
-    along_after, aside_after = np.roll(own, -1, axis=0).T
+    along_after, aside_after = np.concatenate([own[1:], own[:1]]).T
     found = [along[(aside >= right) & (aside <= left)]]
     for side in (right, left):
         met = (aside > side) != (aside_after > side)

@@ -20,13 +20,15 @@ from crossmodal.maths.immutable import Immutable
 class _Value(Immutable):
     """Equal to another one of its class whose fields are equal, arrays and NaN included."""
 
-    __hash__ = None  # type: ignore[assignment]
-
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
             return NotImplemented
         names = [item.name for item in fields(self)]  # type: ignore[arg-type]
         return all(_same(getattr(self, name), getattr(other, name)) for name in names)
+
+    def __hash__(self) -> int:
+        """The same for all of a class: dataclasses refuse defaults that have none."""
+        return hash(type(self))
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -179,7 +181,7 @@ class DeclutterGraph(_Value):
     vertices: tuple[DeclutterVertex, ...] = ()
     apart: tuple[Segment, ...] = ()
     next: int = -1
-    push: Push = field(default_factory=lambda: NO_PUSH)
+    push: Push = NO_PUSH
     why: str = ""
 
     def vertex(self, number: int) -> DeclutterVertex:

@@ -134,8 +134,8 @@ def with_known_numbers(
 ) -> tuple[Segment, ...]:
     """The objects of a new image, with the numbers that they had before.
 
-    An object is that of its class which was nearest, all distances together being least. What was
-    not there before gets a number that nobody has had among them.
+    Objects of a class are paired so that all distances together are least, each counted up to the
+    reach. What is in no pair within it gets a number that nobody has had among those known.
 
     Args:
         seen: In the new image, with any numbers.
@@ -145,9 +145,7 @@ def with_known_numbers(
     far = np.array([[_far(new, old) for old in known] for new in seen], dtype=float).reshape(
         len(seen), len(known)
     )
-    # Beyond reach all are alike, and worse than any number of pairs within it.
-    cost = np.where(far <= reach, far, reach * (1.0 + len(seen)))
-    rows, columns = linear_sum_assignment(cost)
+    rows, columns = linear_sum_assignment(np.minimum(far, reach))
     pairs = {i: j for i, j in zip(rows, columns, strict=True) if far[i, j] <= reach}
     fresh = 1 + max((old.number for old in known), default=-1)
     numbered = []

@@ -128,7 +128,8 @@ class Push(_Value):
         finger: Corners (4, 2) of the finger's place where it comes down, in W, [m].
         offset: Of the finger from the line through the centroid, to the left of it, [m].
         turned: By how much the direction is turned from that away from the clutter, [rad].
-        overlap: Mean over the other objects of the IoU of their contours with the finger's place.
+        overlap: Mean over the other objects of the IoU of their contours with the finger's place;
+            above zero, the finger would come down on one of them.
     """
 
     why: str = ""

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
+from crossmodal.maths.polygons import distance
 from crossmodal.systems.declutter.declutter_graph import (
     NO_TARGET,
     NOTHING_LEFT,
@@ -156,10 +157,15 @@ def test_the_leaf_of_the_highest_weight_is_next_though_an_inner_vertex_weighs_mo
 
 @pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0), (2, 0, 3, 1)])
 def test_of_equal_leaves_the_lowest_number_is_next(order: tuple[int, ...]) -> None:
-    """Four squares around the target, all as far from it; sines and cosines are inexact."""
-    places = [(0.07 * np.cos(0.5 * np.pi * k), 0.07 * np.sin(0.5 * np.pi * k)) for k in range(4)]
-    around = [rectangle(3 + k, "can", places[k]) for k in order]
-    graph = graph_of(rectangle(9, "wineglass", (0.0, 0.0)), *around)
+    """Four squares around the target, all as far from it but for rounding errors."""
+    turns = 0.3 + 0.5 * np.pi * np.arange(4)
+    places = np.array([0.37, 0.11]) + 0.07 * np.column_stack([np.cos(turns), np.sin(turns)])
+    target = rectangle(9, "wineglass", (0.37, 0.11), angle=0.3)
+    around = [rectangle(3 + k, "can", tuple(places[k]), angle=turns[k]) for k in order]
+    far = {segment.number: distance(segment.contour, target.contour) for segment in around}
+    assert far[3] > min(far.values())  # Without rounding it would not be the nearest one.
+    assert far[3] == pytest.approx(min(far.values()))
+    graph = graph_of(target, *around)
     assert graph.next == 3
     assert {v.parent for v in graph.vertices} == {-1, 9}
     assert [v.segment.number for v in graph.vertices] == [9, 3, 4, 5, 6]

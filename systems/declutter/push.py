@@ -28,6 +28,7 @@ TOPPLES = "topples it"
 _VANISHES = 1e-6  # Of the sum of lengths: a shorter sum of vectors is one of rounding errors.
 _LENGTH = 1e-6  # Lengths that differ by less are alike, [m];
 _AREA = 1e-6  # so are areas, [m^2].
+_STEP = 0.002  # Of the instants of a motion at which an overlap is looked at, [m].
 
 
 @dataclass(kw_only=True)
@@ -154,15 +155,17 @@ def swept(points: Array, motion: Array) -> Array:
 def spares(segment: Segment, target: Segment, motion: Array, clearance: float) -> bool:
     """Whether an object that moves straight by `motion` (2,), [m], leaves the target alone.
 
-    Its hull keeps the clearance [m]; where it is closer from the start it comes no closer, and
-    where it lies over the target already it comes to lie over no more of it.
+    Its hull keeps the clearance [m], and where it is closer from the start it comes no closer.
+    Where it touches the target or lies over a part of it, it never lies over a larger part.
     """
-    before, strip = convex_hull(segment.contour), swept(segment.contour, motion)
-    closest = min(clearance, distance(before, target.contour))
-    if distance(strip, target.contour) < closest - _LENGTH:
-        return False
-    over = area(clipped(target.contour, before))
-    return area(clipped(target.contour, strip)) <= over + _AREA
+    before = convex_hull(segment.contour)
+    gap = distance(before, target.contour)
+    if gap > _LENGTH:
+        strip = swept(segment.contour, motion)
+        return distance(strip, target.contour) > min(clearance, gap) - _LENGTH
+    shares = np.linspace(0.0, 1.0, 1 + int(np.ceil(np.linalg.norm(motion) / _STEP)))
+    over = [area(clipped(target.contour, before + share * motion)) for share in shares]
+    return max(over) <= over[0] + _AREA
 
 
 def plan_push(

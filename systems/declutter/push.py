@@ -1,4 +1,4 @@
-"""How to push an object over the table: away from the others, not over the target, not over itself.
+"""How to push an object over the table: away from the others, past the target, without toppling.
 
 A push is straight and quasi-static. All places are in W's x and y, see `port_values.declutter`.
 Source: section II-B.1 of the paper on active visuo-tactile perception in clutter. Beyond it, the
@@ -52,7 +52,7 @@ class PushConfig:
     # Steps and end of the directions to both sides of that away from the clutter.
     turn_step: float = number(10.0, at_least=0.1, at_most=90.0, unit="deg")
     largest_turn: float = number(90.0, at_least=0.0, at_most=180.0, unit="deg")
-    # Coefficient between objects and table, and the share of the height at which they topple.
+    # Coefficient between objects and table, and the share of the toppling height that is used.
     friction: float = number(0.5, above=0.0, at_most=2.0)
     margin: float = number(0.5, above=0.0, at_most=1.0)
     # Above the table, at which a finger can push.

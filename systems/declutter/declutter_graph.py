@@ -16,17 +16,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.polygons import area, distance, intersection_over_union
 from crossmodal.maths.validation import number
 from crossmodal.systems.declutter.push import PushConfig, plan_push
+from crossmodal.systems.declutter.segments import intersection_over_union
 from crossmodal.systems.port_values import (
     NO_PUSH,
     DeclutterAction,
     DeclutterGraph,
     DeclutterVertex,
-    Push,
     Segment,
     Segments,
     Tries,
@@ -60,7 +61,7 @@ def edge_weight(first: Segment, second: Segment, config: DeclutterConfig) -> flo
     if overlap > config.overlap:
         weight = 1.0 + (overlap - config.overlap) / (1.0 - config.overlap)
     else:
-        apart = min(distance(first.contour, second.contour) / config.near, 1.0)
+        apart = min(first.contour.distance(second.contour) / config.near, 1.0)
         weight = 1.0 - apart * (1.0 - overlap / config.overlap)
     return round(weight, _DIGITS)
 
@@ -75,29 +76,23 @@ def edge_weights(segments: Sequence[Segment], config: DeclutterConfig) -> Array:
 
 
 def spanning_tree(weights: Array, root: int) -> dict[int, int]:
-    """The maximum spanning tree of what is connected to the root, by Prim.
+    """The maximum spanning tree of what is connected to the root.
 
-    Among edges of the same weight the one to the lowest index comes first, from the vertex that
-    joined the tree first.
+    Among edges of the same weight the one between the lowest indices comes first.
 
     Args:
         weights: (N, N), symmetric; zero where there is no edge.
         root: Index of the root.
 
     Returns:
-        Indices of the vertices' parents by their own, in the order of joining; -1 for the root.
+        Indices of the vertices' parents by their own, breadth first; -1 for the root.
     """
-    tree, parent = {root: -1}, np.full(len(weights), root)
-    best = weights[root].copy()
-    best[root] = 0.0
-    while best.any():
-        joining = int(np.argmax(best))
-        tree[joining] = int(parent[joining])
-        nearer = weights[joining] > best
-        nearer[list(tree)] = False
-        best[nearer], parent[nearer] = weights[joining, nearer], joining
-        best[joining] = 0.0
-    return tree
+    i, j = np.nonzero(np.triu(weights))
+    ranks = np.empty(len(i))
+    ranks[np.argsort(-weights[i, j], kind="stable")] = np.arange(1, len(i) + 1)
+    tree = minimum_spanning_tree(csr_array((ranks, (i, j)), shape=weights.shape))
+    order, parent = breadth_first_order(tree + tree.T, root)
+    return {int(k): int(parent[k]) if k != root else -1 for k in order}
 
 
 def actions_left(
@@ -121,7 +116,7 @@ def actions_left(
 def find_target(segments: Sequence[Segment], name: str) -> Segment | None:
     """The object of this class that covers most of the table, the lowest number among equals."""
     named = [segment for segment in segments if segment.name == name]
-    return min(named, key=lambda s: (-round(area(s.contour), _DIGITS), s.number), default=None)
+    return min(named, key=lambda s: (-round(s.contour.area, _DIGITS), s.number), default=None)
 
 
 def declutter_graph(
@@ -163,7 +158,7 @@ def declutter_graph(
             segment=segments[i],
             parent=numbers[parent],
             weight=float(weights[i, parent]),
-            action=left[n][0] if left[n] else None,
+            action=next(iter(left[n]), None),
             why="" if left[n] else _used_up(n, tries),
         )
     graph = DeclutterGraph(
@@ -173,31 +168,20 @@ def declutter_graph(
         why=TARGET_FREE if len(tree) == 1 else NOTHING_LEFT,
     )
     for leaf in sorted(graph.leaves, key=lambda leaf: (-leaf.weight, leaf.segment.number)):
-        n = leaf.segment.number
+        n, why = leaf.segment.number, leaf.why
         others = [segment for segment in segments if segment.number != n]
-        vertices[n], push = _possible(leaf, left[n], others, root, config)
-        if vertices[n].action is not None:
-            graph = replace(graph, next=n, push=push, why="")
-            break
+        for action in left[n]:
+            push = NO_PUSH
+            if action is DeclutterAction.PUSH:
+                push = plan_push(leaf.segment, others, root, config.push)
+                if push.why:
+                    why = push.why
+                    continue
+            vertices[n] = replace(leaf, action=action)
+            found = tuple(vertices.values())
+            return replace(graph, vertices=found, next=n, push=push, why="")
+        vertices[n] = replace(leaf, action=None, why=why)
     return replace(graph, vertices=tuple(vertices.values()))
-
-
-def _possible(
-    leaf: DeclutterVertex,
-    left: Sequence[DeclutterAction],
-    others: Sequence[Segment],
-    target: Segment,
-    config: DeclutterConfig,
-) -> tuple[DeclutterVertex, Push]:
-    """The leaf with the first of these actions that is possible, and its push."""
-    push = NO_PUSH
-    for action in left:
-        if action is DeclutterAction.GRASP:
-            return replace(leaf, action=action), NO_PUSH
-        push = plan_push(leaf.segment, others, target, config.push)
-        if not push.why:
-            return replace(leaf, action=action), push
-    return replace(leaf, action=None, why=push.why if left else leaf.why), NO_PUSH
 
 
 def _used_up(number: int, tries: Tries) -> str:

@@ -1,11 +1,9 @@
 """The planner of what to take away: the declutter graph of each new image."""
 
-from dataclasses import dataclass
 from typing import Any
 
 from pydrake.systems.framework import Context
 
-from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check
 from crossmodal.systems.declutter.declutter_graph import DeclutterConfig, declutter_graph
 from crossmodal.systems.port_values import (
@@ -18,13 +16,6 @@ from crossmodal.systems.port_values import (
     Segments,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
-
-
-@dataclass(frozen=True, kw_only=True)
-class DeclutterPlannerState(Immutable):
-    """The graph of the last image."""
-
-    graph: DeclutterGraph = NO_GRAPH
 
 
 class DeclutterPlanner(RecursiveFilter):
@@ -64,18 +55,16 @@ class DeclutterPlanner(RecursiveFilter):
         self._segments = self._declare_value_input("segments", NO_SEGMENTS)
         self._qualities = self._declare_value_input("grasp_qualities", NO_QUALITIES)
         self._tries = self._declare_value_input("tries", NO_TRIES)
-        self._declare_recursion(DeclutterPlannerState(), self._calc, period)
-        self._declare_latest("declutter_graph", lambda state: state.graph)
+        self._declare_recursion(NO_GRAPH, self._calc, period)
+        self._declare_latest("declutter_graph", lambda graph: graph)
 
-    def _calc(self, context: Context, state: Any) -> DeclutterPlannerState:
+    def _calc(self, context: Context, graph: Any) -> DeclutterGraph:
+        before: DeclutterGraph = graph
         scene: Segments = self._read(self._segments, context)
         found: GraspQualities | None = self._read_optional(self._qualities, context)
-        unchanged: DeclutterPlannerState = state
-        if scene.number == state.graph.number:
-            return unchanged
-        if found is not None and found.number != scene.number:
-            return unchanged
+        waits = found is not None and found.number != scene.number
+        if scene.number == before.number or waits:
+            return before
         tries = self._read_optional(self._tries, context) or NO_TRIES
         qualities = (found or NO_QUALITIES).qualities
-        graph = declutter_graph(scene, self._target, qualities, tries, self._config)
-        return DeclutterPlannerState(graph=graph)
+        return declutter_graph(scene, self._target, qualities, tries, self._config)

@@ -6,14 +6,15 @@ shown behind its place, farther from the camera, and too large: then let the cam
 """
 
 from dataclasses import replace
+from itertools import count, product
 
 import cv2
 import numpy as np
+import shapely
 from scipy.optimize import linear_sum_assignment
 
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.pinhole import Intrinsics
-from crossmodal.maths.polygons import centroid, convex_hull, smallest_box
 from crossmodal.systems.port_values import Segment
 
 _TOLERANCE = 1.0  # By how much an outline is simplified, [px].
@@ -21,40 +22,29 @@ _AROUND = 3  # A corner's height is the median of the object's so many pixels ar
 _TOP = 0.98  # The quantile of an object's heights that is its top: a few are wrong.
 
 
-def segment_of_contour(
-    number: int,
-    name: str,
-    contour: Array,
-    pixels: Array | None = None,
-    top: float = np.nan,
-) -> Segment:
-    """An object with this outline (N, 2), in W, [m]; for the rest see `Segment`."""
-    return Segment(
-        number=number,
-        name=name,
-        contour=contour,
-        pixels=np.zeros((0, 2)) if pixels is None else pixels,
-        box=smallest_box(contour),
-        centroid=centroid(contour),
-        top=top,
-    )
+def intersection_over_union(first: shapely.Geometry, second: shapely.Geometry) -> float:
+    """0 to 1, of two polygons with an area."""
+    return float(first.intersection(second).area / first.union(second).area)
 
 
-def outline(mask: Mask) -> Array:
-    """Corners (N, 2) of the polygon around a mask (H, W), [px].
+def outline(mask: Mask) -> shapely.Polygon:
+    """The polygon around the pixels of a mask (H, W), [px], without holes.
 
     What is seen in several parts gets their common hull: something lies over its middle.
 
     Raises:
         ValueError: for a mask without a pixel.
     """
-    # OpenCV's outlines of connected parts run through the pixels' centres.
     parts, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     if not parts:
         raise ValueError("the mask of an object has no pixel")
-    if len(parts) > 1:
-        return convex_hull(np.concatenate(parts)[:, 0].astype(float))
-    return np.asarray(cv2.approxPolyDP(parts[0], _TOLERANCE, True)[:, 0], dtype=float)
+    filled = []
+    for part in parts:
+        # OpenCV's outline runs through the pixels' centres, and to and fro where it is thin.
+        line = shapely.LineString(np.concatenate([part, part[:1]])[:, 0]).simplify(_TOLERANCE)
+        wide = line.buffer(0.5, cap_style="square", join_style="mitre")
+        filled.append(shapely.Polygon(wide.exterior))
+    return filled[0] if len(filled) == 1 else shapely.MultiPolygon(filled).convex_hull
 
 
 def on_plane(uv: Array, intrinsics: Intrinsics, X_WC: Array, z: Array) -> Array:
@@ -63,9 +53,7 @@ def on_plane(uv: Array, intrinsics: Intrinsics, X_WC: Array, z: Array) -> Array:
     Raises:
         ValueError: where a pixel's ray does not meet its plane in front of the camera.
     """
-    focal_x, focal_y, center_x, center_y = intrinsics.vector()
-    u, v = (uv - (center_x, center_y)).T
-    rays = np.column_stack([u / focal_x, v / focal_y, np.ones(len(uv))]) @ X_WC[:3, :3].T
+    rays = _rays(uv, intrinsics, X_WC)
     down = X_WC[2, 3] - z
     if not (down * -rays[:, 2] > 0.0).all():
         raise ValueError("a pixel shows no point of the table: its ray does not meet the plane")
@@ -83,6 +71,9 @@ def segment_of_mask(
 ) -> Segment:
     """An object from its mask.
 
+    An outline that crosses itself, since its corners are moved by heights that are wrong, is made
+    valid by Shapely: each part of it counts once.
+
     Args:
         number: Of the object.
         name: Of its class; empty for none.
@@ -96,30 +87,40 @@ def segment_of_mask(
     Raises:
         ValueError: for a mask without a pixel, and where a pixel's ray misses the table.
     """
-    pixels = outline(mask)
-    heights, top = np.zeros(len(pixels)), np.nan
+    heights = np.full(mask.shape, np.nan)
     if depth is not None:
-        measured = _heights(mask, intrinsics, X_WC, table, depth)
-        around = [_median_around(measured, corner) for corner in pixels.astype(int)]
-        heights = np.nan_to_num(np.array(around))
-        if np.isfinite(measured).any():
-            top = float(np.quantile(measured[np.isfinite(measured)], _TOP))
-    contour = on_plane(pixels, intrinsics, X_WC, table + heights)
-    return segment_of_contour(number, name, contour, pixels, top)
+        heights = _heights(mask, intrinsics, X_WC, table, depth)
+
+    def place(uv: Array) -> Array:
+        z = [_median_around(heights, corner) for corner in uv.round().astype(int)]
+        return on_plane(uv, intrinsics, X_WC, table + np.nan_to_num(np.array(z)))
+
+    pixels = outline(mask)
+    contour = shapely.transform(pixels, place)
+    known = heights[np.isfinite(heights)]
+    return Segment(
+        number=number,
+        name=name,
+        contour=shapely.make_valid(contour, method="structure", keep_collapsed=False),
+        pixels=pixels,
+        top=float(np.quantile(known, _TOP)) if known.size else np.nan,
+    )
+
+
+def _rays(uv: Array, intrinsics: Intrinsics, X_WC: Array) -> Array:
+    """From the camera through pixels (N, 2) to where their depth is one (N, 3), in W."""
+    focal_x, focal_y, center_x, center_y = intrinsics.vector()
+    u, v = (uv - (center_x, center_y)).T
+    return np.column_stack([u / focal_x, v / focal_y, np.ones(len(uv))]) @ X_WC[:3, :3].T
 
 
 def _heights(mask: Mask, intrinsics: Intrinsics, X_WC: Array, table: float, depth: Array) -> Array:
     """Heights (H, W) above the table, at least zero; NaN where none was measured."""
-    v, u = np.indices(mask.shape)
-    x = (u - intrinsics.center_x) / intrinsics.focal_x
-    y = (v - intrinsics.center_y) / intrinsics.focal_y
     known = mask & np.isfinite(depth) & (depth > 0.0)
-    z = (
-        X_WC[2, 3]
-        + np.where(known, depth, 0.0) * (X_WC[2, 0] * x + X_WC[2, 1] * y + X_WC[2, 2])
-        - table
-    )
-    return np.where(known, np.maximum(z, 0.0), np.nan)
+    rays = _rays(np.argwhere(known)[:, ::-1].astype(float), intrinsics, X_WC)
+    heights = np.full(mask.shape, np.nan)
+    heights[known] = np.maximum(X_WC[2, 3] + depth[known] * rays[:, 2] - table, 0.0)
+    return heights
 
 
 def _median_around(heights: Array, corner: Array) -> float:
@@ -142,19 +143,14 @@ def with_known_numbers(
         known: All that were ever seen, each as it was last.
         reach: Farthest distance that an object has gone since, [m].
     """
-    far = np.array([[_far(new, old) for old in known] for new in seen], dtype=float).reshape(
-        len(seen), len(known)
-    )
-    rows, columns = linear_sum_assignment(np.minimum(far, reach))
-    pairs = {i: j for i, j in zip(rows, columns, strict=True) if far[i, j] <= reach}
-    fresh = 1 + max((old.number for old in known), default=-1)
-    numbered = []
-    for i, new in enumerate(seen):
-        number = known[pairs[i]].number if i in pairs else fresh
-        fresh += i not in pairs
-        numbered.append(replace(new, number=number))
-    return tuple(numbered)
-
-
-def _far(new: Segment, old: Segment) -> float:
-    return float(np.linalg.norm(new.centroid - old.centroid)) if new.name == old.name else np.inf
+    far = np.full((len(seen), len(known)), np.inf)
+    for (i, new), (j, old) in product(enumerate(seen), enumerate(known)):
+        if new.name == old.name:
+            far[i, j] = np.linalg.norm(new.centroid - old.centroid)
+    pairs = dict(zip(*linear_sum_assignment(np.minimum(far, reach)), strict=True))
+    fresh = count(1 + max((old.number for old in known), default=-1))
+    numbers = [
+        known[pairs[i]].number if i in pairs and far[i, pairs[i]] <= reach else next(fresh)
+        for i in range(len(seen))
+    ]
+    return tuple(replace(new, number=n) for new, n in zip(seen, numbers, strict=True))

@@ -3,38 +3,21 @@
 Frame: places are x and y in the world W, whose z points up, in metres. What a camera sees is moved
 to the table's plane (`declutter.segments`): there a distance, a box and the width of a finger mean
 the same from wherever a camera looks and however many pixels it has, and pushes are planned there.
-In pixels, as in the paper, thresholds would hold for one camera at one place.
+In pixels, as in the paper, thresholds would hold for one camera at one place. Shapes are Shapely's,
+which cannot be written.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
+import shapely
 
 from crossmodal.maths.arrays import Array, unknown
 from crossmodal.maths.immutable import Immutable
 
-
-class _Value(Immutable):
-    """Equal to another one of its class whose fields are equal, arrays and NaN included."""
-
-    def __eq__(self, other: object) -> bool:
-        if type(self) is not type(other):
-            return NotImplemented
-        names = [item.name for item in fields(self)]  # type: ignore[arg-type]
-        return all(_same(getattr(self, name), getattr(other, name)) for name in names)
-
-    def __hash__(self) -> int:
-        """The same for all of a class: dataclasses refuse defaults that have none."""
-        return hash(type(self))
-
-
-def _same(a: Any, b: Any) -> bool:
-    if isinstance(a, np.ndarray | float):
-        return np.array_equal(a, b, equal_nan=True)
-    return bool(a == b)
+_NOTHING: shapely.Geometry = shapely.Polygon()
 
 
 class DeclutterAction(StrEnum):
@@ -44,31 +27,46 @@ class DeclutterAction(StrEnum):
     PUSH = "push"
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Segment(_Value):
+@dataclass(frozen=True, kw_only=True)
+class Segment(Immutable):
     """An object as one image of the scene shows it.
 
     Attributes:
         number: Of the object, zero or above; the same from image to image.
         name: Of its class; empty for an object of no known class.
-        contour: Corners (N, 2) of the polygon around it, in W, [m].
-        pixels: The same corners in the image (N, 2); (0, 2) where there is none.
-        box: Corners (4, 2) of the box of least area around the contour, in W, [m].
-        centroid: Of the contour's area (2,), in W, [m].
+        contour: The polygon around it, in W, [m]; in several parts where an image says so. Of an
+            object that is wider above than at its foot, it is that of the widest place.
+        pixels: The same in the image, [px]; empty where there is none.
         top: Height of the object above the table, [m]; NaN where it is not known.
+
+    Raises:
+        ValueError: for a contour without an area and for one that crosses itself.
     """
 
     number: int
     name: str = ""
-    contour: Array
-    pixels: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    box: Array
-    centroid: Array
+    contour: shapely.Geometry
+    pixels: shapely.Geometry = _NOTHING
     top: float = np.nan
 
+    def __post_init__(self) -> None:
+        if not (self.contour.is_valid and self.contour.area > 0.0):
+            why = shapely.is_valid_reason(self.contour)
+            raise ValueError(f"object {self.number}: the contour must have an area: {why}")
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Segments(_Value):
+    @property
+    def box(self) -> shapely.Polygon:
+        """The rectangle of least area around the contour, in W, [m]."""
+        return self.contour.oriented_envelope
+
+    @property
+    def centroid(self) -> Array:
+        """Of the contour's area (2,), in W, [m]."""
+        return shapely.get_coordinates(self.contour.centroid)[0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segments(Immutable):
     """All objects that one image shows.
 
     Attributes:
@@ -82,8 +80,8 @@ class Segments(_Value):
     segments: tuple[Segment, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GraspQualities(_Value):
+@dataclass(frozen=True, kw_only=True)
+class GraspQualities(Immutable):
     """How good the best grasp of each object is.
 
     Attributes:
@@ -95,8 +93,8 @@ class GraspQualities(_Value):
     qualities: Mapping[int, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Tries(_Value):
+@dataclass(frozen=True, kw_only=True)
+class Tries(Immutable):
     """How often each action has failed on each object.
 
     Attributes:
@@ -115,19 +113,18 @@ class Tries(_Value):
         return replace(self, failed={**self.failed, key: self.count(*key) + 1})
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Push(_Value):
+@dataclass(frozen=True, kw_only=True)
+class Push(Immutable):
     """A straight push of an object over the table by a finger that is already behind it.
 
     Attributes:
-        why: Why there is none, in words; empty if there is one. Without one all else is NaN.
+        why: Why there is none, in words; empty if there is one. Without one all else is NaN or
+            empty.
         point: Where the finger pushes on the contour (2,), in W, [m].
         direction: Of the push (2,), a unit vector in W.
         length: From the contact on, [m].
         height: Highest one above the table at which the finger may push, [m].
-        finger: Corners (4, 2) of the finger's place where it comes down, in W, [m].
-        offset: Of the finger from the line through the centroid, to the left of it, [m].
-        turned: By how much the direction is turned from that away from the clutter, [rad].
+        finger: The rectangle in which the finger comes down, in W, [m].
         overlap: Mean over the other objects of the IoU of their contours with the finger's place;
             above zero, the finger would come down on one of them.
     """
@@ -137,17 +134,15 @@ class Push(_Value):
     direction: Array = unknown(2)
     length: float = np.nan
     height: float = np.nan
-    finger: Array = unknown(4, 2)
-    offset: float = np.nan
-    turned: float = np.nan
+    finger: shapely.Geometry = _NOTHING
     overlap: float = np.nan
 
 
 NO_PUSH = Push(why="no push is wanted")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DeclutterVertex(_Value):
+@dataclass(frozen=True, kw_only=True)
+class DeclutterVertex(Immutable):
     """An object in the tree, and the edge that leads to it.
 
     Attributes:
@@ -165,13 +160,13 @@ class DeclutterVertex(_Value):
     why: str = ""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DeclutterGraph(_Value):
+@dataclass(frozen=True, kw_only=True)
+class DeclutterGraph(Immutable):
     """A tree of objects with the target as its root, and what to do next.
 
     Attributes:
         number: Of the image that it was made from; zero: there is none yet.
-        vertices: In the order in which they joined the tree, the root first.
+        vertices: The root, then what hangs on it, then what hangs on that, and so on.
         apart: The objects that hang on nothing.
         next: Number of the object to take away; -1 for none.
         push: How, where it is to be pushed.
@@ -191,11 +186,10 @@ class DeclutterGraph(_Value):
         Raises:
             KeyError: with the numbers that there are, where it is not in the tree.
         """
-        for vertex in self.vertices:
-            if vertex.segment.number == number:
-                return vertex
-        known = [vertex.segment.number for vertex in self.vertices]
-        raise KeyError(f"object {number} is not in the tree; there are {known}")
+        vertices = {vertex.segment.number: vertex for vertex in self.vertices}
+        if number not in vertices:
+            raise KeyError(f"object {number} is not in the tree; there are {[*vertices]}")
+        return vertices[number]
 
     @property
     def leaves(self) -> tuple[DeclutterVertex, ...]:

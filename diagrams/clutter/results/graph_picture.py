@@ -1,140 +1,88 @@
-"""The declutter graph as a picture in SVG."""
+"""The declutter graph as a picture."""
 
-from collections.abc import Iterator
-from html import escape
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
+import numpy.typing as npt
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 
 from crossmodal.diagrams.drawing.palette import QUIET, TRUTH
-from crossmodal.maths.arrays import Array
-from crossmodal.maths.polygons import centroid
-from crossmodal.systems.port_values import DeclutterAction, DeclutterGraph, Segment
+from crossmodal.diagrams.drawing.plot_style import STYLE, new_figure
+from crossmodal.systems.port_values import DeclutterAction, DeclutterGraph
 
-ACTION_COLORS = {DeclutterAction.GRASP: "#228833", DeclutterAction.PUSH: "#EE7733"}
-_TARGET = "#AA3377"
-_SCALE = 1500.0  # Of a drawing on the table's plane, [px/m].
-_AROUND = 60.0  # Free space around such a drawing, [px].
-_LINE = 26.0  # Height of a line of text, [px].
-_RADIUS = 13.0  # Of a vertex, [px].
+TARGET = "#AA3377"
+COLORS = {DeclutterAction.GRASP: "#228833", DeclutterAction.PUSH: "#EE7733", None: QUIET}
 
 
-def graph_picture(
-    graph: DeclutterGraph, image_size: tuple[int, int] | None = None, image: str = ""
-) -> str:
-    """A graph as SVG, over an image or seen from above with W's x to the right and y up.
+def graph_picture(graph: DeclutterGraph, image: npt.NDArray[np.uint8] | None = None) -> Figure:
+    """A graph over an image, or seen from above with W's x to the right and y up.
 
     A vertex stands at the centroid of its object and has its number; the colour is that of its
-    action. The target has a double ring, the object to take away next a dashed one. Numbers at
-    edges are weights. A push is drawn from above only, with the finger's place.
+    action. The object to take away next has a dashed edge. Numbers at edges are weights. A push is
+    drawn from above only, with the finger's place.
 
     Args:
         graph: To draw.
-        image_size: Width and height of the image, [px]; objects that have no outline in it are
-            left out. None: from above.
-        image: Address of the image, for example `data:image/png;base64,...`; empty for none.
+        image: (H, W, 3); objects that have no outline in it are left out. None: from above.
     """
-    actions = {v.segment.number: v.action for v in graph.vertices}
+    colors = {v.segment.number: COLORS[v.action] for v in graph.vertices}
+    colors |= {v.segment.number: TARGET for v in graph.vertices[:1]}
     segments = [*(v.segment for v in graph.vertices), *graph.apart]
-    root = graph.vertices[0].segment.number if graph.vertices else -1
-    if image_size is None:
-        corners = np.concatenate([s.contour for s in segments] or [np.zeros((1, 2))])
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        width, height = _SCALE * (high - low) + 2.0 * _AROUND
-        outlines = {s.number: _from_above(s.contour, low, high) for s in segments}
-    else:
-        width, height = image_size
-        outlines = {s.number: s.pixels for s in segments if len(s.pixels)}
-    places = {number: centroid(outline) for number, outline in outlines.items()}
-    canvas = max(width, 480.0)  # The text below needs so much.
-    lines = [
-        '<svg xmlns="http://www.w3.org/2000/svg" font-family="Helvetica, Arial, sans-serif"'
-        f' font-size="14" width="{canvas:.0f}" height="{height + 2 * _LINE:.0f}">',
-        '<rect width="100%" height="100%" fill="white"/>',
-    ]
-    if image and image_size is not None:
-        lines.append(f'<image href="{escape(image)}" width="{width:.0f}" height="{height:.0f}"/>')
-    for number, outline in outlines.items():
-        color = _color(number, root, actions.get(number))
-        lines.append(
-            f'<polygon points="{_points(outline)}" fill="{color}" fill-opacity="0.18"'
-            f' stroke="{color}" stroke-width="1.5"/>'
-        )
-    for v in graph.vertices[1:]:
-        if v.segment.number in places and v.parent in places:
-            start, end = places[v.parent], places[v.segment.number]
-            color = _color(v.segment.number, root, v.action)
-            lines.append(f'<path d="M {_points(np.array([start, end]))}" {_stroke(color, 3.0)}/>')
-            x, y = 0.5 * (start + end)
-            lines.append(_text(x, y - 5.0, f"{v.weight:.2f}", TRUTH))
-    if image_size is None and not graph.push.why:
-        lines += _drawn_push(graph, low, high)
-    for segment in segments:
-        if segment.number in places:
-            lines += _drawn_vertex(segment, places[segment.number], graph, root, actions)
-    for line, words in enumerate([_summary(graph), "magenta: target, green: grasp, orange: push"]):
-        lines.append(_text(0.5 * canvas, height + (line + 0.7) * _LINE, words, TRUTH))
-    return "\n".join([*lines, "</svg>", ""])
+    shapes = {s.number: s.contour if image is None else s.pixels for s in segments}
+    places = {n: shape.centroid.coords[0] for n, shape in shapes.items() if not shape.is_empty}
+    with mpl.rc_context({**STYLE, "axes.grid": False}):
+        figure = new_figure(7.0, 6.0)
+        axes = figure.add_subplot(aspect="equal", xlabel="x in W [m]", ylabel="y in W [m]")
+        axes.set_title(_summary(graph))
+        if image is not None:
+            axes.imshow(image)
+            axes.axis("off")
+        for number in places:
+            _draw(axes, shapes[number], colors.get(number, QUIET), 0.2)
+        for v in graph.vertices[1:]:
+            if {v.parent, v.segment.number} <= places.keys():
+                ends = np.array([places[v.parent], places[v.segment.number]])
+                axes.plot(*ends.T, color=colors[v.segment.number], lw=2.0)
+                _write(axes, tuple(ends.mean(axis=0)), f"{v.weight:.2f}", 4.0)
+        if image is None and not graph.push.why:
+            push, color = graph.push, COLORS[DeclutterAction.PUSH]
+            _draw(axes, push.finger, TRUTH, 0.5)
+            way = push.length * push.direction
+            axes.quiver(*push.point, *way, color=color, units="xy", scale_units="xy", scale=1.0)
+            axes.update_datalim([push.point + way])
+        for segment in segments:
+            if segment.number in places:
+                number, (x, y) = segment.number, places[segment.number]
+                edge = TRUTH if number == graph.next else "none"
+                box: dict[str, Any] = {
+                    "boxstyle": "circle",
+                    "fc": colors.get(number, QUIET),
+                    "ec": edge,
+                }
+                box |= {"ls": "--", "lw": 2.0}
+                axes.text(x, y, f"{number}", color="white", ha="center", va="center", bbox=box)
+                _write(axes, (x, y), segment.name or "unknown", -24.0)
+        names = [("target", TARGET), *((f"{a}", c) for a, c in COLORS.items() if a is not None)]
+        marks = [Line2D([], [], color=c, marker="o", ls="", label=name) for name, c in names]
+        figure.legend(handles=marks, loc="outside lower center", ncols=len(marks))
+    return figure
 
 
-def _from_above(points: Array, low: Array, high: Array) -> Array:
-    """Places in the drawing (N, 2), [px], of places in W (N, 2), [m]."""
-    x, y = points.T
-    return _AROUND + _SCALE * np.column_stack([x - low[0], high[1] - y])
+def _draw(axes: Axes, shape: shapely.Geometry, color: str, alpha: float) -> None:
+    for part in shapely.get_parts(shape):
+        axes.fill(*part.exterior.xy, fc=(color, alpha), ec=color)
 
 
-def _color(number: int, root: int, action: DeclutterAction | None) -> str:
-    if number == root:
-        return _TARGET
-    return QUIET if action is None else ACTION_COLORS[action]
-
-
-def _points(points: Array) -> str:
-    return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-
-
-def _stroke(color: str, width: float) -> str:
-    return f'fill="none" stroke="{color}" stroke-width="{width:g}"'
-
-
-def _text(x: float, y: float, words: str, color: str) -> str:
-    """Words about a place, with a white edge, so that they can be read on anything."""
-    return (
-        f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="middle" fill="{color}"'
-        f' stroke="white" stroke-width="4" paint-order="stroke">{escape(words)}</text>'
-    )
-
-
-def _drawn_push(graph: DeclutterGraph, low: Array, high: Array) -> Iterator[str]:
-    push = graph.push
-    color = ACTION_COLORS[DeclutterAction.PUSH]
-    finger = _from_above(push.finger, low, high)
-    yield f'<polygon points="{_points(finger)}" fill="{TRUTH}" fill-opacity="0.5"/>'
-    end = push.point + push.length * push.direction
-    left = np.array([-push.direction[1], push.direction[0]])
-    barbs = [end - 0.01 * push.direction + side * 0.006 * left for side in (1.0, -1.0)]
-    way = np.array([push.point, end, barbs[0], end, barbs[1]])
-    dashes = f'{_stroke(color, 4.0)} stroke-linejoin="round"'
-    yield f'<path d="M {_points(_from_above(way, low, high))}" {dashes}/>'
-
-
-def _drawn_vertex(
-    segment: Segment,
-    place: Array,
-    graph: DeclutterGraph,
-    root: int,
-    actions: dict[int, DeclutterAction | None],
-) -> Iterator[str]:
-    number = segment.number
-    x, y = place
-    circle = f'<circle cx="{x:.1f}" cy="{y:.1f}" r='
-    color = _color(number, root, actions.get(number))
-    yield f'{circle}"{_RADIUS}" fill="{color}"/>'
-    if number == root:
-        yield f'{circle}"{_RADIUS + 4.0}" {_stroke(color, 2.0)}/>'
-    if number == graph.next:
-        yield f'{circle}"{_RADIUS + 5.0}" {_stroke(TRUTH, 3.0)} stroke-dasharray="6 4"/>'
-    yield f'<text x="{x:.1f}" y="{y + 5.0:.1f}" text-anchor="middle" fill="white">{number}</text>'
-    yield _text(x, y + _RADIUS + 19.0, segment.name or "unknown", TRUTH)
+def _write(axes: Axes, place: tuple[float, float], words: str, above: float) -> None:
+    """Words so many points above a place, with a white edge, so that all can be read."""
+    edge = [withStroke(linewidth=3, foreground="white")]
+    text = axes.annotate(words, place, (0.0, above), textcoords="offset points", ha="center")
+    text.set(color=TRUTH, path_effects=edge, parse_math=False)
 
 
 def _summary(graph: DeclutterGraph) -> str:

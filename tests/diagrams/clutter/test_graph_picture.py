@@ -1,46 +1,48 @@
-"""The picture of the declutter graph, read as XML."""
-
-from dataclasses import replace
-from xml.etree import ElementTree
+"""What the picture of the declutter graph shows."""
 
 import numpy as np
 import pytest
+import shapely
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
-from crossmodal.diagrams.clutter.results.graph_picture import ACTION_COLORS, graph_picture
+from crossmodal.diagrams.clutter.results.graph_picture import COLORS, TARGET, graph_picture
 from crossmodal.systems.declutter.declutter_graph import DeclutterConfig, declutter_graph
-from crossmodal.systems.declutter.segments import segment_of_contour
 from crossmodal.systems.port_values import (
     NO_GRAPH,
     NO_TRIES,
     DeclutterAction,
     DeclutterGraph,
+    Segment,
     Segments,
 )
 
-SQUARE = [[-0.02, -0.02], [0.02, -0.02], [0.02, 0.02], [-0.02, 0.02]]
 PLACES = [(0.5, 0.0), (0.6, 0.0), (0.7, 0.05), (0.4, -0.05), (0.5, 0.4)]
-NAMES = ["wineglass", "can", "box <1> & lid", "", "sponge"]
-SVG = "{http://www.w3.org/2000/svg}"
+NAMES = ["wineglass", "can", "box <1> & $lid$", "", "sponge"]
+IMAGE = np.full((480, 640, 3), 200, np.uint8)
 
 
 @pytest.fixture
 def graph() -> DeclutterGraph:
     segments = []
-    for number, (name, place) in enumerate(zip(NAMES, PLACES, strict=True)):
-        flat = segment_of_contour(number, name, np.array(SQUARE) + np.array(place))
-        segments.append(replace(flat, pixels=400.0 * flat.contour + 30.0))
+    for number, (name, (x, y)) in enumerate(zip(NAMES, PLACES, strict=True)):
+        contour = shapely.box(x - 0.02, y - 0.02, x + 0.02, y + 0.02)
+        pixels = shapely.transform(contour, lambda p: 400.0 * p + 30.0)
+        segments.append(Segment(number=number, name=name, contour=contour, pixels=pixels))
     scene = Segments(number=1, segments=tuple(segments))
     return declutter_graph(scene, "wineglass", {3: 0.9}, NO_TRIES, DeclutterConfig())
 
 
-def texts(root: ElementTree.Element) -> list[str]:
-    return [item.text or "" for item in root.iter(f"{SVG}text")]
+def drawn(figure: Figure) -> list[Text]:
+    FigureCanvasAgg(figure).draw()
+    return [*figure.axes[0].texts]
 
 
-@pytest.mark.parametrize("size", [None, (640, 480)])
-def test_it_names_all_objects(graph: DeclutterGraph, size: tuple[int, int] | None) -> None:
-    root = ElementTree.fromstring(graph_picture(graph, size))
-    found = texts(root)
+@pytest.mark.parametrize("image", [None, IMAGE], ids=["above", "image"])
+def test_it_names_all_objects_and_weights(graph: DeclutterGraph, image: np.ndarray | None) -> None:
+    found = [text.get_text() for text in drawn(graph_picture(graph, image))]
     for number, name in enumerate(NAMES):
         assert str(number) in found
         assert (name or "unknown") in found
@@ -50,38 +52,39 @@ def test_it_names_all_objects(graph: DeclutterGraph, size: tuple[int, int] | Non
 
 
 def test_it_says_what_is_next(graph: DeclutterGraph) -> None:
-    root = ElementTree.fromstring(graph_picture(graph))
     vertex = graph.vertex(graph.next)
     words = f"next: {vertex.action} {vertex.segment.name or 'unknown'} {graph.next}"
-    assert words in texts(root)
-    dashed = [item for item in root.iter(f"{SVG}circle") if item.get("stroke-dasharray")]
-    assert len(dashed) == 1
+    assert graph_picture(graph).axes[0].get_title(loc="left") == words
 
 
 def test_a_push_is_drawn_with_its_finger(graph: DeclutterGraph) -> None:
     assert not graph.push.why
-    root = ElementTree.fromstring(graph_picture(graph))
-    assert len(list(root.iter(f"{SVG}polygon"))) == len(NAMES) + 1
-    assert len(list(root.iter(f"{SVG}path"))) == 3 + 1
+    axes = graph_picture(graph).axes[0]
+    assert len(axes.patches) == len(NAMES) + 1
+    assert len(axes.lines) == 3
+    over = graph_picture(graph, IMAGE).axes[0]
+    assert len(over.patches) == len(NAMES)
 
 
-def test_actions_have_their_colours(graph: DeclutterGraph) -> None:
-    root = ElementTree.fromstring(graph_picture(graph))
-    fills = [item.get("fill") for item in root.iter(f"{SVG}circle") if item.get("fill") != "none"]
-    assert fills.count(ACTION_COLORS[DeclutterAction.GRASP]) == 1
-    assert fills.count(ACTION_COLORS[DeclutterAction.PUSH]) == 2
-
-
-def test_vertices_stand_at_the_centroids_in_the_image(graph: DeclutterGraph) -> None:
-    address = "data:image/png;base64,AAAA"
-    root = ElementTree.fromstring(graph_picture(graph, (640, 480), address))
-    places = {(item.get("cx"), item.get("cy")) for item in root.iter(f"{SVG}circle")}
-    assert places == {(f"{400 * x + 30:.1f}", f"{400 * y + 30:.1f}") for x, y in PLACES}
-    shown = root.find(f"{SVG}image")
-    assert shown is not None
-    assert (shown.get("href"), shown.get("width")) == (address, "640")
+@pytest.mark.parametrize("image", [None, IMAGE], ids=["above", "image"])
+def test_vertices_stand_at_the_centroids_in_the_colours_of_their_actions(
+    graph: DeclutterGraph, image: np.ndarray | None
+) -> None:
+    vertices = {t.get_text(): t for t in drawn(graph_picture(graph, image)) if t.get_bbox_patch()}
+    assert sorted(vertices) == ["0", "1", "2", "3", "4"]
+    for number, place in enumerate(PLACES):
+        text = vertices[str(number)]
+        expected = place if image is None else 400.0 * np.array(place) + 30.0
+        np.testing.assert_allclose(text.get_position(), expected)
+        box = text.get_bbox_patch()
+        assert box is not None
+        action = None if number == 4 else graph.vertex(number).action
+        color = TARGET if number == 0 else COLORS[action]
+        assert to_hex(box.get_facecolor()).upper() == color
+    assert graph.vertex(3).action is DeclutterAction.GRASP
 
 
 def test_without_a_graph_it_says_why() -> None:
-    root = ElementTree.fromstring(graph_picture(NO_GRAPH))
-    assert "there is no image yet" in texts(root)
+    figure = graph_picture(NO_GRAPH)
+    assert drawn(figure) == []
+    assert figure.axes[0].get_title(loc="left") == "there is no image yet"

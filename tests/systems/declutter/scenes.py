@@ -1,9 +1,9 @@
 """Objects on a table as rectangles, and scenes of them by lot."""
 
 import numpy as np
+import shapely
 
 from crossmodal.maths.arrays import Array
-from crossmodal.systems.declutter.segments import segment_of_contour
 from crossmodal.systems.port_values import Segment, Segments
 
 NAMES = ("wineglass", "can", "sponge", "marker", "", "box")
@@ -18,7 +18,8 @@ def rectangle(
 ) -> Segment:
     """Of this width and height [m] around a place, turned by an angle [rad]."""
     corners = 0.5 * np.array(size) * [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
-    return segment_of_contour(number, name, corners @ rotation(angle).T + place)
+    contour = shapely.Polygon(corners @ rotation(angle).T + place)
+    return Segment(number=number, name=name, contour=contour)
 
 
 def rotation(angle: float) -> Array:

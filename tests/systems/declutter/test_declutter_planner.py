@@ -73,8 +73,8 @@ def test_the_graph_is_that_of_the_image(planner: DeclutterPlanner, context: Cont
     tries = NO_TRIES.with_failure(5, DeclutterAction.GRASP)
     graph = tick(planner, context, segments=seen, grasp_qualities=found, tries=tries)
     expected = declutter_graph(seen, "wineglass", found.qualities, tries, DeclutterConfig())
-    assert graph == expected
-    assert graph.number == 4
+    assert graph.vertices == expected.vertices
+    assert (graph.number, graph.next) == (4, expected.next)
 
 
 def test_it_is_made_again_only_for_a_new_image(planner: DeclutterPlanner, context: Context) -> None:

@@ -1,43 +1,51 @@
-"""The values of decluttering are compared by what they hold."""
+"""The values of decluttering."""
 
 import copy
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
+import shapely
+from numpy.testing import assert_allclose
 
 from crossmodal.systems.declutter.declutter_graph import DeclutterConfig, declutter_graph
 from crossmodal.systems.port_values import (
-    NO_GRAPH,
     NO_PUSH,
     NO_TRIES,
     DeclutterAction,
-    Push,
+    Segment,
     Tries,
 )
-from tests.systems.declutter.scenes import image, random_scene, rectangle
+from tests.systems.declutter.scenes import image, rectangle, rotation
 
 
-def test_values_are_equal_where_all_that_they_hold_is() -> None:
-    one, other = rectangle(3, "can", (0.5, 0.1)), rectangle(3, "can", (0.5, 0.1))
-    assert one == other
-    assert one != replace(other, name="box")
-    assert one != replace(other, contour=other.contour + 1e-9)
-    assert one != replace(other, top=0.1)
-    assert image(one) == image(other)
-    assert image(one) != image(other, number=2)
-    assert image(one) != one
-    assert Push(why="") == Push(why="")  # NaN included.
+@pytest.mark.parametrize(
+    "corners", [[[0, 0], [1, 1], [1, 0], [0, 1]], [[0, 0], [1, 0], [2, 0]], []]
+)
+def test_a_contour_without_an_area_or_that_crosses_itself_is_refused(
+    corners: list[list[float]],
+) -> None:
+    with pytest.raises(ValueError, match="object 3: the contour must have an area"):
+        Segment(number=3, contour=shapely.Polygon(corners))
 
 
-def test_graphs_of_the_same_scene_are_equal() -> None:
-    graphs = [
-        declutter_graph(image(*random_scene(seed)), "wineglass", {}, NO_TRIES, DeclutterConfig())
-        for seed in (1, 1, 2)
-    ]
-    assert graphs[0] == graphs[1]
-    assert graphs[0] != graphs[2]
-    assert graphs[0] != NO_GRAPH
+@pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 4.0, -2.0])
+def test_box_and_centroid_are_those_of_the_contour(angle: float) -> None:
+    segment = rectangle(0, "", (0.4, -0.7), (0.12, 0.04), angle)
+    assert_allclose(segment.centroid, [0.4, -0.7])
+    assert segment.box.symmetric_difference(segment.contour).area < 1e-12
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_no_turned_box_is_smaller(seed: int) -> None:
+    hull = shapely.MultiPoint(np.random.default_rng(seed).normal(size=(20, 2))).convex_hull
+    points = shapely.get_coordinates(hull)
+    turns = np.linspace(0.0, 0.5 * np.pi, 5000)
+    least = min(np.prod(np.ptp(points @ rotation(turn), axis=0)) for turn in turns)
+    box = Segment(number=0, contour=hull).box
+    assert box.buffer(1e-9).contains(hull)
+    assert box.area == pytest.approx(least, rel=1e-3)
+    assert box.area <= least + 1e-12
 
 
 def test_values_are_not_written_and_not_copied() -> None:

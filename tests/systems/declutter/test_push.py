@@ -1,13 +1,16 @@
 """Pushes against brute force over directions, places and instants."""
 
 from dataclasses import replace
+from importlib.resources import files
 
 import numpy as np
 import pytest
+import shapely
+import trimesh
 from numpy.testing import assert_allclose
+from shapely.affinity import translate
 
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.polygons import area, clipped, contains, convex_hull, distance
 from crossmodal.systems.declutter.push import (
     PushConfig,
     away_from_clutter,
@@ -16,7 +19,6 @@ from crossmodal.systems.declutter.push import (
     push_height,
     spares,
 )
-from crossmodal.systems.declutter.segments import segment_of_contour
 from crossmodal.systems.port_values import Push, Segment
 from tests.systems.declutter.scenes import random_scene, rectangle, rotation
 
@@ -30,13 +32,11 @@ def along(polygon: Array, count: int = 400) -> Array:
     return np.asarray(((1 - share) * polygon + share * np.roll(polygon, -1, axis=0)).reshape(-1, 2))
 
 
-def grid_iou(first: Array, second: Array, step: float = 5e-4) -> float:
+def grid_iou(first: shapely.Geometry, second: shapely.Geometry, step: float = 5e-4) -> float:
     """By counting points."""
-    low = np.minimum(first.min(axis=0), second.min(axis=0))
-    high = np.maximum(first.max(axis=0), second.max(axis=0))
-    axes = (np.arange(a, b, step) for a, b in zip(low, high, strict=True))
-    grid = np.stack(np.meshgrid(*axes), axis=-1)
-    one, other = contains(first, grid), contains(second, grid)
+    left, bottom, right, top = shapely.GeometryCollection([first, second]).bounds
+    x, y = np.meshgrid(np.arange(left, right, step), np.arange(bottom, top, step))
+    one, other = shapely.contains_xy(first, x, y), shapely.contains_xy(second, x, y)
     return float((one & other).sum() / (one | other).sum())
 
 
@@ -55,13 +55,13 @@ def test_the_direction_is_away_from_the_weighted_clutter(seed: int) -> None:
 def test_nearer_objects_weigh_more() -> None:
     pushed = rectangle(0, "can", (0.0, 0.0))
     near, far = rectangle(1, "can", (0.06, 0.0)), rectangle(2, "can", (-0.2, 0.0))
-    assert_allclose(away_from_clutter(pushed, [near, far], None, 0.027), [-1.0, 0.0], atol=1e-12)
+    assert_allclose(away_from_clutter(pushed, [near, far], far, 0.027), [-1.0, 0.0], atol=1e-12)
 
 
 def test_an_object_at_the_same_place_does_not_decide() -> None:
     pushed, over = rectangle(0, "can", (0.0, 0.0)), rectangle(1, "can", (0.0, 1e-4))
     beside = rectangle(2, "can", (0.08, 0.0))
-    direction = away_from_clutter(pushed, [over, beside], None, 0.027)
+    direction = away_from_clutter(pushed, [over, beside], over, 0.027)
     assert direction @ [-1.0, 0.0] > 0.99
 
 
@@ -72,38 +72,58 @@ def test_between_two_objects_it_goes_away_from_the_target() -> None:
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.4, -1.2, 2.5])
-def test_without_others_it_goes_along_the_shorter_edge(angle: float) -> None:
+def test_at_the_target_s_place_it_goes_along_the_shorter_edge(angle: float) -> None:
     pushed = rectangle(0, "can", (0.5, 0.1), (0.12, 0.04), angle)
-    direction = away_from_clutter(pushed, [], None, 0.027)
+    same = rectangle(1, "wineglass", (0.5, 0.1))
+    direction = away_from_clutter(pushed, [same], same, 0.027)
     assert abs(direction @ rotation(angle)[:, 1]) == pytest.approx(1.0)
     assert tuple(np.round(direction, 9)) > (0.0, 0.0)
-    same = rectangle(1, "wineglass", (0.5, 0.1))  # The target's centroid coincides.
-    assert_allclose(away_from_clutter(pushed, [same], same, 0.027), direction)
 
 
 def test_a_push_topples_above_the_height_of_its_balance() -> None:
     """F = mu m g, and F h = m g r about the foremost foot."""
     m, g, r, mu = 0.35, 9.81, 0.033, 0.5
-    height = push_height(r, mu)
+    config = replace(CONFIG, foot=1.0, margin=1.0, friction=mu)
+    can, d = rectangle(0, "can", (0.3, 0.0), (2.0 * r, 0.2)), np.array([1.0, 0.0])
+    height = push_height(can, d, config)
     assert mu * m * g * height == pytest.approx(m * g * r)
-    assert push_height(r, mu, 0.5) == pytest.approx(0.033)
-    assert push_height(2.0 * r, mu) == pytest.approx(2.0 * height)
+    assert push_height(can, d, replace(config, margin=0.5)) == pytest.approx(0.033)
+    assert push_height(can, d, replace(config, foot=0.5)) == pytest.approx(0.033)
+    larger = rectangle(0, "can", (0.3, 0.0), (4.0 * r, 0.2))
+    assert push_height(larger, d, config) == pytest.approx(2.0 * height)
+
+
+@pytest.mark.parametrize("name", ["can", "cleaner", "oil", "shampoo", "spray", "wineglass"])
+def test_the_outlines_of_goods_that_stand_are_not_taken_for_their_feet(name: str) -> None:
+    """Whatever the direction, the foot reaches as far as is believed."""
+    mesh = trimesh.load(files("crossmodal.models") / f"sdf/goods/{name}/{name}.obj", force="mesh")
+    vertices = np.asarray(mesh.vertices)
+    hull = shapely.MultiPoint(vertices[:, :2]).convex_hull
+    low = vertices[vertices[:, 2] < vertices[:, 2].min() + 1e-3, :2]
+    config = replace(CONFIG, margin=1.0, friction=1.0)  # So that the height is that reach.
+    segment = Segment(number=0, contour=hull)
+    for turn in np.linspace(0.0, 2.0 * np.pi, 36):
+        d = rotation(turn)[:, 0]
+        reach = ((low - segment.centroid) @ d).max()
+        assert push_height(segment, d, config) <= reach
 
 
 def test_a_plan_is_as_high_as_the_object_is_deep_ahead() -> None:
     pushed, target = rectangle(0, "can", (0.1, 0.0), (0.06, 0.04)), rectangle(1, "", (0.0, 0.0))
     push = plan_push(pushed, [target], target, CONFIG)
     assert_allclose(push.direction, [1.0, 0.0], atol=1e-12)
-    assert push.height == pytest.approx(0.5 * 0.03 / 0.5)
+    assert push.height == pytest.approx(0.7 * 0.55 * 0.03 / 0.5)
 
 
 def test_an_object_that_would_topple_is_not_pushed() -> None:
     slender = rectangle(0, "can", (0.0, 0.0), (0.012, 0.012))
-    push = plan_push(slender, [], None, CONFIG)
+    target = rectangle(1, "wineglass", (0.2, 0.0))
+    push = plan_push(slender, [target], target, CONFIG)
     assert push.why == "every push topples it"
     assert np.isnan(push.point).all()
     # Its diagonal is longer, and the table may be smoother.
-    assert plan_push(slender, [], None, replace(CONFIG, friction=0.3)).why == ""
+    smooth = replace(CONFIG, friction=0.2)
+    assert plan_push(slender, [target], target, smooth).why == ""
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -112,12 +132,13 @@ def test_the_finger_stands_behind_the_object(seed: int) -> None:
     angles = np.sort(rng.uniform(0.0, 2.0 * np.pi, 14))
     radii = rng.uniform(0.02, 0.06, 14)
     contour = radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]) + [0.5, 0.1]
-    segment = segment_of_contour(0, "", contour)
+    segment = Segment(number=0, contour=shapely.Polygon(contour))
     d = rotation(rng.uniform(0.0, 2.0 * np.pi))[:, 0]
     offset = rng.uniform(-0.01, 0.01)
     place = finger_place(segment, d, offset, CONFIG)
     assert place is not None
-    point, box = place
+    point, finger = place
+    box = shapely.get_coordinates(finger)
     edge = along(contour, 4000) - segment.centroid
     ahead, aside = edge @ d, edge @ (LEFT @ d)
     on_line = np.abs(aside - offset) < 3e-5
@@ -129,7 +150,7 @@ def test_the_finger_stands_behind_the_object(seed: int) -> None:
     assert local[:, 0].max() == pytest.approx(ahead[in_front].min() - CONFIG.gap, abs=5e-5)
     assert np.ptp(local[:, 0]) == pytest.approx(CONFIG.depth)
     assert_allclose([local[:, 1].min(), local[:, 1].max()], [offset - 0.0135, offset + 0.0135])
-    assert area(clipped(contour, box)) == 0.0
+    assert segment.contour.intersection(finger).area == 0.0
 
 
 def test_a_line_beside_the_object_has_no_place() -> None:
@@ -143,10 +164,10 @@ def test_a_motion_spares_the_target_as_at_each_of_its_instants(seed: int) -> Non
     rng = np.random.default_rng(seed)
     target, segment = random_scene(seed, count=2, spread=0.08)
     motion = 0.1 * rotation(rng.uniform(0.0, 2.0 * np.pi))[:, 0]
-    hull = convex_hull(segment.contour)
-    steps = [hull + share * motion for share in np.linspace(0.0, 1.0, 201)]
-    gaps = np.array([distance(step, target.contour) for step in steps])
-    common = [area(clipped(target.contour, step)) for step in steps]
+    hull = segment.contour.convex_hull
+    steps = [translate(hull, *(share * motion)) for share in np.linspace(0.0, 1.0, 201)]
+    gaps = shapely.distance(target.contour, steps)
+    common = shapely.area(shapely.intersection(target.contour, steps))
     if gaps[0] > 0.0:
         closest = min(0.005, gaps[0])
         assert abs(gaps.min() - closest) > 1e-5 or gaps.min() == gaps[0]  # Not by a hair.
@@ -177,6 +198,11 @@ def test_what_touches_the_target_may_be_pushed_away_from_it_but_not_over_it() ->
     assert not spares(apart, target, np.array([-0.1, 0.0]), 0.005)
 
 
+def offset_of(push: Push, segment: Segment) -> float:
+    """Of the finger to the left of the line through the centroid, [m]."""
+    return float((push.point - segment.centroid) @ (LEFT @ push.direction))
+
+
 def brute_force(
     segment: Segment, others: list[Segment], target: Segment, config: PushConfig
 ) -> tuple[float, Push | None]:
@@ -185,24 +211,23 @@ def brute_force(
     All turns and places are compared, overlaps by counting points.
     """
     away = away_from_clutter(segment, others, target, config.width)
-    steps = round(config.largest_turn / config.turn_step)
+    steps = round(config.largest_turn / 10.0)
     turns = sorted(range(-steps, steps + 1), key=lambda step: (abs(step), -step))
     found: list[tuple[float, int, float, Push]] = []
     for rank, step in enumerate(turns):
-        turn = np.deg2rad(step * config.turn_step)
-        d = rotation(turn) @ away
+        d = rotation(np.deg2rad(10.0 * step)) @ away
         if not spares(segment, target, config.length * d, config.clearance):
             continue
-        for offset in np.linspace(-config.aside, config.aside, config.places):
+        for offset in (-0.0025, 0.0, 0.0025):
             place = finger_place(segment, d, offset, config)
             if place is None:
                 continue
             way = np.linspace(0.0, config.length + config.gap, 41)[:, None] * d
-            gaps = [distance(place[1] + shift, target.contour) for shift in way]
+            gaps = [translate(place[1], *shift).distance(target.contour) for shift in way]
             if min(gaps) < config.clearance:
                 continue
             ious = [grid_iou(other.contour, place[1]) for other in others]
-            push = Push(direction=d, offset=offset, turned=turn, overlap=float(np.mean(ious)))
+            push = Push(direction=d, point=place[0], overlap=float(np.mean(ious)))
             found.append((round(push.overlap, 9), rank, abs(offset), push))
         if any(overlap == 0.0 and found_at == rank for overlap, found_at, _, _ in found):
             break
@@ -214,7 +239,7 @@ def brute_force(
 
 @pytest.mark.parametrize("seed", range(12))
 def test_a_plan_is_the_best_of_all(seed: int) -> None:
-    config = replace(CONFIG, places=3, turn_step=30.0, friction=0.2)
+    config = replace(CONFIG, aside=0.0025, friction=0.1)
     scene = list(random_scene(seed, count=6, spread=0.07))
     target, segment = scene[0], scene[3]
     others = [other for other in scene if other is not segment]
@@ -226,9 +251,9 @@ def test_a_plan_is_the_best_of_all(seed: int) -> None:
     assert push.why == ""
     assert push.overlap == pytest.approx(overlap, abs=2e-3)
     if overlap == 0.0:
-        assert push.turned == pytest.approx(expected.turned)
-        assert abs(push.offset) == pytest.approx(abs(expected.offset))
         assert_allclose(push.direction, expected.direction, atol=1e-12)
+        offsets = [offset_of(found, segment) for found in (push, expected)]
+        assert abs(offsets[0]) == pytest.approx(abs(offsets[1]))
 
 
 def test_plans_by_lot_are_straight_turned_crowded_and_refused() -> None:
@@ -240,28 +265,31 @@ def test_plans_by_lot_are_straight_turned_crowded_and_refused() -> None:
         if push.why:
             kinds.add("refused")
         else:
-            kinds.add("crowded" if push.overlap else "turned" if push.turned else "straight")
-            assert abs(push.offset) <= CONFIG.aside
+            away = away_from_clutter(scene[3], others, scene[0], CONFIG.width)
+            turned = away @ push.direction < 1.0 - 1e-9
+            kinds.add("crowded" if push.overlap else "turned" if turned else "straight")
+            assert abs(offset_of(push, scene[3])) <= CONFIG.aside + 1e-9
             assert np.linalg.norm(push.direction) == pytest.approx(1.0)
     assert kinds == {"straight", "turned", "crowded", "refused"}
 
 
 def test_the_finger_moves_along_the_contour_to_where_it_is_free() -> None:
-    config = replace(CONFIG, aside=0.015, places=31, largest_turn=0.0)
+    config = replace(CONFIG, aside=0.015, largest_turn=0.0)
     pushed = rectangle(0, "can", (0.0, 0.0), (0.06, 0.08))
     ahead = 500 * [rectangle(1, "", (0.2, 0.0))]  # So many that what is behind turns nothing.
-    free = plan_push(pushed, ahead, None, config)
+    free = plan_push(pushed, ahead, ahead[0], config)
     assert_allclose(free.direction, [-1.0, 0.0], atol=1e-12)
-    assert free.offset == 0.0
+    assert offset_of(free, pushed) == pytest.approx(0.0)
     # It reaches 6 mm into the finger's place, from the left as seen along the push.
-    x, y = free.finger.mean(axis=0)
+    x, y = free.finger.centroid.coords[0]
     obstacle = rectangle(3, "", (x, y - 0.0135 - 0.002), (0.016, 0.016))
-    blocked = plan_push(pushed, [*ahead, obstacle], None, config)
+    blocked = plan_push(pushed, [*ahead, obstacle], ahead[0], config)
     assert blocked.overlap == 0.0
-    assert -0.015 < blocked.offset < 0.0
-    nearer = finger_place(pushed, blocked.direction, blocked.offset + 0.001, config)
+    offset = offset_of(blocked, pushed)
+    assert -0.015 < offset < 0.0
+    nearer = finger_place(pushed, blocked.direction, offset + 0.0025, config)
     assert nearer is not None
-    assert area(clipped(obstacle.contour, nearer[1])) > 0.0
+    assert obstacle.contour.intersection(nearer[1]).area > 0.0
 
 
 def test_a_push_is_turned_until_it_spares_the_target() -> None:
@@ -274,7 +302,8 @@ def test_a_push_is_turned_until_it_spares_the_target() -> None:
     assert away[0] > 0.9
     push = plan_push(pushed, others, target, CONFIG)
     assert push.why == ""
-    assert push.turned > np.deg2rad(20.0)
+    assert away @ push.direction < np.cos(np.deg2rad(20.0))
+    assert away @ LEFT.T @ push.direction > 0.0
     assert spares(pushed, target, push.length * push.direction, CONFIG.clearance)
     straight = plan_push(pushed, others, target, replace(CONFIG, largest_turn=0.0))
     assert straight.why == "every push sweeps the target"
@@ -287,4 +316,4 @@ def test_a_finger_does_not_come_down_on_the_target() -> None:
     assert straight.why == "every push sweeps the target"
     push = plan_push(pushed, [target], target, CONFIG)
     assert push.why == ""
-    assert distance(push.finger, target.contour) >= CONFIG.clearance
+    assert push.finger.distance(target.contour) >= CONFIG.clearance
